@@ -1,0 +1,1 @@
+"""Feature-preserving point cloud simplification."""

@@ -1,0 +1,21 @@
+"""What can go wrong, in the caller's words: every message says what was expected, what was found, what to do."""
+
+
+class GppcsError(Exception):
+    """Root of all errors that gppcs raises on purpose."""
+
+
+class InputError(GppcsError, ValueError):
+    """A cloud that cannot be used: wrong shape, no points, coordinates that are not finite."""
+
+
+class ParameterError(GppcsError, ValueError):
+    """A parameter, method or name that does not exist or lies outside its range."""
+
+
+class FileFormatError(GppcsError, ValueError):
+    """A file whose content is not what its format promises."""
+
+
+class MissingExtraError(GppcsError, ImportError):
+    """A feature whose optional dependency is not installed; the message names the extra."""
