@@ -1,0 +1,143 @@
+"""Farthest point sampling: exact, deterministic, pruned by a k-d tree (Eldar et al. 1997; buckets: Han et al. 2023)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.kdtree import KdTree, first_leaf, squared_distance_to_box
+
+PICKS_PER_CALL = 4096  # between two words of progress
+
+
+def farthest_points(
+    points: NDArray[np.float64],
+    n_points: int,
+    tree: KdTree | None = None,
+    advanced: Callable[[int], None] | None = None,
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Choose points one by one, each the farthest from those chosen before it.
+
+    The first is the point nearest the centroid; ties go to the smallest index. The result is that of the plain
+    O(N M) algorithm: a box of the tree is passed over only where no point in it can come nearer to a chosen one.
+
+    Parameters
+    ----------
+    points : (N, 3) array
+    n_points : int
+        M, from 1 to N.
+    tree : KdTree, optional
+        The tree over `points`, where it is there already.
+    advanced : callable, optional
+        Told of the number of points chosen since the last call.
+
+    Returns
+    -------
+    indices : (M,) array, int64
+        In the order chosen.
+    distances : (M,) array, float64
+        Distance of each to those chosen before it, infinite for the first; never rising, and zero once only
+        repeats are left. The last is at least the covering radius of the M points.
+    """
+    tree = tree or KdTree.build(points)
+    squared = np.full(len(points), np.inf)
+    farthest = np.empty(len(tree.low), dtype=np.float64)
+    candidate = np.empty(len(tree.low), dtype=np.int64)
+    chosen = np.empty(n_points, dtype=np.int64)
+    distances = np.empty(n_points, dtype=np.float64)
+    position = np.empty(len(points), dtype=np.int64)
+    position[tree.order] = np.arange(len(points))
+    _rest(tree.points, tree.order, tree.low, squared, farthest, candidate)
+    first = int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))
+    for begin in range(0, n_points, PICKS_PER_CALL):
+        end = min(begin + PICKS_PER_CALL, n_points)
+        _choose(
+            tree.points, tree.order, tree.low, tree.high, position,
+            squared, farthest, candidate, first, chosen, distances, begin, end,
+        )  # fmt: skip
+        if advanced:
+            advanced(end - begin)
+    return chosen, np.sqrt(distances)
+
+
+@nb.njit(cache=True)
+def _rest(points, order, low, squared, farthest, candidate):
+    """Fill every node with its farthest point."""
+    leaves = first_leaf(low)
+    for node in range(2 * leaves - 1, 0, -1):
+        if node >= leaves:
+            _farthest_in_leaf(node, points, order, leaves, squared, farthest, candidate)
+        else:
+            _farther_child(node, farthest, candidate)
+
+
+@nb.njit(cache=True)
+def _choose(
+    points, order, low, high, position, squared, farthest, candidate, first, chosen, distances, begin, end
+):
+    leaves = first_leaf(low)
+    stack = np.empty(64, dtype=np.int64)
+    visited = np.empty(leaves, dtype=np.int64)
+    for m in range(begin, end):
+        index = candidate[1] if m else first
+        chosen[m] = index
+        distances[m] = farthest[1]
+        x, y, z = points[:, position[index]]
+        squared[position[index]] = -1.0  # below every distance: chosen points are never candidates again
+        stack[0] = 1
+        height = 1
+        inner = 0
+        while height:
+            height -= 1
+            node = stack[height]
+            if node >= leaves:
+                _approach(node, points, leaves, squared, x, y, z)
+                _farthest_in_leaf(node, points, order, leaves, squared, farthest, candidate)
+                continue
+            visited[inner] = node
+            inner += 1
+            for child in (2 * node, 2 * node + 1):
+                if (
+                    squared_distance_to_box(low[child], high[child], x, y, z) < farthest[child]
+                    or candidate[child] == index
+                ):
+                    stack[height] = child
+                    height += 1
+        for v in range(inner - 1, -1, -1):  # children before their parents
+            _farther_child(visited[v], farthest, candidate)
+
+
+@nb.njit(cache=True)
+def _approach(node, points, leaves, squared, x, y, z):
+    """Lower the distances of a leaf's points to that from (x, y, z)."""
+    n = points.shape[1]
+    leaf = node - leaves
+    for j in range(n * leaf // leaves, n * (leaf + 1) // leaves):
+        d = (points[0, j] - x) ** 2 + (points[1, j] - y) ** 2 + (points[2, j] - z) ** 2
+        squared[j] = min(squared[j], d)
+
+
+@nb.njit(cache=True)
+def _farthest_in_leaf(node, points, order, leaves, squared, farthest, candidate):
+    n = points.shape[1]
+    leaf = node - leaves
+    begin, end = n * leaf // leaves, n * (leaf + 1) // leaves
+    best = -2.0
+    for j in range(begin, end):
+        best = max(best, squared[j])
+    index = n
+    for j in range(begin, end):
+        if squared[j] == best:
+            index = min(index, order[j])
+    farthest[node], candidate[node] = best, index
+
+
+@nb.njit(cache=True)
+def _farther_child(node, farthest, candidate):
+    a, b = 2 * node, 2 * node + 1
+    if farthest[b] > farthest[a] or (farthest[b] == farthest[a] and candidate[b] < candidate[a]):
+        a = b
+    farthest[node], candidate[node] = farthest[a], candidate[a]

@@ -1,0 +1,184 @@
+"""Surface variation and normals, from the covariance of each point's neighbourhood (paper, section 3.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.kdtree import KdTree, nearest_in_tree
+from gppcs.neighbourhood import ColumnGrid
+
+
+@dataclass(frozen=True)
+class Features:
+    """What the neighbourhood of each point says of the surface there.
+
+    Attributes
+    ----------
+    surface_variation : (N,) array, float64
+        lambda_0 / (lambda_0 + lambda_1 + lambda_2), from 0 (flat) to 1/3; 0 for fewer than three neighbours.
+    normals : (N, 3) array, float64
+        Unit eigenvectors of lambda_0, without a sign that means anything.
+    neighbours : (N,) array, int32
+        The number of points in the neighbourhood, the point itself counted.
+    """
+
+    surface_variation: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    neighbours: NDArray[np.int32]
+
+    @classmethod
+    def empty(cls, n: int) -> Features:
+        """Make room for the features of n points."""
+        return cls(np.empty(n), np.empty((n, 3)), np.empty(n, dtype=np.int32))
+
+
+def features_in_radius(grid: ColumnGrid) -> Features:
+    """Measure each point's neighbourhood of all points within the grid's radius (the paper's way)."""
+    features = Features.empty(len(grid.order))
+    columns = len(grid.starts) - 1
+    with nb.parallel_chunksize(max(1, columns // 256)):
+        _features_in_columns(
+            grid.points, grid.order, grid.starts, grid.cells[1], grid.radius,
+            features.surface_variation, features.normals, features.neighbours,
+        )  # fmt: skip
+    features.normals[:, grid.axes] = features.normals.copy()
+    return features
+
+
+@nb.njit(cache=True, parallel=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+def _features_in_columns(points, order, starts, row_length, radius, variation, normals, neighbours):
+    columns = len(starts) - 1
+    squared_radius = radius * radius
+    along = points[2]
+    for c in nb.prange(columns):
+        if starts[c] == starts[c + 1]:
+            continue
+        u, v = c // row_length, c % row_length
+        low = np.empty(9, dtype=np.int64)
+        high = np.empty(9, dtype=np.int64)
+        last = np.empty(9, dtype=np.int64)
+        runs = 0
+        for near_u in range(max(u - 1, 0), min(u + 2, columns // row_length)):
+            for near_v in range(max(v - 1, 0), min(v + 2, row_length)):
+                near = near_u * row_length + near_v
+                if starts[near] < starts[near + 1]:
+                    low[runs] = high[runs] = starts[near]
+                    last[runs] = starts[near + 1]
+                    runs += 1
+        for i in range(starts[c], starts[c + 1]):
+            x, y, z = points[0, i], points[1, i], points[2, i]
+            n = sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = 0.0
+            for run in range(runs):
+                while low[run] < last[run] and along[low[run]] < z - radius:
+                    low[run] += 1
+                while high[run] < last[run] and along[high[run]] <= z + radius:
+                    high[run] += 1
+                for j in range(low[run], high[run]):
+                    dx, dy, dz = points[0, j] - x, points[1, j] - y, points[2, j] - z
+                    inside = 1.0 if dx * dx + dy * dy + dz * dz <= squared_radius else 0.0
+                    n += inside
+                    sx += inside * dx
+                    sy += inside * dy
+                    sz += inside * dz
+                    sxx += inside * dx * dx
+                    sxy += inside * dx * dy
+                    sxz += inside * dx * dz
+                    syy += inside * dy * dy
+                    syz += inside * dy * dz
+                    szz += inside * dz * dz
+            index = order[i]
+            neighbours[index] = n
+            variation[index] = _flattest(
+                sxx / n - (sx / n) ** 2, sxy / n - sx / n * sy / n, sxz / n - sx / n * sz / n,
+                syy / n - (sy / n) ** 2, syz / n - sy / n * sz / n, szz / n - (sz / n) ** 2,
+                normals[index],
+            )  # fmt: skip
+
+
+def features_of_nearest(tree: KdTree, k: int) -> Features:
+    """Measure each point's neighbourhood of its k nearest points, itself among them."""
+    features = Features.empty(len(tree.order))
+    _features_in_tree(
+        tree.points, tree.order, tree.low, tree.high, k,
+        features.surface_variation, features.normals, features.neighbours,
+    )  # fmt: skip
+    return features
+
+
+@nb.njit(cache=True, parallel=True)
+def _features_in_tree(points, order, low, high, k, variation, normals, neighbours):
+    k = min(k, points.shape[1])
+    for i in nb.prange(points.shape[1]):
+        found = np.empty(k, dtype=np.int64)
+        squared = np.empty(k, dtype=np.float64)
+        nearest_in_tree(points, low, high, points[0, i], points[1, i], points[2, i], found, squared)
+        local = np.empty((3, k), dtype=np.float64)
+        for axis in range(3):
+            for slot in range(k):
+                local[axis, slot] = points[axis, found[slot]] - points[axis, i]
+            local[axis] -= local[axis].mean()
+        index = order[i]
+        neighbours[index] = k
+        variation[index] = _flattest(
+            (local[0] * local[0]).mean(), (local[0] * local[1]).mean(), (local[0] * local[2]).mean(),
+            (local[1] * local[1]).mean(), (local[1] * local[2]).mean(), (local[2] * local[2]).mean(),
+            normals[index],
+        )  # fmt: skip
+
+
+@nb.njit(cache=True)
+def _flattest(xx, xy, xz, yy, yz, zz, normal):
+    """Return lambda_0 / trace of a symmetric 3 x 3 matrix, and put the eigenvector of lambda_0 into `normal`.
+
+    Closed form (Smith 1961). The eigenvector is the longest cross product of two rows of C - lambda_0 I; where
+    all three vanish, lambda_0 is repeated and any direction across the remaining one is an answer.
+    """
+    trace = xx + yy + zz
+    normal[0], normal[1], normal[2] = 0.0, 0.0, 1.0
+    if not trace > 0.0:
+        return 0.0
+    xx, xy, xz, yy, yz, zz = xx / trace, xy / trace, xz / trace, yy / trace, yz / trace, zz / trace
+    off = xy * xy + xz * xz + yz * yz
+    a, b, c = xx - 1 / 3, yy - 1 / 3, zz - 1 / 3
+    p = np.sqrt((a * a + b * b + c * c + 2 * off) / 6)
+    if p < 1e-12:
+        return 1 / 3
+    determinant = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
+    angle = np.arccos(min(1.0, max(-1.0, determinant / (2 * p**3)))) / 3
+    smallest = 1 / 3 + 2 * p * np.cos(angle + 2 * np.pi / 3)
+    _null_vector(xx - smallest, xy, xz, yy - smallest, yz, zz - smallest, normal)
+    return max(0.0, smallest)
+
+
+@nb.njit(cache=True)
+def _null_vector(xx, xy, xz, yy, yz, zz, normal):
+    crosses = (
+        (xy * yz - xz * yy, xz * xy - xx * yz, xx * yy - xy * xy),
+        (xy * zz - xz * yz, xz * xz - xx * zz, xx * yz - xy * xz),
+        (yy * zz - yz * yz, yz * xz - xy * zz, xy * yz - yy * xz),
+    )
+    longest = 1e-20
+    for x, y, z in crosses:
+        squared = x * x + y * y + z * z
+        if squared > longest:
+            longest = squared
+            length = np.sqrt(squared)
+            normal[0], normal[1], normal[2] = x / length, y / length, z / length
+    if longest == 1e-20:
+        # the matrix has rank one: its largest row is the one direction to stay across of
+        x, y, z = xx, xy, xz
+        if yy > xx and yy >= zz:
+            x, y, z = xy, yy, yz
+        elif zz > xx:
+            x, y, z = xz, yz, zz
+        if abs(x) <= abs(z) or abs(y) <= abs(z):
+            x, y, z = (0.0, z, -y) if abs(x) <= abs(y) else (z, 0.0, -x)
+        else:
+            x, y, z = y, -x, 0.0
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > 0:
+            normal[0], normal[1], normal[2] = x / length, y / length, z / length

@@ -1,0 +1,168 @@
+"""Who is near whom: the radius of a neighbourhood, the spacing of a cloud, and a grid for searches of one radius."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.kdtree import KdTree
+
+
+def paper_radius(points: NDArray[np.float64], k: int = 25) -> float:
+    """Return CloudCompare's radius for about k neighbours, the paper's choice (its section 3.1).
+
+    r = sqrt(k V^(2/3) / N), with V the volume of the bounding box: the surface is taken to be as large as a side
+    of the cube of that volume. A box of no volume gives zero.
+    """
+    volume = np.prod(np.ptp(points, axis=0))
+    return float(np.sqrt(k * np.cbrt(volume) ** 2 / len(points)))
+
+
+@dataclass(frozen=True)
+class ColumnGrid:
+    """Points sorted into columns of a square grid, and along each column.
+
+    Two axes are cut into cells at least as wide as the radius; along the third, the longest of the box, the
+    points of a column are sorted. The neighbours of a point then lie in nine runs, one in its own column and
+    each of the eight around it, whose ends only move forward as one goes up the column.
+
+    Attributes
+    ----------
+    radius : float
+        The largest radius that a search may use.
+    order : (N,) array, int64
+        The index that each point in grid order had in the input.
+    points : (3, N) array, float64
+        Coordinates in grid order, an axis a row, the axis along the columns last.
+    axes : (3,) array, int64
+        The input's axis that each of those rows is.
+    starts : (cells[0] * cells[1] + 1,) array, int64
+        Where each column begins in grid order.
+    cells : tuple of two int
+        The number of columns along the first two rows.
+    """
+
+    radius: float
+    order: NDArray[np.int64]
+    points: NDArray[np.float64]
+    axes: NDArray[np.int64]
+    starts: NDArray[np.int64]
+    cells: tuple[int, int]
+
+    @classmethod
+    def build(cls, points: NDArray[np.float64], radius: float) -> ColumnGrid:
+        """Sort `points`, (N, 3), for searches of up to `radius`, in O(N log N) time and O(N) memory."""
+        axes = np.argsort(np.ptp(points, axis=0), kind="stable")
+        rows = np.ascontiguousarray(points.T[axes])
+        (u, first), (v, second) = (_cells(row, radius, np.sqrt(len(points))) for row in rows[:2])
+        order, starts = _count_sort(u * second + v, first * second)
+        rows = np.take(rows, order, axis=1)
+        _sort_columns(rows, order, starts)
+        return cls(radius, order, rows, axes, starts, (first, second))
+
+
+def _cells(row: NDArray[np.float64], width: float, most: float) -> tuple[NDArray[np.int64], int]:
+    """Number the cells of a coordinate, at most about 4 `most` of them.
+
+    Where a few far points stretch the range, cells cover its middle and the outermost take in what lies beyond;
+    points within a cell's width of each other still have neighbouring numbers.
+    """
+    low, high = row.min(), row.max()
+    if high - low > width * most * 4:
+        low, high = np.quantile(row, (0.01, 0.99))
+        width = max(width, (high - low) / (4 * most))
+    count = int((high - low) / width) + 1 if width > 0 else 1
+    number = np.zeros(len(row), dtype=np.int64)
+    if count > 1:
+        number += np.clip((row - low) / width, 0, count - 1).astype(np.int64)
+    return number, count
+
+
+@nb.njit(cache=True)
+def _count_sort(column, columns):
+    """Return the stable order by column, and where each column begins."""
+    starts = np.zeros(columns + 1, dtype=np.int64)
+    for c in column:
+        starts[c + 1] += 1
+    starts = np.cumsum(starts)
+    free = starts[:-1].copy()
+    order = np.empty(len(column), dtype=np.int64)
+    for i in range(len(column)):
+        order[free[column[i]]] = i
+        free[column[i]] += 1
+    return order, starts
+
+
+@nb.njit(cache=True, parallel=True)
+def _sort_columns(rows, order, starts):
+    """Sort the points of each column along it."""
+    for c in nb.prange(len(starts) - 1):
+        if starts[c + 1] - starts[c] > 1:
+            _sort_run(rows[:, starts[c] : starts[c + 1]], order[starts[c] : starts[c + 1]])
+
+
+@nb.njit(cache=True)
+def _sort_run(rows, order):
+    ascending = np.argsort(rows[2], kind="mergesort")  # stable, so that repeats stay in input order
+    for row in rows:
+        row[:] = row[ascending]
+    order[:] = order[ascending]
+
+
+def nearest_distances(points: NDArray[np.float64], tree: KdTree, k: int, most: int = 4096) -> NDArray[np.float64]:
+    """Return the distance of up to `most` points, evenly spread over the input, to their k-th nearest neighbour.
+
+    The point itself does not count; where fewer than k others exist, the farthest takes the k-th's place.
+    """
+    chosen = points[:: max(1, -(-len(points) // most))]
+    _, squared = tree.nearest_of(chosen, min(k + 1, len(points)))
+    return np.sqrt(squared[:, -1])
+
+
+def spacing(points: NDArray[np.float64], tree: KdTree) -> float:
+    """Return the median distance of a point to its nearest neighbour; `points` must hold no repeats."""
+    return float(np.median(nearest_distances(points, tree, 1)))
+
+
+def neighbourhood_radius(points: NDArray[np.float64], tree: KdTree, k: int = 25) -> float:
+    """Return the radius that holds about k points, the point itself counted: the paper's, where it can be used.
+
+    The paper's rule sees only the bounding box. Where that is flat, or stretched by far points, it can be off
+    without bound, so a radius more than three times the median distance to the k-th point, or less than a
+    third of it, is replaced by that distance.
+    """
+    radius, robust = paper_radius(points, k), float(np.median(nearest_distances(points, tree, k - 1)))
+    return radius if robust / 3 <= radius <= 3 * robust else robust
+
+
+def first_occurrences(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell of each point, (N, 3), whether no earlier one has exactly its coordinates; O(N) by hashing."""
+    room = 1 << max(4, int(2 * len(points)).bit_length())
+    return _mark_first(points, np.full(room, -1, dtype=np.int32 if len(points) < 2**31 else np.int64))
+
+
+@nb.njit(cache=True)
+def _mark_first(points, table):
+    mask = np.uint64(len(table) - 1)
+    first = np.ones(len(points), dtype=np.bool_)
+    bits = np.empty(3, dtype=np.float64)
+    words = bits.view(np.uint64)
+    for i in range(len(points)):
+        for axis in range(3):
+            bits[axis] = points[i, axis] + 0.0  # makes -0 the 0 that it equals
+        h = words[0] * np.uint64(0x9E3779B97F4A7C15)
+        h = (h ^ (h >> np.uint64(29)) ^ words[1]) * np.uint64(0xBF58476D1CE4E5B9)
+        h = (h ^ (h >> np.uint64(32)) ^ words[2]) * np.uint64(0x94D049BB133111EB)
+        slot = (h ^ (h >> np.uint64(31))) & mask
+        while table[slot] >= 0:
+            other = points[table[slot]]
+            if other[0] == points[i, 0] and other[1] == points[i, 1] and other[2] == points[i, 2]:
+                first[i] = False
+                break
+            slot = (slot + np.uint64(1)) & mask
+        if first[i]:
+            table[slot] = i
+    return first

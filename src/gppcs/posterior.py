@@ -1,0 +1,58 @@
+"""The posterior of a Gaussian process with K = Phi Phi^T (paper, Eqs. 3 and 4), held as that of its L weights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba as nb
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """The Gaussian posterior of the weights w in f = Phi w, w ~ N(0, I) before the data.
+
+    Attributes
+    ----------
+    mean : (L,) array
+    covariance : (L, L) array
+    precision : (L, L) array
+        The inverse of the covariance, I + Phi_A^T Phi_A / sigma_y^2.
+    """
+
+    mean: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    precision: NDArray[np.float64]
+
+    @classmethod
+    def given(cls, phi: NDArray[np.float64], y: NDArray[np.float64], noise: float) -> Posterior:
+        """Condition on observations `y`, (n,), at points with features `phi`, (n, L), of noise variance `noise`."""
+        precision = np.eye(phi.shape[1]) + phi.T @ phi / noise
+        factor = scipy.linalg.cho_factor(precision)
+        covariance = scipy.linalg.cho_solve(factor, np.eye(phi.shape[1]))
+        return cls(scipy.linalg.cho_solve(factor, phi.T @ y / noise), covariance, precision)
+
+    def predict(self, phi: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return mean (Eq. 3) and variance (the diagonal of Eq. 4) at points with features `phi`, (N, L), in O(N L^2)."""
+        mean, variance = np.empty(len(phi)), np.empty(len(phi))
+        _predict(phi, self.mean, np.linalg.cholesky(self.covariance), mean, variance)
+        return mean, variance
+
+
+@nb.njit(cache=True, parallel=True, fastmath={"contract", "reassoc", "nsz"})
+def _predict(phi, weight_mean, factor, mean, variance):
+    count = phi.shape[1]
+    for i in nb.prange(len(phi)):
+        total = 0.0
+        for c in range(count):
+            total += phi[i, c] * weight_mean[c]
+        mean[i] = total
+        squares = 0.0
+        for c in range(count):
+            part = 0.0
+            for r in range(c, count):
+                part += phi[i, r] * factor[r, c]
+            squares += part * part
+        variance[i] = squares
