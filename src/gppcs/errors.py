@@ -19,3 +19,7 @@ class FileFormatError(GppcsError, ValueError):
 
 class MissingExtraError(GppcsError, ImportError):
     """A feature whose optional dependency is not installed; the message names the extra."""
+
+
+class OutputError(GppcsError, OSError):
+    """A file that cannot be written: it exists, its folder does not, its format does not hold the cloud."""

@@ -75,9 +75,7 @@ def _rest(points, order, low, squared, farthest, candidate):
 
 
 @nb.njit(cache=True)
-def _choose(
-    points, order, low, high, position, squared, farthest, candidate, first, chosen, distances, begin, end
-):
+def _choose(points, order, low, high, position, squared, farthest, candidate, first, chosen, distances, begin, end):
     leaves = first_leaf(low)
     stack = np.empty(64, dtype=np.int64)
     visited = np.empty(leaves, dtype=np.int64)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.kdtree import KdTree, nearest_in_tree
-from gppcs.neighbourhood import ColumnGrid
+from gppcs.neighbourhood import ColumnGrid, neighbourhood_radius
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,31 @@ class Features:
     def empty(cls, n: int) -> Features:
         """Make room for the features of n points."""
         return cls(np.empty(n), np.empty((n, 3)), np.empty(n, dtype=np.int32))
+
+
+def estimate_features(
+    points: NDArray[np.float64],
+    neighbours: int = 25,
+    search: Literal["radius", "nearest"] = "radius",
+    tree: KdTree | None = None,
+) -> Features:
+    """Measure the surface variation and the normal of each point (paper, section 3.1).
+
+    Parameters
+    ----------
+    points : (N, 3) array, float64
+        Without repeats.
+    neighbours : int
+        k, the number of points that a neighbourhood holds: about so many with `search` "radius", where all
+        neighbourhoods are balls of the one radius that `neighbourhood_radius` gives; exactly so many, the point
+        itself among them, with "nearest".
+    tree : KdTree, optional
+        The tree over `points`, where it is there already.
+    """
+    tree = tree or KdTree.build(points)
+    if search == "nearest":
+        return features_of_nearest(tree, neighbours)
+    return features_in_radius(ColumnGrid.build(points, neighbourhood_radius(points, tree, neighbours)))
 
 
 def features_in_radius(grid: ColumnGrid) -> Features:

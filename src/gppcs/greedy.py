@@ -188,3 +188,12 @@ def _bound_all(mean, low, high, seen, above, below, bound):
         bound[g] = max(above[g] - fall, below[g] + rise)
         if bound[g] > -np.inf:
             bound[g] += SLACK * abs(bound[g])
+
+
+def largest(values: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+    """Return the indices of the `count` largest values, largest first; ties go to the smallest index."""
+    if count == 0:
+        return np.empty(0, dtype=np.int64)
+    least = np.partition(values, len(values) - count)[len(values) - count]
+    candidates = np.flatnonzero(values >= least)
+    return candidates[np.argsort(-values[candidates], kind="stable")[:count]]

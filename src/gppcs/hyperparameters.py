@@ -85,9 +85,7 @@ def fit(
     def loss(moved: NDArray[np.float64], fixed: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         logarithms = fixed.copy()
         logarithms[free] = moved
-        value, gradient = log_marginal_likelihood(
-            eigenvalues, eigenfunctions, y, mean_squares, theta_of(logarithms)
-        )
+        value, gradient = log_marginal_likelihood(eigenvalues, eigenfunctions, y, mean_squares, theta_of(logarithms))
         return -value, -gradient[free]
 
     ends = []

@@ -48,9 +48,7 @@ class KdTree:
             _split_level(columns, order, low, high, level, level == depth)
         return cls(order, columns, low, high)
 
-    def nearest_of(
-        self, queries: NDArray[np.float64], k: int
-    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def nearest_of(self, queries: NDArray[np.float64], k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return the input indices and squared distances of the k points nearest each query, nearest first.
 
         Both are (len(queries), k), k at most N; kernels that need no such table call `nearest_in_tree`.

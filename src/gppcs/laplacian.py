@@ -59,9 +59,7 @@ def eigenpairs(
     """
     number = min(landmarks, len(points))
     while True:
-        chosen, _ = (
-            farthest_points(points, number, tree) if number < len(points) else (np.arange(number), None)
-        )
+        chosen, _ = farthest_points(points, number, tree) if number < len(points) else (np.arange(number), None)
         operator, mass, is_whole = surface_laplacian(points[chosen])
         if is_whole or number <= FEWEST_LANDMARKS:
             break
@@ -127,9 +125,7 @@ def _lift(
     """Carry functions from landmarks to points, by weights 1 - 3 x^2 + 2 x^3 of the distance that add up to one."""
     tree = KdTree.build(landmarks)
     lifted = np.empty((len(points), functions.shape[1]), dtype=np.float64)
-    _weigh_nearest(
-        tree.points, tree.low, tree.high, functions[tree.order], points, LIFTING_LANDMARKS, lifted
-    )
+    _weigh_nearest(tree.points, tree.low, tree.high, functions[tree.order], points, LIFTING_LANDMARKS, lifted)
     return lifted
 
 

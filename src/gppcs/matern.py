@@ -71,8 +71,6 @@ def spectral_weights(
     return theta.variance * weights / (weights @ mean_squares)
 
 
-def kernel_features(
-    eigenfunctions: NDArray[np.float64], weights: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def kernel_features(eigenfunctions: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return Phi of shape (N, L) with K = Phi Phi^T."""
     return eigenfunctions * np.sqrt(weights)

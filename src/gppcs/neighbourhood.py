@@ -65,7 +65,7 @@ class ColumnGrid:
 
 
 def _cells(row: NDArray[np.float64], width: float, most: float) -> tuple[NDArray[np.int64], int]:
-    """Number the cells of a coordinate, at most about 4 `most` of them.
+    """Return the number of each coordinate's cell, and how many cells there are, about 4 `most` at most.
 
     Where a few far points stretch the range, cells cover its middle and the outermost take in what lies beyond;
     points within a cell's width of each other still have neighbouring numbers.

@@ -35,7 +35,7 @@ class Posterior:
         return cls(scipy.linalg.cho_solve(factor, phi.T @ y / noise), covariance, precision)
 
     def predict(self, phi: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return mean (Eq. 3) and variance (the diagonal of Eq. 4) at points with features `phi`, (N, L), in O(N L^2)."""
+        """Return the mean (Eq. 3) and the variance (diagonal of Eq. 4) at points with features `phi`, (N, L)."""
         mean, variance = np.empty(len(phi)), np.empty(len(phi))
         _predict(phi, self.mean, np.linalg.cholesky(self.covariance), mean, variance)
         return mean, variance

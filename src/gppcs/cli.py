@@ -1,0 +1,350 @@
+"""The command `gppcs`: results to stdout, progress and errors to stderr."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, cast
+
+import typer
+
+from gppcs import __version__
+from gppcs.errors import GppcsError, OutputError, ParameterError
+from gppcs.methods import DEFAULT, METHODS, Method, method_named
+
+if TYPE_CHECKING:
+    from gppcs.cloud import PointCloud
+    from gppcs.evaluation import Report
+    from gppcs.simplification import Result
+    from gppcs.stages import Stages
+
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+_METHOD_LIST = "\n\n".join(
+    f"[cyan]{method.name}[/cyan]: {method.summary} [dim]({method.source})[/dim]" for method in METHODS.values()
+)
+
+app = typer.Typer(
+    name="gppcs",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    help="Thin a point cloud to exactly the number of points asked for, and keep its features.",
+    epilog="[bold]Examples[/bold]\n\n"
+    "gppcs sample bracket -o scan.ply\n\n"
+    "gppcs simplify scan.ply -o small.ply --ratio 0.03 --picture small.png\n\n"
+    "gppcs info small.ply",
+)
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object a line, for machines.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")]
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    version: Annotated[bool, typer.Option("--version", help="Print the version and stop.")] = False,
+) -> None:
+    if version:
+        typer.echo(__version__)
+        raise typer.Exit
+
+
+@app.command(
+    epilog="[bold]Examples[/bold]\n\n"
+    "gppcs simplify scan.ply -o small.ply --ratio 0.03 --figures\n\n"
+    "gppcs simplify scan.ply -o small.ply --points 5000 --method fps\n\n"
+    "gppcs simplify scan.ply -o small.ply --ratio 0.1 --set eigenfunctions=50 --set k_add=10\n\n"
+    "gppcs simplify a.ply b.ply -o folder --ratio 0.1 --json\n\n"
+    "[bold]Methods[/bold] (their parameters: gppcs methods)\n\n" + _METHOD_LIST,
+)
+def simplify(
+    inputs: Annotated[list[Path], typer.Argument(metavar="IN...", help="Point cloud files.", show_default=False)],
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", metavar="OUT", help="The file to write; for several inputs, a folder."),
+    ],
+    ratio: Annotated[float | None, typer.Option(help="Share of the points to keep, above 0, at most 1.")] = None,
+    points: Annotated[int | None, typer.Option(help="Number of points to keep.")] = None,
+    method: Annotated[str, typer.Option(help="Name of the method; see below.")] = DEFAULT,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="A parameter of the method; may be repeated."),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Of all that is drawn at random; methods without chance ignore it.")
+    ] = None,
+    invalid: Annotated[str, typer.Option(help="NaN and infinite coordinates: error or drop.")] = "error",
+    figures: Annotated[bool, typer.Option("--figures", help="Measure how good the result is.")] = False,
+    picture: Annotated[
+        Path | None,
+        typer.Option(metavar="PNG", help="Draw original and result, coloured by surface variation."),
+    ] = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Keep exactly the number of points asked for, each with all its attributes."""
+    chosen = method_named(method, _parsed(settings or []))
+    targets = _targets(inputs, output, picture, force)
+
+    from gppcs import io
+    from gppcs.console import ProgressBar, compilation_noticed
+    from gppcs.evaluation import evaluate
+    from gppcs.simplification import simplify as simplify_cloud
+    from gppcs.stages import Stages
+
+    for source, target in targets.items():
+        stages = Stages(ProgressBar())
+        with compilation_noticed() as compilation:
+            with stages("reading"):
+                cloud = io.read(source)
+            result = simplify_cloud(
+                cloud,
+                ratio=ratio,
+                n_points=points,
+                method=chosen,
+                seed=seed,
+                invalid=cast(Any, invalid),
+                stages=stages,
+            )
+            with stages("writing"):
+                io.write(target, result.cloud, force=force)
+            report = None
+            if figures:
+                with stages("figures"):
+                    report = evaluate(cloud.take(_finite(cloud)), result.cloud)
+            if picture:
+                _draw(picture, cloud, result, stages, force)
+        run = _Run(source, target, cloud, result, report, compilation.seconds)
+        if as_json:
+            _print_json(run.record())
+        else:
+            run.print()
+
+
+def _parsed(settings: list[str]) -> dict[str, str]:
+    """Split KEY=VALUE."""
+    for setting in settings:
+        if "=" not in setting:
+            raise ParameterError(f"expected --set KEY=VALUE, found {setting!r}")
+    return {key: value for key, _, value in (setting.partition("=") for setting in settings)}
+
+
+def _targets(inputs: list[Path], output: Path, picture: Path | None, force: bool) -> dict[Path, Path]:
+    """Return the file to write for each input, and make sure that each can be written."""
+    from gppcs import io
+
+    if output.is_dir():
+        targets = {source: output / source.name for source in inputs}
+    elif len(inputs) == 1:
+        targets = {inputs[0]: output}
+    else:
+        raise OutputError(f"{output}: expected a folder for the results of {len(inputs)} inputs, found none")
+    if len(set(targets.values())) < len(inputs):
+        raise OutputError(f"{output}: expected inputs with different names, found two that would write one file")
+    for target in targets.values():
+        io.format_to_write(target)
+        io.check_writable(target, force)
+    if picture:
+        if len(inputs) > 1:
+            raise ParameterError(f"expected one input with --picture, found {len(inputs)}")
+        from gppcs.picture import require_matplotlib
+
+        require_matplotlib()
+        io.check_writable(picture, force)
+    return targets
+
+
+def _finite(cloud: PointCloud) -> Any:
+    import numpy as np
+
+    return np.delete(np.arange(len(cloud)), cloud.non_finite())
+
+
+def _draw(picture: Path, cloud: PointCloud, result: Result, stages: Stages, force: bool) -> None:
+    """Draw the cloud and what was kept of it."""
+    import numpy as np
+
+    from gppcs.features import estimate_features
+    from gppcs.io import whole_file
+    from gppcs.picture import Panel, draw
+
+    with stages("picture"):
+        rows = _finite(cloud)
+        points = cloud.points[rows]
+        features = estimate_features(points - points.min(axis=0))
+        kept = np.searchsorted(rows, result.indices)
+        panels = [
+            Panel("original", points, features.surface_variation, features.normals),
+            Panel(result.method.name, points[kept], features.surface_variation[kept], features.normals[kept]),
+        ]
+        with whole_file(picture, force) as file:
+            draw(file, panels)
+
+
+@dataclass(frozen=True)
+class _Run:
+    """What was done to one file."""
+
+    source: Path
+    target: Path
+    cloud: PointCloud
+    result: Result
+    report: Report | None
+    compiling: float
+
+    def record(self) -> dict[str, Any]:
+        """Return it for machines."""
+        return {
+            "input": str(self.source),
+            "output": str(self.target),
+            "points_in": len(self.cloud),
+            "points_out": len(self.result.indices),
+            "method": self.result.method.name,
+            "parameters": dataclasses.asdict(self.result.method),
+            "diagnostics": dict(self.result.diagnostics),
+            "seconds": dict(self.result.seconds),
+            "seconds_compiling": self.compiling,
+            "figures": dataclasses.asdict(self.report) if self.report else None,
+            "version": __version__,
+        }
+
+    def print(self) -> None:
+        """Print it for people."""
+        from gppcs.console import print_table
+
+        seconds = {f"{stage}, s": f"{value:.2f}" for stage, value in self.result.seconds.items()}
+        total = f"{sum(self.result.seconds.values()):.2f}"
+        if self.compiling:
+            total += f", of which {self.compiling:.2f} compiling kernels, this time only"
+        figures = dataclasses.asdict(self.report) if self.report else {}
+        print_table(
+            f"{self.source} → {self.target}",
+            {
+                "points": f"{len(self.cloud):,} in, {len(self.result.indices):,} out",
+                "method": _written(self.result.method),
+                **{name: f"{value:.4g}" for name, value in self.result.diagnostics.items()},
+                **seconds,
+                "all, s": total,
+                **{name.replace("_", " "): f"{value:.4g}" for name, value in figures.items() if "points" not in name},
+            },
+        )
+
+
+def _written(method: Method) -> str:
+    """Return the method with its parameters, as one line."""
+    parameters = ", ".join(f"{name}={value}" for name, value in dataclasses.asdict(method).items())
+    return f"{method.name} ({parameters})" if parameters else method.name
+
+
+def _print_json(record: dict[str, Any]) -> None:
+    """Print one line of strict JSON; what is not a number becomes null."""
+
+    def strict(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: strict(item) for key, item in value.items()}
+        if isinstance(value, list | tuple):
+            return [strict(item) for item in value]
+        if isinstance(value, float) and value - value != 0:
+            return None
+        return value
+
+    typer.echo(json.dumps(strict(record), allow_nan=False))
+
+
+@app.command(epilog="[bold]Example[/bold]\n\ngppcs info scan.ply --json")
+def info(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A point cloud file.", show_default=False)],
+    as_json: Json = False,
+) -> None:
+    """Print points, bounds, spacing, attributes, repeats and coordinates that are not finite."""
+    from gppcs import io
+    from gppcs.console import compilation_noticed, print_table
+    from gppcs.summary import info as summarise
+
+    with compilation_noticed():
+        summary = summarise(io.read(file))
+    if as_json:
+        _print_json({"file": str(file), **dataclasses.asdict(summary)})
+        return
+    rows = {
+        "points": f"{summary.points:,}",
+        "low corner": "  ".join(f"{value:.9g}" for value in summary.low),
+        "high corner": "  ".join(f"{value:.9g}" for value in summary.high),
+        "diagonal": f"{summary.diagonal:.6g}",
+        "spacing": f"{summary.spacing:.4g} (median distance to the nearest other point)",
+        "repeats": f"{summary.repeats:,}",
+        "not finite": f"{summary.non_finite:,}",
+        "coordinates": summary.coordinate_type,
+    }
+    rows |= {f"attribute {name}": kind for name, kind in summary.attributes.items()}
+    print_table(str(file), rows)
+
+
+@app.command(epilog="[bold]Example[/bold]\n\ngppcs sample fan -o fan.ply --points 50000 --noise 0.002")
+def sample(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="medallion, bracket, fan or sphere.", show_default=False)],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT", help="The file to write.")],
+    points: Annotated[int, typer.Option(help="Number of points, outliers among them.")] = 200_000,
+    noise: Annotated[
+        float, typer.Option(help="Standard deviation of each coordinate, as a share of the diagonal.")
+    ] = 0.0,
+    outliers: Annotated[float, typer.Option(help="Share of points that lie anywhere in the box.")] = 0.0,
+    uneven: Annotated[float, typer.Option(help="Share of its density lost over the scan, 0 to below 1.")] = 0.0,
+    seed: Annotated[int, typer.Option(help="The same seed gives the same scan.")] = 0,
+    force: Force = False,
+) -> None:
+    """Make a scan of a surface that is known exactly, with its normals and curvature."""
+    from gppcs import io, scans
+
+    io.format_to_write(output)
+    io.check_writable(output, force)
+    io.write(output, scans.sample(name, points, noise, outliers, uneven, seed), force=force)
+
+
+@app.command()
+def methods(as_json: Json = False) -> None:
+    """List the methods with their sources and parameters."""
+    if as_json:
+        for method in METHODS.values():
+            _print_json(
+                {
+                    "name": method.name,
+                    "summary": method.summary,
+                    "source": method.source,
+                    "parameters": dataclasses.asdict(method()),
+                }
+            )
+        return
+    from gppcs.console import print_table
+
+    for method in METHODS.values():
+        rows = {"": method.summary, "source": method.source}
+        parameters = dataclasses.asdict(method())
+        if parameters:
+            rows["parameters"] = ", ".join(f"{key}={value}" for key, value in parameters.items())
+        print_table(method.name, rows)
+
+
+def main() -> None:
+    """Run the command; what goes wrong becomes one line on stderr and exit code 2."""
+    try:
+        code = app(standalone_mode=False)
+    except (GppcsError, OSError) as error:
+        code = _fail(str(error))
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    except Exception as error:
+        if not hasattr(error, "format_message"):  # Typer's own complaints about the command line
+            raise
+        code = _fail(error.format_message())
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _fail(message: str) -> int:
+    typer.echo(f"gppcs: {' '.join(message.split())}", err=True)
+    return BAD_INPUT

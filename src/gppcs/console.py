@@ -1,0 +1,92 @@
+"""What a person at a terminal sees while the command works: progress on stderr, tables on stdout."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from time import perf_counter
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+PATIENCE = 1.0  # seconds that a stage may take before a bar appears
+
+
+class ProgressBar:
+    """A listener that draws a bar on stderr for each stage of over a second, if that is a terminal."""
+
+    def __init__(self) -> None:
+        self._progress: Progress | None = None
+        self._task: TaskID | None = None
+        self._timer: threading.Timer | None = None
+
+    def started(self, stage: str, total: int | None) -> None:
+        """Prepare a bar, and show it if the stage takes long."""
+        if not sys.stderr.isatty():
+            return
+        columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+        self._progress = Progress(*columns, console=Console(stderr=True), transient=True)
+        self._task = self._progress.add_task(stage, total=total)
+        self._timer = threading.Timer(PATIENCE, self._progress.start)
+        self._timer.daemon = True
+        self._timer.start()
+
+    def advanced(self, steps: int) -> None:
+        """Move the bar."""
+        if self._progress is not None and self._task is not None:
+            self._progress.advance(self._task, steps)
+
+    def finished(self) -> None:
+        """Take the bar away."""
+        if self._progress is not None and self._timer is not None:
+            self._timer.cancel()
+            self._timer.join()
+            self._progress.stop()
+            self._progress = None
+
+
+class Compilation:
+    """Says on stderr, once, that kernels are being compiled, and adds up the seconds that it takes."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self._depth = 0
+        self._start = 0.0
+
+    def on_start(self, event: object) -> None:
+        """Hear that a kernel is about to be compiled; one may need another."""
+        if self.seconds == 0.0 and self._depth == 0:
+            print("gppcs: compiling its kernels, once on this machine", file=sys.stderr)  # noqa: T201
+        if self._depth == 0:
+            self._start = perf_counter()
+        self._depth += 1
+
+    def on_end(self, event: object) -> None:
+        """Hear that it is done."""
+        self._depth -= 1
+        if self._depth == 0:
+            self.seconds += perf_counter() - self._start
+
+
+@contextmanager
+def compilation_noticed() -> Iterator[Compilation]:
+    """Watch for kernels that are compiled, rather than loaded from the cache, while the block runs."""
+    from numba.core import event
+
+    compilation = Compilation()
+    listener = type("Listener", (event.Listener,), {"on_start": compilation.on_start, "on_end": compilation.on_end})()
+    with event.install_listener("numba:compile", listener):
+        yield compilation
+
+
+def print_table(title: str, rows: Mapping[str, str]) -> None:
+    """Print names and values under a title."""
+    table = Table(title=title, title_justify="left", title_style="bold", show_header=False, box=None, pad_edge=False)
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column(overflow="fold")
+    for name, value in rows.items():
+        table.add_row(name, value)
+    Console(soft_wrap=False).print(table, markup=False)

@@ -1,0 +1,7 @@
+"""Reading and writing of point cloud files."""
+
+from gppcs.io.files import FORMATS, format_to_write, read, write
+from gppcs.io.format import Format
+from gppcs.io.output import check_writable, whole_file
+
+__all__ = ["FORMATS", "Format", "check_writable", "format_to_write", "read", "whole_file", "write"]

@@ -1,0 +1,110 @@
+"""NumPy's own files: NPY and NPZ. Neither is ever allowed to run code (pickles are refused)."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from io import BufferedReader
+from tokenize import TokenError
+from typing import IO, BinaryIO
+
+import numpy as np
+from numpy.lib import format as npy
+
+from gppcs.cloud import PointCloud
+from gppcs.errors import FileFormatError, OutputError
+from gppcs.io.columns import Column, check_unused, cloud_of_columns, coordinate_type, default_names
+from gppcs.io.format import Format
+
+_POINTS = "points"
+
+# what NumPy and zipfile raise at the many ways to be damaged
+_DAMAGED_ARRAY = (ValueError, TypeError, SyntaxError, OverflowError, TokenError)
+_DAMAGED_ZIP = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, OSError, UnicodeDecodeError)
+
+
+def read_npy(file: BufferedReader) -> PointCloud:
+    """Read an (N, >=3) array, its further columns as column_4, ..., or a structured one of x, y, z."""
+    return cloud_of_columns(_columns(_array(file)))
+
+
+def read_npz(file: BufferedReader) -> PointCloud:
+    """Read the array `points`, as `read_npy` would, and all others as attributes."""
+    try:
+        with zipfile.ZipFile(file) as archive:
+            arrays = {}
+            for entry in archive.namelist():
+                with archive.open(entry) as member:
+                    arrays[entry.removesuffix(".npy")] = _array(member)
+    except _DAMAGED_ZIP as error:
+        raise FileFormatError("expected a whole NPZ file, found a damaged one; get it again") from error
+    if _POINTS not in arrays:
+        found = ", ".join(map(repr, arrays)) or "none"
+        raise FileFormatError(f"expected an array {_POINTS!r}, found {found}; rename one")
+    columns = _columns(arrays.pop(_POINTS))
+    for name, values in arrays.items():
+        if name in columns:
+            raise FileFormatError(f"expected arrays of different names, found {name!r} twice; rename one")
+        if values.ndim == 0:
+            raise FileFormatError(f"expected a value for each point in {name!r}, found a single one; leave it out")
+    return cloud_of_columns({**columns, **arrays})
+
+
+def _array(file: IO[bytes]) -> Column:
+    try:
+        array: Column = npy.read_array(file, allow_pickle=False)
+    except _DAMAGED_ARRAY as error:
+        reason = str(error).partition("\n")[0]
+        raise FileFormatError(f"expected a whole array of numbers, but numpy says: {reason}") from error
+    return array
+
+
+def _columns(array: Column) -> dict[str, Column]:
+    if array.dtype.names is not None:
+        if array.ndim != 1:
+            raise FileFormatError(f"expected a structured array of shape (N,), found {array.shape}")
+        return {name: array[name] for name in array.dtype.names}
+    if array.ndim != 2 or array.shape[1] < 3:
+        raise FileFormatError(f"expected an array of shape (N, 3) or with more columns, found {array.shape}")
+    return dict(zip(default_names(array.shape[1]), array.T, strict=True))
+
+
+def write_npy(file: BinaryIO, cloud: PointCloud) -> None:
+    """Write an (N, 3) array, or a structured one with x, y, z and the attributes if there are any."""
+    kept = coordinate_type(cloud)
+    if not cloud.attributes:
+        npy.write_array(file, cloud.points.astype(kept, copy=False), allow_pickle=False)
+        return
+    for name, values in cloud.attributes.items():
+        check_unused(name, ())
+        _check_type(name, values)
+    fields = [(name, values.dtype, values.shape[1:]) for name, values in cloud.attributes.items()]
+    table = np.empty(len(cloud), [("x", kept), ("y", kept), ("z", kept), *fields])
+    for i, axis in enumerate("xyz"):
+        table[axis] = cloud.points[:, i]
+    for name, values in cloud.attributes.items():
+        table[name] = values
+    npy.write_array(file, table, allow_pickle=False)
+
+
+def write_npz(file: BinaryIO, cloud: PointCloud) -> None:
+    """Write the array `points` and one array for each attribute, uncompressed."""
+    points = cloud.points.astype(coordinate_type(cloud), copy=False)
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, values in [(_POINTS, points), *cloud.attributes.items()]:
+            if values is not points:
+                check_unused(name, (_POINTS,))
+            _check_type(name, values)
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                npy.write_array(member, values, allow_pickle=False)
+
+
+def _check_type(name: str, values: Column) -> None:
+    if values.dtype.hasobject:
+        raise OutputError(f"expected numbers in attribute {name!r}, found Python objects; leave it out")
+
+
+FORMATS = (
+    Format("NPY", (".npy",), read_npy, write_npy, lambda head, size: head.startswith(b"\x93NUMPY")),
+    Format("NPZ", (".npz",), read_npz, write_npz, lambda head, size: head.startswith(b"PK\x03\x04")),
+)

@@ -1,0 +1,171 @@
+"""Vertices of triangle meshes: OFF, OBJ and STL. Faces and normals of faces are passed by."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from io import BufferedReader
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.cloud import PointCloud
+from gppcs.errors import FileFormatError
+from gppcs.io.columns import Column, cloud_of_columns, coordinate_type, default_names
+from gppcs.io.format import Format
+from gppcs.io.rows import (
+    Block,
+    as_count,
+    ends_early,
+    lines_of,
+    number_blocks,
+    shown,
+    typed_columns,
+    write_rows,
+)
+
+_OFF_HEADER = re.compile(r"\s*(ST)?(C)?(N)?OFF(?![A-Za-z])(.*)", re.DOTALL)
+_OFF_LOOK = re.compile(rb"\s*(ST)?C?N?4?n?OFF(?![A-Za-z])")
+_COLOUR = ["red", "green", "blue", "alpha"]
+_STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("extra", "<u2")])
+_STL_START = 84  # 80 bytes of anything, then the number of facets
+
+
+def read_off(file: BufferedReader) -> PointCloud:
+    """Read an OFF file; normals, colours and texture coordinates (NOFF, COFF, STOFF) become attributes."""
+    lines = lines_of(file)
+    numbered = ((i, text) for i, text in enumerate(map(_off_numbers, lines), 1) if text)
+    number, line = next(numbered, (1, ""))
+    header = _OFF_HEADER.match(line)
+    if header is None or "BINARY" in line:
+        raise FileFormatError(f"expected a text file that begins with OFF, COFF or NOFF, found {shown(line)}")
+    counts = header[4].strip()
+    if not counts:
+        number, counts = next(numbered, (number, ""))
+    count = as_count(next(iter(counts.split()), ""))
+    if count is None:
+        raise FileFormatError(f"line {number}: expected numbers of vertices, faces, edges, found {shown(counts)}")
+    blocks = number_blocks(lines, number + 1, _off_numbers, count=count, what="vertex")
+    table = _table(blocks)
+    flags = {"texture": bool(header[1]), "colour": bool(header[2]), "normal": bool(header[3])}
+    names = _off_names(len(table), **flags) if count else default_names(3)
+    return cloud_of_columns(dict(zip(names, table, strict=True)))
+
+
+def _off_numbers(line: str) -> str:
+    return line.partition("#")[0].strip()
+
+
+def _off_names(width: int, *, texture: bool, colour: bool, normal: bool) -> list[str]:
+    """Name the columns of a vertex as OFF orders them."""
+    names = default_names(3)
+    if normal:
+        names += ["nx", "ny", "nz"]
+    if colour:
+        names += _COLOUR[: 4 if width - len(names) - 2 * texture >= 4 else 3]
+    if texture:
+        names += ["s", "t"]
+    if len(names) > width:
+        raise FileFormatError(f"expected {len(names)} numbers for each vertex, found {width}")
+    return [*names, *default_names(width)[len(names) :]]
+
+
+def read_obj(file: BufferedReader) -> PointCloud:
+    """Read the `v` lines of an OBJ file: x y z, then w, or red green blue, or both."""
+    table = _table(_prefixed(file, "v"))
+    extras = {3: [], 4: ["w"], 6: _COLOUR[:3], 7: ["w", *_COLOUR[:3]]}.get(len(table))
+    if extras is None:
+        raise FileFormatError(f"expected 3, 4, 6 or 7 numbers in each v line, found {len(table)}")
+    return cloud_of_columns(dict(zip([*default_names(3), *extras], table, strict=True)))
+
+
+def _prefixed(file: BufferedReader, keyword: str, width: int | None = None) -> Iterator[Block]:
+    """Read the numbers in lines that begin with a keyword."""
+
+    def numbers(line: str) -> str:
+        words = line.split(None, 1)
+        return words[1] if len(words) == 2 and words[0] == keyword else ""
+
+    return number_blocks(lines_of(file), 1, numbers, width=width)
+
+
+def _table(blocks: Iterator[Block]) -> list[Column]:
+    """Join blocks to columns: float64 coordinates (and no more if there are no rows), others as they come."""
+    parts = [[*values.T[:3], *typed_columns(texts, values, None)[3:]] for texts, values in blocks]
+    if not parts:
+        return [np.empty(0)] * 3
+    if len(parts[0]) < 3:
+        raise FileFormatError(f"expected three coordinates for each vertex, found {len(parts[0])}")
+    return [np.concatenate(column) for column in zip(*parts, strict=True)]
+
+
+def read_stl(file: BufferedReader) -> PointCloud:
+    """Read the corners of an STL file's facets, each of several equal ones once, in order of appearance."""
+    data = file.read()
+    if _is_text_stl(data[:1024], len(data)):
+        file.seek(0)
+        corners = _text_corners(file, data)
+    else:
+        corners = _binary_corners(data)
+    points = corners[_first_of_equal(corners)]
+    return PointCloud(points, coordinate_dtype=corners.dtype.newbyteorder("="))
+
+
+def _binary_corners(data: bytes) -> Column:
+    count = int.from_bytes(data[80:_STL_START], "little")
+    whole = (len(data) - _STL_START) // _STL_FACET.itemsize
+    if len(data) < _STL_START:
+        raise FileFormatError(f"expected an STL file of at least {_STL_START} bytes, found {len(data)}")
+    if whole < count:
+        raise ends_early("facet", whole, count)
+    corners: Column = np.frombuffer(data, _STL_FACET, count, _STL_START)["corners"].reshape(-1, 3)
+    return corners
+
+
+def _text_corners(file: BufferedReader, data: bytes) -> Column:
+    blocks = [values for _, values in _prefixed(file, "vertex", 3)]
+    corners = np.concatenate([np.empty((0, 3)), *blocks])
+    if len(corners) % 3 or not data.rstrip().rpartition(b"\n")[2].lstrip().startswith(b"endsolid"):
+        raise FileFormatError(f"the file ends in facet {len(corners) // 3 + 1}; get the whole file again")
+    return corners
+
+
+def _first_of_equal(rows: Column) -> NDArray[np.intp]:
+    """Return where each distinct row stands first, in order."""
+    order = np.lexsort(rows.T)  # stable: equal rows stay in order
+    ordered = rows[order]
+    begins = np.ones(len(rows), dtype=bool)
+    begins[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    return np.sort(order[begins])
+
+
+def _is_text_stl(head: bytes, size: int) -> bool:
+    return head.lstrip().startswith(b"solid") and b"\0" not in head and not _is_binary_stl(head, size)
+
+
+def _is_binary_stl(head: bytes, size: int) -> bool:
+    count = int.from_bytes(head[80:_STL_START], "little")
+    return size == _STL_START + count * _STL_FACET.itemsize
+
+
+def _looks_like_stl(head: bytes, size: int) -> bool:
+    return _is_binary_stl(head, size) or (_is_text_stl(head, size) and (b"facet" in head or b"endsolid" in head))
+
+
+def write_off(file: BinaryIO, cloud: PointCloud) -> None:
+    """Write the points as vertices; attributes are left out."""
+    file.write(f"OFF\n{len(cloud)} 0 0\n".encode())
+    write_rows(file, list(cloud.points.astype(coordinate_type(cloud), copy=False).T))
+
+
+def write_obj(file: BinaryIO, cloud: PointCloud) -> None:
+    """Write the points as `v` lines; attributes are left out."""
+    write_rows(file, list(cloud.points.astype(coordinate_type(cloud), copy=False).T), prefix="v ")
+
+
+FORMATS = (
+    Format("OFF", (".off",), read_off, write_off, lambda head, size: _OFF_LOOK.match(head) is not None),
+    Format("OBJ", (".obj",), read_obj, write_obj),
+    Format("STL", (".stl",), read_stl, None, _looks_like_stl),
+)

@@ -1,0 +1,334 @@
+"""PLY: text, and binary of either byte order."""
+
+from __future__ import annotations
+
+import os
+import re
+import struct
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from io import BufferedReader
+from itertools import islice
+from typing import Any, BinaryIO, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.cloud import PointCloud
+from gppcs.errors import FileFormatError, OutputError
+from gppcs.io.columns import (
+    Column,
+    attribute_columns,
+    cloud_of_columns,
+    coordinate_names,
+    coordinate_type,
+)
+from gppcs.io.format import Format
+from gppcs.io.rows import BLOCK, as_count, ends_early, lines_of, number_blocks, shown
+
+_TYPES: dict[str, np.dtype[Any]] = {
+    **{name: np.dtype("i1") for name in ("char", "int8")},
+    **{name: np.dtype("u1") for name in ("uchar", "uint8")},
+    **{name: np.dtype("i2") for name in ("short", "int16")},
+    **{name: np.dtype("u2") for name in ("ushort", "uint16")},
+    **{name: np.dtype("i4") for name in ("int", "int32")},
+    **{name: np.dtype("u4") for name in ("uint", "uint32")},
+    **{name: np.dtype("f4") for name in ("float", "float32")},
+    **{name: np.dtype("f8") for name in ("double", "float64")},
+}
+_NAMES = {dtype: name for name, dtype in reversed(_TYPES.items())}  # the first, older name of each
+_Order = Literal["<", ">"]
+_ORDERS: dict[str, _Order] = {"binary_little_endian": "<", "binary_big_endian": ">"}
+
+
+@dataclass(frozen=True)
+class _Property:
+    name: str
+    dtype: np.dtype[Any]
+    length: np.dtype[Any] | None = None  # of the count before a list
+
+
+@dataclass(frozen=True)
+class _Element:
+    name: str
+    count: int
+    properties: list[_Property] = field(default_factory=list)
+
+    @property
+    def has_lists(self) -> bool:
+        return len(self.scalars) < len(self.properties)
+
+    @property
+    def scalars(self) -> list[_Property]:
+        return [each for each in self.properties if each.length is None]
+
+    def record(self, order: _Order) -> np.dtype[Any]:
+        """Return the type of the scalar properties, one after the other."""
+        return np.dtype([(each.name, each.dtype.newbyteorder(order)) for each in self.scalars])
+
+
+@dataclass
+class _Header:
+    encoding: str = ""
+    elements: list[_Element] = field(default_factory=list)
+    lines: int = 0
+
+
+def read_ply(file: BufferedReader) -> PointCloud:
+    """Read the vertices with each scalar property; lists and other elements are passed by."""
+    header = _read_header(file)
+    before: list[_Element] = []
+    for element in header.elements:
+        if element.name == "vertex":
+            break
+        before.append(element)
+    else:
+        found = ", ".join(repr(each.name) for each in header.elements) or "none"
+        raise FileFormatError(f"expected an element named vertex, found {found}")
+    coordinate_names(each.name for each in element.scalars)
+    if header.encoding == "ascii":
+        return _read_text(file, header.lines, before, element)
+    order = _ORDERS[header.encoding]
+    for each in before:
+        _pass_by(file, each, order)
+    if element.has_lists:
+        return _read_with_lists(file, element, order)
+    return _read_records(file, element, order)
+
+
+def _read_header(file: BufferedReader) -> _Header:
+    header = _Header()
+    for line in iter(file.readline, b""):
+        header.lines += 1
+        text = line.decode("utf-8", "replace").rstrip("\r\n")
+        if header.lines == 1 and text.rstrip() != "ply":
+            raise FileFormatError(f"expected 'ply' as the first line of a PLY file, found {shown(text)}")
+        if text.rstrip() == "end_header":
+            if not header.encoding:
+                raise FileFormatError("expected a line 'format ...' in the header, found none")
+            return header
+        if header.lines > 1:
+            _take_header_line(header, text)
+    raise FileFormatError("expected a line 'end_header', found the end of the file; get the whole file again")
+
+
+def _take_header_line(header: _Header, line: str) -> None:
+    match line.split():
+        case [] | ["comment" | "obj_info", *_]:
+            pass
+        case ["format", encoding, "1.0"] if encoding == "ascii" or encoding in _ORDERS:
+            header.encoding = encoding
+        case ["element", name, text] if (count := as_count(text)) is not None:
+            header.elements.append(_Element(name, count))
+        case ["property", kind, name] if kind in _TYPES and header.elements:
+            _add_property(header, _Property(name, _TYPES[kind]))
+        case ["property", "list", length, kind, name] if (
+            kind in _TYPES and length in _TYPES and _TYPES[length].kind in "iu" and header.elements
+        ):
+            _add_property(header, _Property(name, _TYPES[kind], _TYPES[length]))
+        case _:
+            raise FileFormatError(f"line {header.lines}: expected a PLY header, found {shown(line)}")
+
+
+def _add_property(header: _Header, new: _Property) -> None:
+    element = header.elements[-1]
+    if any(each.name == new.name for each in element.properties):
+        raise FileFormatError(
+            f"line {header.lines}: expected different names, found {new.name!r} twice in {element.name}"
+        )
+    element.properties.append(new)
+
+
+def _read_records(file: BufferedReader, element: _Element, order: _Order) -> PointCloud:
+    """Read vertices of fixed size, a block at a time, so that their bytes stay in the cache meanwhile."""
+    record, count = element.record(order), element.count
+    whole = _bytes_left(file) // record.itemsize
+    if whole < count:
+        raise ends_early("vertex", whole, count)
+    axes = coordinate_names(record.names or ())
+    points = np.empty((count, 3))
+    attributes = {each.name: np.empty(count, each.dtype) for each in element.properties if each.name not in axes}
+    targets = [*zip(axes, points.T, strict=True), *attributes.items()]
+    block = np.empty(min(count, BLOCK), record)
+    for start in range(0, count, BLOCK):
+        part = block[: count - start]
+        file.readinto(part.view(np.uint8).data)
+        for name, values in targets:
+            values[start : start + BLOCK] = part[name]
+    kept = np.result_type(*(record[axis] for axis in axes)).newbyteorder("=")
+    return PointCloud(points, attributes, kept)
+
+
+def _pass_by(file: BufferedReader, element: _Element, order: _Order) -> None:
+    """Move the file on to the next element."""
+    if element.has_lists:
+        start = file.tell()
+        file.seek(start + _walk(file.read(), element, order)[-1])
+        return
+    size = element.record(order).itemsize
+    whole = _bytes_left(file) // size if size else element.count
+    if whole < element.count:
+        raise ends_early(element.name, whole, element.count)
+    file.seek(element.count * size, os.SEEK_CUR)
+
+
+def _bytes_left(file: BufferedReader) -> int:
+    return os.fstat(file.fileno()).st_size - file.tell()
+
+
+def _walk(data: bytes, element: _Element, order: _Order) -> NDArray[np.int64]:
+    """Return where each record begins and goes on after each of its lists, and last the element's end."""
+    lists = []  # bytes of scalars before the list, its count, its items' size
+    scalars = 0
+    for each in element.properties:
+        if each.length is not None:
+            lists.append((scalars, struct.Struct(order + each.length.char), each.dtype.itemsize))
+            scalars = 0
+        else:
+            scalars += each.dtype.itemsize
+    position, starts = 0, []
+    for i in range(element.count):
+        starts.append(position)
+        for before, count, item in lists:
+            position += before
+            length = count.unpack_from(data, position)[0] if position + count.size <= len(data) else 0
+            if length < 0:
+                raise FileFormatError(f"expected a list in {element.name} {i + 1}, found one of length {length}")
+            position += count.size + length * item
+            starts.append(position)
+        position += scalars
+        if position > len(data):
+            raise ends_early(element.name, i, element.count)
+    return np.array([*starts, position])
+
+
+def _read_with_lists(file: BufferedReader, element: _Element, order: _Order) -> PointCloud:
+    data = file.read()
+    lists = len(element.properties) - len(element.scalars)
+    starts = _walk(data, element, order)[:-1].reshape(element.count, lists + 1)
+    raw = np.frombuffer(data, np.uint8)
+    columns: dict[str, Column] = {}
+    stretch = offset = 0
+    for each in element.properties:
+        if each.length is not None:
+            stretch, offset = stretch + 1, 0
+            continue
+        size = each.dtype.itemsize
+        where = starts[:, stretch, np.newaxis] + np.arange(offset, offset + size)
+        values = raw[where].view(each.dtype.newbyteorder(order))[:, 0]
+        columns[each.name] = values.astype(each.dtype)
+        offset += size
+    return cloud_of_columns(columns)
+
+
+def _read_text(file: BufferedReader, first_line: int, before: list[_Element], element: _Element) -> PointCloud:
+    lines = lines_of(file)
+    for each in before:
+        for i in range(each.count):
+            first_line += 1
+            if not next(lines, ""):
+                raise ends_early(each.name, i, each.count)
+    scalars = element.scalars
+    numbers_of = _text_without_lists(element) if element.has_lists else str.strip
+    blocks = number_blocks(lines, first_line + 1, numbers_of, width=len(scalars), count=element.count, what="vertex")
+    values = np.concatenate([np.empty((0, len(scalars))), *(values for _, values in blocks)])
+    return cloud_of_columns({each.name: _cast(values[:, i], each) for i, each in enumerate(scalars)})
+
+
+def _text_without_lists(element: _Element) -> Callable[[str], str]:
+    """Return a function that takes the scalars out of a line of text."""
+
+    def scalars(line: str) -> str:
+        words = iter(line.split())
+        kept = []
+        for each in element.properties:
+            if each.length is not None:
+                length = as_count(next(words, ""))
+                if length is None:
+                    return line and "malformed"
+                deque(islice(words, length), maxlen=0)
+            else:
+                kept.append(next(words, ""))
+        return " ".join([*kept, *words]).strip()
+
+    return scalars
+
+
+def _cast(values: Column, to: _Property) -> Column:
+    if to.dtype.kind in "iu":
+        bounds = np.iinfo(to.dtype)
+        fits = (values >= bounds.min) & (values <= bounds.max) & (values == np.rint(values))
+        if not fits.all():
+            wrong = int(np.argmin(fits))
+            raise FileFormatError(
+                f"expected a {_NAMES[to.dtype]} as {to.name} of vertex {wrong + 1}, found {values[wrong]:g}"
+            )
+    with np.errstate(over="ignore"):  # beyond float32 lies infinity
+        return values.astype(to.dtype)
+
+
+def write_ply(file: BinaryIO, cloud: PointCloud) -> None:
+    """Write a binary little-endian PLY file with the attributes as scalar properties.
+
+    Booleans become uchar, half floats float. Whole numbers of 64 bit, which PLY has not, become int, uint or
+    double, whichever first holds all of them exactly.
+    """
+    columns: dict[str, Column] = dict(zip("xyz", cloud.points.T, strict=True))
+    types = dict.fromkeys(columns, _type_of_coordinates(cloud))
+    for name, values in attribute_columns(cloud).items():
+        columns[name], types[name] = values, _type_of(values, name)
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        f"element vertex {len(cloud)}",
+        *(f"property {_NAMES[dtype]} {name}" for name, dtype in types.items()),
+        "end_header\n",
+    ]
+    file.write("\n".join(header).encode())
+    block = np.empty(min(len(cloud), BLOCK), [(name, dtype.newbyteorder("<")) for name, dtype in types.items()])
+    for start in range(0, len(cloud), BLOCK):
+        part = block[: len(cloud) - start]
+        for name, values in columns.items():
+            part[name] = values[start : start + BLOCK]
+        file.write(part.data)
+
+
+def _type_of_coordinates(cloud: PointCloud) -> np.dtype[Any]:
+    kept = coordinate_type(cloud).newbyteorder("=")
+    return kept if kept in _NAMES else _type_of(cloud.points.astype(kept), "x y z")
+
+
+def _type_of(values: Column, name: str) -> np.dtype[Any]:
+    """Return the PLY type that holds all these numbers exactly."""
+    dtype = values.dtype.newbyteorder("=")
+    if dtype in _NAMES:
+        return dtype
+    if dtype.kind == "b":
+        return np.dtype("u1")
+    if dtype == np.float16:
+        return np.dtype("f4")
+    if dtype.kind in "iu":
+        low, high = (int(values.min()), int(values.max())) if values.size else (0, 0)
+        for narrow in (np.dtype("i4"), np.dtype("u4")):
+            if np.iinfo(narrow).min <= low and high <= np.iinfo(narrow).max:
+                return narrow
+    if not _exact_as_double(values):
+        raise OutputError(
+            f"expected numbers that a PLY file can hold in {name!r}, found {dtype} beyond double; write .npz"
+        )
+    return np.dtype("f8")
+
+
+def _exact_as_double(values: Column) -> bool:
+    with np.errstate(over="ignore"):
+        wide = values.astype(np.float64)
+    if values.dtype.kind == "f":
+        return bool(np.array_equal(wide, values, equal_nan=True))
+    beyond = float(np.iinfo(values.dtype).max)  # rounds up to the power of two
+    return bool((wide < beyond).all() and (wide.astype(values.dtype) == values).all())
+
+
+FORMAT = Format(
+    "PLY", (".ply",), read_ply, write_ply, lambda head, size: re.match(rb"ply[ \t]*\r?\n", head) is not None
+)

@@ -1,0 +1,186 @@
+"""Tables of numbers as text: XYZ, TXT, ASC, CSV and PTS.
+
+The delimiter (comma, semicolon, whitespace) is that of the first row of numbers. Names come from a header
+line, or from a comment line (`#` or `//`) that has x, y and z and as many names as there are columns.
+Without names the first three columns are the coordinates and the others become `column_4`, `column_5` and
+so on; in PTS files they are `intensity` and `red green blue`, as is customary, if their number fits. A
+single whole number before the first row is the number of points. Columns of whole numbers become int64, the
+others float64.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from io import BufferedReader
+from itertools import chain
+from typing import BinaryIO
+
+import numpy as np
+
+from gppcs.cloud import PointCloud
+from gppcs.errors import FileFormatError
+from gppcs.io.columns import (
+    Column,
+    attribute_columns,
+    cloud_of_columns,
+    coordinate_names,
+    coordinate_type,
+    default_names,
+)
+from gppcs.io.format import Format
+from gppcs.io.rows import as_count, lines_of, number_blocks, shown, typed_columns, write_rows
+
+_PTS_EXTRAS = {4: ["intensity"], 6: ["red", "green", "blue"], 7: ["intensity", "red", "green", "blue"]}
+
+
+@dataclass
+class _Layout:
+    """What stands before the first row, and what that row tells."""
+
+    names: list[str] | None = None
+    names_line: int = 0
+    count: int | None = None
+    first_row: str = ""
+    first_line: int = 0
+    delimiter: str | None = None
+    width: int = 0
+
+
+def read_xyz(file: BufferedReader) -> PointCloud:
+    """Read a table whose columns, where it has no names, are x, y, z, column_4, ..."""
+    return _read(file, default_names)
+
+
+def read_pts(file: BufferedReader) -> PointCloud:
+    """Read a table whose columns, where it has no names, are those customary in PTS files."""
+    return _read(file, lambda width: [*default_names(3), *_PTS_EXTRAS.get(width, default_names(width)[3:])])
+
+
+def _read(file: BufferedReader, names_of_width: Callable[[int], list[str]]) -> PointCloud:
+    lines = lines_of(file)
+    layout = _layout(lines)
+    names = layout.names or names_of_width(layout.width)
+    if not layout.first_row:
+        if layout.count:
+            raise FileFormatError(f"expected {layout.count} points, found none; get the whole file again")
+        return cloud_of_columns({name: np.empty(0) for name in names})
+    rows = chain([layout.first_row], lines)
+    blocks = number_blocks(
+        rows,
+        layout.first_line,
+        _numbers,
+        delimiter=layout.delimiter,
+        width=layout.width,
+        count=layout.count,
+    )
+    columns = [typed_columns(texts, values, layout.delimiter) for texts, values in blocks]
+    if any(map(_numbers, rows)):
+        raise FileFormatError(f"expected {layout.count} points, as the file says, found more")
+    return cloud_of_columns(
+        {name: np.concatenate(parts) for name, parts in zip(names, zip(*columns, strict=True), strict=True)}
+    )
+
+
+def _numbers(line: str) -> str:
+    return "" if line.isspace() or line.lstrip().startswith(("#", "//")) else line
+
+
+def _layout(lines: Iterator[str]) -> _Layout:
+    """Read up to the first row of numbers."""
+    layout = _Layout()
+    commented: list[str] = []
+    for number, line in enumerate(lines, 1):
+        fields = _fields(line.lstrip("#/ \t"))
+        if not _numbers(line):
+            commented = fields if {"x", "y", "z"} <= {name.lower() for name in fields} else commented
+        elif not all(map(_is_number, fields)):
+            layout.names, layout.names_line = _header(fields, number, line), number
+        elif len(fields) == 1 and layout.count is None and as_count(fields[0]) is not None:
+            layout.count = as_count(fields[0])
+        else:
+            layout.first_row, layout.first_line = line, number
+            layout.delimiter, layout.width = _delimiter(line), len(fields)
+            break
+    if layout.names is None and commented and len(commented) == (layout.width or len(commented)):
+        layout.names = commented
+    _check_width(layout)
+    return layout
+
+
+def _check_width(layout: _Layout) -> None:
+    if not layout.first_row:
+        layout.width = 3
+        return
+    if layout.width < 3:
+        raise FileFormatError(
+            f"line {layout.first_line}: expected at least three numbers, found {shown(layout.first_row)}"
+        )
+    if layout.names is not None and len(layout.names) != layout.width:
+        raise FileFormatError(
+            f"line {layout.names_line} names {len(layout.names)} columns, "
+            f"but line {layout.first_line} has {layout.width} numbers; give each column a name"
+        )
+
+
+def _header(fields: list[str], number: int, line: str) -> list[str]:
+    names = [name or f"column_{i}" for i, name in enumerate(fields, 1)]
+    try:
+        coordinate_names(names)
+    except FileFormatError as error:
+        raise FileFormatError(
+            f"line {number}: expected numbers, or names of columns with x, y, z, found {shown(line)}"
+        ) from error
+    repeated = next((name for name in names if names.count(name) > 1), None)
+    if repeated is not None:
+        raise FileFormatError(f"line {number}: expected different names, found {repeated!r} twice")
+    return names
+
+
+def _delimiter(line: str) -> str | None:
+    return next((mark for mark in (",", ";") if mark in line), None)
+
+
+def _fields(line: str) -> list[str]:
+    return [field.strip().strip("\"'") for field in line.strip().split(_delimiter(line))]
+
+
+def _is_number(field: str) -> bool:
+    try:
+        float(field)
+    except ValueError:
+        return False
+    return True
+
+
+def write_xyz(file: BinaryIO, cloud: PointCloud) -> None:
+    """Write rows separated by blanks, after a comment with the names if there are attributes."""
+    columns = _columns(cloud)
+    if cloud.attributes:
+        file.write(f"# {' '.join(columns)}\n".encode())
+    write_rows(file, list(columns.values()))
+
+
+def write_csv(file: BinaryIO, cloud: PointCloud) -> None:
+    """Write rows separated by commas after a line with the names."""
+    columns = _columns(cloud)
+    file.write(f"{','.join(columns)}\n".encode())
+    write_rows(file, list(columns.values()), ",")
+
+
+def write_pts(file: BinaryIO, cloud: PointCloud) -> None:
+    """Write the number of points, then rows; only attributes customary in PTS files keep their names."""
+    file.write(f"{len(cloud)}\n".encode())
+    write_rows(file, list(_columns(cloud).values()))
+
+
+def _columns(cloud: PointCloud) -> dict[str, Column]:
+    points = cloud.points.astype(coordinate_type(cloud), copy=False)
+    return {"x": points[:, 0], "y": points[:, 1], "z": points[:, 2], **attribute_columns(cloud)}
+
+
+FORMATS = (
+    Format("XYZ", (".xyz", ".txt", ".asc"), read_xyz, write_xyz),
+    Format("CSV", (".csv",), read_xyz, write_csv),
+    Format("PTS", (".pts",), read_pts, write_pts),
+)

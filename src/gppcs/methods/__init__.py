@@ -1,0 +1,46 @@
+"""The methods by name. Adding one is adding its file, its import and its place in the list."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from gppcs.errors import ParameterError
+from gppcs.methods.farthest_point import FarthestPoint
+from gppcs.methods.method import Method, Selection
+from gppcs.methods.random import Random
+from gppcs.methods.spectral_gp import SpectralGP
+from gppcs.methods.variation import FarthestPointVariation, TopVariation
+from gppcs.names import nearest_name
+
+METHODS: Mapping[str, type[Method]] = {
+    method.name: method for method in (SpectralGP, FarthestPointVariation, TopVariation, FarthestPoint, Random)
+}
+DEFAULT = SpectralGP.name
+
+
+def method_named(name: str, settings: Mapping[str, Any] | None = None) -> Method:
+    """Return the method of that name, with its defaults replaced by `settings`, which may be text.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such method or parameter, with the nearest name.
+    """
+    if name not in METHODS:
+        raise ParameterError(f"there is no method {name!r}{nearest_name(name, METHODS)}")
+    return METHODS[name]().replaced(settings or {})
+
+
+__all__ = [
+    "DEFAULT",
+    "METHODS",
+    "FarthestPoint",
+    "FarthestPointVariation",
+    "Method",
+    "Random",
+    "Selection",
+    "SpectralGP",
+    "TopVariation",
+    "method_named",
+]

@@ -1,0 +1,127 @@
+"""The ducted fan: thin swept blades between a hub and a thin ring; a closed solid.
+
+A blade is a helicoid-like sheet z = camber(φ) ± half a thickness, where φ is the angle around the axis,
+turned back by the sweep.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.scans.jets import Jet
+from gppcs.scans.patch import Patch, Scan, turned
+
+Values = NDArray[np.float64]
+
+BLADES = 7
+SPACING = 2.0 * np.pi / BLADES
+HUB, HUB_HALF, BORE, BORE_TOP = 14.0, 10.0, 5.0, 4.0
+DUCT_INNER, DUCT_OUTER, DUCT_HALF = 47.5, 50.0, 9.0
+HALF_CHORD = 0.33  # radians on either side of the middle of a blade
+HALF_THICKNESS = 1.0
+PITCH, CAMBER = 18.0, 10.0  # mm per radian, mm per radian²
+SWEEP = 0.45  # radians by which the tip trails the root
+
+BRASS, GRAPHITE, TEAL = (205, 165, 85), (88, 96, 108), (70, 146, 150)
+
+
+def _sweep(r: Jet) -> Jet:
+    return ((r - HUB) * (1.0 / (DUCT_INNER - HUB))).squared() * SWEEP
+
+
+def _camber(phi: Jet) -> Jet:
+    return phi * PITCH + phi.squared() * CAMBER
+
+
+def _blade(number: int) -> list[Patch]:
+    turn = number * SPACING
+
+    def sheet(offset: float, side: int) -> Patch:
+        def surface(r: Jet, phi: Jet) -> tuple[Jet, Jet, Jet]:
+            angle = _sweep(r) + phi + turn
+            return r * angle.cos(), r * angle.sin(), _camber(phi) + offset
+
+        return Patch(surface, (HUB, DUCT_INNER), (-HALF_CHORD, HALF_CHORD), sheet_stretch, TEAL, side)
+
+    def edge(at: float, side: int) -> Patch:
+        bottom = PITCH * at + CAMBER * at**2 - HALF_THICKNESS
+
+        def surface(r: Jet, up: Jet) -> tuple[Jet, Jet, Jet]:
+            angle = _sweep(r) + (at + turn)
+            return r * angle.cos(), r * angle.sin(), up + bottom
+
+        return Patch(surface, (HUB, DUCT_INNER), (0.0, 2.0 * HALF_THICKNESS), edge_stretch, TEAL, side)
+
+    # All three grow with the radius, so that the area elements are largest at the tip.
+    steepest_sweep = 2.0 * SWEEP / (DUCT_INNER - HUB)
+    steepest_camber = PITCH + 2.0 * CAMBER * HALF_CHORD
+    skew = 1.0 + (DUCT_INNER * steepest_sweep) ** 2
+    sheet_stretch = float(np.sqrt(DUCT_INNER**2 + steepest_camber**2 * skew))
+    edge_stretch = float(np.sqrt(skew))
+    return [sheet(HALF_THICKNESS, 1), sheet(-HALF_THICKNESS, -1), edge(-HALF_CHORD, 1), edge(HALF_CHORD, -1)]
+
+
+def _nearest_blade(angle: Values) -> Values:
+    """Return angles around the axis as angles from the middle of the nearest blade."""
+    return angle - np.round(angle / SPACING) * SPACING
+
+
+def _hub_free(share: Values, angle: Values) -> NDArray[np.bool_]:
+    return _between_blades(HUB_HALF - 2.0 * HUB_HALF * share, angle)
+
+
+def _duct_free(share: Values, angle: Values) -> NDArray[np.bool_]:
+    return _between_blades(2.0 * DUCT_HALF * share - DUCT_HALF, angle - SWEEP)
+
+
+def _between_blades(z: Values, swept_back: Values) -> NDArray[np.bool_]:
+    phi = _nearest_blade(swept_back)
+    return (np.abs(phi) > HALF_CHORD) | (np.abs(z - PITCH * phi - CAMBER * phi**2) > HALF_THICKNESS)
+
+
+def _nose(t: Jet, angle: Jet) -> tuple[Jet, Jet, Jet]:
+    ring = (1.0 - t.squared()).sqrt() * HUB
+    return ring * angle.cos(), ring * angle.sin(), t * HUB + HUB_HALF
+
+
+def _hub_and_duct() -> list[Patch]:
+    axis = (0.0, 0.0)
+    return [
+        Patch(_nose, (0.0, 1.0), (0.0, 2.0 * np.pi), HUB**2 * (1.0 + 1e-9), BRASS, -1),
+        turned(2, axis, (HUB, HUB_HALF), (HUB, -HUB_HALF), GRAPHITE, trim=_hub_free),
+        turned(2, axis, (HUB, -HUB_HALF), (BORE, -HUB_HALF), GRAPHITE),
+        turned(2, axis, (BORE, -HUB_HALF), (BORE, BORE_TOP), BRASS),
+        turned(2, axis, (BORE, BORE_TOP), (0.0, BORE_TOP), BRASS),
+        turned(2, axis, (DUCT_INNER, -DUCT_HALF), (DUCT_INNER, DUCT_HALF), GRAPHITE, trim=_duct_free),
+        turned(2, axis, (DUCT_INNER, DUCT_HALF), (DUCT_OUTER, DUCT_HALF), GRAPHITE),
+        turned(2, axis, (DUCT_OUTER, DUCT_HALF), (DUCT_OUTER, -DUCT_HALF), GRAPHITE),
+        turned(2, axis, (DUCT_OUTER, -DUCT_HALF), (DUCT_INNER, -DUCT_HALF), GRAPHITE),
+    ]
+
+
+def _residual(points: Values) -> Values:
+    """Build the solid from blocks: max intersects, min joins, a minus sign takes the outside."""
+    x, y, z = points.T
+    r = np.hypot(x, y)
+    share = (r - HUB) / (DUCT_INNER - HUB)
+    phi = _nearest_blade(np.arctan2(y, x) - SWEEP * share**2)
+    sweep_slope = 2.0 * SWEEP * share / (DUCT_INNER - HUB)
+    turn_slope = np.hypot(sweep_slope, 1.0 / np.maximum(r, BORE))  # |∇φ|, bounded on the axis
+    camber_slope = (PITCH + 2.0 * CAMBER * phi) * turn_slope
+    sheet = (np.abs(z - PITCH * phi - CAMBER * phi**2) - HALF_THICKNESS) / np.hypot(1.0, camber_slope)
+    chord = (np.abs(phi) - HALF_CHORD) / turn_slope
+    # Blades end within hub and ring, so that no face is left between them.
+    blade = np.maximum.reduce([sheet, chord, HUB - 1.0 - r, r - DUCT_INNER - 1.0])
+    barrel = np.maximum(r - HUB, np.abs(z) - HUB_HALF)
+    hub = np.minimum(barrel, np.maximum(np.hypot(r, z - HUB_HALF) - HUB, HUB_HALF - z))
+    bored = np.maximum(hub, -np.maximum(r - BORE, z - BORE_TOP))
+    duct = np.maximum.reduce([r - DUCT_OUTER, DUCT_INNER - r, np.abs(z) - DUCT_HALF])
+    residual: Values = np.minimum.reduce([blade, bored, duct])
+    return residual
+
+
+FAN = Scan(
+    "a ducted fan of 100 mm: seven thin swept blades between a hub and a thin ring (closed)",
+    (*_hub_and_duct(), *(patch for number in range(BLADES) for patch in _blade(number))),
+    ((-DUCT_OUTER, -DUCT_OUTER, -HUB_HALF), (DUCT_OUTER, DUCT_OUTER, HUB_HALF + HUB)),
+    _residual,
+)

@@ -1,0 +1,132 @@
+"""The medallion: fine relief (letters, pearls, a rope, a cut star) on a smooth dome; one side, open below."""
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.scans.jets import Jet
+from gppcs.scans.patch import Patch, Scan
+
+RADIUS = 50.0
+BRONZE = (198, 146, 78)
+
+TEXT = "FEWER.POINTS.SAME.SHAPE."
+LETTER_RADIUS = 36.0
+LETTER_SIZE = (4.8, 6.4)
+# Polylines through the nodes of a grid of 5 by 9, each node two digits: x, then y.
+GLYPHS = {
+    "A": ["003840", "1333"],
+    "E": ["48080040", "0434"],
+    "F": ["480800", "0434"],
+    "H": ["0008", "4048", "0444"],
+    "I": ["2028"],
+    "M": ["0008244840"],
+    "N": ["00084048"],
+    "O": ["103041473818070110"],
+    "P": ["00083847453404"],
+    "R": ["00083847453404", "2440"],
+    "S": ["473818070514344341301001"],
+    "T": ["2028", "0848"],
+    "W": ["0810243048"],
+    ".": ["2424"],
+}
+
+
+def _strokes(glyph: str) -> list[tuple[float, float, float, float]]:
+    """Return the segments of a glyph as (x0, y0, x1, y1), mm from the middle of its cell."""
+    width, height = LETTER_SIZE
+    segments = []
+    for polyline in GLYPHS[glyph]:
+        nodes = [
+            ((int(x) / 4 - 0.5) * width, (int(y) / 8 - 0.5) * height)
+            for x, y in zip(polyline[::2], polyline[1::2], strict=True)
+        ]
+        segments += [(*a, *b) for a, b in pairwise(nodes)]
+    return segments
+
+
+def _stroke_table() -> NDArray[np.float64]:
+    """Return the segments of the text, (cells, strokes, 4); short letters are filled up with far strokes."""
+    letters = [_strokes(glyph) for glyph in TEXT]
+    table = np.full((len(letters), max(map(len, letters)), 4), 1e3)
+    for row, segments in zip(table, letters, strict=True):
+        row[: len(segments)] = segments
+    return table
+
+
+STROKES = _stroke_table()
+
+
+def _plateau(distance_squared: Jet, width: float) -> Jet:
+    """Return a bump of height 1, flat on top, that has fallen to 1/e at the width."""
+    return (-(distance_squared * width**-2).squared()).exp()
+
+
+def _letters(r: Jet, angle: Jet) -> Jet:
+    cell = 2.0 * np.pi / len(TEXT)
+    # The text runs clockwise from the left, feet towards the centre.
+    number = np.floor((np.pi - angle.value) / cell).astype(np.int64) % len(TEXT)
+    middle = np.asarray(np.pi - (number + 0.5) * cell, np.float64)
+    x = (angle - middle) * -LETTER_RADIUS
+    y = r - LETTER_RADIUS
+    bare = x * 0.0 + 1.0
+    for x0, y0, x1, y1 in STROKES[number].transpose(1, 2, 0):
+        dx, dy = x1 - x0, y1 - y0
+        length_squared = np.maximum(dx * dx + dy * dy, 1e-12)
+        along = (((x - x0) * dx + (y - y0) * dy) * (1.0 / length_squared)).clipped(0.0, 1.0)
+        distance_squared = (x - x0 - along * dx).squared() + (y - y0 - along * dy).squared()
+        bare = bare * (1.0 - _plateau(distance_squared, 0.78))
+    return 1.0 - bare
+
+
+def _star(r: Jet, angle: Jet) -> Jet:
+    """Return the height above the field of a five-pointed star cut in ten plane facets."""
+    tip, notch, peak = 19.0, 8.0, 5.0
+    fifth = 2.0 * np.pi / 5.0
+    turned = angle - np.pi / 2.0
+    nearest_tip = np.round(turned.value / fifth) * fifth
+    fold = turned - nearest_tip
+    fold = fold * np.sign(fold.value)
+    # The outline between a tip (at fold 0) and a notch (at fold π/5) is a line n · p = c.
+    notch_x, notch_y = notch * np.cos(fifth / 2.0), notch * np.sin(fifth / 2.0)
+    nx, ny = notch_y, tip - notch_x
+    share = r * (fold.cos() * nx + fold.sin() * ny) * (1.0 / (nx * tip))
+    return (1.0 - share) * peak
+
+
+def _height(s: Jet, angle: Jet) -> Jet:
+    """Return the height in mm over the parameters s = r² and angle."""
+    r = s.sqrt()
+    rope = _plateau((r - 24.5).squared(), 2.6) * ((angle * 48.0 + r * 1.4).cos() * 0.3 + 0.5)
+    pearl_spacing = LETTER_RADIUS + 7.5
+    pearls = (r - pearl_spacing).squared() + ((angle * 36.0).sin() * (pearl_spacing / 36.0)).squared()
+    field = s * (-6.0 / RADIUS**2) + 6.0
+    field = field + _plateau((r - 47.9).squared(), 2.0) * 2.2 + rope + _plateau(pearls, 1.25) * 1.0
+    field = field + _plateau((r - 30.0).squared(), 0.6) * 0.6
+    lettered = np.abs(r.value - LETTER_RADIUS) < LETTER_SIZE[1] / 2.0 + 2.0
+    field = field.raised_at(lettered, _letters(r.at(lettered), angle.at(lettered)) * 0.8)
+    return field.where_higher(_star(r, angle) + 5.5)
+
+
+def _surface(s: Jet, angle: Jet) -> tuple[Jet, Jet, Jet]:
+    r = s.sqrt()
+    return r * angle.cos(), r * angle.sin(), _height(s, angle)
+
+
+def _residual(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    x, y, z = points.T
+    s = np.maximum(x * x + y * y, 1e-12)  # the polar formulas have no value on the axis itself
+    height = _height(*Jet.variables(s, np.arctan2(y, x)))
+    _, along_s, along_angle = height.parts[:3]
+    slope_squared = 4.0 * s * along_s**2 + along_angle**2 / s
+    residual: NDArray[np.float64] = (z - height.value) / np.sqrt(1.0 + slope_squared)
+    return residual
+
+
+MEDALLION = Scan(
+    "a bronze medallion of 100 mm: letters, pearls, a rope and a cut star on a smooth dome (one side only)",
+    (Patch(_surface, (0.0, RADIUS**2), (-np.pi, np.pi), 1.25, BRONZE),),
+    ((-RADIUS, -RADIUS, 0.65), (RADIUS, RADIUS, 10.5)),
+    _residual,
+)

@@ -1,0 +1,38 @@
+"""The sphere: smooth everywhere, the plain oracle."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.scans.jets import Jet
+from gppcs.scans.patch import Patch, Scan
+
+RADIUS = 50.0
+
+
+def _surface(t: Jet, angle: Jet) -> tuple[Jet, Jet, Jet]:
+    # Archimedes: area is uniform in height and angle.
+    ring = (1.0 - t.squared()).sqrt() * RADIUS
+    return ring * angle.cos(), ring * angle.sin(), t * RADIUS
+
+
+def _residual(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    distance: NDArray[np.float64] = np.linalg.norm(points, axis=1) - RADIUS
+    return distance
+
+
+SPHERE = Scan(
+    "a ball of 100 mm: smooth everywhere, of one curvature",
+    (
+        Patch(
+            _surface,
+            (-1.0, 1.0),
+            (-np.pi, np.pi),
+            # Rounding lifts the constant area element a hair above R².
+            RADIUS**2 * (1.0 + 1e-9),
+            (120, 160, 190),
+            -1,
+        ),
+    ),
+    ((-RADIUS, -RADIUS, -RADIUS), (RADIUS, RADIUS, RADIUS)),
+    _residual,
+)

@@ -1,0 +1,158 @@
+"""From a cloud as it came to one of exactly the size asked for: what all methods have in common."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gppcs.cloud import PointCloud
+from gppcs.errors import InputError, ParameterError
+from gppcs.methods import DEFAULT, Method, method_named
+from gppcs.stages import Stages
+
+
+@dataclass(frozen=True)
+class Result:
+    """A simplified cloud and how it came about.
+
+    Attributes
+    ----------
+    indices : (M,) array, int64
+        The rows of the input that were chosen: unique, in the order chosen.
+    cloud : PointCloud
+        Those points, in that order, with every attribute.
+    method : Method
+        The method with all its parameters.
+    seconds : mapping of stage to float
+        Wall time, in the order the stages were run.
+    diagnostics : mapping of name to float
+        What the method found out on the way.
+    """
+
+    indices: NDArray[np.int64]
+    cloud: PointCloud
+    method: Method
+    seconds: Mapping[str, float]
+    diagnostics: Mapping[str, float]
+
+
+def simplify(
+    cloud: PointCloud | ArrayLike,
+    *,
+    ratio: float | None = None,
+    n_points: int | None = None,
+    method: str | Method = DEFAULT,
+    seed: int | None = None,
+    invalid: Literal["error", "drop"] = "error",
+    stages: Stages | None = None,
+) -> Result:
+    """Choose exactly M points of a cloud.
+
+    Parameters
+    ----------
+    cloud : PointCloud or (N, 3) array-like
+        Never changed. Points that repeat an earlier one exactly count as points, but are chosen last.
+    ratio : float
+        M as a share of the points, above 0 and at most 1; M is rounded, and at least 1.
+    n_points : int
+        M itself; where the cloud has no more points, all are returned, in their order. Exactly one of `ratio`
+        and `n_points` must be given.
+    method : str or Method
+        A name from `gppcs.METHODS`, or a method with parameters of its own.
+    seed : int, optional
+        In place of the method's seed; methods without chance take no notice.
+    invalid : "error" or "drop"
+        What to do where coordinates are NaN or infinite.
+    stages : Stages, optional
+        Times the stages; one with a listener tells it of their progress.
+
+    Returns
+    -------
+    Result
+        The same for the same input, whatever the number of threads, and for points moved or scaled by numbers
+        that leave their differences what they were.
+
+    Raises
+    ------
+    InputError
+        If the cloud is empty, misshapen or has coordinates that are not finite.
+    ParameterError
+        If a parameter is out of its range.
+    """
+    stages = stages or Stages()
+    with stages("preparation"):
+        cloud = PointCloud.of(cloud)
+        chosen_method = method_named(method) if isinstance(method, str) else method
+        if seed is not None and any(field.name == "seed" for field in dataclasses.fields(chosen_method)):
+            chosen_method = chosen_method.replaced({"seed": seed})
+        rows = _usable_rows(cloud, invalid)
+        points = _normalised(cloud.points if len(rows) == len(cloud) else cloud.points[rows])
+        count = _target(len(points), ratio, n_points)
+    indices, diagnostics = _choose(points, count, chosen_method, stages)
+    indices = rows[indices]
+    return Result(indices, cloud.take(indices), chosen_method, stages.seconds, diagnostics)
+
+
+def _choose(
+    points: NDArray[np.float64], count: int, method: Method, stages: Stages
+) -> tuple[NDArray[np.int64], Mapping[str, float]]:
+    """Let the method choose among points without repeats; add repeats only where these do not suffice."""
+    if count >= len(points):
+        return np.arange(len(points)), {}
+    from gppcs.neighbourhood import first_occurrences
+
+    with stages("repeats"):
+        first = first_occurrences(points)
+        distinct = np.flatnonzero(first)
+    if count >= len(distinct):
+        return np.concatenate([distinct, np.flatnonzero(~first)[: count - len(distinct)]]), {}
+    selection = method(points if len(distinct) == len(points) else points[distinct], count, stages)
+    return distinct[selection.indices], selection.diagnostics
+
+
+def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64]:
+    """Return the rows with finite coordinates; refuse the others, unless they are to be dropped."""
+    if invalid not in ("error", "drop"):
+        raise ParameterError(f"expected invalid to be 'error' or 'drop', found {invalid!r}")
+    if len(cloud) == 0:
+        raise InputError("the cloud is empty: expected at least one point")
+    bad = cloud.non_finite()
+    if len(bad) and invalid == "error":
+        raise InputError(
+            f"{len(bad)} of {len(cloud)} points have coordinates that are NaN or infinite, the first at index "
+            f"{bad[0]}; drop them with --invalid drop (invalid='drop')"
+        )
+    if len(bad) == len(cloud):
+        raise InputError(f"none of the {len(cloud)} points has finite coordinates")
+    return np.delete(np.arange(len(cloud)), bad)
+
+
+def _normalised(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Shift the points to the origin and scale them to about unit size, by steps that round no difference.
+
+    The corner of the bounding box goes to the origin, and the scale is a power of two.
+    """
+    local = points - points.min(axis=0)
+    size = local.max()
+    return np.ldexp(local, -math.frexp(size)[1], out=local) if 0 < size < math.inf else local
+
+
+def _target(n: int, ratio: float | None, n_points: int | None) -> int:
+    """Return M."""
+    if (ratio is None) == (n_points is None):
+        found = "neither" if ratio is None else "both"
+        raise ParameterError(f"expected either a ratio or a number of points, found {found}")
+    if ratio is not None:
+        if not 0 < ratio <= 1:
+            raise ParameterError(f"expected a ratio above 0 and at most 1, found {ratio}")
+        return max(1, round(ratio * n))
+    assert n_points is not None
+    if n_points != int(n_points) or n_points < 1:
+        raise ParameterError(f"expected a whole number of at least 1 point, found {n_points}")
+    return min(int(n_points), n)

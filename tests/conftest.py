@@ -1,0 +1,29 @@
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gppcs
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """The folder of real clouds; tests that need it are skipped where it is missing."""
+    folder = Path(os.environ.get("GPPCS_DATA", Path(__file__).parents[2] / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip(f"no real clouds at {folder}; set GPPCS_DATA to their folder")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def bracket() -> np.ndarray:
+    """20,000 points of a machine part with sharp edges."""
+    return gppcs.sample("bracket", n_points=20_000).points
+
+
+@pytest.fixture(scope="session")
+def sphere() -> np.ndarray:
+    """40,000 random points of the unit sphere."""
+    directions = np.random.default_rng(0).standard_normal((40_000, 3))
+    return directions / np.linalg.norm(directions, axis=1, keepdims=True)

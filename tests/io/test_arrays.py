@@ -1,0 +1,114 @@
+"""NumPy files of other makers, and what is refused."""
+
+import zipfile
+
+import numpy as np
+import pytest
+
+from gppcs.cloud import PointCloud
+from gppcs.errors import FileFormatError, OutputError
+from gppcs.io import read, write
+
+
+@pytest.mark.parametrize("dtype", ["<f4", ">f4", "<f8", ">i2"])
+def test_plain_arrays(tmp_path, dtype):
+    path = tmp_path / "cloud.npy"
+    array = np.arange(10).reshape(2, 5).astype(dtype)
+    np.save(path, array)
+    cloud = read(path)
+    assert np.array_equal(cloud.points, array[:, :3])
+    assert cloud.coordinate_dtype == np.dtype(dtype).newbyteorder("=")
+    assert list(cloud.attributes) == ["column_4", "column_5"]
+    assert cloud.attributes["column_5"].tolist() == [4, 9]
+    assert cloud.attributes["column_5"].dtype.isnative
+    assert cloud.attributes["column_5"].flags.c_contiguous
+
+
+def test_structured_arrays(tmp_path):
+    path = tmp_path / "cloud.npy"
+    np.save(path, np.array([(9, 1, 2, 3, (4, 5))], [("a", ">i4"), *((c, "f4") for c in "xyz"), ("n", "f8", 2)]))
+    cloud = read(path)
+    assert cloud.points.tolist() == [[1, 2, 3]]
+    assert list(cloud.attributes) == ["a", "n"]
+    assert cloud.attributes["n"].tolist() == [[4, 5]]
+
+
+@pytest.mark.parametrize(
+    ("array", "message"),
+    [
+        (np.zeros(3), r"shape \(N, 3\).*found \(3,\)"),
+        (np.zeros((3, 2)), r"found \(3, 2\)"),
+        (np.zeros((3, 3), complex), "numbers as coordinates, found complex128"),
+        (np.full((3, 3), "a"), "numbers as coordinates"),
+        (np.zeros(3, [("a", "f4")]), "x, y and z for each point, found 'a'"),
+        (np.zeros(3, [("x", "V3"), ("y", "f4"), ("z", "f4")]), "numbers as coordinates, found .*V3.* in x"),
+        (np.zeros((3, 3), [("x", "f4")]), r"shape \(N,\), found \(3, 3\)"),
+        (
+            np.zeros(2, [("x", "f4", 2), ("y", "f4"), ("z", "f4")]),
+            r"one x for each point, found shape \(2, 2\)",
+        ),
+        (np.full((1, 3), 2**60), "below 2"),
+        (np.array([[None] * 3]), "Object arrays cannot be loaded"),
+    ],
+)
+def test_arrays_that_are_no_points_are_refused(tmp_path, array, message):
+    path = tmp_path / "cloud.npy"
+    np.save(path, array)
+    with pytest.raises(FileFormatError, match=message):
+        read(path)
+
+
+def test_archives_hold_points_and_attributes(tmp_path):
+    path = tmp_path / "cloud.npz"
+    np.savez_compressed(path, label=np.array([7, 8]), points=np.zeros((2, 4), np.float32))
+    cloud = read(path)
+    assert cloud.coordinate_dtype == np.float32
+    assert list(cloud.attributes) == ["column_4", "label"]
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"xyz": np.zeros((2, 3)), "a": np.zeros(2)}, "array 'points', found 'xyz', 'a'"),
+        ({"points": np.zeros((2, 3)), "a": np.zeros(3)}, "attribute 'a'"),
+        ({"points": np.zeros((2, 3)), "a": np.array(1)}, "each point in 'a'"),
+        ({"points": np.zeros((2, 3)), "x": np.zeros(2)}, "'x' twice"),
+        ({"points": np.zeros((2, 3)), "a": np.array([None, 1])}, "Object arrays cannot be loaded"),
+    ],
+)
+def test_archives_that_are_no_clouds_are_refused(tmp_path, arrays, message):
+    path = tmp_path / "cloud.npz"
+    np.savez(path, **arrays)
+    with pytest.raises(FileFormatError, match=message):
+        read(path)
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".npz"])
+@pytest.mark.parametrize("part", [0.1, 0.5, 0.99])
+def test_cut_files_are_refused(tmp_path, suffix, part):
+    path = tmp_path / f"cloud{suffix}"
+    write(path, PointCloud(np.zeros((100, 3)), {"a": np.zeros(100)}))
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(part * len(whole))])
+    with pytest.raises(FileFormatError, match="expected a whole"):
+        read(path)
+
+
+def test_attributes_with_awkward_names(tmp_path):
+    path = tmp_path / "cloud.npz"
+    names = ["file", "allow_pickle", "a", "a.npy", "with space"]
+    write(path, PointCloud(np.zeros((1, 3)), {name: np.zeros(1) for name in names}))
+    assert list(read(path).attributes) == names
+    with zipfile.ZipFile(path) as archive:
+        assert archive.namelist()[0] == "points.npy"
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".npz"])
+@pytest.mark.parametrize(
+    ("attributes", "message"),
+    [({"x": np.zeros(1)}, "'x' twice"), ({"a": np.array([None])}, "attribute 'a', found Python objects")],
+)
+def test_attributes_that_cannot_be_written_are_refused(tmp_path, suffix, attributes, message):
+    with pytest.raises(OutputError, match=message):
+        write(tmp_path / f"cloud{suffix}", PointCloud(np.zeros((1, 3)), attributes))
+    assert not any(tmp_path.iterdir())

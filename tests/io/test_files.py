@@ -1,0 +1,106 @@
+"""Which format a file has, and errors that concern any file."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from gppcs.cloud import PointCloud
+from gppcs.errors import FileFormatError
+from gppcs.io import FORMATS, format_to_write, read, write
+
+CLOUD = PointCloud([[1.5, 2.5, 3.5]])
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".npy", ".npz", ".off"])
+@pytest.mark.parametrize("name", ["cloud", "cloud.xyz", "cloud.unknown"])
+def test_content_decides_before_the_name(tmp_path, suffix, name):
+    write(tmp_path / name, CLOUD, format=suffix)
+    assert read(tmp_path / name).points.tolist() == CLOUD.points.tolist()
+
+
+@pytest.mark.parametrize("suffix", [s for known in FORMATS for s in known.suffixes if known.write])
+def test_suffixes_in_capitals(tmp_path, suffix):
+    path = tmp_path / f"cloud{suffix.upper()}"
+    write(path, CLOUD)
+    assert read(path).points.tolist() == CLOUD.points.tolist()
+
+
+def test_a_given_format_decides_over_content_and_name(tmp_path):
+    path = tmp_path / "cloud.ply"
+    write(path, CLOUD, format="csv")
+    assert path.read_text().startswith("x,y,z\n")
+    assert len(read(path, format=".CSV")) == 1
+    with pytest.raises(FileFormatError, match="first line of a PLY file"):
+        read(path)
+
+
+@pytest.mark.parametrize("name", ["cloud.las2", "cloud"])
+def test_unknown_formats_are_listed(tmp_path, name):
+    path = tmp_path / name
+    path.write_text("1 2 3\n")
+    formats = r"\.ply \.xyz \.txt \.asc \.csv \.pts \.npy \.npz \.off \.obj \.stl"
+    for attempt in (lambda: read(path), lambda: write(path, CLOUD), lambda: read(path, format="las2")):
+        with pytest.raises(FileFormatError, match=formats):
+            attempt()
+
+
+def test_stl_cannot_hold_points(tmp_path):
+    for attempt in (lambda: write(tmp_path / "a.stl", CLOUD), lambda: format_to_write(tmp_path / "a.stl")):
+        with pytest.raises(FileFormatError, match=r"a\.stl: .* holds points, found STL; choose one of \.ply"):
+            attempt()
+    assert not any(tmp_path.iterdir())
+
+
+def test_files_that_cannot_be_opened(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"no\.ply"):
+        read(tmp_path / "no.ply")
+    with pytest.raises(FileFormatError, match="expected a file, found a folder"):
+        read(tmp_path)
+
+
+def test_messages_name_the_file_and_take_one_line(tmp_path):
+    path = tmp_path / "cloud.xyz"
+    path.write_bytes(bytes(range(256)) * 10)
+    with pytest.raises(FileFormatError) as caught:
+        read(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert len(str(caught.value).splitlines()) == 1
+    assert len(str(caught.value)) < len(str(path)) + 400
+
+
+def test_importing_takes_no_compiler_along():
+    check = "import sys, gppcs.io; sys.exit(bool({'numba', 'scipy', 'laspy'} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", check], check=False).returncode == 0
+
+
+def test_files_are_closed_after_reading(tmp_path):
+    path = tmp_path / "cloud.csv"
+    write(path, CLOUD)
+    cloud = read(path)
+    path.unlink()
+    assert np.array_equal(cloud.points, CLOUD.points)
+
+
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [
+        ("bunny.ply", 35_947),
+        ("dragon.ply", 437_645),
+        ("nefertiti.ply", 35_002),
+        ("lion_takanawa.ply", 341_989),
+        ("sfm_angel.ply", 18_412),
+        ("sfm_bird_bath.ply", 18_796),
+        ("cube_30k_sampled.ply", 30_000),
+        ("tum_desk.ply", 248_250),
+        ("kitti_000000.ply", 124_668),
+        ("autzen_airborne.ply", 110_000),
+    ],
+)
+def test_shared_files(shared_data, name, count):
+    cloud = read(shared_data / name)
+    assert len(cloud) == count
+    assert cloud.coordinate_dtype == np.float32
+    assert len(cloud.non_finite()) == 0
+    assert list(cloud.attributes) == (["red", "green", "blue"] if name == "tum_desk.ply" else [])

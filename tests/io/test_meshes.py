@@ -1,0 +1,146 @@
+"""Vertices of OFF, OBJ and STL files."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from gppcs.errors import FileFormatError
+from gppcs.io import read
+
+TRIANGLES = np.array([[[0, 0, 1], [1, 0, 0], [0, 2, 0]], [[1, 0, 0], [0, 2, 0], [-0.0, 0, 1]], [[5, 5, 5]] * 3])
+CORNERS = [[0, 0, 1], [1, 0, 0], [0, 2, 0], [5, 5, 5]]
+
+
+@pytest.fixture
+def mesh(tmp_path):
+    """Write a file; return its path."""
+
+    def make(suffix, content):
+        path = tmp_path / f"mesh{suffix}"
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("OFF\n2 1 0\n1 2 3\n4 5 6\n3 0 1 0\n", []),
+        ("OFF\n2\t1\t0\n1 2 3\n4 5 6\n3 0 1 0\n", []),
+        ("OFF 2 1 0\n1 2 3\n4 5 6\n3 0 1 0\n", []),
+        ("OFF2 1 0\r\n1 2 3\r\n4 5 6\r\n3 0 1 0\r\n", []),
+        ("# made by hand\nOFF # so\n\n# counts\n2 1 0 # these\n1 2 3 # first\n\n# next\n4 5 6\n", []),
+        ("COFF\n2 0 0\n1 2 3 10 20 30\n4 5 6 11 21 31\n", ["red", "green", "blue"]),
+        ("COFF\n2 0 0\n1 2 3 10 20 30 255\n4 5 6 11 21 31 255\n", ["red", "green", "blue", "alpha"]),
+        ("NOFF\n2 0 0\n1 2 3 0 0 1\n4 5 6 0 1 0\n", ["nx", "ny", "nz"]),
+        ("STCNOFF\n2 0 0\n" + "".join(f"{p} 0 0 1 9 9 9 .5 .5\n" for p in ("1 2 3", "4 5 6")),
+         ["nx", "ny", "nz", "red", "green", "blue", "s", "t"]),
+        ("OFF\n2 0 0\n1 2 3 9\n4 5 6 9\n", ["column_4"]),
+    ],
+)  # fmt: skip
+def test_off(mesh, text, names):
+    cloud = read(mesh(".off", text))
+    assert cloud.points.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert cloud.coordinate_dtype == np.float64
+    assert list(cloud.attributes) == names
+    if "red" in names:
+        assert cloud.attributes["red"].dtype == np.int64
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "begins with OFF, COFF or NOFF, found ''"),
+        ("4OFF\n1 0 0\n", "found '4OFF'"),
+        ("OFF BINARY\n", "found 'OFF BINARY'"),
+        ("OFF\n", "numbers of vertices, faces, edges, found ''"),
+        ("OFF\nmany 0 0\n", "line 2: .*'many 0 0'"),
+        ("OFF\n3 0 0\n1 2 3\n4 5 6\n", "ends in vertex 3 of 3"),
+        ("OFF\n3 0 0\n1 2 3\n4 5", "ends in vertex 2 of 3"),
+        ("OFF\n# so\n3 0 0\n1 2 3\n4 5\n7 8 9\n", "line 5: expected 3 numbers, found '4 5'"),
+        ("OFF\n1 0 0\n1 2\n", "three coordinates for each vertex, found 2"),
+        ("COFF\n1 0 0\n1 2 3 4\n", "expected 6 numbers for each vertex, found 4"),
+    ],
+)
+def test_malformed_off(mesh, text, message):
+    with pytest.raises(FileFormatError, match=message):
+        read(mesh(".off", text))
+
+
+@pytest.mark.parametrize(
+    ("extra", "names"),
+    [
+        ("", []),
+        (" 1", ["w"]),
+        (" .1 .2 .3", ["red", "green", "blue"]),
+        (" 1 .1 .2 .3", ["w", "red", "green", "blue"]),
+    ],
+)
+def test_obj(mesh, extra, names):
+    text = f"# made by hand\nmtllib a.mtl\nv 1 2 3{extra}\nvn 0 0 1\nvt 0 0\n v\t4 5 6{extra}\nf 1 2 1\n"
+    cloud = read(mesh(".obj", text))
+    assert cloud.points.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert cloud.coordinate_dtype == np.float64
+    assert list(cloud.attributes) == names
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("v 1 2 3\nf 1 1 1\nv 1 2\n", "line 3: expected 3 numbers, found 'v 1 2'"),
+        ("v 1 2\n", "three coordinates for each vertex, found 2"),
+        ("v 1 2 3 4 5\n", "3, 4, 6 or 7 numbers in each v line, found 5"),
+    ],
+)
+def test_malformed_obj(mesh, text, message):
+    with pytest.raises(FileFormatError, match=message):
+        read(mesh(".obj", text))
+
+
+def text_stl():
+    lines = ["solid part of something"]
+    for triangle in TRIANGLES:
+        lines += [" facet normal 0 0 1", "  outer loop"]
+        lines += [f"   vertex {x} {y} {z}" for x, y, z in triangle]
+        lines += ["  endloop", " endfacet"]
+    return "\n".join([*lines, "endsolid part of something", ""])
+
+
+def binary_stl(start=b"solid, though binary"):
+    facets = b"".join(struct.pack("<12fH", 0, 0, 1, *triangle.ravel(), 0) for triangle in TRIANGLES)
+    return start.ljust(80, b" ") + struct.pack("<I", len(TRIANGLES)) + facets
+
+
+@pytest.mark.parametrize(("content", "dtype"), [(text_stl(), "f8"), (binary_stl(), "f4"), (binary_stl(b"a"), "f4")])
+@pytest.mark.parametrize("suffix", [".stl", ".unknown"])
+def test_stl_corners_come_once_in_order(mesh, content, dtype, suffix):
+    cloud = read(mesh(suffix, content))
+    assert cloud.points.tolist() == CORNERS
+    assert cloud.coordinate_dtype == np.dtype(dtype)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (binary_stl(b"a")[:-1], "ends in facet 3 of 3"),
+        (binary_stl(b"a")[:84], "ends in facet 1 of 3"),
+        (binary_stl(b"a")[:50], "at least 84 bytes, found 50"),
+        (text_stl()[:-40], "ends in facet 4"),
+        (text_stl()[:200], "ends in facet 2"),
+        (b"", "at least 84 bytes"),
+    ],
+)
+def test_cut_stl(mesh, content, message):
+    with pytest.raises(FileFormatError, match=message):
+        read(mesh(".stl", content))
+
+
+def test_off_without_vertices_is_an_empty_cloud(mesh):
+    assert len(read(mesh(".off", "COFF\n0 0 0\n"))) == 0
+
+
+def test_stl_without_facets_is_an_empty_cloud(mesh):
+    assert len(read(mesh(".stl", "solid nothing\nendsolid nothing\n"))) == 0
+    assert len(read(mesh(".stl", bytes(84)))) == 0

@@ -1,0 +1,251 @@
+"""PLY files as others write them: every encoding, lists, elements before the vertices, damage."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from gppcs.cloud import PointCloud
+from gppcs.errors import FileFormatError, OutputError
+from gppcs.io import read, write
+
+NAMES = {
+    "i1": ("char", "int8"),
+    "u1": ("uchar", "uint8"),
+    "i2": ("short", "int16"),
+    "u2": ("ushort", "uint16"),
+    "i4": ("int", "int32"),
+    "u4": ("uint", "uint32"),
+    "f4": ("float", "float32"),
+    "f8": ("double", "float64"),
+}
+XYZ = ["property float x", "property float y", "property float z"]
+ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
+
+
+@pytest.fixture
+def ply(tmp_path):
+    """Write a PLY file of header lines and a body; return its path."""
+
+    def make(encoding, header, body=b"", end="\n"):
+        path = tmp_path / "cloud.ply"
+        lines = ["ply", f"format {encoding} 1.0", *header, "end_header", ""]
+        path.write_bytes(end.join(lines).encode() + body)
+        return path
+
+    return make
+
+
+@pytest.mark.parametrize("which", [0, 1])
+@pytest.mark.parametrize("encoding", ["ascii", *ORDERS])
+def test_every_type_under_both_names(ply, encoding, which):
+    values = [(1, 2, 3, *(i + 7 * k for k in range(8))) for i in range(5)]
+    header = ["element vertex 5", *XYZ, *(f"property {names[which]} {t}" for t, names in NAMES.items())]
+    if encoding == "ascii":
+        body = "".join(" ".join(map(str, row)) + "\n" for row in values).encode()
+    else:
+        record = [(axis, "f4") for axis in "xyz"] + [(t, t) for t in NAMES]
+        body = np.array(values, np.dtype(record).newbyteorder(ORDERS[encoding])).tobytes()
+    cloud = read(ply(encoding, header, body))
+    assert cloud.coordinate_dtype == np.float32
+    assert np.array_equal(cloud.points, np.tile([1.0, 2, 3], (5, 1)))
+    for k, name in enumerate(NAMES):
+        assert cloud.attributes[name].dtype == np.dtype(name)
+        assert cloud.attributes[name].flags.c_contiguous
+        assert cloud.attributes[name].tolist() == [i + 7 * k for i in range(5)]
+
+
+@pytest.mark.parametrize("encoding", ["ascii", *ORDERS])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_faces_before_vertices_and_lists_within_them_are_passed_by(ply, encoding, end):
+    header = [
+        "comment made by hand",
+        "obj_info of no use",
+        "element camera 2",
+        "property double focus",
+        "element face 2",
+        "property uchar flag",
+        "property list uchar int vertex_indices",
+        "element vertex 3",
+        "property float x",
+        "property list uchar short friends",
+        "property float y",
+        "property double z",
+        "property list int float weights",
+        "property uchar label",
+        "element edge 1",
+        "property int end",
+    ]
+    vertices = [(0.5, [1, 2], 1.5, 2.25, [], 7), (3, [], 4, 5, [0.5, 0.25, 1], 8), (6, [9], 7, 8, [1], 9)]
+    if encoding == "ascii":
+        rows = ["1.0", "2.0", "1 3 0 1 2", "1 4 0 1 2 0"]
+        for x, friends, y, z, weights, label in vertices:
+            row = [x, len(friends), *friends, y, z, len(weights), *weights, label]
+            rows.append(" ".join(map(str, row)))
+        body = end.join([*rows, "3", ""]).encode()
+    else:
+        order = ORDERS[encoding]
+        body = struct.pack(order + "dd", 1, 2) + struct.pack(order + "BBiiiBBiiii", 1, 3, 0, 1, 2, 1, 4, 0, 1, 2, 0)
+        for x, friends, y, z, weights, label in vertices:
+            row = f"{order}fB{len(friends)}hfdi{len(weights)}fB"
+            body += struct.pack(row, x, len(friends), *friends, y, z, len(weights), *weights, label)
+        body += struct.pack(order + "i", 3)
+    cloud = read(ply(encoding, header, body, end))
+    assert cloud.points.tolist() == [[0.5, 1.5, 2.25], [3, 4, 5], [6, 7, 8]]
+    assert cloud.attributes["label"].tolist() == [7, 8, 9]
+    assert list(cloud.attributes) == ["label"]
+
+
+@pytest.mark.parametrize("encoding", ["ascii", *ORDERS])
+@pytest.mark.parametrize("extra", [[], ["property list uchar int friends"]])
+def test_no_vertices_is_an_empty_cloud(ply, encoding, extra):
+    cloud = read(ply(encoding, ["element vertex 0", *XYZ, "property uchar red", *extra]))
+    assert len(cloud) == 0
+    assert cloud.attributes["red"].dtype == np.uint8
+
+
+def test_coordinates_stand_anywhere_and_keep_their_place_among_types(ply):
+    header = ["element vertex 1", "property int z", "property uchar a", "property int x", "property int y"]
+    cloud = read(ply("binary_big_endian", header, struct.pack(">iBii", 3, 9, 1, 2)))
+    assert cloud.points.tolist() == [[1, 2, 3]]
+    assert cloud.coordinate_dtype == np.int32
+
+
+@pytest.mark.parametrize("left", [0, 1, 11, 12, 30, 99 * 12 + 11])
+def test_a_cut_file_tells_the_first_missing_vertex(ply, left):
+    body = np.arange(300, dtype="<f4").tobytes()[:left]
+    path = ply("binary_little_endian", ["element vertex 100", *XYZ], body)
+    with pytest.raises(FileFormatError, match=rf"ends in vertex {left // 12 + 1} of 100\b"):
+        read(path)
+
+
+@pytest.mark.parametrize(("left", "missing"), [("", 1), ("1 2 3\n", 2), ("1 2 3\n4 5", 2), ("1 2 3\n4 5 6\n7", 3)])
+def test_a_cut_text_file_tells_the_first_missing_vertex(ply, left, missing):
+    path = ply("ascii", ["element vertex 3", *XYZ], left.encode())
+    with pytest.raises(FileFormatError, match=f"ends in vertex {missing} of 3"):
+        read(path)
+
+
+@pytest.mark.parametrize(("left", "where"), [(1, "face 1 of 2"), (13, "face 2 of 2"), (29, "vertex 1 of 1")])
+def test_a_cut_in_earlier_elements_or_lists_is_told(ply, left, where):
+    header = ["element face 2", "property list uchar int vertex_indices"]
+    header += ["element vertex 1", *XYZ, "property list uchar int friends"]
+    body = struct.pack("<BiiiBiiifffB", 3, 0, 1, 2, 3, 0, 1, 2, 1, 2, 3, 0)
+    with pytest.raises(FileFormatError, match=f"ends in {where}"):
+        read(ply("binary_little_endian", header, body[:left]))
+    assert len(read(ply("binary_little_endian", header, body))) == 1
+
+
+@pytest.mark.parametrize("encoding", ["ascii", *ORDERS])
+def test_a_cut_in_an_earlier_element_of_numbers_is_told(ply, encoding):
+    header = ["element camera 2", "property double focus", "element vertex 1", *XYZ]
+    with pytest.raises(FileFormatError, match="ends in camera 2 of 2"):
+        read(ply(encoding, header, b"1.0000\n" if encoding == "ascii" else bytes(8)))
+
+
+def test_lists_of_negative_length_are_refused(ply):
+    header = ["element face 1", "property list char int vertex_indices", "element vertex 0", *XYZ]
+    with pytest.raises(FileFormatError, match="face 1, found one of length -1"):
+        read(ply("binary_little_endian", header, b"\xff" * 20))
+    header = ["element vertex 1", *XYZ, "property list char int friends"]
+    with pytest.raises(FileFormatError, match="line 9: expected 3 numbers"):
+        read(ply("ascii", header, b"1 2 3 -1\n"))
+
+
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        (
+            ["element vertex 1", "property float x", "property float y"],
+            "x, y and z for each point, found 'x', 'y'",
+        ),
+        (["element vertex 1"], "x, y and z for each point, found nothing"),
+        (["element point 1", *XYZ], "element named vertex, found 'point'"),
+        ([], "element named vertex, found none"),
+        (["element vertex many"], "line 3: .*'element vertex many'"),
+        (["element vertex -1"], "line 3"),
+        (["element vertex 1", "property real x"], "line 4: .*'property real x'"),
+        (["element vertex 1", "property list float int x"], "line 4"),
+        (["property float x"], "line 3"),
+        (["element vertex 1", *XYZ, "property int x"], "line 7: .*'x' twice in vertex"),
+        (["format ascii 2.0"], "line 3"),
+        (["nonsense"], "line 3: .*'nonsense'"),
+    ],
+)
+def test_malformed_headers_tell_the_line(ply, header, message):
+    with pytest.raises(FileFormatError, match=message):
+        read(ply("binary_little_endian", header, bytes(100)))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "expected 'end_header'|end_header"),
+        (b"plywood\n", "'ply' as the first line .*'plywood'"),
+        (b"ply\nformat ascii 1.0\n", "end_header"),
+        (b"ply\nelement vertex 0\nend_header\n", "format"),
+    ],
+)
+def test_what_is_no_whole_header_is_refused(tmp_path, content, message):
+    path = tmp_path / "cloud.ply"
+    path.write_bytes(content)
+    with pytest.raises(FileFormatError, match=message):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("1 2 3 256", "uchar as red of vertex 2, found 256"),
+        ("1 2 3 0.5", "uchar as red of vertex 2, found 0.5"),
+        ("1 2 3 nan", "uchar as red of vertex 2, found nan"),
+        ("1 2 3", "line 10: expected 4 numbers, found '1 2 3'"),
+        ("1 2 3 4 5", "line 10"),
+        ("1 2 three 4", "line 10: .*'1 2 three 4'"),
+    ],
+)
+def test_bad_rows_of_text_tell_what_and_where(ply, row, message):
+    header = ["element vertex 3", *XYZ, "property uchar red"]
+    with pytest.raises(FileFormatError, match=message):
+        read(ply("ascii", header, f"1 2 3 4\n{row}\n1 2 3 4\n".encode()))
+
+
+def test_whole_numbers_of_64_bit_take_the_narrowest_type_that_is_exact(tmp_path):
+    def written(*values, dtype=np.int64):
+        path = tmp_path / "cloud.ply"
+        cloud = PointCloud(np.zeros((len(values), 3)), {"id": np.array(values, dtype)})
+        write(path, cloud, force=True)
+        back = read(path).attributes["id"]
+        assert [int(value) for value in back] == list(values)
+        return back.dtype
+
+    assert written(-(2**31), 2**31 - 1) == np.int32
+    assert written(0, 2**32 - 1) == np.uint32
+    assert written(-1, 2**32 - 1) == np.float64
+    assert written(-(2**63), 2**62) == np.float64
+    assert written(2**63, dtype=np.uint64) == np.float64
+    assert written() == np.int32
+    for value, dtype in ((2**53 + 1, np.int64), (2**63 - 1, np.int64), (2**64 - 1, np.uint64)):
+        with pytest.raises(OutputError, match="'id'"):
+            written(value, dtype=dtype)
+
+
+def test_attributes_that_cannot_be_columns_are_refused(tmp_path):
+    def writing(**attributes):
+        write(tmp_path / "cloud.ply", PointCloud(np.zeros((1, 3)), attributes))
+
+    with pytest.raises(OutputError, match="numbers in attribute 'name'"):
+        writing(name=np.array(["a"]))
+    with pytest.raises(OutputError, match="'x' twice"):
+        writing(x=np.zeros(1))
+    with pytest.raises(OutputError, match="'a_b' twice"):
+        writing(**{"a b": np.zeros(1), "a_b": np.zeros(1)})
+    with pytest.raises(OutputError, match="'n_0' twice"):
+        writing(n=np.zeros((1, 2)), n_0=np.zeros(1))
+    assert not any(tmp_path.iterdir())
+
+
+def test_fractions_are_not_cut_to_whole_coordinates(tmp_path):
+    for points in (np.full((1, 3), 0.5), np.full((1, 3), 2.0**31), np.full((1, 3), np.nan)):
+        with pytest.raises(OutputError, match="whole numbers of type int32"):
+            write(tmp_path / "cloud.ply", PointCloud(points, coordinate_dtype=np.dtype("i4")))

@@ -1,0 +1,143 @@
+"""Tables of numbers as text: delimiters, headers, counts, comments, bad lines."""
+
+import numpy as np
+import pytest
+
+from gppcs.cloud import PointCloud
+from gppcs.errors import FileFormatError
+from gppcs.io import read, rows, write
+
+
+@pytest.fixture
+def table(tmp_path):
+    """Write text to a file; return its path."""
+
+    def make(text, suffix=".xyz"):
+        path = tmp_path / f"cloud{suffix}"
+        path.write_bytes(text.encode())
+        return path
+
+    return make
+
+
+@pytest.mark.parametrize("delimiter", [",", ", ", ";", " ", "   ", "\t"])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_delimiters_and_line_ends(table, delimiter, end):
+    lines = [delimiter.join(row) for row in (["1.5", "2.5", "3.5", "7"], ["-1e3", ".5", "6.", "8"])]
+    cloud = read(table(end.join(lines)))
+    assert cloud.points.tolist() == [[1.5, 2.5, 3.5], [-1000, 0.5, 6]]
+    assert cloud.attributes["column_4"].tolist() == [7, 8]
+    assert cloud.attributes["column_4"].dtype == np.int64
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("x,y,z,intensity\n1,2,3,4\n", ["intensity"]),
+        ("\ufeffX;Y;Z;Reflectance\n1;2;3;4\n", ["Reflectance"]),
+        ('"x" "y" "z" "a"\n1 2 3 4\n', ["a"]),
+        ("//X Y Z R\n1 2 3 4\n", ["R"]),
+        ("# a comment\n# x y z label\n# another\n1 2 3 4\n", ["label"]),
+        ("# x y z\n1 2 3 4\n", ["column_4"]),
+        ("# x, y, z, label\n1 2 3 4\n", ["label"]),
+        ("x,y,z,\n1,2,3,4\n", ["column_4"]),
+        ("x,y,z,Scalar field\n1,2,3,4\n", ["Scalar field"]),
+    ],
+)
+def test_names_come_from_a_header_or_a_comment(table, text, names):
+    cloud = read(table(text))
+    assert cloud.points.tolist() == [[1, 2, 3]]
+    assert list(cloud.attributes) == names
+    assert cloud.attributes[names[0]].tolist() == [4]
+
+
+def test_coordinates_are_found_by_name(table):
+    cloud = read(table("time,z,y,x,X\n0.5,3,2,1,9\n", ".csv"))
+    assert cloud.points.tolist() == [[1, 2, 3]]
+    assert list(cloud.attributes) == ["time", "X"]
+
+
+@pytest.mark.parametrize(
+    ("extra", "names"),
+    [
+        ("", []),
+        (" 4", ["intensity"]),
+        (" 4 5", ["column_4", "column_5"]),
+        (" 4 5 6", ["red", "green", "blue"]),
+        (" 4 5 6 7", ["intensity", "red", "green", "blue"]),
+    ],
+)
+@pytest.mark.parametrize("count", ["2\n", ""])
+def test_columns_of_pts_files(table, extra, names, count):
+    cloud = read(table(f"{count}1.5 2 3{extra}\n4.5 5 6{extra}\n", ".pts"))
+    assert cloud.points.tolist() == [[1.5, 2, 3], [4.5, 5, 6]]
+    assert list(cloud.attributes) == names
+
+
+def test_pts_files_are_written_with_their_count(tmp_path):
+    colours = {name: np.array([1, 2], np.uint8) for name in ("red", "green", "blue")}
+    path = tmp_path / "cloud.pts"
+    write(path, PointCloud([[1.5, 2, 3], [4, 5, 6]], colours))
+    assert path.read_text() == "2\n1.5 2.0 3.0 1 1 1\n4.0 5.0 6.0 2 2 2\n"
+    assert list(read(path).attributes) == list(colours)
+
+
+def test_numbers_are_written_as_the_shortest_text_of_their_type(tmp_path):
+    path = tmp_path / "cloud.csv"
+    points = np.array([[0.1, 1, 1e-7]], np.float32)
+    write(path, PointCloud(points, {"a b": np.array([True]), "h": np.array([0.1])}, points.dtype))
+    assert path.read_text() == "x,y,z,a_b,h\n0.1,1.0,1e-07,1,0.1\n"
+
+
+def test_whole_numbers_beyond_float64_are_kept(table):
+    cloud = read(table("x y z id big mixed\n1 2 3 9007199254740993 99999999999999999999 1\n4 5 6 7 8 1.5\n"))
+    assert cloud.attributes["id"].tolist() == [9007199254740993, 7]
+    assert cloud.attributes["big"].dtype == np.float64
+    assert cloud.attributes["mixed"].tolist() == [1, 1.5]
+    assert cloud.coordinate_dtype == np.int64
+    with pytest.raises(FileFormatError, match=r"below 2\^53, found larger ones in y; subtract an offset"):
+        read(table("1 9007199254740993 3\n"))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("1 2 3\n4 5 6\n7 8\n", "line 3: expected 3 numbers, found '7 8'"),
+        ("1 2 3\n\n# no\n4 five 6\n7 8\n", "line 4: expected 3 numbers, found '4 five 6'"),
+        ("1,2,3\n4,,6\n", "line 2: expected 3 numbers, found '4,,6'"),
+        ("1 2 3\n4 5 6 7\n", "line 2: expected 3 numbers"),
+        ("1 2\n", "line 1: expected at least three numbers, found '1 2'"),
+        ("1 2 3x\n", "line 1: expected numbers, or names of columns with x, y, z, found '1 2 3x'"),
+        ("lon,lat,alt\n1,2,3\n", "line 1: expected numbers, or names"),
+        ("x,y,z,a,a\n1,2,3,4,5\n", "line 1: .*'a' twice"),
+        ("x,y,z\n1,2,3,4\n", "line 1 names 3 columns, but line 2 has 4 numbers"),
+        ("3\n1 2 3\n4 5 6\n", "ends in point 3 of 3"),
+        ("3\n1 2 3\n4 5", "ends in point 2 of 3"),
+        ("3\n", "expected 3 points, found none"),
+        ("1\n1 2 3\n4 5 6\n", "expected 1 points, as the file says, found more"),
+        ("0\n4 5 6\n", "expected 0 points, as the file says, found more"),
+    ],
+)
+@pytest.mark.parametrize("suffix", [".txt", ".pts"])
+def test_bad_lines_are_told_by_number(table, text, message, suffix):
+    with pytest.raises(FileFormatError, match=message):
+        read(table(text, suffix))
+
+
+def test_bad_lines_after_the_first_block_are_told_by_number(table, monkeypatch):
+    monkeypatch.setattr(rows, "BLOCK", 4)
+    text = "# x y z\n" + "1 2 3\n\n" * 10
+    assert len(read(table(text))) == 10
+    with pytest.raises(FileFormatError, match="line 22: expected 3 numbers, found '1 2 3 4'"):
+        read(table(text + "1 2 3 4\n"))
+
+
+def test_a_column_may_turn_to_fractions_in_a_later_block(table, monkeypatch):
+    monkeypatch.setattr(rows, "BLOCK", 2)
+    cloud = read(table("1 2 3 4\n" * 4 + "1 2 3 4.5\n"))
+    assert cloud.attributes["column_4"].tolist() == [4, 4, 4, 4, 4.5]
+
+
+@pytest.mark.parametrize("text", ["", "\n", "# nothing\n", "x,y,z\n", "0\n"])
+def test_tables_without_rows_are_empty_clouds(table, text):
+    assert len(read(table(text))) == 0
