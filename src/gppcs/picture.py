@@ -155,7 +155,7 @@ def draw(
         figure.text(middle, 1 - 34 / size[1], panel.title, ha="center", size=15, weight="bold", color="0.15")
         figure.text(middle, 1 - 58 / size[1], counted, ha="center", size=11.5, color="0.35")
     _add_bar(figure, layout, scale, label)
-    figure.savefig(target, format="png")
+    figure.savefig(target, format="png", dpi=100)
 
 
 def _add_bar(figure: Figure, layout: _Layout, scale: ScalarMappable, label: str) -> None:
@@ -253,9 +253,11 @@ class _Camera:
         # Everything, unless strays lie so far out that the rest would be small.
         reach = 0.25 * (inner_high - inner_low)
         low, high = np.maximum(low, inner_low - reach), np.minimum(high, inner_high + reach)
-        extent = np.maximum(high - low, np.finfo(float).tiny)
+        extent = high - low
+        # A line has one extent only, and a single place none.
+        extent = np.maximum(extent, 1e-6 * extent.max() or 1.0)
         scale = float(np.min(np.array(shape) * (1.0 - 2.0 * MARGIN) / extent))
-        return cls(axes, (low + high) / 2.0, scale if np.isfinite(scale) else 1.0, shape)
+        return cls(axes, (low + high) / 2.0, scale, shape)
 
     def pixels(self, points: Array) -> tuple[NDArray[np.int64], Array]:
         """Return columns and rows, (N, 2), and depths away from the viewer, (N,), in supersampled pixels."""
@@ -277,7 +279,9 @@ class _Scene:
         self.camera = camera
         self.tree = cKDTree(reference.points, balanced_tree=False, compact_nodes=False)
         # The sixth neighbour lies 1.4 mean spacings away: discs a little larger leave next to no gaps.
-        radii = np.clip(1.2 * camera.scale * _sixth_neighbour(self.tree), 1.0, MAX_SURFACE_RADIUS)
+        radii = 1.2 * camera.scale * _sixth_neighbour(self.tree)
+        # Strays, which have no near neighbours, must not become large plates.
+        radii = np.clip(radii, 1.0, np.clip(4.0 * np.median(radii), 1.0, MAX_SURFACE_RADIUS))
         place, depth = camera.pixels(reference.points)
         # Small flat discs first, to spare most of the far side the normals; then discs in the surface.
         nearest, _ = _splat(place, depth, 0.4 * radii, None, camera.shape)

@@ -105,7 +105,7 @@ def _wall() -> list[Patch]:
 
 
 def _residual(points: Values) -> Values:
-    """Build the solid from blocks: max intersects, min joins, a minus sign takes the outside."""
+    """Build the solid from blocks that overlap, since a shared face would be a zero inside it."""
     x, y, z = points.T
     across, from_eye = np.abs(x), np.hypot(x, z - EYE)
 
@@ -125,7 +125,7 @@ def _residual(points: Values) -> Values:
         plate = common(plate, -joined(radius - HOLE, cone))
     arch = joined(common(across - WALL_X, z - EYE), from_eye - WALL_X)
     wall = common(arch, WALL_FRONT - y, y - WALL_BACK, -z)
-    foot = common(across - WALL_X, WALL_FRONT - FILLET - y, y - WALL_FRONT, z - PLATE_Z - FILLET, -z)
+    foot = common(across - WALL_X, WALL_FRONT - FILLET - y, y - WALL_BACK, z - PLATE_Z - FILLET, -z)
     fillet = common(foot, FILLET - np.hypot(y - WALL_FRONT + FILLET, z - PLATE_Z - FILLET))
     boss = common(from_eye - BOSS, BOSS_FRONT - y, y - WALL_BACK)
     return common(joined(plate, wall, fillet, boss), BORE - from_eye)

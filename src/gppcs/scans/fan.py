@@ -99,7 +99,7 @@ def _hub_and_duct() -> list[Patch]:
 
 
 def _residual(points: Values) -> Values:
-    """Build the solid from blocks: max intersects, min joins, a minus sign takes the outside."""
+    """Build the solid from blocks that overlap, since a shared face would be a zero inside it."""
     x, y, z = points.T
     r = np.hypot(x, y)
     share = (r - HUB) / (DUCT_INNER - HUB)
@@ -109,10 +109,9 @@ def _residual(points: Values) -> Values:
     camber_slope = (PITCH + 2.0 * CAMBER * phi) * turn_slope
     sheet = (np.abs(z - PITCH * phi - CAMBER * phi**2) - HALF_THICKNESS) / np.hypot(1.0, camber_slope)
     chord = (np.abs(phi) - HALF_CHORD) / turn_slope
-    # Blades end within hub and ring, so that no face is left between them.
     blade = np.maximum.reduce([sheet, chord, HUB - 1.0 - r, r - DUCT_INNER - 1.0])
     barrel = np.maximum(r - HUB, np.abs(z) - HUB_HALF)
-    hub = np.minimum(barrel, np.maximum(np.hypot(r, z - HUB_HALF) - HUB, HUB_HALF - z))
+    hub = np.minimum(barrel, np.hypot(r, z - HUB_HALF) - HUB)
     bored = np.maximum(hub, -np.maximum(r - BORE, z - BORE_TOP))
     duct = np.maximum.reduce([r - DUCT_OUTER, DUCT_INNER - r, np.abs(z) - DUCT_HALF])
     residual: Values = np.minimum.reduce([blade, bored, duct])

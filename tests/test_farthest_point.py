@@ -1,0 +1,51 @@
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gppcs.farthest_point import farthest_points
+from gppcs.kdtree import KdTree
+
+
+def plain_farthest_points(points, n_points):
+    """The textbook algorithm."""
+    squared = np.full(len(points), np.inf)
+    index = int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))
+    chosen, distances = [], []
+    for _ in range(n_points):
+        chosen.append(index)
+        distances.append(squared[index])
+        squared = np.minimum(squared, ((points - points[index]) ** 2).sum(axis=1))
+        squared[chosen] = -1.0
+        index = int(np.argmax(squared))
+    return np.array(chosen), np.sqrt(distances)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(1, 400), st.booleans(), st.integers(0, 99), st.data())
+def test_equals_the_plain_algorithm(n, on_grid, seed, data):
+    rng = np.random.default_rng(seed)
+    points = rng.integers(0, 5, (n, 3)).astype(float) if on_grid else rng.random((n, 3))
+    n_points = data.draw(st.integers(1, n))
+    indices, distances = farthest_points(points, n_points)
+    expected, expected_distances = plain_farthest_points(points, n_points)
+    np.testing.assert_array_equal(indices, expected)
+    np.testing.assert_array_equal(distances, expected_distances)
+
+
+def test_equals_the_plain_algorithm_on_a_scan(bracket):
+    indices, _ = farthest_points(bracket, 700)
+    np.testing.assert_array_equal(indices, plain_farthest_points(bracket, 700)[0])
+
+
+def test_a_tree_at_hand_changes_nothing_and_smaller_choices_are_prefixes(bracket):
+    indices, distances = farthest_points(bracket, 5_000)
+    again, _ = farthest_points(bracket, 900, KdTree.build(bracket))
+    np.testing.assert_array_equal(again, indices[:900])
+    assert (np.diff(distances) <= 0).all()
+
+
+def test_progress_adds_up(bracket):
+    steps = []
+    farthest_points(bracket, 5_000, advanced=steps.append)
+    assert len(steps) > 1
+    assert sum(steps) == 5_000

@@ -1,0 +1,104 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numba import get_num_threads, set_num_threads
+
+import gppcs
+from gppcs.features import estimate_features, features_in_radius, features_of_nearest
+from gppcs.kdtree import KdTree
+from gppcs.neighbourhood import ColumnGrid, paper_radius
+
+
+def plain_features(points, neighbourhoods):
+    """Surface variation and normals by NumPy's eigensolver (paper, Eqs. 1 and 2)."""
+    variation, normals, isolated = [], [], []
+    for neighbours in neighbourhoods:
+        local = points[neighbours] - points[neighbours].mean(axis=0)
+        values, vectors = np.linalg.eigh(local.T @ local)
+        variation.append(values[0] / values.sum() if values.sum() > 0 else 0.0)
+        normals.append(vectors[:, 0])
+        isolated.append(values[1] - values[0] > 1e-6 * values.sum())
+    return np.maximum(variation, 0.0), np.array(normals), np.array(isolated)
+
+
+def assert_same(features, expected):
+    variation, normals, isolated = expected
+    np.testing.assert_allclose(features.surface_variation, variation, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(features.normals, axis=1), 1.0, atol=1e-12)
+    cosines = np.abs((features.normals * normals).sum(axis=1))
+    np.testing.assert_allclose(cosines[isolated], 1.0, atol=1e-6)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(1, 200), st.floats(0.05, 1.0), st.integers(0, 99))
+def test_radius_equals_plain_numpy(n, radius, seed):
+    rng = np.random.default_rng(seed)
+    points = rng.random((n, 3)) * rng.choice([1.0, 1e-3], 3)
+    inside = ((points[:, None] - points) ** 2).sum(axis=2) <= radius * radius
+    assert_same(features_in_radius(ColumnGrid.build(points, radius)), plain_features(points, inside))
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(3, 200), st.integers(3, 30), st.integers(0, 99))
+def test_nearest_equals_plain_numpy(n, k, seed):
+    points = np.random.default_rng(seed).random((n, 3))
+    order = np.argsort(((points[:, None] - points) ** 2).sum(axis=2), axis=1)
+    assert_same(features_of_nearest(KdTree.build(points), k), plain_features(points, order[:, :k]))
+
+
+@pytest.mark.parametrize("name", ["bracket", "medallion", "fan"])
+def test_equals_jakteristics(name):
+    jakteristics = pytest.importorskip("jakteristics")
+    points = gppcs.sample(name, n_points=30_000, noise=0.001).points
+    radius = paper_radius(points)
+    features = features_in_radius(ColumnGrid.build(points, radius))
+    names = ["surface_variation", "number_of_neighbors"]
+    expected = {
+        name: jakteristics.compute_features(points, search_radius=radius, feature_names=[name])[:, 0] for name in names
+    }
+    np.testing.assert_array_equal(features.neighbours, expected["number_of_neighbors"])
+    enough = features.neighbours >= 3
+    assert enough.mean() > 0.99
+    np.testing.assert_allclose(features.surface_variation[enough], expected["surface_variation"][enough], atol=1e-6)
+
+
+def test_known_values():
+    rng = np.random.default_rng(0)
+    disc = np.column_stack([rng.random((400, 2)), np.full(400, 3.0)])
+    ball = rng.standard_normal((40_000, 3))
+    line = rng.random((400, 1)) * [[1.0, 2.0, 3.0]]
+    flat = features_of_nearest(KdTree.build(disc), 20)
+    np.testing.assert_allclose(flat.surface_variation, 0.0, atol=1e-15)
+    np.testing.assert_allclose(np.abs(flat.normals[:, 2]), 1.0)
+    assert features_of_nearest(KdTree.build(ball), 40_000).surface_variation[0] == pytest.approx(1 / 3, rel=0.02)
+    straight = features_of_nearest(KdTree.build(line), 20)
+    np.testing.assert_allclose(straight.surface_variation, 0.0, atol=1e-7)
+    np.testing.assert_allclose(straight.normals @ [1.0, 2.0, 3.0], 0.0, atol=1e-6)
+
+
+def test_normals_are_those_of_the_surface():
+    cloud = gppcs.sample("sphere", n_points=20_000)
+    known = np.column_stack([cloud.attributes[name] for name in ("nx", "ny", "nz")])
+    normals = estimate_features(cloud.points).normals
+    assert np.abs((normals * known).sum(axis=1)).min() > 0.995
+
+
+@pytest.mark.parametrize("search", ["radius", "nearest"])
+def test_any_number_of_threads_gives_the_same(bracket, search):
+    threads = get_num_threads()
+    several = estimate_features(bracket, search=search)
+    set_num_threads(1)
+    try:
+        one = estimate_features(bracket, search=search)
+    finally:
+        set_num_threads(threads)
+    np.testing.assert_array_equal(one.surface_variation, several.surface_variation)
+    np.testing.assert_array_equal(one.normals, several.normals)
+
+
+def test_rotation_and_scale_leave_the_variation(bracket):
+    rotation, _ = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))
+    plain = estimate_features(bracket, 20, "nearest").surface_variation
+    turned = estimate_features(1000 * bracket @ rotation, 20, "nearest").surface_variation
+    np.testing.assert_allclose(turned, plain, atol=1e-9)

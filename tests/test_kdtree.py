@@ -1,0 +1,49 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+
+from gppcs.kdtree import LEAF_SIZE, KdTree
+
+SHAPES = {
+    "random": lambda rng, n: rng.standard_normal((n, 3)),
+    "grid, with ties and repeats": lambda rng, n: rng.integers(0, 4, (n, 3)).astype(float),
+    "line": lambda rng, n: rng.random((n, 1)) * [[1.0, 2.0, 3.0]],
+    "one place": lambda rng, n: np.ones((n, 3)),
+}
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.sampled_from(sorted(SHAPES)), st.integers(1, 500), st.integers(1, 12), st.integers(0, 99))
+def test_nearest_are_those_of_brute_force(shape, n, k, seed):
+    points = SHAPES[shape](np.random.default_rng(seed), n)
+    k = min(k, n)
+    indices, squared = KdTree.build(points).nearest_of(points, k)
+    everything = ((points[:, None] - points) ** 2).sum(axis=2)
+    np.testing.assert_array_equal(squared, np.sort(everything, axis=1)[:, :k])
+    np.testing.assert_array_equal(np.take_along_axis(everything, indices, axis=1), squared)
+
+
+def test_queries_elsewhere_match_scipy():
+    rng = np.random.default_rng(1)
+    points, queries = rng.random((5_000, 3)) ** 3, rng.random((300, 3)) * 2 - 0.5
+    indices, squared = KdTree.build(points).nearest_of(queries, 10)
+    distances, expected = cKDTree(points).query(queries, 10)
+    np.testing.assert_array_equal(indices, expected)
+    np.testing.assert_allclose(np.sqrt(squared), distances, rtol=1e-12)
+
+
+@pytest.mark.parametrize("n", [1, LEAF_SIZE, LEAF_SIZE + 1, 1_000, 4_097])
+def test_boxes_hold_their_points_tightly(n):
+    points = np.random.default_rng(2).random((n, 3))
+    tree = KdTree.build(points)
+    np.testing.assert_array_equal(np.sort(tree.order), np.arange(n))
+    np.testing.assert_array_equal(points[tree.order].T, tree.points)
+    leaves = len(tree.low) // 2
+    for level in range(leaves.bit_length()):
+        nodes = 1 << level
+        for j in range(nodes):
+            inside = tree.points[:, n * j // nodes : n * (j + 1) // nodes]
+            np.testing.assert_array_equal(tree.low[nodes + j], inside.min(axis=1))
+            np.testing.assert_array_equal(tree.high[nodes + j], inside.max(axis=1))

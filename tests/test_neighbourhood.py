@@ -1,0 +1,72 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gppcs.features import features_in_radius
+from gppcs.kdtree import KdTree
+from gppcs.neighbourhood import (
+    ColumnGrid,
+    first_occurrences,
+    neighbourhood_radius,
+    paper_radius,
+    spacing,
+)
+
+
+def test_paper_radius_is_cloudcompares_rule():
+    points = np.array([[0, 0, 0], [2, 3, 4], [1, 1, 1]], dtype=float)
+    assert paper_radius(points, 25) == pytest.approx(np.sqrt(25 * 24 ** (2 / 3) / 3), rel=1e-14)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(1, 300), st.floats(0.01, 3.0), st.sampled_from(["even", "flat", "far point"]), st.integers(0, 99))
+def test_neighbours_are_counted_as_by_brute_force(n, radius, shape, seed):
+    points = np.random.default_rng(seed).random((n, 3))
+    if shape == "flat":
+        points[:, 1] = 0.25
+    if shape == "far point":
+        points[0] = 1e6
+    features = features_in_radius(ColumnGrid.build(points, radius))
+    squared = ((points[:, None] - points) ** 2).sum(axis=2)
+    np.testing.assert_array_equal(features.neighbours, (squared <= radius * radius).sum(axis=1))
+
+
+def test_a_far_point_costs_no_memory():
+    points = np.random.default_rng(0).random((10_000, 3))
+    points[0] = 1e9
+    grid = ColumnGrid.build(points, 0.01)
+    assert len(grid.starts) < 50 * len(points)
+
+
+def test_grid_keeps_the_points_and_sorts_the_columns(bracket):
+    grid = ColumnGrid.build(bracket, 1.5)
+    np.testing.assert_array_equal(bracket[grid.order][:, grid.axes].T, grid.points)
+    for begin, end in zip(grid.starts[:-1], grid.starts[1:], strict=True):
+        assert (np.diff(grid.points[2, begin:end]) >= 0).all()
+
+
+def test_the_radius_is_the_papers_unless_its_box_misleads(bracket):
+    tree = KdTree.build(bracket)
+    assert neighbourhood_radius(bracket, tree) == paper_radius(bracket)
+    for misled in (np.vstack([bracket, [[1e5, 1e5, 1e5]]]), bracket * [1, 1, 0] + [0, 0, 7]):
+        tree = KdTree.build(misled)
+        radius = neighbourhood_radius(misled, tree)
+        assert radius != paper_radius(misled)
+        counts = features_in_radius(ColumnGrid.build(misled, radius)).neighbours
+        assert 15 <= np.median(counts) <= 35
+
+
+def test_spacing_of_a_square_lattice():
+    x, y = np.meshgrid(np.arange(60.0), np.arange(60.0))
+    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(3600)]) * 0.25
+    assert spacing(points, KdTree.build(points)) == 0.25
+
+
+@settings(deadline=None)
+@given(st.integers(0, 400), st.integers(1, 6), st.integers(0, 99))
+def test_first_occurrences(n, values, seed):
+    points = np.random.default_rng(seed).integers(-values, values, (n, 3)) * 0.5
+    points[points == 0] *= -1.0  # minus zero is zero
+    _, expected = np.unique(points, axis=0, return_index=True)
+    np.testing.assert_array_equal(np.flatnonzero(first_occurrences(points)), np.sort(expected))

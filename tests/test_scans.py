@@ -1,0 +1,219 @@
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from gppcs.errors import ParameterError
+from gppcs.scans import SCANS, sample
+from gppcs.scans.patch import SurfacePoints
+
+EVERY = pytest.mark.parametrize("name", SCANS)
+
+
+def normals_of(cloud):
+    return np.stack([cloud.attributes[axis].astype(float) for axis in ("nx", "ny", "nz")], axis=1)
+
+
+def gradients(scan, points, step=1e-4):
+    steps = step * np.eye(3)
+    return np.stack([(scan.residual(points + s) - scan.residual(points - s)) / (2.0 * step) for s in steps], axis=1)
+
+
+def unit_gradients(scan, points, step=1e-4):
+    gradient = gradients(scan, points, step)
+    return gradient / np.linalg.norm(gradient, axis=1, keepdims=True)
+
+
+def exact_points(scan, count, seed=0):
+    """Draw from each patch without rounding to float32."""
+    rng = np.random.default_rng(seed)
+    drawn = [patch.draw(count, rng) for patch in scan.patches]
+    return SurfacePoints(
+        *(
+            np.concatenate([getattr(one, part) for one in drawn])
+            for part in ("points", "normals", "curvature", "area_element")
+        )
+    )
+
+
+@EVERY
+def test_points_lie_on_the_surface(name):
+    exact = exact_points(SCANS[name], 2000).points
+    assert np.abs(SCANS[name].residual(exact)).max() < 1e-9
+    rounded = sample(name, 20_000).points
+    assert np.abs(SCANS[name].residual(rounded)).max() < 1e-5
+
+
+@EVERY
+def test_the_points_cover_the_surface(name):
+    scan = SCANS[name]
+    low, high = np.array(scan.box)
+    near = np.random.default_rng(1).uniform(low, high, (15_000, 3))
+    if name == "medallion":
+        near = near[np.hypot(near[:, 0], near[:, 1]) < 49.5]
+    for _ in range(8):
+        slope = gradients(scan, near)
+        near = near - (scan.residual(near) / np.maximum((slope**2).sum(axis=1), 0.1))[:, None] * slope
+    near = near[np.abs(scan.residual(near)) < 1e-6]
+    assert len(near) > 5000
+    distances, _ = cKDTree(sample(name, 60_000).points).query(near)
+    assert distances.max() < 2.5
+
+
+@EVERY
+def test_normals_are_unit_outward_gradients(name):
+    cloud = sample(name, 20_000)
+    normals = normals_of(cloud)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-6)
+    agreement = (normals * unit_gradients(SCANS[name], cloud.points)).sum(axis=1)
+    # Within a step of an edge the gradient takes in both faces.
+    assert np.mean(agreement > 1.0 - 1e-5) > 0.999
+
+
+@EVERY
+def test_curvature_is_half_the_divergence_of_the_normals(name):
+    scan, step = SCANS[name], 1e-3
+    surface = exact_points(scan, 4000 if len(scan.patches) == 1 else 400)
+    divergence = sum(
+        (unit_gradients(scan, surface.points + s) - unit_gradients(scan, surface.points - s))[:, axis]
+        for axis, s in enumerate(step * np.eye(3))
+    ) / (2.0 * step)
+    agrees = np.isclose(surface.curvature, divergence / 2.0, rtol=2e-3, atol=2e-3)
+    assert agrees.mean() > 0.99
+
+
+def test_curvature_has_its_closed_form():
+    np.testing.assert_allclose(sample("sphere", 1000).attributes["curvature"], 1.0 / 50.0, rtol=1e-5)
+    bracket = sample("bracket", 100_000)
+    curvature, normals = bracket.attributes["curvature"], normals_of(bracket)
+    x, y, z = bracket.points.T
+    assert set(np.round(curvature[np.hypot(x, z - 40.0) < 13.01], 5)) == {0.0, np.float32(-0.03846)}  # bore 1/26
+    fillet = (np.hypot(y - 10.0, z - 18.0) > 7.99) & (y > 10.01) & (y < 17.99) & (z < 17.99) & (z > 10.01)
+    fillet &= np.abs(normals[:, 0]) < 0.5
+    np.testing.assert_allclose(curvature[fillet & (np.abs(x) < 29.99)], -1.0 / 16.0, rtol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["bracket", "fan", "sphere"])
+def test_closed_scans_are_closed(name):
+    """Over a closed surface the normals add up to nothing (Gauss)."""
+    normals = normals_of(sample(name, 100_000, seed=3))
+    assert np.all(np.abs(normals.mean(axis=0)) < 4.0 * normals.std(axis=0) / np.sqrt(len(normals)))
+
+
+@EVERY
+def test_the_area_element_stays_below_its_bound(name):
+    rng = np.random.default_rng(0)
+    for patch in SCANS[name].patches:
+        u, v = rng.uniform(*patch.u, 50_000), rng.uniform(*patch.v, 50_000)
+        assert patch.at(u, v).area_element.max() <= patch.stretch * (1.0 + 1e-12)
+
+
+def test_points_are_uniform_by_area_over_the_faces_of_the_bracket():
+    x, y, z = sample("bracket", 200_000).points.T
+    corner_cuts = 2.0 * 100.0 * (1.0 - np.pi / 4.0)
+    faces = {
+        "bottom": (z == 0.0, 6000.0 - corner_cuts - 4.0 * 16.0 * np.pi),
+        "front": (y == -30.0, 800.0),
+        "face of the boss": (y == 8.0, np.pi * (21.0**2 - 13.0**2)),
+        "round top": ((np.abs(np.hypot(x, z - 40.0) - 30.0) < 1e-4) & (z > 40.0), np.pi * 30.0 * 12.0),
+        "sinks": ((z > 6.0) & (z < 10.0) & (np.abs(x) < 49.0) & (np.abs(x) > 30.1) & (y > -29.0) & (y < 29.0), 0.0),
+    }
+    cone = 4.0 * np.pi * (4.0 + 8.0) * np.hypot(4.0, 4.0)
+    faces["sinks"] = (faces["sinks"][0] & (np.hypot(np.abs(x) - 40.0, np.where(y < 0, y + 20, y - 18)) < 8.1), cone)
+    counts = np.array([on_face.sum() for on_face, _ in faces.values()])
+    areas = np.array([area for _, area in faces.values()])
+    expected = counts.sum() * areas / areas.sum()
+    assert ((counts - expected) ** 2 / expected).sum() < 18.5  # chi-square, 4 degrees of freedom, p = 0.001
+
+
+def test_points_are_uniform_by_area_over_the_sphere():
+    points = sample("sphere", 100_000).points
+    cells = np.floor((points + 50.0) / 25.0).clip(0, 3).astype(int)
+    for axis in range(3):
+        counts = np.bincount(cells[:, axis], minlength=4)  # slices of one height have one area
+        assert ((counts - 25_000) ** 2 / 25_000).sum() < 16.3  # 3 degrees of freedom, p = 0.001
+
+
+def test_points_are_uniform_by_area_over_the_relief():
+    """Seen from above, the density is one over the cosine of the slope."""
+    cloud = sample("medallion", 200_000)
+    cosine, radius = normals_of(cloud)[:, 2], np.hypot(*cloud.points[:, :2].T)
+    # The sum of cosines counts the area of the disc below.
+    below = np.array([cosine[radius**2 < share * 2500.0].sum() for share in (0.2, 0.4, 0.6, 0.8, 1.0)])
+    np.testing.assert_allclose(below / below[-1], [0.2, 0.4, 0.6, 0.8, 1.0], atol=0.005)
+
+
+@EVERY
+def test_a_scan_has_its_attributes_and_its_box(name):
+    cloud = sample(name, 5000)
+    assert len(cloud) == 5000
+    assert {key: values.dtype.name for key, values in cloud.attributes.items()} == {
+        **dict.fromkeys(("nx", "ny", "nz", "curvature"), "float32"),
+        **dict.fromkeys(("red", "green", "blue"), "uint8"),
+    }
+    assert cloud.coordinate_dtype == np.float32
+    np.testing.assert_array_equal(cloud.points, cloud.points.astype(np.float32))
+    low, high = np.array(SCANS[name].box)
+    assert np.all(cloud.points >= low - 1e-5)
+    assert np.all(cloud.points <= high + 1e-5)
+    np.testing.assert_allclose(np.ptp(cloud.points, axis=0), high - low, rtol=0.05)
+
+
+@pytest.mark.parametrize("n_points", [1, 2, 70_001])
+def test_the_number_of_points_is_exact(n_points):
+    assert len(sample("fan", n_points, uneven=0.9)) == n_points
+
+
+def test_a_seed_gives_one_cloud():
+    options = {"noise": 0.01, "outliers": 0.1, "uneven": 0.5}
+    first, again = (sample("fan", 3000, **options, seed=4) for _ in range(2))
+    np.testing.assert_array_equal(first.points, again.points)
+    for key, values in first.attributes.items():
+        np.testing.assert_array_equal(values, again.attributes[key])
+    assert not np.array_equal(first.points, sample("fan", 3000, **options, seed=5).points)
+
+
+def test_noise_has_the_standard_deviation_asked_for():
+    clean, noisy = sample("sphere", 50_000), sample("sphere", 50_000, noise=0.01)
+    sigma = 0.01 * 100.0 * np.sqrt(3.0)
+    np.testing.assert_allclose((noisy.points - clean.points).std(axis=0), sigma, rtol=0.02)
+    np.testing.assert_array_equal(normals_of(noisy), normals_of(clean))
+
+
+def test_outliers_have_the_share_asked_for_and_leave_the_others_alone():
+    clean, cloud = sample("bracket", 20_000), sample("bracket", 20_000, outliers=0.05)
+    outlier = cloud.attributes["outlier"].astype(bool)
+    assert outlier.sum() == 1000
+    np.testing.assert_array_equal(cloud.points[~outlier], clean.points[~outlier])
+    from_centre = np.abs(cloud.points[outlier] - [0.0, 0.0, 35.0])
+    assert np.all(from_centre <= [75.0, 45.0, 52.5])
+    np.testing.assert_allclose(from_centre.mean(axis=0), [37.5, 22.5, 26.25], rtol=0.1)
+    assert not normals_of(cloud)[outlier].any()
+
+
+def test_uneven_density_falls_with_the_square_of_the_distance():
+    x = sample("sphere", 200_000, uneven=0.9).points[:, 0]
+    edges = np.linspace(-50.0, 50.0, 9)
+    counts, _ = np.histogram(x, edges)
+    assert np.all(np.diff(counts) < 0)
+    # On a sphere, slices of one height have one area: the integral of 1/distance² remains.
+    distance = 1.0 + (np.sqrt(10.0) - 1.0) * (edges + 50.0) / 100.0
+    expected = np.diff(-1.0 / distance)
+    np.testing.assert_allclose(counts / counts.sum(), expected / expected.sum(), rtol=0.04)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"name": "braket"}, "found 'braket'; did you mean 'bracket'"),
+        ({"name": "teapot"}, "medallion, bracket, fan, sphere"),
+        ({"n_points": 0}, "at least 1, found 0"),
+        ({"noise": -0.1}, "0 or more, found -0.1"),
+        ({"noise": float("nan")}, "found nan"),
+        ({"outliers": 1.0}, "outliers from 0 to below 1, found 1.0"),
+        ({"uneven": -0.5}, "uneven from 0 to below 1, found -0.5"),
+        ({"seed": -1}, "at least 0, found -1"),
+    ],
+)
+def test_arguments_out_of_range_are_refused(arguments, message):
+    with pytest.raises(ParameterError, match=message):
+        sample(**{"name": "sphere", **arguments})
