@@ -6,13 +6,14 @@ import dataclasses
 import json
 import sys
 from dataclasses import dataclass
+from io import TextIOWrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from gppcs import __version__
-from gppcs.errors import GppcsError, OutputError, ParameterError
+from gppcs.errors import GppcsError, InputError, OutputError, ParameterError
 from gppcs.methods import DEFAULT, METHODS, Method, method_named
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 BAD_INPUT = 2
 INTERRUPTED = 130
+FAILURES = (GppcsError, OSError, MemoryError)  # told in one line
 
 _METHOD_LIST = "\n\n".join(
     f"[cyan]{method.name}[/cyan]: {method.summary} [dim]({method.source})[/dim]" for method in METHODS.values()
@@ -30,7 +32,6 @@ _METHOD_LIST = "\n\n".join(
 
 app = typer.Typer(
     name="gppcs",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
@@ -58,7 +59,7 @@ def _root(
     epilog="[bold]Examples[/bold]\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.03 --figures\n\n"
     "gppcs simplify scan.ply -o small.ply --points 5000 --method fps\n\n"
-    "gppcs simplify scan.ply -o small.ply --ratio 0.1 --set eigenfunctions=50 --set k_add=10\n\n"
+    "gppcs simplify scan.ply -o small.ply --ratio 0.1 --set eigenfunctions=50\n\n"
     "gppcs simplify a.ply b.ply -o folder --ratio 0.1 --json\n\n"
     "[bold]Methods[/bold] (their parameters: gppcs methods)\n\n" + _METHOD_LIST,
 )
@@ -87,43 +88,36 @@ def simplify(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Keep exactly the number of points asked for, each with all its attributes."""
-    chosen = method_named(method, _parsed(settings or []))
-    targets = _targets(inputs, output, picture, force)
+    """Keep exactly the number of points asked for, each with all its attributes.
 
-    from gppcs import io
-    from gppcs.console import ProgressBar, compilation_noticed
-    from gppcs.evaluation import evaluate
-    from gppcs.simplification import simplify as simplify_cloud
-    from gppcs.stages import Stages
-
+    Of several inputs, those that can be used are simplified even if others cannot.
+    """
+    options = {
+        "ratio": ratio,
+        "n_points": points,
+        "method": method_named(method, _parsed(settings or [])),
+        "seed": seed,
+        "invalid": invalid,
+    }
+    targets = _targets(inputs, output)
+    if picture:
+        _check_picture(picture, inputs, force)
+    failed = False
     for source, target in targets.items():
-        stages = Stages(ProgressBar())
-        with compilation_noticed() as compilation:
-            with stages("reading"):
-                cloud = io.read(source)
-            result = simplify_cloud(
-                cloud,
-                ratio=ratio,
-                n_points=points,
-                method=chosen,
-                seed=seed,
-                invalid=cast(Any, invalid),
-                stages=stages,
-            )
-            with stages("writing"):
-                io.write(target, result.cloud, force=force)
-            report = None
-            if figures:
-                with stages("figures"):
-                    report = evaluate(cloud.take(_finite(cloud)), result.cloud)
-            if picture:
-                _draw(picture, cloud, result, stages, force)
-        run = _Run(source, target, cloud, result, report, compilation.seconds)
-        if as_json:
-            _print_json(run.record())
+        try:
+            run = _simplify_file(source, target, figures, picture, force, options)
+        except ParameterError:
+            raise  # it would be wrong for every file
+        except FAILURES as error:
+            _tell(error, source)
+            failed = True
         else:
-            run.print()
+            if as_json:
+                _print_json(run.record())
+            else:
+                run.print()
+    if failed:
+        raise typer.Exit(BAD_INPUT)
 
 
 def _parsed(settings: list[str]) -> dict[str, str]:
@@ -134,10 +128,8 @@ def _parsed(settings: list[str]) -> dict[str, str]:
     return {key: value for key, _, value in (setting.partition("=") for setting in settings)}
 
 
-def _targets(inputs: list[Path], output: Path, picture: Path | None, force: bool) -> dict[Path, Path]:
-    """Return the file to write for each input, and make sure that each can be written."""
-    from gppcs import io
-
+def _targets(inputs: list[Path], output: Path) -> dict[Path, Path]:
+    """Return the file to write for each input."""
     if output.is_dir():
         targets = {source: output / source.name for source in inputs}
     elif len(inputs) == 1:
@@ -146,17 +138,48 @@ def _targets(inputs: list[Path], output: Path, picture: Path | None, force: bool
         raise OutputError(f"{output}: expected a folder for the results of {len(inputs)} inputs, found none")
     if len(set(targets.values())) < len(inputs):
         raise OutputError(f"{output}: expected inputs with different names, found two that would write one file")
-    for target in targets.values():
-        io.format_to_write(target)
-        io.check_writable(target, force)
-    if picture:
-        if len(inputs) > 1:
-            raise ParameterError(f"expected one input with --picture, found {len(inputs)}")
-        from gppcs.picture import require_matplotlib
-
-        require_matplotlib()
-        io.check_writable(picture, force)
     return targets
+
+
+def _check_picture(picture: Path, inputs: list[Path], force: bool) -> None:
+    """Make sure that the picture can be drawn and written."""
+    from gppcs.io import check_writable
+    from gppcs.picture import require_matplotlib
+
+    if len(inputs) > 1:
+        raise ParameterError(f"expected one input with --picture, found {len(inputs)}")
+    if picture.suffix.lower() != ".png":
+        raise OutputError(f"{picture}: expected a name that ends in .png for the picture")
+    require_matplotlib()
+    check_writable(picture, force)
+
+
+def _simplify_file(
+    source: Path, target: Path, figures: bool, picture: Path | None, force: bool, options: dict[str, Any]
+) -> _Run:
+    """Simplify one file, with `options` for `simplify`."""
+    from gppcs import io
+    from gppcs.console import ProgressBar, compilation_noticed
+    from gppcs.evaluation import evaluate
+    from gppcs.simplification import simplify
+    from gppcs.stages import Stages
+
+    io.format_to_write(target)
+    io.check_writable(target, force)
+    stages = Stages(ProgressBar())
+    with compilation_noticed() as compilation:
+        with stages("reading"):
+            cloud = io.read(source)
+        result = simplify(cloud, stages=stages, **options)
+        with stages("writing"):
+            io.write(target, result.cloud, force=force)
+        report = None
+        if figures:
+            with stages("figures"):
+                report = evaluate(cloud.take(_finite(cloud)), result.cloud)
+        if picture:
+            _draw(picture, cloud, result, stages, force)
+    return _Run(source, target, cloud, result, report, compilation.seconds)
 
 
 def _finite(cloud: PointCloud) -> Any:
@@ -323,28 +346,41 @@ def methods(as_json: Json = False) -> None:
     from gppcs.console import print_table
 
     for method in METHODS.values():
-        rows = {"": method.summary, "source": method.source}
+        rows = {"source": method.source}
         parameters = dataclasses.asdict(method())
         if parameters:
             rows["parameters"] = ", ".join(f"{key}={value}" for key, value in parameters.items())
-        print_table(method.name, rows)
+        print_table(f"{method.name}: {method.summary}", rows)
 
 
 def main() -> None:
     """Run the command; what goes wrong becomes one line on stderr and exit code 2."""
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # file names may hold anything, terminals may not
     try:
-        code = app(standalone_mode=False)
-    except (GppcsError, OSError) as error:
-        code = _fail(str(error))
+        code = app(sys.argv[1:] or ["--help"], standalone_mode=False)
+    except FAILURES as error:
+        _tell(error)
+        code = BAD_INPUT
     except KeyboardInterrupt:
         code = INTERRUPTED
     except Exception as error:
         if not hasattr(error, "format_message"):  # Typer's own complaints about the command line
             raise
-        code = _fail(error.format_message())
+        _print_error(error.format_message())
+        code = BAD_INPUT
     sys.exit(code if isinstance(code, int) else 0)
 
 
-def _fail(message: str) -> int:
+def _tell(error: BaseException, source: Path | None = None) -> None:
+    """Print what went wrong; errors about a cloud do not know which file it came from."""
+    if isinstance(error, InputError) and source:
+        _print_error(f"{source}: {error}")
+    elif isinstance(error, OSError) and error.filename:
+        _print_error(f"{error.filename}: {error.strerror}")
+    else:
+        _print_error(str(error) or "not enough memory")
+
+
+def _print_error(message: str) -> None:
     typer.echo(f"gppcs: {' '.join(message.split())}", err=True)
-    return BAD_INPUT

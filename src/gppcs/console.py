@@ -13,6 +13,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn
 from rich.table import Table
 
 PATIENCE = 1.0  # seconds that a stage may take before a bar appears
+UNFOLDED = 10_000  # columns
 
 
 class ProgressBar:
@@ -25,10 +26,11 @@ class ProgressBar:
 
     def started(self, stage: str, total: int | None) -> None:
         """Prepare a bar, and show it if the stage takes long."""
-        if not sys.stderr.isatty():
+        console = Console(stderr=True)
+        if not sys.stderr.isatty() or console.is_dumb_terminal:
             return
         columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-        self._progress = Progress(*columns, console=Console(stderr=True), transient=True)
+        self._progress = Progress(*columns, console=console, transient=True)
         self._task = self._progress.add_task(stage, total=total)
         self._timer = threading.Timer(PATIENCE, self._progress.start)
         self._timer.daemon = True
@@ -83,10 +85,12 @@ def compilation_noticed() -> Iterator[Compilation]:
 
 
 def print_table(title: str, rows: Mapping[str, str]) -> None:
-    """Print names and values under a title."""
-    table = Table(title=title, title_justify="left", title_style="bold", show_header=False, box=None, pad_edge=False)
+    """Print names and values under a title; folded to the width of a terminal only."""
+    console = Console(markup=False, emoji=False, highlight=False, width=None if sys.stdout.isatty() else UNFOLDED)
+    table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
     for name, value in rows.items():
         table.add_row(name, value)
-    Console(soft_wrap=False).print(table, markup=False)
+    console.print(title, style="bold", soft_wrap=True)
+    console.print(table)
