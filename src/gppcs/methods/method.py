@@ -78,6 +78,15 @@ class Method(ABC):
             )
 
 
+def random_candidates(n: int, candidates: int | None, n_points: int, seed: int) -> NDArray[np.int64]:
+    """Return the ascending indices of so many random points of n, at least `n_points` and at most n; None means all."""
+    import numpy as np
+
+    if candidates is None:
+        return np.arange(n)
+    return np.sort(np.random.default_rng(seed).permutation(n)[: max(candidates, n_points)])
+
+
 def _read(key: str, value: Any, expected: Any) -> Any:
     """Read the text of a value as one of the types of an annotation."""
     if not isinstance(value, str):

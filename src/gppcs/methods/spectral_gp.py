@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
-from gppcs.methods.method import Method, Selection
+from gppcs.methods.method import Method, Selection, random_candidates
 from gppcs.stages import Stages
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+    from gppcs.kdtree import KdTree
+    from gppcs.matern import Hyperparameters
 
 
 @dataclass(frozen=True)
@@ -37,8 +40,11 @@ class SpectralGP(Method):
         cheap here, and in a larger batch, points that say the same are chosen together.
     landmarks : int
         How many farthest points carry the eigenproblem of larger clouds.
+    candidates : int, optional
+        Choose among so many random points, as the paper's experiments do; among all where not given. Surface
+        variation and field are those of the whole cloud either way.
     seed : int
-        Of the choice of the k_opt points.
+        Of the choice of the k_opt points and of the candidates.
     """
 
     name = "gp-spectral"
@@ -53,6 +59,7 @@ class SpectralGP(Method):
     k_init: int | None = None
     k_add: int = 1
     landmarks: int = 4000
+    candidates: int | None = None
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -64,49 +71,47 @@ class SpectralGP(Method):
         self.require(self.k_init is None or self.k_init >= 1, "k_init", "at least 1")
         self.require(self.k_add >= 1, "k_add", "at least 1")
         self.require(self.landmarks >= self.eigenfunctions, "landmarks", "at least the number of eigenfunctions")
+        self.require(self.candidates is None or self.candidates >= 1, "candidates", "at least 1")
         self.require(self.seed >= 0, "seed", "at least 0")
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose the points; see `Method`."""
-        import numpy as np
-
-        from gppcs import greedy, hyperparameters, matern
+        from gppcs import greedy
         from gppcs.farthest_point import farthest_points
-        from gppcs.features import estimate_features
         from gppcs.kdtree import KdTree
-        from gppcs.laplacian import eigenpairs
 
         stages = stages or Stages()
         with stages("tree"):
             tree = KdTree.build(points)
-        with stages("surface variation"):
-            y = estimate_features(points, self.neighbours, tree=tree).surface_variation
-        with stages("eigenfunctions"):
-            pairs = eigenpairs(points, self.eigenfunctions, self.landmarks, tree)
-        with stages("hyperparameters"):
-            mean_squares = np.einsum("nl,nl->l", pairs.eigenfunctions, pairs.eigenfunctions) / len(points)
-            optimised = np.random.default_rng(self.seed).permutation(len(points))[: self.k_opt]
-            theta = hyperparameters.fit(
-                pairs.eigenvalues,
-                pairs.eigenfunctions[optimised],
-                y[optimised],
-                mean_squares,
-                self.nu,
-                self.fit_nu,
-            )
-            weights = matern.spectral_weights(pairs.eigenvalues, mean_squares, theta)
-            phi = matern.kernel_features(pairs.eigenfunctions, weights)
+        phi, y, theta = self._fitted_field(points, tree, stages)
+        subset = random_candidates(len(points), self.candidates, n_points, self.seed)
+        if len(subset) < len(points):
+            points, phi, y, tree = points[subset], phi[subset], y[subset], KdTree.build(points[subset])
         k_init = min(self.k_init or max(1, n_points // 3), n_points)
         with stages("farthest points", k_init) as advanced:
             initial, _ = farthest_points(points, k_init, tree, advanced)
         with stages("greedy selection", n_points - k_init) as advanced:
             indices, _ = greedy.select(phi, y, theta.noise, initial, n_points, self.k_add, tree.order, advanced)
-        return Selection(
-            indices,
-            {
-                "variance": theta.variance,
-                "lengthscale": theta.lengthscale,
-                "nu": theta.nu,
-                "noise": theta.noise,
-            },
-        )
+        return Selection(subset[indices], asdict(theta))
+
+    def _fitted_field(
+        self, points: NDArray[np.float64], tree: KdTree, stages: Stages
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], Hyperparameters]:
+        """Return the kernel's features, the surface variation, and the hyperparameters that fit them together."""
+        import numpy as np
+
+        from gppcs import hyperparameters, matern
+        from gppcs.features import estimate_features
+        from gppcs.laplacian import eigenpairs
+
+        with stages("surface variation"):
+            y = estimate_features(points, self.neighbours, tree=tree).surface_variation
+        with stages("eigenfunctions"):
+            pairs = eigenpairs(points, self.eigenfunctions, self.landmarks, tree)
+        values, functions = pairs.eigenvalues, pairs.eigenfunctions
+        with stages("hyperparameters"):
+            mean_squares = np.einsum("nl,nl->l", functions, functions) / len(points)
+            some = np.random.default_rng(self.seed).permutation(len(points))[: self.k_opt]
+            theta = hyperparameters.fit(values, functions[some], y[some], mean_squares, self.nu, self.fit_nu)
+            phi = matern.kernel_features(functions, matern.spectral_weights(values, mean_squares, theta))
+        return phi, y, theta

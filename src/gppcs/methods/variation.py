@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gppcs.methods.method import Method, Selection
+from gppcs.methods.method import Method, Selection, random_candidates
 from gppcs.stages import Stages
 
 if TYPE_CHECKING:
@@ -86,12 +86,8 @@ class FarthestPointVariation(Method):
         stages = stages or Stages()
         with stages("surface variation"):
             variation = estimate_features(points, self.neighbours).surface_variation
-        if self.candidates is None:
-            subset = np.arange(len(points))
-        else:
-            room = max(self.candidates, n_points)
-            subset = np.random.default_rng(self.seed).permutation(len(points))[:room]
-            points, variation = points[subset], variation[subset]
+        subset = random_candidates(len(points), self.candidates, n_points, self.seed)
+        points, variation = points[subset], variation[subset]
         k_init = min(self.k_init or max(1, n_points // 3), n_points)
         with stages("farthest points", k_init) as advanced:
             initial, _ = farthest_points(points, k_init, advanced=advanced)
