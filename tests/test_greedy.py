@@ -1,9 +1,9 @@
-import dense
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import dense
 from gppcs import greedy
 from gppcs.farthest_point import farthest_points
 from gppcs.features import estimate_features

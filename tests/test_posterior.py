@@ -1,7 +1,7 @@
-import dense
 import numpy as np
 import pytest
 
+import dense
 import gppcs
 from gppcs.hyperparameters import fit
 from gppcs.laplacian import eigenpairs

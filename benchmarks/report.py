@@ -1,0 +1,47 @@
+"""Tables of the benchmarks: printed, and kept in `results/` with where they come from."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+import numba
+
+import gppcs
+
+HERE = Path(__file__).parent
+DATA = Path(os.environ.get("GPPCS_DATA", HERE.parents[1] / "shared" / "data"))
+
+
+def write(
+    name: str, title: str, header: Sequence[str], rows: Sequence[Sequence[str]], data: Sequence[Path] = ()
+) -> None:
+    """Print a Markdown table and write it to results/NAME.md, with commit, machine and checksums of the data."""
+    lines = [f"# {title}", "", _line(header), _line(["---"] * len(header)), *map(_line, rows), "", *_origin(data), ""]
+    print("\n".join(lines))
+    target = HERE / "results" / f"{name}.md"
+    target.write_text("\n".join(lines))
+
+
+def _line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _origin(data: Sequence[Path]) -> list[str]:
+    """Say what was measured, on what, by what."""
+    commit = subprocess.run(
+        ["git", "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"],
+        cwd=HERE, capture_output=True, text=True, check=False,
+    ).stdout.strip()  # fmt: skip
+    with open("/proc/cpuinfo") as file:
+        processor = next((line.split(":")[1].strip() for line in file if line.startswith("model name")), "unknown")
+    return [
+        f"- gppcs {gppcs.__version__}, commit {commit or 'unknown'}",
+        f"- {processor}, {numba.get_num_threads()} threads",
+        f"- Python {platform.python_version()}, Numba {numba.__version__}",
+        *(f"- {path.name}: SHA-256 {hashlib.sha256(path.read_bytes()).hexdigest()[:16]}…" for path in data),
+    ]
