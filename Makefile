@@ -14,7 +14,7 @@ $(VENV)/.installed: pyproject.toml
 
 demo: $(VENV)/.installed  ## Make a sample scan, simplify it, draw a picture, print the figures
 	mkdir -p demo
-	$(BIN)/gppcs sample medallion -o demo/scan.ply --points 400000 --noise 0.0002 --force
+	$(BIN)/gppcs sample medallion -o demo/scan.ply --points 400000 --noise 0.0001 --force
 	$(BIN)/gppcs simplify demo/scan.ply -o demo/simplified.ply --ratio 0.03 --picture demo/picture.png --figures --force
 
 test: $(VENV)/.installed  ## Check style and types, run the tests

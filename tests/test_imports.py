@@ -1,0 +1,42 @@
+"""What `import gppcs` offers, and what it leaves unloaded."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import gppcs
+
+HEAVY = ("numba", "scipy", "robust_laplacian", "matplotlib")
+
+
+@pytest.mark.parametrize("name", gppcs.__all__)
+def test_every_public_name_resolves(name):
+    assert getattr(gppcs, name) is not None
+    assert name in dir(gppcs)
+
+
+def test_type_checkers_see_the_names_that_are_there():
+    tree = ast.parse(Path(gppcs.__file__).read_text())
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    imported = {f"{node.module}.{alias.name}" for node in block.body for alias in node.names}
+    assert imported == {f"gppcs.{home}.{name}" for home, names in gppcs._HOMES.items() for name in names}
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'simplfy'"):
+        gppcs.simplfy  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    "use",
+    ["import gppcs", "import gppcs.cli", "import sys; sys.argv = ['gppcs', '--help']; import gppcs.cli as c; c.main()"],
+)
+def test_heavy_packages_are_not_loaded_before_they_are_used(use):
+    code = f"import atexit, sys\natexit.register(lambda: print('loaded:', *sys.modules))\n{use}"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = run.stdout.rpartition("loaded:")[2].split()
+    assert "gppcs" in loaded
+    assert not {name.split(".")[0] for name in loaded} & set(HEAVY)

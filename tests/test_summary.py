@@ -1,0 +1,44 @@
+"""The facts of a cloud."""
+
+import numpy as np
+import pytest
+
+import gppcs
+
+
+def test_facts_of_a_grid():
+    grid = np.stack(np.meshgrid([0.0, 2.0, 4.0], [0.0, 2.0], [0.0, 2.0]), axis=-1).reshape(-1, 3)
+    points = np.concatenate([grid + 10, grid[:3] + 10, [[np.nan, 0, 0], [0, np.inf, 0]]])
+    cloud = gppcs.PointCloud(
+        points, {"label": np.zeros(17, np.uint8), "normal": np.zeros((17, 3), np.float32)}, np.dtype(np.float32)
+    )
+    assert gppcs.info(cloud) == gppcs.Summary(
+        points=17,
+        low=(10.0, 10.0, 10.0),
+        high=(14.0, 12.0, 12.0),
+        diagonal=pytest.approx(np.sqrt(24)),
+        spacing=pytest.approx(2.0),
+        repeats=3,
+        non_finite=2,
+        coordinate_type="float32",
+        attributes={"label": "uint8", "normal": "float32 x 3"},
+    )
+
+
+@pytest.mark.parametrize("points", [np.empty((0, 3)), np.full((2, 3), np.nan)])
+def test_without_finite_points_lengths_are_nan(points):
+    summary = gppcs.info(points)
+    assert (summary.points, summary.repeats, summary.non_finite) == (len(points), 0, len(points))
+    assert np.isnan([*summary.low, *summary.high, summary.diagonal, summary.spacing]).all()
+
+
+def test_points_in_one_place_have_no_spacing():
+    summary = gppcs.info(np.ones((5, 3)))
+    assert (summary.repeats, summary.diagonal, summary.low) == (4, 0.0, (1.0, 1.0, 1.0))
+    assert np.isnan(summary.spacing)
+
+
+def test_spacing_does_not_depend_on_where_the_cloud_lies(bracket):
+    near, far = gppcs.info(bracket), gppcs.info(bracket + [500_000, 5_400_000, 0])
+    assert far.spacing == pytest.approx(near.spacing, rel=1e-6)
+    assert near.spacing > 0
