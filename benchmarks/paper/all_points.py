@@ -15,8 +15,8 @@ import report
 RATIO = 0.03
 METHODS = {
     "gp-spectral, all points": gppcs.SpectralGP(),
+    "gp-spectral, all points, k_add 1": gppcs.SpectralGP(k_add=1),
     "gp-spectral, all points, k_add 10": gppcs.SpectralGP(k_add=10),
-    "gp-spectral, all points, k_add 100": gppcs.SpectralGP(k_add=100),
     "gp-spectral, 200 eigenfunctions, k_opt 2000": gppcs.SpectralGP(eigenfunctions=200, k_opt=2000),
     "gp-spectral, 25,000 candidates": gppcs.SpectralGP(candidates=25_000),
     "fps-variation, 25,000 candidates": gppcs.FarthestPointVariation(candidates=25_000),

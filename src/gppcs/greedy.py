@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numba as nb
 import numpy as np
@@ -10,8 +11,8 @@ from numpy.typing import NDArray
 
 from gppcs.posterior import Posterior
 
-BUCKETS = 2048  # a step looks at all buckets and into few; beyond some thousand, looking at all costs more
-SLACK = 1e-9  # of a bound, for rounding: many times what a step can gather
+BUCKETS = 4096  # a step looks at all buckets and into few; beyond that, looking at all costs more
+SLACK = 1e-12  # of a bound, for rounding: many times what a step can gather
 
 
 def select(
@@ -29,7 +30,7 @@ def select(
     The result is Algorithm 1's, but a step looks into few points. Points are kept in buckets, each with the box
     of its features and the largest s when it was last looked into. Since then variances can only have fallen,
     and when the weights move by dw, the mean of any point in the bucket moves by phi dw, which the box bounds.
-    Buckets are looked into from the highest bound down, until one that is up to date holds the largest.
+    Only buckets whose bound is not below the best score that is known are looked into.
 
     Parameters
     ----------
@@ -65,119 +66,142 @@ def select(
     mean, covariance = posterior.mean.copy(), posterior.covariance.copy()
     free = np.ones(len(y), dtype=np.bool_)
     free[initial] = False
-    sorted_phi, sorted_y, free = phi[order], y[order], free[order]
-    buckets = _Buckets(min(BUCKETS, len(y)), sorted_phi)
-    score = np.empty(len(y), dtype=np.float64)
+    points = _Points(np.ascontiguousarray(phi[order].T), y[order], order, free[order], np.empty(len(y)))
+    buckets = _buckets(min(BUCKETS, len(y)), points.phi)
     step = k_add * max(1, 512 // k_add)
     for begin in range(len(initial), n_points, step):
         end = min(begin + step, n_points)
-        _choose(
-            sorted_phi, sorted_y, order, free, score, noise, k_add, mean, covariance,
-            buckets.low, buckets.high, buckets.seen, buckets.up_to_date,
-            buckets.above, buckets.below, buckets.bound, buckets.best, chosen[begin:end], scores[begin:end],
-        )  # fmt: skip
+        _choose(points, buckets, mean, covariance, noise, k_add, chosen[:end], scores[:end], begin)
         if advanced:
             advanced(end - begin)
     return chosen, scores
 
 
-class _Buckets:
-    """Runs of equal length over the sorted points; the g-th of G is N g // G to N (g + 1) // G.
+class _Points(NamedTuple):
+    """The points, neighbours near each other; `score` is s when the point's bucket was last looked into."""
 
-    `low` and `high` are the box of the features; `seen` the weights' mean when the bucket was last looked into;
-    `above` and `below` the largest sd + y - mu and sd + mu - y then; `bound` the largest s that a free point can
-    have now; `best` the position of the largest, where `up_to_date`.
+    phi: NDArray[np.float64]  # (L, N), so that loops over points run along memory
+    y: NDArray[np.float64]
+    order: NDArray[np.int64]
+    free: NDArray[np.bool_]
+    score: NDArray[np.float64]
+
+
+class _Buckets(NamedTuple):
+    """Runs of points of equal length; the g-th of G is N g // G to N (g + 1) // G.
+
+    `low` and `high` are the box of the features. When `looked` points had been chosen, the bucket was last
+    looked into: `mean` was the weights' mean then, and `above` and `below` the largest sd + y - mu and sd + mu - y.
+    `bound` is the largest s that a free point can have now; where looked into now, that of `best`.
     """
 
-    def __init__(self, count: int, phi: NDArray[np.float64]) -> None:
-        starts = np.arange(count) * len(phi) // count
-        self.low = np.minimum.reduceat(phi, starts)
-        self.high = np.maximum.reduceat(phi, starts)
-        self.seen = np.zeros_like(self.low)
-        self.up_to_date = np.zeros(count, dtype=np.bool_)
-        self.above = np.full(count, np.inf)
-        self.below = np.full(count, np.inf)
-        self.bound = np.full(count, np.inf)
-        self.best = np.zeros(count, dtype=np.int64)
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    looked: NDArray[np.int64]
+    mean: NDArray[np.float64]
+    above: NDArray[np.float64]
+    below: NDArray[np.float64]
+    bound: NDArray[np.float64]
+    best: NDArray[np.int64]
+
+
+def _buckets(count: int, phi: NDArray[np.float64]) -> _Buckets:
+    """Return buckets that have not been looked into."""
+    starts = np.arange(count) * phi.shape[1] // count
+    return _Buckets(
+        low=np.ascontiguousarray(np.minimum.reduceat(phi, starts, axis=1).T),
+        high=np.ascontiguousarray(np.maximum.reduceat(phi, starts, axis=1).T),
+        looked=np.full(count, -1),
+        mean=np.zeros((count, len(phi))),
+        above=np.full(count, np.inf),
+        below=np.full(count, np.inf),
+        bound=np.full(count, np.inf),
+        best=np.zeros(count, dtype=np.int64),
+    )
 
 
 @nb.njit(cache=True)
-def _choose(
-    phi, y, order, free, score, noise, k_add, mean, covariance,
-    low, high, seen, up_to_date, above, below, bound, best, chosen, scores,
-):  # fmt: skip
+def _choose(points, buckets, mean, covariance, noise, k_add, chosen, scores, begin):
+    """Fill `chosen` and `scores` from `begin` on."""
     batch = np.empty(k_add, dtype=np.int64)
-    for begin in range(0, len(chosen), k_add):
-        due = min(k_add, len(chosen) - begin)
+    for now in range(begin, len(chosen), k_add):
+        due = min(k_add, len(chosen) - now)
         for b in range(due):
-            g = _highest(bound, up_to_date, best, order)
-            while not up_to_date[g]:
-                _look_into(g, phi, y, order, free, score, mean, covariance, seen, above, below, bound, best)
-                up_to_date[g] = True
-                g = _highest(bound, up_to_date, best, order)
-            batch[b] = best[g]
-            chosen[begin + b], scores[begin + b] = order[best[g]], bound[g]
-            free[best[g]] = False
-            _find_best(g, len(y), order, free, score, bound, best)
+            g = _bucket_of_best(points, buckets, mean, covariance, now)
+            pick = buckets.best[g]
+            batch[b], chosen[now + b], scores[now + b] = pick, points.order[pick], buckets.bound[g]
+            points.free[pick] = False
+            _find_best(g, points, buckets)
         for pick in batch[:due]:
-            along = covariance @ phi[pick]
-            spread = noise + phi[pick] @ along
-            mean += along * ((y[pick] - phi[pick] @ mean) / spread)
+            phi = points.phi[:, pick].copy()
+            along = covariance @ phi
+            spread = noise + phi @ along
+            mean += along * ((points.y[pick] - phi @ mean) / spread)
             for row in range(len(along)):
                 covariance[row] -= along * (along[row] / spread)
-        up_to_date[:] = False
-        _bound_all(mean, low, high, seen, above, below, bound)
+        _bound_all(buckets, mean)
 
 
 @nb.njit(cache=True)
-def _highest(bound, up_to_date, best, order):
-    """Return the bucket of highest bound; of several, one not up to date, or else that of the smallest index."""
-    highest = 0
-    for g in range(1, len(bound)):
-        if bound[g] > bound[highest] or (
-            bound[g] == bound[highest]
-            and up_to_date[highest]
-            and (not up_to_date[g] or order[best[g]] < order[best[highest]])
-        ):
-            highest = g
+def _bucket_of_best(points, buckets, mean, covariance, now):
+    """Return the bucket that holds the best point, looking into each that might."""
+    bound, looked, best, order = buckets.bound, buckets.looked, buckets.best, points.order
+    highest = np.argmax(bound)
+    if looked[highest] != now:
+        _look_into(highest, points, buckets, mean, covariance, now)
+    for g in range(len(bound)):
+        if bound[g] >= bound[highest]:
+            if looked[g] != now:
+                _look_into(g, points, buckets, mean, covariance, now)
+            if bound[g] > bound[highest] or (bound[g] == bound[highest] and order[best[g]] < order[best[highest]]):
+                highest = g
     return highest
 
 
 @nb.njit(cache=True, fastmath={"contract", "reassoc", "nsz"})
-def _look_into(g, phi, y, order, free, score, mean, covariance, seen, above, below, bound, best):
-    """Bring a bucket up to date: the score of each of its points, and the largest."""
-    buckets = len(bound)
-    above[g] = below[g] = -np.inf
-    seen[g] = mean
-    for i in range(len(y) * g // buckets, len(y) * (g + 1) // buckets):
-        if not free[i]:
-            continue
-        variance = error = 0.0
-        for r in range(len(mean)):
-            error += phi[i, r] * mean[r]
-            along = 0.0
-            for c in range(len(mean)):
-                along += covariance[r, c] * phi[i, c]
-            variance += phi[i, r] * along
-        sd, error = np.sqrt(max(variance, 0.0)), error - y[i]
-        score[i] = sd + abs(error)
-        above[g] = max(above[g], sd - error)
-        below[g] = max(below[g], sd + error)
-    _find_best(g, len(y), order, free, score, bound, best)
+def _look_into(g, points, buckets, mean, covariance, now):
+    """Bring the scores of a bucket's points up to date, and find the best."""
+    count = len(buckets.bound)
+    begin, end = len(points.y) * g // count, len(points.y) * (g + 1) // count
+    phi, free, score = points.phi[:, begin:end], points.free[begin:end], points.score[begin:end]
+    error = -points.y[begin:end]
+    variance = np.zeros(end - begin, dtype=np.float64)
+    along = np.empty(end - begin, dtype=np.float64)
+    for r in range(len(mean)):
+        along[:] = 0.5 * covariance[r, r] * phi[r]
+        for c in range(r):
+            along += covariance[r, c] * phi[c]
+        variance += 2.0 * along * phi[r]
+        error += mean[r] * phi[r]
+    above = below = -np.inf
+    for i in range(end - begin):
+        sd = np.sqrt(max(variance[i], 0.0))
+        score[i] = sd + abs(error[i])
+        if free[i]:
+            above = max(above, sd - error[i])
+            below = max(below, sd + error[i])
+    buckets.above[g], buckets.below[g] = above, below
+    buckets.mean[g] = mean
+    buckets.looked[g] = now
+    _find_best(g, points, buckets)
 
 
 @nb.njit(cache=True)
-def _find_best(g, n, order, free, score, bound, best):
-    buckets = len(bound)
-    bound[g] = -np.inf
-    for i in range(n * g // buckets, n * (g + 1) // buckets):
-        if free[i] and (score[i] > bound[g] or (score[i] == bound[g] and order[i] < order[best[g]])):
-            bound[g], best[g] = score[i], i
+def _find_best(g, points, buckets):
+    """Find the free point of largest score in a bucket that is up to date; of several, the smallest index."""
+    n, count, order = len(points.y), len(buckets.bound), points.order
+    best, highest = -1, -np.inf
+    for i in range(n * g // count, n * (g + 1) // count):
+        score = points.score[i]
+        if points.free[i] and (score > highest or (score == highest and order[i] < order[best])):
+            best, highest = i, score
+    buckets.best[g], buckets.bound[g] = best, highest
 
 
 @nb.njit(cache=True, fastmath={"contract", "reassoc", "nsz"})
-def _bound_all(mean, low, high, seen, above, below, bound):
+def _bound_all(buckets, mean):
     """Bound what the step of the weights since each bucket was last looked into can have made of its scores."""
+    low, high, seen, bound = buckets.low, buckets.high, buckets.mean, buckets.bound
     for g in range(len(bound)):
         fall = rise = 0.0
         for c in range(len(mean)):
@@ -185,7 +209,7 @@ def _bound_all(mean, low, high, seen, above, below, bound):
             a, b = low[g, c] * step, high[g, c] * step
             fall += min(a, b)
             rise += max(a, b)
-        bound[g] = max(above[g] - fall, below[g] + rise)
+        bound[g] = max(buckets.above[g] - fall, buckets.below[g] + rise)
         if bound[g] > -np.inf:
             bound[g] += SLACK * abs(bound[g])
 

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from gppcs.kdtree import KdTree
     from gppcs.matern import Hyperparameters
 
+UPDATES = 200  # of the posterior in a run, unless k_add says otherwise
+
 
 @dataclass(frozen=True)
 class SpectralGP(Method):
@@ -35,9 +37,9 @@ class SpectralGP(Method):
         How many random points the hyperparameters are fitted on.
     k_init : int, optional
         The number of farthest points to start from; a third of the points asked for where not given.
-    k_add : int
-        Points added between two updates of the posterior. One, as in Lalchand and Faul (2018): the update is
-        cheap here, and in a larger batch, points that say the same are chosen together.
+    k_add : int, optional
+        Points added between two updates of the posterior; where not given, as many as make 200 updates. That
+        bounds the time whatever the cloud, and chooses nearly the points that one at a time does.
     landmarks : int
         How many farthest points carry the eigenproblem of larger clouds.
     candidates : int, optional
@@ -57,7 +59,7 @@ class SpectralGP(Method):
     fit_nu: bool = False
     k_opt: int = 200
     k_init: int | None = None
-    k_add: int = 1
+    k_add: int | None = None
     landmarks: int = 4000
     candidates: int | None = None
     seed: int = 0
@@ -69,7 +71,7 @@ class SpectralGP(Method):
         self.require(not self.fit_nu or math.isfinite(self.nu), "nu", "finite where it is to be fitted")
         self.require(self.k_opt >= 1, "k_opt", "at least 1")
         self.require(self.k_init is None or self.k_init >= 1, "k_init", "at least 1")
-        self.require(self.k_add >= 1, "k_add", "at least 1")
+        self.require(self.k_add is None or self.k_add >= 1, "k_add", "at least 1")
         self.require(self.landmarks >= self.eigenfunctions, "landmarks", "at least the number of eigenfunctions")
         self.require(self.candidates is None or self.candidates >= 1, "candidates", "at least 1")
         self.require(self.seed >= 0, "seed", "at least 0")
@@ -91,7 +93,8 @@ class SpectralGP(Method):
         with stages("farthest points", k_init) as advanced:
             initial, _ = farthest_points(points, k_init, tree, advanced)
         with stages("greedy selection", n_points - k_init) as advanced:
-            indices, _ = greedy.select(phi, y, theta.noise, initial, n_points, self.k_add, tree.order, advanced)
+            k_add = self.k_add or max(1, -(-(n_points - k_init) // UPDATES))
+            indices, _ = greedy.select(phi, y, theta.noise, initial, n_points, k_add, tree.order, advanced)
         return Selection(subset[indices], asdict(theta))
 
     def _fitted_field(
