@@ -7,24 +7,13 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
+import report
 from gppcs.cloud import PointCloud
 from gppcs.io import read, write
-
-
-def least_time(work: Callable[[], object], repeats: int) -> float:
-    """Return the least of several run times, in seconds."""
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return min(times)
 
 
 def main() -> None:
@@ -41,8 +30,8 @@ def main() -> None:
         cloud = PointCloud(points, attributes, points.dtype)
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "cloud.ply"
-            writing = least_time(lambda: write(path, cloud, force=True), given.repeats)  # noqa: B023 - used at once
-            reading = least_time(lambda: read(path), given.repeats)  # noqa: B023
+            writing = report.least_time(lambda: write(path, cloud, force=True), given.repeats)  # noqa: B023 - used at once
+            reading = report.least_time(lambda: read(path), given.repeats)  # noqa: B023
         print(f"{given.points:,} points, {label}: read {reading:.2f} s, write {writing:.2f} s")
 
 

@@ -6,8 +6,9 @@ import hashlib
 import os
 import platform
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from time import perf_counter
 
 import numba
 
@@ -15,6 +16,17 @@ import gppcs
 
 HERE = Path(__file__).parent
 DATA = Path(os.environ.get("GPPCS_DATA", HERE.parents[1] / "shared" / "data"))
+
+
+def least_time(work: Callable[[], object], repeats: int = 5) -> float:
+    """Return the least wall time in seconds of several runs, after one that compiles or loads the kernels."""
+    work()
+    times = []
+    for _ in range(repeats):
+        start = perf_counter()
+        work()
+        times.append(perf_counter() - start)
+    return min(times)
 
 
 def write(

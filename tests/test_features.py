@@ -103,3 +103,27 @@ def test_rotation_and_scale_leave_the_variation(bracket):
     plain = estimate_features(bracket, 20, "nearest").surface_variation
     turned = estimate_features(1000 * bracket @ rotation, 20, "nearest").surface_variation
     np.testing.assert_allclose(turned, plain, atol=1e-9)
+
+
+def test_repeats_count_as_neighbours_and_leave_the_radius(bracket):
+    plain = estimate_features(bracket)
+    repeated = estimate_features(np.vstack([bracket, bracket, bracket[:100]]))
+    np.testing.assert_array_equal(repeated.neighbours[100:20_000], repeated.neighbours[20_100:40_000])
+    assert np.median(repeated.neighbours) > np.median(plain.neighbours)
+    assert np.abs(np.median(repeated.surface_variation) - np.median(plain.surface_variation)) < 1e-6
+
+
+def test_whole_numbers_lists_and_clouds_are_taken():
+    points = np.random.default_rng(0).integers(0, 2_000_000_000, (300, 3))
+    expected = estimate_features(points.astype(float)).surface_variation
+    for cloud in (points, points.tolist(), gppcs.PointCloud(points)):
+        np.testing.assert_array_equal(estimate_features(cloud).surface_variation, expected)
+
+
+def test_what_cannot_be_measured_is_refused():
+    with pytest.raises(gppcs.InputError, match="empty"):
+        estimate_features(np.empty((0, 3)))
+    with pytest.raises(gppcs.InputError, match="NaN"):
+        estimate_features([[0, 0, np.nan]])
+    with pytest.raises(gppcs.ParameterError, match="'radius' or 'nearest'"):
+        estimate_features([[0, 0, 0]], search="knn")

@@ -4,6 +4,7 @@ import pytest
 import gppcs
 import gppcs.scans
 from gppcs import laplacian
+from gppcs.farthest_point import farthest_points
 from gppcs.laplacian import eigenpairs, surface_laplacian
 
 DEGREES = np.repeat(np.arange(5), 2 * np.arange(5) + 1)  # l of the 25 lowest eigenfunctions of a sphere
@@ -90,3 +91,30 @@ def test_points_that_are_no_surface_have_eigenpairs(n, shape):
 def test_every_run_gives_the_same(bracket):
     first, second = eigenpairs(bracket, 20), eigenpairs(bracket, 20)
     np.testing.assert_array_equal(first.eigenfunctions, second.eigenfunctions)
+
+
+def test_landmarks_that_are_all_equally_far_have_the_same_weight():
+    corners = np.stack(np.meshgrid(*[[0.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
+    lifted = laplacian._lift(corners, corners, np.full((1, 3), 0.5))
+    np.testing.assert_allclose(lifted, 0.5, rtol=1e-9)
+
+
+@pytest.mark.parametrize("landmarks", [3, 5, 7])
+def test_a_few_landmarks_are_enough(landmarks):
+    points = np.random.default_rng(0).random((100, 3))
+    functions = eigenpairs(points, 3, landmarks).eigenfunctions
+    assert functions.shape == (100, 3)
+    assert np.isfinite(functions).all()
+
+
+def test_as_many_eigenfunctions_as_landmarks():
+    points = np.random.default_rng(0).random((450, 3))
+    assert eigenpairs(points, 450).eigenfunctions.shape == (450, 450)
+
+
+@pytest.mark.parametrize("distance", [10, 1_000])
+def test_a_far_point_does_not_cost_the_landmarks(bracket, distance):
+    points = bracket.copy()
+    points[0] = points.max() * distance
+    chosen, _ = farthest_points(points, 4_000)
+    assert surface_laplacian(points[chosen])[2]

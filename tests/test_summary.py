@@ -39,6 +39,6 @@ def test_points_in_one_place_have_no_spacing():
 
 
 def test_spacing_does_not_depend_on_where_the_cloud_lies(bracket):
-    near, far = gppcs.info(bracket), gppcs.info(bracket + [500_000, 5_400_000, 0])
+    near, far = gppcs.info(bracket), gppcs.info(bracket + np.array([500_000, 5_400_000, 0]))
     assert far.spacing == pytest.approx(near.spacing, rel=1e-6)
     assert near.spacing > 0

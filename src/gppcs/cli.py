@@ -6,9 +6,9 @@ import dataclasses
 import json
 import sys
 from dataclasses import dataclass
-from io import TextIOWrapper
+from io import BytesIO, TextIOWrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from gppcs.cloud import PointCloud
     from gppcs.evaluation import Report
     from gppcs.simplification import Result
-    from gppcs.stages import Stages
 
 BAD_INPUT = 2
 INTERRUPTED = 130
@@ -79,7 +78,9 @@ def simplify(
     seed: Annotated[
         int | None, typer.Option(help="Of all that is drawn at random; methods without chance ignore it.")
     ] = None,
-    invalid: Annotated[str, typer.Option(help="NaN and infinite coordinates: error or drop.")] = "error",
+    invalid: Annotated[
+        Literal["error", "drop"], typer.Option(help="What to do with NaN and infinite coordinates.")
+    ] = "error",
     figures: Annotated[bool, typer.Option("--figures", help="Measure how good the result is.")] = False,
     picture: Annotated[
         Path | None,
@@ -171,14 +172,18 @@ def _simplify_file(
         with stages("reading"):
             cloud = io.read(source)
         result = simplify(cloud, stages=stages, **options)
-        with stages("writing"):
-            io.write(target, result.cloud, force=force)
-        report = None
+        report = image = None
         if figures:
             with stages("figures"):
                 report = evaluate(cloud.take(_finite(cloud)), result.cloud)
         if picture:
-            _draw(picture, cloud, result, stages, force)
+            with stages("picture"):
+                image = _drawn(cloud, result)
+        with stages("writing"):
+            io.write(target, result.cloud, force=force)
+            if picture and image:
+                with io.whole_file(picture, force) as file:
+                    file.write(image)
     return _Run(source, target, cloud, result, report, compilation.seconds)
 
 
@@ -188,25 +193,26 @@ def _finite(cloud: PointCloud) -> Any:
     return np.delete(np.arange(len(cloud)), cloud.non_finite())
 
 
-def _draw(picture: Path, cloud: PointCloud, result: Result, stages: Stages, force: bool) -> None:
-    """Draw the cloud and what was kept of it."""
+def _drawn(cloud: PointCloud, result: Result) -> bytes:
+    """Return a PNG of the cloud and of what was kept of it."""
     import numpy as np
 
     from gppcs.features import estimate_features
-    from gppcs.io import whole_file
     from gppcs.picture import Panel, draw
 
-    with stages("picture"):
-        rows = _finite(cloud)
-        points = cloud.points[rows]
-        features = estimate_features(points - points.min(axis=0))
-        kept = np.searchsorted(rows, result.indices)
-        panels = [
+    rows = _finite(cloud)
+    points = cloud.points[rows]
+    features = estimate_features(points - points.min(axis=0))
+    kept = np.searchsorted(rows, result.indices)
+    image = BytesIO()
+    draw(
+        image,
+        [
             Panel("original", points, features.surface_variation, features.normals),
             Panel(result.method.name, points[kept], features.surface_variation[kept], features.normals[kept]),
-        ]
-        with whole_file(picture, force) as file:
-            draw(file, panels)
+        ],
+    )
+    return image.getvalue()
 
 
 @dataclass(frozen=True)

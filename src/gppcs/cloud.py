@@ -77,3 +77,14 @@ class PointCloud:
     def non_finite(self) -> NDArray[np.int64]:
         """Return the indices of points with a coordinate that is NaN or infinite."""
         return np.flatnonzero(~np.isfinite(self.points).all(axis=1))
+
+    def usable(self, name: str) -> NDArray[np.float64]:
+        """Return the points; raise an InputError that calls the cloud `name` if there are none or not all finite."""
+        if len(self) == 0:
+            raise InputError(f"the {name} is empty: expected at least one point")
+        if len(bad := self.non_finite()):
+            raise InputError(
+                f"the {name} has {len(bad)} points with coordinates that are NaN or infinite, the first at index "
+                f"{bad[0]}: drop them first"
+            )
+        return self.points

@@ -10,10 +10,8 @@ from time import perf_counter
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 PATIENCE = 1.0  # seconds that a stage may take before a bar appears
-UNFOLDED = 10_000  # columns
 
 
 class ProgressBar:
@@ -85,12 +83,9 @@ def compilation_noticed() -> Iterator[Compilation]:
 
 
 def print_table(title: str, rows: Mapping[str, str]) -> None:
-    """Print names and values under a title; folded to the width of a terminal only."""
-    console = Console(markup=False, emoji=False, highlight=False, width=None if sys.stdout.isatty() else UNFOLDED)
-    table = Table(show_header=False, box=None, pad_edge=False)
-    table.add_column(style="dim", no_wrap=True)
-    table.add_column(overflow="fold")
+    """Print names and values under a title."""
+    console = Console(markup=False, emoji=False, highlight=False, soft_wrap=True)
+    console.print(title, style="bold")
+    width = max(map(len, rows))
     for name, value in rows.items():
-        table.add_row(name, value)
-    console.print(title, style="bold", soft_wrap=True)
-    console.print(table)
+        console.print(f"{name:<{width}}  {value}".rstrip())

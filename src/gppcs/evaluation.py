@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gppcs.cloud import PointCloud
-from gppcs.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,10 @@ def evaluate(original: PointCloud | ArrayLike, simplified: PointCloud | ArrayLik
     """
     from gppcs.kdtree import KdTree
 
-    before, after = (_checked(cloud, name) for cloud, name in ((original, "original"), (simplified, "simplified")))
+    before, after = (
+        PointCloud.of(cloud).usable(f"{name} cloud")
+        for cloud, name in ((original, "original"), (simplified, "simplified"))
+    )
     corner = before.min(axis=0)
     before, after = before - corner, after - corner
     _, to_kept = KdTree.build(after).nearest_of(before, 1)
@@ -75,12 +77,3 @@ def _mean_surface_variation(points: NDArray[np.float64]) -> float:
 
     radius = paper_radius(points) or neighbourhood_radius(points, KdTree.build(points))
     return float(features_in_radius(ColumnGrid.build(points, radius)).surface_variation.mean())
-
-
-def _checked(cloud: PointCloud | ArrayLike, name: str) -> NDArray[np.float64]:
-    cloud = PointCloud.of(cloud)
-    if len(cloud) == 0:
-        raise InputError(f"the {name} cloud is empty: expected at least one point")
-    if len(cloud.non_finite()):
-        raise InputError(f"the {name} cloud has coordinates that are NaN or infinite: drop those points first")
-    return cloud.points

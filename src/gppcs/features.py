@@ -7,10 +7,12 @@ from typing import Literal
 
 import numba as nb
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from gppcs.cloud import PointCloud
+from gppcs.errors import ParameterError
 from gppcs.kdtree import KdTree, nearest_in_tree
-from gppcs.neighbourhood import ColumnGrid, neighbourhood_radius
+from gppcs.neighbourhood import ColumnGrid, first_occurrences, neighbourhood_radius
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class Features:
 
 
 def estimate_features(
-    points: NDArray[np.float64],
+    cloud: PointCloud | ArrayLike,
     neighbours: int = 25,
     search: Literal["radius", "nearest"] = "radius",
     tree: KdTree | None = None,
@@ -47,19 +49,29 @@ def estimate_features(
 
     Parameters
     ----------
-    points : (N, 3) array, float64
-        Without repeats.
+    cloud : PointCloud or (N, 3) array-like
     neighbours : int
         k, the number of points that a neighbourhood holds: about so many with `search` "radius", where all
         neighbourhoods are balls of the one radius that `neighbourhood_radius` gives; exactly so many, the point
         itself among them, with "nearest".
     tree : KdTree, optional
-        The tree over `points`, where it is there already.
+        The tree over the points, where it is there already and they are known to be without repeats.
+
+    Raises
+    ------
+    InputError
+        If the cloud is empty, misshapen or not finite.
+    ParameterError
+        If there is no such search.
     """
-    tree = tree or KdTree.build(points)
+    points = PointCloud.of(cloud).usable("cloud")
     if search == "nearest":
-        return features_of_nearest(tree, neighbours)
-    return features_in_radius(ColumnGrid.build(points, neighbourhood_radius(points, tree, neighbours)))
+        return features_of_nearest(tree or KdTree.build(points), neighbours)
+    if search != "radius":
+        raise ParameterError(f"expected search to be 'radius' or 'nearest', found {search!r}")
+    distinct = points if tree else points[first_occurrences(points)]
+    radius = neighbourhood_radius(distinct, tree or KdTree.build(distinct), neighbours)
+    return features_in_radius(ColumnGrid.build(points, radius))
 
 
 def features_in_radius(grid: ColumnGrid) -> Features:

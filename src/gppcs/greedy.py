@@ -68,6 +68,7 @@ def select(
     free[initial] = False
     points = _Points(np.ascontiguousarray(phi[order].T), y[order], order, free[order], np.empty(len(y)))
     buckets = _buckets(min(BUCKETS, len(y)), points.phi)
+    k_add = min(k_add, n_points)
     step = k_add * max(1, 512 // k_add)
     for begin in range(len(initial), n_points, step):
         end = min(begin + step, n_points)
@@ -146,7 +147,7 @@ def _choose(points, buckets, mean, covariance, noise, k_add, chosen, scores, beg
 def _bucket_of_best(points, buckets, mean, covariance, now):
     """Return the bucket that holds the best point, looking into each that might."""
     bound, looked, best, order = buckets.bound, buckets.looked, buckets.best, points.order
-    highest = np.argmax(bound)
+    highest = int(np.argmax(bound))
     if looked[highest] != now:
         _look_into(highest, points, buckets, mean, covariance, now)
     for g in range(len(bound)):

@@ -79,8 +79,8 @@ def fit(
     bounds = np.log([(1e-4 * scale, 1e4 * scale), (1e-3, 1e2), (0.1, 1e3), (LEAST_NOISE * scale, 1e2 * scale)])
 
     def theta_of(logarithms: NDArray[np.float64]) -> Hyperparameters:
-        variance, lengthscale, free_nu, noise = np.exp(logarithms)
-        return Hyperparameters(variance, lengthscale, float(free_nu) if fit_nu else nu, noise)
+        variance, lengthscale, free_nu, noise = np.exp(logarithms).tolist()
+        return Hyperparameters(variance, lengthscale, free_nu if fit_nu else nu, noise)
 
     def loss(moved: NDArray[np.float64], fixed: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         logarithms = fixed.copy()

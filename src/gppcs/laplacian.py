@@ -61,7 +61,7 @@ def eigenpairs(
     while True:
         chosen, _ = farthest_points(points, number, tree) if number < len(points) else (np.arange(number), None)
         operator, mass, is_whole = surface_laplacian(points[chosen])
-        if is_whole or number <= FEWEST_LANDMARKS:
+        if is_whole or number <= max(FEWEST_LANDMARKS, 2 * count):
             break
         number //= 2
     area = mass.sum()
@@ -88,10 +88,15 @@ def surface_laplacian(
     except RuntimeError:  # its triangulation came out empty
         return *_graph_laplacian(points), True
     masses = mass.diagonal()
+    is_whole = bool(np.median(masses) >= LEAST_AREA_SHARE * _disc_area(scaled))
     masses = np.maximum(masses, 1e-6 * masses.mean())  # so that no point is without area
+    return operator, masses, is_whole
+
+
+def _disc_area(points: NDArray[np.float64]) -> float:
+    """Return the area of a point's share of the surface that its spacing tells: the median over the points."""
     k = min(16, len(points) - 1)
-    disc_area = np.pi / k * (nearest_distances(scaled, KdTree.build(scaled), k) ** 2).mean()
-    return operator, masses, bool(masses.mean() >= LEAST_AREA_SHARE * disc_area)
+    return float(np.pi / k * np.median(nearest_distances(points, KdTree.build(points), k)) ** 2)
 
 
 def _graph_laplacian(points: NDArray[np.float64]) -> tuple[scipy.sparse.csr_matrix, NDArray[np.float64]]:
@@ -109,7 +114,7 @@ def _lowest(
     operator: scipy.sparse.csr_matrix, mass: NDArray[np.float64], count: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Solve L f = lambda M f for the lowest pairs, M-orthonormal."""
-    if len(mass) <= DENSE_SIZE:
+    if len(mass) <= max(DENSE_SIZE, 2 * count):
         return scipy.linalg.eigh(operator.toarray(), np.diag(mass), subset_by_index=(0, count - 1))
     start = np.random.default_rng(0).standard_normal(len(mass))  # the same on every run
     values, functions = scipy.sparse.linalg.eigsh(
@@ -122,10 +127,14 @@ def _lowest(
 def _lift(
     landmarks: NDArray[np.float64], functions: NDArray[np.float64], points: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Carry functions from landmarks to points, by weights 1 - 3 x^2 + 2 x^3 of the distance that add up to one."""
+    """Carry functions from landmarks to points, by weights 1 - 3 x^2 + 2 x^3 of the distance that add up to one.
+
+    The distance x is relative to that of the farthest of the landmarks used, and a little.
+    """
     tree = KdTree.build(landmarks)
     lifted = np.empty((len(points), functions.shape[1]), dtype=np.float64)
-    _weigh_nearest(tree.points, tree.low, tree.high, functions[tree.order], points, LIFTING_LANDMARKS, lifted)
+    count = min(LIFTING_LANDMARKS, len(landmarks))
+    _weigh_nearest(tree.points, tree.low, tree.high, functions[tree.order], points, count, lifted)
     return lifted
 
 
@@ -136,7 +145,7 @@ def _weigh_nearest(landmarks, low, high, functions, points, count, lifted):
         squared = np.empty(count, dtype=np.float64)
         x, y, z = points[i]
         nearest_in_tree(landmarks, low, high, x, y, z, found, squared)
-        reach = np.sqrt(squared[-1])
+        reach = 1.001 * np.sqrt(squared[-1])  # so that landmarks that are all equally far have weight
         total = 0.0
         lifted[i] = 0.0
         for slot in range(count):

@@ -18,13 +18,10 @@ class Posterior:
     ----------
     mean : (L,) array
     covariance : (L, L) array
-    precision : (L, L) array
-        The inverse of the covariance, I + Phi_A^T Phi_A / sigma_y^2.
     """
 
     mean: NDArray[np.float64]
     covariance: NDArray[np.float64]
-    precision: NDArray[np.float64]
 
     @classmethod
     def given(cls, phi: NDArray[np.float64], y: NDArray[np.float64], noise: float) -> Posterior:
@@ -32,7 +29,7 @@ class Posterior:
         precision = np.eye(phi.shape[1]) + phi.T @ phi / noise
         factor = scipy.linalg.cho_factor(precision)
         covariance = scipy.linalg.cho_solve(factor, np.eye(phi.shape[1]))
-        return cls(scipy.linalg.cho_solve(factor, phi.T @ y / noise), covariance, precision)
+        return cls(scipy.linalg.cho_solve(factor, phi.T @ y / noise), covariance)
 
     def predict(self, phi: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the mean (Eq. 3) and the variance (diagonal of Eq. 4) at points with features `phi`, (N, L)."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import operator
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -89,6 +90,8 @@ def simplify(
     with stages("preparation"):
         cloud = PointCloud.of(cloud)
         chosen_method = method_named(method) if isinstance(method, str) else method
+        if not isinstance(chosen_method, Method):
+            raise ParameterError(f"expected the name of a method or a method such as SpectralGP(), found {method!r}")
         if seed is not None and any(field.name == "seed" for field in dataclasses.fields(chosen_method)):
             chosen_method = chosen_method.replaced({"seed": seed})
         rows = _usable_rows(cloud, invalid)
@@ -134,13 +137,19 @@ def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64]:
 
 
 def _normalised(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Shift the points to the origin and scale them to about unit size, by steps that round no difference.
+    """Shift the corner of the bounding box to the origin, and scale by a power of two to about unit size.
 
-    The corner of the bounding box goes to the origin, and the scale is a power of two.
+    What differs by less than 1e-100 of the size becomes the same, since squares of that would vanish.
     """
-    local = points - points.min(axis=0)
-    size = local.max()
-    return np.ldexp(local, -math.frexp(size)[1], out=local) if 0 < size < math.inf else local
+    with np.errstate(over="ignore"):  # told below
+        local = points - points.min(axis=0)
+    size = float(local.max())
+    if not math.isfinite(size):
+        raise InputError("expected coordinates whose differences are finite, found a range that overflows")
+    if size > 0:
+        np.ldexp(local, -math.frexp(size)[1], out=local)
+        local[local < 1e-100] = 0.0
+    return local
 
 
 def _target(n: int, ratio: float | None, n_points: int | None) -> int:
@@ -153,6 +162,10 @@ def _target(n: int, ratio: float | None, n_points: int | None) -> int:
             raise ParameterError(f"expected a ratio above 0 and at most 1, found {ratio}")
         return max(1, round(ratio * n))
     assert n_points is not None
-    if n_points != int(n_points) or n_points < 1:
+    try:
+        whole = operator.index(n_points)
+    except TypeError:
+        whole = 0
+    if whole < 1:
         raise ParameterError(f"expected a whole number of at least 1 point, found {n_points}")
-    return min(int(n_points), n)
+    return min(whole, n)

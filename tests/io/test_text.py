@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gppcs.cloud import PointCloud
-from gppcs.errors import FileFormatError
+from gppcs.errors import FileFormatError, OutputError
 from gppcs.io import read, rows, write
 
 
@@ -141,3 +141,10 @@ def test_a_column_may_turn_to_fractions_in_a_later_block(table, monkeypatch):
 @pytest.mark.parametrize("text", ["", "\n", "# nothing\n", "x,y,z\n", "0\n"])
 def test_tables_without_rows_are_empty_clouds(table, text):
     assert len(read(table(text))) == 0
+
+
+def test_pts_files_hold_no_attributes_without_customary_names(tmp_path):
+    normals = {name: np.array([0.0, 1.0]) for name in ("nx", "ny", "nz")}
+    with pytest.raises(OutputError, match="found nx, ny, nz; choose a format with names"):
+        write(tmp_path / "cloud.pts", PointCloud([[1.5, 2, 3], [4, 5, 6]], normals))
+    assert not any(tmp_path.iterdir())

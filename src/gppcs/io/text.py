@@ -19,7 +19,7 @@ from typing import BinaryIO
 import numpy as np
 
 from gppcs.cloud import PointCloud
-from gppcs.errors import FileFormatError
+from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.columns import (
     Column,
     attribute_columns,
@@ -169,9 +169,16 @@ def write_csv(file: BinaryIO, cloud: PointCloud) -> None:
 
 
 def write_pts(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write the number of points, then rows; only attributes customary in PTS files keep their names."""
+    """Write the number of points, then rows; the format has no names, so attributes must be the customary ones."""
+    columns = _columns(cloud)
+    extras = list(columns)[3:]
+    if extras and extras not in _PTS_EXTRAS.values():
+        raise OutputError(
+            f"expected the attributes of a PTS file, intensity and red green blue or one of the two, "
+            f"found {', '.join(extras)}; choose a format with names, such as PLY or CSV"
+        )
     file.write(f"{len(cloud)}\n".encode())
-    write_rows(file, list(_columns(cloud).values()))
+    write_rows(file, list(columns.values()))
 
 
 def _columns(cloud: PointCloud) -> dict[str, Column]:

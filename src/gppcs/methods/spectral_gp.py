@@ -23,6 +23,9 @@ UPDATES = 200  # of the posterior in a run, unless k_add says otherwise
 class SpectralGP(Method):
     """A Gaussian process of the surface variation, and greedy choice by uncertainty plus error.
 
+    Its diagnostics are the fitted hyperparameters, and "explained": the share of the variance of the surface
+    variation over the candidates that the posterior mean given the chosen points explains (R squared).
+
     Parameters
     ----------
     neighbours : int
@@ -78,9 +81,12 @@ class SpectralGP(Method):
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose the points; see `Method`."""
+        import numpy as np
+
         from gppcs import greedy
         from gppcs.farthest_point import farthest_points
         from gppcs.kdtree import KdTree
+        from gppcs.posterior import Posterior
 
         stages = stages or Stages()
         with stages("tree"):
@@ -95,7 +101,10 @@ class SpectralGP(Method):
         with stages("greedy selection", n_points - k_init) as advanced:
             k_add = self.k_add or max(1, -(-(n_points - k_init) // UPDATES))
             indices, _ = greedy.select(phi, y, theta.noise, initial, n_points, k_add, tree.order, advanced)
-        return Selection(subset[indices], asdict(theta))
+        with stages("explained share"):
+            mean, _ = Posterior.given(phi[indices], y[indices], theta.noise).predict(phi)
+            explained = 1 - float(np.mean((mean - y) ** 2) / (np.var(y) or 1.0))
+        return Selection(subset[indices], {**asdict(theta), "explained": explained})
 
     def _fitted_field(
         self, points: NDArray[np.float64], tree: KdTree, stages: Stages

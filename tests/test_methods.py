@@ -1,0 +1,164 @@
+"""The methods' parameters: what they may be, and how they are read from text."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.methods import method_named
+
+CLOUD = gppcs.sample("bracket", 600).points
+
+
+@pytest.mark.parametrize(("name", "method"), gppcs.METHODS.items())
+def test_each_method_says_what_it_is(name, method):
+    assert method.name == name
+    assert method.summary
+    assert method.source
+    assert dataclasses.is_dataclass(method())
+
+
+@pytest.mark.parametrize("method", gppcs.METHODS.values())
+def test_each_method_can_be_called_alone(method):
+    selection = method()(CLOUD, 60)
+    assert selection.indices.dtype == np.int64
+    assert len(set(selection.indices.tolist())) == len(selection.indices) == 60
+
+
+@pytest.mark.parametrize(
+    ("method", "parameter", "value"),
+    [
+        (gppcs.SpectralGP, "neighbours", 2),
+        (gppcs.SpectralGP, "eigenfunctions", 0),
+        (gppcs.SpectralGP, "nu", 0.0),
+        (gppcs.SpectralGP, "nu", math.nan),
+        (gppcs.SpectralGP, "k_opt", 0),
+        (gppcs.SpectralGP, "k_init", 0),
+        (gppcs.SpectralGP, "k_add", 0),
+        (gppcs.SpectralGP, "landmarks", 19),
+        (gppcs.SpectralGP, "candidates", 0),
+        (gppcs.SpectralGP, "seed", -1),
+        (gppcs.FarthestPointVariation, "k_init", 0),
+        (gppcs.FarthestPointVariation, "neighbours", 2),
+        (gppcs.FarthestPointVariation, "candidates", 0),
+        (gppcs.FarthestPointVariation, "seed", -1),
+        (gppcs.TopVariation, "neighbours", 2),
+        (gppcs.Random, "seed", -1),
+    ],
+)
+def test_a_parameter_out_of_range_is_named(method, parameter, value):
+    with pytest.raises(gppcs.ParameterError, match=f"method '{method.name}': expected {parameter} to be .*, found"):
+        method(**{parameter: value})
+
+
+def test_the_heat_kernel_has_no_nu_to_fit():
+    with pytest.raises(gppcs.ParameterError, match="finite where it is to be fitted, found inf"):
+        gppcs.SpectralGP(nu=math.inf, fit_nu=True)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "text", "value"),
+    [
+        ("neighbours", "12", 12),
+        ("nu", "1.5", 1.5),
+        ("nu", "3", 3.0),
+        ("nu", "inf", math.inf),
+        ("nu", "1e2", 100.0),
+        ("fit_nu", "true", True),
+        ("fit_nu", "False", False),
+        ("k_init", "7", 7),
+        ("k_init", "none", None),
+        ("k_init", "None", None),
+    ],
+)
+def test_text_is_read_as_the_type_of_the_parameter(parameter, text, value):
+    read = getattr(gppcs.SpectralGP().replaced({parameter: text}), parameter)
+    assert read == value
+    assert type(read) is type(value)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "text", "expected"),
+    [
+        ("neighbours", "many", "int"),
+        ("neighbours", "2.5", "int"),
+        ("neighbours", "none", "int"),
+        ("neighbours", "", "int"),
+        ("nu", "smooth", "float"),
+        ("fit_nu", "1", "bool"),
+        ("k_init", "third", "int or none"),
+    ],
+)
+def test_text_of_another_type_is_refused(parameter, text, expected):
+    with pytest.raises(gppcs.ParameterError, match=f"expected {parameter} to be {expected}, found '{text}'"):
+        gppcs.SpectralGP().replaced({parameter: text})
+
+
+def test_text_out_of_range_is_refused():
+    with pytest.raises(gppcs.ParameterError, match="neighbours to be at least 3, found 1"):
+        gppcs.SpectralGP().replaced({"neighbours": "1"})
+
+
+def test_replacing_leaves_the_rest_and_the_original():
+    method = gppcs.SpectralGP(k_add=5)
+    assert method.replaced({"nu": 1.5}) == gppcs.SpectralGP(k_add=5, nu=1.5)
+    assert method == gppcs.SpectralGP(k_add=5)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "message"),
+    [
+        ("gp-spektral", {}, "no method 'gp-spektral'; did you mean 'gp-spectral'"),
+        ("xyz", {}, "no method 'xyz'; expected one of gp-spectral, fps-variation, top-variation, fps, random"),
+        ("gp-spectral", {"neighbors": 5}, "no parameter 'neighbors'; did you mean 'neighbours'"),
+        ("random", {"neighbours": 5}, "no parameter 'neighbours'; expected one of seed"),
+        ("fps", {"seed": 5}, "no parameter 'seed'; it has none at all"),
+    ],
+)
+def test_unknown_names_come_with_the_nearest(name, settings, message):
+    with pytest.raises(gppcs.ParameterError, match=message):
+        method_named(name, settings)
+
+
+@pytest.mark.parametrize(
+    "method",
+    [
+        gppcs.SpectralGP(neighbours=10),
+        gppcs.SpectralGP(eigenfunctions=5),
+        gppcs.SpectralGP(nu=math.inf),
+        gppcs.SpectralGP(fit_nu=True),
+        gppcs.SpectralGP(k_opt=50),
+        gppcs.SpectralGP(k_init=5),
+        gppcs.SpectralGP(k_add=30),
+        gppcs.SpectralGP(landmarks=200),
+        gppcs.SpectralGP(candidates=100),
+        gppcs.FarthestPointVariation(k_init=5),
+        gppcs.FarthestPointVariation(neighbours=10),
+        gppcs.FarthestPointVariation(candidates=100),
+        gppcs.TopVariation(neighbours=10),
+        gppcs.Random(seed=1),
+    ],
+    ids=repr,
+)
+def test_every_parameter_changes_the_choice(method):
+    changed, default = (gppcs.simplify(CLOUD, n_points=60, method=each).indices for each in (method, type(method)()))
+    assert len(set(changed.tolist())) == 60
+    assert changed.tolist() != default.tolist()
+
+
+@pytest.mark.parametrize("method", [gppcs.SpectralGP, gppcs.FarthestPointVariation])
+def test_more_start_points_than_asked_for_are_cut(method):
+    fps = gppcs.simplify(CLOUD, n_points=20, method="fps")
+    assert gppcs.simplify(CLOUD, n_points=20, method=method(k_init=500)).indices.tolist() == fps.indices.tolist()
+
+
+def test_fewer_candidates_than_points_asked_for_are_made_to_suffice():
+    result = gppcs.simplify(CLOUD, n_points=60, method=gppcs.FarthestPointVariation(candidates=5))
+    assert len(set(result.indices.tolist())) == 60
+
+
+def test_a_smaller_random_choice_starts_a_larger_one():
+    small, large = (gppcs.simplify(CLOUD, n_points=n, method="random").indices for n in (20, 200))
+    assert small.tolist() == large[:20].tolist()

@@ -1,0 +1,258 @@
+"""What holds for every method: exact counts, exact points, the same choice wherever and however large the cloud is."""
+
+import numba
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+
+import gppcs
+
+METHODS = list(gppcs.METHODS)
+FAR = np.array([500_000, 5_400_000, 0])  # as in UTM
+RANDOM = np.random.default_rng(0)
+SMALL = {
+    "one": np.ones((1, 3)),
+    "two": np.array([[0.0, 0, 0], [1, 2, 3]]),
+    "all equal": np.full((6, 3), 0.1),
+    "collinear": np.outer(np.arange(8.0), [1, 2, 3]),
+    "coplanar": np.c_[RANDOM.random((10, 2)), np.zeros(10)],
+    "mostly repeats": RANDOM.random((3, 3))[RANDOM.integers(0, 3, 12)],
+    "plus and minus zero": np.array([[0.0, 0, 0], [-0.0, 0, 0], [0, -0.0, 0], [1, 0, 0]]),
+    "tiny": 1e-300 * RANDOM.random((5, 3)),
+    "huge": 1e200 * RANDOM.random((5, 3)),
+    "far outlier": np.concatenate([RANDOM.random((9, 3)), [[1e12, 0, 0]]]),
+    **{f"random {n}": RANDOM.random((n, 3)) for n in (3, 4, 5, 8, 12)},
+}
+
+
+def chosen(points, n_points, method, **options):
+    return gppcs.simplify(points, n_points=n_points, method=method, **options).indices
+
+
+def assert_exactly(indices, count, n):
+    assert indices.dtype == np.int64
+    assert len(indices) == len(set(indices.tolist())) == count
+    assert set(indices.tolist()) <= set(range(n))
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("points", SMALL.values(), ids=SMALL)
+def test_exact_counts_of_small_clouds(points, method):
+    for count in range(1, len(points) + 1):
+        assert_exactly(chosen(points, count, method), count, len(points))
+
+
+@hypothesis_settings(max_examples=60, deadline=None)
+@given(data=st.data(), method=st.sampled_from(METHODS), seed=st.integers(0, 2**32))
+def test_exact_counts_of_any_cloud(data, method, seed):
+    coordinate = st.one_of(st.integers(-3, 3), st.floats(-1e6, 1e6))
+    points = np.array(data.draw(st.lists(st.tuples(coordinate, coordinate, coordinate), min_size=1, max_size=40)))
+    count = data.draw(st.integers(1, len(points) + 3))
+    indices = chosen(points, count, method, seed=seed)
+    assert_exactly(indices, min(count, len(points)), len(points))
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("scan", ["medallion", "bracket", "fan", "sphere"])
+def test_kept_points_keep_every_bit(scan, method):
+    cloud = gppcs.sample(scan, 800, noise=0.001, outliers=0.01)
+    result = gppcs.simplify(cloud, ratio=0.1, method=method)
+    assert_exactly(result.indices, 80, 800)
+    assert result.cloud.points.tobytes() == cloud.points[result.indices].tobytes()
+    assert result.cloud.coordinate_dtype == np.float32
+    assert list(result.cloud.attributes) == list(cloud.attributes) != []
+    for name, values in cloud.attributes.items():
+        assert result.cloud.attributes[name].dtype == values.dtype
+        assert result.cloud.attributes[name].tobytes() == values[result.indices].tobytes()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_as_many_points_as_there_are_come_back_in_order(method):
+    points = SMALL["mostly repeats"]
+    for count in (len(points), len(points) + 1, 10**30):
+        assert chosen(points, count, method).tolist() == list(range(len(points)))
+    assert gppcs.simplify(points, ratio=1, method=method).indices.tolist() == list(range(len(points)))
+
+
+@pytest.mark.parametrize(("ratio", "count"), [(1e-9, 1), (0.001, 1), (0.024, 2), (0.026, 3), (0.5, 50), (1.0, 100)])
+def test_a_ratio_is_rounded_to_at_least_one_point(ratio, count):
+    assert len(gppcs.simplify(RANDOM.random((100, 3)), ratio=ratio, method="random").indices) == count
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_repeats_are_chosen_last(method):
+    rng = np.random.default_rng(1)
+    points = rng.permutation(np.repeat(rng.random((15, 3)), 3, axis=0))
+    for count in (1, 8, 14, 15, 16, 44):
+        first = chosen(points, count, method)[:15]
+        assert len(np.unique(points[first], axis=0)) == len(first)
+
+
+def quantised(scan, n_points=1200):
+    """Return points that large shifts leave exact."""
+    return np.round(gppcs.sample(scan, n_points).points * 1024) / 1024
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("scan", ["bracket", "fan"])
+def test_the_choice_does_not_depend_on_place_unit_or_run(scan, method):
+    points = quantised(scan)
+    indices = chosen(points, 120, method).tolist()
+    assert chosen(points, 120, method).tolist() == indices
+    assert chosen(points + FAR, 120, method).tolist() == indices
+    assert chosen(points * 1024, 120, method).tolist() == indices
+    assert chosen(points / 1024, 120, method).tolist() == indices
+    in_millimetres = chosen(points * 1000, 120, method)
+    assert np.isin(in_millimetres, indices).mean() >= 0.99
+
+
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one core")
+@pytest.mark.parametrize("method", METHODS)
+def test_the_choice_does_not_depend_on_the_number_of_threads(method):
+    points = gppcs.sample("fan", 20_000).points
+    results = []
+    try:
+        for threads in (1, 2):
+            numba.set_num_threads(threads)
+            results.append(chosen(points, 400, method).tolist())
+    finally:
+        numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
+    assert results[0] == results[1]
+
+
+def test_the_seed_decides_what_is_drawn():
+    points = quantised("bracket")
+    first, again, other = (chosen(points, 120, "random", seed=seed).tolist() for seed in (1, 1, 2))
+    assert first == again != other
+
+
+def test_the_seed_replaces_the_methods_own_and_methods_without_ignore_it():
+    points = quantised("bracket")
+    result = gppcs.simplify(points, n_points=120, method=gppcs.Random(seed=5), seed=1)
+    assert result.method == gppcs.Random(seed=1)
+    assert result.indices.tolist() == chosen(points, 120, "random", seed=1).tolist()
+    assert chosen(points, 120, "fps", seed=1).tolist() == chosen(points, 120, "fps", seed=2).tolist()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_input_is_never_changed(method):
+    cloud = gppcs.sample("bracket", 300)
+    before = cloud.points.tobytes(), [values.tobytes() for values in cloud.attributes.values()]
+    for array in (cloud.points, *cloud.attributes.values()):
+        array.flags.writeable = False
+    result = gppcs.simplify(cloud, n_points=30, method=method)
+    assert not np.shares_memory(result.cloud.points, cloud.points)
+    assert (cloud.points.tobytes(), [values.tobytes() for values in cloud.attributes.values()]) == before
+
+
+@pytest.mark.parametrize("dtype", ["f4", "f8", ">f8", "i4"])
+def test_any_number_type_and_memory_layout_will_do(dtype):
+    points = np.round(gppcs.sample("bracket", 300).points)
+    expected = chosen(points, 30, "fps-variation").tolist()
+    for array in (points.astype(dtype), np.asfortranarray(points.astype(dtype)), points.astype(dtype).tolist()):
+        assert chosen(array, 30, "fps-variation").tolist() == expected
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_points_that_are_not_finite_are_counted_or_dropped(bad):
+    cloud = gppcs.sample("bracket", 300)
+    points = cloud.points.copy()
+    points[[7, 250], [1, 2]] = bad
+    broken = gppcs.PointCloud(points, cloud.attributes)
+    with pytest.raises(gppcs.InputError, match=r"2 of 300 points .* the first at index 7"):
+        gppcs.simplify(broken, ratio=0.1)
+    result = gppcs.simplify(broken, ratio=0.1, method="fps", invalid="drop")
+    rest = np.delete(np.arange(300), [7, 250])
+    assert result.indices.tolist() == rest[chosen(points[rest], 30, "fps")].tolist()
+    assert result.cloud.points.tobytes() == points[result.indices].tobytes()
+    assert result.cloud.attributes["red"].tolist() == cloud.attributes["red"][result.indices].tolist()
+    everything = gppcs.simplify(broken, ratio=1, invalid="drop")
+    assert everything.indices.tolist() == rest.tolist()
+
+
+def test_a_cloud_without_finite_points_is_refused():
+    with pytest.raises(gppcs.InputError, match="none of the 2 points has finite coordinates"):
+        gppcs.simplify(np.full((2, 3), np.nan), ratio=1, invalid="drop")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, "either a ratio or a number of points, found neither"),
+        ({"ratio": 0.5, "n_points": 5}, "found both"),
+        ({"ratio": 0}, "a ratio above 0 and at most 1, found 0"),
+        ({"ratio": -1}, "found -1"),
+        ({"ratio": 1.5}, "found 1.5"),
+        ({"ratio": np.nan}, "found nan"),
+        ({"n_points": 0}, "a whole number of at least 1 point, found 0"),
+        ({"n_points": -3}, "found -3"),
+        ({"n_points": 2.5}, "found 2.5"),
+        ({"n_points": "10"}, "found '?10'?"),
+        ({"ratio": 0.5, "method": "fpss"}, "did you mean 'fps'"),
+        ({"ratio": 0.5, "invalid": "ignore"}, "invalid to be 'error' or 'drop', found 'ignore'"),
+        ({"ratio": 0.5, "seed": -1}, "expected seed to be at least 0, found -1"),
+    ],
+)
+def test_parameters_out_of_range_are_named(options, message):
+    with pytest.raises(gppcs.ParameterError, match=message):
+        gppcs.simplify(SMALL["random 8"], **options)
+
+
+@pytest.mark.parametrize("cloud", [np.zeros((5, 2)), np.zeros(3), "scan.ply", np.zeros((5, 3), complex)])
+def test_what_is_no_cloud_is_refused(cloud):
+    with pytest.raises(gppcs.InputError, match="expected"):
+        gppcs.simplify(cloud, ratio=0.5)
+
+
+def test_an_empty_cloud_is_refused():
+    with pytest.raises(gppcs.InputError, match="empty"):
+        gppcs.simplify(np.empty((0, 3)), ratio=0.5)
+
+
+def test_the_result_says_how_it_came_about():
+    method = gppcs.SpectralGP(k_add=5)
+    result = gppcs.simplify(quantised("bracket"), n_points=120, method=method)
+    assert result.method == method
+    assert {"surface variation", "eigenfunctions", "hyperparameters", "greedy selection"} <= set(result.seconds)
+    assert all(seconds >= 0 for seconds in result.seconds.values())
+    assert set(result.diagnostics) == {"variance", "lengthscale", "nu", "noise", "explained"}
+    assert all(value > 0 for value in result.diagnostics.values())
+
+
+def test_listeners_hear_of_every_step():
+    heard = []
+
+    class Listener:
+        def started(self, stage, total):
+            heard.append([stage, total, 0])
+
+        def advanced(self, steps):
+            heard[-1][2] += steps
+
+        def finished(self):
+            heard[-1].append("finished")
+
+    from gppcs.stages import Stages
+
+    gppcs.simplify(quantised("bracket"), n_points=120, stages=Stages(Listener()))
+    assert ["farthest points", 40, 40, "finished"] in heard
+    assert ["greedy selection", 80, 80, "finished"] in heard
+    assert all(stage[3:] == ["finished"] for stage in heard)
+
+
+def test_ranges_that_overflow_are_refused_and_extreme_ones_work():
+    with pytest.raises(gppcs.InputError, match="overflow"):
+        gppcs.simplify([[1e308, 0, 0], [-1e308, 0, 0], [1, 2, 3]], n_points=2)
+    points = np.random.default_rng(0).random((500, 3))
+    points[7] = 1e200
+    for method in gppcs.METHODS:
+        assert len(np.unique(gppcs.simplify(points, n_points=50, method=method).indices)) == 50
+
+
+def test_a_method_must_be_one():
+    with pytest.raises(gppcs.ParameterError, match="expected the name of a method"):
+        gppcs.simplify(np.eye(3), n_points=1, method=gppcs.SpectralGP)
+    with pytest.raises(gppcs.ParameterError, match="whole number"):
+        gppcs.simplify(np.eye(3), n_points=float("nan"))
