@@ -45,15 +45,17 @@ def _line(cells: Sequence[str]) -> str:
 
 def _origin(data: Sequence[Path]) -> list[str]:
     """Say what was measured, on what, by what."""
-    commit = subprocess.run(
-        ["git", "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"],
-        cwd=HERE, capture_output=True, text=True, check=False,
-    ).stdout.strip()  # fmt: skip
+    changed = " with changes" if _git("status", "--porcelain", "--", "src") else ""
     with open("/proc/cpuinfo") as file:
         processor = next((line.split(":")[1].strip() for line in file if line.startswith("model name")), "unknown")
     return [
-        f"- gppcs {gppcs.__version__}, commit {commit or 'unknown'}",
+        f"- gppcs {gppcs.__version__}, commit {_git('rev-parse', '--short=12', 'HEAD')}{changed}",
         f"- {processor}, {numba.get_num_threads()} threads",
         f"- Python {platform.python_version()}, Numba {numba.__version__}",
         *(f"- {path.name}: SHA-256 {hashlib.sha256(path.read_bytes()).hexdigest()[:16]}…" for path in data),
     ]
+
+
+def _git(*words: str) -> str:
+    """Return what git says, nothing outside a checkout."""
+    return subprocess.run(["git", *words], cwd=HERE.parent, capture_output=True, text=True, check=False).stdout.strip()
