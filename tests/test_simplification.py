@@ -256,3 +256,8 @@ def test_a_method_must_be_one():
         gppcs.simplify(np.eye(3), n_points=1, method=gppcs.SpectralGP)
     with pytest.raises(gppcs.ParameterError, match="whole number"):
         gppcs.simplify(np.eye(3), n_points=float("nan"))
+
+
+def test_a_ratio_must_be_a_number():
+    with pytest.raises(gppcs.ParameterError, match=r"found '0\.1'"):
+        gppcs.simplify(np.eye(3), ratio="0.1")

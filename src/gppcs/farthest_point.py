@@ -74,7 +74,7 @@ def _rest(points, order, low, squared, farthest, candidate):
             _farther_child(node, farthest, candidate)
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def _choose(points, order, low, high, position, squared, farthest, candidate, first, chosen, distances, begin, end):
     leaves = first_leaf(low)
     stack = np.empty(64, dtype=np.int64)

@@ -87,7 +87,7 @@ def features_in_radius(grid: ColumnGrid) -> Features:
     return features
 
 
-@nb.njit(cache=True, parallel=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+@nb.njit(cache=True, parallel=True, nogil=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _features_in_columns(points, order, starts, row_length, radius, variation, normals, neighbours):
     columns = len(starts) - 1
     squared_radius = radius * radius
@@ -147,7 +147,7 @@ def features_of_nearest(tree: KdTree, k: int) -> Features:
     return features
 
 
-@nb.njit(cache=True, parallel=True)
+@nb.njit(cache=True, parallel=True, nogil=True)
 def _features_in_tree(points, order, low, high, k, variation, normals, neighbours):
     k = min(k, points.shape[1])
     for i in nb.prange(points.shape[1]):

@@ -121,7 +121,7 @@ def _buckets(count: int, phi: NDArray[np.float64]) -> _Buckets:
     )
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def _choose(points, buckets, mean, covariance, noise, k_add, chosen, scores, begin):
     """Fill `chosen` and `scores` from `begin` on."""
     batch = np.empty(k_add, dtype=np.int64)

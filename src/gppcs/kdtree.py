@@ -65,7 +65,7 @@ def first_leaf(low):
     return low.shape[0] // 2
 
 
-@nb.njit(cache=True, parallel=True)
+@nb.njit(cache=True, parallel=True, nogil=True)
 def _split_level(points, order, low, high, level, last):
     """Measure the boxes of a level and, unless it is the last, part each node at the median of its longest side."""
     nodes = 1 << level
@@ -153,7 +153,7 @@ def nearest_in_tree(points, low, high, x, y, z, found, squared):
                     squared[slot], found[slot] = d, j
 
 
-@nb.njit(cache=True, parallel=True)
+@nb.njit(cache=True, parallel=True, nogil=True)
 def _nearest_of_all(points, low, high, queries, found, squared):
     for q in nb.prange(len(queries)):
         x, y, z = queries[q]

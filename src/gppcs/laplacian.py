@@ -138,7 +138,7 @@ def _lift(
     return lifted
 
 
-@nb.njit(cache=True, parallel=True)
+@nb.njit(cache=True, parallel=True, nogil=True)
 def _weigh_nearest(landmarks, low, high, functions, points, count, lifted):
     for i in nb.prange(len(points)):
         found = np.empty(count, dtype=np.int64)

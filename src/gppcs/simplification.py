@@ -158,8 +158,12 @@ def _target(n: int, ratio: float | None, n_points: int | None) -> int:
         found = "neither" if ratio is None else "both"
         raise ParameterError(f"expected either a ratio or a number of points, found {found}")
     if ratio is not None:
-        if not 0 < ratio <= 1:
-            raise ParameterError(f"expected a ratio above 0 and at most 1, found {ratio}")
+        try:
+            inside = 0 < ratio <= 1
+        except TypeError:
+            inside = False
+        if not inside:
+            raise ParameterError(f"expected a ratio above 0 and at most 1, found {ratio!r}")
         return max(1, round(ratio * n))
     assert n_points is not None
     try:
