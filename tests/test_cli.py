@@ -45,13 +45,14 @@ def scan():
 
 @pytest.fixture
 def gppcs_command(monkeypatch, capsys):
-    """Run the command in this process; return its exit code, stdout and stderr."""
+    """Run the command in this process; return its exit code, stdout and stderr, less the notice of a first run."""
 
     def run(*arguments):
         monkeypatch.setattr(sys, "argv", ["gppcs", *map(str, arguments)])
         with pytest.raises(SystemExit) as stop:
             cli.main()
-        return stop.value.code, *capsys.readouterr()
+        out, err = capsys.readouterr()
+        return stop.value.code, out, err.replace(f"{console.NOTICE}\n", "")
 
     return run
 

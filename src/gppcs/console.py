@@ -11,6 +11,7 @@ from time import perf_counter
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
 
+NOTICE = "gppcs: compiling its kernels, once on this machine"
 PATIENCE = 1.0  # seconds that a stage may take before a bar appears
 
 
@@ -59,7 +60,7 @@ class Compilation:
     def on_start(self, event: object) -> None:
         """Hear that a kernel is about to be compiled; one may need another."""
         if self.seconds == 0.0 and self._depth == 0:
-            print("gppcs: compiling its kernels, once on this machine", file=sys.stderr)  # noqa: T201
+            print(NOTICE, file=sys.stderr)  # noqa: T201
         if self._depth == 0:
             self._start = perf_counter()
         self._depth += 1
