@@ -7,6 +7,7 @@ from typing import Any
 
 from gppcs.errors import ParameterError
 from gppcs.methods.farthest_point import FarthestPoint
+from gppcs.methods.hierarchical_clustering import HierarchicalClustering
 from gppcs.methods.method import Method, Selection
 from gppcs.methods.random import Random
 from gppcs.methods.spectral_gp import SpectralGP
@@ -14,7 +15,8 @@ from gppcs.methods.variation import FarthestPointVariation, TopVariation
 from gppcs.names import nearest_name
 
 METHODS: Mapping[str, type[Method]] = {
-    method.name: method for method in (SpectralGP, FarthestPointVariation, TopVariation, FarthestPoint, Random)
+    method.name: method
+    for method in (SpectralGP, FarthestPointVariation, TopVariation, FarthestPoint, Random, HierarchicalClustering)
 }
 DEFAULT = SpectralGP.name
 
@@ -37,6 +39,7 @@ __all__ = [
     "METHODS",
     "FarthestPoint",
     "FarthestPointVariation",
+    "HierarchicalClustering",
     "Method",
     "Random",
     "Selection",

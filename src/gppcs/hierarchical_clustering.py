@@ -1,0 +1,216 @@
+"""Hierarchical clustering: a cloud is parted by planes until its clusters are flat or small (Pauly et al. 2002)."""
+
+from __future__ import annotations
+
+import heapq
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+FLAT = 1e-12  # surface variation below it is rounding
+
+
+def hierarchical_clusters(points: NDArray[np.float64], size: int, variation: float) -> NDArray[np.int64]:
+    """Choose one point for each cluster of at most `size` points that vary by at most `variation`.
+
+    A cluster above either limit is parted by the plane through its centroid across its principal axis. Points at
+    one place, and any others that the plane does not part, stay together. This is the form that the paper's
+    experiments use; how many points come out is not known beforehand.
+
+    Parameters
+    ----------
+    points : (N, 3) array, float64
+        N at least 1; repeats are allowed.
+    size : int
+        The number of points that a cluster may have, at least 1.
+    variation : float
+        The surface variation that a cluster may have, lambda_0 / (lambda_0 + lambda_1 + lambda_2), from 0 to 1/3.
+
+    Returns
+    -------
+    (M,) array, int64
+        Of each cluster the point nearest its centroid, ties to the smallest index; clusters in the order in which
+        the planes part them, the negative side first.
+    """
+    rows, order, chosen = _in_columns(points, len(points))
+    return chosen[: _part_to_limits(rows, order, size, variation, chosen)]
+
+
+def clusters_by_variation(points: NDArray[np.float64], n_points: int) -> NDArray[np.int64]:
+    """Choose exactly `n_points` points, one for each cluster, parting the most varied cluster again and again.
+
+    Of all clusters, that of the largest number of points times surface variation is parted next, ties to the one
+    of more points and then to that of the smallest index. What the plane does not part is parted into halves by
+    index, so that the number always comes out.
+
+    Parameters
+    ----------
+    points : (N, 3) array, float64
+        Repeats are allowed.
+    n_points : int
+        M, from 1 to N.
+
+    Returns
+    -------
+    (M,) array, int64
+        Of each cluster the point nearest its centroid, ties to the smallest index.
+    """
+    rows, order, chosen = _in_columns(points, n_points)
+    _part_most_varied(rows, order, chosen)
+    return chosen
+
+
+def _in_columns(
+    points: NDArray[np.float64], n_clusters: int
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the coordinates, an axis a row, the index of each, and room for the choice."""
+    return points.T.copy(), np.arange(len(points)), np.empty(n_clusters, dtype=np.int64)
+
+
+@nb.njit(cache=True)
+def _part_to_limits(rows, order, size, variation, chosen):
+    """Fill `chosen` with the representatives, and return how many there are."""
+    n = len(order)
+    room_rows, room_order = np.empty((3, n), dtype=np.float64), np.empty(n, dtype=np.int64)
+    centroid, axis = np.empty(3, dtype=np.float64), np.empty(3, dtype=np.float64)
+    count = 0
+    pending = [(0, n)]
+    while pending:
+        begin, end = pending.pop()
+        varies = _spread(rows, begin, end, centroid, axis)
+        if end - begin > size or varies > variation:
+            middle = _part(rows, order, begin, end, centroid, axis, room_rows, room_order)
+            if begin < middle < end:
+                pending.append((middle, end))
+                pending.append((begin, middle))
+                continue
+        chosen[count] = order[_most_central(rows, begin, end, centroid)]
+        count += 1
+    return count
+
+
+@nb.njit(cache=True)
+def _part_most_varied(rows, order, chosen):
+    """Part the most varied cluster until there are as many as `chosen` has room for."""
+    n, wanted = len(order), len(chosen)
+    room_rows, room_order = np.empty((3, n), dtype=np.float64), np.empty(n, dtype=np.int64)
+    begins, ends = np.zeros(wanted, dtype=np.int64), np.full(wanted, n, dtype=np.int64)
+    centroids, axes = np.empty((wanted, 3), dtype=np.float64), np.empty((wanted, 3), dtype=np.float64)
+    heap = [_rank(rows, order, 0, n, centroids[0], axes[0], 0)]
+    for count in range(1, wanted):
+        cluster = heapq.heappop(heap)[3]
+        begin, end = begins[cluster], ends[cluster]
+        middle = _part(rows, order, begin, end, centroids[cluster], axes[cluster], room_rows, room_order)
+        if not begin < middle < end:
+            middle = (begin + end) // 2
+        ends[cluster] = begins[count] = middle
+        ends[count] = end
+        for child in (cluster, count):
+            rank = _rank(rows, order, begins[child], ends[child], centroids[child], axes[child], child)
+            if ends[child] - begins[child] > 1:
+                heapq.heappush(heap, rank)
+    for cluster in range(wanted):
+        chosen[cluster] = order[_most_central(rows, begins[cluster], ends[cluster], centroids[cluster])]
+
+
+@nb.njit(cache=True)
+def _rank(rows, order, begin, end, centroid, axis, cluster):
+    """Measure a cluster, and return what the heap orders it by, least first, with its number."""
+    varies = _spread(rows, begin, end, centroid, axis)
+    members = end - begin
+    return -members * varies, -members, order[begin], cluster
+
+
+@nb.njit(cache=True, fastmath={"nsz", "contract", "reassoc"})
+def _spread(rows, begin, end, centroid, axis):
+    """Fill centroid and principal axis of the points begin..end, and return their surface variation."""
+    n = end - begin
+    x, y, z = rows[0, begin], rows[1, begin], rows[2, begin]
+    sx = sy = sz = 0.0
+    for i in range(begin, end):
+        sx += rows[0, i] - x
+        sy += rows[1, i] - y
+        sz += rows[2, i] - z
+    x, y, z = x + sx / n, y + sy / n, z + sz / n
+    centroid[0], centroid[1], centroid[2] = x, y, z
+    sxx = sxy = sxz = syy = syz = szz = 0.0
+    for i in range(begin, end):
+        dx, dy, dz = rows[0, i] - x, rows[1, i] - y, rows[2, i] - z
+        sxx += dx * dx
+        sxy += dx * dy
+        sxz += dx * dz
+        syy += dy * dy
+        syz += dy * dz
+        szz += dz * dz
+    return _principal_axis(sxx, sxy, sxz, syy, syz, szz, axis)
+
+
+@nb.njit(cache=True)
+def _principal_axis(xx, xy, xz, yy, yz, zz, axis):
+    """Fill the unit eigenvector of the largest eigenvalue, and return lambda_0 over the trace (Jacobi's rotations).
+
+    A matrix of zeros has the variation zero.
+    """
+    trace = xx + yy + zz
+    if not trace > 0.0:
+        axis[0], axis[1], axis[2] = 1.0, 0.0, 0.0
+        return 0.0
+    a = np.empty((3, 3), dtype=np.float64)
+    a[0] = xx / trace, xy / trace, xz / trace
+    a[1] = xy / trace, yy / trace, yz / trace
+    a[2] = xz / trace, yz / trace, zz / trace
+    vectors = np.eye(3)
+    while abs(a[0, 1]) + abs(a[0, 2]) + abs(a[1, 2]) > 1e-17:
+        for p, q in ((0, 1), (0, 2), (1, 2)):
+            if a[p, q] != 0.0:
+                _rotate(a, vectors, p, q)
+    largest = np.argmax(np.array([a[0, 0], a[1, 1], a[2, 2]]))
+    axis[:] = vectors[:, largest]
+    smallest = min(a[0, 0], a[1, 1], a[2, 2])
+    return smallest if smallest > FLAT else 0.0
+
+
+@nb.njit(cache=True)
+def _rotate(a, vectors, p, q):
+    """Rotate the axes p and q so that a[p, q] becomes zero."""
+    theta = (a[q, q] - a[p, p]) / (2 * a[p, q])
+    t = (1.0 if theta >= 0 else -1.0) / (abs(theta) + np.hypot(theta, 1.0))
+    c = 1 / np.sqrt(t * t + 1)
+    s = t * c
+    r = 3 - p - q
+    a[p, p], a[q, q] = a[p, p] - t * a[p, q], a[q, q] + t * a[p, q]
+    a[p, r], a[q, r] = c * a[p, r] - s * a[q, r], s * a[p, r] + c * a[q, r]
+    a[p, q] = a[q, p] = 0.0
+    a[r, p], a[r, q] = a[p, r], a[q, r]
+    for row in vectors:
+        row[p], row[q] = c * row[p] - s * row[q], s * row[p] + c * row[q]
+
+
+@nb.njit(cache=True)
+def _part(rows, order, begin, end, centroid, axis, room_rows, room_order):
+    """Bring the points strictly on the negative side to the front, each side in its old order; return their end."""
+    front, back = begin, 0
+    for i in range(begin, end):
+        x, y, z, index = rows[0, i], rows[1, i], rows[2, i], order[i]
+        along = (x - centroid[0]) * axis[0] + (y - centroid[1]) * axis[1] + (z - centroid[2]) * axis[2]
+        # written to both sides, and kept on one: no branch to guess wrong; `front` never passes i
+        rows[0, front], rows[1, front], rows[2, front], order[front] = x, y, z, index
+        room_rows[0, back], room_rows[1, back], room_rows[2, back], room_order[back] = x, y, z, index
+        negative = int(along < 0.0)
+        front += negative
+        back += 1 - negative
+    rows[:, front:end] = room_rows[:, :back]
+    order[front:end] = room_order[:back]
+    return front
+
+
+@nb.njit(cache=True)
+def _most_central(rows, begin, end, centroid):
+    """Return the position of the point nearest the centroid, the first of several."""
+    best, nearest = begin, np.inf
+    for i in range(begin, end):
+        squared = (rows[0, i] - centroid[0]) ** 2 + (rows[1, i] - centroid[1]) ** 2 + (rows[2, i] - centroid[2]) ** 2
+        if squared < nearest:
+            best, nearest = i, squared
+    return best
