@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from gppcs.io import read, write
     from gppcs.methods import (
         METHODS,
+        WLOP,
         FarthestPoint,
         FarthestPointVariation,
         HierarchicalClustering,
@@ -59,6 +60,7 @@ _HOMES = {
     "io": ("read", "write"),
     "methods": (
         "METHODS",
+        "WLOP",
         "FarthestPoint",
         "FarthestPointVariation",
         "HierarchicalClustering",

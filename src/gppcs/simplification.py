@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gppcs.cloud import PointCloud
 from gppcs.errors import InputError, ParameterError
-from gppcs.methods import DEFAULT, Method, method_named
+from gppcs.methods import DEFAULT, Method, Selection, method_named
 from gppcs.stages import Stages
 
 
@@ -27,7 +27,7 @@ class Result:
     indices : (M,) array, int64
         The rows of the input that were chosen: unique, in the order chosen.
     cloud : PointCloud
-        Those points, in that order, with every attribute.
+        Those points, in that order, with every attribute; a method that moves points puts them where it moved them.
     method : Method
         The method with all its parameters.
     seconds : mapping of stage to float
@@ -95,28 +95,35 @@ def simplify(
         if seed is not None and any(field.name == "seed" for field in dataclasses.fields(chosen_method)):
             chosen_method = chosen_method.replaced({"seed": seed})
         rows = _usable_rows(cloud, invalid)
-        points = _normalised(cloud.points if len(rows) == len(cloud) else cloud.points[rows])
+        points, corner, exponent = _normalised(cloud.points if len(rows) == len(cloud) else cloud.points[rows])
         count = _target(len(points), ratio, n_points)
-    indices, diagnostics = _choose(points, count, chosen_method, stages)
-    indices = rows[indices]
-    return Result(indices, cloud.take(indices), chosen_method, stages.seconds, diagnostics)
+    selection = _choose(points, count, chosen_method, stages)
+    indices = rows[selection.indices]
+    kept = cloud.take(indices)
+    if selection.points is not None:
+        kept = _moved(kept, np.ldexp(selection.points, exponent) + corner)
+    return Result(indices, kept, chosen_method, stages.seconds, selection.diagnostics)
 
 
-def _choose(
-    points: NDArray[np.float64], count: int, method: Method, stages: Stages
-) -> tuple[NDArray[np.int64], Mapping[str, float]]:
+def _moved(cloud: PointCloud, points: NDArray[np.float64]) -> PointCloud:
+    """Return the cloud with its points elsewhere; whole numbers cannot hold the new coordinates."""
+    kept = cloud.coordinate_dtype if np.issubdtype(cloud.coordinate_dtype, np.floating) else np.dtype(np.float64)
+    return dataclasses.replace(cloud, points=points, coordinate_dtype=kept)
+
+
+def _choose(points: NDArray[np.float64], count: int, method: Method, stages: Stages) -> Selection:
     """Let the method choose among points without repeats; add repeats only where these do not suffice."""
     if count >= len(points):
-        return np.arange(len(points)), {}
+        return Selection(np.arange(len(points)))
     from gppcs.neighbourhood import first_occurrences
 
     with stages("repeats"):
         first = first_occurrences(points)
         distinct = np.flatnonzero(first)
     if count >= len(distinct):
-        return np.concatenate([distinct, np.flatnonzero(~first)[: count - len(distinct)]]), {}
+        return Selection(np.concatenate([distinct, np.flatnonzero(~first)[: count - len(distinct)]]))
     selection = method(points if len(distinct) == len(points) else points[distinct], count, stages)
-    return distinct[selection.indices], selection.diagnostics
+    return dataclasses.replace(selection, indices=distinct[selection.indices])
 
 
 def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64]:
@@ -136,20 +143,22 @@ def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64]:
     return np.delete(np.arange(len(cloud)), bad)
 
 
-def _normalised(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _normalised(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
     """Shift the corner of the bounding box to the origin, and scale by a power of two to about unit size.
 
-    What differs by less than 1e-100 of the size becomes the same, since squares of that would vanish.
+    What differs by less than 1e-100 of the size becomes the same, since squares of that would vanish. The corner
+    and the exponent of that power, which lead back, are returned as well.
     """
+    corner = points.min(axis=0)
     with np.errstate(over="ignore"):  # told below
-        local = points - points.min(axis=0)
+        local = points - corner
     size = float(local.max())
     if not math.isfinite(size):
         raise InputError("expected coordinates whose differences are finite, found a range that overflows")
-    if size > 0:
-        np.ldexp(local, -math.frexp(size)[1], out=local)
-        local[local < 1e-100] = 0.0
-    return local
+    exponent = math.frexp(size)[1]  # zero for a size of zero
+    np.ldexp(local, -exponent, out=local)
+    local[local < 1e-100] = 0.0
+    return local, corner, exponent
 
 
 def _target(n: int, ratio: float | None, n_points: int | None) -> int:

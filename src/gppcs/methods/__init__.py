@@ -12,11 +12,20 @@ from gppcs.methods.method import Method, Selection
 from gppcs.methods.random import Random
 from gppcs.methods.spectral_gp import SpectralGP
 from gppcs.methods.variation import FarthestPointVariation, TopVariation
+from gppcs.methods.wlop import WLOP
 from gppcs.names import nearest_name
 
 METHODS: Mapping[str, type[Method]] = {
     method.name: method
-    for method in (SpectralGP, FarthestPointVariation, TopVariation, FarthestPoint, Random, HierarchicalClustering)
+    for method in (
+        SpectralGP,
+        FarthestPointVariation,
+        TopVariation,
+        FarthestPoint,
+        Random,
+        HierarchicalClustering,
+        WLOP,
+    )
 }
 DEFAULT = SpectralGP.name
 
@@ -37,6 +46,7 @@ def method_named(name: str, settings: Mapping[str, Any] | None = None) -> Method
 __all__ = [
     "DEFAULT",
     "METHODS",
+    "WLOP",
     "FarthestPoint",
     "FarthestPointVariation",
     "HierarchicalClustering",

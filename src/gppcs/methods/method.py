@@ -28,10 +28,13 @@ class Selection:
         Unique, in the order chosen.
     diagnostics : mapping of name to float
         What the method found out on the way, such as fitted hyperparameters.
+    points : (M, 3) array, float64, optional
+        Where the method moved the points to; where not given, they stay in their places.
     """
 
     indices: NDArray[np.int64]
     diagnostics: Mapping[str, float] = field(default_factory=dict)
+    points: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)
