@@ -15,10 +15,11 @@ NEAR = 1e-10  # of the squared radius: nearer than that, two points are one, and
 
 
 def average_spacing(points: NDArray[np.float64], tree: KdTree) -> float:
-    """Return the mean distance to the six nearest neighbours, as CGAL measures it, of the median point."""
-    others = min(6, len(points) - 1)
-    means = np.mean([nearest_distances(points, tree, k) for k in range(1, others + 1)], axis=0)
-    return float(np.median(means))
+    """Return the mean distance to the seven nearest points, the point itself counted as in CGAL, of the median point.
+
+    CGAL takes the mean over all points in place of the median.
+    """
+    return float(np.median(np.mean([nearest_distances(points, tree, k) for k in range(7)], axis=0)))
 
 
 def area(points: NDArray[np.float64], tree: KdTree) -> float:
