@@ -22,16 +22,6 @@ def average_spacing(points: NDArray[np.float64], tree: KdTree) -> float:
     return float(np.median(np.mean([nearest_distances(points, tree, k) for k in range(7)], axis=0)))
 
 
-def area(points: NDArray[np.float64], tree: KdTree) -> float:
-    """Return the area of the surface that the points are spread on.
-
-    Where N points lie evenly on an area A, the k-th neighbour is at d_k with E[d_k^2] = k A / (pi N). The median
-    stands for the mean, so that outliers count for little.
-    """
-    k = min(16, len(points) - 1)
-    return float(len(points) * np.pi / k * np.median(nearest_distances(points, tree, k) ** 2))
-
-
 def project(
     points: NDArray[np.float64],
     samples: NDArray[np.float64],

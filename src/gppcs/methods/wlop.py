@@ -19,9 +19,9 @@ class WLOP(Method):
 
     Parameters
     ----------
-    radius : float, optional
-        How far points act, in average spacings of the input. Where not given, 8, as in CGAL, but at least four
-        spacings of the output, below which samples hardly see each other.
+    radius : float
+        How far points act, in average spacings of the input; 8 as in CGAL. Larger ones smooth: with four spacings of
+        the output, 21 to 26 of the input at ratios of 3 to 5 %, the mean distance to a kept point grows by a third.
     iterations : int
         How often all samples are moved.
     mu : float
@@ -39,7 +39,7 @@ class WLOP(Method):
     summary = "weighted locally optimal projection: samples pulled onto the surface and apart, moved or snapped"
     source = "Huang, Li, Zhang, Ascher and Cohen-Or 2009"
 
-    radius: float | None = None
+    radius: float = 8.0
     iterations: int = 35
     mu: float = 0.45
     require_uniform: bool = False
@@ -47,7 +47,7 @@ class WLOP(Method):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        self.require(self.radius is None or self.radius > 0, "radius", "above 0")
+        self.require(self.radius > 0, "radius", "above 0")
         self.require(self.iterations >= 1, "iterations", "at least 1")
         self.require(0 <= self.mu <= 0.5, "mu", "from 0 to 0.5")
         self.require(self.seed >= 0, "seed", "at least 0")
@@ -62,10 +62,7 @@ class WLOP(Method):
         stages = stages or Stages()
         with stages("tree"):
             tree = KdTree.build(points)
-            spacing = wlop.average_spacing(points, tree)
-            radius = (self.radius or 8) * spacing
-            if self.radius is None:
-                radius = max(radius, 4 * float(np.sqrt(wlop.area(points, tree) / n_points)))
+            radius = self.radius * wlop.average_spacing(points, tree)
         start = points[np.random.default_rng(self.seed).permutation(len(points))[:n_points]]
         with stages("projection", self.iterations) as advanced:
             samples = wlop.project(
@@ -73,4 +70,4 @@ class WLOP(Method):
             )  # fmt: skip
         with stages("nearest points"):
             indices = wlop.nearest_unused(samples, tree)
-        return Selection(indices, {"radius": radius / spacing}, None if self.snap else samples)
+        return Selection(indices, {}, None if self.snap else samples)
