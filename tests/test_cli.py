@@ -540,3 +540,12 @@ def test_compiling_is_told_once_and_timed(capsys):
         compilation.on_end(None)
     assert capsys.readouterr().err == "gppcs: compiling its kernels, once on this machine\n"
     assert 0.02 <= compilation.seconds < 1
+
+
+@pytest.mark.parametrize("output", ["scan.ply", "link.ply", "."])
+def test_an_input_is_never_overwritten(gppcs_command, scan, output):
+    Path("link.ply").symlink_to("scan.ply")
+    before = Path("scan.ply").read_bytes()
+    result = gppcs_command("simplify", "scan.ply", "-o", output, "--points", 5, "--force")
+    assert_one_line(result, "expected a file other than the input")
+    assert Path("scan.ply").read_bytes() == before

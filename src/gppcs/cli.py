@@ -42,7 +42,7 @@ app = typer.Typer(
 )
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object a line, for machines.")]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite files that exist; never an input.")]
 
 
 @app.callback(invoke_without_command=True)
@@ -136,7 +136,9 @@ def _targets(inputs: list[Path], output: Path) -> dict[Path, Path]:
     elif len(inputs) == 1:
         targets = {inputs[0]: output}
     else:
-        raise OutputError(f"{output}: expected a folder for the results of {len(inputs)} inputs, found none")
+        raise OutputError(
+            f"{output}: expected a folder for the results of {len(inputs)} inputs, found none; make it first"
+        )
     if len(set(targets.values())) < len(inputs):
         raise OutputError(f"{output}: expected inputs with different names, found two that would write one file")
     return targets
@@ -167,6 +169,8 @@ def _simplify_file(
 
     io.format_to_write(target)
     io.check_writable(target, force)
+    if target.exists() and source.exists() and target.samefile(source):
+        raise OutputError(f"{target}: expected a file other than the input, found the same; choose another name")
     stages = Stages(ProgressBar())
     with compilation_noticed() as compilation:
         with stages("reading"):

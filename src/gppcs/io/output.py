@@ -32,7 +32,9 @@ def check_writable(path: str | os.PathLike[str], force: bool = False) -> None:
     if target.exists() and not target.is_file():
         raise OutputError(f"{target}: expected a file, found a folder or device; choose another name")
     if target.exists() and not force:
-        raise OutputError(f"{target}: expected a new file, found one; choose another name or force overwriting")
+        raise OutputError(
+            f"{target}: expected a new file, found one; choose another name or overwrite it with --force (force=True)"
+        )
     if not folder.is_dir():
         raise OutputError(f"{target}: expected a folder {folder}, found none; make it or choose another")
     if not os.access(folder, os.W_OK | os.X_OK):

@@ -24,7 +24,8 @@ class SpectralGP(Method):
     """A Gaussian process of the surface variation, and greedy choice by uncertainty plus error.
 
     Its diagnostics are the fitted hyperparameters, and "explained": the share of the variance of the surface
-    variation over the candidates that the posterior mean given the chosen points explains (R squared).
+    variation over the candidates that the posterior mean given the chosen points explains (R squared; below zero
+    where it is worse than a constant, as it can be when the chosen points are far from typical).
 
     Parameters
     ----------
