@@ -95,7 +95,7 @@ def test_files_are_closed_after_reading(tmp_path):
         ("cube_30k_sampled.ply", 30_000),
         ("tum_desk.ply", 248_250),
         ("kitti_000000.ply", 124_668),
-        ("lidr_topography_airborne.ply", 73_403),
+        ("autzen_airborne.ply", 110_000),
     ],
 )
 def test_shared_files(shared_data, name, count):
