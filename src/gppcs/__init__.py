@@ -24,9 +24,11 @@ if TYPE_CHECKING:
         OutputError,
         ParameterError,
     )
-    from gppcs.evaluation import Report, evaluate
+    from gppcs.evaluation.judge import evaluate
+    from gppcs.evaluation.report import Figure, Rebuilt, Report, figures_of
     from gppcs.features import Features, estimate_features
     from gppcs.io import read, write
+    from gppcs.mesh import Mesh, read_mesh
     from gppcs.methods import (
         METHODS,
         WLOP,
@@ -55,9 +57,11 @@ _HOMES = {
         "OutputError",
         "ParameterError",
     ),
-    "evaluation": ("Report", "evaluate"),
+    "evaluation.judge": ("evaluate",),
+    "evaluation.report": ("Figure", "Rebuilt", "Report", "figures_of"),
     "features": ("Features", "estimate_features"),
     "io": ("read", "write"),
+    "mesh": ("Mesh", "read_mesh"),
     "methods": (
         "METHODS",
         "WLOP",

@@ -78,6 +78,10 @@ class PointCloud:
         """Return the indices of points with a coordinate that is NaN or infinite."""
         return np.flatnonzero(~np.isfinite(self.points).all(axis=1))
 
+    def finite_rows(self) -> NDArray[np.int64]:
+        """Return the indices of the other points."""
+        return np.delete(np.arange(len(self)), self.non_finite())
+
     def usable(self, name: str) -> NDArray[np.float64]:
         """Return the points; raise an InputError that calls the cloud `name` if there are none or not all finite."""
         if len(self) == 0:

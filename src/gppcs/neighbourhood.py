@@ -127,6 +127,17 @@ def spacing(points: NDArray[np.float64], tree: KdTree) -> float:
     return float(np.median(nearest_distances(points, tree, 1)))
 
 
+def surface_area(points: NDArray[np.float64], tree: KdTree, k: int = 8) -> float:
+    """Return an estimate of the area of the surface that the points lie on, whatever their density.
+
+    A disc around a point to its k-th neighbour holds k others, so the point stands for a k-th of it. The hundredth of
+    the points with the largest discs stand for no more than the next, lest a few strays count as much as all others.
+    `points` must hold no repeats.
+    """
+    squared = nearest_distances(points, tree, k, most=65_536) ** 2
+    return float(np.pi / k * len(points) * np.minimum(squared, np.quantile(squared, 0.99)).mean())
+
+
 def neighbourhood_radius(points: NDArray[np.float64], tree: KdTree, k: int = 25) -> float:
     """Return the radius that holds about k points, the point itself counted: the paper's, where it can be used.
 

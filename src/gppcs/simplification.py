@@ -140,7 +140,7 @@ def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64]:
         )
     if len(bad) == len(cloud):
         raise InputError(f"none of the {len(cloud)} points has finite coordinates")
-    return np.delete(np.arange(len(cloud)), bad)
+    return cloud.finite_rows()
 
 
 def _normalised(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:

@@ -1,0 +1,65 @@
+"""What all commands print: results as tables or as JSON on stdout, what went wrong as one line on stderr."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from gppcs.errors import GppcsError, InputError
+from gppcs.evaluation.report import Rebuilt, Report, figures_of
+
+BAD_INPUT = 2
+FAILURES = (GppcsError, OSError, MemoryError)  # told in one line
+FIGURES = {**figures_of(Report), **figures_of(Rebuilt)}
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object a line, for machines.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite files that exist; never an input.")]
+
+
+def print_json(record: dict[str, Any]) -> None:
+    """Print one line of strict JSON; what is not a number becomes null."""
+
+    def strict(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: strict(item) for key, item in value.items()}
+        if isinstance(value, list | tuple):
+            return [strict(item) for item in value]
+        if isinstance(value, float) and value - value != 0:
+            return None
+        return value
+
+    typer.echo(json.dumps(strict(record), allow_nan=False))
+
+
+def figure_rows(report: Report) -> dict[str, str]:
+    """Return the figures as rows of a table, lengths in the unit of the cloud and in its diagonals as well."""
+    raw, relative = report.figures(), report.figures(relative=True)
+    rows = {}
+    for name, value in raw.items():
+        if name in ("points_in", "points_out"):
+            continue
+        unit = FIGURES[name.removeprefix("carried_")].unit
+        rows[name.replace("_", " ")] = f"{value:.4g}" + {
+            "length": f"  ({relative[name]:.3g} of the diagonal)" if name != "diagonal" else "",
+            "squared length": f"  ({relative[name]:.3g} of the squared diagonal)",
+            "degrees": " degrees",
+        }.get(unit, "")
+    return rows
+
+
+def tell(error: BaseException, source: Path | None = None) -> None:
+    """Print what went wrong; errors about a cloud do not know which file it came from."""
+    if isinstance(error, InputError) and source:
+        print_error(f"{source}: {error}")
+    elif isinstance(error, OSError) and error.filename:
+        print_error(f"{error.filename}: {error.strerror}")
+    else:
+        print_error(str(error) or "not enough memory")
+
+
+def print_error(message: str) -> None:
+    """Print a line on stderr."""
+    typer.echo(f"gppcs: {' '.join(message.split())}", err=True)

@@ -1,0 +1,226 @@
+"""The surface that a cloud spans by itself: around each point, the triangles of its local Delaunay triangulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.features import features_of_nearest
+from gppcs.kdtree import KdTree, nearest_in_tree
+
+PLANE = 12  # points that the tangent plane is fitted to, the point itself among them
+NEIGHBOURS = 30  # of which the corners are found; fewer leave gaps where points lie at random
+MOST = 16  # triangles of a fan; there are six on average
+FANS = 5  # of the nearest points, searched for the nearest triangle; with fewer, a gap here and there
+STEEPEST = np.sin(np.radians(60.0))  # a neighbour further out of the tangent plane lies on another sheet
+
+
+@dataclass(frozen=True)
+class LocalSurface:
+    """The points and, around each, a fan of triangles to its neighbours.
+
+    A point's neighbours are laid out in its tangent plane, each in its direction and at its true distance; the
+    corners of the fan are the point's neighbours in the Delaunay triangulation there. The fans of different
+    points need not agree, as in the Laplacian of a cloud; where they do, they are the triangulation of a surface
+    that passes through all points.
+
+    Attributes
+    ----------
+    tree : KdTree
+        Over the points, which hold no repeats.
+    corners : (M, MOST, 2) array, int32
+        Of each triangle around a point, the two corners beside the point itself; -1 from the end of the fan on.
+        Points and corners in tree order.
+    """
+
+    tree: KdTree
+    corners: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, points: NDArray[np.float64]) -> LocalSurface:
+        """Build the surface of `points`, (M, 3), without repeats."""
+        tree = KdTree.build(points)
+        normals = features_of_nearest(tree, PLANE).normals[tree.order]
+        corners = np.full((len(points), MOST, 2), -1, dtype=np.int32)
+        _build_fans(tree.points, tree.low, tree.high, normals, corners)
+        return cls(tree, corners)
+
+    def distances(self, queries: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the distance of each query, (Q, 3), to the triangles of its nearest points, or to the nearest."""
+        distances = np.empty(len(queries))
+        _measure(self.tree.points, self.tree.low, self.tree.high, self.corners, queries, distances)
+        return distances
+
+
+@nb.njit(cache=True, parallel=True, nogil=True)
+def _build_fans(points, low, high, normals, corners):
+    k = min(NEIGHBOURS + 1, points.shape[1])
+    for i in nb.prange(points.shape[1]):
+        found = np.empty(k, dtype=np.int64)
+        squared = np.empty(k, dtype=np.float64)
+        nearest_in_tree(points, low, high, points[0, i], points[1, i], points[2, i], found, squared)
+        inverse = np.empty((k, 2), dtype=np.float64)
+        index = np.empty(k, dtype=np.int64)
+        count = _lay_out(points, i, normals[i], found, squared, inverse, index)
+        _fan(inverse[:count], index[:count], corners[i])
+
+
+@nb.njit(cache=True)
+def _lay_out(points, i, normal, found, squared, inverse, index):
+    """Lay the neighbours out in the tangent plane, each divided by its squared distance; return how many there are."""
+    u, v = _tangents(normal[0], normal[1], normal[2])
+    count = 0
+    for slot in range(len(found)):
+        j = found[slot]
+        if j == i or squared[slot] == 0.0:
+            continue
+        away = _from(points, j, points[0, i], points[1, i], points[2, i])
+        a, b = _dot(away, u), _dot(away, v)
+        in_plane, distance = np.sqrt(a * a + b * b), np.sqrt(squared[slot])
+        if in_plane * in_plane < (1.0 - STEEPEST * STEEPEST) * squared[slot]:
+            continue
+        inverse[count, 0], inverse[count, 1] = a / (in_plane * distance), b / (in_plane * distance)
+        index[count] = j
+        count += 1
+    return count
+
+
+@nb.njit(cache=True)
+def _tangents(x, y, z):
+    """Return two unit vectors at right angles to a unit vector and each other."""
+    if abs(x) <= abs(y) and abs(x) <= abs(z):
+        length = np.sqrt(y * y + z * z)
+        u = 0.0, -z / length, y / length
+    elif abs(y) <= abs(z):
+        length = np.sqrt(x * x + z * z)
+        u = z / length, 0.0, -x / length
+    else:
+        length = np.sqrt(x * x + y * y)
+        u = -y / length, x / length, 0.0
+    return u, (y * u[2] - z * u[1], z * u[0] - x * u[2], x * u[1] - y * u[0])
+
+
+@nb.njit(cache=True)
+def _fan(inverse, index, corners):
+    """Find the triangles at the origin: edges of the hull of the inverted neighbours and the origin itself.
+
+    The bisector between the origin and a neighbour is dual to the neighbour divided by its squared distance, so the
+    origin's Voronoi cell is dual to the hull of these. On a border the origin is a corner of the hull.
+    """
+    n = len(inverse)
+    if n < 2:
+        return
+    round_ = _around(inverse)
+    hull = np.empty(len(round_), dtype=np.int64)
+    height = 0
+    for new in round_:
+        while height >= 2 and not _turns_left(inverse, hull[height - 2], hull[height - 1], new):
+            height -= 1
+        hull[height] = new
+        height += 1
+    triangles = 0
+    for edge in range(height - 1):
+        a, b = hull[edge], hull[edge + 1]
+        if a < n and b < n and triangles < MOST and _turns_left(inverse, n, a, b):
+            corners[triangles, 0], corners[triangles, 1] = index[a], index[b]
+            triangles += 1
+
+
+@nb.njit(cache=True)
+def _around(inverse):
+    """Return the neighbours in the order of their directions, from one corner of the hull back to the same.
+
+    That is the origin, numbered n, where half of all directions or more are free; else the nearest neighbour.
+    """
+    n = len(inverse)
+    angles = np.arctan2(inverse[:, 1], inverse[:, 0])
+    order = np.argsort(angles, kind="mergesort")
+    begin, free = 0, False
+    for step in range(n):
+        before = angles[order[step - 1]] - (2.0 * np.pi if step == 0 else 0.0)
+        if angles[order[step]] - before >= np.pi:
+            begin, free = step, True
+        elif order[step] == 0 and not free:
+            begin = step
+    round_ = np.empty(n + 1 + free, dtype=np.int64)
+    for step in range(n + 1):
+        round_[step + free] = order[(begin + step) % n]
+    if free:
+        round_[0] = round_[n + 1] = n
+    return round_
+
+
+@nb.njit(cache=True)
+def _turns_left(points, a, b, c):
+    """Tell whether the way from a over b to c turns left; the number beyond the last point means the origin."""
+    ax, ay = (points[a, 0], points[a, 1]) if a < len(points) else (0.0, 0.0)
+    bx, by = (points[b, 0], points[b, 1]) if b < len(points) else (0.0, 0.0)
+    cx, cy = (points[c, 0], points[c, 1]) if c < len(points) else (0.0, 0.0)
+    return (bx - ax) * (cy - by) - (by - ay) * (cx - bx) > 0.0
+
+
+@nb.njit(cache=True, parallel=True, nogil=True)
+def _measure(points, low, high, corners, queries, distances):
+    k = min(FANS, points.shape[1])
+    for q in nb.prange(len(queries)):
+        found = np.empty(k, dtype=np.int64)
+        squared = np.empty(k, dtype=np.float64)
+        x, y, z = queries[q]
+        nearest_in_tree(points, low, high, x, y, z, found, squared)
+        least = squared[0]
+        for i in found:
+            a = _from(points, i, x, y, z)
+            for slot in range(MOST):
+                if corners[i, slot, 0] < 0:
+                    break
+                b, c = _from(points, corners[i, slot, 0], x, y, z), _from(points, corners[i, slot, 1], x, y, z)
+                least = min(least, _squared_distance_to_triangle(a, b, c))
+        distances[q] = np.sqrt(least)
+
+
+@nb.njit(cache=True)
+def _from(points, i, x, y, z):
+    return points[0, i] - x, points[1, i] - y, points[2, i] - z
+
+
+@nb.njit(cache=True)
+def _squared_distance_to_triangle(a, b, c):
+    """Return the squared distance of the origin to the nearest point of a triangle: a corner, on an edge or inside."""
+    ab, ac = _minus(b, a), _minus(c, a)
+    ab_a, ac_a, ab_b, ac_b, ab_c, ac_c = _dot(ab, a), _dot(ac, a), _dot(ab, b), _dot(ac, b), _dot(ab, c), _dot(ac, c)
+    if ab_a >= 0.0 and ac_a >= 0.0:
+        return _dot(a, a)
+    if ab_b <= 0.0 and ac_b >= ab_b:
+        return _dot(b, b)
+    if ac_c <= 0.0 and ab_c >= ac_c:
+        return _dot(c, c)
+    beside_ab, beside_ac, beside_bc = ab_a * ac_b - ab_b * ac_a, ab_c * ac_a - ab_a * ac_c, ab_b * ac_c - ab_c * ac_b
+    if beside_ab <= 0.0 and ab_a <= 0.0 <= ab_b:
+        nearest = _along(a, b, ab_a / (ab_a - ab_b))
+    elif beside_ac <= 0.0 and ac_a <= 0.0 <= ac_c:
+        nearest = _along(a, c, ac_a / (ac_a - ac_c))
+    elif beside_bc <= 0.0 and ab_b - ac_b >= 0.0 and ac_c - ab_c >= 0.0:
+        nearest = _along(b, c, (ab_b - ac_b) / (ab_b - ac_b + ac_c - ab_c))
+    else:
+        v, w = beside_ac / (beside_ab + beside_ac + beside_bc), beside_ab / (beside_ab + beside_ac + beside_bc)
+        nearest = a[0] + v * ab[0] + w * ac[0], a[1] + v * ab[1] + w * ac[1], a[2] + v * ab[2] + w * ac[2]
+    return _dot(nearest, nearest)
+
+
+@nb.njit(cache=True)
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@nb.njit(cache=True)
+def _minus(a, b):
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@nb.njit(cache=True)
+def _along(a, b, share):
+    """Return the point at that share of the way from a to b."""
+    return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])

@@ -1,0 +1,79 @@
+"""The paper's judge: the screened Poisson mesh of a simplified cloud beside the original mesh.
+
+The conventions: depth 8; normals of a plane fit to ten neighbours in the simplified cloud, with the sign of the
+original's normal nearest by; distances from the vertices of one mesh to the surface of the other.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.errors import InputError
+from gppcs.kdtree import KdTree
+from gppcs.mesh import Mesh, require_pymeshlab
+
+DEPTH = 8  # of the octree
+NEIGHBOURS = 10  # of the plane fit
+
+
+def estimated_normals(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return normals of plane fits to the nearest points, turned so that neighbours agree, (M, 3)."""
+    meshes = _mesh_set(points)
+    meshes.compute_normal_for_point_clouds(k=NEIGHBOURS)
+    normals: NDArray[np.float64] = meshes.current_mesh().vertex_normal_matrix()
+    return normals
+
+
+def turned_like(
+    normals: NDArray[np.float64], points: NDArray[np.float64], places: NDArray[np.float64], guides: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the normals of `points`, (M, 3), each with the sign of the guide, (V, 3), at the nearest place, (V, 3)."""
+    nearest, _ = KdTree.build(places).nearest_of(points, 1)
+    opposed = np.einsum("ij,ij->i", normals, guides[nearest[:, 0]]) < 0
+    return np.where(opposed[:, None], -normals, normals)
+
+
+def reconstruct(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
+    """Return the screened Poisson mesh (Kazhdan and Hoppe 2013) of points with normals, both (M, 3), by PyMeshLab.
+
+    Raises
+    ------
+    InputError
+        If no surface comes out.
+    """
+    pymeshlab = require_pymeshlab()
+    meshes = _mesh_set(points, v_normals_matrix=normals)
+    try:
+        # a single thread: with several on few cores they spin, and it takes minutes instead of seconds
+        meshes.generate_surface_reconstruction_screened_poisson(depth=DEPTH, preclean=True, threads=1)
+        rebuilt = meshes.current_mesh()
+        return Mesh(rebuilt.vertex_matrix(), rebuilt.face_matrix())
+    except (pymeshlab.PyMeshLabException, InputError) as error:
+        raise InputError(
+            f"the screened Poisson reconstruction of the {len(points)} points gave no surface ({error}): expected "
+            "points, with normals, that lie on one"
+        ) from error
+
+
+def distances_to(mesh: Mesh, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the distance of each point, (M, 3), to the surface of a mesh, by PyMeshLab."""
+    pymeshlab = require_pymeshlab()
+    meshes = _mesh_set(points)
+    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
+    corners = np.concatenate([points, mesh.vertices])
+    reach = 2.0 * float(np.linalg.norm(np.ptp(corners, axis=0)))  # beyond it, PyMeshLab would cut distances off
+    meshes.compute_scalar_by_distance_from_another_mesh_per_vertex(
+        measuremesh=0, refmesh=1, signeddist=False, maxdist=pymeshlab.PureValue(reach)
+    )
+    distances: NDArray[np.float64] = meshes.mesh(0).vertex_scalar_array()
+    return distances
+
+
+def _mesh_set(points: NDArray[np.float64], **columns: NDArray[np.float64]) -> Any:
+    pymeshlab = require_pymeshlab()
+    meshes = pymeshlab.MeshSet(verbose=False)
+    meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=points, **columns))
+    return meshes

@@ -1,0 +1,130 @@
+"""A triangle mesh, to judge a simplification by; read by PyMeshLab, which comes with the extra `evaluate`."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.errors import FileFormatError, InputError, MissingExtraError
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles between vertices.
+
+    Parameters
+    ----------
+    vertices : (V, 3) array, float64
+        Coordinates, in the unit of the file.
+    faces : (F, 3) array, int64
+        The three vertices of each triangle, counter-clockwise as seen from outside.
+
+    Raises
+    ------
+    InputError
+        If there are no triangles, or what is given is not a mesh.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        vertices = np.ascontiguousarray(self.vertices, dtype=np.float64)
+        faces = np.ascontiguousarray(self.faces, dtype=np.int64)
+        if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
+            raise InputError(
+                f"expected vertices of shape (V, 3) and faces of shape (F, 3), found {vertices.shape}, {faces.shape}"
+            )
+        if len(faces) == 0:
+            raise InputError(f"expected a mesh with triangles, found {len(vertices)} points and no triangle")
+        if faces.min() < 0 or faces.max() >= len(vertices):
+            raise InputError(f"expected faces of vertices 0 to {len(vertices) - 1}, found {faces.min()}, {faces.max()}")
+        if not np.isfinite(vertices).all():
+            raise InputError("expected finite coordinates of the mesh's vertices, found NaN or infinite ones")
+        object.__setattr__(self, "vertices", vertices)
+        object.__setattr__(self, "faces", faces)
+
+    def face_areas(self) -> NDArray[np.float64]:
+        """Return the area of each triangle, (F,)."""
+        return np.linalg.norm(self._cross_products(), axis=1) / 2
+
+    def vertex_normals(self) -> NDArray[np.float64]:
+        """Return the sum of the normals of the triangles at each vertex, weighted by their areas, (V, 3)."""
+        products = self._cross_products()
+        return np.stack(
+            [
+                np.bincount(self.faces.ravel(), np.repeat(products[:, axis], 3), len(self.vertices))
+                for axis in range(3)
+            ],
+            axis=1,
+        )  # fmt: skip
+
+    def count_pieces(self) -> int:
+        """Return the number of connected pieces that the triangles make."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        used, faces = np.unique(self.faces, return_inverse=True)
+        faces = faces.reshape(self.faces.shape)
+        ends = np.concatenate([faces[:, :2], faces[:, 1:]]).T
+        graph = coo_array((np.ones(ends.shape[1]), ends), shape=(len(used), len(used)))
+        return int(connected_components(graph, directed=False, return_labels=False))
+
+    def _cross_products(self) -> NDArray[np.float64]:
+        a, b, c = (self.vertices[corner] for corner in self.faces.T)
+        return np.cross(b - a, c - a)
+
+
+def read_mesh(path: str | os.PathLike[str]) -> Mesh:
+    """Read a mesh of triangles or polygons, which are cut into triangles: PLY, OBJ, OFF, STL and more.
+
+    Raises
+    ------
+    MissingExtraError
+        If PyMeshLab is not installed.
+    FileFormatError
+        If the file is not a mesh.
+    OSError
+        If there is no such file, or it cannot be read.
+    """
+    pymeshlab = require_pymeshlab()
+    source = Path(path)
+    if source.is_dir():
+        raise FileFormatError(f"{source}: expected a file, found a folder; name a file")
+    with open(source, "rb"):  # for the operating system's own words, if it cannot be read
+        pass
+    meshes = pymeshlab.MeshSet(verbose=False)
+    try:
+        meshes.load_new_mesh(str(source))
+    except pymeshlab.PyMeshLabException as error:
+        raise FileFormatError(f"{source}: expected a mesh; {str(error).strip()}") from error
+    read = meshes.current_mesh()
+    try:
+        return Mesh(read.vertex_matrix(), read.face_matrix())
+    except InputError as error:
+        raise FileFormatError(f"{source}: {error}") from error
+
+
+def require_pymeshlab() -> Any:
+    """Import PyMeshLab.
+
+    Raises
+    ------
+    MissingExtraError
+        If it is not installed.
+    """
+    import numba
+
+    numba.get_num_threads()  # starts them: later, Numba would meet PyMeshLab's TBB and warn that it is too old
+    try:
+        import pymeshlab
+    except ImportError as error:
+        raise MissingExtraError(
+            "meshes need PyMeshLab, which is not installed: pip install 'gppcs[evaluate]'"
+        ) from error
+    return pymeshlab

@@ -1,0 +1,241 @@
+"""The figures of a simplification: their definitions, what leaves them as they are, what is refused."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.distance import cdist
+from scipy.spatial.transform import Rotation
+
+import gppcs
+from gppcs.evaluation import judge
+from gppcs.evaluation.local_surface import LocalSurface
+
+ZERO_FOR_ITSELF = (
+    "covering_radius", "mean_distance", "chamfer", "surface_mean", "surface_rms", "surface_p95", "surface_max",
+    "feature_error", "normal_deviation",
+)  # fmt: skip
+OF_THE_BOX = ("diagonal", "mean_surface_variation")  # the paper's radius follows the bounding box
+
+
+@pytest.fixture(scope="module")
+def pair():
+    original = gppcs.sample("bracket", 2000, noise=0.001).points
+    return original, original[gppcs.simplify(original, n_points=150, method="fps").indices]
+
+
+def unit_mesh(n=40):
+    """A sphere of radius 1 as a mesh of 2 n (n - 2) triangles."""
+    polar, around = np.meshgrid(np.linspace(0, np.pi, n)[1:-1], np.linspace(0, 2 * np.pi, 2 * n, endpoint=False))
+    ring = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1)
+    vertices = np.concatenate([ring.transpose(1, 0, 2).reshape(-1, 3), [[0, 0, 1], [0, 0, -1]]])
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(vertices)
+    a, b, c = vertices[hull.simplices].transpose(1, 0, 2)
+    outwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), a) > 0
+    return gppcs.Mesh(vertices, np.where(outwards[:, None], hull.simplices, hull.simplices[:, ::-1]))
+
+
+def test_a_cloud_against_itself_is_zero(pair):
+    repeated = np.concatenate([pair[0], pair[0][:100]])
+    for original in (pair[0], repeated):
+        report = gppcs.evaluate(original, original)
+        assert [getattr(report, name) for name in ZERO_FOR_ITSELF] == [0] * len(ZERO_FOR_ITSELF)
+        assert (report.points_in, report.points_out, report.feature_recall) == (len(original), len(original), 1)
+
+
+def test_distances_equal_their_definitions(pair):
+    original, simplified = pair
+    simplified = simplified + 0.5  # so that neither direction is zero
+    distance = cdist(original, simplified)
+    report = gppcs.evaluate(original, simplified)
+    assert report.covering_radius == pytest.approx(distance.min(axis=1).max())
+    assert report.mean_distance == pytest.approx(distance.min(axis=1).mean())
+    assert report.chamfer == pytest.approx((distance.min(axis=1) ** 2).mean() + (distance.min(axis=0) ** 2).mean())
+    assert report.diagonal == pytest.approx(np.linalg.norm(np.ptp(original, axis=0)))
+
+
+def nearest_covariances(points, k):
+    order = np.argsort(cdist(points, points), axis=1, kind="stable")[:, :k]
+    return [np.cov(points[near].T, bias=True) for near in order]
+
+
+def test_figures_of_the_surface_equal_their_definitions(pair):
+    original, simplified = pair
+    report = gppcs.evaluate(original, simplified)
+    distances = LocalSurface.of(simplified).distances(original)
+    eigenvalues = np.array([np.linalg.eigvalsh(matrix) for matrix in nearest_covariances(original, 25)])
+    variation = eigenvalues[:, 0] / eigenvalues.sum(axis=1)
+    assert report.surface_mean == pytest.approx(distances.mean())
+    assert report.surface_rms == pytest.approx(np.sqrt((distances**2).mean()))
+    assert report.surface_p95 == pytest.approx(np.quantile(distances, 0.95))
+    assert report.surface_max == pytest.approx(distances.max())
+    assert report.feature_error == pytest.approx((distances * variation).sum() / variation.sum())
+
+
+def test_recall_is_the_share_of_rough_points_near_kept_ones():
+    """Two ridges, alike, of which one is kept whole and the other not at all."""
+    column, row = (grid.ravel() for grid in np.meshgrid(np.arange(61), np.arange(61)))
+    height = np.where(np.isin(column, [14, 15, 16, 44, 45, 46]), 2, 0)
+    original = np.stack([column, row, height], axis=1).astype(float)
+    kept = original[(column < 30) | (column > 52)]
+    assert gppcs.evaluate(original, original[::7]).feature_recall == pytest.approx(1, abs=0.02)
+    assert gppcs.evaluate(original, kept).feature_recall == pytest.approx(0.5, abs=0.01)
+
+
+def test_normal_deviation_is_the_angle_of_a_fold():
+    """Two halves of a plane, of which one is tilted: the half of the points that keep no neighbour is off by that."""
+    tilt = np.radians(30)
+    flat = np.random.default_rng(0).random((2000, 3)) * [1, 1, 0]
+    folded = flat.copy()
+    right = flat[:, 0] > 0.5
+    folded[right] = [0.5, 0, 0] + (flat[right] - [0.5, 0, 0]) @ Rotation.from_euler("y", tilt).as_matrix().T
+    assert gppcs.evaluate(folded, folded[~right]).normal_deviation == pytest.approx(15, abs=1)
+
+
+def test_surface_variation_is_that_of_the_simplified_cloud(pair):
+    original, simplified = pair
+    radius = np.sqrt(25 * np.cbrt(np.ptp(simplified, axis=0).prod()) ** 2 / len(simplified))
+    variation = []
+    for near in cdist(simplified, simplified) <= radius:
+        eigenvalues = np.linalg.eigvalsh(np.cov(simplified[near].T, bias=True))
+        variation.append(eigenvalues[0] / eigenvalues.sum())
+    assert gppcs.evaluate(original, simplified).mean_surface_variation == pytest.approx(np.mean(variation))
+
+
+@settings(deadline=None, max_examples=10)
+@given(st.integers(0, 99), st.floats(1e-4, 1e4), st.integers(-2000, 2000))
+def test_rotation_shift_and_scale_change_figures_as_their_units_say(pair, seed, scale, shift):
+    rotation = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+    before = gppcs.evaluate(*pair)
+    after = gppcs.evaluate(*(scale * (points @ rotation + [shift, -shift, 2 * shift]) for points in pair))
+    for name, figure in gppcs.figures_of(gppcs.Report).items():
+        factor = {"length": scale, "squared length": scale**2}.get(figure.unit, 1)
+        if name not in OF_THE_BOX:
+            assert getattr(after, name) == pytest.approx(factor * getattr(before, name), rel=1e-5), name
+
+
+def test_shift_and_axis_swap_change_nothing(pair):
+    def moved(points):
+        return points[:, [2, 0, 1]] * [1, -1, 1] + [500, -700, 20]
+
+    before, after = gppcs.evaluate(*pair), gppcs.evaluate(*map(moved, pair))
+    assert after.figures() == pytest.approx(before.figures(), rel=1e-6)
+
+
+def test_relative_figures_are_in_diagonals(pair):
+    report = gppcs.evaluate(*pair)
+    relative = report.figures(relative=True)
+    assert relative["covering_radius"] == report.covering_radius / report.diagonal
+    assert relative["chamfer"] == report.chamfer / report.diagonal**2
+    assert {name for name, value in relative.items() if value == report.figures()[name]} == {
+        "points_in", "points_out", "diagonal", "feature_recall", "normal_deviation", "mean_surface_variation"
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("cloud", [np.zeros((1, 3)), np.ones((5, 3)), np.outer(np.arange(8.0), [1, 2, 3])])
+def test_degenerate_clouds_have_figures(cloud):
+    report = gppcs.evaluate(cloud, cloud[:1])
+    length = np.linalg.norm(cloud[-1] - cloud[0])
+    assert report.covering_radius == report.surface_max == pytest.approx(length)
+    assert report.mean_surface_variation == 0
+    assert all(np.isfinite(value) for value in report.figures().values())
+
+
+@pytest.mark.parametrize(
+    ("cloud", "message"),
+    [
+        (np.empty((0, 3)), "cloud is empty"),
+        (np.full((2, 3), np.nan), "NaN or infinite"),
+        (np.zeros((2, 2)), r"shape \(N, 3\)"),
+    ],
+)
+@pytest.mark.parametrize("place", ["original", "simplified"])
+def test_what_cannot_be_compared_is_refused(cloud, message, place):
+    clouds = {"original": np.zeros((1, 3)), "simplified": np.zeros((1, 3)), place: cloud}
+    with pytest.raises(gppcs.InputError, match=message):
+        gppcs.evaluate(**clouds)
+
+
+@pytest.mark.parametrize(
+    ("move", "parts"),
+    [
+        (lambda points: 1000 * points, ["9", " times as large"]),
+        (lambda points: points + np.array([0, 0, 5e5]), ["off by (", "5000"]),
+    ],
+)
+def test_a_cloud_elsewhere_is_refused_with_how_far(pair, move, parts):
+    with pytest.raises(gppcs.InputError, match="does not lie on the original") as error:
+        gppcs.evaluate(pair[0], move(pair[1]))
+    assert all(part in str(error.value) for part in [*parts, "same unit and origin"])
+
+
+# with a mesh
+
+
+@pytest.fixture(scope="module")
+def ball(sphere):
+    pytest.importorskip("pymeshlab")
+    mesh, points = unit_mesh(), sphere[:3000]
+    return (
+        mesh,
+        points,
+        gppcs.evaluate(sphere, gppcs.PointCloud(points, dict(zip(["nx", "ny", "nz"], points.T, strict=True))), mesh),
+    )
+
+
+def test_a_sphere_is_rebuilt(ball):
+    for rebuilt in (ball[2].rebuilt, ball[2].rebuilt_carried):
+        assert 0 < rebuilt.hausdorff_mean < 2e-3 < 0.02 > rebuilt.hausdorff_max > rebuilt.hausdorff_mean
+        assert 0 < rebuilt.back_mean < 2e-3
+        assert (rebuilt.pieces, rebuilt.stray_share) == (1, 0)
+
+
+def test_carried_normals_are_those_of_the_cloud(ball, sphere):
+    mesh, points, report = ball
+    assert report.rebuilt != report.rebuilt_carried
+    assert gppcs.evaluate(sphere, points, mesh).rebuilt_carried is None
+    assert report.figures()["carried_hausdorff_mean"] == report.rebuilt_carried.hausdorff_mean
+
+
+def test_a_stray_piece_is_told(ball, sphere):
+    mesh, points, _ = ball
+    stray = 0.02 * points[:300] + [3, 0, 0]
+    with_stray = gppcs.evaluate(np.concatenate([sphere, stray]), np.concatenate([points, stray]), mesh).rebuilt
+    assert with_stray.pieces > 1
+    assert with_stray.stray_share > 0
+    assert with_stray.back_max > 1
+
+
+def test_a_mesh_elsewhere_is_refused(ball, sphere):
+    mesh, points, _ = ball
+    with pytest.raises(gppcs.InputError, match=r"the mesh does not lie on the original.*999 times as large"):
+        gppcs.evaluate(sphere, points, dataclasses.replace(mesh, vertices=1000 * mesh.vertices))
+
+
+def test_no_surface_is_an_error(ball, sphere):
+    with pytest.raises(gppcs.InputError, match="of the 3 points gave no surface"):
+        gppcs.evaluate(sphere, sphere[:3], ball[0])
+
+
+@pytest.mark.parametrize("far", [1e6, -1e6])
+def test_mesh_figures_do_not_depend_on_place_and_unit(ball, sphere, far):
+    mesh, points, report = ball
+    moved = gppcs.evaluate(
+        *(1e3 * cloud + far for cloud in (sphere, points)),
+        dataclasses.replace(mesh, vertices=1e3 * mesh.vertices + far),
+    )
+    assert moved.figures(relative=True)["hausdorff_mean"] == pytest.approx(
+        report.figures(relative=True)["hausdorff_mean"], rel=0.05
+    )
+
+
+def test_every_figure_has_a_definition():
+    for report in (gppcs.Report, gppcs.Rebuilt):
+        fields = {field.name for field in dataclasses.fields(report)} - {"rebuilt", "rebuilt_carried"}
+        assert set(gppcs.figures_of(report)) == fields
+    assert judge.ROUGH == 0.9  # as the definitions say
+    assert judge.STRAY == 1 / 20

@@ -1,0 +1,97 @@
+"""The surface that a cloud spans: against closed forms, convex hulls and plain geometry."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize
+from scipy.spatial import ConvexHull, Delaunay
+
+from gppcs.evaluation.local_surface import LocalSurface, _squared_distance_to_triangle
+
+
+def triangles(surface):
+    """All triangles once, as sorted triples of input indices."""
+    order = surface.tree.order
+    return {
+        tuple(sorted(order[[i, *pair]].tolist()))
+        for i, fan in enumerate(surface.corners)
+        for pair in fan
+        if pair[0] >= 0
+    }
+
+
+def test_in_a_plane_the_fans_are_the_delaunay_triangulation():
+    points = np.random.default_rng(0).random((500, 3)) * [1, 1, 0]
+    inner = {i for i in range(500) if (np.abs(points[i, :2] - 0.5) < 0.3).all()}  # the border lacks far neighbours
+    expected = {tuple(sorted(triangle)) for triangle in Delaunay(points[:, :2]).simplices.tolist()}
+    found = triangles(LocalSurface.of(points))
+    found, expected = ({triangle for triangle in each if inner.issuperset(triangle)} for each in (found, expected))
+    assert found >= expected
+    assert len(found - expected) <= 0.01 * len(expected)  # where a corner is not among the nearest thirty
+
+
+@pytest.mark.parametrize("height", [0.0, 0.01, 0.1])
+def test_above_a_plane_the_distance_is_the_height(height):
+    rng = np.random.default_rng(0)
+    points = rng.random((1000, 3)) * [1, 1, 0]
+    queries = 0.1 + 0.8 * rng.random((5000, 3))
+    queries[:, 2] = height
+    np.testing.assert_allclose(LocalSurface.of(points).distances(queries), height, atol=1e-12)
+
+
+def test_on_a_sphere_the_distance_is_that_to_the_inscribed_hull(sphere):
+    points, queries = sphere[:2000], sphere[2000:12_000]
+    equations = ConvexHull(points).equations
+    expected = (queries @ equations[:, :3].T + equations[:, 3]).max(axis=1)
+    distances = LocalSurface.of(points).distances(queries)
+    assert distances.mean() == pytest.approx(expected.mean(), rel=0.02)
+    assert np.median(np.abs(distances - expected)) < 1e-12
+
+
+def test_the_sagitta_of_a_lattice_on_a_cylinder():
+    """Between lines along the axis, a step of angle a apart, the farthest point is 1 - cos(a / 2) above."""
+    angles, heights = np.linspace(0, 2 * np.pi, 60, endpoint=False), np.arange(20) * 0.1
+    angle, height = (grid.ravel() for grid in np.meshgrid(angles, heights))
+    points = np.stack([np.cos(angle), np.sin(angle), height], axis=1)
+    half = np.pi / 60
+    between = np.stack([np.cos(angles + half), np.sin(angles + half), np.full(60, 1.0)], axis=1)
+    np.testing.assert_allclose(LocalSurface.of(points).distances(between), 1 - np.cos(half), rtol=1e-9)
+
+
+def test_points_lie_on_their_own_surface(bracket):
+    assert LocalSurface.of(bracket).distances(bracket).max() == 0
+
+
+def test_two_sheets_are_not_joined():
+    points = np.random.default_rng(0).random((2000, 3)) * [1, 1, 0]
+    points[1000:, 2] = 0.2  # six spacings
+    between = np.concatenate([0.2 + 0.6 * np.random.default_rng(1).random((500, 2)), np.full((500, 1), 0.1)], axis=1)
+    np.testing.assert_allclose(LocalSurface.of(points).distances(between), 0.1)
+
+
+@pytest.mark.parametrize(
+    "points", [np.zeros((1, 3)), np.eye(3)[:2], np.outer(np.arange(9.0), [1, 2, 3]), np.eye(3), np.eye(4)[:, :3]]
+)
+def test_clouds_that_span_nothing_are_points(points):
+    distances = LocalSurface.of(points).distances(points + np.array([0, 0, 0.001]))
+    assert (distances <= 0.001 + 1e-12).all()
+
+
+coordinate = st.floats(-1, 1).map(lambda value: round(value, 3))
+corner = st.tuples(coordinate, coordinate, coordinate)
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.lists(corner, min_size=3, max_size=3, unique=True))
+def test_the_distance_to_a_triangle_is_the_least(triangle):
+    corners = np.array(triangle)
+    weights = minimize(
+        lambda w: ((w @ corners) ** 2).sum(), [1 / 3] * 3, jac=lambda w: 2 * corners @ (w @ corners),
+        bounds=[(0, 1)] * 3, constraints={"type": "eq", "fun": lambda w: w.sum() - 1, "jac": lambda w: np.ones(3)},
+        method="SLSQP", options={"ftol": 1e-14, "maxiter": 200},
+    ).x  # fmt: skip
+    expected = ((weights @ corners) ** 2).sum()
+    found = _squared_distance_to_triangle(*triangle)
+    assert np.sqrt(found) <= np.sqrt(expected) + 1e-6
+    assert np.sqrt(found) >= np.sqrt(expected) - 1e-3
