@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 import gppcs
 from gppcs.evaluation import judge
 from gppcs.evaluation.local_surface import LocalSurface
+from meshes import hull_mesh
 
 ZERO_FOR_ITSELF = (
     "covering_radius", "mean_distance", "chamfer", "surface_mean", "surface_rms", "surface_p95", "surface_max",
@@ -24,19 +25,6 @@ OF_THE_BOX = ("diagonal", "mean_surface_variation")  # the paper's radius follow
 def pair():
     original = gppcs.sample("bracket", 2000, noise=0.001).points
     return original, original[gppcs.simplify(original, n_points=150, method="fps").indices]
-
-
-def unit_mesh(n=40):
-    """A sphere of radius 1 as a mesh of 2 n (n - 2) triangles."""
-    polar, around = np.meshgrid(np.linspace(0, np.pi, n)[1:-1], np.linspace(0, 2 * np.pi, 2 * n, endpoint=False))
-    ring = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1)
-    vertices = np.concatenate([ring.transpose(1, 0, 2).reshape(-1, 3), [[0, 0, 1], [0, 0, -1]]])
-    from scipy.spatial import ConvexHull
-
-    hull = ConvexHull(vertices)
-    a, b, c = vertices[hull.simplices].transpose(1, 0, 2)
-    outwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), a) > 0
-    return gppcs.Mesh(vertices, np.where(outwards[:, None], hull.simplices, hull.simplices[:, ::-1]))
 
 
 def test_a_cloud_against_itself_is_zero(pair):
@@ -179,7 +167,7 @@ def test_a_cloud_elsewhere_is_refused_with_how_far(pair, move, parts):
 @pytest.fixture(scope="module")
 def ball(sphere):
     pytest.importorskip("pymeshlab")
-    mesh, points = unit_mesh(), sphere[:3000]
+    mesh, points = hull_mesh(sphere[-5000:]), sphere[:3000]
     return (
         mesh,
         points,
