@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gppcs.cloud import PointCloud
+    from gppcs.comparison import Entry, compare
     from gppcs.errors import (
         FileFormatError,
         GppcsError,
@@ -49,6 +50,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "cloud": ("PointCloud",),
+    "comparison": ("Entry", "compare"),
     "errors": (
         "FileFormatError",
         "GppcsError",

@@ -130,16 +130,17 @@ def _mean_surface_variation(points: Points) -> float:
 
 def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, diagonal: float) -> Rebuilt:
     """Return the figures of the surface rebuilt from points with the normals given, or with estimated ones."""
-    from gppcs.evaluation.reconstruction import distances_to, estimated_normals, reconstruct, turned_like
+    from gppcs.evaluation.reconstruction import distances_to, estimated_normals, reconstruct
 
     _require_near(distances_to(mesh, points), "mesh", mesh.vertices, diagonal)
     if normals is None:
-        normals = turned_like(estimated_normals(points), points, mesh.vertices, mesh.vertex_normals())
+        normals = estimated_normals(points, mesh.vertices, mesh.vertex_normals())
     rebuilt = reconstruct(points, normals)
     forth, back = distances_to(rebuilt, mesh.vertices), distances_to(mesh, rebuilt.vertices)
     areas = rebuilt.face_areas()
     astray = (back[rebuilt.faces] > STRAY * diagonal).any(axis=1)
     return Rebuilt(
+        mesh=rebuilt,
         hausdorff_mean=float(forth.mean()),
         hausdorff_max=float(forth.max()),
         back_mean=float(back.mean()),

@@ -19,18 +19,20 @@ DEPTH = 8  # of the octree
 NEIGHBOURS = 10  # of the plane fit
 
 
-def estimated_normals(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return normals of plane fits to the nearest points, turned so that neighbours agree, (M, 3)."""
+def estimated_normals(
+    points: NDArray[np.float64],
+    places: NDArray[np.float64] | None = None,
+    guides: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64]:
+    """Return normals of plane fits to the nearest points, (M, 3), by PyMeshLab.
+
+    Each has the sign of the guide, (V, 3), at the nearest place, (V, 3); without guides, neighbours agree.
+    """
     meshes = _mesh_set(points)
     meshes.compute_normal_for_point_clouds(k=NEIGHBOURS)
     normals: NDArray[np.float64] = meshes.current_mesh().vertex_normal_matrix()
-    return normals
-
-
-def turned_like(
-    normals: NDArray[np.float64], points: NDArray[np.float64], places: NDArray[np.float64], guides: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the normals of `points`, (M, 3), each with the sign of the guide, (V, 3), at the nearest place, (V, 3)."""
+    if places is None or guides is None:
+        return normals
     nearest, _ = KdTree.build(places).nearest_of(points, 1)
     opposed = np.einsum("ij,ij->i", normals, guides[nearest[:, 0]]) < 0
     return np.where(opposed[:, None], -normals, normals)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from gppcs.mesh import Mesh
 
 Unit = Literal["count", "length", "squared length", "degrees", "share", "ratio"]
 
@@ -43,11 +46,12 @@ def figures_of(report: type) -> Mapping[str, Figure]:
 
 @dataclass(frozen=True)
 class Rebuilt:
-    """The figures of the screened Poisson mesh of a simplified cloud, beside the original mesh.
+    """The screened Poisson mesh of a simplified cloud, and its figures beside the original mesh.
 
-    `gppcs.figures_of(Rebuilt)` gives the definition of each.
+    `gppcs.figures_of(Rebuilt)` gives the definition of each figure.
     """
 
+    mesh: Mesh = dataclasses.field(repr=False, compare=False)
     hausdorff_mean: float = figure(
         "length", "mean distance from the vertices of the original mesh to the rebuilt mesh (the paper's H mean)"
     )
