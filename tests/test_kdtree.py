@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from gppcs.kdtree import LEAF_SIZE, KdTree
+from gppcs.kdtree import LEAF_SIZE, KdTree, greatest_of_all, leaves_near
 
 SHAPES = {
     "random": lambda rng, n: rng.standard_normal((n, 3)),
@@ -47,3 +47,31 @@ def test_boxes_hold_their_points_tightly(n):
             inside = tree.points[:, n * j // nodes : n * (j + 1) // nodes]
             np.testing.assert_array_equal(tree.low[nodes + j], inside.min(axis=1))
             np.testing.assert_array_equal(tree.high[nodes + j], inside.max(axis=1))
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.sampled_from(sorted(SHAPES)), st.integers(1, 500), st.floats(0, 2), st.integers(0, 99))
+def test_no_point_near_a_box_is_outside_the_leaves_near_it(shape, n, radius, seed):
+    rng = np.random.default_rng(seed)
+    tree = KdTree.build(SHAPES[shape](rng, n))
+    low, high = np.sort(rng.standard_normal((2, 3)), axis=0)
+    found = leaves_near(tree.low, tree.high, low, high, radius**2) - len(tree.low) // 2
+    leaf = np.searchsorted(n * np.arange(1, len(tree.low) // 2 + 1) // (len(tree.low) // 2), np.arange(n), side="right")
+    away = np.maximum(np.maximum(low - tree.points.T, tree.points.T - high), 0.0)
+    assert set(leaf[(away**2).sum(axis=1) <= radius**2]) <= set(found.tolist())
+    gaps = np.maximum(np.maximum(tree.low - high, low - tree.high), 0.0)[len(tree.low) // 2 :]
+    assert sorted(found.tolist()) == np.flatnonzero((gaps**2).sum(axis=1) <= radius**2).tolist()
+
+
+@pytest.mark.parametrize("n", [1, LEAF_SIZE, LEAF_SIZE + 1, 1_000])
+def test_nodes_hold_the_first_of_their_greatest(n):
+    rng = np.random.default_rng(n)
+    tree = KdTree.build(rng.random((n, 3)))
+    values = rng.choice([-np.inf, -1.0, 0.0, 1.0, np.inf], n)
+    greatest, holder = np.empty(len(tree.low)), np.empty(len(tree.low), dtype=np.int64)
+    greatest_of_all(tree.order, values, greatest, holder)
+    for node in range(1, len(tree.low)):
+        nodes = 1 << (node.bit_length() - 1)
+        begin, end = n * (node - nodes) // nodes, n * (node - nodes + 1) // nodes
+        assert greatest[node] == values[begin:end].max()
+        assert holder[node] == tree.order[begin:end][values[begin:end] == greatest[node]].min()

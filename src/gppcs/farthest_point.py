@@ -8,7 +8,14 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.kdtree import KdTree, first_leaf, squared_distance_to_box
+from gppcs.kdtree import (
+    KdTree,
+    first_leaf,
+    greater_child,
+    greatest_in_leaf,
+    greatest_of_all,
+    squared_distance_to_box,
+)
 
 PICKS_PER_CALL = 4096  # between two words of progress
 
@@ -50,7 +57,7 @@ def farthest_points(
     distances = np.empty(n_points, dtype=np.float64)
     position = np.empty(len(points), dtype=np.int64)
     position[tree.order] = np.arange(len(points))
-    _rest(tree.points, tree.order, tree.low, squared, farthest, candidate)
+    greatest_of_all(tree.order, squared, farthest, candidate)
     first = int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))
     for begin in range(0, n_points, PICKS_PER_CALL):
         end = min(begin + PICKS_PER_CALL, n_points)
@@ -61,17 +68,6 @@ def farthest_points(
         if advanced:
             advanced(end - begin)
     return chosen, np.sqrt(distances)
-
-
-@nb.njit(cache=True)
-def _rest(points, order, low, squared, farthest, candidate):
-    """Fill every node with its farthest point."""
-    leaves = first_leaf(low)
-    for node in range(2 * leaves - 1, 0, -1):
-        if node >= leaves:
-            _farthest_in_leaf(node, points, order, leaves, squared, farthest, candidate)
-        else:
-            _farther_child(node, farthest, candidate)
 
 
 @nb.njit(cache=True, nogil=True)
@@ -93,7 +89,7 @@ def _choose(points, order, low, high, position, squared, farthest, candidate, fi
             node = stack[height]
             if node >= leaves:
                 _approach(node, points, leaves, squared, x, y, z)
-                _farthest_in_leaf(node, points, order, leaves, squared, farthest, candidate)
+                greatest_in_leaf(node, order, squared, farthest, candidate)
                 continue
             visited[inner] = node
             inner += 1
@@ -105,7 +101,7 @@ def _choose(points, order, low, high, position, squared, farthest, candidate, fi
                     stack[height] = child
                     height += 1
         for v in range(inner - 1, -1, -1):  # children before their parents
-            _farther_child(visited[v], farthest, candidate)
+            greater_child(visited[v], farthest, candidate)
 
 
 @nb.njit(cache=True)
@@ -116,26 +112,3 @@ def _approach(node, points, leaves, squared, x, y, z):
     for j in range(n * leaf // leaves, n * (leaf + 1) // leaves):
         d = (points[0, j] - x) ** 2 + (points[1, j] - y) ** 2 + (points[2, j] - z) ** 2
         squared[j] = min(squared[j], d)
-
-
-@nb.njit(cache=True)
-def _farthest_in_leaf(node, points, order, leaves, squared, farthest, candidate):
-    n = points.shape[1]
-    leaf = node - leaves
-    begin, end = n * leaf // leaves, n * (leaf + 1) // leaves
-    best = -2.0
-    for j in range(begin, end):
-        best = max(best, squared[j])
-    index = n
-    for j in range(begin, end):
-        if squared[j] == best:
-            index = min(index, order[j])
-    farthest[node], candidate[node] = best, index
-
-
-@nb.njit(cache=True)
-def _farther_child(node, farthest, candidate):
-    a, b = 2 * node, 2 * node + 1
-    if farthest[b] > farthest[a] or (farthest[b] == farthest[a] and candidate[b] < candidate[a]):
-        a = b
-    farthest[node], candidate[node] = farthest[a], candidate[a]

@@ -158,3 +158,66 @@ def _nearest_of_all(points, low, high, queries, found, squared):
     for q in nb.prange(len(queries)):
         x, y, z = queries[q]
         nearest_in_tree(points, low, high, x, y, z, found[q], squared[q])
+
+
+@nb.njit(cache=True)
+def leaves_near(low, high, box_low, box_high, squared_radius):
+    """Return the nodes of the leaves that come within the radius of a box."""
+    leaves = first_leaf(low)
+    found = np.empty(leaves, dtype=np.int64)
+    count = 0
+    stack = np.empty(64, dtype=np.int64)
+    stack[0] = 1
+    height = 1
+    while height:
+        height -= 1
+        node = stack[height]
+        squared = 0.0
+        for axis in range(3):
+            squared += max(low[node, axis] - box_high[axis], box_low[axis] - high[node, axis], 0.0) ** 2
+        if squared > squared_radius:
+            continue
+        if node >= leaves:
+            found[count] = node
+            count += 1
+        else:
+            stack[height], stack[height + 1] = 2 * node + 1, 2 * node
+            height += 2
+    return found[:count]
+
+
+@nb.njit(cache=True)
+def greatest_of_all(order, values, greatest, holder):
+    """Fill every node with the greatest of its points' values, in tree order, and the index of the point with it."""
+    leaves = first_leaf(greatest)
+    for node in range(2 * leaves - 1, 0, -1):
+        if node >= leaves:
+            greatest_in_leaf(node, order, values, greatest, holder)
+        else:
+            greater_child(node, greatest, holder)
+
+
+@nb.njit(cache=True, fastmath={"nnan", "nsz"})
+def greatest_in_leaf(node, order, values, greatest, holder):
+    """Fill a leaf with the greatest of its points' values and the index of the point with it, of several the least."""
+    n = len(values)
+    leaves = first_leaf(greatest)
+    begin, end = n * (node - leaves) // leaves, n * (node - leaves + 1) // leaves
+    of_leaf, indices = values[begin:end], order[begin:end]  # slices: loops over them go by vectors
+    best = -np.inf
+    for j in range(len(of_leaf)):
+        best = max(best, of_leaf[j])
+    index = n
+    for j in range(len(of_leaf)):
+        if of_leaf[j] == best:
+            index = min(index, indices[j])
+    greatest[node], holder[node] = best, index
+
+
+@nb.njit(cache=True)
+def greater_child(node, greatest, holder):
+    """Fill a node with what the child of the greater value holds, of equal ones that of the smaller index."""
+    a, b = 2 * node, 2 * node + 1
+    if greatest[b] > greatest[a] or (greatest[b] == greatest[a] and holder[b] < holder[a]):
+        a = b
+    greatest[node], holder[node] = greatest[a], holder[a]

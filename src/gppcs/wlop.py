@@ -8,7 +8,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.kdtree import KdTree, first_leaf, squared_distance_to_box
+from gppcs.kdtree import KdTree, first_leaf, leaves_near, squared_distance_to_box
 from gppcs.neighbourhood import nearest_distances
 
 NEAR = 1e-10  # of the squared radius: nearer than that, two points are one, and neither attracts nor repels
@@ -112,32 +112,6 @@ def _theta(t):
     return e * np.exp(-2.0) if t <= 1.0 else 0.0
 
 
-@nb.njit(cache=True)
-def _leaves_near(low, high, box_low, box_high, squared_radius):
-    """Return the leaves of a tree that come within the radius of a box."""
-    leaves = first_leaf(low)
-    found = np.empty(leaves, dtype=np.int64)
-    count = 0
-    stack = np.empty(64, dtype=np.int64)
-    stack[0] = 1
-    height = 1
-    while height:
-        height -= 1
-        node = stack[height]
-        squared = 0.0
-        for axis in range(3):
-            squared += max(low[node, axis] - box_high[axis], box_low[axis] - high[node, axis], 0.0) ** 2
-        if squared > squared_radius:
-            continue
-        if node >= leaves:
-            found[count] = node
-            count += 1
-        else:
-            stack[height], stack[height + 1] = 2 * node + 1, 2 * node
-            height += 2
-    return found[:count]
-
-
 @nb.njit(cache=True, parallel=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _crowding(points, low, high, radius):
     """Return 1 + sum theta over the other points, in tree order."""
@@ -145,7 +119,7 @@ def _crowding(points, low, high, radius):
     leaves = first_leaf(low)
     crowding = np.empty(n, dtype=np.float64)
     for leaf in nb.prange(leaves):
-        near = _leaves_near(low, high, low[leaves + leaf], high[leaves + leaf], radius * radius)
+        near = leaves_near(low, high, low[leaves + leaf], high[leaves + leaf], radius * radius)
         for i in range(n * leaf // leaves, n * (leaf + 1) // leaves):
             x, y, z = points[0, i], points[1, i], points[2, i]
             total = 0.0
@@ -170,8 +144,8 @@ def _moved(points, low, high, weights, samples, sample_low, sample_high, omega, 
     moved = np.empty((3, m), dtype=np.float64)
     for leaf in nb.prange(leaves):
         box_low, box_high = sample_low[leaves + leaf], sample_high[leaves + leaf]
-        near = _leaves_near(low, high, box_low, box_high, radius * radius)
-        near_samples = _leaves_near(sample_low, sample_high, box_low, box_high, radius * radius)
+        near = leaves_near(low, high, box_low, box_high, radius * radius)
+        near_samples = leaves_near(sample_low, sample_high, box_low, box_high, radius * radius)
         for i in range(m * leaf // leaves, m * (leaf + 1) // leaves):
             x, y, z = samples[0, i], samples[1, i], samples[2, i]
             ax, ay, az = _attraction(points, low, high, weights, near, radius, x, y, z)
