@@ -25,6 +25,14 @@ SMALL = {
     "far outlier": np.concatenate([RANDOM.random((9, 3)), [[1e12, 0, 0]]]),
     **{f"random {n}": RANDOM.random((n, 3)) for n in (3, 4, 5, 8, 12)},
 }
+SEVERAL_LEAVES = {  # of a tree
+    "collinear": RANDOM.random((90, 1)) * [1, 2, 3],
+    "coplanar": np.c_[RANDOM.random((90, 2)), np.zeros(90)],
+    "lattice": RANDOM.permutation(np.indices((5, 5, 4)).reshape(3, -1).T),
+    "far clumps": RANDOM.integers(0, 2, (90, 1)) + 1e-9 * RANDOM.random((90, 3)),
+    "far outlier": np.concatenate([RANDOM.random((90, 3)), [[1e9, 0, 0]]]),
+    "coincident to rounding": np.concatenate([PLACES := RANDOM.random((45, 3)), np.nextafter(PLACES, 1)]),
+}
 
 
 def chosen(points, n_points, method, **options):
@@ -41,6 +49,13 @@ def assert_exactly(indices, count, n):
 @pytest.mark.parametrize("points", SMALL.values(), ids=SMALL)
 def test_exact_counts_of_small_clouds(points, method):
     for count in range(1, len(points) + 1):
+        assert_exactly(chosen(points, count, method), count, len(points))
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("points", SEVERAL_LEAVES.values(), ids=SEVERAL_LEAVES)
+def test_exact_counts_of_odd_shapes(points, method):
+    for count in (1, 2, len(points) // 2, len(points) - 1):
         assert_exactly(chosen(points, count, method), count, len(points))
 
 
