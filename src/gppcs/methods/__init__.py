@@ -10,6 +10,7 @@ from gppcs.methods.farthest_point import FarthestPoint
 from gppcs.methods.hierarchical_clustering import HierarchicalClustering
 from gppcs.methods.method import Method, Selection
 from gppcs.methods.random import Random
+from gppcs.methods.sample_elimination import SampleElimination
 from gppcs.methods.spectral_gp import SpectralGP
 from gppcs.methods.variation import FarthestPointVariation, TopVariation
 from gppcs.methods.wlop import WLOP
@@ -25,6 +26,7 @@ METHODS: Mapping[str, type[Method]] = {
         Random,
         HierarchicalClustering,
         WLOP,
+        SampleElimination,
     )
 }
 DEFAULT = SpectralGP.name
@@ -52,6 +54,7 @@ __all__ = [
     "HierarchicalClustering",
     "Method",
     "Random",
+    "SampleElimination",
     "Selection",
     "SpectralGP",
     "TopVariation",
