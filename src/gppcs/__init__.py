@@ -42,6 +42,7 @@ if TYPE_CHECKING:
         Selection,
         SpectralGP,
         TopVariation,
+        Voxel,
     )
     from gppcs.scans import sample
     from gppcs.simplification import Result, simplify
@@ -77,6 +78,7 @@ _HOMES = {
         "Selection",
         "SpectralGP",
         "TopVariation",
+        "Voxel",
     ),
     "scans": ("sample",),
     "simplification": ("Result", "simplify"),

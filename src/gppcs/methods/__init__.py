@@ -13,6 +13,7 @@ from gppcs.methods.random import Random
 from gppcs.methods.sample_elimination import SampleElimination
 from gppcs.methods.spectral_gp import SpectralGP
 from gppcs.methods.variation import FarthestPointVariation, TopVariation
+from gppcs.methods.voxel import Voxel
 from gppcs.methods.wlop import WLOP
 from gppcs.names import nearest_name
 
@@ -27,6 +28,7 @@ METHODS: Mapping[str, type[Method]] = {
         HierarchicalClustering,
         WLOP,
         SampleElimination,
+        Voxel,
     )
 }
 DEFAULT = SpectralGP.name
@@ -58,5 +60,6 @@ __all__ = [
     "Selection",
     "SpectralGP",
     "TopVariation",
+    "Voxel",
     "method_named",
 ]

@@ -1,0 +1,52 @@
+"""A point for each cell of a grid, as a method."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from gppcs.methods.method import Method, Selection
+from gppcs.stages import Stages
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Voxel(Method):
+    """One point for each occupied cell of a grid, with cells of the edge that gives the number.
+
+    Where no edge gives just that number, the most crowded of somewhat too many points go by sample elimination.
+
+    Parameters
+    ----------
+    place : "representative" or "mean"
+        Keep of each cell the point nearest the mean of its points; or the mean itself, with the attributes of that
+        point.
+    """
+
+    name = "voxel"
+    summary = "one point for each occupied cell of a grid: that nearest the mean of its points, or the mean"
+    source = "baseline; the edge of the cells is found by bisection"
+
+    place: Literal["representative", "mean"] = "representative"
+
+    def __post_init__(self) -> None:
+        self.require(self.place in ("representative", "mean"), "place", "'representative' or 'mean'")
+
+    def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
+        """Choose the points; see `Method`."""
+        from gppcs.sample_elimination import eliminate
+        from gppcs.voxel import cell_edge, representatives
+
+        stages = stages or Stages()
+        with stages("size of cells"):
+            corner = points.min(axis=0)
+            points = points - corner
+            edge = cell_edge(points, n_points)
+        with stages("representatives"):
+            indices, means = representatives(points, edge)
+        with stages("elimination"):
+            kept = eliminate(points[indices], n_points)
+        return Selection(indices[kept], {}, means[kept] + corner if self.place == "mean" else None)
