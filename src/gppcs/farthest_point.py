@@ -25,11 +25,14 @@ def farthest_points(
     n_points: int,
     tree: KdTree | None = None,
     advanced: Callable[[int], None] | None = None,
+    *,
+    first: int | None = None,
+    others: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Choose points one by one, each the farthest from those chosen before it.
 
-    The first is the point nearest the centroid; ties go to the smallest index. The result is that of the plain
-    O(N M) algorithm: a box of the tree is passed over only where no point in it can come nearer to a chosen one.
+    Ties go to the smallest index. The result is that of the plain O(N M) algorithm: a box of the tree is passed
+    over only where no point in it can come nearer to a chosen one.
 
     Parameters
     ----------
@@ -40,30 +43,43 @@ def farthest_points(
         The tree over `points`, where it is there already.
     advanced : callable, optional
         Told of the number of points chosen since the last call.
+    first : int, optional
+        The point to begin with; where not given, the farthest from `others`, without these that nearest the centroid.
+    others : (K, 3) array, optional
+        Points chosen elsewhere, to keep away from as well.
 
     Returns
     -------
     indices : (M,) array, int64
         In the order chosen.
     distances : (M,) array, float64
-        Distance of each to those chosen before it, infinite for the first; never rising, and zero once only
-        repeats are left. The last is at least the covering radius of the M points.
+        Distance of each to those chosen before it and to `others`, infinite for the first without others; never
+        rising, but after `first`, and zero once only repeats are left. The last is at least the covering radius of
+        the M points.
     """
     tree = tree or KdTree.build(points)
     squared = np.full(len(points), np.inf)
-    farthest = np.empty(len(tree.low), dtype=np.float64)
-    candidate = np.empty(len(tree.low), dtype=np.int64)
+    if others is not None and len(others):
+        squared = KdTree.build(others).nearest_of(points, 1)[1][tree.order, 0]
+    elif first is None:
+        first = int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))
     chosen = np.empty(n_points, dtype=np.int64)
     distances = np.empty(n_points, dtype=np.float64)
     position = np.empty(len(points), dtype=np.int64)
     position[tree.order] = np.arange(len(points))
+    if first is not None:
+        chosen[0], distances[0] = first, squared[position[first]]
+        x, y, z = (tree.points - tree.points[:, position[first], None]) ** 2
+        squared = np.minimum(squared, x + y + z)
+        squared[position[first]] = -1.0
+    farthest = np.empty(len(tree.low), dtype=np.float64)
+    candidate = np.empty(len(tree.low), dtype=np.int64)
     greatest_of_all(tree.order, squared, farthest, candidate)
-    first = int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))
     for begin in range(0, n_points, PICKS_PER_CALL):
         end = min(begin + PICKS_PER_CALL, n_points)
         _choose(
             tree.points, tree.order, tree.low, tree.high, position,
-            squared, farthest, candidate, first, chosen, distances, begin, end,
+            squared, farthest, candidate, chosen, distances, max(begin, int(first is not None)), end,
         )  # fmt: skip
         if advanced:
             advanced(end - begin)
@@ -71,12 +87,13 @@ def farthest_points(
 
 
 @nb.njit(cache=True, nogil=True)
-def _choose(points, order, low, high, position, squared, farthest, candidate, first, chosen, distances, begin, end):
+def _choose(points, order, low, high, position, squared, farthest, candidate, chosen, distances, begin, end):
     leaves = first_leaf(low)
+    n = points.shape[1]
     stack = np.empty(64, dtype=np.int64)
     visited = np.empty(leaves, dtype=np.int64)
     for m in range(begin, end):
-        index = candidate[1] if m else first
+        index = candidate[1]
         chosen[m] = index
         distances[m] = farthest[1]
         x, y, z = points[:, position[index]]
@@ -88,7 +105,9 @@ def _choose(points, order, low, high, position, squared, farthest, candidate, fi
             height -= 1
             node = stack[height]
             if node >= leaves:
-                _approach(node, points, leaves, squared, x, y, z)
+                leaf = node - leaves
+                run = slice(n * leaf // leaves, n * (leaf + 1) // leaves)
+                approach(points[0, run], points[1, run], points[2, run], squared[run], x, y, z)
                 greatest_in_leaf(node, order, squared, farthest, candidate)
                 continue
             visited[inner] = node
@@ -105,10 +124,7 @@ def _choose(points, order, low, high, position, squared, farthest, candidate, fi
 
 
 @nb.njit(cache=True)
-def _approach(node, points, leaves, squared, x, y, z):
-    """Lower the distances of a leaf's points to that from (x, y, z)."""
-    n = points.shape[1]
-    leaf = node - leaves
-    for j in range(n * leaf // leaves, n * (leaf + 1) // leaves):
-        d = (points[0, j] - x) ** 2 + (points[1, j] - y) ** 2 + (points[2, j] - z) ** 2
-        squared[j] = min(squared[j], d)
+def approach(xs, ys, zs, squared, x, y, z):
+    """Lower the squared distances of some points to those from (x, y, z)."""
+    for j in range(len(squared)):
+        squared[j] = min(squared[j], (xs[j] - x) ** 2 + (ys[j] - y) ** 2 + (zs[j] - z) ** 2)
