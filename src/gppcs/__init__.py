@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from gppcs.io import read, write
     from gppcs.mesh import Mesh, read_mesh
     from gppcs.methods import (
+        AIVS,
         METHODS,
         WLOP,
         FarthestPoint,
@@ -67,6 +68,7 @@ _HOMES = {
     "io": ("read", "write"),
     "mesh": ("Mesh", "read_mesh"),
     "methods": (
+        "AIVS",
         "METHODS",
         "WLOP",
         "FarthestPoint",

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from gppcs.errors import ParameterError
+from gppcs.methods.aivs import AIVS
 from gppcs.methods.farthest_point import FarthestPoint
 from gppcs.methods.hierarchical_clustering import HierarchicalClustering
 from gppcs.methods.method import Method, Selection
@@ -29,6 +30,7 @@ METHODS: Mapping[str, type[Method]] = {
         WLOP,
         SampleElimination,
         Voxel,
+        AIVS,
     )
 }
 DEFAULT = SpectralGP.name
@@ -48,6 +50,7 @@ def method_named(name: str, settings: Mapping[str, Any] | None = None) -> Method
 
 
 __all__ = [
+    "AIVS",
     "DEFAULT",
     "METHODS",
     "WLOP",
