@@ -11,6 +11,7 @@ from gppcs.neighbourhood import (
     neighbourhood_radius,
     paper_radius,
     spacing,
+    surface_area,
 )
 
 
@@ -70,3 +71,19 @@ def test_first_occurrences(n, values, seed):
     points[points == 0] *= -1.0  # minus zero is zero
     _, expected = np.unique(points, axis=0, return_index=True)
     np.testing.assert_array_equal(np.flatnonzero(first_occurrences(points)), np.sort(expected))
+
+
+@pytest.mark.parametrize("density", [1, 30])
+def test_the_area_is_that_of_the_surface_whatever_the_density(density):
+    """A unit square of which one half has many times as many points as the other, and a few far strays."""
+    rng = np.random.default_rng(0)
+    square = rng.random((40_000, 2))
+    kept = (square[:, 0] < 0.5) | (rng.random(40_000) < 1 / density)
+    points = np.concatenate([np.c_[square, np.zeros(len(square))][kept], 50 * rng.random((20, 3))])
+    assert surface_area(points, KdTree.build(points)) == pytest.approx(1, rel=0.1)
+
+
+@pytest.mark.parametrize(("n", "area"), [(1, 0.0), (2, np.pi)])
+def test_the_area_of_few_points(n, area):
+    points = np.eye(3)[:n] / np.sqrt(2)
+    assert surface_area(points, KdTree.build(points)) == pytest.approx(n * area)

@@ -132,8 +132,11 @@ def surface_area(points: NDArray[np.float64], tree: KdTree, k: int = 8) -> float
 
     A disc around a point to its k-th neighbour holds k others, so the point stands for a k-th of it. The hundredth of
     the points with the largest discs stand for no more than the next, lest a few strays count as much as all others.
-    `points` must hold no repeats.
+    `points` must hold no repeats; a single one has no area.
     """
+    k = min(k, len(points) - 1)
+    if k == 0:
+        return 0.0
     squared = nearest_distances(points, tree, k, most=65_536) ** 2
     return float(np.pi / k * len(points) * np.minimum(squared, np.quantile(squared, 0.99)).mean())
 

@@ -17,12 +17,11 @@ from gppcs.kdtree import (
     leaves_near,
     squared_distance_to_box,
 )
-from gppcs.neighbourhood import nearest_distances
+from gppcs.neighbourhood import surface_area
 
 WHOLE = 2.0**28  # units in the greatest term: sums of whole numbers are the same in whatever order they are added
 REMOVED = -(2.0**60)  # in place of a weight: far below any, whatever is taken from it
 GREATEST_RATIO = 10  # of points before to points after a stage: a disc then holds some 36 of an even surface
-GREATEST_AREA = 100.0  # of a point, in medians: a few far points must not pass for most of the surface
 REMOVALS_PER_CALL = 16384  # between two words of progress
 
 
@@ -54,7 +53,7 @@ def eliminate(
     (M,) array, int64
         The first M/2, M/4, ... of them are well spread as well.
     """
-    area = surface_area(points)
+    area = surface_area(points, KdTree.build(points))
     kept = np.arange(len(points))
     later: list[NDArray[np.int64]] = []
     while len(kept) > 1:
@@ -65,20 +64,8 @@ def eliminate(
             later.append(kept[removed[::-1]])
         kept = np.delete(kept, removed)
         if len(kept) > target:
-            area = max(4.0 * area, surface_area(points[kept]))
+            area = max(4.0 * area, surface_area(points[kept], KdTree.build(points[kept])))
     return np.concatenate([kept, *later[::-1]])
-
-
-def surface_area(points: NDArray[np.float64], k: int = 16) -> float:
-    """Return the area of the surface: the mean of pi r_k^2 / k, r_k the distance to the k-th neighbour, times N.
-
-    The points, (N, 3), must hold no repeats. The estimate is 5 to 10 % high where points lie at random.
-    """
-    k = min(k, len(points) - 1)
-    if k == 0:
-        return 0.0
-    areas = np.pi / k * nearest_distances(points, KdTree.build(points), k) ** 2
-    return float(len(points) * np.minimum(areas, GREATEST_AREA * np.median(areas)).mean())
 
 
 def _removed(
