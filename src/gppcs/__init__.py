@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gppcs.cloud import PointCloud
     from gppcs.comparison import Entry, compare
+    from gppcs.depth_camera import from_depth
     from gppcs.errors import (
         FileFormatError,
         GppcsError,
@@ -54,6 +55,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "cloud": ("PointCloud",),
     "comparison": ("Entry", "compare"),
+    "depth_camera": ("from_depth",),
     "errors": (
         "FileFormatError",
         "GppcsError",
