@@ -117,8 +117,8 @@ def _targets(inputs: list[Path], output: Path) -> dict[Path, Path]:
 
 def _check_picture(picture: Path, inputs: list[Path], force: bool) -> None:
     """Make sure that the picture can be drawn and written."""
+    from gppcs.drawing.colours import require_matplotlib
     from gppcs.io import check_writable
-    from gppcs.picture import require_matplotlib
 
     if len(inputs) > 1:
         raise ParameterError(f"expected one input with --picture, found {len(inputs)}")
@@ -166,21 +166,18 @@ def _drawn(cloud: PointCloud, result: Result) -> bytes:
     """Return a PNG of the cloud and of what was kept of it."""
     import numpy as np
 
+    from gppcs.drawing.clouds import ColouredCloud
+    from gppcs.drawing.pair import draw_pair
     from gppcs.features import estimate_features
-    from gppcs.picture import Panel, draw
 
     rows = cloud.finite_rows()
     points = cloud.points[rows]
     features = estimate_features(points - points.min(axis=0))
+    variation, normals = features.surface_variation, features.normals
     kept = np.searchsorted(rows, result.indices)
     image = BytesIO()
-    draw(
-        image,
-        [
-            Panel("original", points, features.surface_variation, features.normals),
-            Panel(result.method.name, points[kept], features.surface_variation[kept], features.normals[kept]),
-        ],
-    )
+    original = ColouredCloud(points, variation, normals)
+    draw_pair(image, result.method.name, original, ColouredCloud(points[kept], variation[kept], normals[kept]))
     return image.getvalue()
 
 

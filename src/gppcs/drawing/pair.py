@@ -1,0 +1,57 @@
+"""The picture of one simplification: the original cloud beside what was kept of it."""
+
+from __future__ import annotations
+
+from typing import BinaryIO
+
+from gppcs.drawing.camera import Camera
+from gppcs.drawing.clouds import ColouredCloud, Original, View
+from gppcs.drawing.colours import add_bar, colour_scale, colours_of, require_matplotlib
+
+WIDTH, HEIGHT = 1600, 800  # pixels
+GAP, ABOVE, BELOW = 12, 68, 74  # around the panels
+MAX_POINT_RADIUS = 5.2  # supersampled pixels
+
+
+def draw_pair(file: BinaryIO, title: str, original: ColouredCloud, simplified: ColouredCloud) -> None:
+    """Write a PNG of the original cloud and its simplification, seen by one camera and coloured on one scale.
+
+    The original is drawn as a closed surface, sets the camera and the limits of the colours, and hides the
+    points of the other that lie on its far side. Those are drawn one by one before a faint grey shade of the
+    original. Above each stands its number of points.
+
+    Parameters
+    ----------
+    file : binary file
+        Where the PNG goes.
+    title : str
+        What made the simplified cloud.
+    original, simplified : ColouredCloud
+        The clouds; values are shown as surface variation.
+
+    Raises
+    ------
+    MissingExtraError
+        If matplotlib is not installed.
+    """
+    require_matplotlib()
+    from matplotlib.figure import Figure
+
+    width, height = (WIDTH - 3 * GAP) // 2, HEIGHT - ABOVE - BELOW
+    view = View(Original(original), Camera.towards(original.points, width, (height, height)))
+    scale = colour_scale([original.values])
+    images = (
+        view.surface(colours_of(scale, original.values)),
+        view.points(simplified, colours_of(scale, simplified.values), MAX_POINT_RADIUS),
+    )
+    kept = f"{len(simplified.points):,} points ({len(simplified.points) / len(original.points):.1%})"
+    headings = (("original", f"{len(original.points):,} points"), (title, kept))
+    figure = Figure(figsize=(WIDTH / 100, HEIGHT / 100), dpi=100, facecolor="white")
+    for number, (image, (name, counted)) in enumerate(zip(images, headings, strict=True)):
+        left = GAP + number * (width + GAP)
+        figure.figimage(image, left, BELOW, origin="upper")
+        middle = (left + width / 2) / WIDTH
+        figure.text(middle, 1 - 34 / HEIGHT, name, ha="center", size=15, weight="bold", color="0.15")
+        figure.text(middle, 1 - 58 / HEIGHT, counted, ha="center", size=11.5, color="0.35")
+    add_bar(figure, (0.34, 48 / HEIGHT, 0.32, 12 / HEIGHT), scale, 11.5)
+    figure.savefig(file, format="png", dpi=100)

@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gppcs.drawing.camera import Camera, Square, averaged
+
+BOX = np.random.default_rng(0).uniform(-1.0, 1.0, (4000, 3))
+
+
+@pytest.mark.parametrize(("extents", "up"), [((2.0, 2.0, 0.1), 1), ((2.0, 1.0, 2.5), 2), ((2.0, 2.5, 1.5), 1)])
+def test_flat_things_are_seen_from_above_and_tall_ones_stand(extents, up):
+    points = BOX * extents
+    place, _ = Camera.towards(points, 150, (200, 200)).pixels(points)
+    high = points[:, up] > 0.0
+    assert place[high, 1].mean() < place[~high, 1].mean()  # the high half is up in the picture
+
+
+@pytest.mark.parametrize("extents", [(2.0, 1.0, 2.5), (1.0, 3.0, 1.0), (5.0, 4.0, 0.1), (1.0, 0.0, 0.0)])
+@pytest.mark.parametrize("heights", [(200, 200), (50, 400)])
+def test_everything_is_seen_and_fills_the_panel(extents, heights):
+    points = BOX * extents
+    camera = Camera.towards(points, 150, heights)
+    assert camera.size[0] == 150
+    assert heights[0] <= camera.size[1] <= heights[1]
+    place, _ = camera.pixels(points)
+    assert place.min() >= 0
+    assert (place < camera.shape).all()
+    assert (np.ptp(place, axis=0) / camera.shape).max() > 0.9
+
+
+def test_a_panel_is_as_high_as_the_cloud_asks_for():
+    tall, broad = (Camera.towards(BOX * extents, 100, (20, 400)) for extents in ((1.0, 1.0, 3.0), (3.0, 1.0, 1.5)))
+    for camera, points in ((tall, BOX * (1.0, 1.0, 3.0)), (broad, BOX * (3.0, 1.0, 1.5))):
+        assert np.ptp(camera.pixels(points)[0], axis=0) / camera.shape == pytest.approx([0.92, 0.92], abs=0.03)
+
+
+def test_axes_are_right_handed_and_upright():
+    for extents in ((2.0, 1.0, 2.5), (1.0, 2.0, 2.5), (1.0, 3.0, 1.0), (5.0, 4.0, 0.1)):
+        axes = Camera.towards(BOX * extents, 100, (100, 100)).axes
+        np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(axes) == pytest.approx(1.0)
+
+
+def test_a_stray_does_not_make_the_rest_tiny():
+    points = np.vstack([BOX, [1e9, 0.0, 0.0]])
+    place, _ = Camera.towards(points, 100, (100, 100)).pixels(BOX)
+    assert np.ptp(place, axis=0).max() > 100
+
+
+@settings(deadline=None)
+@given(st.integers(0, 150), st.integers(0, 150), st.integers(20, 50), st.integers(10, 300))
+def test_a_close_up_shows_its_square_and_no_more(column, row, side, size):
+    whole = Camera.towards(BOX, 100, (100, 100))
+    close = whole.close_up(Square(column, row, side), size)
+    assert close.size == (size, size)
+    assert close.enlargement == 2.0 * size / side
+    expected = (whole.pixels(BOX)[0] - (column, row)) * close.enlargement
+    np.testing.assert_allclose(close.pixels(BOX)[0], expected, atol=1.0 + close.enlargement)  # both are rounded
+
+
+def test_a_picture_is_averaged_down():
+    image = np.zeros((4, 6, 3))
+    image[0, 0] = image[1, 1] = 1.0
+    image[2:, 4:] = 0.5
+    small = averaged(image)
+    assert small.shape == (2, 3, 3)
+    assert small[..., 0].tolist() == [[0.5, 0.0, 0.0], [0.0, 0.0, 0.5]]
