@@ -9,7 +9,7 @@ import pytest
 
 import gppcs
 
-HEAVY = ("numba", "scipy", "robust_laplacian", "matplotlib")
+HEAVY = ("numba", "scipy", "robust_laplacian", "matplotlib", "pyvista")
 
 
 @pytest.mark.parametrize("name", gppcs.__all__)
