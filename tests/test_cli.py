@@ -625,3 +625,83 @@ def test_the_help_of_evaluate_defines_every_figure(gppcs_command):
     for report in (gppcs.Report, gppcs.Rebuilt):
         for name in gppcs.figures_of(report):
             assert f"{name.replace('_', ' ')} (" in out
+
+
+# compare
+
+
+def test_compare_writes_tables_and_prints_one(gppcs_command, scan):
+    code, out, err = gppcs_command(
+        "compare", "scan.ply", "--ratio", 0.1, "--methods", "fps, random", "-o", "side", "--no-picture"
+    )
+    assert (code, err) == (0, "")
+    assert sorted(path.name for path in Path("side").iterdir()) == ["table.csv", "table.md"]
+    titles, *rows = Path("side/table.csv").read_text().splitlines()
+    assert titles.startswith("method,seconds,points_in,points_out,")
+    assert [row.split(",")[0] for row in rows] == ["fps", "random"]
+    assert "| fps | 40 |" in Path("side/table.md").read_text()
+    first = [line.split()[:2] for line in out.splitlines() if line]
+    assert ["fps", "40"] in first
+    assert ["random", "40"] in first
+
+
+def test_compare_json_is_one_object_a_method(gppcs_command, scan):
+    code, out, _ = gppcs_command(
+        "compare",
+        "scan.ply",
+        "--points",
+        40,
+        "--methods",
+        "fps,random",
+        "--seed",
+        3,
+        "-o",
+        "side",
+        "--no-picture",
+        "--json",
+    )
+    records = [json.loads(line) for line in out.splitlines()]
+    assert code == 0
+    assert [(record["method"], record["parameters"]) for record in records] == [("fps", {}), ("random", {"seed": 3})]
+    assert records[0]["figures"] == gppcs.compare(gppcs.read("scan.ply"), ["fps"], n_points=40)[0].report.figures()
+
+
+def test_compare_draws_clouds_and_meshes(gppcs_command):
+    for module in ("pymeshlab", "pyvista", "matplotlib"):
+        pytest.importorskip(module)
+    gppcs.write("ball.ply", gppcs.sample("sphere", 2000))
+    code, _, err = gppcs_command("compare", "ball.ply", "--points", 200, "--methods", "fps,random", "-o", "side")
+    assert (code, err) == (0, "")
+    assert Path("side/picture.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        (["scan.ply", "--ratio", "0.1", "-o", "side", "--methods", "fps,fsp"], "no method 'fsp'"),
+        (["scan.ply", "-o", "side", "--methods", "fps"], "found neither"),
+        (["missing.ply", "--ratio", "0.1", "-o", "side"], "missing.ply"),
+        (["scan.ply", "--ratio", "0.1", "-o", "scan.ply"], "expected a folder, found a file"),
+        (["scan.ply", "--ratio", "0.1", "-o", "no/side"], "make it first"),
+        (["scan.ply", "--ratio", "0.1", "-o", "old"], "--force"),
+    ],
+)
+def test_what_compare_refuses_leaves_nothing(gppcs_command, scan, arguments, part):
+    Path("old").mkdir()
+    Path("old/table.md").write_text("mine")
+    code, out, err = gppcs_command("compare", *arguments, "--no-picture")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert part in err
+    assert files() == ["old", "scan.ply"]
+    assert Path("old/table.md").read_text() == "mine"
+
+
+@pytest.mark.parametrize("module", ["pymeshlab", "pyvista"])
+def test_compare_names_the_missing_extra_before_any_work(gppcs_command, scan, monkeypatch, module):
+    pytest.importorskip("pymeshlab")
+    monkeypatch.setitem(sys.modules, module, None)
+    extra = {"pymeshlab": "evaluate", "pyvista": "view"}[module]
+    code, _, err = gppcs_command("compare", "scan.ply", "--ratio", 0.1, "-o", "side")
+    assert code == 2
+    assert f"pip install 'gppcs[{extra}]'" in err
+    assert files() == ["scan.ply"]

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from gppcs import __version__
-from gppcs.commands import evaluate, info, methods, sample, simplify
+from gppcs.commands import compare, evaluate, info, methods, sample, simplify
 from gppcs.commands.output import BAD_INPUT, FAILURES, print_error, tell
 
 INTERRUPTED = 130
@@ -38,6 +38,7 @@ def _root(
 
 app.command(epilog=simplify.EPILOG)(simplify.simplify)
 app.command(epilog=evaluate.EPILOG)(evaluate.evaluate)
+app.command(epilog=compare.EPILOG)(compare.compare)
 app.command(epilog=info.EPILOG)(info.info)
 app.command(epilog=sample.EPILOG)(sample.sample)
 app.command()(methods.methods)

@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from gppcs.errors import InputError
 
+NORMALS = ("nx", "ny", "nz")  # the attributes that hold the coordinates of a normal
+
 
 @dataclass(frozen=True)
 class PointCloud:
@@ -81,6 +83,12 @@ class PointCloud:
     def finite_rows(self) -> NDArray[np.int64]:
         """Return the indices of the other points."""
         return np.delete(np.arange(len(self)), self.non_finite())
+
+    def normals(self) -> NDArray[np.float64] | None:
+        """Return the normals that the points carry as nx, ny, nz, (N, 3), or None if they carry none."""
+        if not set(NORMALS) <= set(self.attributes):
+            return None
+        return np.stack([self.attributes[name] for name in NORMALS], axis=1).astype(np.float64)
 
     def usable(self, name: str) -> NDArray[np.float64]:
         """Return the points; raise an InputError that calls the cloud `name` if there are none or not all finite."""

@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+from rich.table import Table
+from rich.text import Text
+
+from gppcs.tables import UNITS, columns_of, shown
+
+if TYPE_CHECKING:
+    from gppcs.comparison import Entry
 
 NOTICE = "gppcs: compiling its kernels, once on this machine"
 PATIENCE = 1.0  # seconds that a stage may take before a bar appears
@@ -81,6 +89,24 @@ def compilation_noticed() -> Iterator[Compilation]:
     listener = type("Listener", (event.Listener,), {"on_start": compilation.on_start, "on_end": compilation.on_end})()
     with event.install_listener("numba:compile", listener):
         yield compilation
+
+
+def print_comparison(entries: Sequence[Entry]) -> None:
+    """Print a row for each method, the best of each column in bold."""
+    columns = columns_of(entries)
+    names = [entry.result.method.name for entry in entries]
+    widths = [max(map(len, [*column.title.split(), *map(shown, column.values)])) for column in columns]
+    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column("method", width=(longest := max(map(len, [*names, "method"]))))
+    for column, width in zip(columns, widths, strict=True):
+        table.add_column(column.title, justify="right", width=width)
+    for row, name in enumerate(names):
+        cells = (Text(shown(column.values[row]), style="bold" if column.is_best(row) else "") for column in columns)
+        table.add_row(Text(name), *cells)
+    needed = longest + sum(widths) + 2 * len(columns)
+    console = Console(width=max(Console().width, needed), highlight=False)  # rather over the edge than cut short
+    console.print(table)
+    console.print(UNITS, style="dim")
 
 
 def print_table(title: str, rows: Mapping[str, str]) -> None:

@@ -49,6 +49,10 @@ class Mesh:
         object.__setattr__(self, "vertices", vertices)
         object.__setattr__(self, "faces", faces)
 
+    def shifted(self, offset: NDArray[np.float64]) -> Mesh:
+        """Return the mesh elsewhere, moved by an offset, (3,)."""
+        return Mesh(self.vertices + offset, self.faces)
+
     def face_areas(self) -> NDArray[np.float64]:
         """Return the area of each triangle, (F,)."""
         return np.linalg.norm(self._cross_products(), axis=1) / 2

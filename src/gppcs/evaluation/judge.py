@@ -17,7 +17,6 @@ ROUGH = 0.9  # quantile of the surface variation from which on a point counts as
 FAR = 0.1  # diagonals between two clouds from which on they cannot be of one thing
 STRAY = 0.05  # diagonals from the mesh, from which on a part of the rebuilt surface is astray
 VARIATION = 25  # nearest points of which the original's surface variation is measured, the paper's k
-NORMALS = ("nx", "ny", "nz")  # names of the attributes
 
 Points = NDArray[np.float64]
 
@@ -59,14 +58,13 @@ def evaluate(
         report = _without_mesh(before - corner, after - corner, diagonal)
     if mesh is None:
         return report
-    shifted = dataclasses.replace(mesh, vertices=mesh.vertices - corner)
     with stages("rebuilding"):
-        estimated = _rebuilt(after - corner, None, shifted, diagonal)
-    if not set(NORMALS) <= set(clouds[1].attributes):
+        estimated = _rebuilt(after, None, mesh, corner, diagonal)
+    normals = clouds[1].normals()
+    if normals is None:
         return dataclasses.replace(report, rebuilt=estimated)
-    normals = np.stack([clouds[1].attributes[name] for name in NORMALS], axis=1).astype(np.float64)
     with stages("rebuilding with carried normals"):
-        carried = _rebuilt(after - corner, normals, shifted, diagonal)
+        carried = _rebuilt(after, normals, mesh, corner, diagonal)
     return dataclasses.replace(report, rebuilt=estimated, rebuilt_carried=carried)
 
 
@@ -128,10 +126,11 @@ def _mean_surface_variation(points: Points) -> float:
     return float(features_in_radius(ColumnGrid.build(points, radius)).surface_variation.mean())
 
 
-def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, diagonal: float) -> Rebuilt:
-    """Return the figures of the surface rebuilt from points with the normals given, or with estimated ones."""
+def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, corner: Points, diagonal: float) -> Rebuilt:
+    """Return the surface rebuilt from points with the normals given, or with estimated ones, and its figures."""
     from gppcs.evaluation.reconstruction import distances_to, estimated_normals, reconstruct
 
+    points, mesh = points - corner, mesh.shifted(-corner)
     _require_near(distances_to(mesh, points), "mesh", mesh.vertices, diagonal)
     if normals is None:
         normals = estimated_normals(points, mesh.vertices, mesh.vertex_normals())
@@ -140,7 +139,7 @@ def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, diagonal: float
     areas = rebuilt.face_areas()
     astray = (back[rebuilt.faces] > STRAY * diagonal).any(axis=1)
     return Rebuilt(
-        mesh=rebuilt,
+        mesh=rebuilt.shifted(corner),
         hausdorff_mean=float(forth.mean()),
         hausdorff_max=float(forth.max()),
         back_mean=float(back.mean()),

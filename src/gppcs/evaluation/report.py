@@ -23,10 +23,13 @@ class Figure:
         Lengths are in the unit of the coordinates.
     definition : str
         One sentence.
+    better : str, optional
+        Whether "less" or "more" is better; of some neither is.
     """
 
     unit: Unit
     definition: str
+    better: Literal["less", "more"] | None = None
 
     def relative(self, value: float, diagonal: float) -> float | None:
         """Return a length in diagonals, a squared length in squared diagonals; None for what has no length."""
@@ -34,9 +37,9 @@ class Figure:
         return None if power is None or not diagonal > 0 else value / diagonal**power
 
 
-def figure(unit: Unit, definition: str, **options: Any) -> Any:
+def figure(unit: Unit, definition: str, better: Literal["less", "more"] | None = "less") -> Any:
     """Return the field of a dataclass that holds a figure."""
-    return dataclasses.field(metadata={"figure": Figure(unit, definition)}, **options)
+    return dataclasses.field(metadata={"figure": Figure(unit, definition, better)})
 
 
 def figures_of(report: type) -> Mapping[str, Figure]:
@@ -49,6 +52,11 @@ class Rebuilt:
     """The screened Poisson mesh of a simplified cloud, and its figures beside the original mesh.
 
     `gppcs.figures_of(Rebuilt)` gives the definition of each figure.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        The rebuilt mesh, where the simplified cloud lies.
     """
 
     mesh: Mesh = dataclasses.field(repr=False, compare=False)
@@ -58,7 +66,7 @@ class Rebuilt:
     hausdorff_max: float = figure("length", "largest of those distances (the paper's H max)")
     back_mean: float = figure("length", "mean distance from the vertices of the rebuilt mesh to the original mesh")
     back_max: float = figure("length", "largest of those distances")
-    pieces: int = figure("count", "connected pieces of the rebuilt mesh")
+    pieces: int = figure("count", "connected pieces of the rebuilt mesh", None)
     stray_share: float = figure(
         "share",
         "share of the rebuilt mesh's area with a corner farther from the original mesh than a twentieth of the "
@@ -80,9 +88,9 @@ class Report:
         Where the simplified cloud carries normals (nx, ny, nz) too: its figures with these.
     """
 
-    points_in: int = figure("count", "points of the original, N")
-    points_out: int = figure("count", "points of the simplified cloud, M")
-    diagonal: float = figure("length", "diagonal of the original's bounding box")
+    points_in: int = figure("count", "points of the original, N", None)
+    points_out: int = figure("count", "points of the simplified cloud, M", None)
+    diagonal: float = figure("length", "diagonal of the original's bounding box", None)
     covering_radius: float = figure("length", "largest distance from an original point to the nearest kept one")
     mean_distance: float = figure("length", "mean of those distances")
     chamfer: float = figure(
@@ -101,12 +109,15 @@ class Report:
         "share",
         "share of the tenth of the original points with the largest surface variation that have a kept point within "
         "the target spacing, the root of the surface's area over M",
+        "more",
     )
     normal_deviation: float = figure(
         "degrees", "mean angle between the normals estimated at an original point and at the nearest kept one"
     )
     mean_surface_variation: float = figure(
-        "ratio", "mean surface variation of the simplified cloud, measured on it (25 neighbours, the paper's radius)"
+        "ratio",
+        "mean surface variation of the simplified cloud, measured on it (25 neighbours, the paper's radius)",
+        "more",
     )
     rebuilt: Rebuilt | None = None
     rebuilt_carried: Rebuilt | None = None

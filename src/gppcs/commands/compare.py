@@ -1,0 +1,161 @@
+"""`gppcs compare`."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gppcs.commands.output import Force, Json, print_error, print_json
+from gppcs.errors import InputError, OutputError
+from gppcs.methods import METHODS, method_named
+
+if TYPE_CHECKING:
+    from gppcs.cloud import PointCloud
+    from gppcs.comparison import Entry
+    from gppcs.mesh import Mesh
+
+EPILOG = (
+    "[bold]Examples[/bold]\n\n"
+    "gppcs compare scan.ply --ratio 0.03 -o comparison\n\n"
+    "gppcs compare scan.ply --points 5000 --methods fps,hc,wlop --mesh surface.ply -o comparison\n\n"
+    "The figures are those of gppcs evaluate, whose help defines them."
+)
+
+
+def compare(
+    cloud: Annotated[Path, typer.Argument(metavar="IN", help="A point cloud file.", show_default=False)],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR", help="The folder for table.csv, table.md, picture.png.")
+    ],
+    ratio: Annotated[float | None, typer.Option(help="Share of the points to keep, above 0, at most 1.")] = None,
+    points: Annotated[int | None, typer.Option(help="Number of points to keep.")] = None,
+    methods: Annotated[
+        str, typer.Option(metavar="NAME,...", help="Names of the methods, in the order of the table.")
+    ] = ",".join(METHODS),
+    mesh: Annotated[Path | None, typer.Option(help="The surface of IN as a mesh, to judge rebuilt ones by.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Of all that is drawn at random.")] = None,
+    picture: Annotated[
+        bool, typer.Option(help="Draw the clouds and the meshes rebuilt from them; needs the extras view, evaluate.")
+    ] = True,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Simplify a cloud by several methods, judge all alike, and lay the results side by side."""
+    from gppcs import io
+    from gppcs.comparison import compare as compared
+    from gppcs.console import ProgressBar, compilation_noticed
+    from gppcs.mesh import read_mesh
+    from gppcs.stages import Stages
+
+    chosen = [method_named(name.strip()) for name in methods.split(",")]
+    targets = _targets(output, picture, force)
+    surface = read_mesh(mesh) if mesh else None
+    stages = Stages(ProgressBar())
+    with compilation_noticed():
+        original = io.read(cloud)
+        original = original.take(original.finite_rows())
+        entries = compared(original, chosen, ratio=ratio, n_points=points, mesh=surface, seed=seed, stages=stages)
+        with stages("tables and picture"):
+            contents = _contents(original, entries, surface, picture)
+    output.mkdir(exist_ok=True)
+    for name, content in contents.items():
+        with io.whole_file(targets[name], force) as file:
+            file.write(content)
+    _print(entries, as_json)
+
+
+def _contents(original: PointCloud, entries: Sequence[Entry], mesh: Mesh | None, picture: bool) -> dict[str, bytes]:
+    """Return what is to be written, by the name of the file."""
+    from gppcs.tables import as_csv, as_markdown
+
+    contents = {"table.csv": as_csv(entries).encode(), "table.md": as_markdown(entries).encode()}
+    if picture:
+        contents["picture.png"] = _drawn(original, entries, mesh)
+    return contents
+
+
+def _drawn(original: PointCloud, entries: Sequence[Entry], mesh: Mesh | None) -> bytes:
+    """Return a PNG of the original and of what each method made of it, with the meshes rebuilt."""
+    from gppcs.drawing.comparison import Column, draw_comparison
+    from gppcs.features import estimate_features
+
+    variation = estimate_features(original.points - original.points.min(axis=0)).surface_variation
+    columns = [Column("original", original.points, variation, "", mesh)]
+    for entry in entries:
+        columns.append(
+            Column(
+                entry.result.method.name,
+                entry.result.cloud.points,
+                variation[entry.result.indices],
+                _caption(entry),
+                entry.report.rebuilt.mesh if entry.report.rebuilt else _rebuilt(original, entry),
+            )
+        )
+    image = BytesIO()
+    draw_comparison(image, columns)
+    return image.getvalue()
+
+
+def _caption(entry: Entry) -> str:
+    """Return the mean error of a method in parts of the diagonal."""
+    figures = entry.report.figures(relative=True)
+    name = "hausdorff_mean" if "hausdorff_mean" in figures else "surface_mean"
+    return f"{name.replace('_', ' ')} {figures[name]:.2e}"
+
+
+def _rebuilt(original: PointCloud, entry: Entry) -> Mesh | None:
+    """Return the rebuilt mesh where there is no mesh to judge it by, or None where no surface comes out."""
+    from gppcs.evaluation.reconstruction import estimated_normals, reconstruct
+
+    normals = original.normals()
+    corner = original.points.min(axis=0)
+    points = entry.result.cloud.points - corner
+    guides = () if normals is None else (original.points - corner, normals)
+    try:
+        mesh = reconstruct(points, estimated_normals(points, *guides))
+    except InputError:
+        return None
+    return mesh.shifted(corner)
+
+
+def _print(entries: Sequence[Entry], as_json: bool) -> None:
+    """Print the comparison, and why figures are missing."""
+    from gppcs.console import print_comparison
+
+    if as_json:
+        for entry in entries:
+            figures, relative = entry.report.figures(), entry.report.figures(relative=True)
+            method = {"method": entry.result.method.name, "parameters": dataclasses.asdict(entry.result.method)}
+            print_json({**method, "seconds": entry.seconds, "figures": figures, "relative": relative})
+    else:
+        print_comparison(entries)
+    for entry in entries:
+        if entry.failure:
+            print_error(f"note: {entry.result.method.name}: {entry.failure}")
+
+
+def _targets(folder: Path, picture: bool, force: bool) -> dict[str, Path]:
+    """Return the files to write by name, after making sure that they can be written."""
+    from gppcs.drawing.meshes import require_pyvista
+    from gppcs.io import check_writable
+    from gppcs.mesh import require_pymeshlab
+
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"{folder}: expected a folder, found a file; name a folder")
+    if not folder.absolute().parent.is_dir():
+        raise OutputError(f"{folder}: expected a folder to make this one in, found none; make it first")
+    names = ["table.csv", "table.md"]
+    if picture:
+        require_pymeshlab()
+        require_pyvista()
+        names.append("picture.png")
+    targets = {name: folder / name for name in names}
+    if folder.exists():
+        for target in targets.values():
+            check_writable(target, force)
+    return targets
