@@ -68,6 +68,14 @@ def test_the_fit_is_a_maximum(problem, fit_nu):
         assert log_marginal_likelihood(eigenvalues, functions, y, mean_squares, near)[0] <= best + 1e-6
 
 
+def test_more_iterations_never_fit_worse_and_soon_change_nothing(problem):
+    eigenvalues, functions, y, mean_squares = problem
+    fits = [fit(eigenvalues, functions, y, mean_squares, 2.5, iterations=count) for count in (1, 3, 100, 200)]
+    values = [log_marginal_likelihood(eigenvalues, functions, y, mean_squares, theta)[0] for theta in fits]
+    assert values[0] < values[1] < values[2]
+    assert fits[2] == fits[3]
+
+
 def test_finds_what_the_data_were_drawn_from(sphere):
     pairs = eigenpairs(sphere[:3_000], 60)
     mean_squares = (pairs.eigenfunctions**2).mean(axis=0)

@@ -35,6 +35,7 @@ def test_each_method_can_be_called_alone(method):
         (gppcs.SpectralGP, "nu", 0.0),
         (gppcs.SpectralGP, "nu", math.nan),
         (gppcs.SpectralGP, "k_opt", 0),
+        (gppcs.SpectralGP, "iterations", 0),
         (gppcs.SpectralGP, "k_init", 0),
         (gppcs.SpectralGP, "k_add", 0),
         (gppcs.SpectralGP, "landmarks", 19),

@@ -68,11 +68,12 @@ def fit(
     mean_squares: NDArray[np.float64],
     nu: float,
     fit_nu: bool = False,
+    iterations: int = 200,
 ) -> Hyperparameters:
     """Maximise the marginal likelihood over variance, lengthscale and noise, and over nu where `fit_nu` says so.
 
-    L-BFGS on the logarithms, from four lengthscales; the best end is taken. Arrays are as
-    `log_marginal_likelihood` takes them; `nu` is the value kept, or the start.
+    L-BFGS on the logarithms, from four lengthscales, at most so many iterations from each; the best end is taken.
+    Arrays are as `log_marginal_likelihood` takes them; `nu` is the value kept, or the start.
     """
     scale = float(np.mean(y**2)) or 1.0
     free = [0, 1, 3] if not fit_nu else [0, 1, 2, 3]
@@ -92,7 +93,13 @@ def fit(
     for lengthscale in STARTS:
         start = np.log([scale, lengthscale, min(nu, 1e3), 0.5 * scale])
         end = scipy.optimize.minimize(
-            loss, start[free], args=(start,), jac=True, method="L-BFGS-B", bounds=bounds[free]
+            loss,
+            start[free],
+            args=(start,),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=bounds[free],
+            options={"maxiter": iterations},
         )
         start[free] = end.x
         ends.append((end.fun, start))

@@ -39,6 +39,8 @@ class SpectralGP(Method):
         Fit nu to the cloud as well, with the value given as the start.
     k_opt : int
         How many random points the hyperparameters are fitted on.
+    iterations : int
+        Of the optimiser, at most, from each start of the fit; it seldom takes more than 30.
     k_init : int, optional
         The number of farthest points to start from; a third of the points asked for where not given.
     k_add : int, optional
@@ -62,6 +64,7 @@ class SpectralGP(Method):
     nu: float = 2.5
     fit_nu: bool = False
     k_opt: int = 200
+    iterations: int = 200
     k_init: int | None = None
     k_add: int | None = None
     landmarks: int = 4000
@@ -74,6 +77,7 @@ class SpectralGP(Method):
         self.require(self.nu > 0, "nu", "above 0")
         self.require(not self.fit_nu or math.isfinite(self.nu), "nu", "finite where it is to be fitted")
         self.require(self.k_opt >= 1, "k_opt", "at least 1")
+        self.require(self.iterations >= 1, "iterations", "at least 1")
         self.require(self.k_init is None or self.k_init >= 1, "k_init", "at least 1")
         self.require(self.k_add is None or self.k_add >= 1, "k_add", "at least 1")
         self.require(self.landmarks >= self.eigenfunctions, "landmarks", "at least the number of eigenfunctions")
@@ -125,6 +129,8 @@ class SpectralGP(Method):
         with stages("hyperparameters"):
             mean_squares = np.einsum("nl,nl->l", functions, functions) / len(points)
             some = np.random.default_rng(self.seed).permutation(len(points))[: self.k_opt]
-            theta = hyperparameters.fit(values, functions[some], y[some], mean_squares, self.nu, self.fit_nu)
+            theta = hyperparameters.fit(
+                values, functions[some], y[some], mean_squares, self.nu, self.fit_nu, self.iterations
+            )
             phi = matern.kernel_features(functions, matern.spectral_weights(values, mean_squares, theta))
         return phi, y, theta
