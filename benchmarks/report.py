@@ -7,6 +7,7 @@ import os
 import platform
 import subprocess
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
@@ -29,14 +30,42 @@ def least_time(work: Callable[[], object], repeats: int = 5) -> float:
     return min(times)
 
 
+@dataclass(frozen=True)
+class Section:
+    """A table under a heading of its own."""
+
+    heading: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
 def write(
     name: str, title: str, header: Sequence[str], rows: Sequence[Sequence[str]], data: Sequence[Path] = ()
 ) -> None:
     """Print a Markdown table and write it to results/NAME.md, with commit, machine and checksums of the data."""
-    lines = [f"# {title}", "", _line(header), _line(["---"] * len(header)), *map(_line, rows), "", *_origin(data), ""]
-    print("\n".join(lines))
-    target = HERE / "results" / f"{name}.md"
-    target.write_text("\n".join(lines))
+    _keep(name, text(title, [Section("", header, rows)], data))
+
+
+def write_sections(
+    name: str, title: str, sections: Sequence[Section], data: Sequence[Path] = (), notes: Sequence[str] = ()
+) -> None:
+    """As `write`, for several tables and notes on how they came about."""
+    _keep(name, text(title, sections, data, notes))
+
+
+def text(title: str, sections: Sequence[Section], data: Sequence[Path] = (), notes: Sequence[str] = ()) -> str:
+    """Return the Markdown of tables, notes and origin."""
+    lines = [f"# {title}", ""]
+    for section in sections:
+        lines += [f"## {section.heading}", ""] if section.heading else []
+        lines += [_line(section.header), _line(["---"] * len(section.header)), *map(_line, section.rows), ""]
+    lines += [*(f"- {note}" for note in notes), *_origin(data), ""]
+    return "\n".join(lines)
+
+
+def _keep(name: str, page: str) -> None:
+    print(page)
+    (HERE / "results" / f"{name}.md").write_text(page)
 
 
 def _line(cells: Sequence[str]) -> str:

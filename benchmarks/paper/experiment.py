@@ -1,0 +1,140 @@
+"""What the experiments of the paper share: the methods, the runs, and the tables.
+
+A script runs all methods, or those named on its command line; only a run of all methods is kept in `results/`.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import gppcs
+import report
+from gppcs.methods import method_named
+
+CANDIDATES = 25_000  # random points among which the paper's experiments choose
+COUNTERPARTS = {  # the paper's name of what a method is put beside
+    "gp-spectral": "GP",
+    "fps-variation": "GP",
+    "hc": "HC",
+    "wlop": "WLOP",
+    "pc-simp": "PC-Simp",
+    "aivs": "AIVS",
+}
+FIGURES = {**gppcs.figures_of(gppcs.Report), **gppcs.figures_of(gppcs.Rebuilt)}
+
+Methods = Mapping[str, gppcs.Method]  # by the name that the table gives it
+
+
+class Column(NamedTuple):
+    """A figure of the report, or "seconds", and how the table shows it; lengths are in diagonals."""
+
+    title: str
+    figure: str
+    factor: float = 1.0
+    digits: int = 1
+
+
+REBUILT = (
+    Column("H mean, 1e-4 diagonals", "hausdorff_mean", 1e4),
+    Column("H max, 1e-3 diagonals", "hausdorff_max", 1e3),
+)
+COVER = (
+    Column("covering radius, 1e-3 diagonals", "covering_radius", 1e3),
+    Column("mean distance to the local surface, 1e-4 diagonals", "surface_mean", 1e4),
+    Column("feature error, 1e-4 diagonals", "feature_error", 1e4),
+    Column("feature recall, %", "feature_recall", 100),
+)
+VARIATION = Column("mean surface variation", "mean_surface_variation", digits=4)
+SECONDS = Column("seconds", "seconds", digits=2)
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A cloud and how far it is simplified; with a mesh, the rebuilt surface is judged by that."""
+
+    name: str
+    cloud: gppcs.PointCloud
+    ratio: float
+    mesh: gppcs.Mesh | None = None
+
+    @cached_property
+    def diagonal(self) -> float:
+        """Of the mesh, since noise widens a cloud; of the cloud where there is no mesh."""
+        points = self.mesh.vertices if self.mesh else self.cloud.points
+        return float(np.linalg.norm(np.ptp(points, axis=0)))
+
+
+def paper_settings(n: int) -> dict[str, gppcs.Method]:
+    """Return the methods with settings of the paper that are not our defaults, for a cloud of n points."""
+    settings: dict[str, gppcs.Method] = {"wlop, moved": gppcs.WLOP(snap=False)}
+    if n > CANDIDATES:
+        settings[f"gp-spectral, {CANDIDATES:,} candidates"] = gppcs.SpectralGP(candidates=CANDIDATES)
+        settings[f"fps-variation, {CANDIDATES:,} candidates"] = gppcs.FarthestPointVariation(candidates=CANDIDATES)
+    return settings
+
+
+def asked(settings: Methods) -> dict[str, gppcs.Method]:
+    """Return the methods of the command line, or all, each followed by those of `settings` that are of its name."""
+    methods = {}
+    for name in sys.argv[1:] or gppcs.METHODS:
+        methods[name] = method_named(name)
+        methods |= {label: method for label, method in settings.items() if method.name == name}
+    return methods
+
+
+def path_of(name: str) -> Path:
+    """Return where a file of the data lies."""
+    return report.DATA / f"{name}.ply"
+
+
+def runs(conditions: Sequence[Condition], methods: Methods) -> dict[str, list[gppcs.Entry]]:
+    """Return what each method made under each condition."""
+    entries = []
+    for condition in conditions:
+        print(f"{condition.name}: {len(methods)} methods", file=sys.stderr)
+        entries.append(
+            gppcs.compare(condition.cloud, methods.values(), ratio=condition.ratio, mesh=condition.mesh),
+        )
+    return {label: [of_all[i] for of_all in entries] for i, label in enumerate(methods)}
+
+
+def section(
+    heading: str, conditions: Sequence[Condition], made: Mapping[str, list[gppcs.Entry]], columns: Sequence[Column]
+) -> report.Section:
+    """Return a table with a row for each method and, of each column, one for each condition."""
+    suffixes = [f"; {condition.name}" for condition in conditions] if len(conditions) > 1 else [""]
+    header = ["method", *(column.title + suffix for column in columns for suffix in suffixes)]
+    rows = [
+        [label, *(shown(entry, column, condition.diagonal) for column in columns
+                  for entry, condition in zip(entries, conditions, strict=True))]
+        for label, entries in made.items()
+    ]  # fmt: skip
+    return report.Section(heading, header, rows)
+
+
+def shown(entry: gppcs.Entry, column: Column, diagonal: float) -> str:
+    """Return the figure as the table shows it; nothing where there is none, for lack of a surface."""
+    value = {**entry.report.figures(), "seconds": entry.seconds}.get(column.figure)
+    if value is None:
+        return ""
+    known = FIGURES.get(column.figure)
+    scaled = known.relative(value, diagonal) if known else None
+    return f"{column.factor * (value if scaled is None else scaled):.{column.digits}f}"
+
+
+def keep(name: str, title: str, sections: Sequence[report.Section], files: Sequence[str], notes: Sequence[str]) -> None:
+    """Print the tables, and keep them in results/NAME.md if they are of all methods."""
+    data = [path_of(file) for file in dict.fromkeys(files)]
+    if sys.argv[1:]:
+        print(report.text(title, sections, data, notes))
+    else:
+        report.write_sections(name, title, sections, data, notes)

@@ -1,0 +1,131 @@
+"""Scans of real objects at several ratios, in place of the paper's own three (supplement, section 2), by all methods.
+
+The paper's angel, human and bike frame were never published. The scans here are other objects: their errors cannot
+stand beside the paper's, but the errors of methods in relation to each other can, and do in the last table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import experiment
+import gppcs
+import report
+from experiment import COUNTERPARTS, REBUILT, SECONDS, VARIATION, Column, Condition
+
+
+class Scan(NamedTuple):
+    """A file, the ratios, and the scan of the paper that it stands in for, at the first ratio."""
+
+    file: str
+    ratios: tuple[float, ...]
+    paper: str = ""
+
+
+SCANS = {
+    "Angel figure, photogrammetry": Scan("sfm_angel", (0.04, 0.1, 0.2, 0.4), "angel"),
+    "Bust of Nefertiti": Scan("nefertiti", (0.05, 0.02, 0.1, 0.2), "human"),
+    "Bird bath, photogrammetry": Scan("sfm_bird_bath", (0.6, 0.04, 0.1, 0.2), "bike frame"),
+    "Face, one range map": Scan("face_rangemap", (0.02, 0.05, 0.1, 0.2)),
+}
+PAPER = {  # H mean in a unit not told, and mean surface variation
+    "angel": {
+        "GP": (0.000172, 0.0445),
+        "HC": (0.000270, 0.0509),
+        "WLOP": (0.000098, 0.0294),
+        "PC-Simp": (0.000150, 0.0351),
+        "AIVS": (0.000502, 0.0321),
+    },
+    "human": {
+        "GP": (0.196125, 0.0309),
+        "HC": (0.395263, 0.0407),
+        "WLOP": (0.153166, 0.0169),
+        "PC-Simp": (0.369116, 0.0260),
+        "AIVS": (0.518831, 0.0142),
+    },
+    "bike frame": {
+        "GP": (0.001921, 0.1021),
+        "HC": (0.001959, 0.1003),
+        "WLOP": (0.006128, 0.0737),
+        "PC-Simp": (0.001927, 0.1031),
+        "AIVS": (0.004217, 0.0760),
+    },
+}
+BASE = "wlop, moved"  # in whose error the others are told
+COLUMNS = (*REBUILT, Column("feature error, 1e-4 diagonals", "feature_error", 1e4), VARIATION, SECONDS)
+NOTES = (
+    "The paper's own scans (an angel at ratio 0.04, a human at 0.05, a bike frame at 0.6) were not published; those "
+    "here are other objects. The paper's picture of the angel is of a range of ratios, without figures.",
+    "The scans are meshes: their vertices are simplified, and judged by the mesh. All but Nefertiti are open; the "
+    "distances are from the vertices of the mesh, so membranes over its borders do not count.",
+    "In the last table H mean is in that of WLOP, moved as in the paper. One run of each method.",
+)
+
+Made = Mapping[str, list[gppcs.Entry]]
+
+
+def beside_the_paper(scans: Mapping[str, Made]) -> report.Section:
+    """Return the errors in WLOP's and the surface variation beside the paper's, at its ratios."""
+    header = ["method"]
+    for name in scans:
+        stand_in = f"here, {SCANS[name].file}"
+        for figure in ("H mean in WLOP's", "mean surface variation"):
+            header += [f"{figure}; paper, {SCANS[name].paper}, ratio {SCANS[name].ratios[0]}", stand_in]
+    first, *others = scans.values()
+    labels = [label for label in first if counterpart(first[label]) and all(label in made for made in others)]
+    rows = [
+        [label, *(cell for name, made in scans.items() for cell in pairs(PAPER[SCANS[name].paper], made, label))]
+        for label in labels
+    ]
+    return report.Section("Beside the paper's, on its own scans", header, rows)
+
+
+def counterpart(entries: list[gppcs.Entry]) -> str:
+    """Return the paper's name of the method, empty where it has none."""
+    return COUNTERPARTS.get(entries[0].result.method.name, "")
+
+
+def pairs(paper: Mapping[str, tuple[float, float]], made: Made, label: str) -> list[str]:
+    """Return the paper's figure and ours, of the error and of the surface variation."""
+    error, variation = paper[counterpart(made[label])]
+    here = made[label][0]
+    return [
+        f"{error / paper['WLOP'][0]:.2f}",
+        in_base(here, made[BASE][0]),
+        f"{variation:.4f}",
+        f"{here.report.mean_surface_variation:.4f}",
+    ]
+
+
+def in_base(entry: gppcs.Entry, base: gppcs.Entry) -> str:
+    """Return H mean in that of another run; nothing where either has no surface."""
+    if entry.report.rebuilt is None or base.report.rebuilt is None:
+        return ""
+    return f"{entry.report.rebuilt.hausdorff_mean / base.report.rebuilt.hausdorff_mean:.2f}"
+
+
+def main() -> None:
+    """Print and write the tables."""
+    sections, with_counterpart = [], {}
+    for name, scan in SCANS.items():
+        path = experiment.path_of(scan.file)
+        cloud, mesh = gppcs.read(path), gppcs.read_mesh(path)
+        conditions = [Condition(f"ratio {ratio}", cloud, ratio, mesh) for ratio in scan.ratios]
+        made = experiment.runs(conditions, experiment.asked(experiment.paper_settings(len(cloud))))
+        sections.append(experiment.section(f"{name}, {len(cloud):,} points", conditions, made, COLUMNS))
+        if scan.paper and BASE in made:
+            with_counterpart[name] = made
+    if with_counterpart:
+        sections.append(beside_the_paper(with_counterpart))
+    experiment.keep(
+        "paper_scans",
+        "Scans of real objects (paper: supplement, Table 1)",
+        sections,
+        [scan.file for scan in SCANS.values()],
+        NOTES,
+    )
+
+
+if __name__ == "__main__":
+    main()

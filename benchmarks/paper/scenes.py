@@ -1,0 +1,66 @@
+"""Rooms and desks from depth cameras and a laser at the paper's ratio 0.03 (supplement, section 2), by all methods.
+
+The paper shows one desk of NYU Depth V2 simplified, and judges the rebuilt surface by a mesh that it does not name. The
+scenes here have no mesh; of the paper's figures only the mean surface variation can be measured without one.
+"""
+
+from __future__ import annotations
+
+import experiment
+import gppcs
+import report
+from experiment import COUNTERPARTS, COVER, SECONDS, VARIATION, Condition
+
+RATIO = 0.03
+SCENES = {
+    "NYU Depth V2, a basement": "nyu_basement",
+    "TUM RGB-D, a desk": "tum_desk",
+    "Redwood, a living room, one frame": "redwood_livingroom_frame",
+    "3DMatch, a room, fused": "3dmatch_room_fragment",
+    "PCL, a room, laser": "pcl_room_scan",
+}
+PAPER = {  # mean surface variation of an NYU desk, simplified
+    "GP": 0.0487,
+    "HC": 0.0648,
+    "WLOP": 0.0403,
+    "PC-Simp": 0.0463,
+    "AIVS": 0.0530,
+}
+NOTES = (
+    "The paper's scene is a desk of NYU Depth V2; which frame is not told, and the one here is another, of the same "
+    "camera. Its Hausdorff distances are to a mesh that is not named, so nothing here stands beside them.",
+    "The other scenes have no counterpart in the paper. One run of each method.",
+)
+
+
+def beside_the_paper(made: dict[str, list[gppcs.Entry]]) -> report.Section:
+    """Return the mean surface variation on the NYU frame beside the paper's."""
+    rows = []
+    for label, (entry,) in made.items():
+        if (paper := PAPER.get(COUNTERPARTS.get(entry.result.method.name, ""))) is not None:
+            rows.append((label, f"{paper:.4f}", f"{entry.report.mean_surface_variation:.4f}"))
+    header = ("method", "paper, an NYU desk", "here, an NYU basement")
+    return report.Section("Mean surface variation beside the paper's", header, rows)
+
+
+def main() -> None:
+    """Print and write the tables."""
+    sections = []
+    for scene, file in SCENES.items():
+        condition = Condition(scene, gppcs.read(experiment.path_of(file)), RATIO)
+        made = experiment.runs([condition], experiment.asked(experiment.paper_settings(len(condition.cloud))))
+        heading = f"{scene}, {len(condition.cloud):,} points"
+        sections.append(experiment.section(heading, [condition], made, (*COVER, VARIATION, SECONDS)))
+        if file == "nyu_basement":
+            sections.append(beside_the_paper(made))
+    experiment.keep(
+        "paper_scenes",
+        f"Scenes, ratio {RATIO} (paper: supplement, section 2)",
+        sections,
+        list(SCENES.values()),
+        NOTES,
+    )
+
+
+if __name__ == "__main__":
+    main()
