@@ -34,6 +34,17 @@ def test_queries_elsewhere_match_scipy():
     np.testing.assert_allclose(np.sqrt(squared), distances, rtol=1e-12)
 
 
+@pytest.mark.parametrize(("n", "k"), [(1, 0), (2, 1), (500, 7)])
+def test_neighbours_are_the_nearest_others_in_tree_order(n, k):
+    points = np.random.default_rng(3).random((n, 3))
+    tree = KdTree.build(points)
+    positions, squared = tree.neighbours(k)
+    indices, expected = tree.nearest_of(points[tree.order], k + 1)
+    np.testing.assert_array_equal(indices[:, 0], tree.order)
+    np.testing.assert_array_equal(tree.order[positions], indices[:, 1:])
+    np.testing.assert_array_equal(squared, expected[:, 1:])
+
+
 @pytest.mark.parametrize("n", [1, LEAF_SIZE, LEAF_SIZE + 1, 1_000, 4_097])
 def test_boxes_hold_their_points_tightly(n):
     points = np.random.default_rng(2).random((n, 3))

@@ -47,6 +47,10 @@ def test_each_method_can_be_called_alone(method):
         (gppcs.FarthestPointVariation, "seed", -1),
         (gppcs.TopVariation, "neighbours", 2),
         (gppcs.Random, "seed", -1),
+        (gppcs.PCSimp, "neighbours", 0),
+        (gppcs.PCSimp, "uniformity", 0.0),
+        (gppcs.PCSimp, "tolerance", 0.0),
+        (gppcs.PCSimp, "iterations", 0),
     ],
 )
 def test_a_parameter_out_of_range_is_named(method, parameter, value):
@@ -140,6 +144,10 @@ def test_unknown_names_come_with_the_nearest(name, settings, message):
         gppcs.FarthestPointVariation(candidates=100),
         gppcs.TopVariation(neighbours=10),
         gppcs.Random(seed=1),
+        gppcs.PCSimp(neighbours=8),
+        gppcs.PCSimp(uniformity=1.0),
+        gppcs.PCSimp(tolerance=0.5),
+        gppcs.PCSimp(iterations=3),
     ],
     ids=repr,
 )

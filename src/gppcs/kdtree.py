@@ -58,6 +58,16 @@ class KdTree:
         _nearest_of_all(self.points, self.low, self.high, queries, indices, squared)
         return self.order[indices], squared
 
+    def neighbours(self, k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return the k other points nearest each point, (N, k), nearest first, and their squared distances.
+
+        All in tree order, where neighbours stand near each other; points must be without repeats, and k below N.
+        """
+        positions = np.empty((len(self.order), k + 1), dtype=np.int64)
+        squared = np.empty((len(self.order), k + 1), dtype=np.float64)
+        _nearest_of_all(self.points, self.low, self.high, self.points.T, positions, squared)
+        return positions[:, 1:], squared[:, 1:]  # the first is the point itself
+
 
 @nb.njit(cache=True, inline="always")
 def first_leaf(low):

@@ -10,6 +10,7 @@ from gppcs.methods.aivs import AIVS
 from gppcs.methods.farthest_point import FarthestPoint
 from gppcs.methods.hierarchical_clustering import HierarchicalClustering
 from gppcs.methods.method import Method, Selection
+from gppcs.methods.pc_simp import PCSimp
 from gppcs.methods.random import Random
 from gppcs.methods.sample_elimination import SampleElimination
 from gppcs.methods.spectral_gp import SpectralGP
@@ -31,6 +32,7 @@ METHODS: Mapping[str, type[Method]] = {
         SampleElimination,
         Voxel,
         AIVS,
+        PCSimp,
     )
 }
 DEFAULT = SpectralGP.name
@@ -58,6 +60,7 @@ __all__ = [
     "FarthestPointVariation",
     "HierarchicalClustering",
     "Method",
+    "PCSimp",
     "Random",
     "SampleElimination",
     "Selection",
