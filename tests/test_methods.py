@@ -51,6 +51,7 @@ def test_each_method_can_be_called_alone(method):
         (gppcs.PCSimp, "uniformity", 0.0),
         (gppcs.PCSimp, "tolerance", 0.0),
         (gppcs.PCSimp, "iterations", 0),
+        (gppcs.QEM, "neighbours", 0),
     ],
 )
 def test_a_parameter_out_of_range_is_named(method, parameter, value):
@@ -148,6 +149,7 @@ def test_unknown_names_come_with_the_nearest(name, settings, message):
         gppcs.PCSimp(uniformity=1.0),
         gppcs.PCSimp(tolerance=0.5),
         gppcs.PCSimp(iterations=3),
+        gppcs.QEM(neighbours=5),
     ],
     ids=repr,
 )

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from gppcs.methods import (
         AIVS,
         METHODS,
+        QEM,
         WLOP,
         FarthestPoint,
         FarthestPointVariation,
@@ -73,6 +74,7 @@ _HOMES = {
     "methods": (
         "AIVS",
         "METHODS",
+        "QEM",
         "WLOP",
         "FarthestPoint",
         "FarthestPointVariation",

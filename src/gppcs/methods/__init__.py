@@ -11,6 +11,7 @@ from gppcs.methods.farthest_point import FarthestPoint
 from gppcs.methods.hierarchical_clustering import HierarchicalClustering
 from gppcs.methods.method import Method, Selection
 from gppcs.methods.pc_simp import PCSimp
+from gppcs.methods.qem import QEM
 from gppcs.methods.random import Random
 from gppcs.methods.sample_elimination import SampleElimination
 from gppcs.methods.spectral_gp import SpectralGP
@@ -33,6 +34,7 @@ METHODS: Mapping[str, type[Method]] = {
         Voxel,
         AIVS,
         PCSimp,
+        QEM,
     )
 }
 DEFAULT = SpectralGP.name
@@ -55,6 +57,7 @@ __all__ = [
     "AIVS",
     "DEFAULT",
     "METHODS",
+    "QEM",
     "WLOP",
     "FarthestPoint",
     "FarthestPointVariation",
