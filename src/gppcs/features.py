@@ -168,7 +168,7 @@ def _features_in_tree(points, order, low, high, k, variation, normals, neighbour
         )  # fmt: skip
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, fastmath=False)
 def _flattest(xx, xy, xz, yy, yz, zz, normal):
     """Return lambda_0 / trace of a symmetric 3 x 3 matrix, and put the eigenvector of lambda_0 into `normal`.
 

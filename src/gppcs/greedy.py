@@ -187,7 +187,7 @@ def _look_into(g, points, buckets, mean, covariance, now):
     _find_best(g, points, buckets)
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, fastmath=False)
 def _find_best(g, points, buckets):
     """Find the free point of largest score in a bucket that is up to date; of several, the smallest index."""
     n, count, order = len(points.y), len(buckets.bound), points.order

@@ -120,7 +120,7 @@ def _part(points, order, key, begin, middle, end):
             return
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, fastmath=False)
 def squared_distance_to_box(low, high, x, y, z):
     """Return the squared distance of (x, y, z) to a box; never more than that computed to a point in it."""
     dx = max(low[0] - x, x - high[0], 0.0)
