@@ -170,7 +170,7 @@ def _nearest_of_all(points, low, high, queries, found, squared):
         nearest_in_tree(points, low, high, x, y, z, found[q], squared[q])
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, fastmath=False)
 def leaves_near(low, high, box_low, box_high, squared_radius):
     """Return the nodes of the leaves that come within the radius of a box."""
     leaves = first_leaf(low)

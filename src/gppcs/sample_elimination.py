@@ -94,7 +94,7 @@ def _removed(
     return removed
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, fastmath=False)
 def _term(dx, dy, dz, reach):
     """Return what two points add to each other's weight, in units, by their difference; the same both ways."""
     term = max(1.0 - np.sqrt(dx * dx + dy * dy + dz * dz) / reach, 0.0)
