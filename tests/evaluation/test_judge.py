@@ -71,7 +71,7 @@ def test_recall_is_the_share_of_rough_points_near_kept_ones():
     original = np.stack([column, row, height], axis=1).astype(float)
     kept = original[(column < 30) | (column > 52)]
     assert gppcs.evaluate(original, original[::7]).feature_recall == pytest.approx(1, abs=0.02)
-    assert gppcs.evaluate(original, kept).feature_recall == pytest.approx(0.5, abs=0.01)
+    assert gppcs.evaluate(original, kept).feature_recall == pytest.approx(0.5, abs=0.03)  # ties at the edge of a tenth
 
 
 def test_normal_deviation_is_the_angle_of_a_fold():
@@ -227,3 +227,12 @@ def test_every_figure_has_a_definition():
         assert set(gppcs.figures_of(report)) == fields
     assert judge.ROUGH == 0.9  # as the definitions say
     assert judge.STRAY == 1 / 20
+
+
+def test_a_far_point_does_not_blow_up_the_radius(sphere):
+    stray = np.array([[1e6, 1e6, 1e6]])
+    near, far = (
+        gppcs.evaluate(sphere, sphere[:4000]),
+        gppcs.evaluate(np.concatenate([sphere, stray]), np.concatenate([sphere[:4000], stray])),
+    )
+    assert far.mean_surface_variation == pytest.approx(near.mean_surface_variation, rel=0.5)

@@ -16,7 +16,7 @@ from gppcs.stages import Stages
 ROUGH = 0.9  # quantile of the surface variation from which on a point counts as feature
 FAR = 0.1  # diagonals between two clouds from which on they cannot be of one thing
 STRAY = 0.05  # diagonals from the mesh, from which on a part of the rebuilt surface is astray
-VARIATION = 25  # nearest points of which the original's surface variation is measured, the paper's k
+VARIATION = 25  # points of the neighbourhoods in which surface variation is measured, the paper's k
 
 Points = NDArray[np.float64]
 
@@ -100,7 +100,7 @@ def _without_mesh(before: Points, after: Points, diagonal: float) -> Report:
         feature_error=_weighted_mean(to_surface, variation),
         feature_recall=float((np.sqrt(to_kept[rough]) <= spacing).mean()),
         normal_deviation=float(_angles(normals, kept_normals[nearest[:, 0]]).mean()),
-        mean_surface_variation=_mean_surface_variation(after),
+        mean_surface_variation=_mean_surface_variation(after, spacing),
     )
 
 
@@ -116,13 +116,18 @@ def _angles(first: Points, second: Points) -> Points:
     return angles
 
 
-def _mean_surface_variation(points: Points) -> float:
-    """Return the mean, with the paper's radius even where points crowd together, since its tables use that."""
-    from gppcs.features import features_in_radius
-    from gppcs.kdtree import KdTree
-    from gppcs.neighbourhood import ColumnGrid, neighbourhood_radius, paper_radius
+def _mean_surface_variation(points: Points, spacing: float) -> float:
+    """Return the mean with the paper's radius, even where points crowd together, since its tables use that.
 
-    radius = paper_radius(points) or neighbourhood_radius(points, KdTree.build(points))
+    The paper's rule sees only the bounding box. Where that is flat, or stretched by far points, the radius can be off
+    without bound; then it is that of a disc for the same number of points at the target spacing.
+    """
+    from gppcs.features import features_in_radius
+    from gppcs.neighbourhood import ColumnGrid, paper_radius
+
+    radius, robust = paper_radius(points, VARIATION), spacing * np.sqrt(VARIATION / np.pi)
+    if not robust / 3 <= radius <= 3 * robust:
+        radius = robust
     return float(features_in_radius(ColumnGrid.build(points, radius)).surface_variation.mean())
 
 

@@ -116,7 +116,8 @@ class Report:
     )
     mean_surface_variation: float = figure(
         "ratio",
-        "mean surface variation of the simplified cloud, measured on it (25 neighbours, the paper's radius)",
+        "mean surface variation of the simplified cloud, measured on it with the paper's radius for 25 neighbours or, "
+        "where that is more than three times off, with that of 25 target spacings squared",
         "more",
     )
     rebuilt: Rebuilt | None = None
