@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 from scipy.spatial import ConvexHull, Delaunay
 
-from gppcs.evaluation.local_surface import LocalSurface, _squared_distance_to_triangle
+from gppcs.evaluation.local_surface import LocalSurface, nearest_in_triangle
 
 
 def triangles(surface):
@@ -37,14 +37,14 @@ def test_above_a_plane_the_distance_is_the_height(height):
     points = rng.random((1000, 3)) * [1, 1, 0]
     queries = 0.1 + 0.8 * rng.random((5000, 3))
     queries[:, 2] = height
-    np.testing.assert_allclose(LocalSurface.of(points).distances(queries), height, atol=1e-12)
+    np.testing.assert_allclose(LocalSurface.of(points).nearest_to(queries)[0], height, atol=1e-12)
 
 
 def test_on_a_sphere_the_distance_is_that_to_the_inscribed_hull(sphere):
     points, queries = sphere[:2000], sphere[2000:12_000]
     equations = ConvexHull(points).equations
     expected = (queries @ equations[:, :3].T + equations[:, 3]).max(axis=1)
-    distances = LocalSurface.of(points).distances(queries)
+    distances, _ = LocalSurface.of(points).nearest_to(queries)
     assert distances.mean() == pytest.approx(expected.mean(), rel=0.02)
     assert np.median(np.abs(distances - expected)) < 1e-12
 
@@ -56,25 +56,25 @@ def test_the_sagitta_of_a_lattice_on_a_cylinder():
     points = np.stack([np.cos(angle), np.sin(angle), height], axis=1)
     half = np.pi / 60
     between = np.stack([np.cos(angles + half), np.sin(angles + half), np.full(60, 1.0)], axis=1)
-    np.testing.assert_allclose(LocalSurface.of(points).distances(between), 1 - np.cos(half), rtol=1e-9)
+    np.testing.assert_allclose(LocalSurface.of(points).nearest_to(between)[0], 1 - np.cos(half), rtol=1e-9)
 
 
 def test_points_lie_on_their_own_surface(bracket):
-    assert LocalSurface.of(bracket).distances(bracket).max() == 0
+    assert LocalSurface.of(bracket).nearest_to(bracket)[0].max() == 0
 
 
 def test_two_sheets_are_not_joined():
     points = np.random.default_rng(0).random((2000, 3)) * [1, 1, 0]
     points[1000:, 2] = 0.2  # six spacings
     between = np.concatenate([0.2 + 0.6 * np.random.default_rng(1).random((500, 2)), np.full((500, 1), 0.1)], axis=1)
-    np.testing.assert_allclose(LocalSurface.of(points).distances(between), 0.1)
+    np.testing.assert_allclose(LocalSurface.of(points).nearest_to(between)[0], 0.1)
 
 
 @pytest.mark.parametrize(
     "points", [np.zeros((1, 3)), np.eye(3)[:2], np.outer(np.arange(9.0), [1, 2, 3]), np.eye(3), np.eye(4)[:, :3]]
 )
 def test_clouds_that_span_nothing_are_points(points):
-    distances = LocalSurface.of(points).distances(points + np.array([0, 0, 0.001]))
+    distances, _ = LocalSurface.of(points).nearest_to(points + np.array([0, 0, 0.001]))
     assert (distances <= 0.001 + 1e-12).all()
 
 
@@ -92,6 +92,26 @@ def test_the_distance_to_a_triangle_is_the_least(triangle):
         method="SLSQP", options={"ftol": 1e-14, "maxiter": 200},
     ).x  # fmt: skip
     expected = ((weights @ corners) ** 2).sum()
-    found = _squared_distance_to_triangle(*triangle)
+    v, w = nearest_in_triangle(*triangle)
+    assert min(v, w, 1 - v - w) >= -1e-9
+    found = ((np.array([1 - v - w, v, w]) @ corners) ** 2).sum()
+    assert np.sqrt(found) == pytest.approx(np.sqrt(expected), abs=1e-3)
     assert np.sqrt(found) <= np.sqrt(expected) + 1e-6
-    assert np.sqrt(found) >= np.sqrt(expected) - 1e-3
+
+
+def test_normals_of_a_sphere_are_its_radii(sphere):
+    _, normals = LocalSurface.of(sphere[:5000]).nearest_to(sphere[5000:8000])
+    cosines = np.abs(np.einsum("ij,ij->i", normals, sphere[5000:8000])) / np.linalg.norm(normals, axis=1)
+    assert np.degrees(np.arccos(np.quantile(cosines, 0.01))) < 5
+
+
+def test_normals_are_interpolated_between_corners():
+    """Halfway between two lines along the axis of a cylinder, the normal is halfway too, whatever the signs."""
+    angles, heights = np.linspace(0, 2 * np.pi, 40, endpoint=False), np.arange(20) * 0.1
+    angle, height = (grid.ravel() for grid in np.meshgrid(angles, heights))
+    surface = LocalSurface.of(np.stack([np.cos(angle), np.sin(angle), height], axis=1))
+    places = angles + np.pi / 40
+    halfway = np.stack([np.cos(places), np.sin(places), np.full(40, 1.0)], axis=1)
+    _, normals = surface.nearest_to(halfway)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    assert np.abs(np.einsum("ij,ij->i", normals, halfway * [1, 1, 0])).min() > np.cos(np.radians(1))

@@ -81,9 +81,11 @@ def _without_mesh(before: Points, after: Points, diagonal: float) -> Report:
     _, to_original = tree.nearest_of(after, 1)
     _require_near(np.sqrt(to_original), "simplified cloud", after, diagonal)
     nearest, to_kept = surface.tree.nearest_of(before, 1)
-    to_surface = surface.distances(before)
+    to_surface, surface_normals = surface.nearest_to(before)
     variation = features_of_nearest(tree, VARIATION).surface_variation
-    normals, kept_normals = (features_of_nearest(each, PLANE).normals for each in (tree, surface.tree))
+    normals = features_of_nearest(tree, PLANE).normals
+    kept_normals = np.empty_like(after)
+    kept_normals[surface.tree.order] = surface.normals
     spacing = np.sqrt(surface_area(before, tree) / len(after))
     rough = variation >= np.quantile(variation, ROUGH)
     return Report(
@@ -97,16 +99,11 @@ def _without_mesh(before: Points, after: Points, diagonal: float) -> Report:
         surface_rms=float(np.sqrt((to_surface**2).mean())),
         surface_p95=float(np.quantile(to_surface, 0.95)),
         surface_max=float(to_surface.max()),
-        feature_error=_weighted_mean(to_surface, variation),
+        feature_error=float((to_surface * np.radians(_angles(normals, surface_normals))).mean()),
         feature_recall=float((np.sqrt(to_kept[rough]) <= spacing).mean()),
         normal_deviation=float(_angles(normals, kept_normals[nearest[:, 0]]).mean()),
         mean_surface_variation=_mean_surface_variation(after, spacing),
     )
-
-
-def _weighted_mean(values: Points, weights: Points) -> float:
-    """Return the weighted mean, or the plain one where no weight is above zero, as on a flat cloud."""
-    return float(np.average(values, weights=weights) if weights.any() else values.mean())
 
 
 def _angles(first: Points, second: Points) -> Points:

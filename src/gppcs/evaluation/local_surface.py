@@ -31,12 +31,15 @@ class LocalSurface:
     ----------
     tree : KdTree
         Over the points, which hold no repeats.
+    normals : (M, 3) array, float64
+        Of the tangent planes, in tree order.
     corners : (M, MOST, 2) array, int32
         Of each triangle around a point, the two corners beside the point itself; -1 from the end of the fan on.
         Points and corners in tree order.
     """
 
     tree: KdTree
+    normals: NDArray[np.float64]
     corners: NDArray[np.int32]
 
     @classmethod
@@ -46,13 +49,19 @@ class LocalSurface:
         normals = features_of_nearest(tree, PLANE).normals[tree.order]
         corners = np.full((len(points), MOST, 2), -1, dtype=np.int32)
         _build_fans(tree.points, tree.low, tree.high, normals, corners)
-        return cls(tree, corners)
+        return cls(tree, normals, corners)
 
-    def distances(self, queries: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the distance of each query, (Q, 3), to the triangles of its nearest points, or to the nearest."""
-        distances = np.empty(len(queries))
-        _measure(self.tree.points, self.tree.low, self.tree.high, self.corners, queries, distances)
-        return distances
+    def nearest_to(self, queries: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return how far each query, (Q, 3), is from the surface, (Q,), and the surface's normal nearest to it, (Q, 3).
+
+        Searched are the triangles of the nearest points and, where these have none, the nearest point itself. Normals
+        are interpolated between the corners of the triangle; they have no sign that means anything.
+        """
+        distances, normals = np.empty(len(queries)), np.empty((len(queries), 3))
+        _search(
+            self.tree.points, self.tree.low, self.tree.high, self.normals, self.corners, queries, distances, normals
+        )  # fmt: skip
+        return distances, normals
 
 
 @nb.njit(cache=True, parallel=True, nogil=True)
@@ -163,22 +172,27 @@ def _turns_left(points, a, b, c):
 
 
 @nb.njit(cache=True, parallel=True, nogil=True)
-def _measure(points, low, high, corners, queries, distances):
+def _search(points, low, high, normals, corners, queries, distances, nearest_normals):
     k = min(FANS, points.shape[1])
     for q in nb.prange(len(queries)):
         found = np.empty(k, dtype=np.int64)
         squared = np.empty(k, dtype=np.float64)
         x, y, z = queries[q]
         nearest_in_tree(points, low, high, x, y, z, found, squared)
-        least = squared[0]
+        least, first, second, third, v, w = squared[0], found[0], found[0], found[0], 0.0, 0.0
         for i in found:
             a = _from(points, i, x, y, z)
             for slot in range(MOST):
-                if corners[i, slot, 0] < 0:
+                j, m = corners[i, slot]
+                if j < 0:
                     break
-                b, c = _from(points, corners[i, slot, 0], x, y, z), _from(points, corners[i, slot, 1], x, y, z)
-                least = min(least, _squared_distance_to_triangle(a, b, c))
+                b, c = _from(points, j, x, y, z), _from(points, m, x, y, z)
+                new_v, new_w = nearest_in_triangle(a, b, c)
+                d = _squared(a, b, c, new_v, new_w)
+                if d < least:
+                    least, first, second, third, v, w = d, i, j, m, new_v, new_w
         distances[q] = np.sqrt(least)
+        _interpolate(normals, first, second, third, v, w, nearest_normals[q])
 
 
 @nb.njit(cache=True)
@@ -187,27 +201,55 @@ def _from(points, i, x, y, z):
 
 
 @nb.njit(cache=True)
-def _squared_distance_to_triangle(a, b, c):
-    """Return the squared distance of the origin to the nearest point of a triangle: a corner, on an edge or inside."""
+def _squared(a, b, c, v, w):
+    """Return the squared length of a + v (b - a) + w (c - a)."""
+    x = a[0] + v * (b[0] - a[0]) + w * (c[0] - a[0])
+    y = a[1] + v * (b[1] - a[1]) + w * (c[1] - a[1])
+    z = a[2] + v * (b[2] - a[2]) + w * (c[2] - a[2])
+    return x * x + y * y + z * z
+
+
+@nb.njit(cache=True)
+def _interpolate(normals, first, second, third, v, w, normal):
+    """Put the weighted mean of three normals, turned so that it is longest, into `normal`."""
+    a, b, c = normals[first], normals[second], normals[third]
+    longest = -1.0
+    for turned_v in (v, -v):
+        for turned_w in (w, -w):
+            x, y, z = (
+                (1.0 - v - w) * a[0] + turned_v * b[0] + turned_w * c[0],
+                (1.0 - v - w) * a[1] + turned_v * b[1] + turned_w * c[1],
+                (1.0 - v - w) * a[2] + turned_v * b[2] + turned_w * c[2],
+            )
+            if x * x + y * y + z * z > longest:
+                longest = x * x + y * y + z * z
+                normal[0], normal[1], normal[2] = x, y, z
+
+
+@nb.njit(cache=True)
+def nearest_in_triangle(a, b, c):
+    """Return v and w for which a + v (b - a) + w (c - a) is the point of a triangle that is nearest to the origin.
+
+    By regions: a corner, a side, or the inside (Ericson, Real-Time Collision Detection, section 5.1.5).
+    """
     ab, ac = _minus(b, a), _minus(c, a)
     ab_a, ac_a, ab_b, ac_b, ab_c, ac_c = _dot(ab, a), _dot(ac, a), _dot(ab, b), _dot(ac, b), _dot(ab, c), _dot(ac, c)
     if ab_a >= 0.0 and ac_a >= 0.0:
-        return _dot(a, a)
+        return 0.0, 0.0
     if ab_b <= 0.0 and ac_b >= ab_b:
-        return _dot(b, b)
+        return 1.0, 0.0
     if ac_c <= 0.0 and ab_c >= ac_c:
-        return _dot(c, c)
+        return 0.0, 1.0
     beside_ab, beside_ac, beside_bc = ab_a * ac_b - ab_b * ac_a, ab_c * ac_a - ab_a * ac_c, ab_b * ac_c - ab_c * ac_b
     if beside_ab <= 0.0 and ab_a <= 0.0 <= ab_b:
-        nearest = _along(a, b, ab_a / (ab_a - ab_b))
-    elif beside_ac <= 0.0 and ac_a <= 0.0 <= ac_c:
-        nearest = _along(a, c, ac_a / (ac_a - ac_c))
-    elif beside_bc <= 0.0 and ab_b - ac_b >= 0.0 and ac_c - ab_c >= 0.0:
-        nearest = _along(b, c, (ab_b - ac_b) / (ab_b - ac_b + ac_c - ab_c))
-    else:
-        v, w = beside_ac / (beside_ab + beside_ac + beside_bc), beside_ab / (beside_ab + beside_ac + beside_bc)
-        nearest = a[0] + v * ab[0] + w * ac[0], a[1] + v * ab[1] + w * ac[1], a[2] + v * ab[2] + w * ac[2]
-    return _dot(nearest, nearest)
+        return ab_a / (ab_a - ab_b), 0.0
+    if beside_ac <= 0.0 and ac_a <= 0.0 <= ac_c:
+        return 0.0, ac_a / (ac_a - ac_c)
+    if beside_bc <= 0.0 and ab_b >= ac_b and ac_c >= ab_c:
+        share = (ab_b - ac_b) / (ab_b - ac_b + ac_c - ab_c)
+        return 1.0 - share, share
+    area = beside_ab + beside_ac + beside_bc
+    return beside_ac / area, beside_ab / area
 
 
 @nb.njit(cache=True)
@@ -218,9 +260,3 @@ def _dot(a, b):
 @nb.njit(cache=True)
 def _minus(a, b):
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@nb.njit(cache=True)
-def _along(a, b, share):
-    """Return the point at that share of the way from a to b."""
-    return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])

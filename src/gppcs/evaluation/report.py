@@ -103,7 +103,9 @@ class Report:
     surface_p95: float = figure("length", "95th percentile of those distances")
     surface_max: float = figure("length", "largest of those distances")
     feature_error: float = figure(
-        "length", "mean of those distances, each weighted by the original's surface variation at the point"
+        "length",
+        "mean of those distances, each times the angle, in radians, between the normals of the original and of the "
+        "local surface there",
     )
     feature_recall: float = figure(
         "share",
