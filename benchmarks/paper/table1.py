@@ -64,7 +64,8 @@ NOTES = (
     "The Armadillo is 172,974 random points on a reduced mesh of 49,990 vertices, judged by that mesh: as many points "
     "as in the paper, with less fine detail.",
     "The paper's GP stands beside gp-spectral, its Algorithm 1, and beside fps-variation, which gives its ablation "
-    "table. It chose among 25,000 random points. The paper's HC made about as many points as asked for.",
+    "table. It chose among 25,000 random points. Within the limits that the paper gave HC, it makes fewer points of "
+    "the stand-in than asked for, since that is smoother.",
     "Missing: Lucy, whose 14 million points were not at hand, and the learned methods of Potamias et al. and APES, of "
     "which no weights were.",
     "The paper's seconds are of an A100 for GP and of an i7-11800H for the others but Potamias et al.",
