@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import gppcs
 from gppcs import cli
 
 ROOT = Path(__file__).parents[1]
@@ -61,3 +62,22 @@ def test_links_lead_somewhere(page):
     source = ROOT / page
     for target in re.findall(r"\]\(([^)#]+)\)", source.read_text()):
         assert (source.parent / target).exists(), target
+
+
+def test_the_page_on_evaluation_defines_each_figure_as_the_code_does():
+    page = (ROOT / "docs" / "evaluation.md").read_text()
+    for report in (gppcs.Report, gppcs.Rebuilt):
+        rows = [
+            f"| `{name}` | {figure.unit} | {figure.better or ''} | {figure.definition} |"
+            for name, figure in gppcs.figures_of(report).items()
+        ]
+        assert "\n".join(rows) in page
+
+
+def test_the_pages_quote_the_benchmarks():
+    results = "".join(path.read_text() for path in (ROOT / "benchmarks" / "results").glob("*.md"))
+    section = (ROOT / "docs" / "evaluation.md").read_text().split("## An error for features")[1].split("\n## ")[0]
+    rows = [line for line in section.splitlines() if line.startswith("| ") and "---" not in line]
+    assert len(rows) > 5
+    for row in rows:
+        assert row.removesuffix(" |") in results
