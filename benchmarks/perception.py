@@ -62,6 +62,7 @@ def normal_maps(mesh: gppcs.Mesh, frame: gppcs.Mesh) -> list[Array]:
     radius = np.linalg.norm(frame.vertices - middle, axis=1).max()
     plotter: Any = pyvista.Plotter(off_screen=True, window_size=(SIZE, SIZE))
     plotter.set_background("black")
+    plotter.disable_anti_aliasing()  # which would mix normals with the black beside them
     plotter.add_mesh(surface, scalars="colour", rgb=True, lighting=False)
     plotter.enable_parallel_projection()
     maps = []
@@ -70,6 +71,7 @@ def normal_maps(mesh: gppcs.Mesh, frame: gppcs.Mesh) -> list[Array]:
         plotter.camera.position, plotter.camera.focal_point = middle + 3 * radius * direction, middle
         plotter.camera.up, plotter.camera.parallel_scale = up, 1.02 * radius
         plotter.camera.clipping_range = radius, 5 * radius
+        plotter.render()  # a screenshot alone shows the first view again
         right = np.cross(up, direction) / np.linalg.norm(np.cross(up, direction))
         maps.append(in_camera(plotter.screenshot(return_img=True), [right, np.cross(direction, right), direction]))
     plotter.close()
