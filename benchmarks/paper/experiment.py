@@ -50,7 +50,7 @@ REBUILT = (
 COVER = (
     Column("covering radius, 1e-3 diagonals", "covering_radius", 1e3),
     Column("mean distance to the local surface, 1e-4 diagonals", "surface_mean", 1e4),
-    Column("feature error, 1e-4 diagonals", "feature_error", 1e4),
+    Column("feature error, 1e-5 diagonals", "feature_error", 1e5),
     Column("feature recall, %", "feature_recall", 100),
 )
 VARIATION = Column("mean surface variation", "mean_surface_variation", digits=4)
