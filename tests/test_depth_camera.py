@@ -235,3 +235,18 @@ def test_a_matrix_of_no_pinhole_camera_is_refused(intrinsics, message):
 def test_options_out_of_range_are_refused(options, message):
     with pytest.raises(ParameterError, match=message):
         from_depth(ONE, KINECT, **options)
+
+
+def test_coordinates_that_overflow_are_refused():
+    with pytest.raises(InputError, match="found some that overflow"):
+        gppcs.from_depth(np.ones((3, 4), dtype=np.float32), (525, 525, 1, 1), scale=1e39)
+
+
+def test_masked_pixels_were_not_measured():
+    depth = np.ma.masked_array(np.ones((3, 4)), mask=np.arange(12).reshape(3, 4) < 5)
+    assert len(gppcs.from_depth(depth, (525, 525, 1, 1))) == 7
+
+
+def test_ragged_rows_are_refused():
+    with pytest.raises(InputError, match="rows of different lengths"):
+        gppcs.from_depth([[1.0, 2.0], [1.0]], (525, 525, 1, 1))

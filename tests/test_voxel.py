@@ -22,7 +22,8 @@ def plain_representatives(points, edge):
     chosen = {}
     for members in members_of_cells(points, edge):
         mean = points[members].mean(axis=0)
-        chosen[members[int(np.argmin(((points[members] - mean) ** 2).sum(axis=1)))]] = mean
+        squared = ((points[members] - mean) ** 2).sum(axis=1)
+        chosen[members[np.flatnonzero(squared <= (1 + 1e-9) * squared.min())[0]]] = mean
     return np.sort(list(chosen)), np.array([chosen[index] for index in sorted(chosen)])
 
 
@@ -37,6 +38,14 @@ def test_representatives_equal_the_plain_algorithm(n, edge, on_lattice, seed):
     np.testing.assert_array_equal(indices, expected)
     np.testing.assert_allclose(means, expected_means, rtol=1e-13)
     assert occupied(points, edge) == len(expected)
+
+
+def test_of_a_pair_the_first_is_kept():
+    """Both are equally near their mean, though rounding may say otherwise."""
+    rng = np.random.default_rng(0)
+    corners = np.indices((10, 10, 10)).reshape(3, -1).T + 0.0
+    pairs = (corners[:, None] + rng.random((1000, 2, 3))).reshape(-1, 3)
+    np.testing.assert_array_equal(representatives(pairs, 1.0)[0], np.arange(0, 2000, 2))
 
 
 @pytest.mark.parametrize("n_points", [1, 10, 500, 7_001, 39_999])

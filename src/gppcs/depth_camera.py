@@ -95,16 +95,24 @@ def from_depth(
         )
     y = (rows - centre[1]) / focal[1]
     x = (columns - centre[0] - skew * y) / focal[0]
-    points = z[rows, columns, None] * np.column_stack([x, y, np.ones(len(rows))])
-    kept = np.result_type(image.dtype, np.float32)
+    kept = np.dtype(np.float32 if np.result_type(image.dtype, np.float32) == np.float32 else np.float64)
+    with np.errstate(over="ignore"):  # told below
+        points = (z[rows, columns, None] * np.column_stack([x, y, np.ones(len(rows))])).astype(kept)
+    if not np.isfinite(points).all():
+        raise InputError(
+            f"expected coordinates that {kept} holds, found some that overflow; check scale and intrinsics"
+        )
     attributes = {}
     if painted is not None:
         attributes = dict(zip(("red", "green", "blue"), painted[rows, columns].T.copy(), strict=True))
-    return PointCloud(points.astype(kept), attributes, kept)
+    return PointCloud(points, attributes, kept)
 
 
 def _depth_image(depth: ArrayLike) -> NDArray[Any]:
-    image = np.asarray(depth)
+    try:
+        image: NDArray[Any] = np.ma.filled(np.ma.asarray(depth), 0)  # what is masked was not measured
+    except ValueError as error:
+        raise InputError("expected a depth image of shape (H, W), found rows of different lengths") from error
     if image.ndim != 2:
         raise InputError(f"expected a depth image of shape (H, W), found {image.shape}")
     if image.dtype.kind not in "iuf":

@@ -75,7 +75,8 @@ def representatives(points: NDArray[np.float64], edge: float) -> tuple[NDArray[n
     sizes = np.diff(np.append(begins, len(points)))
     means = np.add.reduceat(points[order], begins) / sizes[:, None]
     squared = ((points[order] - np.repeat(means, sizes, axis=0)) ** 2).sum(axis=1)
-    nearest = np.flatnonzero(squared == np.repeat(np.minimum.reduceat(squared, begins), sizes))
+    # the two points of a pair are equally near their mean, but for rounding
+    nearest = np.flatnonzero(squared <= np.repeat((1 + 1e-9) * np.minimum.reduceat(squared, begins), sizes))
     indices = order[nearest[np.searchsorted(nearest, begins)]]  # the first of each cell; the order is stable
     ascending = np.argsort(indices)
     return indices[ascending], means[ascending]
