@@ -29,7 +29,7 @@ def plain_stage(points, n_points, area):
 
 
 def plain_elimination(points, n_points):
-    area = surface_area(points, KdTree.build(points))
+    area = surface_area(KdTree.build(points))
     kept, order = np.arange(len(points)), []
     while len(kept) > 1:
         target = max(n_points, len(kept) // GREATEST_RATIO) if len(kept) > n_points else len(kept) // 2
@@ -37,7 +37,7 @@ def plain_elimination(points, n_points):
         order.extend(kept[removed])
         kept = np.delete(kept, removed)
         if len(kept) > target:
-            area = max(4.0 * area, surface_area(points[kept], KdTree.build(points[kept])))
+            area = max(4.0 * area, surface_area(KdTree.build(points[kept])))
     return np.array([*order, *kept])[::-1][:n_points]
 
 

@@ -83,7 +83,7 @@ def test_nearest_unused_equals_the_plain_algorithm(n, on_grid, seed, data):
 def test_spacing_of_a_sphere(sphere):
     tree = KdTree.build(sphere)
     distances = cKDTree(sphere).query(sphere, 7)[0]
-    assert average_spacing(sphere, tree) == pytest.approx(distances.mean(), rel=0.05)
+    assert average_spacing(tree) == pytest.approx(distances.mean(), rel=0.05)
 
 
 @pytest.mark.parametrize("shape", ["solid", "line", "plane", "two clumps", "lattice"])
@@ -156,7 +156,7 @@ def test_is_as_near_to_cgal_as_cgal_to_itself(shared_data, name, ratio):
     """CGAL's start depends on the order of the points, so that another order gives another start."""
     points = gppcs.read(shared_data / f"{name}.ply").points
     tree = KdTree.build(points)
-    radius = 8 * average_spacing(points, tree)
+    radius = 8 * average_spacing(tree)
     one, two = (
         cgal_wlop(given, 100 * ratio, radius) for given in (points, np.random.default_rng(1).permutation(points))
     )

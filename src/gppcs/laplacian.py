@@ -96,7 +96,7 @@ def surface_laplacian(
 def _disc_area(points: NDArray[np.float64]) -> float:
     """Return the area of a point's share of the surface that its spacing tells: the median over the points."""
     k = min(16, len(points) - 1)
-    return float(np.pi / k * np.median(nearest_distances(points, KdTree.build(points), k)) ** 2)
+    return float(np.pi / k * np.median(nearest_distances(KdTree.build(points), k)) ** 2)
 
 
 def _graph_laplacian(points: NDArray[np.float64]) -> tuple[scipy.sparse.csr_matrix, NDArray[np.float64]]:

@@ -112,33 +112,37 @@ def _sort_run(rows, order):
     order[:] = order[ascending]
 
 
-def nearest_distances(points: NDArray[np.float64], tree: KdTree, k: int, most: int = 4096) -> NDArray[np.float64]:
-    """Return the distance of up to `most` points, evenly spread over the input, to their k-th nearest neighbour.
+def nearest_distances(tree: KdTree, k: int, most: int = 4096) -> NDArray[np.float64]:
+    """Return the distance of up to `most` points of the tree to their k-th nearest neighbour, in tree order.
 
-    The point itself does not count; where fewer than k others exist, the farthest takes the k-th's place.
+    They are evenly spread over the order of the tree, so that each part of the cloud has its share of them; that of a
+    file can have a rhythm, as where several scanners take turns. The point itself does not count; where fewer than k
+    others exist, the farthest takes the k-th's place.
     """
-    chosen = points[:: max(1, -(-len(points) // most))]
-    _, squared = tree.nearest_of(chosen, min(k + 1, len(points)))
+    n = tree.points.shape[1]
+    chosen = np.ascontiguousarray(tree.points.T[:: max(1, -(-n // most))])
+    _, squared = tree.nearest_of(chosen, min(k + 1, n))
     return np.sqrt(squared[:, -1])
 
 
-def spacing(points: NDArray[np.float64], tree: KdTree) -> float:
-    """Return the median distance of a point to its nearest neighbour; `points` must hold no repeats."""
-    return float(np.median(nearest_distances(points, tree, 1)))
+def spacing(tree: KdTree) -> float:
+    """Return the median distance of a point to its nearest neighbour; there must be no repeats."""
+    return float(np.median(nearest_distances(tree, 1)))
 
 
-def surface_area(points: NDArray[np.float64], tree: KdTree, k: int = 8) -> float:
+def surface_area(tree: KdTree, k: int = 8) -> float:
     """Return an estimate of the area of the surface that the points lie on, whatever their density.
 
     A disc around a point to its k-th neighbour holds k others, so the point stands for a k-th of it. The hundredth of
     the points with the largest discs stand for no more than the next, lest a few strays count as much as all others.
-    `points` must hold no repeats; a single one has no area.
+    There must be no repeats; a single point has no area.
     """
-    k = min(k, len(points) - 1)
+    n = tree.points.shape[1]
+    k = min(k, n - 1)
     if k == 0:
         return 0.0
-    squared = nearest_distances(points, tree, k, most=65_536) ** 2
-    return float(np.pi / k * len(points) * np.minimum(squared, np.quantile(squared, 0.99)).mean())
+    squared = nearest_distances(tree, k, most=65_536) ** 2
+    return float(np.pi / k * n * np.minimum(squared, np.quantile(squared, 0.99)).mean())
 
 
 def neighbourhood_radius(points: NDArray[np.float64], tree: KdTree, k: int = 25) -> float:
@@ -148,7 +152,7 @@ def neighbourhood_radius(points: NDArray[np.float64], tree: KdTree, k: int = 25)
     without bound, so a radius more than three times the median distance to the k-th point, or less than a
     third of it, is replaced by that distance.
     """
-    radius, robust = paper_radius(points, k), float(np.median(nearest_distances(points, tree, k - 1)))
+    radius, robust = paper_radius(points, k), float(np.median(nearest_distances(tree, k - 1)))
     return radius if robust / 3 <= radius <= 3 * robust else robust
 
 

@@ -53,7 +53,7 @@ def eliminate(
     (M,) array, int64
         The first M/2, M/4, ... of them are well spread as well.
     """
-    area = surface_area(points, KdTree.build(points))
+    area = surface_area(KdTree.build(points))
     kept = np.arange(len(points))
     later: list[NDArray[np.int64]] = []
     while len(kept) > 1:
@@ -64,7 +64,7 @@ def eliminate(
             later.append(kept[removed[::-1]])
         kept = np.delete(kept, removed)
         if len(kept) > target:
-            area = max(4.0 * area, surface_area(points[kept], KdTree.build(points[kept])))
+            area = max(4.0 * area, surface_area(KdTree.build(points[kept])))
     return np.concatenate([kept, *later[::-1]])
 
 

@@ -63,7 +63,7 @@ def info(cloud: PointCloud | ArrayLike) -> Summary:
         low=tuple(low.tolist()),
         high=tuple(high.tolist()),
         diagonal=float(np.linalg.norm(high - low)),
-        spacing=spacing(distinct, KdTree.build(distinct)) if len(distinct) > 1 else float("nan"),
+        spacing=spacing(KdTree.build(distinct)) if len(distinct) > 1 else float("nan"),
         repeats=int((~first).sum()),
         non_finite=len(bad),
         coordinate_type=str(cloud.coordinate_dtype),

@@ -14,12 +14,12 @@ from gppcs.neighbourhood import nearest_distances
 NEAR = 1e-10  # of the squared radius: nearer than that, two points are one, and neither attracts nor repels
 
 
-def average_spacing(points: NDArray[np.float64], tree: KdTree) -> float:
+def average_spacing(tree: KdTree) -> float:
     """Return the mean distance to the seven nearest points, the point itself counted as in CGAL, of the median point.
 
     CGAL takes the mean over all points in place of the median.
     """
-    return float(np.median(np.mean([nearest_distances(points, tree, k) for k in range(7)], axis=0)))
+    return float(np.median(np.mean([nearest_distances(tree, k) for k in range(7)], axis=0)))
 
 
 def project(

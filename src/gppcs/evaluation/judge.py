@@ -86,7 +86,7 @@ def _without_mesh(before: Points, after: Points, diagonal: float) -> Report:
     normals = features_of_nearest(tree, PLANE).normals
     kept_normals = np.empty_like(after)
     kept_normals[surface.tree.order] = surface.normals
-    spacing = np.sqrt(surface_area(before, tree) / len(after))
+    spacing = np.sqrt(surface_area(tree) / len(after))
     rough = variation >= np.quantile(variation, ROUGH)
     return Report(
         points_in=counts[0],

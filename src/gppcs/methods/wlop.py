@@ -62,7 +62,7 @@ class WLOP(Method):
         stages = stages or Stages()
         with stages("tree"):
             tree = KdTree.build(points)
-            radius = self.radius * wlop.average_spacing(points, tree)
+            radius = self.radius * wlop.average_spacing(tree)
         start = points[np.random.default_rng(self.seed).permutation(len(points))[:n_points]]
         with stages("projection", self.iterations) as advanced:
             samples = wlop.project(
