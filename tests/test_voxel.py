@@ -74,6 +74,7 @@ def test_each_point_lies_in_a_cell_of_its_own(bracket, place):
     edge = cell_edge(points, 1_000)
     selection = gppcs.Voxel(place=place)(points, 1_000)
     assert set(selection.indices) <= set(representatives(points, edge)[0])
+    assert (np.diff(selection.indices) > 0).all()
     kept = points[selection.indices] if selection.points is None else selection.points
     assert len(set(map(tuple, np.floor(kept / edge)))) == 1_000
     assert occupied(points, edge) > 1_000  # so that some had to go

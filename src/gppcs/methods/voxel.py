@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 class Voxel(Method):
     """One point for each occupied cell of a grid, with cells of the edge that gives the number.
 
-    Where no edge gives just that number, the most crowded of somewhat too many points go by sample elimination.
+    Where no edge gives just that number, the most crowded of somewhat too many points go by sample elimination. What
+    is left is in the order of the input.
 
     Parameters
     ----------
@@ -37,7 +38,7 @@ class Voxel(Method):
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose the points; see `Method`."""
-        from gppcs.sample_elimination import eliminate
+        from gppcs.sample_elimination import thin
         from gppcs.voxel import cell_edge, representatives
 
         stages = stages or Stages()
@@ -48,5 +49,5 @@ class Voxel(Method):
         with stages("representatives"):
             indices, means = representatives(points, edge)
         with stages("elimination"):
-            kept = eliminate(points[indices], n_points)
+            kept, _ = thin(points[indices], n_points)
         return Selection(indices[kept], {}, means[kept] + corner if self.place == "mean" else None)
