@@ -171,7 +171,7 @@ def _fill_large(
     """Do for one box what `_fill` does, with a tree."""
     begin, end = boxes.begins[box], boxes.begins[box + 1]
     near = _chosen_near(boxes.points, boxes.cells, keys, boxes.along, boxes.edge, box, starts, chosen)
-    first = _most_central(boxes.points, begin, end, boxes.cells[box], boxes.edge)
+    first = _nearest_to_centre(boxes.points, begin, end, boxes.cells[box], boxes.edge)
     own = chosen[starts[box] : starts[box + 1]]
     members, others = boxes.points[:, begin:end].T, boxes.points[:, near].T
     own[:] = begin + farthest_points(members, len(own), first=first, others=others)[0]
@@ -187,7 +187,7 @@ def _fill(points, begins, cells, keys, along, edge, some, starts, chosen):
         squared = np.full(end - begin, np.inf)
         for other in _chosen_near(points, cells, keys, along, edge, box, starts, chosen):
             approach(xs, ys, zs, squared, points[0, other], points[1, other], points[2, other])
-        pick = _most_central(points, begin, end, cells[box], edge)
+        pick = _nearest_to_centre(points, begin, end, cells[box], edge)
         for slot in range(starts[box], starts[box + 1]):
             chosen[slot] = begin + pick
             approach(xs, ys, zs, squared, xs[pick], ys[pick], zs[pick])
@@ -196,7 +196,7 @@ def _fill(points, begins, cells, keys, along, edge, some, starts, chosen):
 
 
 @nb.njit(cache=True)
-def _most_central(points, begin, end, cell, edge):
+def _nearest_to_centre(points, begin, end, cell, edge):
     """Return which of the points begin..end is nearest the centre of their box, the first of several."""
     best, nearest = 0, np.inf
     for i in range(begin, end):
