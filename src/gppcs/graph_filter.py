@@ -30,7 +30,8 @@ class NeighbourGraph:
     weights : (N, N) sparse array, float64
         exp(-d^2 / sigma), with sigma the largest squared distance d^2 of any point to a neighbour.
     squared_spacing : float
-        The median over the points of the mean squared distance to the neighbours.
+        The median over the points of the mean squared distance to the neighbours. Where more than half of the points
+        lie in a dot, it jumps to that of the dot, and what is measured in it grows as much.
     """
 
     adjacency: scipy.sparse.csr_array
