@@ -66,6 +66,7 @@ NOTES = (
     "The paper's GP stands beside gp-spectral, its Algorithm 1, and beside fps-variation, which gives its ablation "
     "table. It chose among 25,000 random points. Within the limits that the paper gave HC, it makes fewer points of "
     "the stand-in than asked for, since that is smoother.",
+    experiment.RELEASED_NOTE,
     "Missing: Lucy, whose 14 million points were not at hand, and the learned methods of Potamias et al. and APES, of "
     "which no weights were.",
     "The paper's seconds are of an A100 for GP and of an i7-11800H for the others but Potamias et al.",
@@ -87,7 +88,8 @@ def limited_clustering(condition: Condition, limits: tuple[int, float]) -> gppcs
 def runs(condition: Condition, limits: tuple[int, float]) -> dict[str, list[gppcs.Entry]]:
     """Return what each method made, by our settings and by the paper's."""
     made = {}
-    methods = experiment.asked(experiment.paper_settings(len(condition.cloud)))
+    cloud = condition.cloud
+    methods = experiment.asked(experiment.paper_settings(len(cloud)) | experiment.released_weight(cloud))
     for label, entries in experiment.runs([condition], methods).items():
         made[label] = entries
         if label == "hc":
