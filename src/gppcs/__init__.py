@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         GppcsError,
         InputError,
         MissingExtraError,
+        NoSurfaceError,
         OutputError,
         ParameterError,
     )
@@ -63,6 +64,7 @@ _HOMES = {
         "GppcsError",
         "InputError",
         "MissingExtraError",
+        "NoSurfaceError",
         "OutputError",
         "ParameterError",
     ),

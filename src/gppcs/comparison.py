@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Literal
 
 from numpy.typing import ArrayLike
 
 from gppcs.cloud import PointCloud
-from gppcs.errors import InputError
-from gppcs.evaluation.judge import evaluate
+from gppcs.errors import NoSurfaceError, ParameterError
+from gppcs.evaluation.judge import judged
 from gppcs.evaluation.report import Report
 from gppcs.mesh import Mesh
 from gppcs.methods import METHODS, Method
@@ -33,7 +34,7 @@ class Entry:
     seconds : float
         Wall time of the simplification, without the compilation of its kernels.
     failure : str, optional
-        Why the report lacks the figures of the rebuilt mesh, where no surface could be rebuilt.
+        Why the report lacks figures of the rebuilt mesh, where no surface could be rebuilt.
     """
 
     result: Result
@@ -50,6 +51,7 @@ def compare(
     n_points: int | None = None,
     mesh: Mesh | None = None,
     seed: int | None = None,
+    invalid: Literal["error", "drop"] = "error",
     stages: Stages | None = None,
 ) -> list[Entry]:
     """Simplify a cloud by several methods and evaluate what each made of it.
@@ -57,15 +59,15 @@ def compare(
     Parameters
     ----------
     cloud : PointCloud or (N, 3) array-like
-        With finite coordinates.
+        The original.
     methods : iterable of str or Method
         Names, or methods with parameters of their own.
-    ratio, n_points, seed
+    ratio, n_points, seed, invalid
         As for `gppcs.simplify`.
     mesh : Mesh, optional
         As for `gppcs.evaluate`.
     stages : Stages, optional
-        Hears of the progress.
+        One with a listener tells it of the progress; each result has the times of its own stages.
 
     Returns
     -------
@@ -75,35 +77,62 @@ def compare(
     Raises
     ------
     InputError, ParameterError, MissingExtraError
-        As `gppcs.simplify` and `gppcs.evaluate` do, but for a surface that cannot be rebuilt.
+        As `gppcs.simplify` and `gppcs.evaluate` do, parameters before any work; but a surface that cannot be rebuilt
+        is told in the entry.
     """
-    cloud = PointCloud.of(cloud)
-    stages = stages or Stages()
+    chosen = checked_methods(methods, ratio, n_points, seed)
+    cloud, stages = PointCloud.of(cloud), stages or Stages()
+    original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without the points that are dropped
     entries = []
-    for method in methods:
-        _prepare_kernels(cloud, method)
+    for method in chosen:
+        _prepare_kernels(original, method)
         start = perf_counter()
-        result = simplify(cloud, ratio=ratio, n_points=n_points, method=method, seed=seed, stages=stages)
+        result = simplify(
+            cloud, ratio=ratio, n_points=n_points, method=method, invalid=invalid, stages=stages.anew()
+        )  # fmt: skip
         seconds = perf_counter() - start
-        report, failure = _judged(cloud, result.cloud, mesh, stages)
-        entries.append(Entry(result, report, seconds, failure))
+        report, failure = judged(original, result.cloud, mesh, stages)
+        entries.append(Entry(result, report, seconds, str(failure) if failure else None))
     return entries
 
 
-def _prepare_kernels(cloud: PointCloud, method: str | Method) -> None:
-    """Run the method on a part of the cloud, so that its kernels are there when it is timed."""
-    part = cloud.take(cloud.finite_rows()[:: max(1, len(cloud) // PREPARATION)])
-    if len(part):
-        simplify(part, ratio=0.1, method=method)
+def checked_methods(
+    methods: Iterable[str | Method], ratio: float | None, n_points: int | None, seed: int | None
+) -> list[Method]:
+    """Return the methods with all their parameters; raise a ParameterError unless everything is in its range."""
+    point = [[0.0, 0.0, 0.0]]  # on which no method has work to do
+    chosen = [
+        simplify(point, ratio=ratio, n_points=n_points, method=method, seed=seed).method for method in methods
+    ]  # fmt: skip
+    if not chosen:
+        raise ParameterError("expected at least one method to compare, found none")
+    return chosen
 
 
-def _judged(
-    original: PointCloud, simplified: PointCloud, mesh: Mesh | None, stages: Stages
-) -> tuple[Report, str | None]:
-    """Return the figures, without those of the rebuilt mesh and with the reason where there is none."""
+def rebuilt_mesh(cloud: PointCloud, original: PointCloud) -> Mesh | None:
+    """Return the surface rebuilt from a cloud, to be looked at, or None where none comes out.
+
+    Its normals have the sign of those that the original carries nearest by; where it carries none, they agree with
+    their neighbours.
+
+    Raises
+    ------
+    MissingExtraError
+        If PyMeshLab is not installed.
+    """
+    from gppcs.evaluation.reconstruction import estimated_normals, reconstruct
+
+    normals = original.normals()
+    corner = original.points.min(axis=0)
+    points = cloud.points - corner
+    guides = () if normals is None else (original.points - corner, normals)
     try:
-        return evaluate(original, simplified, mesh, stages), None
-    except InputError as error:
-        if mesh is None:
-            raise
-        return evaluate(original, simplified, None, stages), str(error)
+        mesh = reconstruct(points, estimated_normals(points, *guides))
+    except NoSurfaceError:
+        return None
+    return mesh.shifted(corner)
+
+
+def _prepare_kernels(original: PointCloud, method: Method) -> None:
+    """Run the method on a part of the cloud, so that its kernels are there when it is timed."""
+    simplify(original.points[:: max(1, len(original) // PREPARATION)], ratio=0.1, method=method)

@@ -9,6 +9,10 @@ class InputError(GppcsError, ValueError):
     """A cloud that cannot be used: wrong shape, no points, coordinates that are not finite."""
 
 
+class NoSurfaceError(InputError):
+    """Points from which no surface can be rebuilt."""
+
+
 class ParameterError(GppcsError, ValueError):
     """A parameter, method or name that does not exist or lies outside its range."""
 

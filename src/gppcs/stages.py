@@ -28,6 +28,10 @@ class Stages:
         self.seconds: dict[str, float] = {}
         self._listener = listener
 
+    def anew(self) -> Stages:
+        """Return stages with the same listener that have taken no time yet."""
+        return Stages(self._listener)
+
     @contextmanager
     def __call__(self, name: str, total: int | None = None) -> Iterator[Callable[[int], None]]:
         """Run a block as a stage; what is yielded takes the number of steps done since the last call."""

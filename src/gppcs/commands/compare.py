@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gppcs.commands.output import Force, Json, print_error, print_json
-from gppcs.errors import InputError, OutputError
-from gppcs.methods import METHODS, method_named
+from gppcs.commands.output import Force, Invalid, Json, print_error, print_json, refuse_input
+from gppcs.errors import OutputError
+from gppcs.methods import METHODS
 
 if TYPE_CHECKING:
     from gppcs.cloud import PointCloud
     from gppcs.comparison import Entry
     from gppcs.mesh import Mesh
 
+MOST_TO_REBUILD = 1_000_000  # points of an original without a mesh: beyond, the picture would take minutes
 EPILOG = (
     "[bold]Examples[/bold]\n\n"
     "gppcs compare scan.ply --ratio 0.03 -o comparison\n\n"
@@ -39,6 +40,7 @@ def compare(
     ] = ",".join(METHODS),
     mesh: Annotated[Path | None, typer.Option(help="The surface of IN as a mesh, to judge rebuilt ones by.")] = None,
     seed: Annotated[int | None, typer.Option(help="Of all that is drawn at random.")] = None,
+    invalid: Invalid = "error",
     picture: Annotated[
         bool, typer.Option(help="Draw the clouds and the meshes rebuilt from them; needs the extras view, evaluate.")
     ] = True,
@@ -47,19 +49,21 @@ def compare(
 ) -> None:
     """Simplify a cloud by several methods, judge all alike, and lay the results side by side."""
     from gppcs import io
+    from gppcs.comparison import checked_methods
     from gppcs.comparison import compare as compared
     from gppcs.console import ProgressBar, compilation_noticed
     from gppcs.mesh import read_mesh
     from gppcs.stages import Stages
 
-    chosen = [method_named(name.strip()) for name in methods.split(",")]
-    targets = _targets(output, picture, force)
+    chosen = checked_methods((name.strip() for name in methods.split(",")), ratio, points, seed)
+    targets = _targets(cloud, output, picture, force)
     surface = read_mesh(mesh) if mesh else None
     stages = Stages(ProgressBar())
     with compilation_noticed():
         original = io.read(cloud)
-        original = original.take(original.finite_rows())
-        entries = compared(original, chosen, ratio=ratio, n_points=points, mesh=surface, seed=seed, stages=stages)
+        entries = compared(
+            original, chosen, ratio=ratio, n_points=points, mesh=surface, invalid=invalid, stages=stages
+        )  # fmt: skip
         with stages("tables and picture"):
             contents = _contents(original, entries, surface, picture)
     output.mkdir(exist_ok=True)
@@ -81,21 +85,23 @@ def _contents(original: PointCloud, entries: Sequence[Entry], mesh: Mesh | None,
 
 def _drawn(original: PointCloud, entries: Sequence[Entry], mesh: Mesh | None) -> bytes:
     """Return a PNG of the original and of what each method made of it, with the meshes rebuilt."""
+    import numpy as np
+
+    from gppcs.comparison import rebuilt_mesh
     from gppcs.drawing.comparison import Column, draw_comparison
     from gppcs.features import estimate_features
 
+    rows = original.finite_rows()
+    original = original.take(rows)
     variation = estimate_features(original.points - original.points.min(axis=0)).surface_variation
-    columns = [Column("original", original.points, variation, "", mesh)]
+    columns = [Column("original", original.points, variation, "", mesh or _rebuilt_original(original))]
     for entry in entries:
-        columns.append(
-            Column(
-                entry.result.method.name,
-                entry.result.cloud.points,
-                variation[entry.result.indices],
-                _caption(entry),
-                entry.report.rebuilt.mesh if entry.report.rebuilt else _rebuilt(original, entry),
-            )
-        )
+        kept = variation[np.searchsorted(rows, entry.result.indices)]
+        rebuilt = entry.report.rebuilt.mesh if entry.report.rebuilt else None
+        if mesh is None:
+            rebuilt = rebuilt_mesh(entry.result.cloud, original)
+        name, points = entry.result.method.name, entry.result.cloud.points
+        columns.append(Column(name, points, kept, _caption(entry), rebuilt))
     image = BytesIO()
     draw_comparison(image, columns)
     return image.getvalue()
@@ -108,19 +114,17 @@ def _caption(entry: Entry) -> str:
     return f"{name.replace('_', ' ')} {figures[name]:.2e}"
 
 
-def _rebuilt(original: PointCloud, entry: Entry) -> Mesh | None:
-    """Return the rebuilt mesh where there is no mesh to judge it by, or None where no surface comes out."""
-    from gppcs.evaluation.reconstruction import estimated_normals, reconstruct
+def _rebuilt_original(original: PointCloud) -> Mesh | None:
+    """Return a surface rebuilt from the original where it is not too large for that, or None."""
+    from gppcs.comparison import rebuilt_mesh
 
-    normals = original.normals()
-    corner = original.points.min(axis=0)
-    points = entry.result.cloud.points - corner
-    guides = () if normals is None else (original.points - corner, normals)
-    try:
-        mesh = reconstruct(points, estimated_normals(points, *guides))
-    except InputError:
+    if len(original) > MOST_TO_REBUILD:
+        print_error(
+            f"note: the picture shows no mesh of the original: it has {len(original):,} points, and from more than "
+            f"{MOST_TO_REBUILD:,} none is rebuilt; give one with --mesh"
+        )
         return None
-    return mesh.shifted(corner)
+    return rebuilt_mesh(original, original)
 
 
 def _print(entries: Sequence[Entry], as_json: bool) -> None:
@@ -139,7 +143,7 @@ def _print(entries: Sequence[Entry], as_json: bool) -> None:
             print_error(f"note: {entry.result.method.name}: {entry.failure}")
 
 
-def _targets(folder: Path, picture: bool, force: bool) -> dict[str, Path]:
+def _targets(source: Path, folder: Path, picture: bool, force: bool) -> dict[str, Path]:
     """Return the files to write by name, after making sure that they can be written."""
     from gppcs.drawing.meshes import require_pyvista
     from gppcs.io import check_writable
@@ -157,5 +161,6 @@ def _targets(folder: Path, picture: bool, force: bool) -> dict[str, Path]:
     targets = {name: folder / name for name in names}
     if folder.exists():
         for target in targets.values():
+            refuse_input(target, source)
             check_writable(target, force)
     return targets

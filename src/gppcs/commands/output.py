@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
-from gppcs.errors import GppcsError, InputError
+from gppcs.errors import GppcsError, InputError, OutputError
 from gppcs.evaluation.report import Rebuilt, Report, figures_of
 
 BAD_INPUT = 2
@@ -17,6 +17,8 @@ FIGURES = {**figures_of(Report), **figures_of(Rebuilt)}
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object a line, for machines.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files that exist; never an input.")]
+
+Invalid = Annotated[Literal["error", "drop"], typer.Option(help="What to do with NaN and infinite coordinates.")]
 
 
 def print_json(record: dict[str, Any]) -> None:
@@ -48,6 +50,12 @@ def figure_rows(report: Report) -> dict[str, str]:
             "degrees": " degrees",
         }.get(unit, "")
     return rows
+
+
+def refuse_input(target: Path, source: Path) -> None:
+    """Raise an OutputError if the file to write is the one to read."""
+    if target.exists() and source.exists() and target.samefile(source):
+        raise OutputError(f"{target}: expected a file other than the input, found the same; choose another name")
 
 
 def tell(error: BaseException, source: Path | None = None) -> None:

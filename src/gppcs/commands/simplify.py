@@ -6,12 +6,12 @@ import dataclasses
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from gppcs import __version__
-from gppcs.commands.output import BAD_INPUT, FAILURES, Force, Json, figure_rows, print_json, tell
+from gppcs.commands.output import BAD_INPUT, FAILURES, Force, Invalid, Json, figure_rows, print_json, refuse_input, tell
 from gppcs.errors import OutputError, ParameterError
 from gppcs.methods import DEFAULT, METHODS, Method, method_named
 
@@ -49,9 +49,7 @@ def simplify(
     seed: Annotated[
         int | None, typer.Option(help="Of all that is drawn at random; methods without chance ignore it.")
     ] = None,
-    invalid: Annotated[
-        Literal["error", "drop"], typer.Option(help="What to do with NaN and infinite coordinates.")
-    ] = "error",
+    invalid: Invalid = "error",
     figures: Annotated[bool, typer.Option("--figures", help="Measure how good the result is.")] = False,
     picture: Annotated[
         Path | None,
@@ -140,8 +138,7 @@ def _simplify_file(
 
     io.format_to_write(target)
     io.check_writable(target, force)
-    if target.exists() and source.exists() and target.samefile(source):
-        raise OutputError(f"{target}: expected a file other than the input, found the same; choose another name")
+    refuse_input(target, source)
     stages = Stages(ProgressBar())
     with compilation_noticed() as compilation:
         with stages("reading"):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gppcs.cloud import PointCloud
-from gppcs.errors import InputError
+from gppcs.errors import InputError, NoSurfaceError
 from gppcs.evaluation.report import Rebuilt, Report
 from gppcs.mesh import Mesh
 from gppcs.stages import Stages
@@ -42,12 +43,23 @@ def evaluate(
     Raises
     ------
     InputError
-        If either cloud is empty, misshapen or not finite, if simplified cloud or mesh are elsewhere than the original,
-        or if no surface can be rebuilt.
+        If either cloud is empty, misshapen or not finite, or if simplified cloud or mesh are elsewhere than the
+        original.
+    NoSurfaceError
+        If no surface can be rebuilt; it is an InputError, too.
     MissingExtraError
         If a mesh is given and PyMeshLab is not installed.
     """
-    stages = stages or Stages()
+    report, failure = judged(original, simplified, mesh, stages or Stages())
+    if failure:
+        raise failure
+    return report
+
+
+def judged(
+    original: PointCloud | ArrayLike, simplified: PointCloud | ArrayLike, mesh: Mesh | None, stages: Stages
+) -> tuple[Report, NoSurfaceError | None]:
+    """Return what `evaluate` does; where no surface can be rebuilt, the other figures and why."""
     clouds = [PointCloud.of(cloud) for cloud in (original, simplified)]
     before, after = (
         cloud.usable(f"{name} cloud") for cloud, name in zip(clouds, ("original", "simplified"), strict=True)
@@ -57,15 +69,19 @@ def evaluate(
     with stages("distances"):
         report = _without_mesh(before - corner, after - corner, diagonal)
     if mesh is None:
-        return report
-    with stages("rebuilding"):
-        estimated = _rebuilt(after, None, mesh, corner, diagonal)
-    normals = clouds[1].normals()
-    if normals is None:
-        return dataclasses.replace(report, rebuilt=estimated)
-    with stages("rebuilding with carried normals"):
-        carried = _rebuilt(after, normals, mesh, corner, diagonal)
-    return dataclasses.replace(report, rebuilt=estimated, rebuilt_carried=carried)
+        return report, None
+    ways: dict[str, Points | None] = {"rebuilt": None}
+    if (carried := clouds[1].normals()) is not None:
+        ways["rebuilt_carried"] = carried
+    found: dict[str, Any] = {}
+    failure = None
+    for name, normals in ways.items():
+        try:
+            with stages("rebuilding" if normals is None else "rebuilding with carried normals"):
+                found[name] = _rebuilt(after, normals, mesh, corner, diagonal)
+        except NoSurfaceError as error:
+            failure = error
+    return dataclasses.replace(report, **found), failure
 
 
 def _without_mesh(before: Points, after: Points, diagonal: float) -> Report:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.errors import InputError
+from gppcs.errors import InputError, NoSurfaceError
 from gppcs.kdtree import KdTree
 from gppcs.mesh import Mesh, require_pymeshlab
 
@@ -43,7 +43,7 @@ def reconstruct(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Me
 
     Raises
     ------
-    InputError
+    NoSurfaceError
         If no surface comes out.
     """
     pymeshlab = require_pymeshlab()
@@ -54,7 +54,7 @@ def reconstruct(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Me
         rebuilt = meshes.current_mesh()
         return Mesh(rebuilt.vertex_matrix(), rebuilt.face_matrix())
     except (pymeshlab.PyMeshLabException, InputError) as error:
-        raise InputError(
+        raise NoSurfaceError(
             f"the screened Poisson reconstruction of the {len(points)} points gave no surface ({error}): expected "
             "points, with normals, that lie on one"
         ) from error
