@@ -154,6 +154,19 @@ def test_a_picture_is_drawn(gppcs_command, scan):
     assert len(gppcs.read("out.ply")) == 40
 
 
+@pytest.mark.parametrize("settings", ["voxel place=mean", "wlop snap=false"])
+def test_points_that_a_method_moved_are_drawn_where_it_moved_them(gppcs_command, scan, monkeypatch, settings):
+    pytest.importorskip("matplotlib")
+    drawn = []
+    monkeypatch.setattr("gppcs.drawing.pair.draw_pair", lambda file, *given: drawn.extend(given))
+    method, setting = settings.split()
+    options = ("--points", 40, "--method", method, "--set", setting, "--picture", "picture.png")
+    gppcs_command("simplify", "scan.ply", "-o", "out.npy", *options)
+    moved = gppcs.read("out.npy").points
+    assert np.linalg.norm(moved[:, None] - scan.points, axis=2).min(axis=1).max() > 0.1
+    np.testing.assert_allclose(drawn[2].points, moved, atol=1e-4)  # the file has single precision
+
+
 def test_samples_are_the_same_for_the_same_seed(gppcs_command):
     options = ("--points", 300, "--noise", 0.001, "--outliers", 0.1, "--uneven", 0.5)
     for name, seed in (("a", 0), ("b", 0), ("c", 1)):

@@ -4,6 +4,7 @@ import pytest
 from gppcs.drawing.camera import Camera, Square
 from gppcs.drawing.clouds import ColouredCloud, Original, View
 from gppcs.errors import InputError
+from gppcs.features import estimate_features
 
 RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 RADIUS = 3.0
@@ -115,6 +116,30 @@ def test_a_view_of_nothing_is_white():
     assert (corner.surface(np.zeros((200, 3))) == 1.0).all()
     assert (corner.points(view.original.cloud, np.zeros((200, 3)), RADIUS) == 1.0).all()
     assert (corner.values() == 0.0).all()
+
+
+def test_surface_variation_is_that_of_the_points_without_repeats():
+    points, normals = ellipsoid(2000)
+    repeated = np.concatenate([points, np.tile(points[5], (30_000, 1)), points[::-1]])
+    cloud, plain = (ColouredCloud.by_surface_variation(each) for each in (repeated, points))
+    np.testing.assert_array_equal(plain.values, estimate_features(points - points.min(axis=0)).surface_variation)
+    assert (np.abs(np.einsum("ij,ij->i", plain.normals, normals)) > 0.95).all()
+    np.testing.assert_array_equal(cloud.points, repeated)
+    for some, expected in (
+        (slice(0, 2000), plain.values),
+        (slice(2000, 32_000), plain.values[5]),
+        (slice(32_000, None), plain.values[::-1]),
+    ):
+        np.testing.assert_array_equal(cloud.values[some], expected)
+
+
+def test_repeats_change_no_disc():
+    points, _ = ellipsoid(2000)
+    repeated = np.concatenate([points, np.tile(points[5], (30_000, 1))])
+    once, often = Original(ColouredCloud(points, points[:, 0])), Original(ColouredCloud(repeated, repeated[:, 0]))
+    assert often.tree.n == once.tree.n == 2000
+    np.testing.assert_array_equal(often.spacing[:2000], once.spacing)
+    assert (often.spacing[2000:] == once.spacing[5]).all()
 
 
 @pytest.mark.parametrize(

@@ -88,12 +88,12 @@ def _drawn(original: PointCloud, entries: Sequence[Entry], mesh: Mesh | None) ->
     import numpy as np
 
     from gppcs.comparison import rebuilt_mesh
+    from gppcs.drawing.clouds import ColouredCloud
     from gppcs.drawing.comparison import Column, draw_comparison
-    from gppcs.features import estimate_features
 
     rows = original.finite_rows()
     original = original.take(rows)
-    variation = estimate_features(original.points - original.points.min(axis=0)).surface_variation
+    variation = ColouredCloud.by_surface_variation(original.points).values
     columns = [Column("original", original.points, variation, "", mesh or _rebuilt_original(original))]
     for entry in entries:
         kept = variation[np.searchsorted(rows, entry.result.indices)]

@@ -160,21 +160,18 @@ def _simplify_file(
 
 
 def _drawn(cloud: PointCloud, result: Result) -> bytes:
-    """Return a PNG of the cloud and of what was kept of it."""
+    """Return a PNG of the cloud and of what was made of it."""
     import numpy as np
 
     from gppcs.drawing.clouds import ColouredCloud
     from gppcs.drawing.pair import draw_pair
-    from gppcs.features import estimate_features
 
     rows = cloud.finite_rows()
-    points = cloud.points[rows]
-    features = estimate_features(points - points.min(axis=0))
-    variation, normals = features.surface_variation, features.normals
+    original = ColouredCloud.by_surface_variation(cloud.points[rows])
     kept = np.searchsorted(rows, result.indices)
+    simplified = ColouredCloud(result.cloud.points, original.values[kept])  # where the method put them
     image = BytesIO()
-    original = ColouredCloud(points, variation, normals)
-    draw_pair(image, result.method.name, original, ColouredCloud(points[kept], variation[kept], normals[kept]))
+    draw_pair(image, result.method.name, original, simplified)
     return image.getvalue()
 
 

@@ -11,6 +11,9 @@ from scipy.spatial import cKDTree
 
 from gppcs.drawing.camera import Camera, averaged
 from gppcs.errors import InputError
+from gppcs.features import estimate_features
+from gppcs.kdtree import KdTree
+from gppcs.neighbourhood import first_occurrences
 
 Array = NDArray[np.float64]
 
@@ -64,14 +67,24 @@ class ColouredCloud:
                 raise InputError(f"expected normals of shape {points.shape}, found {normals.shape}")
             object.__setattr__(self, "normals", normals)
 
+    @classmethod
+    def by_surface_variation(cls, points: Array) -> ColouredCloud:
+        """Return a cloud, (N, 3), coloured by its surface variation; repeats of a point count once."""
+        local = points - points.min(axis=0)
+        distinct = local[first_occurrences(local)]
+        tree = KdTree.build(distinct)
+        features = estimate_features(distinct, tree=tree)
+        same = tree.nearest_of(local, 1)[0][:, 0]
+        return cls(points, features.surface_variation[same], features.normals[same])
+
 
 class Original:
     """The original cloud, made ready to be looked at: it lends the others its normals and hides their far side."""
 
     def __init__(self, cloud: ColouredCloud) -> None:
         self.cloud = cloud
-        self.tree = cKDTree(cloud.points, balanced_tree=False, compact_nodes=False)
-        self.spacing = _sixth_neighbour(self.tree)
+        self.tree = _tree(cloud.points)
+        self.spacing = _sixth_neighbour(self.tree, cloud.points)
 
     def normals(self, cloud: ColouredCloud, indices: NDArray[np.int64]) -> Array:
         """Return normals of some points of a cloud, its own or else those of the original around them."""
@@ -123,7 +136,7 @@ class View:
         """
         place, depth = self.camera.pixels(cloud.points)
         front = np.flatnonzero(depth <= self.depth[self.camera.clipped(place)])
-        radii = 0.33 * self.camera.scale * _sixth_neighbour(cKDTree(cloud.points))
+        radii = 0.33 * self.camera.scale * _sixth_neighbour(_tree(cloud.points), cloud.points)
         radii = np.clip(radii, MIN_POINT_RADIUS, max_radius)[front]
         nearest, _ = _splat(place[front], depth[front], radii, None, self.camera.shape)
         grey = np.full((len(self.shown), 3), 0.8)
@@ -147,9 +160,14 @@ def _lit(nearest: NDArray[np.int64], colours: Array, normals: Array, background:
     return image
 
 
-def _sixth_neighbour(tree: cKDTree) -> Array:
-    """Return the distance from each point to its sixth neighbour, or to the last where there are fewer."""
-    distances, _ = tree.query(tree.data, k=[min(7, tree.n)], workers=-1)
+def _tree(points: Array) -> cKDTree:
+    """Return a tree over the points without repeats, on which its searches would take quadratic time."""
+    return cKDTree(points[first_occurrences(points)], balanced_tree=False, compact_nodes=False)
+
+
+def _sixth_neighbour(tree: cKDTree, points: Array) -> Array:
+    """Return the distance from each point to its sixth neighbour in a tree, or to the last where there are fewer."""
+    distances, _ = tree.query(points, k=[min(7, tree.n)], workers=-1)
     sixth: Array = distances[:, 0]
     return sixth
 
