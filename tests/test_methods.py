@@ -8,6 +8,7 @@ import pytest
 
 import gppcs
 from gppcs.methods import method_named
+from gppcs.methods.method import Parameter
 
 CLOUD = gppcs.sample("bracket", 600).points
 
@@ -57,6 +58,39 @@ def test_each_method_can_be_called_alone(method):
 def test_a_parameter_out_of_range_is_named(method, parameter, value):
     with pytest.raises(gppcs.ParameterError, match=f"method '{method.name}': expected {parameter} to be .*, found"):
         method(**{parameter: value})
+
+
+@pytest.mark.parametrize("method", gppcs.METHODS.values())
+def test_a_parameter_of_another_type_is_named(method):
+    wrong = {int: ("x", 1.0, True, [1]), float: ("x", False), bool: ("x", 1, None), str: ("x", 1, None)}
+    for name, parameter in method.parameters().items():
+        kind = int if parameter.default is None else type(parameter.default)
+        for value in wrong[kind]:
+            with pytest.raises(gppcs.ParameterError, match=f"method '{method.name}': expected {name} to be .*, found"):
+                method(**{name: value})
+
+
+def test_numbers_of_numpy_become_pythons():
+    method = gppcs.SpectralGP(neighbours=np.int64(5), nu=np.float32(3), k_init=np.uint8(4))
+    assert [(value, type(value)) for value in (method.neighbours, method.nu, method.k_init)] == [
+        (5, int), (3.0, float), (4, int)
+    ]  # fmt: skip
+    assert type(gppcs.SpectralGP(nu=3).nu) is float
+
+
+@pytest.mark.parametrize("method", gppcs.METHODS.values())
+def test_the_docstring_explains_each_parameter(method):
+    assert list(method.parameters()) == [field.name for field in dataclasses.fields(method)]
+    for parameter in method.parameters().values():
+        assert parameter.meaning.endswith(".")
+        assert "\n" not in parameter.meaning
+    assert gppcs.Random.parameters()["seed"] == Parameter("int", 0, "Of the permutation.")
+
+
+def test_a_label_names_what_is_not_the_default():
+    assert gppcs.FarthestPoint().label == "fps"
+    assert gppcs.SpectralGP().label == "gp-spectral"
+    assert gppcs.SpectralGP(nu=math.inf, k_add=5).label == "gp-spectral (nu=inf, k_add=5)"
 
 
 def test_the_heat_kernel_has_no_nu_to_fit():

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
+import numbers
+import re
 import typing
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -16,6 +19,9 @@ from gppcs.stages import Stages
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+
+_OTHER = object()  # what is no value of a parameter
 
 
 @dataclass(frozen=True)
@@ -38,6 +44,24 @@ class Selection:
 
 
 @dataclass(frozen=True)
+class Parameter:
+    """A parameter of a method.
+
+    Attributes
+    ----------
+    kind : str
+        What it may be.
+    default : int, float, bool, str or None
+    meaning : str
+        What it does.
+    """
+
+    kind: str
+    default: Any
+    meaning: str
+
+
+@dataclass(frozen=True)
 class Method(ABC):
     """A way to choose points; the fields of the subclass are its parameters.
 
@@ -51,6 +75,41 @@ class Method(ABC):
     @abstractmethod
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose `n_points` of `points`, (N, 3), which are finite and without repeats, with n_points below N."""
+
+    def __post_init__(self) -> None:
+        """Make sure that each parameter has its type; subclasses that check ranges call this first.
+
+        Raises
+        ------
+        ParameterError
+            If one has not.
+        """
+        types = typing.get_type_hints(type(self))
+        for parameter in dataclasses.fields(self):
+            alternatives = typing.get_args(types[parameter.name]) or (types[parameter.name],)
+            value = _as_one_of(alternatives, getattr(self, parameter.name))
+            self.require(value is not _OTHER, parameter.name, " or ".join(map(_written, alternatives)))
+            object.__setattr__(self, parameter.name, value)  # numbers of NumPy become Python's
+
+    @property
+    def label(self) -> str:
+        """The name and, in brackets, the parameters that are not at their defaults."""
+        changed = [
+            f"{parameter.name}={getattr(self, parameter.name)}"
+            for parameter in dataclasses.fields(self)
+            if getattr(self, parameter.name) != parameter.default
+        ]
+        return f"{self.name} ({', '.join(changed)})" if changed else self.name
+
+    @classmethod
+    def parameters(cls) -> dict[str, Parameter]:
+        """Return the parameters by name, with what the docstring of the class says of each."""
+        _, _, section = (inspect.getdoc(cls) or "").partition("\nParameters\n----------\n")
+        said = {name: (kind, text) for name, kind, text in re.findall(r"^(\w+) : (.+)((?:\n    .+)+)", section, re.M)}
+        return {
+            field.name: Parameter(said[field.name][0], field.default, " ".join(said[field.name][1].split()))
+            for field in dataclasses.fields(cls)
+        }
 
     def replaced(self, settings: Mapping[str, Any]) -> Self:
         """Return a copy with other values for the named parameters.
@@ -70,7 +129,7 @@ class Method(ABC):
                     f"method {self.name!r} has no parameter {key!r}"
                     + (nearest_name(key, known) if known else "; it has none at all")
                 )
-        values = {key: _read(key, value, types[key]) for key, value in settings.items()}
+        values = {key: _read(value, types[key]) for key, value in settings.items()}
         return dataclasses.replace(self, **values)
 
     def require(self, condition: bool, parameter: str, expected: str) -> None:
@@ -90,15 +149,29 @@ def random_candidates(n: int, candidates: int | None, n_points: int, seed: int) 
     return np.sort(np.random.default_rng(seed).permutation(n)[: max(candidates, n_points)])
 
 
-def _read(key: str, value: Any, expected: Any) -> Any:
-    """Read the text of a value as one of the types of an annotation."""
+def _as_one_of(alternatives: tuple[Any, ...], value: Any) -> Any:
+    """Return a value as one of some types and literal texts, or `_OTHER` where it is none of them."""
+    if isinstance(value, str | bool | None):
+        return value if value in alternatives or type(value) in alternatives else _OTHER
+    families: tuple[tuple[Any, type], ...] = ((int, numbers.Integral), (float, numbers.Real))
+    for kind, family in families:
+        if kind in alternatives and isinstance(value, family):
+            return kind(value)
+    return _OTHER
+
+
+def _written(alternative: Any) -> str:
+    """Return a type or a literal text as people write it."""
+    if isinstance(alternative, str):
+        return repr(alternative)
+    return "none" if alternative is type(None) else alternative.__name__
+
+
+def _read(value: Any, expected: Any) -> Any:
+    """Read text as one of the types of an annotation; leave it as it is where it is none of them."""
     if not isinstance(value, str):
         return value
     alternatives = typing.get_args(expected) or (expected,)
-    if all(isinstance(choice, str) for choice in alternatives):
-        if value in alternatives:
-            return value
-        raise ParameterError(f"expected {key} to be one of {', '.join(alternatives)}, found {value!r}")
     if type(None) in alternatives and value.lower() == "none":
         return None
     if bool in alternatives and value.lower() in ("true", "false"):
@@ -109,5 +182,4 @@ def _read(key: str, value: Any, expected: Any) -> Any:
                 return kind(value)
             except ValueError:
                 continue
-    names = " or ".join("none" if choice is type(None) else choice.__name__ for choice in alternatives)
-    raise ParameterError(f"expected {key} to be {names}, found {value!r}")
+    return value

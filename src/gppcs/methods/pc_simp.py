@@ -44,6 +44,7 @@ class PCSimp(Method):
     iterations: int = 1000
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         self.require(self.neighbours >= 1, "neighbours", "at least 1")
         self.require(self.uniformity > 0, "uniformity", "above 0")
         self.require(self.tolerance > 0, "tolerance", "above 0")

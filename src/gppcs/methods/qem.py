@@ -33,6 +33,7 @@ class QEM(Method):
     neighbours: int = 8
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         self.require(self.neighbours >= 1, "neighbours", "at least 1")
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:

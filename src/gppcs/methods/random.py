@@ -30,6 +30,7 @@ class Random(Method):
     seed: int = 0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         self.require(self.seed >= 0, "seed", "at least 0")
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:

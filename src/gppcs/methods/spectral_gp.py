@@ -72,6 +72,7 @@ class SpectralGP(Method):
     seed: int = 0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         self.require(self.neighbours >= 3, "neighbours", "at least 3")
         self.require(self.eigenfunctions >= 1, "eigenfunctions", "at least 1")
         self.require(self.nu > 0, "nu", "above 0")

@@ -30,6 +30,7 @@ class TopVariation(Method):
     neighbours: int = 25
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         self.require(self.neighbours >= 3, "neighbours", "at least 3")
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
@@ -70,6 +71,7 @@ class FarthestPointVariation(Method):
     seed: int = 0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         self.require(self.k_init is None or self.k_init >= 1, "k_init", "at least 1")
         self.require(self.neighbours >= 3, "neighbours", "at least 3")
         self.require(self.candidates is None or self.candidates >= 1, "candidates", "at least 1")

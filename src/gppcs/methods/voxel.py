@@ -33,9 +33,6 @@ class Voxel(Method):
 
     place: Literal["representative", "mean"] = "representative"
 
-    def __post_init__(self) -> None:
-        self.require(self.place in ("representative", "mean"), "place", "'representative' or 'mean'")
-
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose the points; see `Method`."""
         from gppcs.sample_elimination import thin

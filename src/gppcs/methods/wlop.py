@@ -47,6 +47,7 @@ class WLOP(Method):
     seed: int = 0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         self.require(self.radius > 0, "radius", "above 0")
         self.require(self.iterations >= 1, "iterations", "at least 1")
         self.require(0 <= self.mu <= 0.5, "mu", "from 0 to 0.5")
