@@ -650,7 +650,9 @@ def test_compare_writes_tables_and_prints_one(gppcs_command, scan):
     assert (code, err) == (0, "")
     assert sorted(path.name for path in Path("side").iterdir()) == ["table.csv", "table.md"]
     titles, *rows = Path("side/table.csv").read_text().splitlines()
-    assert titles.startswith("method,seconds,points_in,points_out,")
+    assert titles.startswith("method,parameters,seconds,points_in,points_out,")
+    assert titles.endswith(",failure")
+    assert rows[1].startswith("random,seed=0,")
     assert [row.split(",")[0] for row in rows] == ["fps", "random"]
     assert "| fps | 40 |" in Path("side/table.md").read_text()
     first = [line.split()[:2] for line in out.splitlines() if line]

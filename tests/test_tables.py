@@ -1,13 +1,14 @@
 """Comparisons as tables."""
 
 import csv
+import dataclasses
 import io
 
 import numpy as np
 import pytest
 
 import gppcs
-from gppcs.tables import SHOWN, Column, as_csv, as_markdown, columns_of, shown
+from gppcs.tables import SHOWN, UNITS, Column, as_csv, as_markdown, columns_of, shown
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +41,27 @@ def test_markdown_has_a_row_for_each_method_and_the_best_in_bold(entries):
     assert cells["random"][titles.index("points")] == "200"
 
 
+def test_entries_of_one_method_are_told_apart(entries):
+    fives = [
+        dataclasses.replace(entry, result=dataclasses.replace(entry.result, method=gppcs.Random(seed=seed)))
+        for entry, seed in zip(entries, (0, 5), strict=True)
+    ]
+    rows = list(csv.DictReader(io.StringIO(as_csv(fives))))
+    assert [(row["method"], row["parameters"]) for row in rows] == [("random", "seed=0"), ("random", "seed=5")]
+    assert [line.split(" | ")[0] for line in as_markdown(fives).splitlines()[2:4]] == ["| random", "| random (seed=5)"]
+
+
+def test_csv_tells_why_figures_are_missing(entries):
+    failed = dataclasses.replace(entries[0], failure="no surface,\n  at all")
+    rows = list(csv.DictReader(io.StringIO(as_csv([failed, entries[1]]))))
+    assert [row["failure"] for row in rows] == ["no surface, at all", ""]
+
+
+def test_units_keep_their_names(entries):
+    assert as_markdown(entries).endswith("\nLengths in" + UNITS.removeprefix("Lengths in") + "; bold: the best.\n")
+    assert "Chamfer" in as_markdown(entries)
+
+
 def test_columns_without_values_are_left_out(entries):
     titles = {column.title for column in columns_of(entries)}
     assert "surface mean" in titles
@@ -68,6 +90,9 @@ def test_no_value_is_best_where_all_are_equal_or_none_is_better():
         (1.23456e-7, "1.23e-07"),
         (98765.4, "98765"),
         (np.float64(12.345), "12.3"),
+        (999.4, "999"),
+        (999.96, "1000"),
+        (-999.96, "-1000"),
     ],
 )
 def test_numbers_show_three_digits(value, text):

@@ -94,7 +94,7 @@ def compilation_noticed() -> Iterator[Compilation]:
 def print_comparison(entries: Sequence[Entry]) -> None:
     """Print a row for each method, the best of each column in bold."""
     columns = columns_of(entries)
-    names = [entry.result.method.name for entry in entries]
+    names = [entry.result.method.label for entry in entries]
     widths = [max(map(len, [*column.title.split(), *map(shown, column.values)])) for column in columns]
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column("method", width=(longest := max(map(len, [*names, "method"]))))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import StringIO
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 FIGURES = {**figures_of(Report), **figures_of(Rebuilt)}
 FACTORS = {"length": 1e4, "squared length": 1e6}
-UNITS = "lengths in 1e-4 diagonals of the original's box, Chamfer in 1e-6 squared diagonals, angles in degrees"
+UNITS = "Lengths in 1e-4 diagonals of the original's box, Chamfer in 1e-6 squared diagonals, angles in degrees"
 SHOWN = (
     "hausdorff_mean", "hausdorff_max", "carried_hausdorff_mean", "carried_hausdorff_max", "stray_share",
     "surface_mean", "surface_max", "feature_error", "feature_recall", "normal_deviation", "mean_surface_variation",
@@ -69,7 +70,10 @@ def shown(value: float | None) -> str:
     """Return three digits of a number, whole ones in full, a hyphen for none."""
     if value is None:
         return "-"
-    return f"{value:,}" if isinstance(value, int) else f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+    if isinstance(value, int):
+        return f"{value:,}"
+    rounded = f"{value:.3g}"
+    return rounded if abs(float(rounded)) < 1000 else f"{value:.0f}"
 
 
 def as_markdown(entries: Sequence[Entry]) -> str:
@@ -81,12 +85,15 @@ def as_markdown(entries: Sequence[Entry]) -> str:
             f"**{shown(column.values[row])}**" if column.is_best(row) else shown(column.values[row])
             for column in columns
         )
-        lines.append([entry.result.method.name, *cells])
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines) + f"\n{UNITS.capitalize()}; bold: the best.\n"
+        lines.append([entry.result.method.label, *cells])
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines) + f"\n{UNITS}; bold: the best.\n"
 
 
 def as_csv(entries: Sequence[Entry]) -> str:
-    """Return all figures of each method, raw and, where they are lengths, relative, as CSV."""
+    """Return as CSV each method with its parameters, all figures, raw and, of lengths, relative, and its failure.
+
+    Parameters are written as `gppcs simplify --set` takes them, with spaces between.
+    """
     rows = []
     for entry in entries:
         relative = {
@@ -94,9 +101,13 @@ def as_csv(entries: Sequence[Entry]) -> str:
             for name, value in entry.report.figures(relative=True).items()
             if name != "diagonal" and FIGURES[name.removeprefix("carried_")].unit in FACTORS
         }
-        method = {"method": entry.result.method.name, "seconds": entry.seconds}
-        rows.append({**method, **entry.report.figures(), **relative})
-    names = dict.fromkeys(name for row in rows for name in row)
+        method = entry.result.method
+        parameters = " ".join(f"{name}={value}" for name, value in dataclasses.asdict(method).items())
+        known = {"method": method.name, "parameters": parameters, "seconds": entry.seconds}
+        rows.append({**known, **entry.report.figures(), **relative})
+    names = [*dict.fromkeys(name for row in rows for name in row), "failure"]
+    for row, entry in zip(rows, entries, strict=True):
+        row["failure"] = " ".join(entry.failure.split()) if entry.failure else ""
     file = StringIO()
     writer = csv.DictWriter(file, names, lineterminator="\n")
     writer.writeheader()

@@ -100,8 +100,8 @@ def _drawn(original: PointCloud, entries: Sequence[Entry], mesh: Mesh | None) ->
         rebuilt = entry.report.rebuilt.mesh if entry.report.rebuilt else None
         if mesh is None:
             rebuilt = rebuilt_mesh(entry.result.cloud, original)
-        name, points = entry.result.method.name, entry.result.cloud.points
-        columns.append(Column(name, points, kept, _caption(entry), rebuilt))
+        title, points = entry.result.method.label, entry.result.cloud.points
+        columns.append(Column(title, points, kept, _caption(entry), rebuilt))
     image = BytesIO()
     draw_comparison(image, columns)
     return image.getvalue()
@@ -135,12 +135,13 @@ def _print(entries: Sequence[Entry], as_json: bool) -> None:
         for entry in entries:
             figures, relative = entry.report.figures(), entry.report.figures(relative=True)
             method = {"method": entry.result.method.name, "parameters": dataclasses.asdict(entry.result.method)}
-            print_json({**method, "seconds": entry.seconds, "figures": figures, "relative": relative})
+            measured = {"seconds": entry.seconds, "figures": figures, "relative": relative}
+            print_json({**method, **measured, "failure": entry.failure})
     else:
         print_comparison(entries)
     for entry in entries:
         if entry.failure:
-            print_error(f"note: {entry.result.method.name}: {entry.failure}")
+            print_error(f"note: {entry.result.method.label}: {entry.failure}")
 
 
 def _targets(source: Path, folder: Path, picture: bool, force: bool) -> dict[str, Path]:

@@ -9,11 +9,11 @@ from typing import Annotated, Any, Literal
 import typer
 
 from gppcs.errors import GppcsError, InputError, OutputError
-from gppcs.evaluation.report import Rebuilt, Report, figures_of
+from gppcs.evaluation.report import Report
+from gppcs.tables import FIGURES
 
 BAD_INPUT = 2
 FAILURES = (GppcsError, OSError, MemoryError)  # told in one line
-FIGURES = {**figures_of(Report), **figures_of(Rebuilt)}
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object a line, for machines.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files that exist; never an input.")]
