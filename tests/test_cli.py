@@ -15,6 +15,7 @@ import pytest
 
 import gppcs
 from gppcs import cli, console
+from gppcs.drawing.camera import Viewpoint
 from meshes import hull_mesh
 
 COMMAND = Path(sys.executable).with_name("gppcs")
@@ -152,6 +153,22 @@ def test_a_picture_is_drawn(gppcs_command, scan):
     assert (code, err) == (0, "")
     assert Path("picture.png").read_bytes().startswith(b"\x89PNG\r\n")
     assert len(gppcs.read("out.ply")) == 40
+
+
+@pytest.mark.parametrize("command", [("simplify", "-o", "out.ply", "--picture", "a.png"), ("compare", "-o", "side")])
+def test_view_and_up_turn_the_picture(gppcs_command, scan, monkeypatch, command):
+    for module in ("pymeshlab", "pyvista", "matplotlib"):
+        pytest.importorskip(module)
+    drawn = []
+    for home in ("pair.draw_pair", "comparison.draw_comparison"):
+        monkeypatch.setattr(f"gppcs.drawing.{home}", lambda file, *given: drawn.append(given[-1]))
+    monkeypatch.setattr("gppcs.commands.compare.MOST_TO_REBUILD", 0)
+    name, *rest = command
+    methods = ["--methods", "fps"] if name == "compare" else FAST
+    arguments = (name, "scan.ply", *rest, "--points", 2, "--force", *methods)
+    for options in ((), ("--view", "-30,20.5"), ("--up", "-z"), ("--view=5,0", "--up=y")):
+        assert gppcs_command(*arguments, *options)[0] == 0
+    assert drawn == [Viewpoint(), Viewpoint(None, (-30.0, 20.5)), Viewpoint("-z"), Viewpoint("y", (5.0, 0.0))]
 
 
 @pytest.mark.parametrize("settings", ["voxel place=mean", "wlop snap=false"])
@@ -369,6 +386,10 @@ def test_input_that_cannot_be_used(gppcs_command, scan, damage, parts):
         (["--points", 5, "--invalid", "ignore"], ["'ignore' is not one of 'error', 'drop'"]),
         (["--points", 5, "--picture", "picture.jpg"], ["picture.jpg: expected a name that ends in .png"]),
         (["--points", 5, "--picture", "none/picture.png"], ["none/picture.png: expected a folder"]),
+        (["--points", 5, "--picture", "p.png", "--view", "30"], ["--view AZIMUTH,ELEVATION", "found '30'"]),
+        (["--points", 5, "--picture", "p.png", "--view", "30,99"], ["-90 to 90", "found 30 and 99"]),
+        (["--points", 5, "--picture", "p.png", "--up", "w"], ["'--up'", "'w' is not one of"]),
+        (["--points", 5, "--view", "30,20"], ["expected a picture to turn with --view and --up"]),
         (["--points", 5, "--rato", 1], ["No such option: --rato", "--ratio"]),
         (["--points", 5, "-o", "none/out.ply"], ["none/out.ply: expected a folder"]),
         (["--points", 5, "-o", "scan.ply"], ["scan.ply: expected a new file, found one"]),
@@ -694,7 +715,7 @@ def test_compare_draws_clouds_and_meshes(gppcs_command, monkeypatch):
     for module in ("pymeshlab", "pyvista", "matplotlib"):
         pytest.importorskip(module)
     columns = []
-    monkeypatch.setattr("gppcs.drawing.comparison.draw_comparison", lambda file, given: columns.extend(given))
+    monkeypatch.setattr("gppcs.drawing.comparison.draw_comparison", lambda file, given, _: columns.extend(given))
     ball = gppcs.sample("sphere", 2000)
     ball.points[7] = np.nan
     gppcs.write("ball.ply", ball)

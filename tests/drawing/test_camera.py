@@ -3,7 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gppcs.drawing.camera import Camera, Square, averaged
+from gppcs.drawing.camera import Camera, Square, Viewpoint, averaged
+from gppcs.errors import ParameterError
 
 BOX = np.random.default_rng(0).uniform(-1.0, 1.0, (4000, 3))
 
@@ -40,6 +41,54 @@ def test_axes_are_right_handed_and_upright():
         axes = Camera.towards(BOX * extents, 100, (100, 100)).axes
         np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
         assert np.linalg.det(axes) == pytest.approx(1.0)
+
+
+FRONTS = {  # at azimuth 0: what points to the right, and to the viewer
+    "z": ("x", "-y"), "-z": ("x", "y"), "y": ("x", "z"), "-y": ("x", "-z"), "x": ("y", "-z"), "-x": ("y", "z"),
+}  # fmt: skip
+
+
+def axis(name):
+    return np.eye(3)["xyz".index(name[-1])] * (-1.0 if name[0] == "-" else 1.0)
+
+
+@pytest.mark.parametrize(("up", "front"), FRONTS.items())
+def test_the_viewpoint_says_what_is_up_and_from_where_one_looks(up, front):
+    right, to_viewer = map(axis, front)
+
+    def axes(azimuth, elevation):
+        return Camera.towards(BOX, 100, (100, 100), Viewpoint(up, (azimuth, elevation))).axes
+
+    np.testing.assert_allclose(axes(0, 0), [right, axis(up), to_viewer], atol=1e-12)
+    np.testing.assert_allclose(axes(90, 0), [-to_viewer, axis(up), right], atol=1e-12)
+    np.testing.assert_allclose(axes(0, 90), [right, -to_viewer, axis(up)], atol=1e-12)
+    np.testing.assert_allclose(axes(-180, -90), [-right, -to_viewer, -axis(up)], atol=1e-12)
+    np.testing.assert_allclose(axes(30, 20)[2] @ axis(up), np.sin(np.radians(20)), atol=1e-12)
+
+
+@pytest.mark.parametrize(("extents", "up"), [((2.0, 2.0, 0.1), "z"), ((2.0, 1.0, 2.5), "z"), ((2.0, 2.5, 1.5), "y")])
+def test_half_a_viewpoint_leaves_the_rest_to_the_guess(extents, up):
+    def axes(*viewpoint):
+        return Camera.towards(BOX * extents, 100, (100, 100), Viewpoint(*viewpoint)).axes
+
+    np.testing.assert_array_equal(axes(up), axes())
+    np.testing.assert_array_equal(axes(None, (30.0, 20.0)), axes(up, (30.0, 20.0)))
+    assert axes("-" + up)[1] @ axis(up) < 0
+
+
+@pytest.mark.parametrize(
+    ("viewpoint", "message"),
+    [
+        (("w",), "found 'w'"),
+        (("--x",), "found '--x'"),
+        (("",), "found ''"),
+        ((None, (0.0, 91.0)), "from -90 to 90, in degrees, found 0 and 91"),
+        ((None, (np.nan, 0.0)), "found nan and 0"),
+    ],
+)
+def test_a_viewpoint_that_is_none_is_refused(viewpoint, message):
+    with pytest.raises(ParameterError, match=message):
+        Viewpoint(*viewpoint)
 
 
 def test_a_stray_does_not_make_the_rest_tiny():

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gppcs.commands.output import Force, Invalid, Json, print_error, print_json, refuse_input
+from gppcs.commands.viewpoint import Up, View, viewpoint_of
 from gppcs.errors import OutputError
 from gppcs.methods import METHODS
 
 if TYPE_CHECKING:
     from gppcs.cloud import PointCloud
     from gppcs.comparison import Entry
+    from gppcs.drawing.camera import Viewpoint
     from gppcs.mesh import Mesh
 
 MOST_TO_REBUILD = 1_000_000  # points of an original without a mesh: beyond, the picture would take minutes
@@ -44,6 +46,8 @@ def compare(
     picture: Annotated[
         bool, typer.Option(help="Draw the clouds and the meshes rebuilt from them; needs the extras view, evaluate.")
     ] = True,
+    view: View = None,
+    up: Up = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -56,6 +60,7 @@ def compare(
     from gppcs.stages import Stages
 
     chosen = checked_methods((name.strip() for name in methods.split(",")), ratio, points, seed)
+    viewpoint = viewpoint_of(view, up, picture)
     targets = _targets(cloud, output, picture, force)
     surface = read_mesh(mesh) if mesh else None
     stages = Stages(ProgressBar())
@@ -65,7 +70,7 @@ def compare(
             original, chosen, ratio=ratio, n_points=points, mesh=surface, invalid=invalid, stages=stages
         )  # fmt: skip
         with stages("tables and picture"):
-            contents = _contents(original, entries, surface, picture)
+            contents = _contents(original, entries, surface, viewpoint if picture else None)
     output.mkdir(exist_ok=True)
     for name, content in contents.items():
         with io.whole_file(targets[name], force) as file:
@@ -73,17 +78,19 @@ def compare(
     _print(entries, as_json)
 
 
-def _contents(original: PointCloud, entries: Sequence[Entry], mesh: Mesh | None, picture: bool) -> dict[str, bytes]:
-    """Return what is to be written, by the name of the file."""
+def _contents(
+    original: PointCloud, entries: Sequence[Entry], mesh: Mesh | None, viewpoint: Viewpoint | None
+) -> dict[str, bytes]:
+    """Return what is to be written, by the name of the file; no viewpoint, no picture."""
     from gppcs.tables import as_csv, as_markdown
 
     contents = {"table.csv": as_csv(entries).encode(), "table.md": as_markdown(entries).encode()}
-    if picture:
-        contents["picture.png"] = _drawn(original, entries, mesh)
+    if viewpoint:
+        contents["picture.png"] = _drawn(original, entries, mesh, viewpoint)
     return contents
 
 
-def _drawn(original: PointCloud, entries: Sequence[Entry], mesh: Mesh | None) -> bytes:
+def _drawn(original: PointCloud, entries: Sequence[Entry], mesh: Mesh | None, viewpoint: Viewpoint) -> bytes:
     """Return a PNG of the original and of what each method made of it, with the meshes rebuilt."""
     import numpy as np
 
@@ -103,7 +110,7 @@ def _drawn(original: PointCloud, entries: Sequence[Entry], mesh: Mesh | None) ->
         title, points = entry.result.method.label, entry.result.cloud.points
         columns.append(Column(title, points, kept, _caption(entry), rebuilt))
     image = BytesIO()
-    draw_comparison(image, columns)
+    draw_comparison(image, columns, viewpoint)
     return image.getvalue()
 
 

@@ -12,11 +12,13 @@ import typer
 
 from gppcs import __version__
 from gppcs.commands.output import BAD_INPUT, FAILURES, Force, Invalid, Json, figure_rows, print_json, refuse_input, tell
+from gppcs.commands.viewpoint import Up, View, viewpoint_of
 from gppcs.errors import OutputError, ParameterError
 from gppcs.methods import DEFAULT, METHODS, Method, method_named
 
 if TYPE_CHECKING:
     from gppcs.cloud import PointCloud
+    from gppcs.drawing.camera import Viewpoint
     from gppcs.evaluation.report import Report
     from gppcs.simplification import Result
 
@@ -55,6 +57,8 @@ def simplify(
         Path | None,
         typer.Option(metavar="PNG", help="Draw original and result, coloured by surface variation."),
     ] = None,
+    view: View = None,
+    up: Up = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -62,22 +66,24 @@ def simplify(
 
     Of several inputs, those that can be used are simplified even if others cannot.
     """
-    options = {
+    from gppcs.simplification import simplify as simplified
+
+    options: dict[str, Any] = {
         "ratio": ratio,
         "n_points": points,
         "method": method_named(method, _parsed(settings or [])),
         "seed": seed,
         "invalid": invalid,
     }
+    viewpoint = viewpoint_of(view, up, picture is not None)
+    simplified([[0.0, 0.0, 0.0]], **options)  # tells what is out of range, before long work
     targets = _targets(inputs, output)
     if picture:
         _check_picture(picture, inputs, force)
     failed = False
     for source, target in targets.items():
         try:
-            run = _simplify_file(source, target, figures, picture, force, options)
-        except ParameterError:
-            raise  # it would be wrong for every file
+            run = _simplify_file(source, target, figures, picture, viewpoint, force, options)
         except FAILURES as error:
             tell(error, source)
             failed = True
@@ -127,7 +133,13 @@ def _check_picture(picture: Path, inputs: list[Path], force: bool) -> None:
 
 
 def _simplify_file(
-    source: Path, target: Path, figures: bool, picture: Path | None, force: bool, options: dict[str, Any]
+    source: Path,
+    target: Path,
+    figures: bool,
+    picture: Path | None,
+    viewpoint: Viewpoint,
+    force: bool,
+    options: dict[str, Any],
 ) -> _Run:
     """Simplify one file, with `options` for `simplify`."""
     from gppcs import io
@@ -150,7 +162,7 @@ def _simplify_file(
                 report = evaluate(cloud.take(cloud.finite_rows()), result.cloud)
         if picture:
             with stages("picture"):
-                image = _drawn(cloud, result)
+                image = _drawn(cloud, result, viewpoint)
         with stages("writing"):
             io.write(target, result.cloud, force=force)
             if picture and image:
@@ -159,7 +171,7 @@ def _simplify_file(
     return _Run(source, target, cloud, result, report, compilation.seconds)
 
 
-def _drawn(cloud: PointCloud, result: Result) -> bytes:
+def _drawn(cloud: PointCloud, result: Result, viewpoint: Viewpoint) -> bytes:
     """Return a PNG of the cloud and of what was made of it."""
     import numpy as np
 
@@ -171,7 +183,7 @@ def _drawn(cloud: PointCloud, result: Result) -> bytes:
     kept = np.searchsorted(rows, result.indices)
     simplified = ColouredCloud(result.cloud.points, original.values[kept])  # where the method put them
     image = BytesIO()
-    draw_pair(image, result.method.name, original, simplified)
+    draw_pair(image, result.method.label, original, simplified, viewpoint)
     return image.getvalue()
 
 

@@ -8,11 +8,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.errors import ParameterError
+
 Array = NDArray[np.float64]
 
 SUPERSAMPLING = 2  # drawn larger by this factor and averaged down, for crisp round points
 MARGIN = 0.04  # free share of a panel on each side
 ELEVATION, ELEVATION_OF_LYING = 22.0, 55.0  # degrees over the horizon
+LYING = 0.5  # of its lesser width: what is less high lies
+AXES = "xyz"
 
 
 class Square(NamedTuple):
@@ -21,6 +25,40 @@ class Square(NamedTuple):
     column: int
     row: int
     side: int
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """From where one looks; what is not given is guessed from the extent of the cloud.
+
+    Parameters
+    ----------
+    up : str, optional
+        The axis that points upwards: x, y, z, -x, -y or -z.
+    direction : (azimuth, elevation), optional
+        In degrees. At azimuth 0, x points to the right (y where x or -x is up); the viewer then goes to the right
+        around the cloud, and up by the elevation, from -90 to 90.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such axis or direction.
+    """
+
+    up: str | None = None
+    direction: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.up is not None and self.up.removeprefix("-") not in tuple(AXES):
+            raise ParameterError(f"expected x, y, z, -x, -y or -z as the axis that points upwards, found {self.up!r}")
+        if self.direction is not None and not (abs(self.direction[0]) < np.inf and abs(self.direction[1]) <= 90.0):
+            raise ParameterError(
+                "expected a direction of view of an azimuth and an elevation from -90 to 90, in degrees, found "
+                f"{self.direction[0]:g} and {self.direction[1]:g}"
+            )
+
+
+GUESSED = Viewpoint()
 
 
 @dataclass(frozen=True)
@@ -53,12 +91,12 @@ class Camera:
         return self.shape[0] // SUPERSAMPLING, self.shape[1] // SUPERSAMPLING
 
     @classmethod
-    def towards(cls, points: Array, width: int, heights: tuple[int, int]) -> Camera:
+    def towards(cls, points: Array, width: int, heights: tuple[int, int], viewpoint: Viewpoint = GUESSED) -> Camera:
         """Return a camera that sees the whole cloud, strays apart, in a panel of a given width in pixels.
 
         The panel is as high as the cloud asks for, from the first to the second of `heights`.
         """
-        axes = _axes(points)
+        axes = _axes(points, viewpoint)
         low, high = _frame(points @ axes[:2].T)
         extent = high - low
         # A line has one extent only, and a single place none.
@@ -97,25 +135,37 @@ def averaged(image: Array) -> Array:
     return small
 
 
-def _axes(points: Array) -> Array:
-    """Return the axes of a three-quarter view; upwards is z, or y for a solid thing that is thinnest along z."""
+def _axes(points: Array, viewpoint: Viewpoint) -> Array:
+    """Return the axes of the view from a viewpoint, (3, 3), as `Camera` has them."""
     low, high = np.percentile(points, (1, 99), axis=0)
     extent = high - low
-    lying = extent[2] < 0.5 * min(extent[0], extent[1])
-    up = 1 if extent[1] > extent[2] and not lying else 2
-    # Broad side: people model with the front to -y where z is up, and to +z where y is up.
-    across, front = (1, -1.0) if up == 2 else (2, 1.0)
-    if extent[0] < extent[across]:
-        across, front = 0, 1.0
-    upwards, forward = np.eye(3)[up], front * np.eye(3)[across]
-    right = np.cross(upwards, forward)
-    # Turned towards the front where the broad side is not the front.
-    azimuth = np.radians(0.0 if lying else -40.0 if across == 0 else 30.0)
-    elevation = np.radians(ELEVATION_OF_LYING if lying else ELEVATION)
+    up = viewpoint.up or _up(extent)
+    along = AXES.index(up[-1])
+    broad, deep = (axis for axis in range(3) if axis != along)
+    upwards, right = np.eye(3)[along] * (-1.0 if up[0] == "-" else 1.0), np.eye(3)[broad]
+    forward = np.cross(right, upwards)
+    lying = extent[along] < LYING * min(extent[broad], extent[deep])
+    azimuth, elevation = np.radians(viewpoint.direction or _direction(extent[broad] < extent[deep], lying))
     level = np.cos(azimuth) * forward + np.sin(azimuth) * right
     to_viewer = np.cos(elevation) * level + np.sin(elevation) * upwards
     sideways = np.cos(azimuth) * right - np.sin(azimuth) * forward
     return np.stack([sideways, np.cross(to_viewer, sideways), to_viewer])
+
+
+def _up(extent: Array) -> str:
+    """Return the axis that probably points upwards: z, or y for a solid thing that is thinnest along z."""
+    lying = extent[2] < LYING * min(extent[0], extent[1])
+    return "y" if extent[1] > extent[2] and not lying else "z"
+
+
+def _direction(narrow: bool, lying: bool) -> tuple[float, float]:
+    """Return azimuth and elevation of a view on the broad side, turned a little where the thing stands.
+
+    People model with the front to -y where z is up, and to +z where y is up; both are azimuth 0.
+    """
+    if lying:
+        return (90.0 if narrow else 0.0), ELEVATION_OF_LYING
+    return (50.0 if narrow else 30.0), ELEVATION
 
 
 def _frame(flat: Array) -> tuple[Array, Array]:

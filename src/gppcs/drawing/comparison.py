@@ -10,7 +10,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.drawing.camera import SUPERSAMPLING, Camera, Square
+from gppcs.drawing.camera import GUESSED, SUPERSAMPLING, Camera, Square, Viewpoint
 from gppcs.drawing.close_ups import feature_squares
 from gppcs.drawing.clouds import ColouredCloud, Original, View
 from gppcs.drawing.colours import add_bar, colour_scale, colours_of, require_matplotlib
@@ -56,7 +56,7 @@ class Column:
     mesh: Mesh | None
 
 
-def draw_comparison(file: BinaryIO, columns: Sequence[Column]) -> None:
+def draw_comparison(file: BinaryIO, columns: Sequence[Column], viewpoint: Viewpoint = GUESSED) -> None:
     """Write a PNG of clouds and, under each, its mesh, seen by one camera and coloured on one scale.
 
     The first column is the original: it is drawn as a closed surface, sets the camera, and hides the points of
@@ -69,6 +69,8 @@ def draw_comparison(file: BinaryIO, columns: Sequence[Column]) -> None:
         Where the PNG goes.
     columns : sequence of Column
         The original first. From seven on they stand in several rows.
+    viewpoint : Viewpoint
+        From where one looks.
 
     Raises
     ------
@@ -88,7 +90,8 @@ def draw_comparison(file: BinaryIO, columns: Sequence[Column]) -> None:
     clouds = [ColouredCloud(column.points, column.surface_variation) for column in columns]
     scale = colour_scale([cloud.values for cloud in clouds])
     per_row = math.ceil(len(columns) / math.ceil(len(columns) / MAX_COLUMNS))
-    views, squares = _views(Original(clouds[0]), min(MAX_COLUMN_WIDTH, (MAX_WIDTH - GAP) // per_row - GAP))
+    width = min(MAX_COLUMN_WIDTH, (MAX_WIDTH - GAP) // per_row - GAP)
+    views, squares = _views(Original(clouds[0]), width, viewpoint)
     cameras = [view.camera for view in views]
     sheet = _Sheet(columns, per_row, [camera.size for camera in cameras], squares, with_meshes)
     for number, (column, cloud) in enumerate(zip(columns, clouds, strict=True)):
@@ -109,9 +112,10 @@ def draw_comparison(file: BinaryIO, columns: Sequence[Column]) -> None:
     sheet.figure.savefig(file, format="png", dpi=100)
 
 
-def _views(original: Original, width: int) -> tuple[list[View], list[Square]]:
+def _views(original: Original, width: int, viewpoint: Viewpoint) -> tuple[list[View], list[Square]]:
     """Return the view of the whole original and those of its close-ups, and the squares that these show."""
-    camera = Camera.towards(original.cloud.points, width, (int(FLATTEST * width), int(TALLEST * width)))
+    heights = int(FLATTEST * width), int(TALLEST * width)
+    camera = Camera.towards(original.cloud.points, width, heights, viewpoint)
     whole = View(original, camera)
     squares = feature_squares(whole.values(), round(CLOSE_UP_SHARE * max(camera.shape)), CLOSE_UPS)
     size = (width - BETWEEN * (CLOSE_UPS - 1)) // CLOSE_UPS

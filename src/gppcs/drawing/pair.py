@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import BinaryIO
 
-from gppcs.drawing.camera import Camera
+from gppcs.drawing.camera import GUESSED, Camera, Viewpoint
 from gppcs.drawing.clouds import ColouredCloud, Original, View
 from gppcs.drawing.colours import add_bar, colour_scale, colours_of, require_matplotlib
 
@@ -13,7 +13,13 @@ GAP, ABOVE, BELOW = 12, 68, 74  # around the panels
 MAX_POINT_RADIUS = 5.2  # supersampled pixels
 
 
-def draw_pair(file: BinaryIO, title: str, original: ColouredCloud, simplified: ColouredCloud) -> None:
+def draw_pair(
+    file: BinaryIO,
+    title: str,
+    original: ColouredCloud,
+    simplified: ColouredCloud,
+    viewpoint: Viewpoint = GUESSED,
+) -> None:
     """Write a PNG of the original cloud and its simplification, seen by one camera and coloured on one scale.
 
     The original is drawn as a closed surface, sets the camera and the limits of the colours, and hides the
@@ -28,6 +34,8 @@ def draw_pair(file: BinaryIO, title: str, original: ColouredCloud, simplified: C
         What made the simplified cloud.
     original, simplified : ColouredCloud
         The clouds; values are shown as surface variation.
+    viewpoint : Viewpoint
+        From where one looks.
 
     Raises
     ------
@@ -38,7 +46,7 @@ def draw_pair(file: BinaryIO, title: str, original: ColouredCloud, simplified: C
     from matplotlib.figure import Figure
 
     width, height = (WIDTH - 3 * GAP) // 2, HEIGHT - ABOVE - BELOW
-    view = View(Original(original), Camera.towards(original.points, width, (height, height)))
+    view = View(Original(original), Camera.towards(original.points, width, (height, height), viewpoint))
     scale = colour_scale([original.values])
     images = (
         view.surface(colours_of(scale, original.values)),
