@@ -193,6 +193,14 @@ def test_samples_are_the_same_for_the_same_seed(gppcs_command):
     assert gppcs.read("a.ply").points.tobytes() == expected.points.tobytes()
 
 
+def test_sample_json_says_what_was_made(gppcs_command):
+    code, out, err = gppcs_command("sample", "fan", "-o", "a.ply", "--points", 300, "--noise", 0.001, "--json")
+    assert (code, err) == (0, "")
+    options = {"noise": 0.001, "outliers": 0.0, "uneven": 0.0, "seed": 0}
+    expected = {"output": "a.ply", "name": "fan", "points": 300, **options, "version": gppcs.__version__}
+    assert json.loads(out) == expected
+
+
 # what it prints
 
 
@@ -267,6 +275,22 @@ def test_methods_lists_parameters_with_their_defaults(gppcs_command):
     assert {record["name"]: record["parameters"] for record in records} == {
         name: dataclasses.asdict(method()) for name, method in gppcs.METHODS.items()
     }
+
+
+@pytest.mark.parametrize("name", gppcs.METHODS)
+def test_methods_explains_one_and_each_of_its_parameters(gppcs_command, name):
+    code, out, err = gppcs_command("methods", name)
+    assert (code, err) == (0, "")
+    text = " ".join(out.split())
+    method = gppcs.METHODS[name]
+    assert text.startswith(f"{name}: {method.summary}")
+    assert method.source in text
+    assert "----" not in text
+    for key, parameter in method.parameters().items():
+        assert f"{key} ({parameter.kind}, default {parameter.default}) {parameter.meaning}" in text
+    assert ("no parameters" in text) == (not method.parameters())
+    _, out, _ = gppcs_command("methods", name, "--json")
+    assert json.loads(out)["meanings"] == {key: each.meaning for key, each in method.parameters().items()}
 
 
 def test_help_shows_examples_and_each_method_with_its_source(gppcs_command):
@@ -417,7 +441,8 @@ def test_options_that_cannot_be_used(gppcs_command, scan, arguments, parts):
         (["sample", "bracket", "-o", "a.ply", "--points", 10**15], "Unable to allocate"),
         (["sample", "bracket", "-o", "a.ply", "--noise", "nan"], "found nan"),
         (["sample", "bracket", "-o", "none/a.ply"], "expected a folder"),
-        (["methods", "fps"], "unexpected extra argument"),
+        (["methods", "fps", "hc"], "unexpected extra argument"),
+        (["methods", "fpss"], "did you mean 'fps'?"),
     ],
 )
 def test_commands_that_cannot_be_run(gppcs_command, arguments, part):
@@ -600,6 +625,9 @@ def test_evaluate_prints_each_figure_with_its_unit(gppcs_command, scan):
     assert "of the diagonal)" in out
     assert "of the squared diagonal)" in out
     assert " degrees" in out
+    assert "in the unit of the coordinates" in out
+    recall = gppcs.evaluate(scan, gppcs.read("out.ply")).feature_recall
+    assert f"feature recall {100 * recall:.4g} %" in " ".join(out.split())
 
 
 def test_evaluate_json_holds_raw_and_relative_figures(gppcs_command, scan):
@@ -679,6 +707,7 @@ def test_compare_writes_tables_and_prints_one(gppcs_command, scan):
     first = [line.split()[:2] for line in out.splitlines() if line]
     assert ["fps", "40"] in first
     assert ["random", "40"] in first
+    assert out.endswith("side: table.csv, table.md\n")
 
 
 def test_compare_json_is_one_object_a_method(gppcs_command, scan):

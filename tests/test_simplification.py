@@ -1,5 +1,7 @@
 """What holds for every method: exact counts, exact points, the same choice wherever and however large the cloud is."""
 
+import re
+
 import numba
 import numpy as np
 import pytest
@@ -234,6 +236,14 @@ def test_the_result_says_how_it_came_about():
     assert all(seconds >= 0 for seconds in result.seconds.values())
     assert set(result.diagnostics) == {"variance", "lengthscale", "nu", "noise", "explained"}
     assert all(value > 0 for value in result.diagnostics.values())
+
+
+def test_results_and_clouds_are_shown_in_a_line():
+    cloud = gppcs.sample("bracket", 3000)
+    result = gppcs.simplify(cloud, n_points=1200, method=gppcs.Random(seed=5))
+    assert re.fullmatch(r"Result\(1,200 points by random \(seed=5\) in \S+ s\)", repr(result))
+    assert repr(cloud) == f"PointCloud(3,000 points, each with {', '.join(cloud.attributes)})"
+    assert repr(gppcs.PointCloud(cloud.points)) == "PointCloud(3,000 points)"
 
 
 def test_listeners_hear_of_every_step():

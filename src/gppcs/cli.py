@@ -23,7 +23,9 @@ app = typer.Typer(
     epilog="[bold]Examples[/bold]\n\n"
     "gppcs sample bracket -o scan.ply\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.03 --picture small.png\n\n"
-    "gppcs info small.ply",
+    "gppcs compare scan.ply --points 5000 --methods gp-spectral,fps,hc -o comparison\n\n"
+    "gppcs info small.ply\n\n"
+    "gppcs COMMAND --help says more of each command.",
 )
 
 
@@ -41,7 +43,7 @@ app.command(epilog=evaluate.EPILOG)(evaluate.evaluate)
 app.command(epilog=compare.EPILOG)(compare.compare)
 app.command(epilog=info.EPILOG)(info.info)
 app.command(epilog=sample.EPILOG)(sample.sample)
-app.command()(methods.methods)
+app.command(epilog=methods.EPILOG)(methods.methods)
 
 
 def main() -> None:

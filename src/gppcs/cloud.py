@@ -65,6 +65,10 @@ class PointCloud:
         kept = points.dtype if np.issubdtype(points.dtype, np.floating) else np.dtype(np.float64)
         return cls(points, coordinate_dtype=kept)
 
+    def __repr__(self) -> str:
+        carried = f", each with {', '.join(self.attributes)}" if self.attributes else ""
+        return f"PointCloud({len(self):,} points{carried})"
+
     def __len__(self) -> int:
         return len(self.points)
 

@@ -10,6 +10,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from rich.console import Console
+from rich.padding import Padding
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
@@ -107,6 +108,15 @@ def print_comparison(entries: Sequence[Entry]) -> None:
     console = Console(width=max(Console().width, needed), highlight=False)  # rather over the edge than cut short
     console.print(table)
     console.print(UNITS, style="dim")
+
+
+def print_paragraphs(paragraphs: Sequence[tuple[str, str]]) -> None:
+    """Print texts, indented, each under its title; an empty line parts a text."""
+    console = Console(markup=False, emoji=False, highlight=False)
+    for title, text in paragraphs:
+        console.print(title, style="bold")
+        for part in text.strip().split("\n\n"):
+            console.print(Padding(" ".join(part.split()), (0, 0, 0, 4)))
 
 
 def print_table(title: str, rows: Mapping[str, str]) -> None:

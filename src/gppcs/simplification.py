@@ -42,6 +42,9 @@ class Result:
     seconds: Mapping[str, float]
     diagnostics: Mapping[str, float]
 
+    def __repr__(self) -> str:
+        return f"Result({len(self.indices):,} points by {self.method.label} in {sum(self.seconds.values()):.3g} s)"
+
 
 def simplify(
     cloud: PointCloud | ArrayLike,

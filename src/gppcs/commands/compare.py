@@ -33,15 +33,30 @@ EPILOG = (
 def compare(
     cloud: Annotated[Path, typer.Argument(metavar="IN", help="A point cloud file.", show_default=False)],
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="The folder for table.csv, table.md, picture.png.")
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="DIR",
+            help="The folder for table.csv, table.md, picture.png; made where it is missing.",
+        ),
     ],
-    ratio: Annotated[float | None, typer.Option(help="Share of the points to keep, above 0, at most 1.")] = None,
-    points: Annotated[int | None, typer.Option(help="Number of points to keep.")] = None,
+    ratio: Annotated[
+        float | None, typer.Option(help="Share of the points to keep, above 0, at most 1; or give --points.")
+    ] = None,
+    points: Annotated[int | None, typer.Option(help="Number of points to keep; or give --ratio.")] = None,
     methods: Annotated[
-        str, typer.Option(metavar="NAME,...", help="Names of the methods, in the order of the table.")
+        str,
+        typer.Option(
+            metavar="NAME,...",
+            help="Names of the methods with commas between, in the order of the table; see gppcs methods.",
+            show_default="all",
+        ),
     ] = ",".join(METHODS),
     mesh: Annotated[Path | None, typer.Option(help="The surface of IN as a mesh, to judge rebuilt ones by.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Of all that is drawn at random.")] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Of all that a method draws at random; those without chance ignore it.")
+    ] = None,
     invalid: Invalid = "error",
     picture: Annotated[
         bool, typer.Option(help="Draw the clouds and the meshes rebuilt from them; needs the extras view, evaluate.")
@@ -76,6 +91,8 @@ def compare(
         with io.whole_file(targets[name], force) as file:
             file.write(content)
     _print(entries, as_json)
+    if not as_json:
+        typer.echo(f"{output}: {', '.join(contents)}")
 
 
 def _contents(

@@ -37,19 +37,22 @@ def print_json(record: dict[str, Any]) -> None:
 
 
 def figure_rows(report: Report) -> dict[str, str]:
-    """Return the figures as rows of a table, lengths in the unit of the cloud and in its diagonals as well."""
+    """Return the figures as rows of a table with their units, lengths in diagonals of the original as well."""
     raw, relative = report.figures(), report.figures(relative=True)
     rows = {}
     for name, value in raw.items():
         if name in ("points_in", "points_out"):
             continue
         unit = FIGURES[name.removeprefix("carried_")].unit
-        rows[name.replace("_", " ")] = f"{value:.4g}" + {
-            "length": f"  ({relative[name]:.3g} of the diagonal)" if name != "diagonal" else "",
-            "squared length": f"  ({relative[name]:.3g} of the squared diagonal)",
-            "degrees": " degrees",
-        }.get(unit, "")
-    return rows
+        rows[name.replace("_", " ")] = {
+            "count": f"{value:,}",
+            "length": f"{value:.4g}" + (f"  ({relative[name]:.3g} of the diagonal)" if name != "diagonal" else ""),
+            "squared length": f"{value:.4g}  ({relative[name]:.3g} of the squared diagonal)",
+            "degrees": f"{value:.4g} degrees",
+            "share": f"{100 * value:.4g} %",
+            "ratio": f"{value:.4g}",
+        }[unit]
+    return {**rows, "lengths": "in the unit of the coordinates"}
 
 
 def refuse_input(target: Path, source: Path) -> None:

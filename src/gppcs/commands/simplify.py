@@ -28,7 +28,7 @@ EPILOG = (
     "gppcs simplify scan.ply -o small.ply --points 5000 --method fps\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --set eigenfunctions=50\n\n"
     "gppcs simplify a.ply b.ply -o folder --ratio 0.1 --json\n\n"
-    "[bold]Methods[/bold] (their parameters: gppcs methods)\n\n"
+    "[bold]Methods[/bold] (their parameters: gppcs methods NAME)\n\n"
     + "\n\n".join(
         f"[cyan]{method.name}[/cyan]: {method.summary} [dim]({method.source})[/dim]" for method in METHODS.values()
     )
@@ -41,15 +41,17 @@ def simplify(
         Path,
         typer.Option("--output", "-o", metavar="OUT", help="The file to write; for several inputs, a folder."),
     ],
-    ratio: Annotated[float | None, typer.Option(help="Share of the points to keep, above 0, at most 1.")] = None,
-    points: Annotated[int | None, typer.Option(help="Number of points to keep.")] = None,
+    ratio: Annotated[
+        float | None, typer.Option(help="Share of the points to keep, above 0, at most 1; or give --points.")
+    ] = None,
+    points: Annotated[int | None, typer.Option(help="Number of points to keep; or give --ratio.")] = None,
     method: Annotated[str, typer.Option(help="Name of the method; see below.")] = DEFAULT,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="A parameter of the method; may be repeated."),
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(help="Of all that is drawn at random; methods without chance ignore it.")
+        int | None, typer.Option(help="Of all that a method draws at random; those without chance ignore it.")
     ] = None,
     invalid: Invalid = "error",
     figures: Annotated[bool, typer.Option("--figures", help="Measure how good the result is.")] = False,
