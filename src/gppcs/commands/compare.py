@@ -132,10 +132,10 @@ def _drawn(original: PointCloud, entries: Sequence[Entry], mesh: Mesh | None, vi
 
 
 def _caption(entry: Entry) -> str:
-    """Return the mean error of a method in parts of the diagonal."""
+    """Return the mean error of a method, in diagonals of the box of the original."""
     figures = entry.report.figures(relative=True)
     name = "hausdorff_mean" if "hausdorff_mean" in figures else "surface_mean"
-    return f"{name.replace('_', ' ')} {figures[name]:.2e}"
+    return f"{name.replace('_', ' ')}\n{figures[name]:.2e} diagonals"
 
 
 def _rebuilt_original(original: PointCloud) -> Mesh | None:
