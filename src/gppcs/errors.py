@@ -10,7 +10,7 @@ class InputError(GppcsError, ValueError):
 
 
 class NoSurfaceError(InputError):
-    """Points from which no surface can be rebuilt."""
+    """Points from which no surface could be rebuilt, though there is nothing wrong with them as a cloud."""
 
 
 class ParameterError(GppcsError, ValueError):

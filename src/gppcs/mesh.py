@@ -57,6 +57,11 @@ class Mesh:
         """Return the area of each triangle, (F,)."""
         return np.linalg.norm(self._cross_products(), axis=1) / 2
 
+    def require_area(self, name: str) -> None:
+        """Raise an InputError that calls the mesh `name` if none of its triangles has an area."""
+        if not self.face_areas().any():
+            raise InputError(f"the {name} has no area: expected triangles whose corners do not lie on a line")
+
     def vertex_normals(self) -> NDArray[np.float64]:
         """Return the sum of the normals of the triangles at each vertex, weighted by their areas, (V, 3)."""
         products = self._cross_products()

@@ -26,7 +26,8 @@ def estimated_normals(
 ) -> NDArray[np.float64]:
     """Return normals of plane fits to the nearest points, (M, 3), by PyMeshLab.
 
-    Each has the sign of the guide, (V, 3), at the nearest place, (V, 3); without guides, neighbours agree.
+    Each has the sign of the guide, (V, 3), at the nearest place, (V, 3); without guides, or where the guide is zero, as
+    at a vertex without triangles, neighbours agree.
     """
     meshes = _mesh_set(points)
     meshes.compute_normal_for_point_clouds(k=NEIGHBOURS)
@@ -52,7 +53,9 @@ def reconstruct(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Me
         # a single thread: with several on few cores they spin, and it takes minutes instead of seconds
         meshes.generate_surface_reconstruction_screened_poisson(depth=DEPTH, preclean=True, threads=1)
         rebuilt = meshes.current_mesh()
-        return Mesh(rebuilt.vertex_matrix(), rebuilt.face_matrix())
+        mesh = Mesh(rebuilt.vertex_matrix(), rebuilt.face_matrix())
+        mesh.require_area("rebuilt mesh")
+        return mesh
     except (pymeshlab.PyMeshLabException, InputError) as error:
         raise NoSurfaceError(
             f"the screened Poisson reconstruction of the {len(points)} points gave no surface ({error}): expected "
@@ -64,8 +67,9 @@ def distances_to(mesh: Mesh, points: NDArray[np.float64]) -> NDArray[np.float64]
     """Return the distance of each point, (M, 3), to the surface of a mesh, by PyMeshLab."""
     pymeshlab = require_pymeshlab()
     meshes = _mesh_set(points)
-    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
-    corners = np.concatenate([points, mesh.vertices])
+    used, faces = np.unique(mesh.faces, return_inverse=True)  # others would only stretch PyMeshLab's grid
+    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices[used], faces.reshape(mesh.faces.shape)))
+    corners = np.concatenate([points, mesh.vertices[used]])
     reach = 2.0 * float(np.linalg.norm(np.ptp(corners, axis=0)))  # beyond it, PyMeshLab would cut distances off
     meshes.compute_scalar_by_distance_from_another_mesh_per_vertex(
         measuremesh=0, refmesh=1, signeddist=False, maxdist=pymeshlab.PureValue(reach)
