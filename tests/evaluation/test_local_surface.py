@@ -27,8 +27,21 @@ def test_in_a_plane_the_fans_are_the_delaunay_triangulation():
     expected = {tuple(sorted(triangle)) for triangle in Delaunay(points[:, :2]).simplices.tolist()}
     found = triangles(LocalSurface.of(points))
     found, expected = ({triangle for triangle in each if inner.issuperset(triangle)} for each in (found, expected))
-    assert found >= expected
-    assert len(found - expected) <= 0.01 * len(expected)  # where a corner is not among the nearest thirty
+    assert found == expected
+
+
+def test_fans_close_where_the_density_changes():
+    """Along the border of a strip 16 times as dense as what lies beyond, the nearest thirty are all in the strip."""
+    rng = np.random.default_rng(0)
+    strip = rng.random((1600, 2)) * [0.1, 1]
+    points = np.concatenate([strip, rng.random((1000, 2)) + np.array([0.101, 0])])
+    points = np.concatenate([points, np.zeros((len(points), 1))], axis=1)
+    inner = {i for i in range(len(points)) if 0.03 < points[i, 0] < 0.8 and abs(points[i, 1] - 0.5) < 0.3}
+    expected = {tuple(sorted(triangle)) for triangle in Delaunay(points[:, :2]).simplices.tolist()}
+    found = triangles(LocalSurface.of(points))
+    found, expected = ({triangle for triangle in each if inner.issuperset(triangle)} for each in (found, expected))
+    assert any(len({i < 1600 for i in triangle}) == 2 for triangle in expected)
+    assert found == expected
 
 
 @pytest.mark.parametrize("height", [0.0, 0.01, 0.1])

@@ -12,7 +12,7 @@ from gppcs.features import features_of_nearest
 from gppcs.kdtree import KdTree, nearest_in_tree
 
 PLANE = 12  # points that the tangent plane is fitted to, the point itself among them
-NEIGHBOURS = 30  # of which the corners are found; fewer leave gaps where points lie at random
+NEIGHBOURS = 30, 240  # of which the corners are found: twice as many as before, until no other could be one
 MOST = 16  # triangles of a fan; there are six on average
 FANS = 5  # of the nearest points, searched for the nearest triangle; with fewer, a gap here and there
 STEEPEST = np.sin(np.radians(60.0))  # a neighbour further out of the tangent plane lies on another sheet
@@ -26,6 +26,9 @@ class LocalSurface:
     corners of the fan are the point's neighbours in the Delaunay triangulation there. The fans of different
     points need not agree, as in the Laplacian of a cloud; where they do, they are the triangulation of a surface
     that passes through all points.
+
+    The neighbours searched are the 30 nearest or, where the fan is open or a circle through its corners reaches beyond
+    these, twice as many, up to 240. Where even these all lie to one side, the fan stays open as on a border.
 
     Attributes
     ----------
@@ -66,15 +69,27 @@ class LocalSurface:
 
 @nb.njit(cache=True, parallel=True, nogil=True)
 def _build_fans(points, low, high, normals, corners):
-    k = min(NEIGHBOURS + 1, points.shape[1])
     for i in nb.prange(points.shape[1]):
+        _build_fan(points, low, high, i, normals[i], corners[i])
+
+
+@nb.njit(cache=True)
+def _build_fan(points, low, high, i, normal, corners):
+    """Fill the corners around point i, of as many neighbours as it takes."""
+    n = points.shape[1]
+    neighbours, most = NEIGHBOURS
+    while True:
+        k = min(neighbours + 1, n)
         found = np.empty(k, dtype=np.int64)
         squared = np.empty(k, dtype=np.float64)
         nearest_in_tree(points, low, high, points[0, i], points[1, i], points[2, i], found, squared)
         inverse = np.empty((k, 2), dtype=np.float64)
         index = np.empty(k, dtype=np.int64)
-        count = _lay_out(points, i, normals[i], found, squared, inverse, index)
-        _fan(inverse[:count], index[:count], corners[i])
+        count = _lay_out(points, i, normal, found, squared, inverse, index)
+        widest = _fan(inverse[:count], index[:count], corners)
+        if widest * widest <= squared[-1] or k == n or neighbours >= most:
+            return
+        neighbours *= 2
 
 
 @nb.njit(cache=True)
@@ -114,14 +129,18 @@ def _tangents(x, y, z):
 
 @nb.njit(cache=True)
 def _fan(inverse, index, corners):
-    """Find the triangles at the origin: edges of the hull of the inverted neighbours and the origin itself.
+    """Find the triangles at the origin and the diameter of the widest circle around one, infinite for an open fan.
+
+    They are edges of the hull of the inverted neighbours and the origin itself. A circle through the origin is inverted
+    to a line, as far from the origin as the inverse of its diameter.
 
     The bisector between the origin and a neighbour is dual to the neighbour divided by its squared distance, so the
     origin's Voronoi cell is dual to the hull of these. On a border the origin is a corner of the hull.
     """
     n = len(inverse)
+    corners[:] = -1
     if n < 2:
-        return
+        return np.inf
     round_ = _around(inverse)
     hull = np.empty(len(round_), dtype=np.int64)
     height = 0
@@ -130,12 +149,21 @@ def _fan(inverse, index, corners):
             height -= 1
         hull[height] = new
         height += 1
-    triangles = 0
+    triangles, widest = 0, 0.0 if hull[0] < n else np.inf
     for edge in range(height - 1):
         a, b = hull[edge], hull[edge + 1]
         if a < n and b < n and triangles < MOST and _turns_left(inverse, n, a, b):
             corners[triangles, 0], corners[triangles, 1] = index[a], index[b]
             triangles += 1
+            widest = max(widest, _diameter(inverse[a], inverse[b]))
+    return widest
+
+
+@nb.njit(cache=True)
+def _diameter(a, b):
+    """Return the diameter of the circle through the origin whose inverse is the line through a and b."""
+    doubled_area = abs(a[0] * b[1] - a[1] * b[0])
+    return np.hypot(b[0] - a[0], b[1] - a[1]) / doubled_area if doubled_area > 0.0 else np.inf
 
 
 @nb.njit(cache=True)
