@@ -1,6 +1,8 @@
 """Meshes: what they tell of themselves, what is refused."""
 
+import json
 import sys
+from base64 import b64encode
 
 import numpy as np
 import pytest
@@ -29,6 +31,10 @@ def test_pieces_are_counted_without_unused_vertices():
         (np.zeros((3, 3)), np.empty((0, 3)), "3 points and no triangle"),
         (np.zeros((3, 3)), [[0, 1, 3]], "vertices 0 to 2, found 0, 3"),
         (np.full((3, 3), np.inf), [[0, 1, 2]], "NaN or infinite"),
+        (np.zeros((3, 3)), [[0, 1, 1.5]], "whole numbers as faces.*float64"),
+        (np.zeros((3, 3)), [[0, 1, 2], [0, 1]], "faces of shape .* rows of different lengths"),
+        ([[0, 0, 0], [1, 1]], [[0, 1, 2]], "vertices of shape .* rows of different lengths"),
+        (np.full((3, 3), "a"), [[0, 1, 2]], "numbers as vertices"),
     ],
 )
 def test_what_is_no_mesh_is_refused(vertices, faces, message):
@@ -63,6 +69,88 @@ def test_files_without_a_mesh_are_refused(off, tmp_path):
             gppcs.read_mesh(tmp_path / name)
     with pytest.raises(FileNotFoundError):
         gppcs.read_mesh(tmp_path / "missing.ply")
+
+
+OBJ = "v 0 0 0\nv 2 0 0\nv 2 2 0\n"
+PLY = """ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0
+2 0 0
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("a.off", "OFF\n3 1 0\n0 0 0\n2 0 0\n2 2 0\n3 0 1 9\n", "line 6: .* indices from 0 to 2, found '3 0 1 9'"),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n2 0 0\n2 2 0\n3 0 1 -1\n", "line 6: .* found '3 0 1 -1'"),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n2 0 0\n2 2 0\n4 0 1 2\n", "line 6: .* found '4 0 1 2'"),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n2 0 0\n2 2 0\n3 0 1 two\n", "line 6: expected whole numbers"),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n2 0 0\n2 nan 0\n3 0 1 2\n", "finite vertices, found 1 .* at index 2"),
+        ("a.obj", OBJ + "f 1 2 4\n", "line 4: .* 1 to 3 or -1 to -3, found 'f 1 2 4'"),
+        ("a.obj", OBJ + "f 0 1 2\n", "found 'f 0 1 2'"),
+        ("a.obj", OBJ + "f -4 1 2\n", "found 'f -4 1 2'"),
+        ("a.obj", "f 1 2 3\n" + OBJ, "line 1: .* found 'f 1 2 3'"),
+        ("a.OBJ", "f -1 1 2\n" + OBJ, "line 1: .* found 'f -1 1 2'"),
+        ("a.obj", OBJ + "v nan 1 1\nf 1/1 2/2 3/3\n", "finite vertices, found 1 .* at index 3"),
+        ("a.ply", PLY + "2 nan 0\n3 0 1 2\n", "finite vertices, found 1 .* at index 2"),
+        ("a.ply", PLY + "2 2 0\n3 0 1 3\n", "expected a mesh"),
+    ],
+)  # fmt: skip
+def test_bad_files_are_refused(tmp_path, name, text, message):
+    """PyMeshLab would leave the vertex or the face out without a word, or read beyond its memory."""
+    pytest.importorskip("pymeshlab")
+    (tmp_path / name).write_text(text)
+    with pytest.raises(gppcs.FileFormatError, match=f"{name}: .*{message}"):
+        gppcs.read_mesh(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.off", "OFF\n# made by hand\n3 1 0\n0 0 0\n2 0 0\n2 2 0\n3 0 1 2 255 0 0\n"),
+        ("a.off", "OFF 3 1 0\n0 0 0\n2 0 0\n2 2 0\n3 0 1 2\n"),
+        ("a.obj", OBJ + "vn 0 0 1\nf -3//1 -2//1 -1//1\n"),
+        ("a.ply", PLY + "2 2 0\n3 0 1 2\n"),
+    ],
+)
+def test_good_files_are_read(tmp_path, name, text):
+    pytest.importorskip("pymeshlab")
+    (tmp_path / name).write_text(text)
+    mesh = gppcs.read_mesh(tmp_path / name)
+    assert mesh.faces.tolist() == [[0, 1, 2]]
+    np.testing.assert_array_equal(mesh.vertices, SQUARE.vertices[:3])
+
+
+def test_a_file_of_several_meshes_is_refused(tmp_path):
+    pytest.importorskip("pymeshlab")
+    data = np.array([0, 0, 0, 2, 0, 0, 2, 2, 0], dtype="<f4").tobytes() + np.arange(3, dtype="<u2").tobytes()
+    triangle = {"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}
+    scene = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 1]}],
+        "nodes": [{"mesh": 0}, {"mesh": 1}], "meshes": [triangle, triangle],
+        "buffers": [{"byteLength": 42, "uri": "data:application/octet-stream;base64," + b64encode(data).decode()}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 6}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [2, 2, 0]},
+            {"bufferView": 1, "componentType": 5123, "count": 3, "type": "SCALAR"},
+        ],
+    }  # fmt: skip
+    path = tmp_path / "two.gltf"
+    path.write_text(json.dumps(scene))
+    with pytest.raises(gppcs.FileFormatError, match="expected one mesh, found 2"):
+        gppcs.read_mesh(path)
+    scene["scenes"] = [{"nodes": [0]}]
+    scene["nodes"], scene["meshes"] = [{"mesh": 0}], [triangle]
+    path.write_text(json.dumps(scene))
+    assert len(gppcs.read_mesh(path).faces) == 1
 
 
 def test_a_missing_extra_is_named(monkeypatch, tmp_path):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gppcs.errors import FileFormatError, InputError, MissingExtraError
 
@@ -34,20 +34,23 @@ class Mesh:
     faces: NDArray[np.int64]
 
     def __post_init__(self) -> None:
-        vertices = np.ascontiguousarray(self.vertices, dtype=np.float64)
-        faces = np.ascontiguousarray(self.faces, dtype=np.int64)
+        vertices, faces = _table(self.vertices, "vertices"), _table(self.faces, "faces")
         if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
             raise InputError(
                 f"expected vertices of shape (V, 3) and faces of shape (F, 3), found {vertices.shape}, {faces.shape}"
             )
         if len(faces) == 0:
             raise InputError(f"expected a mesh with triangles, found {len(vertices)} points and no triangle")
+        if not np.issubdtype(faces.dtype, np.integer):
+            raise InputError(
+                f"expected whole numbers as faces, the indices of vertices, found an array of {faces.dtype}"
+            )
         if faces.min() < 0 or faces.max() >= len(vertices):
             raise InputError(f"expected faces of vertices 0 to {len(vertices) - 1}, found {faces.min()}, {faces.max()}")
         if not np.isfinite(vertices).all():
             raise InputError("expected finite coordinates of the mesh's vertices, found NaN or infinite ones")
-        object.__setattr__(self, "vertices", vertices)
-        object.__setattr__(self, "faces", faces)
+        object.__setattr__(self, "vertices", np.ascontiguousarray(vertices, dtype=np.float64))
+        object.__setattr__(self, "faces", np.ascontiguousarray(faces, dtype=np.int64))
 
     def shifted(self, offset: NDArray[np.float64]) -> Mesh:
         """Return the mesh elsewhere, moved by an offset, (3,)."""
@@ -89,6 +92,17 @@ class Mesh:
         return np.cross(b - a, c - a)
 
 
+def _table(rows: ArrayLike, name: str) -> NDArray[Any]:
+    """Return an array of numbers."""
+    try:
+        table = np.asarray(rows)
+    except ValueError as error:
+        raise InputError(f"expected {name} of shape (N, 3), found rows of different lengths") from error
+    if not (np.issubdtype(table.dtype, np.floating) or np.issubdtype(table.dtype, np.integer)):
+        raise InputError(f"expected numbers as {name}, found an array of {table.dtype}")
+    return table
+
+
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     """Read a mesh of triangles or polygons, which are cut into triangles: PLY, OBJ, OFF, STL and more.
 
@@ -97,7 +111,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     MissingExtraError
         If PyMeshLab is not installed.
     FileFormatError
-        If the file is not a mesh.
+        If the file is not a mesh of finite vertices, or holds several.
     OSError
         If there is no such file, or it cannot be read.
     """
@@ -107,16 +121,43 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
         raise FileFormatError(f"{source}: expected a file, found a folder; name a file")
     with open(source, "rb"):  # for the operating system's own words, if it cannot be read
         pass
+    try:
+        _require_sound(source)
+    except FileFormatError as error:
+        raise FileFormatError(f"{source}: {error}") from error
     meshes = pymeshlab.MeshSet(verbose=False)
     try:
         meshes.load_new_mesh(str(source))
     except pymeshlab.PyMeshLabException as error:
         raise FileFormatError(f"{source}: expected a mesh; {str(error).strip()}") from error
+    if len(meshes) > 1:
+        raise FileFormatError(f"{source}: expected one mesh, found {len(meshes)}; join them, or name a file of one")
     read = meshes.current_mesh()
     try:
         return Mesh(read.vertex_matrix(), read.face_matrix())
     except InputError as error:
         raise FileFormatError(f"{source}: {error}") from error
+
+
+def _require_sound(source: Path) -> None:
+    """Refuse what PyMeshLab would leave out in silence, or crash on: vertices not finite, faces of missing vertices."""
+    from gppcs import io
+    from gppcs.io.meshes import FACE_CHECKS
+
+    suffix = source.suffix.lower()
+    if suffix in FACE_CHECKS:
+        with open(source, "rb") as file:
+            FACE_CHECKS[suffix](file)
+    if suffix in (".ply", ".off", ".obj", ".stl"):
+        try:
+            cloud = io.read(source, suffix)
+        except FileFormatError:  # PyMeshLab may know more dialects
+            return
+        if len(bad := cloud.non_finite()):
+            raise FileFormatError(
+                f"expected finite vertices, found {len(bad)} that are not, the first at index {bad[0]}: "
+                "leave them out, with their faces"
+            )
 
 
 def require_pymeshlab() -> Any:

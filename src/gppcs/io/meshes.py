@@ -1,10 +1,11 @@
-"""Vertices of triangle meshes: OFF, OBJ and STL. Faces and normals of faces are passed by."""
+"""Vertices of triangle meshes: OFF, OBJ and STL. Faces are only checked for their indices, their normals passed by."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
 from io import BufferedReader
+from itertools import islice
 from typing import BinaryIO
 
 import numpy as np
@@ -36,21 +37,63 @@ def read_off(file: BufferedReader) -> PointCloud:
     """Read an OFF file; normals, colours and texture coordinates (NOFF, COFF, STOFF) become attributes."""
     lines = lines_of(file)
     numbered = ((i, text) for i, text in enumerate(map(_off_numbers, lines), 1) if text)
-    number, line = next(numbered, (1, ""))
-    header = _OFF_HEADER.match(line)
-    if header is None or "BINARY" in line:
-        raise FileFormatError(f"expected a text file that begins with OFF, COFF or NOFF, found {shown(line)}")
-    counts = header[4].strip()
-    if not counts:
-        number, counts = next(numbered, (number, ""))
-    count = as_count(next(iter(counts.split()), ""))
-    if count is None:
-        raise FileFormatError(f"line {number}: expected numbers of vertices, faces, edges, found {shown(counts)}")
+    header, number, (count, *_) = _off_header(numbered)
     blocks = number_blocks(lines, number + 1, _off_numbers, count=count, what="vertex")
     table = _table(blocks)
     flags = {"texture": bool(header[1]), "colour": bool(header[2]), "normal": bool(header[3])}
     names = _off_names(len(table), **flags) if count else default_names(3)
     return cloud_of_columns(dict(zip(names, table, strict=True)))
+
+
+def _off_header(numbered: Iterator[tuple[int, str]]) -> tuple[re.Match[str], int, list[int]]:
+    """Return the mark, the line of the counts, and the counts, of which the first is that of the vertices."""
+    number, line = next(numbered, (1, ""))
+    header = _OFF_HEADER.match(line)
+    if header is None or "BINARY" in line:
+        raise FileFormatError(f"expected a text file that begins with OFF, COFF or NOFF, found {shown(line)}")
+    text = header[4].strip()
+    if not text:
+        number, text = next(numbered, (number, ""))
+    counts = [as_count(word) for word in text.split()[:2]]
+    known = [count for count in counts if count is not None]
+    if not counts or counts[0] is None:
+        raise FileFormatError(f"line {number}: expected numbers of vertices, faces, edges, found {shown(text)}")
+    return header, number, known
+
+
+def check_off_faces(file: BufferedReader) -> None:
+    """Refuse an OFF file with a face of a vertex that it does not hold."""
+    numbered = ((i, text) for i, text in enumerate(map(_off_numbers, lines_of(file)), 1) if text)
+    _, _, (vertices, *rest) = _off_header(numbered)
+    for number, text in islice(numbered, vertices, vertices + sum(rest)):
+        count, *corners = _indices(number, text.split())
+        if count != len(corners[:count]) or not all(0 <= corner < vertices for corner in corners[:count]):
+            raise FileFormatError(
+                f"line {number}: expected a number of corners and as many indices from 0 to {vertices - 1}, "
+                f"found {shown(text)}"
+            )
+
+
+def check_obj_faces(file: BufferedReader) -> None:
+    """Refuse an OBJ file with a face of a vertex that does not stand before it."""
+    vertices = 0
+    for number, text in enumerate(lines_of(file), 1):
+        keyword, *words = text.split() or [""]
+        vertices += keyword == "v"
+        if keyword == "f":
+            corners = _indices(number, [word.partition("/")[0] for word in words if word != "\\"])
+            if not all(1 <= abs(corner) <= vertices for corner in corners):
+                raise FileFormatError(
+                    f"line {number}: expected indices of vertices before it, 1 to {vertices} or -1 to {-vertices}, "
+                    f"found {shown(text)}"
+                )
+
+
+def _indices(number: int, words: list[str]) -> list[int]:
+    try:
+        return [int(word) for word in words]
+    except ValueError:
+        raise FileFormatError(f"line {number}: expected whole numbers, found {shown(' '.join(words))}") from None
 
 
 def _off_numbers(line: str) -> str:
@@ -164,6 +207,7 @@ def write_obj(file: BinaryIO, cloud: PointCloud) -> None:
     write_rows(file, list(cloud.points.astype(coordinate_type(cloud), copy=False).T), prefix="v ")
 
 
+FACE_CHECKS = {".off": check_off_faces, ".obj": check_obj_faces}
 FORMATS = (
     Format("OFF", (".off",), read_off, write_off, lambda head, size: _OFF_LOOK.match(head) is not None),
     Format("OBJ", (".obj",), read_obj, write_obj),
