@@ -118,8 +118,9 @@ class Report:
     )
     mean_surface_variation: float = figure(
         "ratio",
-        "mean surface variation of the simplified cloud, measured on it with the paper's radius for 25 neighbours or, "
-        "where that is more than three times off, with that of 25 target spacings squared",
+        "mean surface variation of the simplified cloud, measured on it with the paper's radius for 25 neighbours, "
+        "which depends on the bounding box and so on how the cloud is turned, or, where that is more than three times "
+        "off the radius of a disc of 25 squared target spacings, with the latter",
         "more",
     )
     rebuilt: Rebuilt | None = None
