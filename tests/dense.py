@@ -29,3 +29,19 @@ def greedy(phi, y, noise, initial, n_points, k_add):
         score[active] = -np.inf
         active += np.argsort(-score, kind="stable")[: min(k_add, n_points - len(active))].tolist()
     return np.array(active)
+
+
+def distances_to_triangles(points, triangles):
+    """The distance of each of (P, 3) points to the nearest of (F, 3, 3) triangles: to its inside or to a side."""
+    least = np.full(len(points), np.inf)
+    for a, b, c in triangles:
+        for begin, end in ((a, b), (b, c), (c, a)):
+            along = end - begin
+            share = np.clip((points - begin) @ along / max(along @ along, 1e-300), 0, 1)
+            least = np.minimum(least, np.linalg.norm(points - begin - share[:, None] * along, axis=1))
+        normal = np.cross(b - a, c - a)
+        if (area := np.linalg.norm(normal)) > 1e-12:
+            left = [np.cross(end - begin, points - begin) @ normal for begin, end in ((a, b), (b, c), (c, a))]
+            inside = (np.array(left) >= 0).all(axis=0)
+            least[inside] = np.minimum(least[inside], np.abs((points[inside] - a) @ normal) / area)
+    return least

@@ -10,6 +10,7 @@ from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
 import gppcs
+from dense import distances_to_triangles
 from gppcs.evaluation import judge, reconstruction
 from gppcs.evaluation.local_surface import LocalSurface
 from meshes import hull_mesh
@@ -377,6 +378,96 @@ def test_mesh_figures_do_not_depend_on_place_and_unit(ball, sphere, far):
     assert moved.figures(relative=True)["hausdorff_mean"] == pytest.approx(
         report.figures(relative=True)["hausdorff_mean"], rel=0.05
     )
+
+
+@pytest.fixture(scope="module")
+def bowl():
+    """A bowl, whose opening is closed with a membrane; in a box from the origin on, of a size between 1/2 and 1."""
+    pytest.importorskip("pymeshlab")
+    n = 21
+    x, y = (0.9 * grid.ravel() / (n - 1) for grid in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
+    vertices = np.stack([x, y, 1.8 * ((x - 0.4) ** 2 + (y - 0.5) ** 2)], axis=1)
+    vertices -= vertices.min(axis=0)
+    corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+    faces = np.concatenate([np.stack([corner, corner + n, corner + 1], axis=1),
+                            np.stack([corner + n, corner + n + 1, corner + 1], axis=1)])  # fmt: skip
+    rng = np.random.default_rng(0)
+    weights = rng.dirichlet([1, 1, 1], 4000)
+    inside = np.einsum("ij,ijk->ik", weights, vertices[faces[rng.integers(len(faces), size=4000)]])
+    original = np.concatenate([vertices, inside])
+    return original, inside[:700], gppcs.Mesh(vertices, faces)
+
+
+def test_mesh_figures_equal_their_definitions(bowl):
+    original, simplified, mesh = bowl
+    report = gppcs.evaluate(original, simplified, mesh)
+    found, rebuilt = report.rebuilt, report.rebuilt.mesh
+    forth = distances_to_triangles(mesh.vertices, rebuilt.vertices[rebuilt.faces])
+    back = distances_to_triangles(rebuilt.vertices, mesh.vertices[mesh.faces])
+    assert (found.hausdorff_mean, found.hausdorff_max) == pytest.approx((forth.mean(), forth.max()), rel=1e-5)
+    # to coarse triangles, MeshLab's distances are too long here and there
+    assert (found.back_mean, found.back_max) == pytest.approx((back.mean(), back.max()), rel=0.02)
+    astray = back[rebuilt.faces] > 0.05 * report.diagonal
+    areas = np.linalg.norm(np.cross(*(rebuilt.vertices[rebuilt.faces[:, i]] - rebuilt.vertices[rebuilt.faces[:, 0]]
+                                      for i in (1, 2))), axis=1)  # fmt: skip
+    share = areas[astray.any(axis=1)].sum() / areas.sum()
+    assert found.stray_share == pytest.approx(share, rel=0.05)
+    others = [areas[astray.all(axis=1)].sum() / areas.sum(), astray.any(axis=1).mean()]
+    assert min(abs(other / share - 1) for other in others) > 0.1  # what it is not
+
+
+def test_the_reconstruction_is_the_papers(bowl):
+    """With PyMeshLab alone: planes of ten neighbours, signs of the nearest vertices, depth 8, distances of vertices."""
+    import pymeshlab
+
+    original, points, mesh = bowl
+    meshes = pymeshlab.MeshSet(verbose=False)
+    meshes.add_mesh(pymeshlab.Mesh(points))
+    meshes.compute_normal_for_point_clouds(k=10)
+    normals = meshes.current_mesh().vertex_normal_matrix()
+    upwards = normals * np.where(normals[:, 2:] < 0, -1, 1)  # as all triangles are
+    meshes.add_mesh(pymeshlab.Mesh(points, v_normals_matrix=upwards))
+    meshes.generate_surface_reconstruction_screened_poisson(depth=8, preclean=True, threads=1)
+    rebuilt = meshes.current_mesh_id()
+    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
+    expected = meshes.get_hausdorff_distance(
+        sampledmesh=meshes.current_mesh_id(), targetmesh=rebuilt, samplevert=True, sampleface=False,
+        samplenum=len(mesh.vertices), maxdist=pymeshlab.PercentageValue(50),
+    )  # fmt: skip
+    found = gppcs.evaluate(original, points, mesh).rebuilt
+    assert (found.hausdorff_mean, found.hausdorff_max) == pytest.approx((expected["mean"], expected["max"]), rel=1e-3)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_normals_have_the_sign_of_the_guide_nearest_by(sign):
+    """Of two sheets, one above the other, turned outwards or inwards."""
+    pytest.importorskip("pymeshlab")
+    sheet = np.random.default_rng(0).random((400, 3)) * [1, 1, 0]
+    points = np.concatenate([sheet, sheet + np.array([0, 0, 0.2])])
+    guides = np.repeat([[0, 0, -sign], [0, 0, sign]], 400, axis=0)
+    normals = reconstruction.estimated_normals(points, points + 0.001, guides)
+    np.testing.assert_allclose(normals, guides, atol=1e-6)
+
+
+def test_the_rebuilt_mesh_lies_where_the_clouds_do(bowl):
+    original, simplified, mesh = bowl
+    here = gppcs.evaluate(original, simplified, mesh)
+    offset = np.array([1e6, -2e6, 500])
+    there = gppcs.evaluate(
+        *(3 * points + offset for points in (original, simplified)), gppcs.Mesh(3 * mesh.vertices + offset, mesh.faces)
+    )
+    low, high = there.rebuilt.mesh.vertices.min(axis=0), there.rebuilt.mesh.vertices.max(axis=0)
+    np.testing.assert_allclose(low, 3 * here.rebuilt.mesh.vertices.min(axis=0) + offset, atol=0.02)
+    np.testing.assert_allclose(high, 3 * here.rebuilt.mesh.vertices.max(axis=0) + offset, atol=0.02)
+    assert there.rebuilt.back_mean == pytest.approx(3 * here.rebuilt.back_mean, rel=0.02)
+
+
+def test_clouds_may_be_a_tenth_of_the_diagonal_apart():
+    lattice = np.stack(np.meshgrid(np.arange(30.0), np.arange(30.0), [0.0]), axis=-1).reshape(-1, 3)
+    up = np.array([0, 0, np.linalg.norm([29, 29])])
+    assert gppcs.evaluate(lattice, lattice[::3] + 0.099 * up).mean_distance > 0
+    with pytest.raises(gppcs.InputError, match="does not lie on"):
+        gppcs.evaluate(lattice, lattice[::3] + 0.101 * up)
 
 
 def test_every_figure_has_a_definition():

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import minimize
 from scipy.spatial import ConvexHull, Delaunay
+from scipy.spatial.distance import cdist
 
+from dense import distances_to_triangles
 from gppcs.evaluation.local_surface import LocalSurface, nearest_in_triangle
 
 
@@ -72,10 +73,6 @@ def test_the_sagitta_of_a_lattice_on_a_cylinder():
     np.testing.assert_allclose(LocalSurface.of(points).nearest_to(between)[0], 1 - np.cos(half), rtol=1e-9)
 
 
-def test_points_lie_on_their_own_surface(bracket):
-    assert LocalSurface.of(bracket).nearest_to(bracket)[0].max() == 0
-
-
 def test_two_sheets_are_not_joined():
     points = np.random.default_rng(0).random((2000, 3)) * [1, 1, 0]
     points[1000:, 2] = 0.2  # six spacings
@@ -83,12 +80,63 @@ def test_two_sheets_are_not_joined():
     np.testing.assert_allclose(LocalSurface.of(points).nearest_to(between)[0], 0.1)
 
 
-@pytest.mark.parametrize(
-    "points", [np.zeros((1, 3)), np.eye(3)[:2], np.outer(np.arange(9.0), [1, 2, 3]), np.eye(3), np.eye(4)[:, :3]]
-)
+@pytest.mark.parametrize("points", [np.zeros((1, 3)), np.eye(3)[:2]])
 def test_clouds_that_span_nothing_are_points(points):
-    distances, _ = LocalSurface.of(points).nearest_to(points + np.array([0, 0, 0.001]))
-    assert (distances <= 0.001 + 1e-12).all()
+    surface = LocalSurface.of(points)
+    assert (surface.corners == -1).all()
+    queries = np.random.default_rng(0).random((100, 3))
+    np.testing.assert_allclose(surface.nearest_to(queries)[0], cdist(queries, points).min(axis=1))
+
+
+def test_points_of_a_line_span_no_more_than_the_line():
+    points = np.outer(np.arange(9.0), [1, 2, 3])
+    queries = 20 * np.random.default_rng(0).random((100, 3))
+    line = distances_to_triangles(queries, points[None, [0, 8, 8]])
+    distances = LocalSurface.of(points).nearest_to(queries)[0]
+    assert (distances >= line - 1e-9).all()
+    assert (distances <= cdist(queries, points).min(axis=1)).all()
+
+
+def test_three_points_are_a_triangle():
+    surface = LocalSurface.of(np.eye(3))
+    assert triangles(surface) == {(0, 1, 2)}
+    assert surface.nearest_to(np.full((1, 3), 0.5))[0] == pytest.approx(0.5 / np.sqrt(3))
+
+
+# one point and its neighbours: half a lattice in the plane, the other half without points but for a few
+
+
+def corners_of_the_origin(*others):
+    half = [(-x / 2, y / 2, 0) for x in range(4) for y in range(-3, 4)]
+    surface = LocalSurface.of(np.array([*half, *others]))
+    order = surface.tree.order
+    place = int(np.flatnonzero(order == half.index((0, 0, 0)))[0])
+    return {int(order[j]) - len(half) for j in surface.corners[place].ravel() if j >= 0}
+
+
+@pytest.mark.parametrize(("degrees", "joined"), [(59, True), (61, False)])
+def test_a_neighbour_too_steep_is_none(degrees, joined):
+    angle = np.radians(degrees)
+    assert (0 in corners_of_the_origin((3 * np.cos(angle), 0, 3 * np.sin(angle)))) is joined
+
+
+@pytest.mark.parametrize(("distance", "joined"), [(1.9, True), (2.1, False)])
+def test_neighbours_are_laid_out_at_their_true_distance(distance, joined):
+    """The circle through the origin and two neighbours in the plane reaches to 2; in the plane, both would be in it."""
+    angle = np.radians(50)
+    corners = corners_of_the_origin((1, 1, 0), (1, -1, 0), (distance * np.cos(angle), 0, distance * np.sin(angle)))
+    assert {0, 1} <= corners
+    assert (2 in corners) is joined
+
+
+def test_the_planes_are_fitted_to_twelve_points(bracket):
+    points = bracket[::40]
+    surface = LocalSurface.of(points)
+    for i, j in enumerate(surface.tree.order):
+        near = points[np.argsort(np.linalg.norm(points - points[j], axis=1))[:12]]
+        values, directions = np.linalg.eigh(np.cov(near.T))
+        if values[0] < 0.9 * values[1]:
+            assert abs(directions[:, 0] @ surface.normals[i]) == pytest.approx(1, abs=1e-6)
 
 
 coordinate = st.floats(-1, 1).map(lambda value: round(value, 3))
@@ -99,17 +147,10 @@ corner = st.tuples(coordinate, coordinate, coordinate)
 @given(st.lists(corner, min_size=3, max_size=3, unique=True))
 def test_the_distance_to_a_triangle_is_the_least(triangle):
     corners = np.array(triangle)
-    weights = minimize(
-        lambda w: ((w @ corners) ** 2).sum(), [1 / 3] * 3, jac=lambda w: 2 * corners @ (w @ corners),
-        bounds=[(0, 1)] * 3, constraints={"type": "eq", "fun": lambda w: w.sum() - 1, "jac": lambda w: np.ones(3)},
-        method="SLSQP", options={"ftol": 1e-14, "maxiter": 200},
-    ).x  # fmt: skip
-    expected = ((weights @ corners) ** 2).sum()
+    expected = distances_to_triangles(np.zeros((1, 3)), corners[None])[0]
     v, w = nearest_in_triangle(*triangle)
     assert min(v, w, 1 - v - w) >= -1e-9
-    found = ((np.array([1 - v - w, v, w]) @ corners) ** 2).sum()
-    assert np.sqrt(found) == pytest.approx(np.sqrt(expected), abs=1e-3)
-    assert np.sqrt(found) <= np.sqrt(expected) + 1e-6
+    assert np.linalg.norm(np.array([1 - v - w, v, w]) @ corners) == pytest.approx(expected, abs=1e-9)
 
 
 def test_normals_of_a_sphere_are_its_radii(sphere):
