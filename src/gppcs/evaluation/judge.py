@@ -6,7 +6,7 @@ import contextlib
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -125,7 +125,7 @@ class _Frame:
 
     def outside(self, part: ReportPart) -> ReportPart:
         """Return figures that were measured in the frame in the unit of the clouds."""
-        values = {
+        values: dict[str, Any] = {
             name: known.relative(getattr(part, name), 1.0 / self.unit) for name, known in figures_of(type(part)).items()
         }
         return dataclasses.replace(part, **{name: value for name, value in values.items() if value is not None})
@@ -266,7 +266,7 @@ def _require_near(distances: Points, name: str, points: Points, original: Points
     """Refuse what lies mostly far from the original, and tell by how much."""
     middle, limit = float(np.median(distances)), FAR * frame.diagonal
     if frame.diagonal == 0.0:
-        limit = np.finfo(np.float32).eps * float(np.abs(frame.corner).max())  # rounding may move a point
+        limit = float(np.finfo(np.float32).eps * np.abs(frame.corner).max())  # rounding may move a point
     elif len(points) >= 10 and _spread(points) < SMALL * _spread(original):
         limit = min(limit, CLOSE * _spread(points))
     if middle <= limit:
