@@ -116,6 +116,17 @@ def test_parameters_seed_and_number_of_points_reach_the_method(gppcs_command, sc
     assert gppcs.read("out.npy").points.tobytes() == expected.tobytes()
 
 
+def test_normals_of_the_whole_cloud_are_written(gppcs_command, scan):
+    bare = gppcs.PointCloud(scan.points, {"red": scan.attributes["red"]}, scan.coordinate_dtype)
+    gppcs.write("scan.ply", bare, force=True)
+    code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 40, "--normals", *FAST)
+    assert (code, err) == (0, "")
+    written = gppcs.read("out.ply")
+    assert list(written.attributes) == ["red", "nx", "ny", "nz"]
+    assert written.attributes["nx"].dtype == np.float32
+    np.testing.assert_allclose(written.normals(), gppcs.estimate_normals(scan, written), atol=1e-5)
+
+
 def test_several_inputs_go_to_a_folder(gppcs_command, scan):
     gppcs.write("more.ply", gppcs.sample("fan", 200))
     Path("results").mkdir()

@@ -49,6 +49,7 @@ if TYPE_CHECKING:
         TopVariation,
         Voxel,
     )
+    from gppcs.normals import estimate_normals
     from gppcs.scans import sample
     from gppcs.simplification import Result, simplify
     from gppcs.summary import Summary, info
@@ -90,6 +91,7 @@ _HOMES = {
         "TopVariation",
         "Voxel",
     ),
+    "normals": ("estimate_normals",),
     "scans": ("sample",),
     "simplification": ("Result", "simplify"),
     "summary": ("Summary", "info"),

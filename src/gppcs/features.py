@@ -130,7 +130,7 @@ def _features_in_columns(points, order, starts, row_length, radius, variation, n
                     szz += inside * dz * dz
             index = order[i]
             neighbours[index] = n
-            variation[index] = _flattest(
+            variation[index] = flattest(
                 sxx / n - (sx / n) ** 2, sxy / n - sx / n * sy / n, sxz / n - sx / n * sz / n,
                 syy / n - (sy / n) ** 2, syz / n - sy / n * sz / n, szz / n - (sz / n) ** 2,
                 normals[index],
@@ -161,7 +161,7 @@ def _features_in_tree(points, order, low, high, k, variation, normals, neighbour
             local[axis] -= local[axis].mean()
         index = order[i]
         neighbours[index] = k
-        variation[index] = _flattest(
+        variation[index] = flattest(
             (local[0] * local[0]).mean(), (local[0] * local[1]).mean(), (local[0] * local[2]).mean(),
             (local[1] * local[1]).mean(), (local[1] * local[2]).mean(), (local[2] * local[2]).mean(),
             normals[index],
@@ -169,7 +169,7 @@ def _features_in_tree(points, order, low, high, k, variation, normals, neighbour
 
 
 @nb.njit(cache=True, fastmath=False)
-def _flattest(xx, xy, xz, yy, yz, zz, normal):
+def flattest(xx, xy, xz, yy, yz, zz, normal):
     """Return lambda_0 / trace of a symmetric 3 x 3 matrix, and put the eigenvector of lambda_0 into `normal`.
 
     Closed form (Smith 1961). The eigenvector is the longest cross product of two rows of C - lambda_0 I; where
@@ -220,3 +220,18 @@ def _null_vector(xx, xy, xz, yy, yz, zz, normal):
         length = np.sqrt(x * x + y * y + z * z)
         if length > 0:
             normal[0], normal[1], normal[2] = x / length, y / length, z / length
+
+
+@nb.njit(cache=True)
+def tangents(x, y, z):
+    """Return two unit vectors at right angles to a unit vector and each other."""
+    if abs(x) <= abs(y) and abs(x) <= abs(z):
+        length = np.sqrt(y * y + z * z)
+        u = 0.0, -z / length, y / length
+    elif abs(y) <= abs(z):
+        length = np.sqrt(x * x + z * z)
+        u = z / length, 0.0, -x / length
+    else:
+        length = np.sqrt(x * x + y * y)
+        u = -y / length, x / length, 0.0
+    return u, (y * u[2] - z * u[1], z * u[0] - x * u[2], x * u[1] - y * u[0])

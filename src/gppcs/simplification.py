@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gppcs.cloud import PointCloud
+from gppcs.cloud import NORMALS, PointCloud
 from gppcs.errors import InputError, ParameterError
 from gppcs.methods import DEFAULT, Method, Selection, method_named
 from gppcs.stages import Stages
@@ -54,6 +54,7 @@ def simplify(
     method: str | Method = DEFAULT,
     seed: int | None = None,
     invalid: Literal["error", "drop"] = "error",
+    normals: bool = False,
     stages: Stages | None = None,
 ) -> Result:
     """Choose exactly M points of a cloud.
@@ -73,6 +74,10 @@ def simplify(
         In place of the method's seed; methods without chance take no notice.
     invalid : "error" or "drop"
         What to do where coordinates are NaN or infinite.
+    normals : bool
+        Whether the points kept are to carry the normals `nx`, `ny`, `nz` that `gppcs.estimate_normals` finds for them
+        in the whole cloud, in place of any that they had. A surface rebuilt with these lies closer to the original
+        than one with normals estimated from the points kept alone.
     stages : Stages, optional
         Times the stages; one with a listener tells it of their progress.
 
@@ -105,6 +110,9 @@ def simplify(
     kept = cloud.take(indices)
     if selection.points is not None:
         kept = _moved(kept, np.ldexp(selection.points, exponent) + corner)
+    if normals:
+        with stages("normals"):
+            kept = _with_normals(kept, points, selection)
     return Result(indices, kept, chosen_method, stages.seconds, selection.diagnostics)
 
 
@@ -112,6 +120,16 @@ def _moved(cloud: PointCloud, points: NDArray[np.float64]) -> PointCloud:
     """Return the cloud with its points elsewhere; whole numbers cannot hold the new coordinates."""
     kept = cloud.coordinate_dtype if np.issubdtype(cloud.coordinate_dtype, np.floating) else np.dtype(np.float64)
     return dataclasses.replace(cloud, points=points, coordinate_dtype=kept)
+
+
+def _with_normals(kept: PointCloud, points: NDArray[np.float64], selection: Selection) -> PointCloud:
+    """Return the points kept with the normals of the whole cloud where they are."""
+    from gppcs.normals import estimate_normals
+
+    places = points[selection.indices] if selection.points is None else selection.points
+    columns = np.ascontiguousarray(estimate_normals(points, places).T, dtype=np.float32)
+    carried = dict(zip(NORMALS, columns, strict=True))
+    return dataclasses.replace(kept, attributes={**kept.attributes, **carried})
 
 
 def _choose(points: NDArray[np.float64], count: int, method: Method, stages: Stages) -> Selection:

@@ -27,6 +27,7 @@ EPILOG = (
     "gppcs simplify scan.ply -o small.ply --ratio 0.03 --figures\n\n"
     "gppcs simplify scan.ply -o small.ply --points 5000 --method fps\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --set eigenfunctions=50\n\n"
+    "gppcs simplify scan.ply -o small.ply --ratio 0.1 --normals\n\n"
     "gppcs simplify a.ply b.ply -o folder --ratio 0.1 --json\n\n"
     "[bold]Methods[/bold] (their parameters: gppcs methods NAME)\n\n"
     + "\n\n".join(
@@ -54,6 +55,14 @@ def simplify(
         int | None, typer.Option(help="Of all that a method draws at random; those without chance ignore it.")
     ] = None,
     invalid: Invalid = "error",
+    normals: Annotated[
+        bool,
+        typer.Option(
+            "--normals",
+            help="Give each point kept the normal that all points of the input show there, for rebuilding a surface; "
+            "it replaces one that the input has. Neighbours agree; closed pieces point outward, flat ones up.",
+        ),
+    ] = False,
     figures: Annotated[bool, typer.Option("--figures", help="Measure how good the result is.")] = False,
     picture: Annotated[
         Path | None,
@@ -76,6 +85,7 @@ def simplify(
         "method": method_named(method, _parsed(settings or [])),
         "seed": seed,
         "invalid": invalid,
+        "normals": normals,
     }
     viewpoint = viewpoint_of(view, up, picture is not None)
     simplified([[0.0, 0.0, 0.0]], **options)  # tells what is out of range, before long work

@@ -8,7 +8,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.features import features_of_nearest
+from gppcs.features import features_of_nearest, tangents
 from gppcs.kdtree import KdTree, nearest_in_tree
 
 PLANE = 12  # points that the tangent plane is fitted to, the point itself among them
@@ -95,7 +95,7 @@ def _build_fan(points, low, high, i, normal, corners):
 @nb.njit(cache=True)
 def _lay_out(points, i, normal, found, squared, inverse, index):
     """Lay the neighbours out in the tangent plane, each divided by its squared distance; return how many there are."""
-    u, v = _tangents(normal[0], normal[1], normal[2])
+    u, v = tangents(normal[0], normal[1], normal[2])
     count = 0
     for slot in range(len(found)):
         j = found[slot]
@@ -110,21 +110,6 @@ def _lay_out(points, i, normal, found, squared, inverse, index):
         index[count] = j
         count += 1
     return count
-
-
-@nb.njit(cache=True)
-def _tangents(x, y, z):
-    """Return two unit vectors at right angles to a unit vector and each other."""
-    if abs(x) <= abs(y) and abs(x) <= abs(z):
-        length = np.sqrt(y * y + z * z)
-        u = 0.0, -z / length, y / length
-    elif abs(y) <= abs(z):
-        length = np.sqrt(x * x + z * z)
-        u = z / length, 0.0, -x / length
-    else:
-        length = np.sqrt(x * x + y * y)
-        u = -y / length, x / length, 0.0
-    return u, (y * u[2] - z * u[1], z * u[0] - x * u[2], x * u[1] - y * u[0])
 
 
 @nb.njit(cache=True)

@@ -1,0 +1,259 @@
+"""Normals from quadrics fitted to the cloud, signed so that neighbours agree and pieces point outward."""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gppcs.cloud import PointCloud
+from gppcs.errors import ParameterError
+from gppcs.features import flattest, tangents
+from gppcs.kdtree import KdTree, nearest_in_tree
+from gppcs.neighbourhood import first_occurrences
+
+NEIGHBOURS = 30  # points that a quadric is fitted to: enough to take the noise out
+CLOSE = 16  # points of the fits by which signs are found: fewer, since thin parts matter more there than noise
+EDGES = 8  # nearest neighbours that signs are passed to; farther ones lie on the other side of thin parts
+MOST = 1_000_000  # points of the cloud that take part in that
+UP = np.array([0.01, 0.03, 0.1])  # how flat pieces are turned; never quite along a face that stands upright
+RIDGE = 1e-8  # keeps the equations solvable where points lie on a line or a conic
+
+
+def estimate_normals(
+    cloud: PointCloud | ArrayLike, at: PointCloud | ArrayLike | None = None, neighbours: int = NEIGHBOURS
+) -> NDArray[np.float64]:
+    """Estimate the unit normals of the surface that a cloud lies on, with signs.
+
+    At each place z = a + b u + c v + d u^2 + e u v + f v^2 is fitted to the nearest points of the cloud, over the
+    plane fitted to the same points and with Gaussian weights; its gradient gives the normal (Cazals and Pouget 2005).
+    Signs are passed from neighbour to neighbour along a minimum spanning tree (Hoppe et al. 1992), over steps out of
+    the tangent plane last, since these lead to another sheet. Where parts are about as thin as the points are apart,
+    signs can go wrong. Each connected piece as a whole points outward if it is closed. If it is open it points away
+    from the middle of the cloud, to the side that bulges, or, if flat, up (+z): a convention, since the points do not
+    say which side is outside.
+
+    Parameters
+    ----------
+    cloud : PointCloud or (N, 3) array-like
+        Points that repeat another exactly count once.
+    at : PointCloud or (M, 3) array-like, optional
+        Places on the surface at which the normals are wanted, the points themselves by default.
+    neighbours : int
+        The number of points that each quadric is fitted to; with fewer than 6 the normal is that of the plane.
+
+    Returns
+    -------
+    (M, 3) array, float64
+
+    Raises
+    ------
+    InputError
+        If the cloud or the places are empty, misshapen or not finite.
+    ParameterError
+        If there are fewer than 3 neighbours.
+    """
+    if neighbours < 3:
+        raise ParameterError(f"expected at least 3 neighbours, found {neighbours}")
+    points = PointCloud.of(cloud).usable("cloud")
+    places = points if at is None else PointCloud.of(at).usable("cloud of places")
+    corner = points.min(axis=0)
+    tree = KdTree.build(points[first_occurrences(points)] - corner)
+    places = places - corner
+    normals = _fitted(tree, places, neighbours, 0)[0]
+    sample = tree.points.T[:: -(-tree.points.shape[1] // MOST)]  # in tree order: each part has its share
+    guides = np.concatenate([places, sample])
+    guide_tree = KdTree.build(guides[first_occurrences(guides)])
+    guide_normals = _oriented(guide_tree)
+    nearest = guide_tree.nearest_of(places, 1)[0][:, 0]
+    opposed = np.einsum("ij,ij->i", normals, guide_normals[nearest]) < 0
+    normals[opposed] *= -1
+    return normals
+
+
+def _oriented(tree: KdTree) -> NDArray[np.float64]:
+    """Return the normals of all points of a tree, (N, 3), in the order of its input, with signs."""
+    points = np.ascontiguousarray(tree.points.T)
+    normals, near, areas = _fitted(tree, points, CLOSE, EDGES)
+    edges = np.argsort(_doubts(points, normals, near), axis=None, kind="stable")
+    pieces, signs = _signs(edges, points, normals, near)
+    normals *= signs[:, None]
+    normals *= _outward(points, normals, areas, pieces)[pieces, None]
+    oriented = np.empty_like(normals)
+    oriented[tree.order] = normals
+    return oriented
+
+
+def _outward(
+    points: NDArray[np.float64], normals: NDArray[np.float64], areas: NDArray[np.float64], pieces: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return for each piece 1, or -1 if it has to be turned.
+
+    That is the sign of the flux of p - c through the piece: by the divergence theorem three times its volume if it
+    is closed, wherever c lies. For open pieces c decides: it lies in their middle, moved towards that of the whole,
+    by no more than the size of the piece, and a little down.
+    """
+    size = np.bincount(pieces, areas)
+    size[size == 0] = 1.0  # numbers that no piece has
+    middle = np.stack([np.bincount(pieces, areas * axis) for axis in points.T], axis=1) / size[:, None]
+    radius = np.sqrt(np.bincount(pieces, areas * ((points - middle[pieces]) ** 2).sum(axis=1)) / size)
+    towards = np.average(points, axis=0, weights=areas) - middle
+    distance = np.linalg.norm(towards, axis=1)
+    towards *= np.divide(radius, distance, out=np.ones_like(radius), where=distance > radius)[:, None]
+    centre = middle + towards - radius[:, None] * UP
+    flux = np.bincount(pieces, areas * np.einsum("ij,ij->i", points - centre[pieces], normals))
+    return np.where(flux < 0, -1.0, 1.0)
+
+
+def _fitted(
+    tree: KdTree, places: NDArray[np.float64], k: int, edges: int
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """Return normals without sign, the nearest other points in tree order, and areas that each place stands for."""
+    n = tree.points.shape[1]
+    normals, areas = np.empty((len(places), 3)), np.empty(len(places))
+    near = np.empty((len(places), min(edges, k - 1, n - 1)), dtype=np.int64)
+    _fit_all(tree.points, tree.low, tree.high, places, min(k, n), normals, near, areas)
+    return normals, near, areas
+
+
+@nb.njit(cache=True, parallel=True, nogil=True)
+def _fit_all(points, low, high, places, k, normals, near, areas):
+    for q in nb.prange(len(places)):
+        found = np.empty(k, dtype=np.int64)
+        squared = np.empty(k, dtype=np.float64)
+        nearest_in_tree(points, low, high, places[q, 0], places[q, 1], places[q, 2], found, squared)
+        reach = np.sqrt(squared[-1]) if squared[-1] > 0.0 else 1.0
+        local = np.empty((3, k), dtype=np.float64)
+        for axis in range(3):
+            for slot in range(k):
+                local[axis, slot] = (points[axis, found[slot]] - places[q, axis]) / reach
+        _plane_normal(local, normals[q])
+        _quadric_normal(local, normals[q])
+        for slot in range(near.shape[1]):
+            near[q, slot] = found[slot + 1]
+        areas[q] = reach * reach
+
+
+@nb.njit(cache=True)
+def _plane_normal(local, normal):
+    x, y, z = local[0] - local[0].mean(), local[1] - local[1].mean(), local[2] - local[2].mean()
+    flattest(
+        (x * x).mean(), (x * y).mean(), (x * z).mean(), (y * y).mean(), (y * z).mean(), (z * z).mean(), normal
+    )  # fmt: skip
+
+
+@nb.njit(cache=True)
+def _quadric_normal(local, normal):
+    """Replace the plane's normal by that of the quadric at the origin; points within the unit ball."""
+    if local.shape[1] < 6:
+        return
+    n = normal[0], normal[1], normal[2]
+    s, t = tangents(n[0], n[1], n[2])
+    equations = np.zeros((6, 7), dtype=np.float64)
+    row = np.empty(7, dtype=np.float64)
+    for j in range(local.shape[1]):
+        x, y, z = local[0, j], local[1, j], local[2, j]
+        u, v = s[0] * x + s[1] * y + s[2] * z, t[0] * x + t[1] * y + t[2] * z
+        row[0], row[1], row[2], row[3], row[4], row[5] = 1.0, u, v, u * u, u * v, v * v
+        row[6] = n[0] * x + n[1] * y + n[2] * z
+        weight = np.exp(-(u * u + v * v))
+        for a in range(6):
+            for b in range(a, 7):
+                equations[a, b] += weight * row[a] * row[b]
+    for a in range(6):
+        equations[a, a] += RIDGE
+    _solve(equations)
+    b, c = equations[1, 6], equations[2, 6]
+    if b * b + c * c > 3.0:
+        return  # more than 60 degrees off the plane: extended from points that lie to one side
+    length = np.sqrt(1.0 + b * b + c * c)
+    for axis in range(3):
+        normal[axis] = (n[axis] - b * s[axis] - c * t[axis]) / length
+
+
+@nb.njit(cache=True)
+def _solve(equations):
+    """Put the solution of n symmetric positive definite equations, (n, n + 1), into the last column.
+
+    By elimination, of which only the upper triangle is kept; such equations need no pivots.
+    """
+    n = len(equations)
+    for a in range(n):
+        for b in range(a + 1, n):
+            factor = equations[a, b] / equations[a, a]
+            for c in range(b, n + 1):
+                equations[b, c] -= factor * equations[a, c]
+    for a in range(n - 1, -1, -1):
+        for b in range(a + 1, n):
+            equations[a, n] -= equations[a, b] * equations[b, n]
+        equations[a, n] /= equations[a, a]
+
+
+@nb.njit(cache=True, parallel=True, nogil=True)
+def _doubts(points, normals, near):
+    """Return how doubtful it is to pass the sign on from each point to each neighbour, (N, edges).
+
+    That is little where the normals fit each other but for the sign, and the step between the points stays in the
+    surface; points of another sheet, and noise, lie off it.
+    """
+    doubts = np.empty(near.shape, dtype=np.float32)
+    for i in nb.prange(len(points)):
+        for slot in range(near.shape[1]):
+            fit, off = _fit_of_normals(points, normals, i, near[i, slot])
+            doubts[i, slot] = 1.0 - abs(fit) + 0.5 * off
+    return doubts
+
+
+@nb.njit(cache=True, inline="always")
+def _fit_of_normals(points, normals, i, j):
+    """Return how well one normal fits the other, from -1 to 1, and how far the step between the points is off.
+
+    On an arc, the normal at one end is that at the other mirrored in the plane halfway, so the former is the cosine
+    between the one and the mirrored other; unlike that between the two it sees round an edge (a criterion that Koenig
+    and Gumhold 2009 discuss).
+    The latter is the sum of the sines between the step and the tangent planes.
+    """
+    squared = cosine = rise_i = rise_j = 0.0
+    for axis in range(3):
+        step = points[j, axis] - points[i, axis]
+        squared += step * step
+        cosine += normals[i, axis] * normals[j, axis]
+        rise_i += step * normals[i, axis]
+        rise_j += step * normals[j, axis]
+    if squared == 0.0:
+        return cosine, 0.0
+    return cosine - 2.0 * rise_i * rise_j / squared, (abs(rise_i) + abs(rise_j)) / np.sqrt(squared)
+
+
+@nb.njit(cache=True, nogil=True)
+def _signs(edges, points, normals, near):
+    """Join the points by edges in the order given (Kruskal 1956); return the piece and the sign of each, both (N,).
+
+    A set of joined points is a tree of parents, in which each knows its sign relative to its parent.
+    """
+    parents = np.arange(len(points))
+    signs = np.ones(len(points), dtype=np.int8)
+    for edge in edges:
+        i = edge // near.shape[1]
+        j = near[i, edge % near.shape[1]]
+        a, sign_a = _root(parents, signs, i)
+        b, sign_b = _root(parents, signs, j)
+        if a != b:
+            fit, _ = _fit_of_normals(points, normals, i, j)
+            parents[b] = a
+            signs[b] = sign_a * sign_b * (1 if fit >= 0.0 else -1)
+    for i in range(len(points)):
+        parents[i], signs[i] = _root(parents, signs, i)
+    return parents, signs
+
+
+@nb.njit(cache=True)
+def _root(parents, signs, i):
+    """Return the root of a point and its sign relative to that, and halve the way there for the next time."""
+    sign = 1
+    while parents[i] != i:
+        signs[i] *= signs[parents[i]]
+        parents[i] = parents[parents[i]]
+        sign *= signs[i]
+        i = parents[i]
+    return i, sign
