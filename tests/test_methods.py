@@ -151,7 +151,7 @@ def test_replacing_leaves_the_rest_and_the_original():
     ("name", "settings", "message"),
     [
         ("gp-spektral", {}, "no method 'gp-spektral'; did you mean 'gp-spectral'"),
-        ("xyz", {}, "no method 'xyz'; expected one of gp-spectral, fps-variation, top-variation, fps, random"),
+        ("xyz", {}, "no method 'xyz'; expected one of gp, gp-spectral, fps-variation, top-variation, fps, random"),
         ("gp-spectral", {"neighbors": 5}, "no parameter 'neighbors'; did you mean 'neighbours'"),
         ("random", {"neighbours": 5}, "no parameter 'neighbours'; expected one of seed"),
         ("fps", {"seed": 5}, "no parameter 'seed'; it has none at all"),

@@ -209,7 +209,7 @@ def test_a_cloud_without_finite_points_is_refused():
         ({"n_points": "10"}, "found '?10'?"),
         ({"ratio": 0.5, "method": "fpss"}, "did you mean 'fps'"),
         ({"ratio": 0.5, "invalid": "ignore"}, "invalid to be 'error' or 'drop', found 'ignore'"),
-        ({"ratio": 0.5, "seed": -1}, "expected seed to be at least 0, found -1"),
+        ({"ratio": 0.5, "seed": -1, "method": "random"}, "expected seed to be at least 0, found -1"),
     ],
 )
 def test_parameters_out_of_range_are_named(options, message):
@@ -261,7 +261,9 @@ def test_listeners_hear_of_every_step():
 
     from gppcs.stages import Stages
 
-    gppcs.simplify(quantised("bracket"), n_points=120, stages=Stages(Listener()))
+    for method in ("gp", "gp-spectral"):
+        gppcs.simplify(quantised("bracket"), n_points=120, method=method, stages=Stages(Listener()))
+    assert ["greedy selection", 120, 120, "finished"] in heard
     assert ["farthest points", 40, 40, "finished"] in heard
     assert ["greedy selection", 80, 80, "finished"] in heard
     assert all(stage[3:] == ["finished"] for stage in heard)

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from gppcs.cloud import PointCloud
 from gppcs.errors import ParameterError
-from gppcs.features import flattest, tangents
-from gppcs.kdtree import KdTree, nearest_in_tree
+from gppcs.kdtree import KdTree
+from gppcs.local_quadric import fit_quadric
 from gppcs.neighbourhood import first_occurrences
 
 NEIGHBOURS = 30  # points that a quadric is fitted to: enough to take the noise out
@@ -17,7 +17,6 @@ CLOSE = 16  # points of the fits by which signs are found: fewer, since thin par
 EDGES = 8  # nearest neighbours that signs are passed to; farther ones lie on the other side of thin parts
 MOST = 1_000_000  # points of the cloud that take part in that
 UP = np.array([0.01, 0.03, 0.1])  # how flat pieces are turned; never quite along a face that stands upright
-RIDGE = 1e-8  # keeps the equations solvable where points lie on a line or a conic
 
 
 def estimate_normals(
@@ -116,77 +115,14 @@ def _fitted(
     return normals, near, areas
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
+@nb.njit(cache=True, parallel=True, nogil=True, fastmath=False)
 def _fit_all(points, low, high, places, k, normals, near, areas):
     for q in nb.prange(len(places)):
-        found = np.empty(k, dtype=np.int64)
-        squared = np.empty(k, dtype=np.float64)
-        nearest_in_tree(points, low, high, places[q, 0], places[q, 1], places[q, 2], found, squared)
-        reach = np.sqrt(squared[-1]) if squared[-1] > 0.0 else 1.0
-        local = np.empty((3, k), dtype=np.float64)
-        for axis in range(3):
-            for slot in range(k):
-                local[axis, slot] = (points[axis, found[slot]] - places[q, axis]) / reach
-        _plane_normal(local, normals[q])
-        _quadric_normal(local, normals[q])
+        x, y, z = places[q]
+        _, reach, found = fit_quadric(points, low, high, x, y, z, k, normals[q])
         for slot in range(near.shape[1]):
             near[q, slot] = found[slot + 1]
         areas[q] = reach * reach
-
-
-@nb.njit(cache=True)
-def _plane_normal(local, normal):
-    x, y, z = local[0] - local[0].mean(), local[1] - local[1].mean(), local[2] - local[2].mean()
-    flattest(
-        (x * x).mean(), (x * y).mean(), (x * z).mean(), (y * y).mean(), (y * z).mean(), (z * z).mean(), normal
-    )  # fmt: skip
-
-
-@nb.njit(cache=True)
-def _quadric_normal(local, normal):
-    """Replace the plane's normal by that of the quadric at the origin; points within the unit ball."""
-    if local.shape[1] < 6:
-        return
-    n = normal[0], normal[1], normal[2]
-    s, t = tangents(n[0], n[1], n[2])
-    equations = np.zeros((6, 7), dtype=np.float64)
-    row = np.empty(7, dtype=np.float64)
-    for j in range(local.shape[1]):
-        x, y, z = local[0, j], local[1, j], local[2, j]
-        u, v = s[0] * x + s[1] * y + s[2] * z, t[0] * x + t[1] * y + t[2] * z
-        row[0], row[1], row[2], row[3], row[4], row[5] = 1.0, u, v, u * u, u * v, v * v
-        row[6] = n[0] * x + n[1] * y + n[2] * z
-        weight = np.exp(-(u * u + v * v))
-        for a in range(6):
-            for b in range(a, 7):
-                equations[a, b] += weight * row[a] * row[b]
-    for a in range(6):
-        equations[a, a] += RIDGE
-    _solve(equations)
-    b, c = equations[1, 6], equations[2, 6]
-    if b * b + c * c > 3.0:
-        return  # more than 60 degrees off the plane: extended from points that lie to one side
-    length = np.sqrt(1.0 + b * b + c * c)
-    for axis in range(3):
-        normal[axis] = (n[axis] - b * s[axis] - c * t[axis]) / length
-
-
-@nb.njit(cache=True)
-def _solve(equations):
-    """Put the solution of n symmetric positive definite equations, (n, n + 1), into the last column.
-
-    By elimination, of which only the upper triangle is kept; such equations need no pivots.
-    """
-    n = len(equations)
-    for a in range(n):
-        for b in range(a + 1, n):
-            factor = equations[a, b] / equations[a, a]
-            for c in range(b, n + 1):
-                equations[b, c] -= factor * equations[a, c]
-    for a in range(n - 1, -1, -1):
-        for b in range(a + 1, n):
-            equations[a, n] -= equations[a, b] * equations[b, n]
-        equations[a, n] /= equations[a, a]
 
 
 @nb.njit(cache=True, parallel=True, nogil=True)

@@ -55,6 +55,7 @@ def simplify(
     seed: int | None = None,
     invalid: Literal["error", "drop"] = "error",
     normals: bool = False,
+    scores: bool = False,
     stages: Stages | None = None,
 ) -> Result:
     """Choose exactly M points of a cloud.
@@ -78,6 +79,9 @@ def simplify(
         Whether the points kept are to carry the normals `nx`, `ny`, `nz` that `gppcs.estimate_normals` finds for them
         in the whole cloud, in place of any that they had. A surface rebuilt with these lies closer to the original
         than one with normals estimated from the points kept alone.
+    scores : bool
+        Whether the points kept are to carry what the method found out about each, its `attributes`; zero for points
+        that it did not have to choose, such as repeats.
     stages : Stages, optional
         Times the stages; one with a listener tells it of their progress.
 
@@ -100,6 +104,8 @@ def simplify(
         chosen_method = method_named(method) if isinstance(method, str) else method
         if not isinstance(chosen_method, Method):
             raise ParameterError(f"expected the name of a method or a method such as SpectralGP(), found {method!r}")
+        if scores and not chosen_method.attributes:
+            raise ParameterError(f"method {chosen_method.name!r} gives its points no scores")
         if seed is not None and any(field.name == "seed" for field in dataclasses.fields(chosen_method)):
             chosen_method = chosen_method.replaced({"seed": seed})
         rows = _usable_rows(cloud, invalid)
@@ -113,6 +119,8 @@ def simplify(
     if normals:
         with stages("normals"):
             kept = _with_normals(kept, points, selection)
+    if scores:
+        kept = _with_scores(kept, chosen_method, selection)
     return Result(indices, kept, chosen_method, stages.seconds, selection.diagnostics)
 
 
@@ -129,6 +137,14 @@ def _with_normals(kept: PointCloud, points: NDArray[np.float64], selection: Sele
     places = points[selection.indices] if selection.points is None else selection.points
     columns = np.ascontiguousarray(estimate_normals(points, places).T, dtype=np.float32)
     carried = dict(zip(NORMALS, columns, strict=True))
+    return dataclasses.replace(kept, attributes={**kept.attributes, **carried})
+
+
+def _with_scores(kept: PointCloud, method: Method, selection: Selection) -> PointCloud:
+    """Return the points kept with the method's attributes."""
+    carried = {name: np.zeros(len(kept), dtype=np.float32) for name in method.attributes}
+    for name, values in selection.attributes.items():
+        carried[name][:] = values
     return dataclasses.replace(kept, attributes={**kept.attributes, **carried})
 
 

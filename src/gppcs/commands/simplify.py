@@ -26,7 +26,7 @@ EPILOG = (
     "[bold]Examples[/bold]\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.03 --figures\n\n"
     "gppcs simplify scan.ply -o small.ply --points 5000 --method fps\n\n"
-    "gppcs simplify scan.ply -o small.ply --ratio 0.1 --set eigenfunctions=50\n\n"
+    "gppcs simplify scan.ply -o small.ply --ratio 0.1 --set feature_weight=0.8\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --normals\n\n"
     "gppcs simplify a.ply b.ply -o folder --ratio 0.1 --json\n\n"
     "[bold]Methods[/bold] (their parameters: gppcs methods NAME)\n\n"
@@ -63,6 +63,10 @@ def simplify(
             "it replaces one that the input has. Neighbours agree; closed pieces point outward, flat ones up.",
         ),
     ] = False,
+    scores: Annotated[
+        bool,
+        typer.Option("--scores", help="Give each point kept the method's score and deviation (gp) when it was chosen."),
+    ] = False,
     figures: Annotated[bool, typer.Option("--figures", help="Measure how good the result is.")] = False,
     picture: Annotated[
         Path | None,
@@ -86,6 +90,7 @@ def simplify(
         "seed": seed,
         "invalid": invalid,
         "normals": normals,
+        "scores": scores,
     }
     viewpoint = viewpoint_of(view, up, picture is not None)
     simplified([[0.0, 0.0, 0.0]], **options)  # tells what is out of range, before long work

@@ -9,6 +9,7 @@ from gppcs.errors import ParameterError
 from gppcs.methods.aivs import AIVS
 from gppcs.methods.farthest_point import FarthestPoint
 from gppcs.methods.hierarchical_clustering import HierarchicalClustering
+from gppcs.methods.local_gp import LocalGP
 from gppcs.methods.method import Method, Selection
 from gppcs.methods.pc_simp import PCSimp
 from gppcs.methods.qem import QEM
@@ -23,6 +24,7 @@ from gppcs.names import nearest_name
 METHODS: Mapping[str, type[Method]] = {
     method.name: method
     for method in (
+        LocalGP,
         SpectralGP,
         FarthestPointVariation,
         TopVariation,
@@ -37,7 +39,7 @@ METHODS: Mapping[str, type[Method]] = {
         QEM,
     )
 }
-DEFAULT = SpectralGP.name
+DEFAULT = LocalGP.name
 
 
 def method_named(name: str, settings: Mapping[str, Any] | None = None) -> Method:
@@ -62,6 +64,7 @@ __all__ = [
     "FarthestPoint",
     "FarthestPointVariation",
     "HierarchicalClustering",
+    "LocalGP",
     "Method",
     "PCSimp",
     "Random",

@@ -36,11 +36,14 @@ class Selection:
         What the method found out on the way, such as fitted hyperparameters.
     points : (M, 3) array, float64, optional
         Where the method moved the points to; where not given, they stay in their places.
+    attributes : mapping of name to (M,) array
+        What the method found out about each of them.
     """
 
     indices: NDArray[np.int64]
     diagnostics: Mapping[str, float] = field(default_factory=dict)
     points: NDArray[np.float64] | None = None
+    attributes: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,7 @@ class Method(ABC):
     name: ClassVar[str]
     summary: ClassVar[str]
     source: ClassVar[str]
+    attributes: ClassVar[tuple[str, ...]] = ()  # of a Selection
 
     @abstractmethod
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:

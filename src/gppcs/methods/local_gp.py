@@ -1,0 +1,90 @@
+"""The paper's criterion with a full-rank, local Matérn field: the default."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gppcs.methods.method import Method, Selection
+from gppcs.stages import Stages
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from gppcs.progressive import Criterion
+
+
+@dataclass(frozen=True)
+class LocalGP(Method):
+    """A local, full-rank Gaussian process of the surface variation, and greedy choice by uncertainty plus error.
+
+    Its order is a ranking: each prefix is a simplification of its size. Its attributes are each point's score and the
+    field's standard deviation there when it was chosen, in units of that before any choice. The diagnostic "noise" is
+    the root mean square of how far points lie off the surface, in units of the spacing of the points to be chosen.
+
+    Parameters
+    ----------
+    feature_weight : float
+        From 0, an even cover, to 1, features above all.
+    lengthscale : float
+        Of the Matérn kernel, in units of the spacing of the points to be chosen.
+    neighbours : int
+        How many chosen points the field at a point is conditioned on.
+    candidates : float
+        How many cells of the candidates' grid there are to the square of the target spacing.
+    """
+
+    name = "gp"
+    summary = "a local Gaussian process of full rank: features kept, cover even, noise left out, ranked"
+    source = "the criterion of GP-PCS, Algorithm 1; the field is our own, see docs/local-field.md"
+    attributes = ("score", "deviation")
+
+    feature_weight: float = 0.5
+    lengthscale: float = 1.5
+    neighbours: int = 4
+    candidates: float = 9.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.require(0 <= self.feature_weight <= 1, "feature_weight", "from 0 to 1")
+        self.require(0.1 <= self.lengthscale <= 100, "lengthscale", "from 0.1 to 100")
+        self.require(1 <= self.neighbours <= 64, "neighbours", "from 1 to 64")
+        self.require(3 <= self.candidates <= 1000, "candidates", "from 3 to 1000")
+
+    @property
+    def criterion(self) -> Criterion:
+        """What the selection weighs at this `feature_weight`."""
+        from gppcs.progressive import Criterion
+
+        return Criterion(
+            density_power=1.92 * self.feature_weight,
+            normal_weight=3.2 * self.feature_weight,
+            error_weight=0.8 * self.feature_weight**5,
+            lengthscale=self.lengthscale,
+            neighbours=self.neighbours,
+            candidates=self.candidates,
+        )
+
+    def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
+        """Choose the points; see `Method`."""
+        import numpy as np
+
+        from gppcs.kdtree import KdTree
+        from gppcs.neighbourhood import surface_area
+        from gppcs.noise import variances
+        from gppcs.progressive import rank
+
+        stages = stages or Stages()
+        with stages("tree"):
+            tree = KdTree.build(points)
+            spacing = float(np.sqrt(surface_area(tree) / n_points))
+        with stages("noise"):
+            noise, level = variances(tree, spacing)
+        with stages("greedy selection", n_points) as advanced:
+            ranking = rank(points, n_points, self.criterion, tree, noise, advanced)
+        return Selection(
+            ranking.indices,
+            {"noise": level / spacing if spacing > 0.0 else 0.0},
+            attributes={"score": ranking.scores, "deviation": ranking.deviations},
+        )

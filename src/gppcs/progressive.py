@@ -1,0 +1,165 @@
+"""The default method's selection: from few points to many, each stage at the scale of its own target spacing.
+
+A stage chooses until twice as many points are there as before. Its field is that of its own spacing, so the first
+points are placed as if no more were to come, and every prefix of the result is a simplification of its size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.features import Features, features_in_radius, features_of_nearest
+from gppcs.kdtree import KdTree
+from gppcs.local_field import LocalField
+from gppcs.local_greedy import extend
+from gppcs.neighbourhood import ColumnGrid, first_occurrences, surface_area
+
+FIRST = 64  # points of the first stage at most; it costs as little as any
+FEWEST = 3  # candidates for each point wanted, below which there is nothing to choose from
+FEW = 16  # points of a neighbourhood where candidates are not thinned; a ball might hold any number of them
+EVEN = 0.05  # roughness below which a place counts as flat: it bounds how sparse flat places may become
+NOISE = 1e-4  # variance of an observation without noise, in units of the prior variance: keeps covariances regular
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """What the selection weighs.
+
+    Attributes
+    ----------
+    density_power : float
+        How the density of points follows roughness: points per area as roughness to this power, less where the
+        roughness of the cloud is concentrated in few places.
+    normal_weight : float
+        beta: the distance, in spacings, that a right angle between normals is worth.
+    error_weight : float
+        w: of the error of the surface variation beside the uncertainty.
+    lengthscale : float
+        Of the Matérn kernel, in units of the spacing.
+    neighbours : int
+        K: how many chosen points a posterior is conditioned on.
+    candidates : float
+        About how many candidates there are for each point to be chosen.
+    """
+
+    density_power: float
+    normal_weight: float
+    error_weight: float
+    lengthscale: float
+    neighbours: int
+    candidates: float
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """Points in the order chosen.
+
+    Attributes
+    ----------
+    indices : (M,) array, int64
+    scores, deviations : (M,) arrays, float64
+        Of each when it was chosen: its score, and the posterior's standard deviation, in units of the prior's.
+    """
+
+    indices: NDArray[np.int64]
+    scores: NDArray[np.float64]
+    deviations: NDArray[np.float64]
+
+
+def rank(
+    points: NDArray[np.float64],
+    n_points: int,
+    criterion: Criterion,
+    tree: KdTree,
+    variances: NDArray[np.float64] | None = None,
+    advanced: Callable[[int], None] | None = None,
+) -> Ranking:
+    """Choose `n_points`, the most important first.
+
+    Parameters
+    ----------
+    points : (N, 3) array
+        Without repeats.
+    n_points : int
+        M, from 1 to N.
+    criterion : Criterion
+    tree : KdTree
+        Over the points.
+    variances : (N,) array, optional
+        Of the observation at each point, in units of the prior's at a target spacing of one; none by default.
+    advanced : callable, optional
+        Told of the number of points chosen since the last call.
+    """
+    area = surface_area(tree)
+    chosen = np.empty(0, dtype=np.int64)
+    scores, deviations = [], []
+    for target, candidates, thinned in _stages(points, n_points, area, criterion.candidates):
+        spacing = float(np.sqrt(area / target)) or 1.0
+        members = np.union1d(candidates, chosen)
+        positions = points[members] / spacing
+        local = KdTree.build(positions)
+        features = features_in_radius(ColumnGrid.build(positions, 1.0)) if thinned else features_of_nearest(local, FEW)
+        noise = np.zeros(len(members)) if variances is None else variances[members] / spacing**2
+        field = _field(local, features, noise, criterion)
+        inside = np.empty(len(members), dtype=np.int64)
+        inside[local.order] = np.arange(len(members))
+        extended, score, deviation = extend(
+            field, local, inside[np.searchsorted(members, chosen)], target, criterion.neighbours, criterion.error_weight
+        )
+        scores.append(score)
+        deviations.append(deviation)
+        if advanced:
+            advanced(target - len(chosen))
+        chosen = members[local.order[extended]]
+    return Ranking(chosen, np.concatenate(scores), np.concatenate(deviations))
+
+
+def _stages(
+    points: NDArray[np.float64], n_points: int, area: float, density: float
+) -> list[tuple[int, NDArray[np.int64], bool]]:
+    """Return the targets from coarse to fine, the ascending indices of the candidates of each, and if they are thinned.
+
+    Candidates are the first points of the cells of a grid, `density` cells to the square of the target spacing on a
+    surface along the grid, half as many again on others; those of a coarse stage are among those of the finer ones.
+    Where that would leave too few, those of the finer stage stay.
+    """
+    stages = []
+    target, candidates = n_points, np.arange(len(points))
+    while True:
+        edge = float(np.sqrt(area / (target * density))) or 1.0
+        kept = candidates[first_occurrences(np.floor(points[candidates] / edge))]
+        thinned = len(kept) >= FEWEST * target
+        if thinned:
+            candidates = kept
+        stages.append((target, candidates, thinned))
+        if target <= FIRST:
+            return stages[::-1]
+        target = -(-target // 2)
+
+
+def _field(tree: KdTree, features: Features, noise: NDArray[np.float64], criterion: Criterion) -> LocalField:
+    """Return the field over a tree in units of the target spacing; features and noise are in the tree's input order.
+
+    Roughness is the square root of the surface variation, about the radius of the neighbourhood times the curvature.
+    A piecewise linear surface of given size has the least mean error if its density goes as the square root of the
+    curvature, so the square of the spacing is roughness to a power; the more the roughness is concentrated, as in
+    machine parts, the smaller a power, lest flat faces are left bare.
+    """
+    variation = features.surface_variation[tree.order]
+    roughness = np.maximum(np.sqrt(variation), EVEN)
+    concentration = float(np.var(np.sqrt(variation))) / max(float(np.mean(np.sqrt(variation))) ** 2, EVEN**2)
+    density = roughness ** (criterion.density_power / (1.0 + concentration) ** 2)
+    spread = float(np.std(variation))
+    return LocalField(
+        positions=tree.points,
+        normals=np.ascontiguousarray(features.normals[tree.order].T),
+        spacings=np.sqrt(np.mean(density) / density),
+        y=(variation - np.mean(variation)) / spread if spread > 0.0 else np.zeros(len(noise)),
+        noise=NOISE + noise[tree.order],
+        lengthscale=criterion.lengthscale,
+        normal_weight=criterion.normal_weight / (1.0 + concentration),
+    )
