@@ -27,6 +27,7 @@ from gppcs.neighbourhood import first_occurrences
 CANDIDATES = 25_000  # random points among which the paper's experiments choose
 RELEASED_WEIGHT = 1e-3  # lambda in PC-Simp's released program
 COUNTERPARTS = {  # the paper's name of what a method is put beside
+    "gp": "GP",
     "gp-spectral": "GP",
     "fps-variation": "GP",
     "hc": "HC",
