@@ -20,6 +20,7 @@ METHODS = {
     "gp-spectral, 200 eigenfunctions, k_opt 2000": gppcs.SpectralGP(eigenfunctions=200, k_opt=2000),
     "gp-spectral, 25,000 candidates": gppcs.SpectralGP(candidates=25_000),
     "fps-variation, 25,000 candidates": gppcs.FarthestPointVariation(candidates=25_000),
+    "gp": gppcs.LocalGP(),
     "fps": gppcs.FarthestPoint(),
     "random": gppcs.Random(),
 }

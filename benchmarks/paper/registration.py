@@ -38,7 +38,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import gppcs
 import report
 
-METHODS = ("hc", "gp-spectral")
+METHODS = ("hc", "gp-spectral", "gp")
 ORIGINAL, GRID = "original", "original, global step on a voxel grid"
 RUNS = 5
 VIEW_RATIOS = (0.1, 0.03)
