@@ -70,7 +70,7 @@ def squared_distance(field, i, j):
     """Return |x - x'|^2 / ((s^2 + s'^2) / 2) + beta^2 (1 - (n . n')^2), a distance between points with normals.
 
     The second term is half the squared distance between the projections n n^T and n' n'^T, so that the sign of a
-    normal has no influence and the whole is Euclidean in nine dimensions: any Matérn kernel of it is positive definite.
+    normal has no influence. Where s is the same everywhere, the whole is Euclidean, in nine dimensions.
     """
     p, n = field.positions, field.normals
     dx, dy, dz = p[0, i] - p[0, j], p[1, i] - p[1, j], p[2, i] - p[2, j]
@@ -84,7 +84,8 @@ def squared_distance(field, i, j):
 def correlation(field, i, j, squared):
     """Return the kernel between two points of that squared distance, in units of the prior variance.
 
-    (2 s s' / (s^2 + s'^2))^(3/2) (1 + a + a^2 / 3) exp(-a) with a = sqrt(5) distance / lengthscale.
+    (2 s s' / (s^2 + s'^2))^(3/2) (1 + a + a^2 / 3) exp(-a) with a = sqrt(5) distance / lengthscale; the factor in front
+    keeps it positive definite where s varies.
     """
     s, t = field.spacings[i], field.spacings[j]
     even = 2.0 * s * t / (s * s + t * t)

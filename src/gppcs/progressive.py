@@ -21,7 +21,8 @@ from gppcs.neighbourhood import ColumnGrid, first_occurrences, surface_area
 FIRST = 64  # points of the first stage at most; it costs as little as any
 FEWEST = 3  # candidates for each point wanted, below which there is nothing to choose from
 FEW = 16  # points of a neighbourhood where candidates are not thinned; a ball might hold any number of them
-EVEN = 0.05  # roughness below which a place counts as flat: it bounds how sparse flat places may become
+EVEN = 0.05  # roughness below which a place counts as flat
+SPARSEST = 0.5  # of the mean density of the points to be chosen: no place is left with less
 NOISE = 1e-4  # variance of an observation without noise, in units of the prior variance: keeps covariances regular
 
 
@@ -62,7 +63,8 @@ class Ranking:
     ----------
     indices : (M,) array, int64
     scores, deviations : (M,) arrays, float64
-        Of each when it was chosen: its score, and the posterior's standard deviation, in units of the prior's.
+        Of each when it was chosen: its score, and the posterior's standard deviation, in units of the prior's. Both
+        fall within a stage and rise again at the start of the next, whose field is finer.
     """
 
     indices: NDArray[np.int64]
@@ -90,7 +92,7 @@ def rank(
     tree : KdTree
         Over the points.
     variances : (N,) array, optional
-        Of the observation at each point, in units of the prior's at a target spacing of one; none by default.
+        Of the observation at each point; times 1 / h^2, in units of the prior at spacing h. None by default.
     advanced : callable, optional
         Told of the number of points chosen since the last call.
     """
@@ -146,13 +148,14 @@ def _field(tree: KdTree, features: Features, noise: NDArray[np.float64], criteri
 
     Roughness is the square root of the surface variation, about the radius of the neighbourhood times the curvature.
     A piecewise linear surface of given size has the least mean error if its density goes as the square root of the
-    curvature, so the square of the spacing is roughness to a power; the more the roughness is concentrated, as in
-    machine parts, the smaller a power, lest flat faces are left bare.
+    curvature, so the density here is roughness to a power; the more the roughness is concentrated in few places, the
+    smaller a power, lest flat faces are left bare.
     """
     variation = features.surface_variation[tree.order]
     roughness = np.maximum(np.sqrt(variation), EVEN)
     concentration = float(np.var(np.sqrt(variation))) / max(float(np.mean(np.sqrt(variation))) ** 2, EVEN**2)
     density = roughness ** (criterion.density_power / (1.0 + concentration) ** 2)
+    density = np.maximum(density, SPARSEST * np.mean(density))
     spread = float(np.std(variation))
     return LocalField(
         positions=tree.points,

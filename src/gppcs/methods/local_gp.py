@@ -80,7 +80,7 @@ class LocalGP(Method):
             tree = KdTree.build(points)
             spacing = float(np.sqrt(surface_area(tree) / n_points))
         with stages("noise"):
-            noise, level = variances(tree, spacing)
+            noise, level = variances(tree, n_points, spacing)
         with stages("greedy selection", n_points) as advanced:
             ranking = rank(points, n_points, self.criterion, tree, noise, advanced)
         return Selection(
