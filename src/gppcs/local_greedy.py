@@ -40,8 +40,8 @@ def extend(
     gain g = sigma^2 / (sigma^2 + nu): it takes g sigma^2 from the variance and moves the mean by g (y - mu). The score
     is sqrt(g) sigma + w g |mu - y|. Without noise g is 1, and this is the paper's s = sqrt(diag Sigma) + |mu - y|.
 
-    No choice is missed: a point's posterior changes only if the new point is among the nearest that it is conditioned on, and
-    a node of the tree is passed by only if that can be so of none of its points.
+    No choice is missed: a point's posterior changes only if the new point is among the nearest that it is conditioned
+    on, and a node of the tree is passed by only if that can be so of none of its points.
 
     Parameters
     ----------
