@@ -1,0 +1,80 @@
+"""Prefixes of a ranking by the method `gp`, beside runs that ask for so many points directly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+import conditions
+import gppcs
+import report
+from conditions import COVER, H_MAX, H_MEAN, SURFACE, Column, Condition, Figures
+
+CONDITIONS = (
+    Condition("dragon", "dragon", 0.03),
+    Condition("armadillo_50k", "armadillo_50k", 0.05),
+    Condition("bunny", "bunny", 0.05),
+    Condition("nefertiti", "nefertiti", 0.05),
+)
+STARTS = range(3)  # turns of the cloud
+SHARES = {"M/2": 0.5, "M/4": 0.25, "0.7 M": 0.7}  # the selection doubles its points in stages: 0.7 M is within one
+SHOWN = (H_MEAN, H_MAX, SURFACE, COVER)
+
+
+def direct(condition: Condition, share: float, start: int) -> tuple[gppcs.PointCloud, float]:
+    """Return what a run for a share of M points keeps, and the seconds."""
+    return conditions.simplified(condition, gppcs.LocalGP(), start, round(share * condition.n_points))
+
+
+def prefix(condition: Condition, share: float, start: int) -> tuple[gppcs.PointCloud, float]:
+    """Return the first of the points that a run for M points keeps, and the seconds of that run."""
+    kept, seconds = direct(condition, 1.0, start)
+    return kept.take(np.arange(round(share * condition.n_points))), seconds
+
+
+def values(made: Sequence[Figures], column: Column) -> list[float]:
+    """Return a figure of each run that has it."""
+    return [found[column.figure] for found in made if column.figure in found]
+
+
+def compared(made: tuple[Sequence[Figures], Sequence[Figures]], column: Column) -> list[str]:
+    """Return a figure of prefixes and of direct runs, and the one's geometric mean as a multiple of the other's."""
+    first, second = (values(runs, column) for runs in made)
+    ratio = f"{np.exp(np.mean(np.log(first)) - np.mean(np.log(second))):.3f}" if first and second else ""
+    return [column.cell(first), column.cell(second), ratio]
+
+
+def main() -> None:
+    """Print the table, and write it if it is of all conditions."""
+    chosen, runs = conditions.asked(CONDITIONS, __doc__)
+    rows = []
+    for condition in chosen:
+        for label, share in SHARES.items():
+            prefixes, directs = (
+                [
+                    runs.of(condition, f"{kind}, {label}", start, partial(work, condition, share, start))
+                    for start in STARTS
+                ]
+                for kind, work in (("prefix", prefix), ("direct", direct))
+            )
+            cells = [cell for column in SHOWN for cell in compared((prefixes, directs), column)]
+            rows.append((condition.name, label, f"{round(share * condition.n_points):,}", *cells))
+    titles = [title for column in SHOWN for title in (f"{column.title}: prefix", "direct", "prefix / direct")]
+    conditions.keep(
+        "gp_prefixes",
+        "Prefixes of a ranking by gp beside direct runs",
+        [report.Section("", ("cloud", "size", "points", *titles), rows)],
+        chosen,
+        (
+            "M is the share of the points that stands beside the cloud's name.",
+            f"Mean ± standard deviation of {len(STARTS)} runs, the first of the cloud as it is, the others of it "
+            "turned at random; the multiples are of geometric means.",
+        ),
+        whole=len(chosen) == len(CONDITIONS),
+    )
+
+
+if __name__ == "__main__":
+    main()
