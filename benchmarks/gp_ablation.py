@@ -80,10 +80,11 @@ def changes() -> dict[str, Change]:
     found["noise off"] = Change(replaced=[(noise, "QUIET", np.inf)])
     for value in (0.25, 1.0):
         found[f"noise tolerated {value:g} for {noise.TOLERATED:g}"] = Change(replaced=[(noise, "TOLERATED", value)])
-    for value in (25, 60):  # a default of the function, which a change of the constant would not reach
-        fewer_or_more = partial(noise.residuals, neighbours=value)
-        found[f"points of the noise's quadrics {value} for {noise.NEIGHBOURS}"] = Change(
-            replaced=[(noise, "residuals", fewer_or_more)]
+    for value in (25, 60):
+        found[f"points of the noise's quadrics {value} for {noise.MOST}"] = Change(replaced=[(noise, "MOST", value)])
+    for value in (0.0, 0.7):
+        found[f"least density {value:g} for {progressive.SPARSEST:g}"] = Change(
+            replaced=[(progressive, "SPARSEST", value)]
         )
     for value in (0.03, 0.1):
         found[f"even below {value:g} for {progressive.EVEN:g}"] = Change(replaced=[(progressive, "EVEN", value)])

@@ -23,6 +23,7 @@ FEWEST = 3  # candidates for each point wanted, below which there is nothing to 
 FEW = 16  # points of a neighbourhood where candidates are not thinned; a ball might hold any number of them
 EVEN = 0.05  # roughness below which a place counts as flat
 SPARSEST = 0.5  # of the mean density of the points to be chosen: no place is left with less
+FLAT = 1e-12  # spread of the surface variation that is nothing but rounding
 NOISE = 1e-4  # variance of an observation without noise, in units of the prior variance: keeps covariances regular
 
 
@@ -161,7 +162,7 @@ def _field(tree: KdTree, features: Features, noise: NDArray[np.float64], criteri
         positions=tree.points,
         normals=np.ascontiguousarray(features.normals[tree.order].T),
         spacings=np.sqrt(np.mean(density) / density),
-        y=(variation - np.mean(variation)) / spread if spread > 0.0 else np.zeros(len(noise)),
+        y=(variation - np.mean(variation)) / spread if spread > FLAT else np.zeros(len(noise)),
         noise=NOISE + noise[tree.order],
         lengthscale=criterion.lengthscale,
         normal_weight=criterion.normal_weight / (1.0 + concentration),
