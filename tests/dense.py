@@ -31,6 +31,37 @@ def greedy(phi, y, noise, initial, n_points, k_add):
     return np.array(active)
 
 
+def local_squared_distances(field):
+    """Of all pairs: positions by the mean of the squared spacings, and normals as projections, in nine dimensions."""
+    gaps = ((field.positions[:, :, None] - field.positions[:, None, :]) ** 2).sum(axis=0)
+    projections = np.einsum("an,bn->nab", field.normals, field.normals).reshape(len(field.y), 9)
+    across = ((projections[:, None] - projections) ** 2).sum(axis=2) / 2
+    squares = field.spacings**2
+    return gaps / ((squares[:, None] + squares) / 2) + field.normal_weight**2 * across
+
+
+def local_kernel(field):
+    """Matérn 5/2 of that distance, with the factor of Paciorek and Schervish for spacings that differ."""
+    spacings = field.spacings
+    even = 2 * np.outer(spacings, spacings) / (spacings[:, None] ** 2 + spacings**2)
+    a = np.sqrt(5 * local_squared_distances(field)) / field.lengthscale
+    return even**1.5 * (1 + a + a**2 / 3) * np.exp(-a)
+
+
+def local_posterior(kernel, field, i, given):
+    """Mean and variance at a point, given a few (Eqs. 3 and 4)."""
+    across = kernel[i, given]
+    weights = np.linalg.solve(kernel[np.ix_(given, given)] + np.diag(field.noise[given]), across)
+    return weights @ field.y[given], max(1 - weights @ across, 0.0)
+
+
+def local_scores(kernel, field, nearest, error_weight):
+    """Score and standard deviation of each point, given those nearest it."""
+    mean, variance = np.array([local_posterior(kernel, field, i, given) for i, given in enumerate(nearest)]).T
+    gain = variance / (variance + field.noise)
+    return np.sqrt(gain * variance) + error_weight * gain * np.abs(mean - field.y), np.sqrt(variance)
+
+
 def distances_to_triangles(points, triangles):
     """The distance of each of (P, 3) points to the nearest of (F, 3, 3) triangles: to its inside or to a side."""
     least = np.full(len(points), np.inf)

@@ -116,6 +116,24 @@ def test_parameters_seed_and_number_of_points_reach_the_method(gppcs_command, sc
     assert gppcs.read("out.npy").points.tobytes() == expected.tobytes()
 
 
+def test_scores_go_into_the_file(gppcs_command, scan):
+    code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 40, "--scores")
+    assert (code, err) == (0, "")
+    kept = gppcs.read("out.ply")
+    expected = gppcs.simplify(scan, n_points=40, scores=True).cloud
+    assert list(kept.attributes) == [*scan.attributes, "score", "deviation"]
+    for name in ("score", "deviation"):
+        np.testing.assert_array_equal(kept.attributes[name], expected.attributes[name])
+
+
+def test_scores_of_a_method_without_are_refused(gppcs_command, scan):
+    code, out, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 40, "--scores", *FAST)
+    assert code != 0
+    assert out == ""
+    assert "method 'fps' gives its points no scores" in err
+    assert not Path("out.ply").exists()
+
+
 def test_normals_of_the_whole_cloud_are_written(gppcs_command, scan):
     bare = gppcs.PointCloud(scan.points, {"red": scan.attributes["red"]}, scan.coordinate_dtype)
     gppcs.write("scan.ply", bare, force=True)

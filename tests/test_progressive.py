@@ -1,0 +1,134 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gppcs.features import Features
+from gppcs.kdtree import KdTree
+from gppcs.neighbourhood import surface_area
+from gppcs.progressive import FEWEST, FIRST, NOISE, Criterion, _field, _stages, rank
+
+RANDOM = np.random.default_rng(0)
+EVERY = 1e6  # candidates for each point wanted: no two points in one cell
+
+
+def criterion(**changes):
+    usual = Criterion(
+        density_power=0.96, normal_weight=1.6, error_weight=0.025, lengthscale=1.5, neighbours=4, candidates=9.0
+    )
+    return Criterion(**{**vars(usual), **changes})
+
+
+def ranked(points, n_points, variances=None, advanced=None, **changes):
+    return rank(points, n_points, criterion(**changes), KdTree.build(points), variances, advanced)
+
+
+def test_targets_double_and_candidates_of_a_stage_are_among_those_of_the_next(bracket):
+    stages = _stages(bracket, 3_001, surface_area(KdTree.build(bracket)), 9.0)
+    assert [target for target, _, _ in stages] == [47, 94, 188, 376, 751, 1501, 3001]
+    assert stages[0][0] <= FIRST
+    for (_, coarse, _), (_, fine, _) in pairwise(stages):
+        assert np.isin(coarse, fine).all()
+    for target, candidates, thinned in stages:
+        assert (np.diff(candidates) > 0).all()
+        assert len(candidates) >= FEWEST * target
+        assert thinned == (len(candidates) < 20_000)
+    assert not stages[-1][2] or len(stages[-1][1]) < 20_000
+
+
+def test_there_are_nine_candidates_for_each_point_wanted_or_half_as_many_again(sphere):
+    """On a plane along the grid as many as asked for, on a sphere half as many again; found 9.2 and 13.0."""
+    plane = np.column_stack([RANDOM.random((40_000, 2)), np.zeros(40_000)])
+    for points, expected in ((plane, 9), (sphere, 13.5)):
+        target, candidates, thinned = _stages(points, 50, surface_area(KdTree.build(points)), 9.0)[0]
+        assert thinned
+        assert len(candidates) / target == pytest.approx(expected, rel=0.1)
+
+
+def test_the_first_point_of_a_cell_stays():
+    points = np.column_stack([RANDOM.random((40_000, 2)), np.zeros(40_000)])
+    _, candidates, _ = _stages(points, 50, 1.0, 9.0)[0]
+    _, first = np.unique(np.floor(points / np.sqrt(1 / 450)), axis=0, return_index=True)
+    np.testing.assert_array_equal(candidates, np.sort(first))
+
+
+def test_where_there_is_little_to_choose_from_all_stay():
+    points = RANDOM.random((100, 3))
+    for target, candidates, thinned in _stages(points, 60, surface_area(KdTree.build(points)), 9.0):
+        assert target == 60
+        assert not thinned
+        np.testing.assert_array_equal(candidates, np.arange(100))
+
+
+def field_of(variation, **changes):
+    n = len(variation)
+    tree = KdTree.build(RANDOM.random((n, 3)))
+    normals = RANDOM.standard_normal((n, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    features = Features(variation, normals, np.full(n, 9, dtype=np.int32))
+    return tree, features, _field(tree, features, np.arange(float(n)), criterion(**changes))
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(2, 200), st.floats(0, 1.92), st.integers(0, 999))
+def test_the_field_is_denser_where_it_is_rougher(n, power, seed):
+    variation = np.random.default_rng(seed).random(n) / 3
+    tree, features, field = field_of(variation, density_power=power)
+    assert np.mean(field.spacings**-2) == pytest.approx(1)  # as many points as wanted on the whole
+    roughness = np.sqrt(variation[tree.order])
+    concentration = roughness.var() / roughness.mean() ** 2
+    expected = np.maximum(roughness, 0.05) ** (-power / (1 + concentration) ** 2 / 2)
+    np.testing.assert_allclose(field.spacings / field.spacings[0], expected / expected[0], rtol=1e-9)
+    assert field.normal_weight == pytest.approx(1.6 / (1 + concentration))
+    assert np.mean(field.y) == pytest.approx(0, abs=1e-9)
+    assert np.std(field.y) == pytest.approx(1)
+    assert np.corrcoef(field.y, variation[tree.order])[0, 1] == pytest.approx(1)
+    np.testing.assert_array_equal(field.normals.T, features.normals[tree.order])
+    np.testing.assert_allclose(field.noise, NOISE + tree.order, rtol=1e-12)
+
+
+@pytest.mark.parametrize("variation", [np.zeros(20), np.full(20, 0.2), 1e-16 * RANDOM.random(20)])
+def test_a_cloud_alike_everywhere_has_one_spacing_and_no_error(variation):
+    """Its surface variation differs by rounding alone."""
+    _, _, field = field_of(variation)
+    np.testing.assert_allclose(field.spacings, 1, rtol=1e-12)
+    np.testing.assert_array_equal(field.y, 0)
+
+
+@pytest.mark.parametrize("n_points", [100, 101, 250])
+def test_half_as_many_are_the_first_half_where_every_point_is_a_candidate(bracket, n_points):
+    points = bracket[:900] / 100
+    half = -(-n_points // 2)
+    whole, direct = ranked(points, n_points, candidates=EVERY), ranked(points, half, candidates=EVERY)
+    np.testing.assert_array_equal(whole.indices[:half], direct.indices)
+    np.testing.assert_array_equal(whole.scores[:half], direct.scores)
+    np.testing.assert_array_equal(whole.deviations[:half], direct.deviations)
+
+
+@pytest.mark.parametrize("n_points", [1, 64, 65, 500, 900])
+def test_a_ranking_has_each_point_once_and_tells_of_its_progress(bracket, n_points):
+    steps = []
+    ranking = ranked(bracket[:900], n_points, advanced=steps.append)
+    assert len(np.unique(ranking.indices)) == len(ranking.indices) == n_points
+    assert len(ranking.scores) == len(ranking.deviations) == n_points == sum(steps)
+    assert ranking.deviations[0] == 1
+    assert (ranking.deviations > 0).all()
+    assert (ranking.deviations <= 1).all()
+
+
+def test_points_of_great_variance_are_chosen_late():
+    points = np.column_stack([RANDOM.random((3_000, 2)), np.zeros(3_000)])
+    variances = np.where(np.arange(3_000) % 2, 0.0, 1.0)
+    chosen = ranked(points, 100, variances).indices
+    assert (chosen % 2).mean() > 0.95
+    assert 0.3 < (ranked(points, 100).indices % 2).mean() < 0.7
+
+
+def test_twice_the_size_with_four_times_the_variances_is_the_same_choice():
+    points = np.round(RANDOM.random((2_000, 3)) * 1024) / 1024
+    variances = RANDOM.random(2_000) * 1e-3
+    once, twice = ranked(points, 200, variances), ranked(points * 2, 200, variances * 4)
+    np.testing.assert_array_equal(once.indices, twice.indices)
+    np.testing.assert_array_equal(once.deviations, twice.deviations)
