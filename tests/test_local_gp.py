@@ -51,9 +51,9 @@ def off_the_sphere(points):
     return np.sqrt(np.mean((np.linalg.norm(points, axis=1) - 1) ** 2))
 
 
-@pytest.mark.parametrize(("sigma", "at_most"), [(0.005, 0.93), (0.01, 0.85), (0.02, 0.74)])
+@pytest.mark.parametrize(("sigma", "at_most"), [(0.01, 0.85), (0.02, 0.74)])
 def test_noise_is_left_out(sphere, sigma, at_most):
-    """600 of 20,000 points, whose spacing is 0.14; found 0.87, 0.78 and 0.67 of all points' distance off the sphere."""
+    """600 of 20,000 points, whose spacing is 0.14; found 0.78 and 0.67 of all points' distance off the sphere."""
     noisy = sphere[::2] * (1 + sigma * np.random.default_rng(0).standard_normal((20_000, 1)))
     result = gppcs.simplify(noisy, n_points=600)
     assert off_the_sphere(noisy[result.indices]) < at_most * off_the_sphere(noisy)

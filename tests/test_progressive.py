@@ -79,7 +79,8 @@ def test_the_field_is_denser_where_it_is_rougher(n, power, seed):
     assert np.mean(field.spacings**-2) == pytest.approx(1)  # as many points as wanted on the whole
     roughness = np.sqrt(variation[tree.order])
     concentration = roughness.var() / roughness.mean() ** 2
-    expected = np.maximum(roughness, 0.05) ** (-power / (1 + concentration) ** 2 / 2)
+    density = np.maximum(roughness, 0.05) ** (power / (1 + concentration) ** 2)
+    expected = np.maximum(density, density.mean() / 2) ** -0.5
     np.testing.assert_allclose(field.spacings / field.spacings[0], expected / expected[0], rtol=1e-9)
     assert field.normal_weight == pytest.approx(1.6 / (1 + concentration))
     assert np.mean(field.y) == pytest.approx(0, abs=1e-9)
