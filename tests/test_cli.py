@@ -109,7 +109,7 @@ def _vertices(path):
 
 
 def test_parameters_seed_and_number_of_points_reach_the_method(gppcs_command, scan):
-    options = ("--points", 30, "--set", "k_add=5", "--set", "nu=inf", "--seed", 3)
+    options = ("--points", 30, "--method", "gp-spectral", "--set", "k_add=5", "--set", "nu=inf", "--seed", 3)
     assert gppcs_command("simplify", "scan.ply", "-o", "out.npy", *options)[0] == 0
     method = gppcs.SpectralGP(k_add=5, nu=math.inf, seed=3)
     expected = gppcs.simplify(scan, n_points=30, method=method).cloud.points
@@ -234,7 +234,7 @@ def test_sample_json_says_what_was_made(gppcs_command):
 
 
 def test_simplify_json_is_one_strict_object_a_line(gppcs_command, scan):
-    options = ("--points", 40, "--set", "nu=inf", "--figures", "--json")
+    options = ("--points", 40, "--method", "gp-spectral", "--set", "nu=inf", "--figures", "--json")
     code, out, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", *options)
     assert (code, err, out.count("\n")) == (0, "", 1)
     record = json.loads(out, parse_constant=pytest.fail)
@@ -255,7 +255,7 @@ def test_simplify_prints_times_parameters_and_figures(gppcs_command, scan):
     assert title == "scan.ply → out.ply"
     for name in ("points", "method", "noise", "reading, s", "greedy selection, s", "all, s", "covering radius"):
         assert sum(row.startswith(f"{name} ") for row in rows) == 1
-    assert "gp-spectral (neighbours=25, eigenfunctions=20, nu=2.5," in out
+    assert "gp (feature_weight=0.5, lengthscale=1.5, neighbours=4," in out
 
 
 def test_info_prints_the_facts(gppcs_command):
@@ -432,10 +432,10 @@ def test_input_that_cannot_be_used(gppcs_command, scan, damage, parts):
         (["--points", 5, "--ratio", 0.5], ["found both"]),
         (["--points", 5, "--method", "gp-spektral"], ["did you mean 'gp-spectral'?"]),
         (["--points", 5, "--set", "neighbors=9"], ["did you mean 'neighbours'?"]),
-        (["--points", 5, "--set", "neighbours=1"], ["neighbours to be at least 3, found 1"]),
+        (["--points", 5, "--set", "neighbours=0"], ["neighbours to be from 1 to 64, found 0"]),
         (["--points", 5, "--set", "neighbours=few"], ["neighbours to be int, found 'few'"]),
         (["--points", 5, "--set", "neighbours"], ["--set KEY=VALUE, found 'neighbours'"]),
-        (["--points", 5, "--seed", -1], ["seed to be at least 0, found -1"]),
+        (["--points", 5, "--method", "random", "--seed", -1], ["seed to be at least 0, found -1"]),
         (["--points", 5, "--invalid", "ignore"], ["'ignore' is not one of 'error', 'drop'"]),
         (["--points", 5, "--picture", "picture.jpg"], ["picture.jpg: expected a name that ends in .png"]),
         (["--points", 5, "--picture", "none/picture.png"], ["none/picture.png: expected a folder"]),

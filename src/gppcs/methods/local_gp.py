@@ -36,7 +36,7 @@ class LocalGP(Method):
     """
 
     name = "gp"
-    summary = "a local Gaussian process of full rank: features kept, cover even, noise left out, ranked"
+    summary = "a local Gaussian process of full rank: features kept, cover even, a ranking"
     source = "the criterion of GP-PCS, Algorithm 1; the field is our own, see docs/local-field.md"
     attributes = ("score", "deviation")
 
