@@ -127,3 +127,15 @@ def test_what_cannot_be_measured_is_refused():
         estimate_features([[0, 0, np.nan]])
     with pytest.raises(gppcs.ParameterError, match="'radius' or 'nearest'"):
         estimate_features([[0, 0, 0]], search="knn")
+
+
+FAR = np.array([1e5, 1e5, 2e5])
+
+
+def test_walls_far_apart_are_measured_each_by_itself():
+    """Cells are numbered round again, so that far points share columns, and the distance tells them apart."""
+    wall = np.random.default_rng(0).random((2_000, 3)) * [1, 1, 0.01]
+    near = features_in_radius(ColumnGrid.build(wall, 0.1))
+    far = features_in_radius(ColumnGrid.build(np.concatenate([wall, wall + FAR]), 0.1))
+    np.testing.assert_array_equal(far.neighbours, np.tile(near.neighbours, 2))
+    np.testing.assert_allclose(far.surface_variation, np.tile(near.surface_variation, 2), atol=1e-8)

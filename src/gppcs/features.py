@@ -100,9 +100,10 @@ def _features_in_columns(points, order, starts, row_length, radius, variation, n
         high = np.empty(9, dtype=np.int64)
         last = np.empty(9, dtype=np.int64)
         runs = 0
-        for near_u in range(max(u - 1, 0), min(u + 2, columns // row_length)):
-            for near_v in range(max(v - 1, 0), min(v + 2, row_length)):
-                near = near_u * row_length + near_v
+        rows = columns // row_length
+        for a in range(min(3, rows)):  # from the row before to that after, round the ends
+            for b in range(min(3, row_length)):
+                near = (u + a + rows - 1) % rows * row_length + (v + b + row_length - 1) % row_length
                 if starts[near] < starts[near + 1]:
                     low[runs] = high[runs] = starts[near]
                     last[runs] = starts[near + 1]

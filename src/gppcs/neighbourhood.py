@@ -67,18 +67,14 @@ class ColumnGrid:
 def _cells(row: NDArray[np.float64], width: float, most: float) -> tuple[NDArray[np.int64], int]:
     """Return the number of each coordinate's cell, and how many cells there are, about 4 `most` at most.
 
-    Where a few far points stretch the range, cells cover its middle and the outermost take in what lies beyond;
-    points within a cell's width of each other still have neighbouring numbers.
+    Where the range holds more, numbers begin again at zero: points within a cell's width of each other have numbers
+    that follow each other round, whatever far points stretch the range.
     """
     low, high = row.min(), row.max()
-    if high - low > width * most * 4:
-        low, high = np.quantile(row, (0.01, 0.99))
-        width = max(width, (high - low) / (4 * most))
-    count = int((high - low) / width) + 1 if width > 0 else 1
-    number = np.zeros(len(row), dtype=np.int64)
-    if count > 1:
-        number += np.clip((row - low) / width, 0, count - 1).astype(np.int64)
-    return number, count
+    if not width > 0.0:
+        return np.zeros(len(row), dtype=np.int64), 1
+    count = int(min((high - low) / width, 4 * most)) + 1
+    return np.mod(np.floor((row - low) / width), count).astype(np.int64), count
 
 
 @nb.njit(cache=True)

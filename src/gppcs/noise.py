@@ -18,8 +18,8 @@ QUIET = 0.04  # of the target spacing: a level of noise that changes no choice w
 def variances(tree: KdTree, n_points: int, spacing: float) -> tuple[NDArray[np.float64] | None, float]:
     """Return the variance of each point's observation across the surface, and the level of the noise.
 
-    A point's residual is its distance from the quadric fitted to its nearest points, as many as there are within about
-    the target spacing: beyond, detail that is to be kept would pass for noise. The level is the root of the mean
+    A point's residual is its distance from the quadric fitted to its nearest points, as many as there are on average
+    within the target spacing: beyond, detail that is to be kept would pass for noise. The level is the root of the mean
     squared residual of some points. Where it is small, or too few points lie so near, there is no noise to speak of.
 
     Parameters

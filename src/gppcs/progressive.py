@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from gppcs.neighbourhood import ColumnGrid, first_occurrences, surface_area
 
 FIRST = 64  # points of the first stage at most; it costs as little as any
 FEWEST = 3  # candidates for each point wanted, below which there is nothing to choose from
+MANY = 3  # times as many candidates as there are cells to the square of the target spacing: more than a surface has
 FEW = 16  # points of a neighbourhood where candidates are not thinned; a ball might hold any number of them
 EVEN = 0.05  # roughness below which a place counts as flat
 SPARSEST = 0.5  # of the mean density of the points to be chosen: no place is left with less
@@ -64,8 +66,9 @@ class Ranking:
     ----------
     indices : (M,) array, int64
     scores, deviations : (M,) arrays, float64
-        Of each when it was chosen: its score, and the posterior's standard deviation, in units of the prior's. Both
-        fall within a stage and rise again at the start of the next, whose field is finer.
+        Of each when it was chosen: its score, and the posterior's standard deviation, in units of the prior's. Scores
+        fall within a stage, but for what the error and the small number of neighbours change, and rise at the start of
+        the next, whose field is finer.
     """
 
     indices: NDArray[np.int64]
@@ -97,10 +100,9 @@ def rank(
     advanced : callable, optional
         Told of the number of points chosen since the last call.
     """
-    area = surface_area(tree)
     chosen = np.empty(0, dtype=np.int64)
     scores, deviations = [], []
-    for target, candidates, thinned in _stages(points, n_points, area, criterion.candidates):
+    for target, candidates, thinned, area in _stages(points, n_points, surface_area(tree), criterion.candidates):
         spacing = float(np.sqrt(area / target)) or 1.0
         members = np.union1d(candidates, chosen)
         positions = points[members] / spacing
@@ -121,27 +123,46 @@ def rank(
     return Ranking(chosen, np.concatenate(scores), np.concatenate(deviations))
 
 
-def _stages(
-    points: NDArray[np.float64], n_points: int, area: float, density: float
-) -> list[tuple[int, NDArray[np.int64], bool]]:
-    """Return the targets from coarse to fine, the ascending indices of the candidates of each, and if they are thinned.
+class _Stage(NamedTuple):
+    """How many points are wanted, the ascending indices of their candidates, if those are thinned, and the area."""
+
+    target: int
+    candidates: NDArray[np.int64]
+    thinned: bool
+    area: float
+
+
+def _stages(points: NDArray[np.float64], n_points: int, area: float, density: float) -> list[_Stage]:
+    """Return the stages from coarse to fine.
 
     Candidates are the first points of the cells of a grid, `density` cells to the square of the target spacing on a
     surface along the grid, half as many again on others; those of a coarse stage are among those of the finer ones.
     Where that would leave too few, those of the finer stage stay.
+
+    The number of occupied cells tells where the estimate of the area fails: that of points on curves is too small, and
+    that of a cloud with most points in a dot is too large. The area is then doubled, or halved, for this stage and the
+    coarser ones.
     """
     stages = []
     target, candidates = n_points, np.arange(len(points))
+    grown = False
     while True:
         edge = float(np.sqrt(area / (target * density))) or 1.0
         kept = candidates[first_occurrences(np.floor(points[candidates] / edge))]
+        if len(kept) > MANY * density * target:
+            area *= 2.0
+            grown = True
+            continue
+        if len(kept) < FEWEST * target and len(candidates) > MANY * density * target and not grown:
+            area *= 0.5
+            continue
         thinned = len(kept) >= FEWEST * target
         if thinned:
             candidates = kept
-        stages.append((target, candidates, thinned))
+        stages.append(_Stage(target, candidates, thinned, area))
         if target <= FIRST:
             return stages[::-1]
-        target = -(-target // 2)
+        target, grown = -(-target // 2), False
 
 
 def _field(tree: KdTree, features: Features, noise: NDArray[np.float64], criterion: Criterion) -> LocalField:

@@ -106,6 +106,8 @@ def simplify(
             raise ParameterError(f"expected the name of a method or a method such as SpectralGP(), found {method!r}")
         if scores and not chosen_method.attributes:
             raise ParameterError(f"method {chosen_method.name!r} gives its points no scores")
+        if scores and (taken := sorted(set(chosen_method.attributes) & set(cloud.attributes))):
+            raise InputError(f"the cloud has an attribute {taken[0]!r} already: rename it, or do without scores")
         if seed is not None and any(field.name == "seed" for field in dataclasses.fields(chosen_method)):
             chosen_method = chosen_method.replaced({"seed": seed})
         rows = _usable_rows(cloud, invalid)
