@@ -21,14 +21,12 @@ from gppcs.progressive import Criterion
 
 CONDITIONS = (
     Condition("bunny", "bunny", 0.05),
-    Condition("armadillo_50k", "armadillo_50k", 0.05),
     Condition("nefertiti", "nefertiti", 0.05),
-    Condition("face_rangemap", "face_rangemap", 0.03),
     Condition("fandisk_60k_sampled", "fandisk", 1_200),
     Condition("armadillo_100k_noise_2.5e-3", "armadillo_50k", 0.05),
 )
-STARTS = range(3)  # turns of the cloud
-OTHERS = range(3, 6)
+STARTS = range(2)  # turns of the cloud
+OTHERS = range(2, 4)
 SHOWN = (H_MEAN, H_MAX, SURFACE)
 USUAL = gppcs.LocalGP()
 DEFAULT = "default"
