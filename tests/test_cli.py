@@ -253,7 +253,15 @@ def test_simplify_prints_times_parameters_and_figures(gppcs_command, scan):
     _, out, _ = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 40, "--figures")
     title, *rows = out.splitlines()
     assert title == "scan.ply → out.ply"
-    for name in ("points", "method", "noise", "reading, s", "greedy selection, s", "all, s", "covering radius"):
+    for name in (
+        "points",
+        "method",
+        "noise_in_spacings",
+        "reading, s",
+        "greedy selection, s",
+        "all, s",
+        "covering radius",
+    ):
         assert sum(row.startswith(f"{name} ") for row in rows) == 1
     assert "gp (feature_weight=0.5, lengthscale=1.5, neighbours=4," in out
 

@@ -58,7 +58,7 @@ def test_noise_is_left_out(sphere, sigma, at_most):
     result = gppcs.simplify(noisy, n_points=600)
     assert off_the_sphere(noisy[result.indices]) < at_most * off_the_sphere(noisy)
     assert off_the_sphere(noisy[chosen(noisy, 600, "fps")]) > off_the_sphere(noisy)
-    assert result.diagnostics["noise"] == pytest.approx(sigma / 0.145, rel=0.3)
+    assert result.diagnostics["noise_in_spacings"] == pytest.approx(sigma / 0.145, rel=0.3)
 
 
 def test_half_of_the_points_in_a_dot_get_no_more_than_their_share():

@@ -20,8 +20,9 @@ class LocalGP(Method):
     """A local, full-rank Gaussian process of the surface variation, and greedy choice by uncertainty plus error.
 
     Its order is a ranking: each prefix is a simplification of its size. Its attributes are each point's score and the
-    field's standard deviation there when it was chosen, in units of that before any choice. The diagnostic "noise" is
-    the root mean square of how far points lie off the surface, in units of the spacing of the points to be chosen.
+    field's standard deviation there when it was chosen, in units of that before any choice. The diagnostic
+    "noise_in_spacings" is the root mean square of how far points lie off the surface, in units of the spacing of the
+    points to be chosen.
 
     Parameters
     ----------
@@ -85,6 +86,6 @@ class LocalGP(Method):
             ranking = rank(points, n_points, self.criterion, tree, noise, advanced)
         return Selection(
             ranking.indices,
-            {"noise": level / spacing if spacing > 0.0 else 0.0},
+            {"noise_in_spacings": level / spacing if spacing > 0.0 else 0.0},
             attributes={"score": ranking.scores, "deviation": ranking.deviations},
         )
