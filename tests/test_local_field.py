@@ -8,7 +8,8 @@ from scipy.spatial.distance import cdist
 
 import dense
 from gppcs.farthest_point import farthest_points
-from gppcs.local_field import LocalField, condition, correlation, posterior, squared_distance
+from gppcs.local_field import LocalField, condition, squared_distance
+from gppcs.local_posterior import LANES, correlate, posterior
 
 
 def random_field(n, seed, normal_weight=1.0, lengthscale=1.5):
@@ -43,16 +44,14 @@ def flat_field(points, lengthscale=1.5):
 def kernel_of(field):
     """All pairs by the module's own kernel."""
     n = len(field.y)
-    pairs = [(i, j) for i in range(n) for j in range(n)]
-    return np.array([correlation(field, i, j, squared_distance(field, i, j)) for i, j in pairs]).reshape(n, n)
-
-
-def posterior_of(field, conditioning):
-    """Mean and variance everywhere."""
-    k = conditioning.nearest.shape[1]
-    work = np.full((k, k + 2), np.nan)  # what is read was written before
-    rows = zip(conditioning.nearest, conditioning.squared, strict=True)
-    return np.array([posterior(field, i, nearest, squared, work) for i, (nearest, squared) in enumerate(rows)]).T
+    sites = np.vstack([field.positions, field.normals, field.spacings, field.y, field.noise])
+    kernel = np.empty(n * n + LANES)
+    i, j = np.divmod(np.arange(len(kernel)) % n**2, n)
+    for begin in range(0, n * n, LANES):
+        lanes = slice(begin, begin + LANES)
+        pair = np.stack([sites[:, i[lanes]], sites[:, j[lanes]]])
+        correlate(pair, 0, 1, field.lengthscale, field.normal_weight, kernel[lanes])
+    return kernel[: n * n].reshape(n, n)
 
 
 fields = st.builds(
@@ -124,7 +123,7 @@ def test_posterior_equals_equations_3_and_4_given_the_nearest(field, k, data):
     n = len(field.y)
     chosen = np.random.default_rng(n).permutation(n)[: data.draw(st.integers(0, n))]
     conditioning = condition(field, chosen, k)
-    mean, variance = posterior_of(field, conditioning)
+    mean, variance = posterior(field, conditioning)
     kernel = dense.local_kernel(field)
     for i in range(n):
         given_points = chosen if k >= len(chosen) else conditioning.nearest[i]
@@ -138,8 +137,8 @@ def test_a_point_without_noise_that_is_given_twice_is_no_failure():
     for array in (field.positions, field.normals):
         array[:, 1] = array[:, 0]
     field.spacings[1], field.y[1] = field.spacings[0], field.y[0]
-    mean, variance = posterior_of(field, condition(field, np.array([0, 1]), 2))
-    alone = posterior_of(field, condition(field, np.array([0]), 2))
+    mean, variance = posterior(field, condition(field, np.array([0, 1]), 2))
+    alone = posterior(field, condition(field, np.array([0]), 2))
     np.testing.assert_allclose((mean, variance), alone, atol=1e-5)
     assert mean[1] == pytest.approx(field.y[1], abs=1e-9)
 
@@ -150,7 +149,7 @@ def errors_of_few_neighbours(k):
     field = flat_field(points)
     chosen, _ = farthest_points(np.ascontiguousarray(field.positions.T), 80)
     rest = np.setdiff1d(np.arange(500), chosen)
-    mean, variance = posterior_of(field, condition(field, chosen, k))
+    mean, variance = posterior(field, condition(field, chosen, k))
     kernel = dense.local_kernel(field)
     whole_mean, whole_variance = np.array([dense.local_posterior(kernel, field, i, chosen) for i in range(500)]).T
     return (
@@ -220,7 +219,7 @@ def beside_the_equation(alpha, neighbours):
     exact_mean, exact_variance = posterior_by_precision(precision, variance, chosen, field.y, 1e-4, queries)
     rows = []
     for k in neighbours:
-        mean, variance = posterior_of(field, condition(field, chosen, k))[:, queries]
+        mean, variance = np.array(posterior(field, condition(field, chosen, k)))[:, queries]
         error = np.sqrt(np.mean((mean - exact_mean) ** 2) / np.mean(exact_mean**2))
         rows.append((error, np.mean(np.sqrt(variance)) / np.mean(np.sqrt(exact_variance))))
     return np.array(rows)

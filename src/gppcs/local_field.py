@@ -1,9 +1,9 @@
-"""A full-rank Matérn field on the surface, whose posterior at a point needs only the chosen points near it.
+"""A full-rank Matérn field on the surface: distances in it, and which chosen points a point is conditioned on.
 
-The paper's posterior (Eqs. 3 and 4) with a kernel that is not truncated: Matérn of smoothness 5/2, whose lengthscale is
-about the spacing of the points to be chosen and varies with the place (Paciorek and Schervish 2004), over a distance
-that takes positions and normals together. A point is conditioned on the nearest few chosen ones, which screen off the
-others (Vecchia 1988; Datta et al. 2016).
+The kernel is not truncated, as the paper's is: Matérn of smoothness 5/2, whose lengthscale is about the spacing of the
+points to be chosen and varies with the place (Paciorek and Schervish 2004), over a distance that takes positions and
+normals together. A point is conditioned on the nearest few chosen ones, which screen off the others (Vecchia 1988;
+Datta et al. 2016).
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from gppcs.kdtree import KdTree, nearest_in_tree
 
-NEGLIGIBLE = 1e-12  # of the prior variance: what is left of a pivot that rounding has used up
 SURPLUS = 2  # times as many neighbours by position are looked at as are kept by the field's distance
 
 
@@ -65,64 +64,25 @@ class Conditioning(NamedTuple):
     squared: NDArray[np.float64]
 
 
-@nb.njit(cache=True, fastmath=False)
-def squared_distance(field, i, j):
-    """Return |x - x'|^2 / ((s^2 + s'^2) / 2) + beta^2 (1 - (n . n')^2), a distance between points with normals.
+@nb.njit(cache=True, error_model="numpy", fastmath=False)
+def field_distance(dx, dy, dz, cosine, s, r, normal_weight):
+    """Return |x - x'|^2 / ((s^2 + s'^2) / 2) + beta^2 (1 - (n . n')^2), a squared distance of points with normals.
 
     The second term is half the squared distance between the projections n n^T and n' n'^T, so that the sign of a
     normal has no influence. Where s is the same everywhere, the whole is Euclidean, in nine dimensions.
     """
-    p, n = field.positions, field.normals
-    dx, dy, dz = p[0, i] - p[0, j], p[1, i] - p[1, j], p[2, i] - p[2, j]
+    across = normal_weight * normal_weight * max(0.0, 1.0 - cosine * cosine)
+    return (dx * dx + dy * dy + dz * dz) / (0.5 * (s * s + r * r)) + across
+
+
+@nb.njit(cache=True, error_model="numpy", fastmath=False)
+def squared_distance(field, i, j):
+    """Return the squared distance in the field between two points."""
+    p, n, s = field.positions, field.normals, field.spacings
     cosine = n[0, i] * n[0, j] + n[1, i] * n[1, j] + n[2, i] * n[2, j]
-    scale = 0.5 * (field.spacings[i] * field.spacings[i] + field.spacings[j] * field.spacings[j])
-    across = field.normal_weight * field.normal_weight * max(0.0, 1.0 - cosine * cosine)
-    return (dx * dx + dy * dy + dz * dz) / scale + across
-
-
-@nb.njit(cache=True, fastmath=False)
-def correlation(field, i, j, squared):
-    """Return the kernel between two points of that squared distance, in units of the prior variance.
-
-    (2 s s' / (s^2 + s'^2))^(3/2) (1 + a + a^2 / 3) exp(-a) with a = sqrt(5) distance / lengthscale; the factor in front
-    keeps it positive definite where s varies.
-    """
-    s, t = field.spacings[i], field.spacings[j]
-    even = 2.0 * s * t / (s * s + t * t)
-    a = np.sqrt(5.0 * squared) / field.lengthscale
-    return even * np.sqrt(even) * (1.0 + a + a * a / 3.0) * np.exp(-a)
-
-
-@nb.njit(cache=True, fastmath=False)
-def posterior(field, i, nearest, squared, work):
-    """Return mean and variance at a point (paper, Eqs. 3 and 4), given the chosen points it is conditioned on.
-
-    `work` is (K, K + 2): the Cholesky factor of their covariance, and two right-hand sides.
-    """
-    k = len(nearest)
-    mean, variance = 0.0, 1.0
-    for a in range(k):
-        if nearest[a] < 0:
-            break
-        work[a, k] = correlation(field, i, nearest[a], squared[a])
-        work[a, k + 1] = field.y[nearest[a]]
-        for b in range(a):
-            between = squared_distance(field, nearest[a], nearest[b])
-            work[a, b] = correlation(field, nearest[a], nearest[b], between)
-            for c in range(b):
-                work[a, b] -= work[a, c] * work[b, c]
-            work[a, b] /= work[b, b]
-        pivot = 1.0 + field.noise[nearest[a]]
-        for c in range(a):
-            pivot -= work[a, c] * work[a, c]
-            work[a, k] -= work[a, c] * work[c, k]
-            work[a, k + 1] -= work[a, c] * work[c, k + 1]
-        work[a, a] = np.sqrt(max(pivot, NEGLIGIBLE))
-        work[a, k] /= work[a, a]
-        work[a, k + 1] /= work[a, a]
-        variance -= work[a, k] * work[a, k]
-        mean += work[a, k] * work[a, k + 1]
-    return mean, max(variance, 0.0)
+    return field_distance(
+        p[0, i] - p[0, j], p[1, i] - p[1, j], p[2, i] - p[2, j], cosine, s[i], s[j], field.normal_weight
+    )
 
 
 @nb.njit(cache=True, fastmath=False)

@@ -8,11 +8,19 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.kdtree import KdTree, first_leaf, greater_child, greatest_in_leaf, greatest_of_all, squared_distance_to_box
-from gppcs.local_field import Conditioning, LocalField, condition, keep_nearest, posterior, squared_distance
+from gppcs.kdtree import (
+    LEAF_SIZE,
+    KdTree,
+    first_leaf,
+    greater_child,
+    greatest_in_leaf,
+    greatest_of_all,
+    squared_distance_to_box,
+)
+from gppcs.local_field import Conditioning, LocalField, condition, keep_nearest, squared_distance
+from gppcs.local_posterior import LANES, posterior, posteriors, workspace
 
 TAKEN = -1.0  # in place of the score of a chosen point: below any
-CHUNKS = 256  # of the points, in whatever number of threads
 
 
 class _Nodes(NamedTuple):
@@ -66,16 +74,16 @@ def extend(
         Score and sigma of each added point when it was chosen.
     """
     conditioning = condition(field, chosen, neighbours)
-    scores = np.zeros(len(field.y))
+    means, variances = posterior(field, conditioning)
+    scores = _score(means, variances, field.y, field.noise, error_weight)
     scores[chosen] = TAKEN
-    _score_all(field, conditioning, error_weight, scores)
     nodes = _nodes(field, tree, conditioning, scores)
     position = np.empty(len(tree.order), dtype=np.int64)
     position[tree.order] = np.arange(len(tree.order))
     extended = np.concatenate([chosen, np.empty(n_points - len(chosen), dtype=np.int64)])
     added = np.empty((2, n_points - len(chosen)))
-    _choose(field, conditioning, nodes, position, error_weight, scores, extended[len(chosen) :], added)
-    return extended, added[0], added[1]
+    _choose(field, conditioning, nodes, position, error_weight, variances, scores, extended[len(chosen) :], added)
+    return extended, added[0], np.sqrt(added[1])
 
 
 def _nodes(field: LocalField, tree: KdTree, conditioning: Conditioning, scores: NDArray[np.float64]) -> _Nodes:
@@ -99,74 +107,79 @@ def _greatest(values: NDArray[np.float64], nodes: int) -> NDArray[np.float64]:
     return greatest
 
 
-@nb.njit(cache=True, fastmath=False)
-def _score(field, conditioning, error_weight, i, work):
-    """Return the score of a point and the posterior's standard deviation there."""
-    mean, variance = posterior(field, i, conditioning.nearest[i], conditioning.squared[i], work)
-    gain = variance / (variance + field.noise[i])
-    return np.sqrt(gain * variance) + error_weight * gain * abs(mean - field.y[i]), np.sqrt(variance)
-
-
-@nb.njit(cache=True, parallel=True, nogil=True, fastmath=False)
-def _score_all(field, conditioning, error_weight, scores):
-    n, k = conditioning.nearest.shape
-    for chunk in nb.prange(CHUNKS):
-        work = np.empty((k, k + 2), dtype=np.float64)
-        for i in range(n * chunk // CHUNKS, n * (chunk + 1) // CHUNKS):
-            if scores[i] != TAKEN:
-                scores[i], _ = _score(field, conditioning, error_weight, i, work)
+@nb.njit(cache=True, error_model="numpy", fastmath=False)
+def _score(mean, variance, y, noise, error_weight):
+    gain = variance / (variance + noise)
+    return np.sqrt(gain * variance) + error_weight * gain * np.abs(mean - y)
 
 
 @nb.njit(cache=True, nogil=True, fastmath=False)
-def _choose(field, conditioning, nodes, position, error_weight, scores, chosen, added):
-    """Fill `chosen` and, of each, score and standard deviation into the rows of `added`."""
-    k = conditioning.nearest.shape[1]
-    leaves = first_leaf(nodes.low)
-    work = np.empty((k, k + 2), dtype=np.float64)
-    stack = np.empty(64, dtype=np.int64)
-    visited = np.empty(leaves, dtype=np.int64)
+def _choose(field, conditioning, nodes, position, error_weight, variances, scores, chosen, added):
+    """Fill `chosen` and, of each, score and variance into the rows of `added`."""
+    work = workspace(conditioning.nearest.shape[1])
+    visited = np.empty(len(nodes.low), dtype=np.int64)
+    changed = np.empty(len(scores), dtype=np.int64)
+    gaps = np.empty(LEAF_SIZE, dtype=np.float64)
     for m in range(len(chosen)):
         new = position[nodes.holder[1]]
-        chosen[m] = new
-        added[0, m], added[1, m] = _score(field, conditioning, error_weight, new, work)
+        chosen[m], added[0, m], added[1, m] = new, scores[new], variances[new]
         scores[new] = TAKEN
-        x, y, z = field.positions[:, new]
-        stack[0] = 1
-        height, inner = 1, 0
-        while height:
-            height -= 1
-            node = stack[height]
-            if node >= leaves:
-                _tell_leaf(node, new, field, conditioning, nodes, error_weight, scores, work)
-                continue
-            visited[inner] = node
-            inner += 1
+        nodes_visited, points_changed = _tell(new, field, conditioning, nodes, scores, visited, changed, gaps)
+        for begin in range(0, points_changed, LANES):
+            end = min(begin + LANES, points_changed)
+            posteriors(field, conditioning.nearest, changed, begin, end, work)
+            for p in range(end - begin):
+                i = changed[begin + p]
+                variances[i] = work.variance[p]
+                scores[i] = _score(work.mean[p], work.variance[p], field.y[i], field.noise[i], error_weight)
+        for v in range(nodes_visited - 1, -1, -1):  # children before their parents
+            _renew(visited[v], conditioning, nodes, scores)
+
+
+@nb.njit(cache=True, fastmath=False)
+def _tell(new, field, conditioning, nodes, scores, visited, changed, gaps):
+    """Condition on the new point what it is near to; return the numbers of nodes visited and of points changed."""
+    n, leaves = len(scores), first_leaf(nodes.low)
+    x, y, z = field.positions[:, new]
+    stack = np.empty(64, dtype=np.int64)
+    stack[0] = 1
+    height, seen, count = 1, 0, 0
+    while height:
+        height -= 1
+        node = stack[height]
+        visited[seen] = node
+        seen += 1
+        if node < leaves:
             for child in (2 * node, 2 * node + 1):
                 scale = 0.5 * (nodes.widest[child] ** 2 + field.spacings[new] ** 2)
                 gap = squared_distance_to_box(nodes.low[child], nodes.high[child], x, y, z)
                 if gap <= nodes.reach[child] * scale:
                     stack[height] = child
                     height += 1
-        for v in range(inner - 1, -1, -1):  # children before their parents
-            node = visited[v]
-            greater_child(node, nodes.best, nodes.holder)
-            nodes.reach[node] = max(nodes.reach[2 * node], nodes.reach[2 * node + 1])
+            continue
+        begin, end = n * (node - leaves) // leaves, n * (node - leaves + 1) // leaves
+        for slot in range(end - begin):
+            gaps[slot] = squared_distance(field, begin + slot, new)
+        for slot in range(end - begin):
+            i = begin + slot
+            if gaps[slot] < conditioning.squared[i, -1] and scores[i] != TAKEN:
+                keep_nearest(conditioning.nearest[i], conditioning.squared[i], new, gaps[slot])
+                changed[count] = i
+                count += 1
+    return seen, count
 
 
 @nb.njit(cache=True, fastmath=False)
-def _tell_leaf(node, new, field, conditioning, nodes, error_weight, scores, work):
-    """Let the points of a leaf know of the new one, and score again those that are conditioned on it."""
+def _renew(node, conditioning, nodes, scores):
+    """Renew what is kept of a node, from its points or its children."""
     n, leaves = len(scores), first_leaf(nodes.low)
+    if node < leaves:
+        greater_child(node, nodes.best, nodes.holder)
+        nodes.reach[node] = max(nodes.reach[2 * node], nodes.reach[2 * node + 1])
+        return
+    greatest_in_leaf(node, nodes.order, scores, nodes.best, nodes.holder)
     reach = 0.0
     for i in range(n * (node - leaves) // leaves, n * (node - leaves + 1) // leaves):
-        if scores[i] == TAKEN:
-            continue
-        farthest = conditioning.squared[i, -1]
-        distance = squared_distance(field, i, new)
-        if distance < farthest:
-            keep_nearest(conditioning.nearest[i], conditioning.squared[i], new, distance)
-            scores[i], _ = _score(field, conditioning, error_weight, i, work)
-            farthest = conditioning.squared[i, -1]
-        reach = max(reach, farthest)
+        if scores[i] != TAKEN:
+            reach = max(reach, conditioning.squared[i, -1])
     nodes.reach[node] = reach
-    greatest_in_leaf(node, nodes.order, scores, nodes.best, nodes.holder)
