@@ -7,6 +7,7 @@ from gppcs.features import features_in_radius
 from gppcs.kdtree import KdTree
 from gppcs.neighbourhood import (
     ColumnGrid,
+    first_in_cells,
     first_occurrences,
     neighbourhood_radius,
     paper_radius,
@@ -94,3 +95,16 @@ def test_the_area_is_that_of_the_surface_whatever_the_density(density):
 def test_the_area_of_few_points(n, area):
     points = np.eye(3)[:n] / np.sqrt(2)
     assert surface_area(KdTree.build(points)) == pytest.approx(n * area)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(1, 3_000), st.sampled_from([0.02, 0.1, 0.5, 3.0]), st.integers(0, 10**6))
+def test_first_in_cells_are_those_of_a_dictionary(n, edge, seed):
+    """The table grows several times where the edge is small."""
+    rng = np.random.default_rng(seed)
+    points = rng.random((n, 3))
+    among = np.flatnonzero(rng.random(n) < 0.8)
+    first = {}
+    for i in among:
+        first.setdefault(tuple(np.floor(points[i] * (1.0 / edge))), i)
+    np.testing.assert_array_equal(first_in_cells(points, edge, among), list(first.values()))

@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from gppcs.kdtree import KdTree
-from gppcs.noise import FEWEST, MOST, QUIET, residuals, variances
+from gppcs.noise import FEWEST, MOST, QUIET, Noise, residuals
 
 RANDOM = np.random.default_rng(0)
 
@@ -14,38 +14,41 @@ def rough_plane(sigma, n=20_000):
 
 def test_smooth_surfaces_are_quiet(sphere):
     """Found, in the unit of the sphere's radius: 2.5e-7, and 1e-4 for a twentieth of the points."""
-    assert variances(KdTree.build(sphere), 500, 0.01) == (None, pytest.approx(0, abs=1e-6))
-    assert variances(KdTree.build(sphere[::20]), 100, 0.05) == (None, pytest.approx(0, abs=5e-4))
-    assert variances(KdTree.build(rough_plane(0.0)), 500, 0.01) == (None, pytest.approx(0, abs=1e-12))
+    for points, n_points, spacing, most in (
+        (sphere, 500, 0.01, 1e-6), (sphere[::20], 100, 0.05, 5e-4), (rough_plane(0.0), 500, 0.01, 1e-12),
+    ):  # fmt: skip
+        noise = Noise.measure(KdTree.build(points), n_points, spacing)
+        assert noise.quiet
+        assert noise.level <= most
+        assert (noise.variances(points) == 0).all()
 
 
 @pytest.mark.parametrize("sigma", [0.001, 0.002, 0.005, 0.01])
 def test_the_level_is_about_that_of_the_noise(sigma):
     """Found: 0.92 to 1.00 of it, as a point pulls its quadric along; balls of 40 points have a radius of 0.025."""
-    _, level = variances(KdTree.build(rough_plane(sigma)), 400, 0.02)
+    level = Noise.measure(KdTree.build(rough_plane(sigma)), 400, 0.02).level
     assert 0.85 * sigma < level < 1.1 * sigma
 
 
-def test_each_point_has_the_square_of_its_residual_in_the_order_of_the_input():
+def test_each_point_has_the_square_of_its_residual_whatever_the_order_of_the_tree():
     """A half of the target spacing counts as one, and so does more; correlation with the true distance: 0.88."""
     points = rough_plane(0.005)
     tree = KdTree.build(points)
-    found, _ = variances(tree, 500, 0.02)
-    of_each = np.empty(len(points))
-    of_each[tree.order] = residuals(tree, np.arange(len(points)), MOST)
+    found = Noise.measure(tree, 500, 0.02).variances(points)
+    of_each = residuals(tree, points, MOST)
     np.testing.assert_allclose(found, np.minimum(of_each / 0.5, 0.02) ** 2, rtol=1e-12)
     assert 0 < (found == 0.02**2).mean() < 0.1
     assert np.corrcoef(of_each, np.abs(points[:, 2]))[0, 1] > 0.8
     shuffled = RANDOM.permutation(len(points))
-    np.testing.assert_allclose(variances(KdTree.build(points[shuffled]), 500, 0.02)[0], found[shuffled], rtol=1e-5)
+    other = Noise.measure(KdTree.build(points[shuffled]), 500, 0.02)
+    np.testing.assert_allclose(other.variances(points), found, rtol=1e-5)
 
 
 def test_residuals_equal_least_squares():
     points = rough_plane(0.01, 400)
     tree = KdTree.build(points)
     _, near = cKDTree(points).query(points, MOST)
-    found = np.empty(400)
-    found[tree.order] = residuals(tree, np.arange(400), MOST)
+    found = residuals(tree, points, MOST)
     for i in range(0, 400, 7):
         local = points[near[i]] - points[i]
         local /= np.linalg.norm(local, axis=1).max()
@@ -59,28 +62,29 @@ def test_residuals_equal_least_squares():
 
 def test_noise_counts_where_it_is_large_beside_the_target_spacing():
     tree = KdTree.build(rough_plane(0.002))
-    _, level = variances(tree, 500, 1.0)
-    assert variances(tree, 500, 1.02 * level / QUIET)[0] is None
-    assert variances(tree, 500, 0.98 * level / QUIET)[0] is not None
+    level = Noise.measure(tree, 500, 1.0).level
+    assert Noise.measure(tree, 500, 1.02 * level / QUIET).quiet
+    assert not Noise.measure(tree, 500, 0.98 * level / QUIET).quiet
 
 
 def test_noise_is_not_told_from_detail_where_few_points_lie_within_the_target_spacing():
     points = rough_plane(0.01, 4_000)
     most = int(np.pi * len(points) / FEWEST)
-    assert variances(KdTree.build(points), most - 5, 0.02)[0] is not None
-    assert variances(KdTree.build(points), most + 5, 0.02) == (None, 0.0)
+    assert not Noise.measure(KdTree.build(points), most - 5, 0.02).quiet
+    assert Noise.measure(KdTree.build(points), most + 5, 0.02).level == 0
 
 
 def test_a_point_off_the_surface_stands_out():
     points = rough_plane(0.002)
     points[77] = [0.5, 0.5, 0.02]
-    found, _ = variances(KdTree.build(points), 50, 0.045)
+    found = Noise.measure(KdTree.build(points), 50, 0.045).variances(points)
     assert found.argmax() == 77
     assert np.sqrt(found[77]) * 0.5 == pytest.approx(0.02, rel=0.25)
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 6, 39])
 def test_small_clouds(n):
-    found = residuals(KdTree.build(RANDOM.random((n, 3))), np.arange(n), MOST)
+    points = RANDOM.random((n, 3))
+    found = residuals(KdTree.build(points), points, MOST)
     assert (found == 0).all() if n < 6 else (found > 0).all()
-    assert variances(KdTree.build(RANDOM.random((n, 3))), n, 1.0) == (None, 0.0)
+    assert Noise.measure(KdTree.build(points), n, 1.0).quiet

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from gppcs.features import Features
 from gppcs.kdtree import KdTree
 from gppcs.neighbourhood import surface_area
-from gppcs.progressive import FEWEST, FIRST, NOISE, Criterion, _field, _stages, rank
+from gppcs.noise import Noise
+from gppcs.progressive import FEWEST, FIRST, NOISE, Criterion, _field, _stages, rank, sampled_tree
 
 RANDOM = np.random.default_rng(0)
 EVERY = 1e6  # candidates for each point wanted: no two points in one cell
@@ -22,7 +23,7 @@ def criterion(**changes):
 
 
 def ranked(points, n_points, variances=None, advanced=None, **changes):
-    return rank(points, n_points, criterion(**changes), KdTree.build(points), variances, advanced)
+    return rank(points, n_points, criterion(**changes), surface_area(KdTree.build(points)), variances, advanced)
 
 
 def test_targets_double_and_candidates_of_a_stage_are_among_those_of_the_next(bracket):
@@ -134,15 +135,28 @@ def test_a_ranking_has_each_point_once_and_tells_of_its_progress(bracket, n_poin
 
 def test_points_of_great_variance_are_chosen_late():
     points = np.column_stack([RANDOM.random((3_000, 2)), np.zeros(3_000)])
-    variances = np.where(np.arange(3_000) % 2, 0.0, 1.0)
-    chosen = ranked(points, 100, variances).indices
-    assert (chosen % 2).mean() > 0.95
-    assert 0.3 < (ranked(points, 100).indices % 2).mean() < 0.7
+    left = points[:, 0] < 0.5
+    chosen = ranked(points, 100, lambda places: np.where(places[:, 0] < 0.5, 0.0, 1.0)).indices
+    assert left[chosen].mean() > 0.7
+    assert 0.3 < left[ranked(points, 100).indices].mean() < 0.7
 
 
 def test_twice_the_size_with_four_times_the_variances_is_the_same_choice():
     points = np.round(RANDOM.random((2_000, 3)) * 1024) / 1024
-    variances = RANDOM.random(2_000) * 1e-3
-    once, twice = ranked(points, 200, variances), ranked(points * 2, 200, variances * 4)
+    once = ranked(points, 200, lambda places: places[:, 0] * 1e-3)
+    twice = ranked(points * 2, 200, lambda places: places[:, 0] / 2 * 4e-3)
     np.testing.assert_array_equal(once.indices, twice.indices)
     np.testing.assert_array_equal(once.deviations, twice.deviations)
+
+
+def test_area_and_noise_of_millions_are_judged_by_some(monkeypatch):
+    points = np.column_stack([RANDOM.random((200_000, 2)), 0.002 * RANDOM.standard_normal(200_000)])
+    every = sampled_tree(points, 500)
+    monkeypatch.setattr("gppcs.progressive.MOST_SAMPLED", 20_000)
+    some = sampled_tree(points, 500)
+    assert len(every.order) == 200_000
+    assert 18_000 < len(some.order) < 20_000
+    assert len(sampled_tree(points, 6_251).order) == 200_000  # 16 for each are half of them
+    assert surface_area(some) == pytest.approx(1.0, rel=0.1)
+    levels = [Noise.measure(tree, 500, 0.045).level for tree in (every, some)]
+    assert levels[1] == pytest.approx(levels[0], rel=0.1)

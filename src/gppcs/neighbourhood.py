@@ -162,15 +162,8 @@ def first_occurrences(points: NDArray[np.float64]) -> NDArray[np.bool_]:
 def _mark_first(points, table):
     mask = np.uint64(len(table) - 1)
     first = np.ones(len(points), dtype=np.bool_)
-    bits = np.empty(3, dtype=np.float64)
-    words = bits.view(np.uint64)
     for i in range(len(points)):
-        for axis in range(3):
-            bits[axis] = points[i, axis] + 0.0  # makes -0 the 0 that it equals
-        h = words[0] * np.uint64(0x9E3779B97F4A7C15)
-        h = (h ^ (h >> np.uint64(29)) ^ words[1]) * np.uint64(0xBF58476D1CE4E5B9)
-        h = (h ^ (h >> np.uint64(32)) ^ words[2]) * np.uint64(0x94D049BB133111EB)
-        slot = (h ^ (h >> np.uint64(31))) & mask
+        slot = _mixed(points[i, 0], points[i, 1], points[i, 2]) & mask
         while table[slot] >= 0:
             other = points[table[slot]]
             if other[0] == points[i, 0] and other[1] == points[i, 1] and other[2] == points[i, 2]:
@@ -180,3 +173,64 @@ def _mark_first(points, table):
         if first[i]:
             table[slot] = i
     return first
+
+
+def first_in_cells(points: NDArray[np.float64], edge: float, among: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return those of the indices `among` whose points, (N, 3), are the first in their cell of a grid of that edge.
+
+    The grid begins at the origin. By hashing; memory grows with the number of cells that hold points, not with the
+    grid's extent or the number of points.
+    """
+    return among[_first_in_cells(points, 1.0 / edge, among)]
+
+
+@nb.njit(cache=True, nogil=True)
+def _first_in_cells(points, scale, among):
+    table = np.full(1 << 10, -1, dtype=np.int64)
+    kept = np.empty(len(table) // 2, dtype=np.int64)
+    cells = np.empty((len(kept), 3), dtype=np.float64)
+    count = 0
+    for c in range(len(among)):
+        i = among[c]
+        u, v, w = np.floor(points[i, 0] * scale), np.floor(points[i, 1] * scale), np.floor(points[i, 2] * scale)
+        slot = _slot(table, cells, u, v, w)
+        if table[slot] >= 0:
+            continue
+        if count == len(kept):
+            table = np.full(2 * len(table), -1, dtype=np.int64)
+            kept, cells = np.append(kept, kept), np.append(cells, cells, axis=0)
+            for known in range(count):
+                table[_slot(table, cells, cells[known, 0], cells[known, 1], cells[known, 2])] = known
+            slot = _slot(table, cells, u, v, w)
+        table[slot] = count
+        kept[count] = c
+        cells[count, 0], cells[count, 1], cells[count, 2] = u, v, w
+        count += 1
+    return kept[:count]
+
+
+@nb.njit(cache=True)
+def _slot(table, cells, u, v, w):
+    """Return the slot of the table that holds a cell, or that it is to be put into."""
+    mask = np.uint64(len(table) - 1)
+    h = _mixed(u, v, w)
+    while True:
+        slot = h & mask
+        known = table[slot]
+        if known < 0 or (cells[known, 0] == u and cells[known, 1] == v and cells[known, 2] == w):
+            return slot
+        h += np.uint64(1)
+
+
+@nb.njit(cache=True)
+def _mixed(x, y, z):
+    """Return a hash of three numbers; zero and minus zero are the same."""
+    a, b, c = (
+        np.float64(x + 0.0).view(np.uint64),
+        np.float64(y + 0.0).view(np.uint64),
+        np.float64(z + 0.0).view(np.uint64),
+    )
+    h = a * np.uint64(0x9E3779B97F4A7C15)
+    h = (h ^ (h >> np.uint64(29)) ^ b) * np.uint64(0xBF58476D1CE4E5B9)
+    h = (h ^ (h >> np.uint64(32)) ^ c) * np.uint64(0x94D049BB133111EB)
+    return h ^ (h >> np.uint64(31))

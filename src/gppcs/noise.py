@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numba as nb
 import numpy as np
 from numpy.typing import NDArray
@@ -15,54 +17,69 @@ TOLERATED = 0.5  # of the target spacing: noise of that size makes an observatio
 QUIET = 0.04  # of the target spacing: a level of noise that changes no choice worth the time
 
 
-def variances(tree: KdTree, n_points: int, spacing: float) -> tuple[NDArray[np.float64] | None, float]:
-    """Return the variance of each point's observation across the surface, and the level of the noise.
+@dataclass(frozen=True)
+class Noise:
+    """How far points lie off the surface, by the quadrics fitted to those around them.
 
-    A point's residual is its distance from the quadric fitted to its nearest points, as many as there are on average
-    within the target spacing: beyond, detail that is to be kept would pass for noise. The level is the root of the mean
-    squared residual of some points. Where it is small, or too few points lie so near, there is no noise to speak of.
-
-    Parameters
+    Attributes
     ----------
     tree : KdTree
-        Over points without repeats.
-    n_points : int
-        M, the number of points to be chosen.
-    spacing : float
-        The target spacing, in the unit of the points.
-
-    Returns
-    -------
-    variances : (N,) array or None
-        In the order of the tree's input; times 1 / h^2, in units of the field's prior at spacing h. At most one at the
-        target spacing: an observation is worth at least half of one without noise, lest lone points be left out.
+        Over the points that quadrics are fitted to.
+    neighbours : int
+        How many each is fitted to.
     level : float
-        In the unit of the points.
+        The root of the mean squared residual of some points, in their unit; 0 where it cannot be told.
+    spacing : float
+        The target spacing.
     """
-    count = len(tree.order)
-    neighbours = min(MOST, int(np.pi * count / n_points))
-    if neighbours < FEWEST:
-        return None, 0.0
-    some = residuals(tree, np.arange(0, count, -(-count // SAMPLES)), neighbours)
-    level = float(np.sqrt(np.mean(some**2)))
-    if level <= QUIET * spacing:
-        return None, level
-    result = np.empty(count)
-    result[tree.order] = residuals(tree, np.arange(count), neighbours) / TOLERATED
-    return np.minimum(result, spacing) ** 2, level
+
+    tree: KdTree
+    neighbours: int
+    level: float
+    spacing: float
+
+    @classmethod
+    def measure(cls, tree: KdTree, n_points: int, spacing: float) -> Noise:
+        """Measure the noise where M points are to be chosen.
+
+        A quadric is fitted to as many points as there are on average within the target spacing: beyond, detail that is
+        to be kept would pass for noise.
+        """
+        count = len(tree.order)
+        neighbours = min(MOST, int(np.pi * count / n_points))
+        if neighbours < FEWEST:
+            return cls(tree, neighbours, 0.0, spacing)
+        some = tree.points.T[:: -(-count // SAMPLES)]
+        return cls(tree, neighbours, float(np.sqrt(np.mean(residuals(tree, some, neighbours) ** 2))), spacing)
+
+    @property
+    def quiet(self) -> bool:
+        """Whether there is none to speak of: it is small, or too few points lie near each other to tell."""
+        return self.level <= QUIET * self.spacing
+
+    def variances(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the variance of the observation at each of some points, (n, 3), across the surface.
+
+        Times 1 / h^2, in units of the field's prior at spacing h. At most one at the target spacing: an observation is
+        worth at least half of one without noise, lest lone points be left out.
+        """
+        if self.quiet:
+            return np.zeros(len(places))
+        return np.minimum(residuals(self.tree, places, self.neighbours) / TOLERATED, self.spacing) ** 2
 
 
-def residuals(tree: KdTree, positions: NDArray[np.int64], neighbours: int) -> NDArray[np.float64]:
-    """Return the distance of points, given by their positions in tree order, from the quadrics fitted around them."""
-    found = np.empty(len(positions))
-    _residuals(tree.points, tree.low, tree.high, positions, min(neighbours, len(tree.order)), found)
+def residuals(tree: KdTree, places: NDArray[np.float64], neighbours: int) -> NDArray[np.float64]:
+    """Return the distance of places, (n, 3), from the quadrics fitted to the points around them."""
+    found = np.empty(len(places))
+    places = np.ascontiguousarray(places)
+    _residuals(tree.points, tree.low, tree.high, places, min(neighbours, len(tree.order)), found)
     return found
 
 
 @nb.njit(cache=True, parallel=True, nogil=True, fastmath=False)
-def _residuals(points, low, high, positions, k, found):
-    for slot in nb.prange(len(positions)):
-        i = positions[slot]
+def _residuals(points, low, high, places, k, found):
+    for i in nb.prange(len(places)):
         normal = np.empty(3, dtype=np.float64)
-        height, reach, _ = fit_quadric(points, low, high, points[0, i], points[1, i], points[2, i], k, normal)
-        found[slot] = abs(height) * reach
+        x, y, z = places[i]
+        height, reach, _ = fit_quadric(points, low, high, x, y, z, k, normal)
+        found[i] = abs(height) * reach

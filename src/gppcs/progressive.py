@@ -17,7 +17,7 @@ from gppcs.features import Features, features_in_radius, features_of_nearest
 from gppcs.kdtree import KdTree
 from gppcs.local_field import LocalField
 from gppcs.local_greedy import extend
-from gppcs.neighbourhood import ColumnGrid, first_occurrences, surface_area
+from gppcs.neighbourhood import ColumnGrid, first_in_cells
 
 FIRST = 64  # points of the first stage at most; it costs as little as any
 FEWEST = 3  # candidates for each point wanted, below which there is nothing to choose from
@@ -25,6 +25,8 @@ MANY = 3  # times as many candidates as there are cells to the square of the tar
 FEW = 16  # points of a neighbourhood where candidates are not thinned; a ball might hold any number of them
 EVEN = 0.05  # roughness below which a place counts as flat
 SPARSEST = 0.5  # of the mean density of the points to be chosen: no place is left with less
+MOST_SAMPLED = 500_000  # points of the tree by which area and noise are judged, unless more are to be chosen
+DENSE = 16  # of them for each to be chosen: about as many as the neighbourhoods that tell noise need
 FLAT = 1e-12  # spread of the surface variation that is nothing but rounding
 NOISE = 1e-4  # variance of an observation without noise, in units of the prior variance: keeps covariances regular
 
@@ -76,12 +78,24 @@ class Ranking:
     deviations: NDArray[np.float64]
 
 
+def sampled_tree(points: NDArray[np.float64], n_points: int) -> KdTree:
+    """Return the tree by which area and noise are judged: over all points, or over many that chance takes.
+
+    What these are at the target spacing is all that counts, and `DENSE` points for each to be chosen tell it as well as
+    more; a tree over many millions would take longer than the choice.
+    """
+    enough = max(MOST_SAMPLED, DENSE * n_points)
+    if len(points) <= 2 * enough:
+        return KdTree.build(points)
+    return KdTree.build(points[np.unique(np.random.default_rng(0).integers(0, len(points), enough))])
+
+
 def rank(
     points: NDArray[np.float64],
     n_points: int,
     criterion: Criterion,
-    tree: KdTree,
-    variances: NDArray[np.float64] | None = None,
+    area: float,
+    variances: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
     advanced: Callable[[int], None] | None = None,
 ) -> Ranking:
     """Choose `n_points`, the most important first.
@@ -93,22 +107,24 @@ def rank(
     n_points : int
         M, from 1 to N.
     criterion : Criterion
-    tree : KdTree
-        Over the points.
-    variances : (N,) array, optional
-        Of the observation at each point; times 1 / h^2, in units of the prior at spacing h. None by default.
+    area : float
+        Of the surface that the points lie on, about.
+    variances : callable, optional
+        Takes some of the points, (n, 3), and returns the variance of the observation at each; times 1 / h^2, in units
+        of the prior at spacing h. None by default.
     advanced : callable, optional
         Told of the number of points chosen since the last call.
     """
     chosen = np.empty(0, dtype=np.int64)
     scores, deviations = [], []
-    for target, candidates, thinned, area in _stages(points, n_points, surface_area(tree), criterion.candidates):
-        spacing = float(np.sqrt(area / target)) or 1.0
-        members = np.union1d(candidates, chosen)
-        positions = points[members] / spacing
+    for target, candidates, thinned, area_seen in _stages(points, n_points, area, criterion.candidates):
+        spacing = float(np.sqrt(area_seen / target)) or 1.0
+        members = _union(candidates, chosen)
+        places = points[members]
+        positions = places / spacing
         local = KdTree.build(positions)
         features = features_in_radius(ColumnGrid.build(positions, 1.0)) if thinned else features_of_nearest(local, FEW)
-        noise = np.zeros(len(members)) if variances is None else variances[members] / spacing**2
+        noise = np.zeros(len(members)) if variances is None else variances(places) / spacing**2
         field = _field(local, features, noise, criterion)
         inside = np.empty(len(members), dtype=np.int64)
         inside[local.order] = np.arange(len(members))
@@ -121,6 +137,14 @@ def rank(
             advanced(target - len(chosen))
         chosen = members[local.order[extended]]
     return Ranking(chosen, np.concatenate(scores), np.concatenate(deviations))
+
+
+def _union(ascending: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the ascending union of indices; `np.union1d` sorts all anew."""
+    others = np.sort(others)
+    places = np.searchsorted(ascending, others)
+    missing = ascending[np.minimum(places, len(ascending) - 1)] != others
+    return np.insert(ascending, places[missing], others[missing])
 
 
 class _Stage(NamedTuple):
@@ -148,7 +172,7 @@ def _stages(points: NDArray[np.float64], n_points: int, area: float, density: fl
     grown = False
     while True:
         edge = float(np.sqrt(area / (target * density))) or 1.0
-        kept = candidates[first_occurrences(np.floor(points[candidates] / edge))]
+        kept = first_in_cells(points, edge, candidates)
         if len(kept) > MANY * density * target:
             area *= 2.0
             grown = True
@@ -174,9 +198,9 @@ def _field(tree: KdTree, features: Features, noise: NDArray[np.float64], criteri
     smaller a power, lest flat faces are left bare.
     """
     variation = features.surface_variation[tree.order]
-    roughness = np.maximum(np.sqrt(variation), EVEN)
-    concentration = float(np.var(np.sqrt(variation))) / max(float(np.mean(np.sqrt(variation))) ** 2, EVEN**2)
-    density = roughness ** (criterion.density_power / (1.0 + concentration) ** 2)
+    roughness = np.sqrt(variation)
+    concentration = float(np.var(roughness)) / max(float(np.mean(roughness)) ** 2, EVEN**2)
+    density = np.maximum(roughness, EVEN) ** (criterion.density_power / (1.0 + concentration) ** 2)
     density = np.maximum(density, SPARSEST * np.mean(density))
     spread = float(np.std(variation))
     return LocalField(

@@ -69,23 +69,21 @@ class LocalGP(Method):
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose the points; see `Method`."""
-        import numpy as np
-
-        from gppcs.kdtree import KdTree
         from gppcs.neighbourhood import surface_area
-        from gppcs.noise import variances
-        from gppcs.progressive import rank
+        from gppcs.noise import Noise
+        from gppcs.progressive import rank, sampled_tree
 
         stages = stages or Stages()
         with stages("tree"):
-            tree = KdTree.build(points)
-            spacing = float(np.sqrt(surface_area(tree) / n_points))
+            tree = sampled_tree(points, n_points)
+            area = surface_area(tree)
         with stages("noise"):
-            noise, level = variances(tree, n_points, spacing)
+            spacing = (area / n_points) ** 0.5
+            noise = Noise.measure(tree, n_points, spacing)
         with stages("greedy selection", n_points) as advanced:
-            ranking = rank(points, n_points, self.criterion, tree, noise, advanced)
+            ranking = rank(points, n_points, self.criterion, area, noise.variances, advanced)
         return Selection(
             ranking.indices,
-            {"noise_in_spacings": level / spacing if spacing > 0.0 else 0.0},
+            {"noise_in_spacings": noise.level / spacing if spacing > 0.0 else 0.0},
             attributes={"score": ranking.scores, "deviation": ranking.deviations},
         )
