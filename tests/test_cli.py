@@ -245,6 +245,7 @@ def test_simplify_json_is_one_strict_object_a_line(gppcs_command, scan):
     assert {"reading", "eigenfunctions", "greedy selection", "writing", "figures"} <= set(record["seconds"])
     assert all(seconds >= 0 for seconds in record["seconds"].values())
     assert record["seconds_compiling"] >= 0
+    assert record["peak_memory"] > 1e7  # an interpreter with NumPy takes more
     assert record["figures"] == gppcs.evaluate(gppcs.read("scan.ply"), gppcs.read("out.ply")).figures()
     assert record["version"] == gppcs.__version__
 
@@ -335,6 +336,7 @@ def test_help_shows_examples_and_each_method_with_its_source(gppcs_command):
     assert (code, err) == (0, "")
     text = " ".join(out.split())
     assert "gppcs simplify scan.ply -o small.ply --ratio 0.03" in text
+    assert "peak_memory, the most bytes that the process has held so far" in text
     for name, method in gppcs.METHODS.items():
         assert f"{name}: {method.summary} ({method.source})" in text
 

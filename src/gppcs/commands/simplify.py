@@ -14,6 +14,7 @@ from gppcs import __version__
 from gppcs.commands.output import BAD_INPUT, FAILURES, Force, Invalid, Json, figure_rows, print_json, refuse_input, tell
 from gppcs.commands.viewpoint import Up, View, viewpoint_of
 from gppcs.errors import OutputError, ParameterError
+from gppcs.memory import peak_memory
 from gppcs.methods import DEFAULT, METHODS, Method, method_named
 
 if TYPE_CHECKING:
@@ -29,6 +30,10 @@ EPILOG = (
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --set feature_weight=0.8\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --normals\n\n"
     "gppcs simplify a.ply b.ply -o folder --ratio 0.1 --json\n\n"
+    "[bold]What --json tells[/bold]\n\n"
+    "Beside input, output, method and figures: [cyan]seconds[/cyan] of each stage, [cyan]seconds_compiling[/cyan] of "
+    "these, which only a first run takes, and [cyan]peak_memory[/cyan], the most bytes that the process has held so "
+    "far, null where the system does not tell.\n\n"
     "[bold]Methods[/bold] (their parameters: gppcs methods NAME)\n\n"
     + "\n\n".join(
         f"[cyan]{method.name}[/cyan]: {method.summary} [dim]({method.source})[/dim]" for method in METHODS.values()
@@ -227,6 +232,7 @@ class _Run:
             "diagnostics": dict(self.result.diagnostics),
             "seconds": dict(self.result.seconds),
             "seconds_compiling": self.compiling,
+            "peak_memory": peak_memory(),
             "figures": self.report.figures() if self.report else None,
             "version": __version__,
         }
