@@ -1,0 +1,244 @@
+"""What `gp` and its rivals cost from small clouds to 14 million points, and what the machine could do.
+
+Needs the extras `evaluate` and `picture`; jakteristics, pgeof, SciPy, CGAL, fpsample and Open3D are measured where they
+are installed. Linux only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from time import perf_counter
+
+import numba
+import numpy as np
+
+import clouds
+import gppcs
+import machine
+import report
+import same_work
+from clouds import Array, Cloud
+from gppcs.memory import STATUS, peak_memory
+
+GP = "gp"
+METHODS = (GP, "gp-spectral", "fps", "hc", "wlop")
+TOO_LONG, TOO_LARGE = 60.0, 12e9  # expected seconds and bytes of memory, beyond which a method is left out
+LEFT_OUT = "\N{EN DASH}"
+LONG = 20.0  # seconds of repeats, after which there are no more
+NOTES = (
+    "Seconds are wall time from an array in memory to indices in memory, kernels loaded: the least of up to 5 runs, 3 "
+    "from a million points on, 2 from ten million on, and no more runs after 20 seconds of them.",
+    "Peak memory is that of the first run in a process of its own, above what the process held with the cloud in it.",
+    f"{LEFT_OUT}: left out, since the run before made more than 60 seconds or 12 GB likely.",
+    "The exponent is the slope of the least-squares line of log seconds over log points.",
+    "The samples are uniform by area, with Gaussian noise of 1e-4 diagonals; the flat scene is what four laser "
+    "scanners on masts see of ground and buildings; on the ground, density falls with the squared distance to each.",
+    "Files are binary PLY with float32 coordinates, in the operating system's cache.",
+    "Beside others, both have the number of threads that the rival can use; runs are taken in turns. Point sets of "
+    "CGAL and Open3D are made before. pgeof computes seven more features, in single precision. hc, gp and wlop by CGAL "
+    "do not choose the same points.",
+)
+
+
+@dataclass(frozen=True)
+class Run:
+    """The fastest of several runs, and the memory of the first.
+
+    Attributes
+    ----------
+    seconds : float
+        In all.
+    stages : mapping of name to float
+        Seconds.
+    memory : float
+        The peak above the input, in bytes a point.
+    """
+
+    seconds: float
+    stages: Mapping[str, float]
+    memory: float
+
+
+Runs = dict[str, Run]  # by method; those left out are missing
+
+
+def repeats(n: int) -> int:
+    """Return how often a cloud of n points is simplified."""
+    return 5 if n < 1_000_000 else 3 if n < 10_000_000 else 2
+
+
+def apart(work: Callable[..., Run], *given: object) -> Run:
+    """Return what a process of its own returns."""
+    with ProcessPoolExecutor(1, get_context("spawn")) as process:
+        return process.submit(work, *given).result()
+
+
+def measure(path: Path, method: str, n_points: int, threads: int) -> Run:
+    """Simplify the points of an NPY file."""
+    numba.set_num_threads(threads)
+    gppcs.simplify(gppcs.sample("bracket", n_points=6_000), ratio=0.1, method=method)  # loads the kernels
+    points = np.load(path)
+    Path("/proc/self/clear_refs").write_text("5")  # the peak of memory begins anew
+    held, peak, runs = resident(), 0, []
+    begin = perf_counter()
+    while len(runs) < repeats(len(points)) and perf_counter() - begin < LONG:
+        start = perf_counter()
+        result = gppcs.simplify(points, n_points=n_points, method=method)
+        runs.append((perf_counter() - start, dict(result.seconds)))
+        peak = peak or peak_memory()
+    return Run(*min(runs, key=lambda run: run[0]), (peak - held) / len(points))
+
+
+def resident() -> int:
+    """Return the bytes that this process holds now."""
+    return int(STATUS.read_text().split("VmRSS:")[1].split()[0]) * 1024
+
+
+def file_times(points: Array, folder: Path) -> tuple[float, float]:
+    """Return the least seconds of writing and of reading a binary PLY file."""
+    cloud = gppcs.PointCloud.of(points.astype(np.float32))
+    path, most = folder / "cloud.ply", repeats(len(points))
+    return (
+        report.least_time(lambda: gppcs.write(path, cloud, force=True), most),
+        report.least_time(lambda: gppcs.read(path), most),
+    )
+
+
+@dataclass(frozen=True)
+class Measured:
+    """All that was measured on a cloud."""
+
+    cloud: Cloud
+    runs: Runs
+    single: Run | None  # of gp by one thread
+    writing: float
+    reading: float
+
+    @property
+    def names(self) -> tuple[str, str, str]:
+        """The first cells of its rows."""
+        return self.cloud.name, f"{self.cloud.size:,}", f"{self.cloud.n_points:,}"
+
+
+def measured(cloud: Cloud, before: Sequence[Measured]) -> Measured:
+    """Measure all methods on a cloud, but those that took too long on those before."""
+    print(f"{cloud.name}, {cloud.size:,} points", file=sys.stderr)
+    with tempfile.TemporaryDirectory() as folder:
+        points, path = cloud.make(), Path(folder) / "points.npy"
+        assert len(points) == cloud.size
+        np.save(path, points)
+        writing, reading = file_times(points, Path(folder))
+        del points
+        threads, runs = numba.get_num_threads(), {}
+        for method in METHODS:
+            if feasible(method, cloud, before):
+                runs[method] = apart(measure, path, method, cloud.n_points, threads)
+                print(f"  {method}: {runs[method].seconds:.3f} s", file=sys.stderr)
+        wanted = threads > 1 and cloud.n_points == clouds.KEPT
+        single = apart(measure, path, GP, cloud.n_points, 1) if wanted else None
+    return Measured(cloud, runs, single, writing, reading)
+
+
+def feasible(method: str, cloud: Cloud, before: Sequence[Measured]) -> bool:
+    """Tell whether a method can be expected to take neither too long nor too much memory."""
+    if method == GP or not before:
+        return True
+    known = [each for each in before if method in each.runs]
+    last = max(known, key=lambda each: each.cloud.size)
+    run = last.runs[method]
+    return run.seconds * cloud.size / last.cloud.size < TOO_LONG and run.memory * cloud.size < TOO_LARGE
+
+
+def exponent(series: Sequence[Measured], seconds: Callable[[Run], float]) -> float:
+    """Return the slope of the seconds of gp over the number of points, both as logarithms."""
+    sizes = [each.cloud.size for each in series]
+    return float(np.polyfit(np.log(sizes), np.log([seconds(each.runs[GP]) for each in series]), 1)[0])
+
+
+def stage_table(all_measured: Sequence[Measured]) -> report.Section:
+    """Return the seconds of gp by stage, with exponents."""
+    stages = list(dict.fromkeys(stage for each in all_measured for stage in each.runs[GP].stages))
+    rows = [
+        [*each.names, f"{run.seconds:.3f}", *(f"{run.stages.get(stage, 0):.3f}" for stage in stages)]
+        for each in all_measured
+        if (run := each.runs[GP])
+    ]
+    series = series_of(all_measured)
+    if len(series) > 1:
+        slopes = [exponent(series, lambda run, stage=stage: run.stages[stage]) for stage in stages]
+        span = f"{series[0].cloud.size:,} to {series[-1].cloud.size:,}"
+        values = [exponent(series, lambda run: run.seconds), *slopes]
+        rows.append(["**exponent**, Dragon", span, f"{clouds.KEPT:,}", *(f"{value:.2f}" for value in values)])
+    return report.Section("gp, seconds of its stages", ["cloud", "points", "kept", "in all", *stages], rows)
+
+
+def series_of(all_measured: Sequence[Measured]) -> list[Measured]:
+    """Return what was measured on one shape at more and more points."""
+    return [each for each in all_measured if each.cloud in clouds.SERIES]
+
+
+def method_tables(all_measured: Sequence[Measured]) -> list[report.Section]:
+    """Return seconds and memory of all methods."""
+    header = ["cloud", "points", "kept", *METHODS]
+    seconds, memory = [], []
+    for each in all_measured:
+        runs = [each.runs.get(method) for method in METHODS]
+        files = (f"{each.writing:.4f}", f"{each.reading:.4f}")
+        seconds.append([*each.names, *(f"{run.seconds:.3f}" if run else LEFT_OUT for run in runs), *files])
+        memory.append([*each.names, *(f"{run.memory:.0f}" if run else LEFT_OUT for run in runs)])
+    return [
+        report.Section("All methods, seconds", [*header, "write PLY", "read PLY"], seconds),
+        report.Section("Peak memory above the input, bytes a point", header, memory),
+    ]
+
+
+def thread_table(all_measured: Sequence[Measured]) -> report.Section:
+    """Return the seconds of gp by one thread and by all."""
+    rows = [
+        [*each.names, f"{each.single.seconds:.3f}", f"{all_:.3f}", f"{each.single.seconds / all_:.2f}"]
+        for each in all_measured
+        if each.single and (all_ := each.runs[GP].seconds)
+    ]
+    header = ["cloud", "points", "kept", "1 thread", f"{numba.get_num_threads()} threads", "times as fast"]
+    return report.Section("gp by one thread and by all, seconds", header, rows)
+
+
+def main() -> None:
+    """Print the tables, and write them and the plot."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--largest", type=int, default=14_000_000, metavar="N", help="leave larger clouds out")
+    parser.add_argument("--to", type=Path, default=report.HERE / "results", metavar="FOLDER", help="where results go")
+    given = parser.parse_args()
+    # as many cores as Numba has threads, for those that start a thread for each core
+    os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: numba.config.NUMBA_NUM_THREADS])
+    for method in METHODS:
+        gppcs.simplify(gppcs.sample("bracket", n_points=6_000), ratio=0.1, method=method)  # compiles, in this process
+    done: list[Measured] = []
+    for cloud in clouds.CLOUDS:
+        if cloud.size <= given.largest:
+            done.append(measured(cloud, done))
+    sections = [stage_table(done), *method_tables(done)]
+    if any(each.single for each in done):
+        sections.append(thread_table(done))
+    sections += [same_work.compared(), machine.limits()]
+    files = list(dict.fromkeys(path for each in done for path in each.cloud.files))
+    page = report.text(
+        "Speed and memory from small clouds to 14 million points", sections, files, [*NOTES, same_work.versions()]
+    )
+    print(page)
+    (given.to / "speed.md").write_text(page)
+    from speed_plot import draw
+
+    draw(given.to / "speed.png", done, series_of(done))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,89 @@
+"""The plot of `speed.py`: seconds over the number of points, of the methods and of the stages of gp."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+
+mpl.use("Agg")
+from matplotlib import pyplot as plt
+
+if TYPE_CHECKING:
+    from speed import Measured
+
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+NEAREST = 1.35  # labels stand apart by this factor at least
+
+Line = tuple[Sequence[float], Sequence[float]]  # points, seconds
+
+
+def draw(path: Path, everything: Sequence[Measured], series: Sequence[Measured]) -> None:
+    """Draw what was measured: of all clouds the methods, of the series of one shape the stages of gp."""
+    scene = [each for each in everything if each not in series and each.cloud.size > 1_000_000]
+    rest = [each for each in everything if each not in scene]
+    figure, (left, right) = plt.subplots(1, 2, figsize=(12, 5.5), layout="constrained")
+    methods = dict.fromkeys(method for each in rest for method in each.runs)
+    draw_lines(left, {name: line(rest, lambda each, name=name: seconds_of(each, name)) for name in methods})
+    for each in scene:
+        place, colour = (each.cloud.size, seconds_of(each, "gp")), COLOURS[0]
+        left.plot(*place, "D", color=colour, markerfacecolor="white", zorder=3)
+        left.annotate("gp, flat scene", place, (7, -12), textcoords="offset points", color=colour, fontsize=9)
+    left.set_title("methods; 5 % of the smaller two clouds kept, else 28,000 points")
+    stages = dict.fromkeys(stage for each in series for stage in each.runs["gp"].stages)
+    draw_lines(right, {name: line(series, lambda each, name=name: each.runs["gp"].stages[name]) for name in stages})
+    right.set_title("stages of gp; 28,000 points of the Dragon kept")
+    figure.savefig(path, dpi=120)
+
+
+def seconds_of(each: Measured, method: str) -> float:
+    """Return the seconds of a method on a cloud, NaN where it was left out."""
+    return each.runs[method].seconds if method in each.runs else np.nan
+
+
+def line(measured: Sequence[Measured], seconds: Callable[[Measured], float]) -> Line:
+    """Return the points and the seconds of several clouds; of two alike, those of the one of which more are kept."""
+    kept = {each.cloud.size: each for each in sorted(measured, key=lambda each: each.cloud.n_points)}
+    known = sorted((size, value) for size, each in kept.items() if np.isfinite(value := seconds(each)))
+    return tuple(zip(*known, strict=True))
+
+
+def draw_lines(axes: Axes, lines: Mapping[str, Line]) -> None:
+    """Draw lines with their names at their ends, and one of slope 1."""
+    for (sizes, seconds), colour in zip(lines.values(), COLOURS, strict=False):
+        axes.plot(sizes, seconds, "o-", color=colour, markersize=4, linewidth=1.6)
+    axes.set(xscale="log", yscale="log", xlabel="points", ylabel="seconds")
+    axes.grid(which="major", color="0.9")
+    low, high = axes.get_xlim()
+    axes.set_xlim(low, high * 3)  # room for the names
+    guide = np.array([min(sizes[0] for sizes, _ in lines.values()), max(sizes[-1] for sizes, _ in lines.values())])
+    top = 2 * max(max(seconds) for _, seconds in lines.values())  # above all lines
+    axes.plot(guide, top * guide / guide[1], "--", color="0.6", linewidth=1, zorder=0)
+    axes.annotate("slope 1", (guide[0], top * guide[0] / guide[1]), (0, 14), textcoords="offset points", color="0.4")
+    label(axes, lines)
+
+
+def label(axes: Axes, lines: Mapping[str, Line]) -> None:
+    """Write each name beside the end of its line, in its colour; names that would overlap are moved up.
+
+    That of a line that ends early stands above its end, clear of the others.
+    """
+    places: list[tuple[float, float]] = []
+    ends = sorted(
+        (sizes[-1], seconds[-1], name, colour)
+        for (name, (sizes, seconds)), colour in zip(lines.items(), COLOURS, strict=False)
+    )
+    for size, value, name, colour in ends:
+        height = value
+        while any(size == other and height < near * NEAREST and height > near / NEAREST for other, near in places):
+            height *= 1.02
+        places.append((size, height))
+        early = size < ends[-1][0]
+        offset, side = ((0, 9), "center") if early else ((7, 0), "left")
+        axes.annotate(
+            name, (size, height), offset, textcoords="offset points", ha=side, va="center", color=colour, fontsize=9
+        )
