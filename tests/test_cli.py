@@ -5,6 +5,7 @@ import json
 import math
 import os
 import pty
+import re
 import subprocess
 import sys
 import time
@@ -341,11 +342,29 @@ def test_help_shows_examples_and_each_method_with_its_source(gppcs_command):
         assert f"{name}: {method.summary} ({method.source})" in text
 
 
+def test_warmup_says_how_many_kernels_it_compiled_and_where_they_are(gppcs_command):
+    code, out, err = gppcs_command("warmup")
+    assert (code, err) == (0, "")
+    told = re.fullmatch(r"kernels compiled: \d+, in \d+\.\d s; all are kept in (.*)\n", out)
+    code, out, err = gppcs_command("warmup", "--json")
+    record = json.loads(out)
+    assert (code, err) == (0, "")
+    assert record.pop("seconds") > 0
+    assert record == {"compiled": 0, "folders": told[1].split(", "), "version": gppcs.__version__}  # not a second time
+    assert all(list(Path(folder).glob("*.nbi")) for folder in record["folders"])
+
+
+def test_the_help_of_warmup_says_where_kernels_are_kept(gppcs_command):
+    code, out, err = gppcs_command("warmup", "--help")
+    assert (code, err) == (0, "")
+    assert "NUMBA_CACHE_DIR" in out
+
+
 @pytest.mark.parametrize("arguments", [(), ("--help",)])
 def test_the_bare_command_shows_its_help(gppcs_command, arguments):
     code, out, err = gppcs_command(*arguments)
     assert (code, err) == (0, "")
-    assert all(name in out for name in ("simplify", "info", "sample", "methods", "Examples"))
+    assert all(name in out for name in ("simplify", "info", "sample", "methods", "warmup", "Examples"))
 
 
 def test_version(gppcs_command):

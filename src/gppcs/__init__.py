@@ -14,6 +14,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from gppcs import kernels as _kernels
+
 if TYPE_CHECKING:
     from gppcs.cloud import PointCloud
     from gppcs.comparison import Entry, compare
@@ -56,6 +58,8 @@ if TYPE_CHECKING:
     from gppcs.summary import Summary, info
 
 __version__ = "0.1.0"
+
+_kernels.provide_folder()
 
 _HOMES = {
     "cloud": ("PointCloud",),

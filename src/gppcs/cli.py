@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 from io import TextIOWrapper
 from typing import Annotated
@@ -9,10 +10,11 @@ from typing import Annotated
 import typer
 
 from gppcs import __version__
-from gppcs.commands import compare, evaluate, info, methods, sample, simplify
+from gppcs.commands import compare, evaluate, info, methods, sample, simplify, warmup
 from gppcs.commands.output import BAD_INPUT, FAILURES, print_error, tell
 
 INTERRUPTED = 130
+GARBAGE = 1_000_000  # objects between two searches for garbage; with Python's 700 these slow the loading of modules
 
 app = typer.Typer(
     name="gppcs",
@@ -44,10 +46,12 @@ app.command(epilog=compare.EPILOG)(compare.compare)
 app.command(epilog=info.EPILOG)(info.info)
 app.command(epilog=sample.EPILOG)(sample.sample)
 app.command(epilog=methods.EPILOG)(methods.methods)
+app.command(epilog=warmup.EPILOG)(warmup.warmup)
 
 
 def main() -> None:
     """Run the command; what goes wrong becomes one line on stderr and exit code 2."""
+    gc.set_threshold(GARBAGE)
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # file names may hold anything, terminals may not
     try:

@@ -15,12 +15,17 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn
 from rich.table import Table
 from rich.text import Text
 
+from gppcs import kernels
 from gppcs.tables import UNITS, columns_of, shown
 
 if TYPE_CHECKING:
     from gppcs.comparison import Entry
 
 NOTICE = "gppcs: compiling its kernels, once on this machine"
+PASSING_NOTICE = (
+    "gppcs: compiling its kernels, for this run only: neither its folder nor the user's cache folder can be written; "
+    "set NUMBA_CACHE_DIR to one that can"
+)
 PATIENCE = 1.0  # seconds that a stage may take before a bar appears
 
 
@@ -69,7 +74,7 @@ class Compilation:
     def on_start(self, event: object) -> None:
         """Hear that a kernel is about to be compiled; one may need another."""
         if self.seconds == 0.0 and self._depth == 0:
-            print(NOTICE, file=sys.stderr)  # noqa: T201
+            print(NOTICE if kernels.are_kept() else PASSING_NOTICE, file=sys.stderr)  # noqa: T201
         if self._depth == 0:
             self._start = perf_counter()
         self._depth += 1
