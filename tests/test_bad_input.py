@@ -1,0 +1,121 @@
+"""Clouds that are hard on grids and trees cost the default method about what a well-spread cloud of that size does."""
+
+import gc
+import time
+import tracemalloc
+
+import numba
+import numpy as np
+import pytest
+
+import gppcs
+
+N, M = 200_000, 6_000
+FAR = 1e6  # in diagonals of the cloud
+
+
+def on_sphere(n, seed=0):
+    directions = np.random.default_rng(seed).standard_normal((n, 3))
+    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+def with_far_point(direction, distance=FAR):
+    cloud = on_sphere(N)
+    cloud[N // 2] = distance * np.linalg.norm(np.ptp(cloud, axis=0)) * np.asarray(direction, dtype=float)
+    return cloud
+
+
+def with_dot(share, dot):
+    """A sphere's surface of which that share of the points lies in a dot of a millionth of its size."""
+    cloud, inside = on_sphere(N), int(share * N)
+    cloud[:inside] = [1.0, 0.0, 0.0] + 1e-6 * dot(inside)
+    return np.random.default_rng(2).permutation(cloud)
+
+
+def ball(n):
+    return np.random.default_rng(1).standard_normal((n, 3))
+
+
+def half_on_a_line(direction):
+    cloud = on_sphere(N)
+    cloud[: N // 2] = np.outer(np.linspace(-1, 1, N // 2), direction)
+    return np.random.default_rng(2).permutation(cloud)
+
+
+def scanned_floor():
+    """As a scanner that turns sees the ground: a density that falls as 1 / r^2."""
+    radius, angle = np.random.default_rng(1).random((2, N))
+    radius, angle = 0.01 ** (1.0 - radius), 2 * np.pi * angle
+    x, y = radius * np.cos(angle), radius * np.sin(angle)
+    return np.column_stack([x, y, 0.01 * np.sin(5 * x)])
+
+
+NOISY = on_sphere(N) + 0.01 * ball(N)
+BAD = {
+    "far point along an axis": lambda: with_far_point([1, 0, 0]),
+    "far point across all axes": lambda: with_far_point([0.6, 0.6, 0.5]),
+    "9 of 10 on a tiny sphere": lambda: with_dot(0.9, lambda n: on_sphere(n, seed=1)),
+    "99 of 100 on a tiny sphere": lambda: with_dot(0.99, lambda n: on_sphere(n, seed=1)),
+    "9 of 10 in a tiny ball": lambda: with_dot(0.9, ball),
+    "99 of 100 in a tiny ball": lambda: with_dot(0.99, ball),
+    "half on a line": lambda: half_on_a_line([1, 0.3, 0.2]),
+    "half on a line along an axis": lambda: half_on_a_line([1, 0, 0]),
+    "density as 1 / r^2": scanned_floor,
+    "each point ten times": lambda: np.random.default_rng(2).permutation(np.repeat(on_sphere(N // 10), 10, axis=0)),
+    "a volume": lambda: ball(N),
+}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_thread():
+    """Threads would share the time out, and wait for each other in it."""
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    yield
+    numba.set_num_threads(before)
+
+
+def peak(points):
+    """Return the most bytes that NumPy held at a time to choose from the points, for each point."""
+    gc.collect()
+    tracemalloc.start()
+    gppcs.simplify(points, n_points=M)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    return most / len(points)
+
+
+@pytest.fixture(scope="module")
+def peak_of_spread():
+    for points in (NOISY[::40], NOISY[::80]):  # compiles or loads the kernels
+        gppcs.simplify(points, n_points=M // 40)
+    return peak(on_sphere(N))
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_memory_is_that_of_a_well_spread_cloud(name, peak_of_spread):
+    """Found 0.4 to 1 times as much, and 1.4 times where a far point stretches all three axes."""
+    assert peak(BAD[name]()) < 1.6 * peak_of_spread
+
+
+def test_memory_does_not_grow_with_the_extent():
+    """A grid over the box would have 10^9 times as many cells for the last."""
+    near, far, farthest = (peak(with_far_point([0.6, 0.6, 0.5], distance)) for distance in (1e3, 1e6, 1e12))
+    assert max(far, farthest) < 1.1 * near
+
+
+def test_time_is_that_of_a_well_spread_cloud():
+    """Least processor time of several runs taken in turns, of clouds alike in noise.
+
+    Noise is measured at each point where there is any, and a volume is noise to whoever looks for a surface.
+    """
+    clouds = {"spread": on_sphere(N), "spread, noisy": NOISY} | {name: cloud() for name, cloud in BAD.items()}
+    least = dict.fromkeys(clouds, np.inf)
+    for _ in range(3):
+        for name, cloud in clouds.items():
+            start = time.process_time()
+            result = gppcs.simplify(cloud[::2], n_points=M // 2)
+            least[name] = min(least[name], time.process_time() - start)
+            assert len(np.unique(result.indices)) == M // 2
+    for name in BAD:
+        assert least[name] < 3 * least["spread, noisy" if name == "a volume" else "spread"], least
