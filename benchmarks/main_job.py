@@ -18,7 +18,8 @@ import gppcs
 import report
 from gppcs.farthest_point import farthest_points
 from gppcs.features import features_in_radius
-from gppcs.neighbourhood import ColumnGrid, paper_radius
+from gppcs.kdtree import KdTree
+from gppcs.neighbourhood import paper_radius
 
 RATIO = 0.03
 
@@ -52,7 +53,7 @@ def main() -> None:
     for method in ("gp", "gp-spectral"):
         seconds = report.least_time(lambda method=method: gppcs.simplify(flat, ratio=RATIO, method=method))
         rows.append((f"simplify, {method}, the sample scan bracket of as many points", f"{seconds:.3f}", ""))
-    ours = report.least_time(lambda: features_in_radius(ColumnGrid.build(points, radius)))
+    ours = report.least_time(lambda: features_in_radius(KdTree.build(points), radius))
     theirs = report.least_time(
         lambda: jakteristics.compute_features(
             points, search_radius=radius, num_threads=threads, feature_names=["surface_variation", "nx", "ny", "nz"]

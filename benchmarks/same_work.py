@@ -19,7 +19,7 @@ from gppcs.farthest_point import farthest_points
 from gppcs.features import features_in_radius, features_of_nearest
 from gppcs.hierarchical_clustering import hierarchical_clusters
 from gppcs.kdtree import KdTree
-from gppcs.neighbourhood import ColumnGrid, paper_radius
+from gppcs.neighbourhood import paper_radius
 from gppcs.voxel import representatives
 
 RATIO = 0.03
@@ -136,8 +136,8 @@ def pairs(points: Array) -> Iterator[tuple[str, Work, Rival]]:
     cgal = Rival("CGAL wlop_simplify_and_regularize_point_set", cgal_wlop, parallel=True)
     farthest = partial(farthest_points, points, kept(points))
     yield (
-        "surface variation and normals in a radius, grid included",
-        lambda: features_in_radius(ColumnGrid.build(points, paper_radius(points))),
+        "surface variation and normals in a radius, tree included",
+        lambda: features_in_radius(KdTree.build(points), paper_radius(points)),
         Rival("jakteristics", jakteristics, parallel=True),
     )
     yield (

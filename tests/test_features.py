@@ -7,7 +7,7 @@ from numba import get_num_threads, set_num_threads
 import gppcs
 from gppcs.features import estimate_features, features_in_radius, features_of_nearest
 from gppcs.kdtree import KdTree
-from gppcs.neighbourhood import ColumnGrid, paper_radius
+from gppcs.neighbourhood import paper_radius
 
 
 def plain_features(points, neighbourhoods):
@@ -37,7 +37,7 @@ def test_radius_equals_plain_numpy(n, radius, seed):
     rng = np.random.default_rng(seed)
     points = rng.random((n, 3)) * rng.choice([1.0, 1e-3], 3)
     inside = ((points[:, None] - points) ** 2).sum(axis=2) <= radius * radius
-    assert_same(features_in_radius(ColumnGrid.build(points, radius)), plain_features(points, inside))
+    assert_same(features_in_radius(KdTree.build(points), radius), plain_features(points, inside))
 
 
 @settings(deadline=None, max_examples=30)
@@ -53,7 +53,7 @@ def test_equals_jakteristics(name):
     jakteristics = pytest.importorskip("jakteristics")
     points = gppcs.sample(name, n_points=30_000, noise=0.001).points
     radius = paper_radius(points)
-    features = features_in_radius(ColumnGrid.build(points, radius))
+    features = features_in_radius(KdTree.build(points), radius)
     names = ["surface_variation", "number_of_neighbors"]
     expected = {
         name: jakteristics.compute_features(points, search_radius=radius, feature_names=[name])[:, 0] for name in names
@@ -133,9 +133,40 @@ FAR = np.array([1e5, 1e5, 2e5])
 
 
 def test_walls_far_apart_are_measured_each_by_itself():
-    """Cells are numbered round again, so that far points share columns, and the distance tells them apart."""
     wall = np.random.default_rng(0).random((2_000, 3)) * [1, 1, 0.01]
-    near = features_in_radius(ColumnGrid.build(wall, 0.1))
-    far = features_in_radius(ColumnGrid.build(np.concatenate([wall, wall + FAR]), 0.1))
+    near = features_in_radius(KdTree.build(wall), 0.1)
+    far = features_in_radius(KdTree.build(np.concatenate([wall, wall + FAR])), 0.1)
     np.testing.assert_array_equal(far.neighbours, np.tile(near.neighbours, 2))
     np.testing.assert_allclose(far.surface_variation, np.tile(near.surface_variation, 2), atol=1e-8)
+
+
+def test_points_that_crowd_together_are_counted_as_by_brute_force():
+    """Most of the points lie in two dots, within the radius of each other or of some of the rest."""
+    rng = np.random.default_rng(0)
+    dots = 1e-3 * rng.standard_normal((2_500, 3)), 1e-3 * rng.standard_normal((2_500, 3)) + [0.1, 0.0, 0.0]
+    points = np.concatenate([*dots, rng.random((1_000, 3)) * [1.0, 1.0, 0.01]])
+    features = features_in_radius(KdTree.build(points), 0.101)
+    inside = ((points[:, None] - points) ** 2).sum(axis=2) <= 0.101**2
+    np.testing.assert_array_equal(features.neighbours, inside.sum(axis=1))
+    variation, normals, isolated = plain_features(points, inside)
+    np.testing.assert_allclose(features.surface_variation, variation, atol=1e-8)
+    cosines = np.abs((features.normals * normals).sum(axis=1))
+    np.testing.assert_allclose(cosines[isolated], 1.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("k", [3, 25, 40])
+def test_the_nearest_are_found_where_density_jumps_and_points_tie(k):
+    rng = np.random.default_rng(k)
+    lattice = np.indices((20, 20, 2)).reshape(3, -1).T * 0.01
+    points = np.concatenate(
+        [rng.random((2_000, 3)) * [1, 1, 0], lattice, [[50.0, 0, 0]], 5 + 1e-6 * rng.random((300, 3))]
+    )
+    features = features_of_nearest(KdTree.build(points), k)
+    squared = ((points[:, None] - points) ** 2).sum(axis=2)
+    order = np.argsort(squared, axis=1)
+    reach = np.take_along_axis(squared, order, axis=1)
+    clear = reach[:, k] > reach[:, k - 1] * (1 + 1e-9)  # elsewhere there is a choice of neighbours
+    assert 0.6 < clear.mean() < 1
+    variation, _, _ = plain_features(points, order[:, :k])
+    np.testing.assert_allclose(features.surface_variation[clear], variation[clear], atol=1e-7)
+    np.testing.assert_array_equal(features.neighbours, k)

@@ -66,7 +66,8 @@ def test_no_point_near_a_box_is_outside_the_leaves_near_it(shape, n, radius, see
     rng = np.random.default_rng(seed)
     tree = KdTree.build(SHAPES[shape](rng, n))
     low, high = np.sort(rng.standard_normal((2, 3)), axis=0)
-    found = leaves_near(tree.low, tree.high, low, high, radius**2) - len(tree.low) // 2
+    found = np.empty(len(tree.low) // 2, dtype=np.int64)
+    found = found[: leaves_near(tree.low, tree.high, low, high, radius**2, found)] - len(tree.low) // 2
     leaf = np.searchsorted(n * np.arange(1, len(tree.low) // 2 + 1) // (len(tree.low) // 2), np.arange(n), side="right")
     away = np.maximum(np.maximum(low - tree.points.T, tree.points.T - high), 0.0)
     assert set(leaf[(away**2).sum(axis=1) <= radius**2]) <= set(found.tolist())

@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 from gppcs.features import features_in_radius
 from gppcs.kdtree import KdTree
 from gppcs.neighbourhood import (
-    ColumnGrid,
     first_in_cells,
     first_occurrences,
     neighbourhood_radius,
@@ -29,23 +28,9 @@ def test_neighbours_are_counted_as_by_brute_force(n, radius, shape, seed):
         points[:, 1] = 0.25
     if shape == "far point":
         points[0] = 1e6
-    features = features_in_radius(ColumnGrid.build(points, radius))
+    features = features_in_radius(KdTree.build(points), radius)
     squared = ((points[:, None] - points) ** 2).sum(axis=2)
     np.testing.assert_array_equal(features.neighbours, (squared <= radius * radius).sum(axis=1))
-
-
-def test_a_far_point_costs_no_memory():
-    points = np.random.default_rng(0).random((10_000, 3))
-    points[0] = 1e9
-    grid = ColumnGrid.build(points, 0.01)
-    assert len(grid.starts) < 50 * len(points)
-
-
-def test_grid_keeps_the_points_and_sorts_the_columns(bracket):
-    grid = ColumnGrid.build(bracket, 1.5)
-    np.testing.assert_array_equal(bracket[grid.order][:, grid.axes].T, grid.points)
-    for begin, end in zip(grid.starts[:-1], grid.starts[1:], strict=True):
-        assert (np.diff(grid.points[2, begin:end]) >= 0).all()
 
 
 def test_the_radius_is_the_papers_unless_its_box_misleads(bracket):
@@ -55,7 +40,7 @@ def test_the_radius_is_the_papers_unless_its_box_misleads(bracket):
         tree = KdTree.build(misled)
         radius = neighbourhood_radius(misled, tree)
         assert radius != paper_radius(misled)
-        counts = features_in_radius(ColumnGrid.build(misled, radius)).neighbours
+        counts = features_in_radius(tree, radius).neighbours
         assert 15 <= np.median(counts) <= 35
 
 

@@ -3,16 +3,42 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numba as nb
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gppcs.cloud import PointCloud
+from gppcs.covariance import (
+    LANES,
+    MOMENTS,
+    add_shifted,
+    flattest,
+    flattest_side_by_side,
+    middle,
+    moments_in_ball,
+    node_moments,
+)
 from gppcs.errors import ParameterError
-from gppcs.kdtree import KdTree, nearest_in_tree
-from gppcs.neighbourhood import ColumnGrid, first_occurrences, neighbourhood_radius
+from gppcs.kdtree import (
+    LEAF_SIZE,
+    KdTree,
+    first_leaf,
+    leaves_near,
+    nearest_in_tree,
+    points_near,
+    squared_distance_of_boxes,
+)
+from gppcs.neighbourhood import first_occurrences, neighbourhood_radius
+
+GROUP = 8  # leaves whose points share one search of the tree
+TASKS = 256  # parts of the work that threads take in turn
+STRIDE = 16  # points that a loop goes through at a time: two of the widest vectors
+FAR = 1e200  # a coordinate that is within no radius, and whose square does not overflow
+MANY_LEAVES = 32  # with k more: a search for k points that comes near so many leaves is left to each point
+WIDER = 2.0  # times the mean squared distance to the k-th neighbour in one leaf are looked at in the next
+TRIALS = 24  # of a radius that holds just k
 
 
 @dataclass(frozen=True)
@@ -69,170 +95,229 @@ def estimate_features(
         return features_of_nearest(tree or KdTree.build(points), neighbours)
     if search != "radius":
         raise ParameterError(f"expected search to be 'radius' or 'nearest', found {search!r}")
-    distinct = points if tree else points[first_occurrences(points)]
-    radius = neighbourhood_radius(distinct, tree or KdTree.build(distinct), neighbours)
-    return features_in_radius(ColumnGrid.build(points, radius))
+    whole = tree or KdTree.build(points)
+    first = None if tree else first_occurrences(points)
+    if first is None or first.all():
+        radius = neighbourhood_radius(points, whole, neighbours)
+    else:
+        radius = neighbourhood_radius(points[first], KdTree.build(points[first]), neighbours)
+    return features_in_radius(whole, radius)
 
 
-def features_in_radius(grid: ColumnGrid) -> Features:
-    """Measure each point's neighbourhood of all points within the grid's radius (the paper's way)."""
-    features = Features.empty(len(grid.order))
-    columns = len(grid.starts) - 1
-    with nb.parallel_chunksize(max(1, columns // 256)):
-        _features_in_columns(
-            grid.points, grid.order, grid.starts, grid.cells[1], grid.radius,
+def features_in_radius(tree: KdTree, radius: float) -> Features:
+    """Measure each point's neighbourhood of all points within the radius (the paper's way).
+
+    The points of a group of leaves share one search of the tree. Nodes that lie within the radius of all of them count
+    as a whole, so that points that crowd together cost little more than others.
+    """
+    features = Features.empty(len(tree.order))
+    moments = np.empty((0, MOMENTS))
+    groups = max(1, len(tree.low) // 2 // GROUP)
+    if (tree.high - tree.low)[groups : 2 * groups].max(axis=1).min() <= 2.0 * radius:  # else no node is so small
+        moments = np.empty((len(tree.low), MOMENTS))
+        node_moments(tree.points, tree.low, tree.high, moments)
+    with nb.parallel_chunksize(1):
+        _features_in_balls(
+            tree.points, tree.order, tree.low, tree.high, moments, radius * radius, groups,
             features.surface_variation, features.normals, features.neighbours,
         )  # fmt: skip
-    features.normals[:, grid.axes] = features.normals.copy()
     return features
 
 
-@nb.njit(cache=True, parallel=True, nogil=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
-def _features_in_columns(points, order, starts, row_length, radius, variation, normals, neighbours):
-    columns = len(starts) - 1
-    squared_radius = radius * radius
-    along = points[2]
-    for c in nb.prange(columns):
-        if starts[c] == starts[c + 1]:
-            continue
-        u, v = c // row_length, c % row_length
-        low = np.empty(9, dtype=np.int64)
-        high = np.empty(9, dtype=np.int64)
-        last = np.empty(9, dtype=np.int64)
-        runs = 0
-        rows = columns // row_length
-        for a in range(min(3, rows)):  # from the row before to that after, round the ends
-            for b in range(min(3, row_length)):
-                near = (u + a + rows - 1) % rows * row_length + (v + b + row_length - 1) % row_length
-                if starts[near] < starts[near + 1]:
-                    low[runs] = high[runs] = starts[near]
-                    last[runs] = starts[near + 1]
-                    runs += 1
-        for i in range(starts[c], starts[c + 1]):
-            x, y, z = points[0, i], points[1, i], points[2, i]
-            n = sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = 0.0
-            for run in range(runs):
-                while low[run] < last[run] and along[low[run]] < z - radius:
-                    low[run] += 1
-                while high[run] < last[run] and along[high[run]] <= z + radius:
-                    high[run] += 1
-                for j in range(low[run], high[run]):
-                    dx, dy, dz = points[0, j] - x, points[1, j] - y, points[2, j] - z
-                    inside = 1.0 if dx * dx + dy * dy + dz * dz <= squared_radius else 0.0
-                    n += inside
-                    sx += inside * dx
-                    sy += inside * dy
-                    sz += inside * dz
-                    sxx += inside * dx * dx
-                    sxy += inside * dx * dy
-                    sxz += inside * dx * dz
-                    syy += inside * dy * dy
-                    syz += inside * dy * dz
-                    szz += inside * dz * dz
-            index = order[i]
-            neighbours[index] = n
+@nb.njit(cache=True, parallel=True, nogil=True)
+def _features_in_balls(points, order, low, high, moments, squared_radius, groups, variation, normals, neighbours):
+    n, leaves = points.shape[1], first_leaf(low)
+    tasks = min(groups, TASKS)
+    for task in nb.prange(tasks):
+        near, room = np.empty(leaves, dtype=np.int64), _room(GROUP * GROUP)
+        of_points, shared = np.ones((MOMENTS, LANES), dtype=np.float64), np.empty(MOMENTS, dtype=np.float64)
+        for group in range(groups + groups * task // tasks, groups + groups * (task + 1) // tasks):
+            count = _around(group, low, high, moments, squared_radius, near, shared)
+            if count * LEAF_SIZE > len(room.found):
+                room = _room(2 * count)
+            in_group = leaves // groups
+            for leaf in range(group * in_group, (group + 1) * in_group):
+                begin, end = n * (leaf - leaves) // leaves, n * (leaf - leaves + 1) // leaves
+                found = points_near(points, low, high, near[:count], low[leaf], high[leaf], squared_radius, room.found)
+                full = _pack(points, room, found)
+                for i in range(begin, end):
+                    x, y, z = points[0, i], points[1, i], points[2, i]
+                    moments_in_ball(room.packed, full, x, y, z, squared_radius, of_points, i - begin)
+                    if shared[0] > 0.0:
+                        u, v, w = middle(low[group], high[group])
+                        add_shifted(shared, u - x, v - y, w - z, of_points[:, i - begin])
+                _finish(of_points, order[begin:end], variation, normals, neighbours)
+
+
+class _Room(NamedTuple):
+    """Room for the positions of points, and their coordinates, an axis a row."""
+
+    found: NDArray[np.int64]
+    packed: NDArray[np.float64]
+
+
+@nb.njit(cache=True)
+def _room(leaves):
+    return _Room(
+        np.empty(leaves * LEAF_SIZE, dtype=np.int64), np.empty((3, leaves * LEAF_SIZE + STRIDE), dtype=np.float64)
+    )
+
+
+@nb.njit(cache=True)
+def _pack(points, room, count):
+    """Copy the coordinates of the points found together, and add far ones until vectors are full."""
+    full = -(-count // STRIDE) * STRIDE
+    for axis in range(3):
+        row, packed = points[axis], room.packed[axis]
+        for slot in range(count):
+            packed[slot] = row[room.found[slot]]
+        packed[count:full] = FAR
+    return full
+
+
+@nb.njit(cache=True)
+def _finish(moments, indices, variation, normals, neighbours):
+    """Find the features of the points of a leaf, whose indices are given, from the moments of each."""
+    flat, normal = np.empty(LANES, dtype=np.float64), np.empty((3, LANES), dtype=np.float64)
+    sure = np.empty(LANES, dtype=np.float64)
+    flattest_side_by_side(moments, flat, normal, sure)
+    for p in range(len(indices)):
+        index = indices[p]
+        n = moments[0, p]
+        neighbours[index] = n
+        if sure[p] > 0.0:
+            variation[index] = flat[p]
+            normals[index, 0], normals[index, 1], normals[index, 2] = normal[0, p], normal[1, p], normal[2, p]
+        else:
+            x, y, z = moments[1, p] / n, moments[2, p] / n, moments[3, p] / n
             variation[index] = flattest(
-                sxx / n - (sx / n) ** 2, sxy / n - sx / n * sy / n, sxz / n - sx / n * sz / n,
-                syy / n - (sy / n) ** 2, syz / n - sy / n * sz / n, szz / n - (sz / n) ** 2,
+                moments[4, p] / n - x * x, moments[5, p] / n - x * y, moments[6, p] / n - x * z,
+                moments[7, p] / n - y * y, moments[8, p] / n - y * z, moments[9, p] / n - z * z,
                 normals[index],
             )  # fmt: skip
+
+
+@nb.njit(cache=True, nogil=True)
+def _around(group, low, high, moments, squared_radius, near, shared):
+    """Fill `near` with the leaves that come within the radius of a node, and return their number.
+
+    But for those within the radius of all of it: their moments, about its middle, go into `shared`.
+    """
+    leaves = first_leaf(low)
+    x, y, z = middle(low[group], high[group])
+    shared[:] = 0.0
+    count = 0
+    stack = np.empty(64, dtype=np.int64)
+    stack[0] = 1
+    height = 1
+    while height:
+        height -= 1
+        node = stack[height]
+        if squared_distance_of_boxes(low[node], high[node], low[group], high[group]) > squared_radius:
+            continue
+        if len(moments) and _farthest(low[node], high[node], low[group], high[group]) <= squared_radius:
+            u, v, w = middle(low[node], high[node])
+            add_shifted(moments[node], u - x, v - y, w - z, shared)
+        elif node >= leaves:
+            near[count] = node
+            count += 1
+        else:
+            stack[height], stack[height + 1] = 2 * node + 1, 2 * node
+            height += 2
+    return count
+
+
+@nb.njit(cache=True, fastmath=False)
+def _farthest(low, high, other_low, other_high):
+    """Return the squared distance of the points of two boxes that are farthest from each other."""
+    dx = max(high[0] - other_low[0], other_high[0] - low[0])
+    dy = max(high[1] - other_low[1], other_high[1] - low[1])
+    dz = max(high[2] - other_low[2], other_high[2] - low[2])
+    return dx * dx + dy * dy + dz * dz
 
 
 def features_of_nearest(tree: KdTree, k: int) -> Features:
     """Measure each point's neighbourhood of its k nearest points, itself among them."""
     features = Features.empty(len(tree.order))
-    _features_in_tree(
-        tree.points, tree.order, tree.low, tree.high, k,
-        features.surface_variation, features.normals, features.neighbours,
-    )  # fmt: skip
+    with nb.parallel_chunksize(1):
+        _features_of_nearest(
+            tree.points, tree.order, tree.low, tree.high, min(k, len(tree.order)),
+            features.surface_variation, features.normals, features.neighbours,
+        )  # fmt: skip
     return features
 
 
 @nb.njit(cache=True, parallel=True, nogil=True)
-def _features_in_tree(points, order, low, high, k, variation, normals, neighbours):
-    k = min(k, points.shape[1])
-    for i in nb.prange(points.shape[1]):
-        found = np.empty(k, dtype=np.int64)
-        squared = np.empty(k, dtype=np.float64)
-        nearest_in_tree(points, low, high, points[0, i], points[1, i], points[2, i], found, squared)
-        local = np.empty((3, k), dtype=np.float64)
-        for axis in range(3):
-            for slot in range(k):
-                local[axis, slot] = points[axis, found[slot]] - points[axis, i]
-            local[axis] -= local[axis].mean()
-        index = order[i]
-        neighbours[index] = k
-        variation[index] = flattest(
-            (local[0] * local[0]).mean(), (local[0] * local[1]).mean(), (local[0] * local[2]).mean(),
-            (local[1] * local[1]).mean(), (local[1] * local[2]).mean(), (local[2] * local[2]).mean(),
-            normals[index],
-        )  # fmt: skip
+def _features_of_nearest(points, order, low, high, k, variation, normals, neighbours):
+    """Look for the neighbours of a leaf's points within a radius that held those of the leaf before.
 
-
-@nb.njit(cache=True, fastmath=False)
-def flattest(xx, xy, xz, yy, yz, zz, normal):
-    """Return lambda_0 / trace of a symmetric 3 x 3 matrix, and put the eigenvector of lambda_0 into `normal`.
-
-    Closed form (Smith 1961). The eigenvector is the longest cross product of two rows of C - lambda_0 I; where
-    all three vanish, lambda_0 is repeated and any direction across the remaining one is an answer.
+    Where it does not hold k of a point, or ties leave no ball with just k, that point searches the tree by itself.
     """
-    trace = xx + yy + zz
-    normal[0], normal[1], normal[2] = 0.0, 0.0, 1.0
-    if not trace > 0.0:
-        return 0.0
-    xx, xy, xz, yy, yz, zz = xx / trace, xy / trace, xz / trace, yy / trace, yz / trace, zz / trace
-    off = xy * xy + xz * xz + yz * yz
-    a, b, c = xx - 1 / 3, yy - 1 / 3, zz - 1 / 3
-    p = np.sqrt((a * a + b * b + c * c + 2 * off) / 6)
-    if p < 1e-12:
-        return 1 / 3
-    determinant = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
-    angle = np.arccos(min(1.0, max(-1.0, determinant / (2 * p**3)))) / 3
-    smallest = 1 / 3 + 2 * p * np.cos(angle + 2 * np.pi / 3)
-    _null_vector(xx - smallest, xy, xz, yy - smallest, yz, zz - smallest, normal)
-    return max(0.0, smallest)
+    n, leaves = points.shape[1], first_leaf(low)
+    tasks = min(leaves, TASKS)
+    for task in nb.prange(tasks):
+        most = MANY_LEAVES + k
+        near, room = np.empty(most, dtype=np.int64), _room(most)
+        squared = np.empty(len(room.found) + STRIDE, dtype=np.float64)
+        found, gaps = np.empty(k, dtype=np.int64), np.empty(k, dtype=np.float64)
+        moments = np.ones((MOMENTS, LANES), dtype=np.float64)
+        squared_radius = 0.0
+        for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
+            begin, end = n * (leaf - leaves) // leaves, n * (leaf - leaves + 1) // leaves
+            count = leaves_near(low, high, low[leaf], high[leaf], squared_radius, near)
+            inside = 0
+            if count < most:
+                inside = points_near(points, low, high, near[:count], low[leaf], high[leaf], squared_radius, room.found)
+            full = _pack(points, room, inside)
+            reached = 0.0
+            for i in range(begin, end):
+                x, y, z = points[0, i], points[1, i], points[2, i]
+                reach = _reach(room.packed, full, x, y, z, k, squared_radius, squared)
+                if reach >= 0.0:
+                    moments_in_ball(room.packed, full, x, y, z, reach, moments, i - begin)
+                else:
+                    nearest_in_tree(points, low, high, x, y, z, found, gaps)
+                    reach = gaps[-1]
+                    of_found = _pack(points, _Room(found, room.packed), k)
+                    moments_in_ball(room.packed, of_found, x, y, z, 2.0 * reach, moments, i - begin)
+                    full = _pack(points, room, inside)
+                reached += reach
+            squared_radius = WIDER * reached / (end - begin)
+            _finish(moments, order[begin:end], variation, normals, neighbours)
 
 
-@nb.njit(cache=True)
-def _null_vector(xx, xy, xz, yy, yz, zz, normal):
-    crosses = (
-        (xy * yz - xz * yy, xz * xy - xx * yz, xx * yy - xy * xy),
-        (xy * zz - xz * yz, xz * xz - xx * zz, xx * yz - xy * xz),
-        (yy * zz - yz * yz, yz * xz - xy * zz, xy * yz - yy * xz),
-    )
-    longest = 1e-20
-    for x, y, z in crosses:
-        squared = x * x + y * y + z * z
-        if squared > longest:
-            longest = squared
-            length = np.sqrt(squared)
-            normal[0], normal[1], normal[2] = x / length, y / length, z / length
-    if longest == 1e-20:
-        # the matrix has rank one: its largest row is the one direction to stay across of
-        x, y, z = xx, xy, xz
-        if yy > xx and yy >= zz:
-            x, y, z = xy, yy, yz
-        elif zz > xx:
-            x, y, z = xz, yz, zz
-        if abs(x) <= abs(z) or abs(y) <= abs(z):
-            x, y, z = (0.0, z, -y) if abs(x) <= abs(y) else (z, 0.0, -x)
+@nb.njit(cache=True, nogil=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+def _reach(packed, count, x, y, z, k, squared_radius, squared):
+    """Return a squared distance from (x, y, z) within which just k of the packed points lie, -1 if none is found.
+
+    By regula falsi: on a surface the number of points within a distance goes about as its square.
+    """
+    along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
+    squared = squared[:count]
+    for j in range(len(along_x)):
+        dx, dy, dz = along_x[j] - x, along_y[j] - y, along_z[j] - z
+        squared[j] = dx * dx + dy * dy + dz * dz
+    low, high = 0.0, squared_radius
+    below, above = 0.0, _within(squared, high)
+    for _ in range(TRIALS):
+        if above < k:
+            break
+        if above == k:
+            return high
+        middle = low + (high - low) * (k - below) / (above - below)
+        inside = _within(squared, middle)
+        if inside == k:
+            return middle
+        if inside < k:
+            low, below = middle, inside
         else:
-            x, y, z = y, -x, 0.0
-        length = np.sqrt(x * x + y * y + z * z)
-        if length > 0:
-            normal[0], normal[1], normal[2] = x / length, y / length, z / length
+            high, above = middle, inside
+    return -1.0
 
 
-@nb.njit(cache=True)
-def tangents(x, y, z):
-    """Return two unit vectors at right angles to a unit vector and each other."""
-    if abs(x) <= abs(y) and abs(x) <= abs(z):
-        length = np.sqrt(y * y + z * z)
-        u = 0.0, -z / length, y / length
-    elif abs(y) <= abs(z):
-        length = np.sqrt(x * x + z * z)
-        u = z / length, 0.0, -x / length
-    else:
-        length = np.sqrt(x * x + y * y)
-        u = -y / length, x / length, 0.0
-    return u, (y * u[2] - z * u[1], z * u[0] - x * u[2], x * u[1] - y * u[0])
+@nb.njit(cache=True, nogil=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+def _within(squared, limit):
+    count = 0.0
+    for j in range(len(squared)):
+        count += 1.0 if squared[j] <= limit else 0.0
+    return count

@@ -9,6 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 LEAF_SIZE = 32  # points in a leaf at most: few enough to prune well, enough to fill vector registers
+TOP = 5  # levels that are split one after another, each by all threads; below, each thread has subtrees of its own
+FEW_KEYS = 256  # keys below which the median of three is a good enough pivot
+SAMPLE = 64  # keys that tell the pivot of more
+BEYOND = 2  # places in that sample by which the pivot lies beyond the middle, so that this is in the smaller part
 
 
 @dataclass(frozen=True)
@@ -37,16 +41,15 @@ class KdTree:
     @classmethod
     def build(cls, points: NDArray[np.float64]) -> KdTree:
         """Build the tree over `points`, (N, 3), N at least 1, in O(N log N)."""
-        order = np.arange(len(points), dtype=np.int64)
-        columns = np.ascontiguousarray(points.T)
-        depth = 0
-        while len(points) > LEAF_SIZE << depth:
+        n, depth = len(points), 0
+        while n > LEAF_SIZE << depth:
             depth += 1
-        low = np.empty((2 << depth, 3), dtype=np.float64)
-        high = np.empty((2 << depth, 3), dtype=np.float64)
-        for level in range(depth + 1):
-            _split_level(columns, order, low, high, level, level == depth)
-        return cls(order, columns, low, high)
+        records = np.empty((n, 4), dtype=np.float64)
+        numbers = records.view(np.int64)
+        _record(np.ascontiguousarray(points), records, numbers)
+        tree = cls(np.empty(n, dtype=np.int64), np.empty((3, n)), np.empty((2 << depth, 3)), np.empty((2 << depth, 3)))
+        _grow(records, numbers, depth, tree.order, tree.points, tree.low, tree.high)
+        return tree
 
     def nearest_of(self, queries: NDArray[np.float64], k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return the input indices and squared distances of the k points nearest each query, nearest first.
@@ -76,48 +79,114 @@ def first_leaf(low):
 
 
 @nb.njit(cache=True, parallel=True, nogil=True)
-def _split_level(points, order, low, high, level, last):
-    """Measure the boxes of a level and, unless it is the last, part each node at the median of its longest side."""
-    nodes = 1 << level
-    n = points.shape[1]
-    for j in nb.prange(nodes):
-        begin, end = n * j // nodes, n * (j + 1) // nodes
-        node = nodes + j
-        axis, longest = 0, -1.0
-        for a in range(3):
-            low[node, a] = points[a, begin:end].min()
-            high[node, a] = points[a, begin:end].max()
-            if high[node, a] - low[node, a] > longest:
-                axis, longest = a, high[node, a] - low[node, a]
-        if not last:
-            _part(points, order, points[axis], begin, n * (2 * j + 1) // (2 * nodes), end)
+def _record(points, records, numbers):
+    """Fill the records, a row a point: its coordinates, and its index, as the bits of a whole number."""
+    for i in nb.prange(len(points)):
+        records[i, 0], records[i, 1], records[i, 2] = points[i, 0], points[i, 1], points[i, 2]
+        numbers[i, 3] = i
+
+
+@nb.njit(cache=True, parallel=True, nogil=True)
+def _grow(records, numbers, depth, order, points, low, high):
+    """Sort the records into the tree, and fill what is kept of it."""
+    top = min(TOP, depth)
+    for level in range(top):
+        for node in nb.prange(1 << level, 2 << level):
+            _split(records, node, level, low, high)
+    for node in nb.prange(1 << top, 2 << top):  # below, a node at a time fits into the cache
+        for level in range(depth - top):
+            for below in range(node << level, (node + 1) << level):
+                _split(records, below, top + level, low, high)
+        for leaf in range(node << (depth - top), (node + 1) << (depth - top)):
+            _fill_leaf(records, numbers, leaf, depth, order, points, low, high)
 
 
 @nb.njit(cache=True)
-def _part(points, order, key, begin, middle, end):
+def _fill_leaf(records, numbers, leaf, depth, order, points, low, high):
+    begin, end = _range(len(records), leaf, depth)
+    _bound(records, begin, end, low[leaf], high[leaf])
+    for i in range(begin, end):
+        order[i] = numbers[i, 3]
+        for axis in range(3):
+            points[axis, i] = records[i, axis]
+
+
+@nb.njit(cache=True)
+def _range(n, node, level):
+    j = node - (1 << level)
+    return n * j >> level, n * (j + 1) >> level
+
+
+@nb.njit(cache=True)
+def _split(records, node, level, low, high):
+    """Measure a node's box, and part its points at the median of the longest side."""
+    begin, end = _range(len(records), node, level)
+    _bound(records, begin, end, low[node], high[node])
+    axis, longest = 0, -1.0
+    for a in range(3):
+        if high[node, a] - low[node, a] > longest:
+            axis, longest = a, high[node, a] - low[node, a]
+    _part(records, axis, begin, _range(len(records), 2 * node, level + 1)[1], end)
+
+
+@nb.njit(cache=True, fastmath={"nnan", "nsz"})
+def _bound(records, begin, end, low, high):
+    a = b = c = np.inf
+    d = e = f = -np.inf
+    for i in range(begin, end):
+        x, y, z = records[i, 0], records[i, 1], records[i, 2]
+        a, b, c = min(a, x), min(b, y), min(c, z)
+        d, e, f = max(d, x), max(e, y), max(f, z)
+    low[0], low[1], low[2] = a, b, c
+    high[0], high[1], high[2] = d, e, f
+
+
+@nb.njit(cache=True)
+def _part(records, axis, begin, middle, end):
     """Permute begin..end so that keys before `middle` are at most, and those from it on at least, its key."""
-    left, right = begin, end - 1
-    while left < right:
-        a, b, c = key[left], key[(left + right) // 2], key[right]
-        pivot = max(min(a, b), min(max(a, b), c))
-        i, j = left, right
-        while i <= j:
-            while key[i] < pivot:
-                i += 1
-            while key[j] > pivot:
-                j -= 1
-            if i <= j:
-                for row in points:
-                    row[i], row[j] = row[j], row[i]
-                order[i], order[j] = order[j], order[i]
-                i += 1
-                j -= 1
-        if middle <= j:
-            right = j
-        elif middle >= i:
-            left = i
-        else:
-            return
+    sample = np.empty(SAMPLE, dtype=np.float64)
+    while begin < middle < end:
+        pivot = _pivot(records, axis, begin, middle, end, sample)
+        parted = _move_forward(records, axis, begin, end, pivot, False)
+        if parted > begin:
+            begin, end = (begin, parted) if middle < parted else (parted, end)
+        else:  # the pivot is the least key
+            begin = _move_forward(records, axis, begin, end, pivot, True)
+
+
+@nb.njit(cache=True)
+def _pivot(records, axis, begin, middle, end, sample):
+    """Return a key that is likely to leave the middle in a small part (Floyd and Rivest 1975)."""
+    count = end - begin
+    if count < FEW_KEYS:
+        a, b, c = records[begin, axis], records[(begin + end) // 2, axis], records[end - 1, axis]
+        return max(min(a, b), min(max(a, b), c))
+    for s in range(SAMPLE):
+        key = records[begin + (2 * s + 1) * count // (2 * SAMPLE), axis]
+        slot = s
+        while slot > 0 and sample[slot - 1] > key:
+            sample[slot] = sample[slot - 1]
+            slot -= 1
+        sample[slot] = key
+    below = SAMPLE * (middle - begin) // count
+    return sample[min(below + BEYOND, SAMPLE - 1)] if 2 * below < SAMPLE else sample[max(below - BEYOND, 0)]
+
+
+@nb.njit(cache=True)
+def _move_forward(records, axis, begin, end, pivot, equal):
+    """Move the records of keys below the pivot, or equal to it too, before the others; return where these begin.
+
+    Every record is swapped, needed or not: a branch would be guessed wrong half of the time (Lomuto's scheme).
+    """
+    free = begin
+    for i in range(begin, end):
+        x, y, z, number = records[i, 0], records[i, 1], records[i, 2], records[i, 3]
+        key = records[i, axis]
+        for field in range(4):
+            records[i, field] = records[free, field]
+        records[free, 0], records[free, 1], records[free, 2], records[free, 3] = x, y, z, number
+        free += 1 if key < pivot or (equal and key == pivot) else 0
+    return free
 
 
 @nb.njit(cache=True, fastmath=False)
@@ -171,21 +240,20 @@ def _nearest_of_all(points, low, high, queries, found, squared):
 
 
 @nb.njit(cache=True, fastmath=False)
-def leaves_near(low, high, box_low, box_high, squared_radius):
-    """Return the nodes of the leaves that come within the radius of a box."""
+def leaves_near(low, high, box_low, box_high, squared_radius, found):
+    """Fill `found` with the nodes of leaves that come within the radius of a box, as many as it has room for.
+
+    Return their number.
+    """
     leaves = first_leaf(low)
-    found = np.empty(leaves, dtype=np.int64)
     count = 0
     stack = np.empty(64, dtype=np.int64)
     stack[0] = 1
     height = 1
-    while height:
+    while height and count < len(found):
         height -= 1
         node = stack[height]
-        squared = 0.0
-        for axis in range(3):
-            squared += max(low[node, axis] - box_high[axis], box_low[axis] - high[node, axis], 0.0) ** 2
-        if squared > squared_radius:
+        if squared_distance_of_boxes(low[node], high[node], box_low, box_high) > squared_radius:
             continue
         if node >= leaves:
             found[count] = node
@@ -193,7 +261,34 @@ def leaves_near(low, high, box_low, box_high, squared_radius):
         else:
             stack[height], stack[height + 1] = 2 * node + 1, 2 * node
             height += 2
-    return found[:count]
+    return count
+
+
+@nb.njit(cache=True, fastmath=False)
+def squared_distance_of_boxes(low, high, other_low, other_high):
+    """Return the squared distance between two boxes; never more than that computed between points in them."""
+    dx = max(low[0] - other_high[0], other_low[0] - high[0], 0.0)
+    dy = max(low[1] - other_high[1], other_low[1] - high[1], 0.0)
+    dz = max(low[2] - other_high[2], other_low[2] - high[2], 0.0)
+    return dx * dx + dy * dy + dz * dz
+
+
+@nb.njit(cache=True, fastmath=False)
+def points_near(points, low, high, leaves, box_low, box_high, squared_radius, found):
+    """Fill `found` with the positions of the points in some leaves that come within the radius of a box.
+
+    There must be room for LEAF_SIZE to a leaf. Return their number.
+    """
+    n, first = points.shape[1], first_leaf(low)
+    count = 0
+    for leaf in leaves:
+        if squared_distance_of_boxes(low[leaf], high[leaf], box_low, box_high) > squared_radius:
+            continue
+        for j in range(n * (leaf - first) // first, n * (leaf - first + 1) // first):
+            found[count] = j  # kept or not: a branch would be guessed wrong too often
+            near = squared_distance_to_box(box_low, box_high, points[0, j], points[1, j], points[2, j])
+            count += 1 if near <= squared_radius else 0
+    return count
 
 
 @nb.njit(cache=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from gppcs.features import flattest, tangents
+from gppcs.covariance import flattest, tangents
 from gppcs.kdtree import nearest_in_tree
 
 COEFFICIENTS = 6  # of a + b u + c v + d u^2 + e u v + f v^2

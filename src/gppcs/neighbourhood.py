@@ -1,8 +1,6 @@
-"""Who is near whom: the radius of a neighbourhood, the spacing of a cloud, and a grid for searches of one radius."""
+"""How near points are: the radius of a neighbourhood, the spacing and the area of a cloud, and its cells."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numba as nb
 import numpy as np
@@ -19,93 +17,6 @@ def paper_radius(points: NDArray[np.float64], k: int = 25) -> float:
     """
     volume = np.prod(np.ptp(points, axis=0))
     return float(np.sqrt(k * np.cbrt(volume) ** 2 / len(points)))
-
-
-@dataclass(frozen=True)
-class ColumnGrid:
-    """Points sorted into columns of a square grid, and along each column.
-
-    Two axes are cut into cells at least as wide as the radius; along the third, the longest of the box, the
-    points of a column are sorted. The neighbours of a point then lie in nine runs, one in its own column and
-    each of the eight around it, whose ends only move forward as one goes up the column.
-
-    Attributes
-    ----------
-    radius : float
-        The largest radius that a search may use.
-    order : (N,) array, int64
-        The index that each point in grid order had in the input.
-    points : (3, N) array, float64
-        Coordinates in grid order, an axis a row, the axis along the columns last.
-    axes : (3,) array, int64
-        The input's axis that each of those rows is.
-    starts : (cells[0] * cells[1] + 1,) array, int64
-        Where each column begins in grid order.
-    cells : tuple of two int
-        The number of columns along the first two rows.
-    """
-
-    radius: float
-    order: NDArray[np.int64]
-    points: NDArray[np.float64]
-    axes: NDArray[np.int64]
-    starts: NDArray[np.int64]
-    cells: tuple[int, int]
-
-    @classmethod
-    def build(cls, points: NDArray[np.float64], radius: float) -> ColumnGrid:
-        """Sort `points`, (N, 3), for searches of up to `radius`, in O(N log N) time and O(N) memory."""
-        axes = np.argsort(np.ptp(points, axis=0), kind="stable")
-        rows = np.ascontiguousarray(points.T[axes])
-        (u, first), (v, second) = (_cells(row, radius, np.sqrt(len(points))) for row in rows[:2])
-        order, starts = _count_sort(u * second + v, first * second)
-        rows = np.take(rows, order, axis=1)
-        _sort_columns(rows, order, starts)
-        return cls(radius, order, rows, axes, starts, (first, second))
-
-
-def _cells(row: NDArray[np.float64], width: float, most: float) -> tuple[NDArray[np.int64], int]:
-    """Return the number of each coordinate's cell, and how many cells there are, about 4 `most` at most.
-
-    Where the range holds more, numbers begin again at zero: points within a cell's width of each other have numbers
-    that follow each other round, whatever far points stretch the range.
-    """
-    low, high = row.min(), row.max()
-    if not width > 0.0:
-        return np.zeros(len(row), dtype=np.int64), 1
-    count = int(min((high - low) / width, 4 * most)) + 1
-    return np.mod(np.floor((row - low) / width), count).astype(np.int64), count
-
-
-@nb.njit(cache=True)
-def _count_sort(column, columns):
-    """Return the stable order by column, and where each column begins."""
-    starts = np.zeros(columns + 1, dtype=np.int64)
-    for c in column:
-        starts[c + 1] += 1
-    starts = np.cumsum(starts)
-    free = starts[:-1].copy()
-    order = np.empty(len(column), dtype=np.int64)
-    for i in range(len(column)):
-        order[free[column[i]]] = i
-        free[column[i]] += 1
-    return order, starts
-
-
-@nb.njit(cache=True, parallel=True)
-def _sort_columns(rows, order, starts):
-    """Sort the points of each column along it."""
-    for c in nb.prange(len(starts) - 1):
-        if starts[c + 1] - starts[c] > 1:
-            _sort_run(rows[:, starts[c] : starts[c + 1]], order[starts[c] : starts[c + 1]])
-
-
-@nb.njit(cache=True)
-def _sort_run(rows, order):
-    ascending = np.argsort(rows[2], kind="mergesort")  # stable, so that repeats stay in input order
-    for row in rows:
-        row[:] = row[ascending]
-    order[:] = order[ascending]
 
 
 def nearest_distances(tree: KdTree, k: int, most: int = 4096) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ from gppcs.features import Features, features_in_radius, features_of_nearest
 from gppcs.kdtree import KdTree
 from gppcs.local_field import LocalField
 from gppcs.local_greedy import extend
-from gppcs.neighbourhood import ColumnGrid, first_in_cells
+from gppcs.neighbourhood import first_in_cells
 
 FIRST = 64  # points of the first stage at most; it costs as little as any
 FEWEST = 3  # candidates for each point wanted, below which there is nothing to choose from
@@ -123,7 +123,7 @@ def rank(
         places = points[members]
         positions = places / spacing
         local = KdTree.build(positions)
-        features = features_in_radius(ColumnGrid.build(positions, 1.0)) if thinned else features_of_nearest(local, FEW)
+        features = features_in_radius(local, 1.0) if thinned else features_of_nearest(local, FEW)
         noise = np.zeros(len(members)) if variances is None else variances(places) / spacing**2
         field = _field(local, features, noise, criterion)
         inside = np.empty(len(members), dtype=np.int64)

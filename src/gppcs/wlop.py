@@ -119,7 +119,8 @@ def _crowding(points, low, high, radius):
     leaves = first_leaf(low)
     crowding = np.empty(n, dtype=np.float64)
     for leaf in nb.prange(leaves):
-        near = leaves_near(low, high, low[leaves + leaf], high[leaves + leaf], radius * radius)
+        found = np.empty(leaves, dtype=np.int64)
+        near = found[: leaves_near(low, high, low[leaves + leaf], high[leaves + leaf], radius * radius, found)]
         for i in range(n * leaf // leaves, n * (leaf + 1) // leaves):
             x, y, z = points[0, i], points[1, i], points[2, i]
             total = 0.0
@@ -144,8 +145,10 @@ def _moved(points, low, high, weights, samples, sample_low, sample_high, omega, 
     moved = np.empty((3, m), dtype=np.float64)
     for leaf in nb.prange(leaves):
         box_low, box_high = sample_low[leaves + leaf], sample_high[leaves + leaf]
-        near = leaves_near(low, high, box_low, box_high, radius * radius)
-        near_samples = leaves_near(sample_low, sample_high, box_low, box_high, radius * radius)
+        found, found_samples = np.empty(first_leaf(low), dtype=np.int64), np.empty(leaves, dtype=np.int64)
+        near = found[: leaves_near(low, high, box_low, box_high, radius * radius, found)]
+        count = leaves_near(sample_low, sample_high, box_low, box_high, radius * radius, found_samples)
+        near_samples = found_samples[:count]
         for i in range(m * leaf // leaves, m * (leaf + 1) // leaves):
             x, y, z = samples[0, i], samples[1, i], samples[2, i]
             ax, ay, az = _attraction(points, low, high, weights, near, radius, x, y, z)

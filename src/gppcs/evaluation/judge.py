@@ -6,7 +6,7 @@ import contextlib
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,9 @@ from gppcs.errors import InputError, NoSurfaceError
 from gppcs.evaluation.report import Rebuilt, Report, figures_of
 from gppcs.mesh import Mesh
 from gppcs.stages import Stages
+
+if TYPE_CHECKING:
+    from gppcs.kdtree import KdTree
 
 ROUGH = 0.9  # quantile of the surface variation from which on a point counts as feature
 FLAT = 1e-12  # surface variation that is no more than rounding
@@ -193,7 +196,7 @@ def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[in
         feature_error=float((to_surface * np.radians(_angles(normals, surface_normals))).mean()),
         feature_recall=float((np.sqrt(to_kept[_rough(variation)]) <= spacing).mean()),
         normal_deviation=float(_angles(normals, kept_normals[nearest[:, 0]]).mean()),
-        mean_surface_variation=_mean_surface_variation(after, spacing),
+        mean_surface_variation=_mean_surface_variation(surface.tree, spacing),
     )
 
 
@@ -214,19 +217,19 @@ def _angles(first: Points, second: Points) -> Points:
     return angles
 
 
-def _mean_surface_variation(points: Points, spacing: float) -> float:
+def _mean_surface_variation(tree: KdTree, spacing: float) -> float:
     """Return the mean with the paper's radius, even where points crowd together, since its tables use that.
 
     The paper's rule sees only the bounding box. Where that is flat, or stretched by far points, the radius can be off
     without bound; then it is that of a disc for the same number of points at the target spacing.
     """
     from gppcs.features import features_in_radius
-    from gppcs.neighbourhood import ColumnGrid, paper_radius
+    from gppcs.neighbourhood import paper_radius
 
-    radius, robust = paper_radius(points, VARIATION), spacing * np.sqrt(VARIATION / np.pi)
+    radius, robust = paper_radius(tree.points.T, VARIATION), spacing * np.sqrt(VARIATION / np.pi)
     if not robust / 3 <= radius <= 3 * robust:
         radius = robust
-    return float(features_in_radius(ColumnGrid.build(points, radius)).surface_variation.mean())
+    return float(features_in_radius(tree, radius).surface_variation.mean())
 
 
 def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, frame: _Frame) -> Rebuilt:

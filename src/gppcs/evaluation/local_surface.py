@@ -8,7 +8,8 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.features import features_of_nearest, tangents
+from gppcs.covariance import tangents
+from gppcs.features import features_of_nearest
 from gppcs.kdtree import KdTree, nearest_in_tree
 
 PLANE = 12  # points that the tangent plane is fitted to, the point itself among them
