@@ -73,7 +73,7 @@ def extend(
     scores, deviations : (n_points - m,) arrays
         Score and sigma of each added point when it was chosen.
     """
-    conditioning = condition(field, chosen, neighbours)
+    conditioning = condition(field, tree, chosen, neighbours)
     means, variances = posterior(field, conditioning)
     scores = _score(means, variances, field.y, field.noise, error_weight)
     scores[chosen] = TAKEN
