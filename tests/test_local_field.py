@@ -10,7 +10,7 @@ import dense
 from gppcs.farthest_point import farthest_points
 from gppcs.kdtree import KdTree
 from gppcs.local_field import Conditioning, LocalField, condition, squared_distance
-from gppcs.local_posterior import LANES, correlate, posterior
+from gppcs.local_posterior import LANES, correlate, posterior, sites_of
 
 
 def random_field(n, seed, normal_weight=1.0, lengthscale=1.5):
@@ -50,6 +50,11 @@ def conditioned(field, chosen, k):
     sorted_field = field._replace(positions=tree.points, normals=field.normals[:, tree.order], **of_point)
     nearest, squared = condition(sorted_field, tree, place[chosen], k)
     return Conditioning(np.where(nearest < 0, -1, tree.order[nearest]).astype(np.int32)[place], squared[place])
+
+
+def of_posterior(field, conditioning):
+    """Mean and variance of every point."""
+    return posterior(field, sites_of(field), conditioning, 0.0)[:2]
 
 
 def kernel_of(field):
@@ -132,7 +137,7 @@ def test_posterior_equals_equations_3_and_4_given_the_nearest(field, k, data):
     n = len(field.y)
     chosen = np.random.default_rng(n).permutation(n)[: data.draw(st.integers(0, n))]
     conditioning = conditioned(field, chosen, k)
-    mean, variance = posterior(field, conditioning)
+    mean, variance = of_posterior(field, conditioning)
     kernel = dense.local_kernel(field)
     for i in range(n):
         given_points = chosen if k >= len(chosen) else conditioning.nearest[i]
@@ -146,8 +151,8 @@ def test_a_point_without_noise_that_is_given_twice_is_no_failure():
     for array in (field.positions, field.normals):
         array[:, 1] = array[:, 0]
     field.spacings[1], field.y[1] = field.spacings[0], field.y[0]
-    mean, variance = posterior(field, conditioned(field, np.array([0, 1]), 2))
-    alone = posterior(field, conditioned(field, np.array([0]), 2))
+    mean, variance = of_posterior(field, conditioned(field, np.array([0, 1]), 2))
+    alone = of_posterior(field, conditioned(field, np.array([0]), 2))
     np.testing.assert_allclose((mean, variance), alone, atol=1e-5)
     assert mean[1] == pytest.approx(field.y[1], abs=1e-9)
 
@@ -158,7 +163,7 @@ def errors_of_few_neighbours(k):
     field = flat_field(points)
     chosen, _ = farthest_points(np.ascontiguousarray(field.positions.T), 80)
     rest = np.setdiff1d(np.arange(500), chosen)
-    mean, variance = posterior(field, conditioned(field, chosen, k))
+    mean, variance = of_posterior(field, conditioned(field, chosen, k))
     kernel = dense.local_kernel(field)
     whole_mean, whole_variance = np.array([dense.local_posterior(kernel, field, i, chosen) for i in range(500)]).T
     return (
@@ -228,7 +233,7 @@ def beside_the_equation(alpha, neighbours):
     exact_mean, exact_variance = posterior_by_precision(precision, variance, chosen, field.y, 1e-4, queries)
     rows = []
     for k in neighbours:
-        mean, variance = np.array(posterior(field, conditioned(field, chosen, k)))[:, queries]
+        mean, variance = np.array(of_posterior(field, conditioned(field, chosen, k)))[:, queries]
         error = np.sqrt(np.mean((mean - exact_mean) ** 2) / np.mean(exact_mean**2))
         rows.append((error, np.mean(np.sqrt(variance)) / np.mean(np.sqrt(exact_variance))))
     return np.array(rows)

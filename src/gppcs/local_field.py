@@ -85,18 +85,6 @@ def squared_distance(field, i, j):
     )
 
 
-@nb.njit(cache=True, fastmath=False)
-def keep_nearest(nearest, squared, j, distance):
-    """Put point j among the nearest kept, if it is one of them."""
-    slot = len(squared) - 1
-    if not distance < squared[slot]:
-        return
-    while slot > 0 and squared[slot - 1] > distance:
-        squared[slot], nearest[slot] = squared[slot - 1], nearest[slot - 1]
-        slot -= 1
-    squared[slot], nearest[slot] = distance, j
-
-
 def condition(field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighbours: int) -> Conditioning:
     """Return the `neighbours` chosen points nearest each point in the field.
 

@@ -8,35 +8,35 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.kdtree import (
-    LEAF_SIZE,
-    KdTree,
-    first_leaf,
-    greater_child,
-    greatest_in_leaf,
-    greatest_of_all,
-    squared_distance_to_box,
-)
-from gppcs.local_field import Conditioning, LocalField, condition, keep_nearest, squared_distance
-from gppcs.local_posterior import LANES, posterior, posteriors, workspace
+from gppcs.kdtree import LEAF_SIZE, KdTree, greater_child
+from gppcs.local_field import Conditioning, LocalField, condition, field_distance
+from gppcs.local_posterior import LANES, Posterior, posterior, posteriors, sites_of, workspace
 
-TAKEN = -1.0  # in place of the score of a chosen point: below any
+TAKEN = -1.0  # in place of the score of a chosen point, and of the reach of one: below any
+SPACING, SCORE, REACH, INDEX, ROWS = 6, 7, 8, 9, 10  # rows of a leaf; the first six are place and normal
 
 
 class _Nodes(NamedTuple):
     """The k-d tree above the points, and for each node what is needed to pass it by.
 
-    `best` is the greatest score in the node and `holder` the point with it; `reach` the greatest distance in the field
-    within which a point's conditioning would change, squared; `widest` the greatest spacing.
+    Attributes
+    ----------
+    boxes : (nodes, 8) array
+        Low and high corners of the box; the greatest squared distance in the field within which the conditioning of one
+        of its points would change; the square of the greatest spacing. As much as memory moves at a time.
+    best : (nodes,) array
+        The greatest score in the node.
+    holder : (nodes,) array, int64
+        The index in the tree's input of the point with it, of several the least.
+    leaves : (leaves, ROWS, LEAF_SIZE) array
+        Of each leaf's points, in columns: place, normal, spacing, score, reach (the squared distance in the field of
+        the last of what it is conditioned on) and index. What is left of the columns is as if taken.
     """
 
-    order: NDArray[np.int64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    boxes: NDArray[np.float64]
     best: NDArray[np.float64]
     holder: NDArray[np.int64]
-    reach: NDArray[np.float64]
-    widest: NDArray[np.float64]
+    leaves: NDArray[np.float64]
 
 
 def extend(
@@ -73,74 +73,87 @@ def extend(
     scores, deviations : (n_points - m,) arrays
         Score and sigma of each added point when it was chosen.
     """
+    sites = sites_of(field)
     conditioning = condition(field, tree, chosen, neighbours)
-    means, variances = posterior(field, conditioning)
-    scores = _score(means, variances, field.y, field.noise, error_weight)
-    scores[chosen] = TAKEN
-    nodes = _nodes(field, tree, conditioning, scores)
+    found = posterior(field, sites, conditioning, error_weight)
+    found.scores[chosen] = TAKEN
+    nodes = _nodes(field, tree, conditioning, found)
     position = np.empty(len(tree.order), dtype=np.int64)
     position[tree.order] = np.arange(len(tree.order))
     extended = np.concatenate([chosen, np.empty(n_points - len(chosen), dtype=np.int64)])
     added = np.empty((2, n_points - len(chosen)))
-    _choose(field, conditioning, nodes, position, error_weight, variances, scores, extended[len(chosen) :], added)
+    _choose(field, sites, conditioning, nodes, position, error_weight, found.variances, extended[len(chosen) :], added)
     return extended, added[0], np.sqrt(added[1])
 
 
-def _nodes(field: LocalField, tree: KdTree, conditioning: Conditioning, scores: NDArray[np.float64]) -> _Nodes:
-    best, holder = np.empty(len(tree.low)), np.empty(len(tree.low), dtype=np.int64)
-    greatest_of_all(tree.order, scores, best, holder)
-    free = np.where(scores == TAKEN, 0.0, conditioning.squared[:, -1])
-    reach, widest = _greatest(free, len(tree.low)), _greatest(field.spacings, len(tree.low))
-    return _Nodes(tree.order, tree.low, tree.high, best, holder, reach, widest)
+def _nodes(field: LocalField, tree: KdTree, conditioning: Conditioning, found: Posterior) -> _Nodes:
+    count = len(tree.low)
+    nodes = _Nodes(
+        np.concatenate([tree.low, tree.high, np.empty((count, 2))], axis=1),
+        np.empty(count), np.empty(count, dtype=np.int64), np.empty((count // 2, ROWS, LEAF_SIZE)),
+    )  # fmt: skip
+    reach = np.where(found.scores == TAKEN, TAKEN, conditioning.squared[:, -1])
+    _fill(field, tree.order, found.scores, reach, nodes)
+    return nodes
 
 
-def _greatest(values: NDArray[np.float64], nodes: int) -> NDArray[np.float64]:
-    """Return the greatest value in each node of the tree in whose order the values are."""
-    leaves = nodes // 2
-    greatest = np.empty(nodes)
-    greatest[leaves:] = np.maximum.reduceat(values, np.arange(leaves) * len(values) // leaves)
-    level = leaves
-    while level > 1:
-        level //= 2
-        below = greatest[2 * level : 4 * level]
-        greatest[level : 2 * level] = np.maximum(below[::2], below[1::2])
-    return greatest
-
-
-@nb.njit(cache=True, error_model="numpy", fastmath=False)
-def _score(mean, variance, y, noise, error_weight):
-    gain = variance / (variance + noise)
-    return np.sqrt(gain * variance) + error_weight * gain * np.abs(mean - y)
+@nb.njit(cache=True, nogil=True)
+def _fill(field, order, scores, reach, nodes):
+    """Fill leaves and nodes."""
+    n, leaves = len(order), len(nodes.leaves)
+    for leaf in range(leaves):
+        rows = nodes.leaves[leaf]
+        rows[:] = 0.0
+        rows[SPACING], rows[SCORE], rows[REACH], rows[INDEX] = 1.0, TAKEN, TAKEN, n
+        begin, widest = n * leaf // leaves, 0.0
+        for i in range(begin, n * (leaf + 1) // leaves):
+            column = rows[:, i - begin]
+            column[:3], column[3:6] = field.positions[:, i], field.normals[:, i]
+            column[SPACING], column[SCORE] = field.spacings[i], scores[i]
+            column[REACH], column[INDEX] = reach[i], order[i]
+            widest = max(widest, field.spacings[i])
+        nodes.boxes[leaves + leaf, 7] = widest**2
+        _renew_leaf(leaves + leaf, nodes)
+    for node in range(leaves - 1, 0, -1):
+        nodes.boxes[node, 7] = max(nodes.boxes[2 * node, 7], nodes.boxes[2 * node + 1, 7])
+        _renew_inner(node, nodes)
 
 
 @nb.njit(cache=True, nogil=True, fastmath=False)
-def _choose(field, conditioning, nodes, position, error_weight, variances, scores, chosen, added):
+def _choose(field, sites, conditioning, nodes, position, error_weight, variances, chosen, added):
     """Fill `chosen` and, of each, score and variance into the rows of `added`."""
+    n, leaves = len(sites), len(nodes.leaves)
     work = workspace(conditioning.nearest.shape[1])
-    visited = np.empty(len(nodes.low), dtype=np.int64)
-    changed = np.empty(len(scores), dtype=np.int64)
+    visited = np.empty(len(nodes.best), dtype=np.int64)
+    changed = np.empty(n, dtype=np.int64)
     gaps = np.empty(LEAF_SIZE, dtype=np.float64)
     for m in range(len(chosen)):
         new = position[nodes.holder[1]]
-        chosen[m], added[0, m], added[1, m] = new, scores[new], variances[new]
-        scores[new] = TAKEN
-        nodes_visited, points_changed = _tell(new, field, conditioning, nodes, scores, visited, changed, gaps)
+        leaf = ((new + 1) * leaves - 1) // n
+        column = new - n * leaf // leaves
+        chosen[m], added[0, m], added[1, m] = new, nodes.leaves[leaf, SCORE, column], variances[new]
+        nodes.leaves[leaf, SCORE, column] = nodes.leaves[leaf, REACH, column] = TAKEN
+        nodes_visited, points_changed = _tell(new, field, sites, conditioning, nodes, visited, changed, gaps)
         for begin in range(0, points_changed, LANES):
             end = min(begin + LANES, points_changed)
-            posteriors(field, conditioning.nearest, changed, begin, end, work)
+            posteriors(field, sites, conditioning.nearest, changed, begin, end, error_weight, work)
             for p in range(end - begin):
                 i = changed[begin + p]
-                variances[i] = work.variance[p]
-                scores[i] = _score(work.mean[p], work.variance[p], field.y[i], field.noise[i], error_weight)
+                leaf = ((i + 1) * leaves - 1) // n
+                variances[i], nodes.leaves[leaf, SCORE, i - n * leaf // leaves] = work.variance[p], work.score[p]
         for v in range(nodes_visited - 1, -1, -1):  # children before their parents
-            _renew(visited[v], conditioning, nodes, scores)
+            if visited[v] < leaves:
+                _renew_inner(visited[v], nodes)
+            else:
+                _renew_leaf(visited[v], nodes)
 
 
-@nb.njit(cache=True, fastmath=False)
-def _tell(new, field, conditioning, nodes, scores, visited, changed, gaps):
+@nb.njit(cache=True, error_model="numpy", fastmath=False)
+def _tell(new, field, sites, conditioning, nodes, visited, changed, gaps):
     """Condition on the new point what it is near to; return the numbers of nodes visited and of points changed."""
-    n, leaves = len(scores), first_leaf(nodes.low)
-    x, y, z = field.positions[:, new]
+    n, leaves = len(sites), len(nodes.leaves)
+    x, y, z, u, v, w = sites[new, 0], sites[new, 1], sites[new, 2], sites[new, 3], sites[new, 4], sites[new, 5]
+    spacing = sites[new, SPACING]
     stack = np.empty(64, dtype=np.int64)
     stack[0] = 1
     height, seen, count = 1, 0, 0
@@ -151,35 +164,63 @@ def _tell(new, field, conditioning, nodes, scores, visited, changed, gaps):
         seen += 1
         if node < leaves:
             for child in (2 * node, 2 * node + 1):
-                scale = 0.5 * (nodes.widest[child] ** 2 + field.spacings[new] ** 2)
-                gap = squared_distance_to_box(nodes.low[child], nodes.high[child], x, y, z)
-                if gap <= nodes.reach[child] * scale:
+                if _comes_within_reach(nodes.boxes, child, x, y, z, spacing):
                     stack[height] = child
                     height += 1
             continue
-        begin, end = n * (node - leaves) // leaves, n * (node - leaves + 1) // leaves
-        for slot in range(end - begin):
-            gaps[slot] = squared_distance(field, begin + slot, new)
-        for slot in range(end - begin):
-            i = begin + slot
-            if gaps[slot] < conditioning.squared[i, -1] and scores[i] != TAKEN:
-                keep_nearest(conditioning.nearest[i], conditioning.squared[i], new, gaps[slot])
-                changed[count] = i
+        leaf = node - leaves
+        begin, last = n * leaf // leaves, conditioning.nearest.shape[1] - 1
+        for p in range(LEAF_SIZE):
+            rows = nodes.leaves
+            cosine = rows[leaf, 3, p] * u + rows[leaf, 4, p] * v + rows[leaf, 5, p] * w
+            gaps[p] = field_distance(
+                rows[leaf, 0, p] - x, rows[leaf, 1, p] - y, rows[leaf, 2, p] - z, cosine, rows[leaf, SPACING, p],
+                spacing, field.normal_weight,
+            )  # fmt: skip
+        for p in range(LEAF_SIZE):
+            if gaps[p] < nodes.leaves[leaf, REACH, p]:
+                _keep_nearest(conditioning, begin + p, new, gaps[p])
+                nodes.leaves[leaf, REACH, p] = conditioning.squared[begin + p, last]
+                changed[count] = begin + p
                 count += 1
     return seen, count
 
 
 @nb.njit(cache=True, fastmath=False)
-def _renew(node, conditioning, nodes, scores):
-    """Renew what is kept of a node, from its points or its children."""
-    n, leaves = len(scores), first_leaf(nodes.low)
-    if node < leaves:
-        greater_child(node, nodes.best, nodes.holder)
-        nodes.reach[node] = max(nodes.reach[2 * node], nodes.reach[2 * node + 1])
-        return
-    greatest_in_leaf(node, nodes.order, scores, nodes.best, nodes.holder)
-    reach = 0.0
-    for i in range(n * (node - leaves) // leaves, n * (node - leaves + 1) // leaves):
-        if scores[i] != TAKEN:
-            reach = max(reach, conditioning.squared[i, -1])
-    nodes.reach[node] = reach
+def _comes_within_reach(boxes, node, x, y, z, spacing):
+    """Tell whether a new point may be among what a point of the node is to be conditioned on."""
+    dx = max(boxes[node, 0] - x, x - boxes[node, 3], 0.0)
+    dy = max(boxes[node, 1] - y, y - boxes[node, 4], 0.0)
+    dz = max(boxes[node, 2] - z, z - boxes[node, 5], 0.0)
+    return dx * dx + dy * dy + dz * dz <= boxes[node, 6] * (0.5 * (boxes[node, 7] + spacing**2))
+
+
+@nb.njit(cache=True, fastmath=False)
+def _keep_nearest(conditioning, i, new, gap):
+    """Put a chosen point among those that a point is conditioned on, in place of the last."""
+    slot = conditioning.nearest.shape[1] - 1
+    while slot > 0 and conditioning.squared[i, slot - 1] > gap:
+        conditioning.squared[i, slot] = conditioning.squared[i, slot - 1]
+        conditioning.nearest[i, slot] = conditioning.nearest[i, slot - 1]
+        slot -= 1
+    conditioning.squared[i, slot], conditioning.nearest[i, slot] = gap, new
+
+
+@nb.njit(cache=True, fastmath=False)
+def _renew_inner(node, nodes):
+    """Renew what is kept of a node, from its children."""
+    greater_child(node, nodes.best, nodes.holder)
+    nodes.boxes[node, 6] = max(nodes.boxes[2 * node, 6], nodes.boxes[2 * node + 1, 6])
+
+
+@nb.njit(cache=True, fastmath={"nnan", "nsz"})
+def _renew_leaf(node, nodes):
+    """Renew what is kept of a leaf, from its points."""
+    leaf = node - len(nodes.leaves)
+    best, reach, index = TAKEN, TAKEN, np.inf
+    for p in range(LEAF_SIZE):
+        best = max(best, nodes.leaves[leaf, SCORE, p])
+        reach = max(reach, nodes.leaves[leaf, REACH, p])
+    for p in range(LEAF_SIZE):
+        index = min(index, nodes.leaves[leaf, INDEX, p] if nodes.leaves[leaf, SCORE, p] == best else np.inf)
+    nodes.best[node], nodes.boxes[node, 6], nodes.holder[node] = best, reach, np.int64(index)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gppcs.local_field import Conditioning, LocalField, field_distance
 
 LANES = 16
-SITE = 9  # numbers that the kernel and the observation need of a point
+SITE = 9  # numbers that the kernel and the observation need of a point: place, normal, spacing, y, one plus noise
 NEGLIGIBLE = 1e-12  # of the prior variance: what is left of a pivot that rounding has used up
 VANISHED = 40.0  # lengthscales, times sqrt(5), beyond which a correlation is less than rounding
 
@@ -25,13 +25,13 @@ class Work(NamedTuple):
     Attributes
     ----------
     sites : (K + 1, 9, LANES) array
-        Position, normal, spacing, y, and one plus noise of what each is conditioned on; last, of the point itself.
+        What the kernel and the observation need of what each is conditioned on; last, of the point itself.
     factor : (K (K + 2), LANES) array
         Rows of the Cholesky factor, of the inverse of its diagonal, and of its products with two right-hand sides.
     cross, observed, pivot : (LANES,) arrays
         The entries of the current row that belong to the point, to y and to the diagonal.
-    mean, variance : (LANES,) arrays
-        The result.
+    mean, variance, score : (LANES,) arrays
+        The results.
     """
 
     sites: NDArray[np.float64]
@@ -41,6 +41,7 @@ class Work(NamedTuple):
     pivot: NDArray[np.float64]
     mean: NDArray[np.float64]
     variance: NDArray[np.float64]
+    score: NDArray[np.float64]
 
 
 @nb.njit(cache=True)
@@ -49,6 +50,7 @@ def workspace(neighbours):
     return Work(
         np.empty((neighbours + 1, SITE, LANES), dtype=np.float64),
         np.empty((neighbours * (neighbours + 2), LANES), dtype=np.float64),
+        np.empty(LANES, dtype=np.float64),
         np.empty(LANES, dtype=np.float64),
         np.empty(LANES, dtype=np.float64),
         np.empty(LANES, dtype=np.float64),
@@ -99,11 +101,14 @@ def correlate(sites, a, b, lengthscale, normal_weight, out):
 
 
 @nb.njit(cache=True, error_model="numpy", fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"})
-def posteriors(field, nearest, which, begin, end, work):
-    """Put mean and variance at the points `which[begin:end]`, LANES at most, into `work`, given their nearest."""
+def posteriors(field, all_sites, nearest, which, begin, end, error_weight, work):
+    """Put mean, variance and score at the points `which[begin:end]`, LANES at most, into `work`, given their nearest.
+
+    See `extend` in local_greedy.py for the score.
+    """
     neighbours = nearest.shape[1]
-    sites, factor, cross, observed, pivot, mean, variance = work
-    _gather(field, nearest, which, begin, end, sites)
+    sites, factor, cross, observed, pivot, mean, variance, score = work
+    _gather(all_sites, nearest, which, begin, end, sites)
     for p in range(LANES):
         mean[p], variance[p] = 0.0, 1.0
     for a in range(neighbours):
@@ -132,43 +137,73 @@ def posteriors(field, nearest, which, begin, end, work):
             mean[p] += of_point * of_y
     for p in range(LANES):
         variance[p] = max(variance[p], 0.0)
+        gain = variance[p] / (variance[p] + (sites[neighbours, 8, p] - 1.0))
+        score[p] = np.sqrt(gain * variance[p]) + error_weight * gain * abs(mean[p] - sites[neighbours, 7, p])
 
 
 @nb.njit(cache=True)
-def _gather(field, nearest, which, begin, end, sites):
+def _gather(all_sites, nearest, which, begin, end, sites):
     """Fill the sites of each lane, of those without a point as of the last; what lacks a neighbour has one far away."""
     neighbours = nearest.shape[1]
-    x, n, s, y, noise = field.positions, field.normals, field.spacings, field.y, field.noise
     for p in range(LANES):
         i = which[min(begin + p, end - 1)]
         for a in range(neighbours + 1):
             j = nearest[i, a] if a < neighbours else i
-            if j >= 0:
-                sites[a, 0, p], sites[a, 1, p], sites[a, 2, p] = x[0, j], x[1, j], x[2, j]
-                sites[a, 3, p], sites[a, 4, p], sites[a, 5, p] = n[0, j], n[1, j], n[2, j]
-                sites[a, 6, p], sites[a, 7, p], sites[a, 8, p] = s[j], y[j], 1.0 + noise[j]
-            else:
-                for number in range(SITE):
-                    sites[a, number, p] = 0.0
+            for number in range(SITE):
+                sites[a, number, p] = all_sites[j, number] if j >= 0 else 0.0
+            if j < 0:
                 sites[a, 0, p], sites[a, 6, p], sites[a, 8, p] = (a + 1) / NEGLIGIBLE, 1.0, 1.0
 
 
-def posterior(field: LocalField, conditioning: Conditioning) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the posterior's mean and variance at every point, (n,) each, given what it is conditioned on."""
-    means, variances = np.empty(len(field.y)), np.empty(len(field.y))
-    _posterior_everywhere(field, conditioning.nearest, means, variances)
-    return means, variances
+@nb.njit(cache=True, parallel=True, nogil=True)
+def sites_of(field):
+    """Return what the kernel and the observation need of each point side by side in memory, (n, 9)."""
+    n = len(field.y)
+    sites = np.empty((n, SITE), dtype=np.float64)
+    for i in nb.prange(n):
+        for axis in range(3):
+            sites[i, axis], sites[i, 3 + axis] = field.positions[axis, i], field.normals[axis, i]
+        sites[i, 6], sites[i, 7], sites[i, 8] = field.spacings[i], field.y[i], 1.0 + field.noise[i]
+    return sites
+
+
+class Posterior(NamedTuple):
+    """Mean and variance of the field, and the score, at every point."""
+
+    means: NDArray[np.float64]
+    variances: NDArray[np.float64]
+    scores: NDArray[np.float64]
+
+
+def posterior(
+    field: LocalField, sites: NDArray[np.float64], conditioning: Conditioning, error_weight: float
+) -> Posterior:
+    """Return the posterior at every point, given what it is conditioned on; (n,) each.
+
+    Parameters
+    ----------
+    field : LocalField
+    sites : (n, 9) array
+        That `sites_of` gives.
+    conditioning : Conditioning
+    error_weight : float
+        w, of the error in the score.
+    """
+    found = Posterior(np.empty(len(sites)), np.empty(len(sites)), np.empty(len(sites)))
+    _posterior_everywhere(field, sites, conditioning.nearest, error_weight, *found)
+    return found
 
 
 @nb.njit(cache=True, parallel=True, nogil=True)
-def _posterior_everywhere(field, nearest, means, variances):
-    n = len(means)
+def _posterior_everywhere(field, sites, nearest, error_weight, means, variances, scores):
+    n = len(sites)
     chunk = 64 * LANES
     for first in nb.prange(-(-n // chunk)):
         work = workspace(nearest.shape[1])
         which = np.arange(first * chunk, min((first + 1) * chunk, n))
         for begin in range(0, len(which), LANES):
             end = min(begin + LANES, len(which))
-            posteriors(field, nearest, which, begin, end, work)
+            posteriors(field, sites, nearest, which, begin, end, error_weight, work)
             means[which[begin] : which[end - 1] + 1] = work.mean[: end - begin]
             variances[which[begin] : which[end - 1] + 1] = work.variance[: end - begin]
+            scores[which[begin] : which[end - 1] + 1] = work.score[: end - begin]
