@@ -6,7 +6,7 @@ points are placed as if no more were to come, and every prefix of the result is 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -27,6 +27,7 @@ EVEN = 0.05  # roughness below which a place counts as flat
 SPARSEST = 0.5  # of the mean density of the points to be chosen: no place is left with less
 MOST_SAMPLED = 500_000  # points of the tree by which area and noise are judged, unless more are to be chosen
 DENSE = 16  # of them for each to be chosen: about as many as the neighbourhoods that tell noise need
+SMALLEST = 1e-200  # area that anything is told apart in
 FLAT = 1e-12  # spread of the surface variation that is nothing but rounding
 NOISE = 1e-4  # variance of an observation without noise, in units of the prior variance: keeps covariances regular
 
@@ -164,29 +165,69 @@ def _stages(points: NDArray[np.float64], n_points: int, area: float, density: fl
     Where that would leave too few, those of the finer stage stay.
 
     The number of occupied cells tells where the estimate of the area fails: that of points on curves is too small, and
-    that of a cloud with most points in a dot is too large. The area is then doubled, or halved, for this stage and the
-    coarser ones.
+    that of a cloud with most points in a dot is too large. The area is then doubled until there are not too many, or
+    halved until there are not too few, for this stage and the coarser ones.
     """
     stages = []
-    target, candidates = n_points, np.arange(len(points))
-    grown = False
+    target, candidates, places = n_points, None, points
     while True:
-        edge = float(np.sqrt(area / (target * density))) or 1.0
-        kept = first_in_cells(points, edge, candidates)
-        if len(kept) > MANY * density * target:
-            area *= 2.0
-            grown = True
-            continue
-        if len(kept) < FEWEST * target and len(candidates) > MANY * density * target and not grown:
-            area *= 0.5
-            continue
+        area, kept = _thinned(places, target, area, density)
         thinned = len(kept) >= FEWEST * target
         if thinned:
-            candidates = kept
+            candidates, places = kept if candidates is None else candidates[kept], places[kept]
+        elif candidates is None:
+            candidates = np.arange(len(points))
         stages.append(_Stage(target, candidates, thinned, area))
         if target <= FIRST:
             return stages[::-1]
-        target, grown = -(-target // 2), False
+        target = -(-target // 2)
+
+
+def _thinned(
+    points: NDArray[np.float64], target: int, area: float, density: float
+) -> tuple[float, NDArray[np.int64]]:
+    """Return the area, doubled or halved where it must be, and the first points of the cells, at most `MANY`."""
+    many, cells = MANY * density * target, density * target
+    seen, kept = next(grid for grid in _grids(points, area, cells) if len(grid[1]) <= many)
+    if seen == area and len(kept) < FEWEST * target and len(points) > many:
+        area = _halved(points, target, area, density)
+        seen, kept = next(grid for grid in _grids(points, area, cells) if len(grid[1]) <= many)
+    return seen, kept
+
+
+def _halved(points: NDArray[np.float64], target: int, area: float, density: float) -> float:
+    """Return the area halved as often as it takes until the cells that hold points suffice.
+
+    Where those that hold some of the points suffice, so do those that hold all, and one can go back from there.
+    """
+    few, cells = FEWEST * target, density * target
+    some = points[:: len(points) // int(MANY * cells)]
+    halvings = 1
+    while len(first_in_cells(some, _edge(area * 0.5**halvings, cells))) < few and area * 0.5**halvings > SMALLEST:
+        halvings += 1
+    found = area * 0.5**halvings
+    for _, (coarser, kept) in zip(range(halvings), _grids(points, found, cells), strict=False):
+        if len(kept) >= few:
+            found = coarser
+    return found
+
+
+def _grids(points: NDArray[np.float64], area: float, cells: float) -> Iterator[tuple[float, NDArray[np.int64]]]:
+    """Give area after area, each twice the one before, with the first points of the cells of that edge.
+
+    Cells of a grid of twice the edge are made up of whole cells, and the first points of these suffice to tell theirs.
+    """
+    finest = finer = None  # all
+    while True:
+        kept = first_in_cells(points if finest is None else points[finest], _edge(area, cells))
+        finest, finer = finer, kept if finest is None else finest[kept]
+        yield area, finer
+        area *= 2.0
+
+
+def _edge(area: float, cells: float) -> float:
+    """Return the edge of the squares of which so many cover the area."""
+    return float(np.sqrt(area / cells)) or 1.0
 
 
 def _field(tree: KdTree, features: Features, noise: NDArray[np.float64], criterion: Criterion) -> LocalField:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import operator
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -98,6 +97,8 @@ def simplify(
     ParameterError
         If a parameter is out of its range.
     """
+    from gppcs.normalisation import normalised
+
     stages = stages or Stages()
     with stages("preparation"):
         cloud = PointCloud.of(cloud)
@@ -111,10 +112,10 @@ def simplify(
         if seed is not None and any(field.name == "seed" for field in dataclasses.fields(chosen_method)):
             chosen_method = chosen_method.replaced({"seed": seed})
         rows = _usable_rows(cloud, invalid)
-        points, corner, exponent = _normalised(cloud.points if len(rows) == len(cloud) else cloud.points[rows])
-        count = _target(len(points), ratio, n_points)
+        count = _target(len(cloud) if rows is None else len(rows), ratio, n_points)
+        points, corner, exponent = normalised(cloud.points if rows is None else cloud.points[rows])
     selection = _choose(points, count, chosen_method, stages)
-    indices = rows[selection.indices]
+    indices = selection.indices if rows is None else rows[selection.indices]
     kept = cloud.take(indices)
     if selection.points is not None:
         kept = _moved(kept, np.ldexp(selection.points, exponent) + corner)
@@ -158,21 +159,27 @@ def _choose(points: NDArray[np.float64], count: int, method: Method, stages: Sta
 
     with stages("repeats"):
         first = first_occurrences(points)
-        distinct = np.flatnonzero(first)
+        distinct = None if first.all() else np.flatnonzero(first)
+    if distinct is None:
+        return method(points, count, stages)
     if count >= len(distinct):
         return Selection(np.concatenate([distinct, np.flatnonzero(~first)[: count - len(distinct)]]))
-    selection = method(points if len(distinct) == len(points) else points[distinct], count, stages)
+    selection = method(points[distinct], count, stages)
     return dataclasses.replace(selection, indices=distinct[selection.indices])
 
 
-def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64]:
-    """Return the rows with finite coordinates; refuse the others, unless they are to be dropped."""
+def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64] | None:
+    """Return the rows with finite coordinates, None if all have; refuse the others, unless they are to be dropped."""
+    from gppcs.normalisation import bounds
+
     if invalid not in ("error", "drop"):
         raise ParameterError(f"expected invalid to be 'error' or 'drop', found {invalid!r}")
     if len(cloud) == 0:
         raise InputError("the cloud is empty: expected at least one point")
+    if np.isfinite(bounds(cloud.points)).all():
+        return None
     bad = cloud.non_finite()
-    if len(bad) and invalid == "error":
+    if invalid == "error":
         raise InputError(
             f"{len(bad)} of {len(cloud)} points have coordinates that are NaN or infinite, the first at index "
             f"{bad[0]}; drop them with --invalid drop (invalid='drop')"
@@ -180,24 +187,6 @@ def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64]:
     if len(bad) == len(cloud):
         raise InputError(f"none of the {len(cloud)} points has finite coordinates")
     return cloud.finite_rows()
-
-
-def _normalised(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
-    """Shift the corner of the bounding box to the origin, and scale by a power of two to about unit size.
-
-    What differs by less than 1e-100 of the size becomes the same, since squares of that would vanish. The corner
-    and the exponent of that power, which lead back, are returned as well.
-    """
-    corner = points.min(axis=0)
-    with np.errstate(over="ignore"):  # told below
-        local = points - corner
-    size = float(local.max())
-    if not math.isfinite(size):
-        raise InputError("expected coordinates whose differences are finite, found a range that overflows")
-    exponent = math.frexp(size)[1]  # zero for a size of zero
-    np.ldexp(local, -exponent, out=local)
-    local[local < 1e-100] = 0.0
-    return local, corner, exponent
 
 
 def _target(n: int, ratio: float | None, n_points: int | None) -> int:
