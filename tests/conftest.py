@@ -29,3 +29,16 @@ def sphere() -> np.ndarray:
     """40,000 random points of the unit sphere."""
     directions = np.random.default_rng(0).standard_normal((40_000, 3))
     return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+@pytest.fixture(params=[1, 2])
+def threads(request):
+    """The number of threads that kernels run on."""
+    import numba
+
+    if request.param > numba.config.NUMBA_NUM_THREADS:
+        pytest.skip("one core")
+    before = numba.get_num_threads()
+    numba.set_num_threads(request.param)
+    yield request.param
+    numba.set_num_threads(before)

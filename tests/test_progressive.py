@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from gppcs.features import Features
 from gppcs.kdtree import KdTree
-from gppcs.neighbourhood import surface_area
+from gppcs.neighbourhood import first_in_cells, surface_area
 from gppcs.noise import Noise
-from gppcs.progressive import FEWEST, FIRST, NOISE, Criterion, _field, _stages, rank, sampled_tree
+from gppcs.progressive import FEWEST, FIRST, MANY, NOISE, Criterion, _field, _stages, rank, sampled_tree
 
 RANDOM = np.random.default_rng(0)
 EVERY = 1e6  # candidates for each point wanted: no two points in one cell
@@ -74,6 +74,55 @@ def test_points_on_a_curve_are_spread_over_all_of_it():
 def test_most_points_in_a_dot_do_not_make_all_points_candidates(sphere):
     points = np.concatenate([sphere[:400], [5, 0, 0] + 1e-3 * sphere[:39_600]])
     assert all(len(stage.candidates) < 40 * stage.target for stage in _stages(points, 2_000, 1e3, 9.0))
+
+
+def first_of_cells(points, edge):
+    return np.sort(np.unique(np.floor(points * (1.0 / edge)), axis=0, return_index=True)[1])
+
+
+def plain_stages(points, n_points, area, density):
+    """Double and halve the area a step at a time, each time over all points."""
+    stages = []
+    target, candidates, grown = n_points, np.arange(len(points)), False
+    while True:
+        kept = candidates[first_of_cells(points[candidates], np.sqrt(area / (target * density)))]
+        if len(kept) > MANY * density * target:
+            area, grown = area * 2, True
+        elif len(kept) < FEWEST * target and len(candidates) > MANY * density * target and not grown:
+            area /= 2
+        else:
+            thinned = len(kept) >= FEWEST * target
+            candidates = kept if thinned else candidates
+            stages.append((target, candidates, thinned, area))
+            if target <= FIRST:
+                return stages[::-1]
+            target, grown = -(-target // 2), False
+
+
+@pytest.mark.parametrize("dot", [0, 2_000, 19_000, 19_990])
+@pytest.mark.parametrize("area", [1e-14, 1e-3, 12.0, 1e5, 1e12])
+def test_stages_are_those_of_a_step_at_a_time_over_all_points(sphere, dot, area):
+    points = sphere[:20_000] + 1
+    points[:dot] = 0.5 + 1e-5 * sphere[20_000 : 20_000 + dot]
+    points = RANDOM.permutation(points)
+    for found, expected in zip(_stages(points, 600, area, 9.0), plain_stages(points, 600, area, 9.0), strict=True):
+        np.testing.assert_array_equal(found.candidates, expected[1])
+        assert (found.target, found.thinned, found.area) == (expected[0], *expected[2:])
+
+
+def test_an_area_that_is_far_off_costs_few_passes_over_all_points(sphere, monkeypatch):
+    """One at a time, doubling and halving would take 40 each."""
+    points = sphere + 1
+    points[:39_000] = 0.5 + 1e-7 * sphere[:39_000]
+    points, passes = RANDOM.permutation(points), []
+    monkeypatch.setattr(
+        "gppcs.progressive.first_in_cells", lambda some, edge: passes.append(len(some)) or first_in_cells(some, edge)
+    )
+    for area, n_points in ((1e-14, 30), (1e5, 600)):  # 1,000 points outside the dot are too many, or too few
+        passes.clear()
+        _stages(points, n_points, area, 9.0)
+        assert passes.count(40_000) < 10
+        assert len(passes) > 20
 
 
 def field_of(variation, **changes):

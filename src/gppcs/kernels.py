@@ -73,6 +73,7 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
     from gppcs.hierarchical_clustering import hierarchical_clusters
     from gppcs.methods import METHODS
     from gppcs.normals import estimate_normals
+    from gppcs.simplification import simplify
     from gppcs.summary import info
 
     before = sum(map(_compilations, _loaded()))
@@ -84,6 +85,7 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
     hierarchical_clusters(original.points, size=10, variation=0.1)
     original.points.flags.writeable = False  # as those are that `numpy.load` maps: another type to Numba
     info(PointCloud(original.points))
+    simplify(original.points, ratio=0.5, method="random")
     folders = {kernel.stats.cache_path for kernel in _loaded()}
     return sum(map(_compilations, _loaded())) - before, sorted(folders)
 

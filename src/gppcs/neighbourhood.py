@@ -49,7 +49,7 @@ def surface_area(tree: KdTree, k: int = 8) -> float:
     k = min(k, n - 1)
     if k == 0:
         return 0.0
-    squared = nearest_distances(tree, k, most=65_536) ** 2
+    squared = nearest_distances(tree, k, most=16_384) ** 2
     return float(np.pi / k * n * np.minimum(squared, np.quantile(squared, 0.99)).mean())
 
 
@@ -104,7 +104,7 @@ def _grid(points: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
     the third, or zeros where the bits of a hash that are looked at cannot number all.
     """
     low, high = (np.floor(bound * scale) for bound in bounds(points))
-    counts = high - low + 1.0
+    counts = np.minimum(high - low + 1.0, 2.0**64)  # lest their product overflow
     numbered = np.prod(counts) <= 2.0 ** min(_spare_bits(len(points)), EXACT)
     return np.array([scale, *low, *(counts[1:] if numbered else (0.0, 0.0))])
 

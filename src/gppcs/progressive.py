@@ -25,7 +25,7 @@ MANY = 3  # times as many candidates as there are cells to the square of the tar
 FEW = 16  # points of a neighbourhood where candidates are not thinned; a ball might hold any number of them
 EVEN = 0.05  # roughness below which a place counts as flat
 SPARSEST = 0.5  # of the mean density of the points to be chosen: no place is left with less
-MOST_SAMPLED = 500_000  # points of the tree by which area and noise are judged, unless more are to be chosen
+MOST_SAMPLED = 100_000  # points of the tree by which area and noise are judged, unless more are to be chosen
 DENSE = 16  # of them for each to be chosen: about as many as the neighbourhoods that tell noise need
 SMALLEST = 1e-200  # area that anything is told apart in
 FLAT = 1e-12  # spread of the surface variation that is nothing but rounding
@@ -183,9 +183,7 @@ def _stages(points: NDArray[np.float64], n_points: int, area: float, density: fl
         target = -(-target // 2)
 
 
-def _thinned(
-    points: NDArray[np.float64], target: int, area: float, density: float
-) -> tuple[float, NDArray[np.int64]]:
+def _thinned(points: NDArray[np.float64], target: int, area: float, density: float) -> tuple[float, NDArray[np.int64]]:
     """Return the area, doubled or halved where it must be, and the first points of the cells, at most `MANY`."""
     many, cells = MANY * density * target, density * target
     seen, kept = next(grid for grid in _grids(points, area, cells) if len(grid[1]) <= many)
