@@ -94,8 +94,8 @@ def peak_of_spread():
 
 @pytest.mark.parametrize("name", BAD)
 def test_memory_is_that_of_a_well_spread_cloud(name, peak_of_spread):
-    """Found 0.4 to 1 times as much, and 1.4 times where a far point stretches all three axes."""
-    assert peak(BAD[name]()) < 1.6 * peak_of_spread
+    """Found 0.4 to 1 times as much."""
+    assert peak(BAD[name]()) < 1.1 * peak_of_spread
 
 
 def test_memory_does_not_grow_with_the_extent():
@@ -118,4 +118,4 @@ def test_time_is_that_of_a_well_spread_cloud():
             least[name] = min(least[name], time.process_time() - start)
             assert len(np.unique(result.indices)) == M // 2
     for name in BAD:
-        assert least[name] < 3 * least["spread, noisy" if name == "a volume" else "spread"], least
+        assert least[name] < 2 * least["spread, noisy" if name == "a volume" else "spread"], least
