@@ -88,7 +88,9 @@ def sampled_tree(points: NDArray[np.float64], n_points: int) -> KdTree:
     enough = max(MOST_SAMPLED, DENSE * n_points)
     if len(points) <= 2 * enough:
         return KdTree.build(points)
-    return KdTree.build(points[np.unique(np.random.default_rng(0).integers(0, len(points), enough))])
+    taken = np.zeros(len(points), dtype=np.bool_)
+    taken[np.random.default_rng(0).integers(0, len(points), enough)] = True
+    return KdTree.build(points[np.flatnonzero(taken)])
 
 
 def rank(
