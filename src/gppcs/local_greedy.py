@@ -97,26 +97,38 @@ def _nodes(field: LocalField, tree: KdTree, conditioning: Conditioning, found: P
     return nodes
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, parallel=True, nogil=True)
 def _fill(field, order, scores, reach, nodes):
     """Fill leaves and nodes."""
-    n, leaves = len(order), len(nodes.leaves)
-    for leaf in range(leaves):
-        rows = nodes.leaves[leaf]
-        rows[:] = 0.0
-        rows[SPACING], rows[SCORE], rows[REACH], rows[INDEX] = 1.0, TAKEN, TAKEN, n
-        begin, widest = n * leaf // leaves, 0.0
-        for i in range(begin, n * (leaf + 1) // leaves):
-            column = rows[:, i - begin]
-            column[:3], column[3:6] = field.positions[:, i], field.normals[:, i]
-            column[SPACING], column[SCORE] = field.spacings[i], scores[i]
-            column[REACH], column[INDEX] = reach[i], order[i]
-            widest = max(widest, field.spacings[i])
-        nodes.boxes[leaves + leaf, 7] = widest**2
-        _renew_leaf(leaves + leaf, nodes)
+    leaves = len(nodes.leaves)
+    for leaf in nb.prange(leaves):
+        _fill_leaf(field, order, scores, reach, leaf, nodes)
     for node in range(leaves - 1, 0, -1):
         nodes.boxes[node, 7] = max(nodes.boxes[2 * node, 7], nodes.boxes[2 * node + 1, 7])
         _renew_inner(node, nodes)
+
+
+@nb.njit(cache=True)
+def _fill_leaf(field, order, scores, reach, leaf, nodes):
+    n, leaves = len(order), len(nodes.leaves)
+    rows = nodes.leaves[leaf]
+    rows[:] = 0.0
+    rows[SPACING], rows[SCORE], rows[REACH], rows[INDEX] = 1.0, TAKEN, TAKEN, n
+    widest = 0.0
+    begin, end = n * leaf // leaves, n * (leaf + 1) // leaves
+    for i in range(begin, end):
+        p = i - begin
+        for axis in range(3):
+            rows[axis, p], rows[3 + axis, p] = field.positions[axis, i], field.normals[axis, i]
+        rows[SPACING, p], rows[SCORE, p], rows[REACH, p], rows[INDEX, p] = (
+            field.spacings[i],
+            scores[i],
+            reach[i],
+            order[i],
+        )
+        widest = max(widest, field.spacings[i])
+    nodes.boxes[leaves + leaf, 7] = widest**2
+    _renew_leaf(leaves + leaf, nodes)
 
 
 @nb.njit(cache=True, nogil=True, fastmath=False)
