@@ -22,8 +22,8 @@ def criterion(**changes):
     return Criterion(**{**vars(usual), **changes})
 
 
-def ranked(points, n_points, variances=None, advanced=None, **changes):
-    return rank(points, n_points, criterion(**changes), surface_area(KdTree.build(points)), variances, advanced)
+def ranked(points, n_points, seen=None, advanced=None, **changes):
+    return rank(points, n_points, criterion(**changes), surface_area(KdTree.build(points)), seen, advanced)
 
 
 def test_targets_double_and_candidates_of_a_stage_are_among_those_of_the_next(bracket):
@@ -185,15 +185,27 @@ def test_a_ranking_has_each_point_once_and_tells_of_its_progress(bracket, n_poin
 def test_points_of_great_variance_are_chosen_late():
     points = np.column_stack([RANDOM.random((3_000, 2)), np.zeros(3_000)])
     left = points[:, 0] < 0.5
-    chosen = ranked(points, 100, lambda places: np.where(places[:, 0] < 0.5, 0.0, 1.0)).indices
+    chosen = ranked(points, 100, lambda places: (places, np.where(places[:, 0] < 0.5, 0.0, 1.0))).indices
     assert left[chosen].mean() > 0.7
     assert 0.3 < left[ranked(points, 100).indices].mean() < 0.7
 
 
+def test_features_are_those_of_where_points_belong():
+    """One half is rough; told where its points came from, the choice has fewer there. Candidates lie denser there."""
+    points = np.column_stack([RANDOM.random((20_000, 2)), np.zeros(20_000)])
+    rough = points + np.where(points[:, [0]] < 0.5, [0.0, 0.0, 0.005], 0.0) * RANDOM.standard_normal((20_000, 1))
+
+    def seen(places):
+        return places * [1.0, 1.0, 0.0], np.zeros(len(places))
+
+    left = [(points[ranked(rough, 300, told).indices, 0] < 0.5).mean() for told in (None, seen)]
+    assert left[1] < left[0] - 0.05
+
+
 def test_twice_the_size_with_four_times_the_variances_is_the_same_choice():
     points = np.round(RANDOM.random((2_000, 3)) * 1024) / 1024
-    once = ranked(points, 200, lambda places: places[:, 0] * 1e-3)
-    twice = ranked(points * 2, 200, lambda places: places[:, 0] / 2 * 4e-3)
+    once = ranked(points, 200, lambda places: (places, places[:, 0] * 1e-3))
+    twice = ranked(points * 2, 200, lambda places: (places, places[:, 0] / 2 * 4e-3))
     np.testing.assert_array_equal(once.indices, twice.indices)
     np.testing.assert_array_equal(once.deviations, twice.deviations)
 

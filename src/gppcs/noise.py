@@ -1,4 +1,4 @@
-"""How far points lie off the surface that their neighbours make out."""
+"""How far points lie off the surface that their neighbours make out, and where on it they belong."""
 
 from __future__ import annotations
 
@@ -12,8 +12,11 @@ from gppcs.kdtree import KdTree
 from gppcs.local_quadric import fit_quadric
 
 FEWEST, MOST = 12, 40  # points that a quadric is fitted to: with fewer it goes through them, noise and all
+WIDE = 80  # in place of the most where noise is thick
+THICK = 0.3  # level of the noise, in radii of the neighbourhoods, from which on these must grow
 SAMPLES = 4096  # points by which the level of the noise is judged
 TOLERATED = 0.5  # of the target spacing: noise of that size makes an observation as uncertain as the field's prior
+LARGEST = 2.0  # variance of an observation, in units of the field's prior: no point counts for less
 QUIET = 0.04  # of the target spacing: a level of noise that changes no choice worth the time
 
 
@@ -28,7 +31,7 @@ class Noise:
     neighbours : int
         How many each is fitted to.
     level : float
-        The root of the mean squared residual of some points, in their unit; 0 where it cannot be told.
+        The root of the mean squared distance of some points from the surface, in their unit; 0 where it cannot be told.
     spacing : float
         The target spacing.
     """
@@ -43,43 +46,71 @@ class Noise:
         """Measure the noise where M points are to be chosen.
 
         A quadric is fitted to as many points as there are on average within the target spacing: beyond, detail that is
-        to be kept would pass for noise.
+        to be kept would pass for noise. Fewer will do, unless they lie within the noise rather than across it.
         """
         count = len(tree.order)
-        neighbours = min(MOST, int(np.pi * count / n_points))
+        within = int(np.pi * count / n_points)
+        neighbours = min(MOST, within)
         if neighbours < FEWEST:
             return cls(tree, neighbours, 0.0, spacing)
-        some = tree.points.T[:: -(-count // SAMPLES)]
-        return cls(tree, neighbours, float(np.sqrt(np.mean(residuals(tree, some, neighbours) ** 2))), spacing)
+        level, _ = level_and_radius(tree, neighbours, 1)
+        if level <= QUIET * spacing:
+            return cls(tree, neighbours, level, spacing)
+        level, radius = level_and_radius(tree, neighbours, 2)
+        if level > THICK * radius and neighbours < within:
+            neighbours = min(WIDE, within)
+            level, _ = level_and_radius(tree, neighbours, 2)
+        return cls(tree, neighbours, level, spacing)
 
     @property
     def quiet(self) -> bool:
         """Whether there is none to speak of: it is small, or too few points lie near each other to tell."""
         return self.level <= QUIET * self.spacing
 
-    def variances(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the variance of the observation at each of some points, (n, 3), across the surface.
+    def seen(self, places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return where on the surface some points, (n, 3), belong, and the variance of the observation at each.
 
-        Times 1 / h^2, in units of the field's prior at spacing h. At most one at the target spacing: an observation is
-        worth at least half of one without noise, lest lone points be left out.
+        Times 1 / h^2, variances are in units of the field's prior at spacing h. They end at `LARGEST` at the target
+        spacing, lest lone points be left out.
         """
         if self.quiet:
-            return np.zeros(len(places))
-        return np.minimum(residuals(self.tree, places, self.neighbours) / TOLERATED, self.spacing) ** 2
+            return places, np.zeros(len(places))
+        feet, _ = projections(self.tree, places, self.neighbours, 2)
+        squared = ((feet - places) ** 2).sum(axis=1)
+        return feet, np.minimum(squared / TOLERATED**2, LARGEST * self.spacing**2)
 
 
-def residuals(tree: KdTree, places: NDArray[np.float64], neighbours: int) -> NDArray[np.float64]:
-    """Return the distance of places, (n, 3), from the quadrics fitted to the points around them."""
-    found = np.empty(len(places))
+def projections(
+    tree: KdTree, places: NDArray[np.float64], neighbours: int, steps: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the feet of places, (n, 3), on the quadrics fitted to the points around them, and the radii of these.
+
+    The second step fits anew around the first's foot: a ball around a place off the surface holds too many points that
+    are displaced alike.
+    """
     places = np.ascontiguousarray(places)
-    _residuals(tree.points, tree.low, tree.high, places, min(neighbours, len(tree.order)), found)
-    return found
+    feet, radii = np.empty_like(places), np.empty(len(places))
+    _project(tree.points, tree.low, tree.high, places, min(neighbours, len(tree.order)), steps, feet, radii)
+    return feet, radii
+
+
+def level_and_radius(tree: KdTree, neighbours: int, steps: int) -> tuple[float, float]:
+    """Return the root mean squares of the distance of a tree's points from the surface and of their balls' radii.
+
+    Some points, evenly spread over the tree, stand for all.
+    """
+    some = tree.points.T[:: -(-len(tree.order) // SAMPLES)]
+    feet, radii = projections(tree, some, neighbours, steps)
+    return float(np.sqrt(np.mean(((feet - some) ** 2).sum(axis=1)))), float(np.sqrt(np.mean(radii**2)))
 
 
 @nb.njit(cache=True, parallel=True, nogil=True, fastmath=False)
-def _residuals(points, low, high, places, k, found):
+def _project(points, low, high, places, k, steps, feet, radii):
     for i in nb.prange(len(places)):
         normal = np.empty(3, dtype=np.float64)
         x, y, z = places[i]
-        height, reach, _ = fit_quadric(points, low, high, x, y, z, k, normal)
-        found[i] = abs(height) * reach
+        for _ in range(steps):
+            height, radii[i], _ = fit_quadric(points, low, high, x, y, z, k, normal)
+            rise = min(max(height, -1.0), 1.0) * radii[i]
+            x, y, z = x + rise * normal[0], y + rise * normal[1], z + rise * normal[2]
+        feet[i] = x, y, z

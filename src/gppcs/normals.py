@@ -11,8 +11,11 @@ from gppcs.errors import ParameterError
 from gppcs.kdtree import KdTree
 from gppcs.local_quadric import fit_quadric
 from gppcs.neighbourhood import first_occurrences
+from gppcs.noise import level_and_radius, projections
 
-NEIGHBOURS = 30  # points that a quadric is fitted to: enough to take the noise out
+NEIGHBOURS = 30  # points that a quadric is fitted to: enough to take moderate noise out
+WIDEST = 8 * NEIGHBOURS  # where noise is thick
+THICK = 0.25  # level of the noise, in radii of the neighbourhoods, from which on these must grow
 CLOSE = 16  # points of the fits by which signs are found: fewer, since thin parts matter more there than noise
 EDGES = 8  # nearest neighbours that signs are passed to; farther ones lie on the other side of thin parts
 MOST = 1_000_000  # points of the cloud that take part in that
@@ -20,7 +23,7 @@ UP = np.array([0.01, 0.03, 0.1])  # how flat pieces are turned; never quite alon
 
 
 def estimate_normals(
-    cloud: PointCloud | ArrayLike, at: PointCloud | ArrayLike | None = None, neighbours: int = NEIGHBOURS
+    cloud: PointCloud | ArrayLike, at: PointCloud | ArrayLike | None = None, neighbours: int | None = None
 ) -> NDArray[np.float64]:
     """Estimate the unit normals of the surface that a cloud lies on, with signs.
 
@@ -38,8 +41,10 @@ def estimate_normals(
         Points that repeat another exactly count once.
     at : PointCloud or (M, 3) array-like, optional
         Places on the surface at which the normals are wanted, the points themselves by default.
-    neighbours : int
-        The number of points that each quadric is fitted to; with fewer than 6 the normal is that of the plane.
+    neighbours : int, optional
+        The number of points that each quadric is fitted to; with fewer than 6 the normal is that of the plane. By
+        default 30; or 60, 120 or 240, where points lie off their quadrics by more than a quarter of the neighbourhoods'
+        radius. With 60 or more, signs are passed on among feet of the points on quadrics of half as many.
 
     Returns
     -------
@@ -52,28 +57,48 @@ def estimate_normals(
     ParameterError
         If there are fewer than 3 neighbours.
     """
-    if neighbours < 3:
+    if neighbours is not None and neighbours < 3:
         raise ParameterError(f"expected at least 3 neighbours, found {neighbours}")
     points = PointCloud.of(cloud).usable("cloud")
     places = points if at is None else PointCloud.of(at).usable("cloud of places")
     corner = points.min(axis=0)
     tree = KdTree.build(points[first_occurrences(points)] - corner)
     places = places - corner
+    neighbours = neighbours or _across_noise(tree)
     normals = _fitted(tree, places, neighbours, 0)[0]
-    sample = tree.points.T[:: -(-tree.points.shape[1] // MOST)]  # in tree order: each part has its share
-    guides = np.concatenate([places, sample])
+    widened = max(1, neighbours // NEIGHBOURS)
+    every = widened * -(-tree.points.shape[1] // MOST)
+    guides = np.concatenate([places, tree.points.T[::every]])  # in tree order: each part has its share
+    if widened > 1:
+        guides = projections(tree, guides, neighbours // 2, 1)[0]
     guide_tree = KdTree.build(guides[first_occurrences(guides)])
-    guide_normals = _oriented(guide_tree)
-    nearest = guide_tree.nearest_of(places, 1)[0][:, 0]
+    guide_normals = _oriented(guide_tree, (tree, neighbours) if widened > 1 else None)
+    nearest = guide_tree.nearest_of(guides[: len(places)], 1)[0][:, 0]
     opposed = np.einsum("ij,ij->i", normals, guide_normals[nearest]) < 0
     normals[opposed] *= -1
     return normals
 
 
-def _oriented(tree: KdTree) -> NDArray[np.float64]:
-    """Return the normals of all points of a tree, (N, 3), in the order of its input, with signs."""
+def _across_noise(tree: KdTree) -> int:
+    """Return how many points quadrics are to be fitted to, so that these lie across the layer of noise, not within."""
+    neighbours = NEIGHBOURS
+    while neighbours < WIDEST:
+        level, radius = level_and_radius(tree, neighbours, 1)
+        if level <= THICK * radius:
+            break
+        neighbours *= 2
+    return neighbours
+
+
+def _oriented(tree: KdTree, fits: tuple[KdTree, int] | None) -> NDArray[np.float64]:
+    """Return the normals of all points of a tree, (N, 3), in the order of its input, with signs.
+
+    Quadrics are fitted to so many points of another tree, if one is given, or else to a few of the same.
+    """
     points = np.ascontiguousarray(tree.points.T)
     normals, near, areas = _fitted(tree, points, CLOSE, EDGES)
+    if fits:
+        normals = _fitted(fits[0], points, fits[1], 0)[0]
     edges = np.argsort(_doubts(points, normals, near), axis=None, kind="stable")
     pieces, signs = _signs(edges, points, normals, near)
     normals *= signs[:, None]

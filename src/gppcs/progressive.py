@@ -26,7 +26,7 @@ FEW = 16  # points of a neighbourhood where candidates are not thinned; a ball m
 EVEN = 0.05  # roughness below which a place counts as flat
 SPARSEST = 0.5  # of the mean density of the points to be chosen: no place is left with less
 MOST_SAMPLED = 100_000  # points of the tree by which area and noise are judged, unless more are to be chosen
-DENSE = 16  # of them for each to be chosen: about as many as the neighbourhoods that tell noise need
+DENSE = 26  # of them for each to be chosen: as many as the widest neighbourhoods that tell noise need
 SMALLEST = 1e-200  # area that anything is told apart in
 FLAT = 1e-12  # spread of the surface variation that is nothing but rounding
 NOISE = 1e-4  # variance of an observation without noise, in units of the prior variance: keeps covariances regular
@@ -98,7 +98,7 @@ def rank(
     n_points: int,
     criterion: Criterion,
     area: float,
-    variances: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
+    seen: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]] | None = None,
     advanced: Callable[[int], None] | None = None,
 ) -> Ranking:
     """Choose `n_points`, the most important first.
@@ -112,9 +112,10 @@ def rank(
     criterion : Criterion
     area : float
         Of the surface that the points lie on, about.
-    variances : callable, optional
-        Takes some of the points, (n, 3), and returns the variance of the observation at each; times 1 / h^2, in units
-        of the prior at spacing h. None by default.
+    seen : callable, optional
+        Takes some of the points, (n, 3), and returns where on the surface they belong, by which features are measured,
+        and the variance of the observation at each; times 1 / h^2, in units of the prior at spacing h. By default they
+        are where they belong.
     advanced : callable, optional
         Told of the number of points chosen since the last call.
     """
@@ -126,9 +127,10 @@ def rank(
         places = points[members]
         positions = places / spacing
         local = KdTree.build(positions)
-        features = features_in_radius(local, 1.0) if thinned else features_of_nearest(local, FEW)
-        noise = np.zeros(len(members)) if variances is None else variances(places) / spacing**2
-        field = _field(local, features, noise, criterion)
+        feet, variances = (places, np.zeros(len(members))) if seen is None else seen(places)
+        on_surface = local if feet is places else KdTree.build(feet / spacing)
+        features = features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(local, FEW)
+        field = _field(local, features, variances / spacing**2, criterion)
         inside = np.empty(len(members), dtype=np.int64)
         inside[local.order] = np.arange(len(members))
         extended, score, deviation = extend(

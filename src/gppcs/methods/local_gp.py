@@ -81,7 +81,7 @@ class LocalGP(Method):
             spacing = (area / n_points) ** 0.5
             noise = Noise.measure(tree, n_points, spacing)
         with stages("greedy selection", n_points) as advanced:
-            ranking = rank(points, n_points, self.criterion, area, noise.variances, advanced)
+            ranking = rank(points, n_points, self.criterion, area, noise.seen, advanced)
         return Selection(
             ranking.indices,
             {"noise_in_spacings": noise.level / spacing if spacing > 0.0 else 0.0},
