@@ -14,7 +14,7 @@ from gppcs.neighbourhood import first_occurrences
 from gppcs.noise import level_and_radius, projections
 
 NEIGHBOURS = 30  # points that a quadric is fitted to: enough to take moderate noise out
-WIDEST = 8 * NEIGHBOURS  # where noise is thick
+WIDEST = 4 * NEIGHBOURS  # where noise is thick
 THICK = 0.25  # level of the noise, in radii of the neighbourhoods, from which on these must grow
 CLOSE = 16  # points of the fits by which signs are found: fewer, since thin parts matter more there than noise
 EDGES = 8  # nearest neighbours that signs are passed to; farther ones lie on the other side of thin parts
@@ -43,7 +43,7 @@ def estimate_normals(
         Places on the surface at which the normals are wanted, the points themselves by default.
     neighbours : int, optional
         The number of points that each quadric is fitted to; with fewer than 6 the normal is that of the plane. By
-        default 30; or 60, 120 or 240, where points lie off their quadrics by more than a quarter of the neighbourhoods'
+        default 30; or 60 or 120, where points lie off their quadrics by more than a quarter of the neighbourhoods'
         radius. With 60 or more, signs are passed on among feet of the points on quadrics of half as many.
 
     Returns
