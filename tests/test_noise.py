@@ -123,6 +123,18 @@ def test_neighbourhoods_that_lie_across_the_noise_do_not_grow(sigma):
     assert Noise.measure(KdTree.build(rough_plane(sigma)), 500, 0.045).neighbours == MOST
 
 
+def test_detail_is_told_from_noise():
+    """On waves the distance from the quadrics grows with their radius faster than that; their features are kept."""
+    flat = RANDOM.random((20_000, 2))
+    waves = np.column_stack([flat, 0.006 * np.sin(200 * flat[:, 0])])
+    noise = Noise.measure(KdTree.build(waves), 500, 0.045)
+    assert noise.detail
+    assert not noise.quiet
+    assert noise.seen(waves)[0] is waves
+    for sigma in (0.002, 0.005, 0.02):
+        assert not Noise.measure(KdTree.build(rough_plane(sigma)), 500, 0.045).detail
+
+
 def test_neighbourhoods_do_not_grow_beyond_the_target_spacing():
     tree = KdTree.build(rough_plane(0.03))
     assert Noise.measure(tree, 1_000, 0.03).neighbours == int(20 * np.pi)

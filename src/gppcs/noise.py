@@ -34,12 +34,16 @@ class Noise:
         The root of the mean squared distance of some points from the surface, in their unit; 0 where it cannot be told.
     spacing : float
         The target spacing.
+    detail : bool
+        Whether what lies off the quadrics is detail more than noise: its share of the neighbourhoods' radius rises with
+        that, where the share of noise falls.
     """
 
     tree: KdTree
     neighbours: int
     level: float
     spacing: float
+    detail: bool = False
 
     @classmethod
     def measure(cls, tree: KdTree, n_points: int, spacing: float) -> Noise:
@@ -53,13 +57,16 @@ class Noise:
         neighbours = min(MOST, within)
         if neighbours < FEWEST:
             return cls(tree, neighbours, 0.0, spacing)
-        level, _ = level_and_radius(tree, neighbours, 1)
-        if level <= QUIET * spacing:
-            return cls(tree, neighbours, level, spacing)
-        level, radius = level_and_radius(tree, neighbours, 2)
-        if level > THICK * radius and neighbours < within:
+        first, radius = level_and_radius(tree, neighbours, 1)
+        if first <= QUIET * spacing:
+            return cls(tree, neighbours, first, spacing)
+        level, wide = level_and_radius(tree, neighbours, 2)
+        if level > THICK * wide:
             neighbours = min(WIDE, within)
-            level, _ = level_and_radius(tree, neighbours, 2)
+            return cls(tree, neighbours, level_and_radius(tree, neighbours, 2)[0], spacing)
+        fewer, narrow = level_and_radius(tree, neighbours // 2, 1)
+        if first * narrow > fewer * radius:
+            return cls(tree, neighbours, first, spacing, detail=True)
         return cls(tree, neighbours, level, spacing)
 
     @property
@@ -75,9 +82,10 @@ class Noise:
         """
         if self.quiet:
             return places, np.zeros(len(places))
-        feet, _ = projections(self.tree, places, self.neighbours, 2)
+        feet, _ = projections(self.tree, places, self.neighbours, 1 if self.detail else 2)
         squared = ((feet - places) ** 2).sum(axis=1)
-        return feet, np.minimum(squared / TOLERATED**2, LARGEST * self.spacing**2)
+        largest = 1.0 if self.detail else LARGEST
+        return (places if self.detail else feet), np.minimum(squared / TOLERATED**2, largest * self.spacing**2)
 
 
 def projections(
