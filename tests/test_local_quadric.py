@@ -4,19 +4,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gppcs.kdtree import KdTree
-from gppcs.local_quadric import fit_quadric
+from gppcs.local_quadric import fit_quadrics
 
 RANDOM = np.random.default_rng(0)
 LATTICE = np.stack(np.meshgrid(*[np.linspace(-1, 1, 7)] * 2), axis=-1).reshape(-1, 2)
 
 
 def fitted(points, place, k=None):
-    """Height in the points' unit along the normal, the normal, and the points' indices."""
-    tree = KdTree.build(np.asarray(points, dtype=np.float64))
-    normal = np.full(3, np.nan)
-    height, reach, found = fit_quadric(tree.points, tree.low, tree.high, *place, k or len(points), normal)
-    assert reach == pytest.approx(max(np.linalg.norm(tree.points.T[found[-1]] - place), 1e-300)) or reach == 1
-    return height * reach, normal, tree.order[found]
+    """Height in the points' unit along the normal, and the normal."""
+    points, place = np.asarray(points, dtype=np.float64), np.asarray(place, dtype=np.float64)
+    k = k or len(points)
+    (height,), (normal,), (reach,) = fit_quadrics(KdTree.build(points), place[None], k)
+    assert reach == pytest.approx(np.sort(np.linalg.norm(points - place, axis=1))[k - 1], abs=1e-300) or reach == 1
+    return height, normal
 
 
 def rotation(seed):
@@ -37,7 +37,7 @@ def test_a_quadric_is_met_exactly_on_and_off_the_surface(bends, off, foot, seed)
     exact_normal = np.array([-2 * d * u - e * v, -e * u - 2 * f * v, 1])
     steepness = np.linalg.norm(exact_normal)
     place = np.array([u, v, d * u * u + e * u * v + f * v * v + off])
-    height, normal, _ = fitted(surface @ turn.T, turn @ place)
+    height, normal = fitted(surface @ turn.T, turn @ place)
     sign = np.sign(normal @ turn @ exact_normal)
     np.testing.assert_allclose(sign * normal, turn @ exact_normal / steepness, atol=1e-6)
     assert sign * height == pytest.approx(-off / steepness, abs=1e-6)
@@ -48,7 +48,7 @@ def test_a_quadric_is_met_exactly_on_and_off_the_surface(bends, off, foot, seed)
 def test_a_plane_is_met_exactly(n, seed, off):
     rng, turn = np.random.default_rng(seed), rotation(seed)
     plane = np.column_stack([rng.random((n, 2)), np.zeros(n)]) @ turn.T
-    height, normal, _ = fitted(plane, turn @ [0.5, 0.5, off])
+    height, normal = fitted(plane, turn @ [0.5, 0.5, off])
     sign = np.sign(normal @ turn[:, 2])
     np.testing.assert_allclose(sign * normal, turn[:, 2], atol=1e-5)
     assert sign * height == pytest.approx(-off, abs=1e-5)
@@ -77,11 +77,10 @@ def test_equals_least_squares_and_turns_with_the_points(n, k, seed):
     expected_height, expected_normal, slope = plain_fit(points, place, k)
     if slope > 1.7:
         return
-    height, normal, found = fitted(points, place, k)
+    height, normal = fitted(points, place, k)
     assert np.sign(normal @ expected_normal) * height == pytest.approx(expected_height, abs=1e-4)
     assert abs(normal @ expected_normal) > 1 - 1e-6
-    np.testing.assert_array_equal(found, np.argsort(((points - place) ** 2).sum(axis=1))[:k])
-    turned_height, turned_normal, _ = fitted(points @ turn.T, turn @ place, k)
+    turned_height, turned_normal = fitted(points @ turn.T, turn @ place, k)
     assert abs(turned_normal @ turn @ normal) > 1 - 1e-8
     assert abs(turned_height) == pytest.approx(abs(height), abs=1e-5)
 
@@ -89,7 +88,7 @@ def test_equals_least_squares_and_turns_with_the_points(n, k, seed):
 @pytest.mark.parametrize("n", [3, 4, 5])
 def test_fewer_than_six_points_give_their_plane_and_no_height(n):
     points = np.column_stack([RANDOM.random((n, 2)), np.full(n, 3.0)])
-    height, normal, _ = fitted(points, [0.5, 0.5, 3.2])
+    height, normal = fitted(points, [0.5, 0.5, 3.2])
     assert height == 0
     np.testing.assert_allclose(np.abs(normal), [0, 0, 1], atol=1e-9)
 
@@ -98,7 +97,7 @@ def test_fewer_than_six_points_give_their_plane_and_no_height(n):
 def test_points_on_a_line_give_a_normal_across_it(n):
     along = np.array([1.0, 2, 2]) / 3
     place = 0.3 * along
-    height, normal, _ = fitted(np.linspace(0, 1, n)[:, None] * along, place)
+    height, normal = fitted(np.linspace(0, 1, n)[:, None] * along, place)
     assert np.linalg.norm(normal) == pytest.approx(1)
     assert height == pytest.approx(0, abs=1e-7)
     if n > 1:
@@ -106,7 +105,7 @@ def test_points_on_a_line_give_a_normal_across_it(n):
 
 
 def test_one_place_has_no_height():
-    height, normal, _ = fitted(np.ones((8, 3)), [1.0, 1, 1])
+    height, normal = fitted(np.ones((8, 3)), [1.0, 1, 1])
     assert height == 0
     assert np.linalg.norm(normal) == pytest.approx(1)
 
@@ -114,7 +113,19 @@ def test_one_place_has_no_height():
 def test_a_steep_place_keeps_the_plane_it_stands_on():
     """A paraboloid far from where its points are, at a slope of 2.4."""
     surface = np.column_stack([LATTICE, 0.4 * (LATTICE**2).sum(axis=1)])
-    _, normal, _ = fitted(surface, [3.0, 0.0, 3.6])
+    _, normal = fitted(surface, [3.0, 0.0, 3.6])
     np.testing.assert_allclose(np.abs(normal), [0, 0, 1], atol=1e-9)
-    _, normal, _ = fitted(surface, [2.0, 0.0, 1.6])
+    _, normal = fitted(surface, [2.0, 0.0, 1.6])
     np.testing.assert_allclose(normal / normal[2], [-1.6, 0, 1], atol=1e-5)
+
+
+def test_many_places_at_a_time_as_each_by_itself():
+    """A leaf's places share a search, unless density jumps, or ties leave no ball with just k points."""
+    lattice = np.column_stack([np.indices((30, 30)).reshape(2, -1).T * 0.02, np.zeros(900)])
+    points = np.concatenate([RANDOM.random((3_000, 3)) * [1, 1, 0.1], lattice, [[40.0, 0, 0]]])
+    tree, places = KdTree.build(points), points[::3] + 0.01 * RANDOM.standard_normal((len(points[::3]), 3))
+    together = fit_quadrics(tree, places, 20)
+    for i in range(0, len(places), 7):
+        height, normal = fitted(points, places[i], 20)
+        assert abs(together.heights[i]) == pytest.approx(abs(height), abs=1e-9)
+        assert abs(together.normals[i] @ normal) == pytest.approx(1.0, abs=1e-9)

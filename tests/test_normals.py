@@ -9,6 +9,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, mini
 import gppcs
 from gppcs import normals as module
 from gppcs.kdtree import KdTree
+from gppcs.local_quadric import fit_quadrics
 from gppcs.normals import estimate_normals
 
 RANDOM = np.random.default_rng(0)
@@ -68,7 +69,7 @@ def test_signs_are_those_of_the_spanning_tree(n):
     points = np.concatenate([RANDOM.random((n, 3)), RANDOM.random((n // 2, 3)) + 5])
     tree = KdTree.build(points)
     points = np.ascontiguousarray(tree.points.T)
-    normals, near, _ = module._fitted(tree, points, 16, 8)
+    normals, near = fit_quadrics(tree, points, 16).normals, tree.neighbours(8)[0]
     pieces, signs, doubts = plain_signs(points, normals, near)
     found_doubts = module._doubts(points, normals, near)
     np.testing.assert_allclose(found_doubts, doubts, atol=1e-6)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numba as nb
 import numpy as np
@@ -21,24 +21,12 @@ from gppcs.covariance import (
     node_moments,
 )
 from gppcs.errors import ParameterError
-from gppcs.kdtree import (
-    LEAF_SIZE,
-    KdTree,
-    first_leaf,
-    leaves_near,
-    nearest_in_tree,
-    points_near,
-    squared_distance_of_boxes,
-)
+from gppcs.kdtree import LEAF_SIZE, KdTree, first_leaf, points_near, squared_distance_of_boxes
+from gppcs.nearest import WIDER, look_around, pack, room_for, search_for, steps_to_nearest
 from gppcs.neighbourhood import first_occurrences, neighbourhood_radius
 
 GROUP = 8  # leaves whose points share one search of the tree
 TASKS = 256  # parts of the work that threads take in turn
-STRIDE = 16  # points that a loop goes through at a time: two of the widest vectors
-FAR = 1e200  # a coordinate that is within no radius, and whose square does not overflow
-MANY_LEAVES = 32  # with k more: a search for k points that comes near so many leaves is left to each point
-WIDER = 2.0  # times the mean squared distance to the k-th neighbour in one leaf are looked at in the next
-TRIALS = 24  # of a radius that holds just k
 
 
 @dataclass(frozen=True)
@@ -129,17 +117,17 @@ def _features_in_balls(points, order, low, high, moments, squared_radius, groups
     n, leaves = points.shape[1], first_leaf(low)
     tasks = min(groups, TASKS)
     for task in nb.prange(tasks):
-        near, room = np.empty(leaves, dtype=np.int64), _room(GROUP * GROUP)
+        near, room = np.empty(leaves, dtype=np.int64), room_for(GROUP * GROUP)
         of_points, shared = np.ones((MOMENTS, LANES), dtype=np.float64), np.empty(MOMENTS, dtype=np.float64)
         for group in range(groups + groups * task // tasks, groups + groups * (task + 1) // tasks):
             count = _around(group, low, high, moments, squared_radius, near, shared)
             if count * LEAF_SIZE > len(room.found):
-                room = _room(2 * count)
+                room = room_for(2 * count)
             in_group = leaves // groups
             for leaf in range(group * in_group, (group + 1) * in_group):
                 begin, end = n * (leaf - leaves) // leaves, n * (leaf - leaves + 1) // leaves
                 found = points_near(points, low, high, near[:count], low[leaf], high[leaf], squared_radius, room.found)
-                full = _pack(points, room, found)
+                full = pack(points, room, found)
                 for i in range(begin, end):
                     x, y, z = points[0, i], points[1, i], points[2, i]
                     moments_in_ball(room.packed, full, x, y, z, squared_radius, of_points, i - begin)
@@ -147,32 +135,6 @@ def _features_in_balls(points, order, low, high, moments, squared_radius, groups
                         u, v, w = middle(low[group], high[group])
                         add_shifted(shared, u - x, v - y, w - z, of_points[:, i - begin])
                 _finish(of_points, order[begin:end], variation, normals, neighbours)
-
-
-class _Room(NamedTuple):
-    """Room for the positions of points, and their coordinates, an axis a row."""
-
-    found: NDArray[np.int64]
-    packed: NDArray[np.float64]
-
-
-@nb.njit(cache=True)
-def _room(leaves):
-    return _Room(
-        np.empty(leaves * LEAF_SIZE, dtype=np.int64), np.empty((3, leaves * LEAF_SIZE + STRIDE), dtype=np.float64)
-    )
-
-
-@nb.njit(cache=True)
-def _pack(points, room, count):
-    """Copy the coordinates of the points found together, and add far ones until vectors are full."""
-    full = -(-count // STRIDE) * STRIDE
-    for axis in range(3):
-        row, packed = points[axis], room.packed[axis]
-        for slot in range(count):
-            packed[slot] = row[room.found[slot]]
-        packed[count:full] = FAR
-    return full
 
 
 @nb.njit(cache=True)
@@ -249,75 +211,21 @@ def features_of_nearest(tree: KdTree, k: int) -> Features:
 
 @nb.njit(cache=True, parallel=True, nogil=True)
 def _features_of_nearest(points, order, low, high, k, variation, normals, neighbours):
-    """Look for the neighbours of a leaf's points within a radius that held those of the leaf before.
-
-    Where it does not hold k of a point, or ties leave no ball with just k, that point searches the tree by itself.
-    """
     n, leaves = points.shape[1], first_leaf(low)
     tasks = min(leaves, TASKS)
     for task in nb.prange(tasks):
-        most = MANY_LEAVES + k
-        near, room = np.empty(most, dtype=np.int64), _room(most)
-        squared = np.empty(len(room.found) + STRIDE, dtype=np.float64)
-        found, gaps = np.empty(k, dtype=np.int64), np.empty(k, dtype=np.float64)
-        moments = np.ones((MOMENTS, LANES), dtype=np.float64)
-        squared_radius = 0.0
+        search, moments = search_for(k), np.ones((MOMENTS, LANES), dtype=np.float64)
+        squared_radius = (
+            0.0  # at first each searches by itself; then within a radius that held those of the leaf before
+        )
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
             begin, end = n * (leaf - leaves) // leaves, n * (leaf - leaves + 1) // leaves
-            count = leaves_near(low, high, low[leaf], high[leaf], squared_radius, near)
-            inside = 0
-            if count < most:
-                inside = points_near(points, low, high, near[:count], low[leaf], high[leaf], squared_radius, room.found)
-            full = _pack(points, room, inside)
+            count = look_around(points, low, high, low[leaf], high[leaf], squared_radius, search)
             reached = 0.0
             for i in range(begin, end):
                 x, y, z = points[0, i], points[1, i], points[2, i]
-                reach = _reach(room.packed, full, x, y, z, k, squared_radius, squared)
-                if reach >= 0.0:
-                    moments_in_ball(room.packed, full, x, y, z, reach, moments, i - begin)
-                else:
-                    nearest_in_tree(points, low, high, x, y, z, found, gaps)
-                    reach = gaps[-1]
-                    of_found = _pack(points, _Room(found, room.packed), k)
-                    moments_in_ball(room.packed, of_found, x, y, z, 2.0 * reach, moments, i - begin)
-                    full = _pack(points, room, inside)
+                reach = steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search)
+                moments_in_ball(search.local, search.local.shape[1], 0.0, 0.0, 0.0, 2.0 * reach, moments, i - begin)
                 reached += reach
             squared_radius = WIDER * reached / (end - begin)
             _finish(moments, order[begin:end], variation, normals, neighbours)
-
-
-@nb.njit(cache=True, nogil=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
-def _reach(packed, count, x, y, z, k, squared_radius, squared):
-    """Return a squared distance from (x, y, z) within which just k of the packed points lie, -1 if none is found.
-
-    By regula falsi: on a surface the number of points within a distance goes about as its square.
-    """
-    along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
-    squared = squared[:count]
-    for j in range(len(along_x)):
-        dx, dy, dz = along_x[j] - x, along_y[j] - y, along_z[j] - z
-        squared[j] = dx * dx + dy * dy + dz * dz
-    low, high = 0.0, squared_radius
-    below, above = 0.0, _within(squared, high)
-    for _ in range(TRIALS):
-        if above < k:
-            break
-        if above == k:
-            return high
-        middle = low + (high - low) * (k - below) / (above - below)
-        inside = _within(squared, middle)
-        if inside == k:
-            return middle
-        if inside < k:
-            low, below = middle, inside
-        else:
-            high, above = middle, inside
-    return -1.0
-
-
-@nb.njit(cache=True, nogil=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
-def _within(squared, limit):
-    count = 0.0
-    for j in range(len(squared)):
-        count += 1.0 if squared[j] <= limit else 0.0
-    return count

@@ -2,45 +2,100 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba as nb
 import numpy as np
+from numpy.typing import NDArray
 
 from gppcs.covariance import flattest, tangents
-from gppcs.kdtree import nearest_in_tree
+from gppcs.kdtree import KdTree, first_leaf
+from gppcs.nearest import WIDER, look_around, search_for, steps_to_nearest
 
 COEFFICIENTS = 6  # of a + b u + c v + d u^2 + e u v + f v^2
 RIDGE = 1e-8  # keeps the equations solvable where points lie on a line or a conic
+TASKS = 256  # parts of the work that threads take in turn
 STEEPEST = 3.0  # squared slope: more than 60 degrees off the plane, the quadric is extended from points to one side
 
 
-@nb.njit(cache=True, fastmath=False)
-def fit_quadric(points, low, high, x, y, z, k, normal):
-    """Fit z = a + b u + c v + d u^2 + e u v + f v^2 to the k nearest points, over the plane fitted to the same.
+class Quadrics(NamedTuple):
+    """Quadrics fitted around places.
 
-    Their weights are Gaussian. The quadric's unit normal under the place (x, y, z) is put into `normal`; with fewer
-    than six points, or where the quadric stands steep, it is the plane's.
-
-    Returns
-    -------
-    height : float
-        Of the quadric over the place, in units of `reach`, along its normal.
-    reach : float
-        Distance to the k-th point; one where that is zero.
-    found : (k,) array
-        Positions of the points in tree order, nearest first.
+    Attributes
+    ----------
+    heights : (m,) array
+        Of the quadric over the place, along its normal.
+    normals : (m, 3) array
+        The quadric's unit normal under the place, without a sign that means anything.
+    reaches : (m,) array
+        Distance from the place to the farthest of the points; one where that is zero.
     """
-    found = np.empty(k, dtype=np.int64)
-    squared = np.empty(k, dtype=np.float64)
-    nearest_in_tree(points, low, high, x, y, z, found, squared)
-    reach = np.sqrt(squared[-1]) if squared[-1] > 0.0 else 1.0
-    local = np.empty((3, k), dtype=np.float64)
-    for slot in range(k):
-        local[0, slot] = (points[0, found[slot]] - x) / reach
-        local[1, slot] = (points[1, found[slot]] - y) / reach
-        local[2, slot] = (points[2, found[slot]] - z) / reach
-    _plane_normal(local, normal)
-    height = _height_and_normal(local, normal) if k >= COEFFICIENTS else 0.0
-    return height, reach, found
+
+    heights: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    reaches: NDArray[np.float64]
+
+
+def fit_quadrics(tree: KdTree, places: NDArray[np.float64], k: int) -> Quadrics:
+    """Fit z = a + b u + c v + d u^2 + e u v + f v^2 to the k points of a tree nearest each place, (m, 3).
+
+    u and v lie in the plane fitted to the same points, whose weights are Gaussian. With fewer than six points, or where
+    the quadric stands steep, the normal is the plane's.
+    """
+    k = min(k, len(tree.order))
+    of_places = KdTree.build(places)
+    fitted = Quadrics(np.empty(len(places)), np.empty((len(places), 3)), np.empty(len(places)))
+    with nb.parallel_chunksize(1):
+        _fit_all(
+            tree.points,
+            tree.low,
+            tree.high,
+            of_places.points,
+            of_places.order,
+            of_places.low,
+            of_places.high,
+            k,
+            fitted,
+        )
+    return fitted
+
+
+@nb.njit(cache=True, parallel=True, nogil=True, fastmath=False)
+def _fit_all(points, low, high, places, order, places_low, places_high, k, fitted):
+    leaves = first_leaf(places_low)
+    tasks = min(leaves, TASKS)
+    for task in nb.prange(tasks):
+        search, local = search_for(k), np.empty((3, k), dtype=np.float64)
+        squared_radius = (
+            0.0  # at first each searches by itself; then within a radius that held those of the leaf before
+        )
+        for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
+            count = look_around(points, low, high, places_low[leaf], places_high[leaf], squared_radius, search)
+            begin, end = len(order) * (leaf - leaves) // leaves, len(order) * (leaf - leaves + 1) // leaves
+            reached = _fit_leaf(
+                points, low, high, places, order, begin, end, count, squared_radius, search, local, fitted
+            )
+            squared_radius = WIDER * reached / (end - begin)
+
+
+@nb.njit(cache=True, fastmath=False)
+def _fit_leaf(points, low, high, places, order, begin, end, count, squared_radius, search, local, fitted):
+    """Fit quadrics around the places of a leaf; return the sum of their squared reaches."""
+    reached = 0.0
+    for i in range(begin, end):
+        x, y, z = places[0, i], places[1, i], places[2, i]
+        squared = steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search)
+        reach = np.sqrt(squared) if squared > 0.0 else 1.0
+        for axis in range(3):
+            for slot in range(local.shape[1]):
+                local[axis, slot] = search.local[axis, slot] / reach
+        index = order[i]
+        normal = fitted.normals[index]
+        _plane_normal(local, normal)
+        height = _height_and_normal(local, normal) if local.shape[1] >= COEFFICIENTS else 0.0
+        fitted.heights[index], fitted.reaches[index] = height * reach, reach
+        reached += squared
+    return reached
 
 
 @nb.njit(cache=True, fastmath=False)

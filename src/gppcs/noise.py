@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.kdtree import KdTree
-from gppcs.local_quadric import fit_quadric
+from gppcs.local_quadric import fit_quadrics
 
 FEWEST, MOST = 12, 40  # points that a quadric is fitted to: with fewer it goes through them, noise and all
 WIDE = 80  # in place of the most where noise is thick
@@ -96,10 +95,12 @@ def projections(
     The second step fits anew around the first's foot: a ball around a place off the surface holds too many points that
     are displaced alike.
     """
-    places = np.ascontiguousarray(places)
-    feet, radii = np.empty_like(places), np.empty(len(places))
-    _project(tree.points, tree.low, tree.high, places, min(neighbours, len(tree.order)), steps, feet, radii)
-    return feet, radii
+    feet = places
+    for _ in range(steps):
+        quadrics = fit_quadrics(tree, feet, neighbours)
+        rise = np.clip(quadrics.heights, -quadrics.reaches, quadrics.reaches)
+        feet = feet + rise[:, None] * quadrics.normals
+    return feet, quadrics.reaches
 
 
 def level_and_radius(tree: KdTree, neighbours: int, steps: int) -> tuple[float, float]:
@@ -110,15 +111,3 @@ def level_and_radius(tree: KdTree, neighbours: int, steps: int) -> tuple[float, 
     some = tree.points.T[:: -(-len(tree.order) // SAMPLES)]
     feet, radii = projections(tree, some, neighbours, steps)
     return float(np.sqrt(np.mean(((feet - some) ** 2).sum(axis=1)))), float(np.sqrt(np.mean(radii**2)))
-
-
-@nb.njit(cache=True, parallel=True, nogil=True, fastmath=False)
-def _project(points, low, high, places, k, steps, feet, radii):
-    for i in nb.prange(len(places)):
-        normal = np.empty(3, dtype=np.float64)
-        x, y, z = places[i]
-        for _ in range(steps):
-            height, radii[i], _ = fit_quadric(points, low, high, x, y, z, k, normal)
-            rise = min(max(height, -1.0), 1.0) * radii[i]
-            x, y, z = x + rise * normal[0], y + rise * normal[1], z + rise * normal[2]
-        feet[i] = x, y, z

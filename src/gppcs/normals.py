@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from gppcs.cloud import PointCloud
 from gppcs.errors import ParameterError
 from gppcs.kdtree import KdTree
-from gppcs.local_quadric import fit_quadric
+from gppcs.local_quadric import fit_quadrics
 from gppcs.neighbourhood import first_occurrences
 from gppcs.noise import level_and_radius, projections
 
@@ -65,7 +65,7 @@ def estimate_normals(
     tree = KdTree.build(points[first_occurrences(points)] - corner)
     places = places - corner
     neighbours = neighbours or _across_noise(tree)
-    normals = _fitted(tree, places, neighbours, 0)[0]
+    normals = fit_quadrics(tree, places, neighbours).normals
     widened = max(1, neighbours // NEIGHBOURS)
     every = widened * -(-tree.points.shape[1] // MOST)
     guides = np.concatenate([places, tree.points.T[::every]])  # in tree order: each part has its share
@@ -96,9 +96,11 @@ def _oriented(tree: KdTree, fits: tuple[KdTree, int] | None) -> NDArray[np.float
     Quadrics are fitted to so many points of another tree, if one is given, or else to a few of the same.
     """
     points = np.ascontiguousarray(tree.points.T)
-    normals, near, areas = _fitted(tree, points, CLOSE, EDGES)
+    _, normals, reaches = fit_quadrics(tree, points, CLOSE)
     if fits:
-        normals = _fitted(fits[0], points, fits[1], 0)[0]
+        normals = fit_quadrics(fits[0], points, fits[1]).normals
+    near, _ = tree.neighbours(min(EDGES, len(points) - 1))
+    areas = reaches**2
     edges = np.argsort(_doubts(points, normals, near), axis=None, kind="stable")
     pieces, signs = _signs(edges, points, normals, near)
     normals *= signs[:, None]
@@ -127,27 +129,6 @@ def _outward(
     centre = middle + towards - radius[:, None] * UP
     flux = np.bincount(pieces, areas * np.einsum("ij,ij->i", points - centre[pieces], normals))
     return np.where(flux < 0, -1.0, 1.0)
-
-
-def _fitted(
-    tree: KdTree, places: NDArray[np.float64], k: int, edges: int
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-    """Return normals without sign, the nearest other points in tree order, and areas that each place stands for."""
-    n = tree.points.shape[1]
-    normals, areas = np.empty((len(places), 3)), np.empty(len(places))
-    near = np.empty((len(places), min(edges, k - 1, n - 1)), dtype=np.int64)
-    _fit_all(tree.points, tree.low, tree.high, places, min(k, n), normals, near, areas)
-    return normals, near, areas
-
-
-@nb.njit(cache=True, parallel=True, nogil=True, fastmath=False)
-def _fit_all(points, low, high, places, k, normals, near, areas):
-    for q in nb.prange(len(places)):
-        x, y, z = places[q]
-        _, reach, found = fit_quadric(points, low, high, x, y, z, k, normals[q])
-        for slot in range(near.shape[1]):
-            near[q, slot] = found[slot + 1]
-        areas[q] = reach * reach
 
 
 @nb.njit(cache=True, parallel=True, nogil=True)
