@@ -8,11 +8,12 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.covariance import flattest, tangents
+from gppcs.covariance import MOMENTS, flattest, moments_in_ball, tangents
 from gppcs.kdtree import KdTree, first_leaf
 from gppcs.nearest import WIDER, look_around, search_for, steps_to_nearest
 
 COEFFICIENTS = 6  # of a + b u + c v + d u^2 + e u v + f v^2
+TERMS = COEFFICIENTS + 2  # what they multiply, the height, and the weight
 RIDGE = 1e-8  # keeps the equations solvable where points lie on a line or a conic
 TASKS = 256  # parts of the work that threads take in turn
 STEEPEST = 3.0  # squared slope: more than 60 degrees off the plane, the quadric is extended from points to one side
@@ -65,72 +66,102 @@ def _fit_all(points, low, high, places, order, places_low, places_high, k, fitte
     leaves = first_leaf(places_low)
     tasks = min(leaves, TASKS)
     for task in nb.prange(tasks):
-        search, local = search_for(k), np.empty((3, k), dtype=np.float64)
+        search = search_for(k)
         squared_radius = (
             0.0  # at first each searches by itself; then within a radius that held those of the leaf before
         )
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
             count = look_around(points, low, high, places_low[leaf], places_high[leaf], squared_radius, search)
             begin, end = len(order) * (leaf - leaves) // leaves, len(order) * (leaf - leaves + 1) // leaves
-            reached = _fit_leaf(
-                points, low, high, places, order, begin, end, count, squared_radius, search, local, fitted
-            )
+            reached = _fit_leaf(points, low, high, places, order, begin, end, count, squared_radius, search, fitted)
             squared_radius = WIDER * reached / (end - begin)
 
 
 @nb.njit(cache=True, fastmath=False)
-def _fit_leaf(points, low, high, places, order, begin, end, count, squared_radius, search, local, fitted):
+def _fit_leaf(points, low, high, places, order, begin, end, count, squared_radius, search, fitted):
     """Fit quadrics around the places of a leaf; return the sum of their squared reaches."""
+    k, full = len(search.gaps), search.local.shape[1]
+    moments = np.empty((MOMENTS, 1), dtype=np.float64)
+    terms = np.empty((TERMS, full), dtype=np.float64)
+    equations = np.empty((COEFFICIENTS, COEFFICIENTS + 1), dtype=np.float64)
     reached = 0.0
     for i in range(begin, end):
         x, y, z = places[0, i], places[1, i], places[2, i]
         squared = steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search)
         reach = np.sqrt(squared) if squared > 0.0 else 1.0
-        for axis in range(3):
-            for slot in range(local.shape[1]):
-                local[axis, slot] = search.local[axis, slot] / reach
-        index = order[i]
-        normal = fitted.normals[index]
-        _plane_normal(local, normal)
-        height = _height_and_normal(local, normal) if local.shape[1] >= COEFFICIENTS else 0.0
-        fitted.heights[index], fitted.reaches[index] = height * reach, reach
+        normal = fitted.normals[order[i]]
+        moments_in_ball(search.local, full, 0.0, 0.0, 0.0, 2.0 * squared, moments, 0)
+        _plane_normal(moments[:, 0], normal)
+        height = 0.0
+        if k >= COEFFICIENTS:
+            u, v = tangents(normal[0], normal[1], normal[2])
+            _fill_terms(search.local, k, reach, u, v, normal, terms)
+            _fill_equations(terms, equations)
+            _solve(equations)
+            height = _turn(equations[:, COEFFICIENTS], u, v, normal)
+        fitted.heights[order[i]], fitted.reaches[order[i]] = height * reach, reach
         reached += squared
     return reached
 
 
 @nb.njit(cache=True, fastmath=False)
-def _plane_normal(local, normal):
-    x, y, z = local[0] - local[0].mean(), local[1] - local[1].mean(), local[2] - local[2].mean()
+def _plane_normal(moments, normal):
+    """Put the normal of the plane fitted to points of these moments into `normal`."""
+    n = moments[0]
+    x, y, z = moments[1] / n, moments[2] / n, moments[3] / n
     flattest(
-        (x * x).mean(), (x * y).mean(), (x * z).mean(), (y * y).mean(), (y * z).mean(), (z * z).mean(), normal
+        moments[4] / n - x * x, moments[5] / n - x * y, moments[6] / n - x * z,
+        moments[7] / n - y * y, moments[8] / n - y * z, moments[9] / n - z * z, normal,
     )  # fmt: skip
 
 
-@nb.njit(cache=True, fastmath=False)
-def _height_and_normal(local, normal):
-    """Replace the plane's normal by that of the quadric at the origin, and return the quadric's distance from there."""
-    n = normal[0], normal[1], normal[2]
-    s, t = tangents(n[0], n[1], n[2])
-    equations = np.zeros((COEFFICIENTS, COEFFICIENTS + 1), dtype=np.float64)
-    row = np.empty(COEFFICIENTS + 1, dtype=np.float64)
-    for j in range(local.shape[1]):
-        x, y, z = local[0, j], local[1, j], local[2, j]
+@nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+def _fill_terms(local, k, reach, s, t, normal, terms):
+    """Fill the rows with u, v, their products, the height and the weight of each point, in units of the reach.
+
+    The weight is exp(-x) of x = u^2 + v^2, by its series, since x is at most 1; zero for what follows the k points.
+    """
+    ones, us, vs, uus, uvs, vvs, heights, weights = terms
+    steps_x, steps_y, steps_z = local
+    for j in range(len(weights)):
+        inside = j < k
+        x, y, z = (
+            steps_x[j] / reach if inside else 0.0, steps_y[j] / reach if inside else 0.0,
+            steps_z[j] / reach if inside else 0.0,
+        )  # fmt: skip
         u, v = s[0] * x + s[1] * y + s[2] * z, t[0] * x + t[1] * y + t[2] * z
-        row[0], row[1], row[2], row[3], row[4], row[5] = 1.0, u, v, u * u, u * v, v * v
-        row[6] = n[0] * x + n[1] * y + n[2] * z
-        weight = np.exp(-(u * u + v * v))
-        for a in range(COEFFICIENTS):
-            for b in range(a, COEFFICIENTS + 1):
-                equations[a, b] += weight * row[a] * row[b]
+        ones[j], us[j], vs[j], uus[j], uvs[j], vvs[j] = 1.0, u, v, u * u, u * v, v * v
+        heights[j] = normal[0] * x + normal[1] * y + normal[2] * z
+        squared = u * u + v * v
+        weight = 1.0
+        for power in range(17, 0, -1):
+            weight = 1.0 - squared * weight * (1.0 / power)
+        weights[j] = weight if inside else 0.0
+
+
+@nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+def _fill_equations(terms, equations):
+    """Fill the upper triangle of the normal equations of weighted least squares, and their right side."""
+    weights = terms[TERMS - 1]
     for a in range(COEFFICIENTS):
+        of_a = terms[a]
+        for b in range(a, COEFFICIENTS + 1):
+            of_b, total = terms[b], 0.0
+            for j in range(len(weights)):
+                total += weights[j] * of_a[j] * of_b[j]
+            equations[a, b] = total
         equations[a, a] += RIDGE
-    _solve(equations)
-    height, b, c = equations[0, 6], equations[1, 6], equations[2, 6]
+
+
+@nb.njit(cache=True, fastmath=False)
+def _turn(coefficients, s, t, normal):
+    """Replace the plane's normal by that of the quadric at the origin, and return the quadric's distance from there."""
+    height, b, c = coefficients[0], coefficients[1], coefficients[2]
     if b * b + c * c > STEEPEST:
         return height
     length = np.sqrt(1.0 + b * b + c * c)
     for axis in range(3):
-        normal[axis] = (n[axis] - b * s[axis] - c * t[axis]) / length
+        normal[axis] = (normal[axis] - b * s[axis] - c * t[axis]) / length
     return height / length
 
 
