@@ -10,6 +10,7 @@ from gppcs.kdtree import KdTree
 from gppcs.neighbourhood import first_in_cells, surface_area
 from gppcs.noise import Noise
 from gppcs.progressive import FEWEST, FIRST, MANY, NOISE, Criterion, _field, _stages, rank, sampled_tree
+from gppcs.stages import Stages
 
 RANDOM = np.random.default_rng(0)
 EVERY = 1e6  # candidates for each point wanted: no two points in one cell
@@ -22,8 +23,25 @@ def criterion(**changes):
     return Criterion(**{**vars(usual), **changes})
 
 
-def ranked(points, n_points, seen=None, advanced=None, **changes):
-    return rank(points, n_points, criterion(**changes), surface_area(KdTree.build(points)), seen, advanced)
+def ranked(points, n_points, seen=None, stages=None, **changes):
+    return rank(points, n_points, criterion(**changes), surface_area(KdTree.build(points)), seen, stages)
+
+
+class Heard:
+    """What a listener hears of steps: how many a stage has, and how many are done."""
+
+    def __init__(self):
+        self.totals, self.steps = [], []
+
+    def started(self, stage, total):
+        if total is not None:
+            self.totals.append(total)
+
+    def advanced(self, steps):
+        self.steps.append(steps)
+
+    def finished(self):
+        pass
 
 
 def test_targets_double_and_candidates_of_a_stage_are_among_those_of_the_next(bracket):
@@ -173,10 +191,13 @@ def test_half_as_many_are_the_first_half_where_every_point_is_a_candidate(bracke
 
 @pytest.mark.parametrize("n_points", [1, 64, 65, 500, 900])
 def test_a_ranking_has_each_point_once_and_tells_of_its_progress(bracket, n_points):
-    steps = []
-    ranking = ranked(bracket[:900], n_points, advanced=steps.append)
+    heard = Heard()
+    stages = Stages(heard)
+    ranking = ranked(bracket[:900], n_points, stages=stages)
+    assert heard.totals == heard.steps
+    assert list(stages.seconds) == ["candidates", "noise", "features", "greedy selection"]
     assert len(np.unique(ranking.indices)) == len(ranking.indices) == n_points
-    assert len(ranking.scores) == len(ranking.deviations) == n_points == sum(steps)
+    assert len(ranking.scores) == len(ranking.deviations) == n_points == sum(heard.steps)
     assert ranking.deviations[0] == 1
     assert (ranking.deviations > 0).all()
     assert (ranking.deviations <= 1).all()

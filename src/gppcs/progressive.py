@@ -18,6 +18,7 @@ from gppcs.kdtree import KdTree
 from gppcs.local_field import LocalField
 from gppcs.local_greedy import extend
 from gppcs.neighbourhood import first_in_cells
+from gppcs.stages import Stages
 
 FIRST = 64  # points of the first stage at most; it costs as little as any
 FEWEST = 3  # candidates for each point wanted, below which there is nothing to choose from
@@ -99,7 +100,7 @@ def rank(
     criterion: Criterion,
     area: float,
     seen: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]] | None = None,
-    advanced: Callable[[int], None] | None = None,
+    stages: Stages | None = None,
 ) -> Ranking:
     """Choose `n_points`, the most important first.
 
@@ -116,40 +117,36 @@ def rank(
         Takes some of the points, (n, 3), and returns where on the surface they belong, by which features are measured,
         and the variance of the observation at each; times 1 / h^2, in units of the prior at spacing h. By default they
         are where they belong.
-    advanced : callable, optional
-        Told of the number of points chosen since the last call.
+    stages : Stages, optional
+        Times "candidates", "noise", "features" and "greedy selection"; the steps of the last are points.
     """
+    clock = stages or Stages()
+    with clock("candidates"):
+        from_coarse_to_fine = _stages(points, n_points, area, criterion.candidates)
     chosen = np.empty(0, dtype=np.int64)
     scores, deviations = [], []
-    for target, candidates, thinned, area_seen in _stages(points, n_points, area, criterion.candidates):
+    for target, candidates, thinned, area_seen in from_coarse_to_fine:
         spacing = float(np.sqrt(area_seen / target)) or 1.0
-        members = _union(candidates, chosen)
-        places = points[members]
-        positions = places / spacing
-        local = KdTree.build(positions)
-        feet, variances = (places, np.zeros(len(members))) if seen is None else seen(places)
-        on_surface = local if feet is places else KdTree.build(feet / spacing)
-        features = features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(local, FEW)
-        field = _field(local, features, variances / spacing**2, criterion)
-        inside = np.empty(len(members), dtype=np.int64)
-        inside[local.order] = np.arange(len(members))
-        extended, score, deviation = extend(
-            field, local, inside[np.searchsorted(members, chosen)], target, criterion.neighbours, criterion.error_weight
-        )
+        places = points[candidates]
+        with clock("noise"):
+            feet, variances = (places, np.zeros(len(places))) if seen is None else seen(places)
+        with clock("features"):
+            local = KdTree.build(places / spacing)
+            on_surface = local if feet is places else KdTree.build(feet / spacing)
+            features = features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(local, FEW)
+            field = _field(local, features, variances / spacing**2, criterion)
+        with clock("greedy selection", target - len(chosen)) as advanced:
+            inside = np.empty(len(candidates), dtype=np.int64)
+            inside[local.order] = np.arange(len(candidates))
+            before = inside[np.searchsorted(candidates, chosen)]  # those of a coarse stage are candidates here too
+            extended, score, deviation = extend(
+                field, local, before, target, criterion.neighbours, criterion.error_weight
+            )
+            advanced(target - len(chosen))
         scores.append(score)
         deviations.append(deviation)
-        if advanced:
-            advanced(target - len(chosen))
-        chosen = members[local.order[extended]]
+        chosen = candidates[local.order[extended]]
     return Ranking(chosen, np.concatenate(scores), np.concatenate(deviations))
-
-
-def _union(ascending: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the ascending union of indices; `np.union1d` sorts all anew."""
-    others = np.sort(others)
-    places = np.searchsorted(ascending, others)
-    missing = ascending[np.minimum(places, len(ascending) - 1)] != others
-    return np.insert(ascending, places[missing], others[missing])
 
 
 class _Stage(NamedTuple):

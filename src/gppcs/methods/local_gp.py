@@ -80,8 +80,7 @@ class LocalGP(Method):
         with stages("noise"):
             spacing = (area / n_points) ** 0.5
             noise = Noise.measure(tree, n_points, spacing)
-        with stages("greedy selection", n_points) as advanced:
-            ranking = rank(points, n_points, self.criterion, area, noise.seen, advanced)
+        ranking = rank(points, n_points, self.criterion, area, noise.seen, stages)
         return Selection(
             ranking.indices,
             {"noise_in_spacings": noise.level / spacing if spacing > 0.0 else 0.0},
