@@ -22,7 +22,7 @@ from gppcs.covariance import (
 )
 from gppcs.errors import ParameterError
 from gppcs.kdtree import LEAF_SIZE, KdTree, first_leaf, points_near, squared_distance_of_boxes
-from gppcs.nearest import WIDER, look_around, pack, room_for, search_for, steps_to_nearest
+from gppcs.nearest import WIDER, look_around, pack, reach_of_nearest, room_for, search_for, steps_by_itself
 from gppcs.neighbourhood import first_occurrences, neighbourhood_radius
 
 GROUP = 8  # leaves whose points share one search of the tree
@@ -224,8 +224,12 @@ def _features_of_nearest(points, order, low, high, k, variation, normals, neighb
             reached = 0.0
             for i in range(begin, end):
                 x, y, z = points[0, i], points[1, i], points[2, i]
-                reach = steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search)
-                moments_in_ball(search.local, search.local.shape[1], 0.0, 0.0, 0.0, 2.0 * reach, moments, i - begin)
+                reach = reach_of_nearest(search.room.packed, count, x, y, z, k, squared_radius, search.squared)
+                if reach >= 0.0:
+                    moments_in_ball(search.room.packed, count, x, y, z, reach, moments, i - begin)
+                else:
+                    reach, full = steps_by_itself(points, low, high, x, y, z, search), search.local.shape[1]
+                    moments_in_ball(search.local, full, 0.0, 0.0, 0.0, 2.0 * reach, moments, i - begin)
                 reached += reach
             squared_radius = WIDER * reached / (end - begin)
             _finish(moments, order[begin:end], variation, normals, neighbours)

@@ -13,7 +13,7 @@ from gppcs.kdtree import LEAF_SIZE, leaves_near, nearest_in_tree, points_near
 STRIDE = 16  # points that a loop goes through at a time: two of the widest vectors
 FAR = 1e200  # a coordinate that is within no radius
 MANY_LEAVES = 32  # with k more: a search that comes near so many leaves is left to each place
-WIDER = 2.0  # times the mean squared distance to the k-th neighbour in one leaf are looked at in the next
+WIDER = 2.5  # times the mean squared distance to the k-th neighbour in one leaf are looked at in the next
 TRIALS = 24  # of a radius that holds just k
 
 
@@ -93,38 +93,41 @@ def look_around(points, low, high, box_low, box_high, squared_radius, search):
 
 @nb.njit(cache=True, fastmath=False)
 def steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search):
-    """Fill `search.local` with the steps from (x, y, z) to its k nearest points; return the k-th squared distance.
-
-    They are among the packed points, `count` of them, if a ball no larger than the radius holds just k of these. If it
-    holds fewer, or ties leave none with just k, the place searches the tree by itself.
-    """
-    k = len(search.gaps)
-    packed, positions = search.room.packed, search.positions
-    reach = _reach(packed, count, x, y, z, k, squared_radius, search.squared)
+    """Fill `search.local` with the steps from (x, y, z) to its k nearest points; return the k-th squared distance."""
+    k, packed, found = len(search.gaps), search.room.packed, search.room.found
+    reach = reach_of_nearest(packed, count, x, y, z, k, squared_radius, search.squared)
     if reach < 0.0:
-        nearest_in_tree(points, low, high, x, y, z, positions, search.gaps)
-        for slot in range(k):
-            j = positions[slot]
-            search.local[0, slot], search.local[1, slot], search.local[2, slot] = (
-                points[0, j] - x, points[1, j] - y, points[2, j] - z
-            )  # fmt: skip
-        return search.gaps[-1]
-    slot, farthest = 0, 0.0
+        return steps_by_itself(points, low, high, x, y, z, search)
+    slot = 0
     for j in range(count):
-        if search.squared[j] <= reach:
-            search.local[0, slot], search.local[1, slot], search.local[2, slot] = (
-                packed[0, j] - x, packed[1, j] - y, packed[2, j] - z
-            )  # fmt: skip
-            farthest = max(farthest, search.squared[j])
-            slot += 1
+        found[slot] = j  # within reach or not: a branch would be guessed wrong too often
+        slot += 1 if search.squared[j] <= reach else 0
+    farthest = 0.0
+    for slot in range(k):
+        j = found[slot]
+        search.local[0, slot], search.local[1, slot] = packed[0, j] - x, packed[1, j] - y
+        search.local[2, slot] = packed[2, j] - z
+        farthest = max(farthest, search.squared[j])
     return farthest
 
 
-@nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
-def _reach(packed, count, x, y, z, k, squared_radius, squared):
-    """Return a squared distance from (x, y, z) within which just k of the packed points lie, -1 if none is found.
+@nb.njit(cache=True, fastmath=False)
+def steps_by_itself(points, low, high, x, y, z, search):
+    """Do the same as `steps_to_nearest` by a search of the tree, for a place that a leaf's search does not do for."""
+    nearest_in_tree(points, low, high, x, y, z, search.positions, search.gaps)
+    for slot in range(len(search.gaps)):
+        j = search.positions[slot]
+        search.local[0, slot], search.local[1, slot] = points[0, j] - x, points[1, j] - y
+        search.local[2, slot] = points[2, j] - z
+    return search.gaps[-1]
 
-    By regula falsi: on a surface the number of points within a distance goes about as its square.
+
+@nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+def reach_of_nearest(packed, count, x, y, z, k, squared_radius, squared):
+    """Return a squared distance from (x, y, z) within which just k of the packed points lie; their own into `squared`.
+
+    That is -1 if the radius does not hold k, or ties leave no ball with just k. By regula falsi: on a surface the
+    number of points within a distance goes about as its square.
     """
     along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
     squared = squared[:count]
