@@ -107,7 +107,8 @@ def test_memory_does_not_grow_with_the_extent():
 def test_time_is_that_of_a_well_spread_cloud():
     """Least processor time of several runs taken in turns, of clouds alike in noise.
 
-    Noise is measured at each point where there is any, and a volume is noise to whoever looks for a surface.
+    Noise is measured at each point where there is any, and a volume is noise to whoever looks for a surface, the
+    thickest, which takes twice as many neighbours as that of the noisy sphere.
     """
     clouds = {"spread": on_sphere(N), "spread, noisy": NOISY} | {name: cloud() for name, cloud in BAD.items()}
     least = dict.fromkeys(clouds, np.inf)
@@ -118,4 +119,5 @@ def test_time_is_that_of_a_well_spread_cloud():
             least[name] = min(least[name], time.process_time() - start)
             assert len(np.unique(result.indices)) == M // 2
     for name in BAD:
-        assert least[name] < 2 * least["spread, noisy" if name == "a volume" else "spread"], least
+        bound = 4 * least["spread, noisy"] if name == "a volume" else 2 * least["spread"]
+        assert least[name] < bound, least
