@@ -97,11 +97,11 @@ def _nodes(field: LocalField, tree: KdTree, conditioning: Conditioning, found: P
     return nodes
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
+@nb.njit(cache=True, nogil=True)
 def _fill(field, order, scores, reach, nodes):
     """Fill leaves and nodes."""
     leaves = len(nodes.leaves)
-    for leaf in nb.prange(leaves):
+    for leaf in range(leaves):
         _fill_leaf(field, order, scores, reach, leaf, nodes)
     for node in range(leaves - 1, 0, -1):
         nodes.boxes[node, 7] = max(nodes.boxes[2 * node, 7], nodes.boxes[2 * node + 1, 7])
@@ -120,12 +120,8 @@ def _fill_leaf(field, order, scores, reach, leaf, nodes):
         p = i - begin
         for axis in range(3):
             rows[axis, p], rows[3 + axis, p] = field.positions[axis, i], field.normals[axis, i]
-        rows[SPACING, p], rows[SCORE, p], rows[REACH, p], rows[INDEX, p] = (
-            field.spacings[i],
-            scores[i],
-            reach[i],
-            order[i],
-        )
+        rows[SPACING, p], rows[SCORE, p] = field.spacings[i], scores[i]
+        rows[REACH, p], rows[INDEX, p] = reach[i], order[i]
         widest = max(widest, field.spacings[i])
     nodes.boxes[leaves + leaf, 7] = widest**2
     _renew_leaf(leaves + leaf, nodes)
