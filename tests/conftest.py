@@ -5,8 +5,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # threads only cost time on 
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 import gppcs
+
+settings.register_profile("untimed", deadline=None)  # a busy machine is no failure
+settings.load_profile("untimed")
 
 
 @pytest.fixture(scope="session")

@@ -105,6 +105,16 @@ def test_rotation_and_scale_leave_the_variation(bracket):
     np.testing.assert_allclose(turned, plain, atol=1e-9)
 
 
+@pytest.mark.parametrize("search", ["radius", "nearest"])
+@pytest.mark.parametrize("exponent", [-560, 560])
+def test_any_unit_will_do(bracket, search, exponent):
+    """Coordinates whose squares vanish or overflow."""
+    plain = estimate_features(bracket[::10], search=search)
+    scaled = estimate_features(np.ldexp(bracket[::10], exponent), search=search)
+    np.testing.assert_array_equal(scaled.surface_variation, plain.surface_variation)
+    np.testing.assert_array_equal(scaled.neighbours, plain.neighbours)
+
+
 def test_repeats_count_as_neighbours_and_leave_the_radius(bracket):
     plain = estimate_features(bracket)
     repeated = estimate_features(np.vstack([bracket, bracket, bracket[:100]]))
@@ -125,6 +135,9 @@ def test_what_cannot_be_measured_is_refused():
         estimate_features(np.empty((0, 3)))
     with pytest.raises(gppcs.InputError, match="NaN"):
         estimate_features([[0, 0, np.nan]])
+    for search in ("radius", "nearest"):
+        with pytest.raises(gppcs.ParameterError, match="at least 1 neighbour, found 0"):
+            estimate_features(np.random.default_rng(0).random((9, 3)), 0, search)
     with pytest.raises(gppcs.ParameterError, match="'radius' or 'nearest'"):
         estimate_features([[0, 0, 0]], search="knn")
 

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from gppcs.kdtree import LEAF_SIZE, KdTree, greatest_of_all, leaves_near
+from gppcs.kdtree import LEAF_SIZE, KdTree, _move_forward, _part, _pivot, greatest_of_all, leaves_near
 
 SHAPES = {
     "random": lambda rng, n: rng.standard_normal((n, 3)),
@@ -87,3 +87,25 @@ def test_nodes_hold_the_first_of_their_greatest(n):
         begin, end = n * (node - nodes) // nodes, n * (node - nodes + 1) // nodes
         assert greatest[node] == values[begin:end].max()
         assert holder[node] == tree.order[begin:end][values[begin:end] == greatest[node]].min()
+
+
+@pytest.mark.parametrize("rows", [64, 128, 256])
+@pytest.mark.parametrize("shape", ["rings", "organ pipes"])
+def test_clouds_in_rows_are_parted_in_few_passes(rows, shape, monkeypatch):
+    """A sample at equal steps would see the same place of each row."""
+    u, v = np.meshgrid(np.linspace(0, 1, rows, endpoint=False), np.linspace(0, 1, 64))
+    x = np.cos(2 * np.pi * u) if shape == "rings" else np.minimum(u, 1 - u)
+    records = np.column_stack([x.ravel(), np.sin(2 * np.pi * u).ravel(), 0.1 * v.ravel(), np.zeros(u.size)])
+    passes = []
+
+    def counted(records, axis, begin, end, pivot, equal):
+        passes.append(end - begin)
+        return _move_forward.py_func(records, axis, begin, end, pivot, equal)
+
+    monkeypatch.setattr("gppcs.kdtree._move_forward", counted)
+    monkeypatch.setattr("gppcs.kdtree._pivot", _pivot.py_func)
+    n = len(records)
+    with np.errstate(over="ignore"):
+        _part.py_func(records, 0, 0, n // 2, n)
+    assert records[: n // 2, 0].max() <= records[n // 2 :, 0].min()
+    assert sum(passes) < 3 * n

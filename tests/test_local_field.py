@@ -9,7 +9,7 @@ from scipy.spatial.distance import cdist
 import dense
 from gppcs.farthest_point import farthest_points
 from gppcs.kdtree import KdTree
-from gppcs.local_field import Conditioning, LocalField, condition, squared_distance
+from gppcs.local_field import Conditioning, LocalField, condition, field_distance
 from gppcs.local_posterior import LANES, correlate, posterior, sites_of
 
 
@@ -106,12 +106,8 @@ def test_with_one_spacing_and_one_normal_it_is_matern_of_five_halves(spacing):
 
 
 def test_a_right_angle_between_normals_is_worth_the_weight_in_spacings():
-    field = random_field(2, 0, normal_weight=1.7)
-    one_place = np.zeros((3, 2))
-    field = field._replace(positions=one_place, spacings=np.ones(2), normals=np.array([[1.0, 0], [0, 1], [0, 0]]))
-    assert squared_distance(field, 0, 1) == pytest.approx(1.7**2)
-    halfway = field._replace(normals=np.array([[1, np.sqrt(0.5)], [0, np.sqrt(0.5)], [0, 0]]))
-    assert squared_distance(halfway, 0, 1) == pytest.approx(1.7**2 / 2)
+    assert field_distance(0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.7) == pytest.approx(1.7**2)
+    assert field_distance(0.0, 0.0, 0.0, np.sqrt(0.5), 1.0, 1.0, 1.7) == pytest.approx(1.7**2 / 2)
 
 
 @settings(deadline=None, max_examples=40)

@@ -258,3 +258,10 @@ def test_a_surface_is_rebuilt_better_with_them(shared_data):
     kept = gppcs.simplify(cloud, ratio=0.05, method="fps", normals=True).cloud
     report = gppcs.evaluate(cloud, kept, mesh)
     assert report.rebuilt_carried.hausdorff_mean < 0.92 * report.rebuilt.hausdorff_mean
+
+
+@pytest.mark.parametrize("exponent", [-560, 560])
+def test_any_unit_will_do(bracket, exponent):
+    """Coordinates whose squares vanish or overflow."""
+    plain = estimate_normals(bracket[::20])
+    np.testing.assert_array_equal(estimate_normals(np.ldexp(bracket[::20], exponent)), plain)

@@ -261,9 +261,10 @@ def test_listeners_hear_of_every_step():
 
     from gppcs.stages import Stages
 
-    for method in ("gp", "gp-spectral"):
-        gppcs.simplify(quantised("bracket"), n_points=120, method=method, stages=Stages(Listener()))
-    assert ["greedy selection", 120, 120, "finished"] in heard
+    gppcs.simplify(quantised("bracket"), n_points=120, method="gp", stages=Stages(Listener()))
+    chosen = [(total, done) for stage, total, done, _ in heard if stage == "greedy selection"]
+    assert chosen == [(60, 60), (60, 60)]
+    gppcs.simplify(quantised("bracket"), n_points=120, method="gp-spectral", stages=Stages(Listener()))
     assert ["farthest points", 40, 40, "finished"] in heard
     assert ["greedy selection", 80, 80, "finished"] in heard
     assert all(stage[3:] == ["finished"] for stage in heard)

@@ -24,6 +24,7 @@ from gppcs.errors import ParameterError
 from gppcs.kdtree import LEAF_SIZE, KdTree, first_leaf, points_near, squared_distance_of_boxes
 from gppcs.nearest import WIDER, look_around, pack, reach_of_nearest, room_for, search_for, steps_by_itself
 from gppcs.neighbourhood import first_occurrences, neighbourhood_radius
+from gppcs.normalisation import normalised
 
 GROUP = 8  # leaves whose points share one search of the tree
 TASKS = 256  # parts of the work that threads take in turn
@@ -76,9 +77,13 @@ def estimate_features(
     InputError
         If the cloud is empty, misshapen or not finite.
     ParameterError
-        If there is no such search.
+        If there is no such search, or there are no neighbours.
     """
+    if neighbours < 1:
+        raise ParameterError(f"expected at least 1 neighbour, found {neighbours}")
     points = PointCloud.of(cloud).usable("cloud")
+    if tree is None:
+        points, _, _ = normalised(points)
     if search == "nearest":
         return features_of_nearest(tree or KdTree.build(points), neighbours)
     if search != "radius":
@@ -214,7 +219,7 @@ def _features_of_nearest(points, order, low, high, k, variation, normals, neighb
     n, leaves = points.shape[1], first_leaf(low)
     tasks = min(leaves, TASKS)
     for task in nb.prange(tasks):
-        search, moments = search_for(k), np.ones((MOMENTS, LANES), dtype=np.float64)
+        search, moments = search_for(k, leaves), np.ones((MOMENTS, LANES), dtype=np.float64)
         squared_radius = (
             0.0  # at first each searches by itself; then within a radius that held those of the leaf before
         )

@@ -12,6 +12,7 @@ LEAF_SIZE = 32  # points in a leaf at most: few enough to prune well, enough to 
 TOP = 5  # levels that are split one after another, each by all threads; below, each thread has subtrees of its own
 FEW_KEYS = 256  # keys below which the median of three is a good enough pivot
 SAMPLE = 64  # keys that tell the pivot of more
+MULTIPLIER = np.uint64(6364136223846793005)  # of the linear congruence that tells which (Knuth)
 BEYOND = 2  # places in that sample by which the pivot lies beyond the middle, so that this is in the smaller part
 
 
@@ -151,7 +152,10 @@ def _part(records, axis, begin, middle, end):
         if parted > begin:
             begin, end = (begin, parted) if middle < parted else (parted, end)
         else:  # the pivot is the least key
-            begin = _move_forward(records, axis, begin, end, pivot, True)
+            parted = _move_forward(records, axis, begin, end, pivot, True)
+            if parted == begin:  # or no number
+                return
+            begin = parted
 
 
 @nb.njit(cache=True)
@@ -161,8 +165,10 @@ def _pivot(records, axis, begin, middle, end, sample):
     if count < FEW_KEYS:
         a, b, c = records[begin, axis], records[(begin + end) // 2, axis], records[end - 1, axis]
         return max(min(a, b), min(max(a, b), c))
+    state = np.uint64(begin + 1) * MULTIPLIER ^ np.uint64(count)
     for s in range(SAMPLE):
-        key = records[begin + (2 * s + 1) * count // (2 * SAMPLE), axis]
+        state = state * MULTIPLIER + np.uint64(1)  # at random: places at equal steps fall in with the rows of a scan
+        key = records[begin + np.int64((state >> np.uint64(33)) % np.uint64(count)), axis]
         slot = s
         while slot > 0 and sample[slot - 1] > key:
             sample[slot] = sample[slot - 1]

@@ -75,16 +75,6 @@ def field_distance(dx, dy, dz, cosine, s, r, normal_weight):
     return (dx * dx + dy * dy + dz * dz) / (0.5 * (s * s + r * r)) + across
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath=False)
-def squared_distance(field, i, j):
-    """Return the squared distance in the field between two points."""
-    p, n, s = field.positions, field.normals, field.spacings
-    cosine = n[0, i] * n[0, j] + n[1, i] * n[1, j] + n[2, i] * n[2, j]
-    return field_distance(
-        p[0, i] - p[0, j], p[1, i] - p[1, j], p[2, i] - p[2, j], cosine, s[i], s[j], field.normal_weight
-    )
-
-
 def condition(field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighbours: int) -> Conditioning:
     """Return the `neighbours` chosen points nearest each point in the field.
 

@@ -66,7 +66,7 @@ def _fit_all(points, low, high, places, order, places_low, places_high, k, fitte
     leaves = first_leaf(places_low)
     tasks = min(leaves, TASKS)
     for task in nb.prange(tasks):
-        search = search_for(k)
+        search = search_for(k, first_leaf(low))
         squared_radius = (
             0.0  # at first each searches by itself; then within a radius that held those of the leaf before
         )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gppcs.kdtree import LEAF_SIZE, leaves_near, nearest_in_tree, points_near
 
 STRIDE = 16  # points that a loop goes through at a time: two of the widest vectors
-FAR = 1e200  # a coordinate that is within no radius
+FAR = 1e150  # a coordinate that is within no radius, and whose square is a number
 MANY_LEAVES = 32  # with k more: a search that comes near so many leaves is left to each place
 WIDER = 2.5  # times the mean squared distance to the k-th neighbour in one leaf are looked at in the next
 TRIALS = 24  # of a radius that holds just k
@@ -70,9 +70,9 @@ class Search(NamedTuple):
 
 
 @nb.njit(cache=True)
-def search_for(k):
-    """Return room for searches of k points."""
-    most = MANY_LEAVES + k
+def search_for(k, leaves):
+    """Return room for searches of k points of a tree with so many leaves."""
+    most = min(MANY_LEAVES + k, leaves + 1)
     room = room_for(most)
     return Search(
         np.empty(most, dtype=np.int64), room, np.empty(room.packed.shape[1], dtype=np.float64),

@@ -255,4 +255,5 @@ def _mixed(x, y, z):
     h = a * np.uint64(0x9E3779B97F4A7C15)
     h = (h ^ (h >> np.uint64(29)) ^ b) * np.uint64(0xBF58476D1CE4E5B9)
     h = (h ^ (h >> np.uint64(32)) ^ c) * np.uint64(0x94D049BB133111EB)
-    return h ^ (h >> np.uint64(31))
+    h = (h ^ (h >> np.uint64(29))) * np.uint64(0x9E3779B97F4A7C15)  # else whole numbers z would leave low bits zero
+    return h ^ (h >> np.uint64(32))

@@ -12,6 +12,7 @@ from gppcs.kdtree import KdTree
 from gppcs.local_quadric import fit_quadrics
 from gppcs.neighbourhood import first_occurrences
 from gppcs.noise import level_and_radius, projections
+from gppcs.normalisation import normalised
 
 NEIGHBOURS = 30  # points that a quadric is fitted to: enough to take moderate noise out
 WIDEST = 4 * NEIGHBOURS  # where noise is thick
@@ -61,9 +62,9 @@ def estimate_normals(
         raise ParameterError(f"expected at least 3 neighbours, found {neighbours}")
     points = PointCloud.of(cloud).usable("cloud")
     places = points if at is None else PointCloud.of(at).usable("cloud of places")
-    corner = points.min(axis=0)
-    tree = KdTree.build(points[first_occurrences(points)] - corner)
-    places = places - corner
+    points, corner, exponent = normalised(points)
+    tree = KdTree.build(points[first_occurrences(points)])
+    places = np.ldexp(places - corner, -exponent)
     neighbours = neighbours or _across_noise(tree)
     normals = fit_quadrics(tree, places, neighbours).normals
     widened = max(1, neighbours // NEIGHBOURS)

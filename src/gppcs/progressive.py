@@ -133,7 +133,7 @@ def rank(
         with clock("features"):
             local = KdTree.build(places / spacing)
             on_surface = local if feet is places else KdTree.build(feet / spacing)
-            features = features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(local, FEW)
+            features = features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(on_surface, FEW)
             field = _field(local, features, variances / spacing**2, criterion)
         with clock("greedy selection", target - len(chosen)) as advanced:
             inside = np.empty(len(candidates), dtype=np.int64)

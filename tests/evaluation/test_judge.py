@@ -106,7 +106,7 @@ def test_recall_does_not_depend_on_the_rounding_of_equal_variations(seed):
     expected = gppcs.evaluate(cube, kept).feature_recall
     assert 0 < expected < 0.95
     turned = gppcs.evaluate(cube @ rotation, kept @ rotation).feature_recall
-    assert turned == pytest.approx(expected, abs=0.03)  # ties among the 25 nearest are left
+    assert turned == pytest.approx(expected, abs=0.03)  # found 0.021: ties among the 25 nearest are left
 
 
 def test_ties_of_variation_count_whole():
