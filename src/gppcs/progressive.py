@@ -33,6 +33,9 @@ FLAT = 1e-12  # spread of the surface variation that is nothing but rounding
 NOISE = 1e-4  # variance of an observation without noise, in units of the prior variance: keeps covariances regular
 
 
+Seen = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+
+
 @dataclass(frozen=True)
 class Criterion:
     """What the selection weighs.
@@ -99,7 +102,7 @@ def rank(
     n_points: int,
     criterion: Criterion,
     area: float,
-    seen: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]] | None = None,
+    seen: Seen | None = None,
     stages: Stages | None = None,
 ) -> Ranking:
     """Choose `n_points`, the most important first.
@@ -127,26 +130,32 @@ def rank(
     scores, deviations = [], []
     for target, candidates, thinned, area_seen in from_coarse_to_fine:
         spacing = float(np.sqrt(area_seen / target)) or 1.0
-        places = points[candidates]
-        with clock("noise"):
-            feet, variances = (places, np.zeros(len(places))) if seen is None else seen(places)
-        with clock("features"):
-            local = KdTree.build(places / spacing)
-            on_surface = local if feet is places else KdTree.build(feet / spacing)
-            features = features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(on_surface, FEW)
-            field = _field(local, features, variances / spacing**2, criterion)
+        tree, field = _observed(points[candidates], spacing, thinned, criterion, seen, clock)
         with clock("greedy selection", target - len(chosen)) as advanced:
             inside = np.empty(len(candidates), dtype=np.int64)
-            inside[local.order] = np.arange(len(candidates))
+            inside[tree.order] = np.arange(len(candidates))
             before = inside[np.searchsorted(candidates, chosen)]  # those of a coarse stage are candidates here too
             extended, score, deviation = extend(
-                field, local, before, target, criterion.neighbours, criterion.error_weight
+                field, tree, before, target, criterion.neighbours, criterion.error_weight
             )
             advanced(target - len(chosen))
         scores.append(score)
         deviations.append(deviation)
-        chosen = candidates[local.order[extended]]
+        chosen = candidates[tree.order[extended]]
     return Ranking(chosen, np.concatenate(scores), np.concatenate(deviations))
+
+
+def _observed(
+    places: NDArray[np.float64], spacing: float, thinned: bool, criterion: Criterion, seen: Seen | None, clock: Stages
+) -> tuple[KdTree, LocalField]:
+    """Return the tree over the candidates of a stage, in units of its spacing, and the field over that."""
+    with clock("noise"):
+        feet, variances = (places, np.zeros(len(places))) if seen is None else seen(places)
+    with clock("features"):
+        tree = KdTree.build(places / spacing)
+        on_surface = tree if feet is places else KdTree.build(feet / spacing)
+        features = features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(on_surface, FEW)
+        return tree, _field(tree, features, variances / spacing**2, criterion)
 
 
 class _Stage(NamedTuple):

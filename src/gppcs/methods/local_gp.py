@@ -80,9 +80,11 @@ class LocalGP(Method):
         with stages("noise"):
             spacing = (area / n_points) ** 0.5
             noise = Noise.measure(tree, n_points, spacing)
-        ranking = rank(points, n_points, self.criterion, area, noise.seen, stages)
+            level, seen = noise.level, None if noise.quiet else noise.seen
+            del tree, noise  # where there is none, the memory of the tree is of more use
+        ranking = rank(points, n_points, self.criterion, area, seen, stages)
         return Selection(
             ranking.indices,
-            {"noise_in_spacings": noise.level / spacing if spacing > 0.0 else 0.0},
+            {"noise_in_spacings": level / spacing if spacing > 0.0 else 0.0},
             attributes={"score": ranking.scores, "deviation": ranking.deviations},
         )
