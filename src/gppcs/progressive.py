@@ -6,6 +6,7 @@ points are placed as if no more were to come, and every prefix of the result is 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -84,7 +85,7 @@ class Ranking:
 
 
 def sampled_tree(points: NDArray[np.float64], n_points: int) -> KdTree:
-    """Return the tree by which area and noise are judged: over all points, or over many that chance takes.
+    """Return the tree by which area and noise are judged: over all points, or over about `enough` that chance takes.
 
     What these are at the target spacing is all that counts, and `DENSE` points for each to be chosen tell it as well as
     more; a tree over many millions would take longer than the choice.
@@ -92,8 +93,9 @@ def sampled_tree(points: NDArray[np.float64], n_points: int) -> KdTree:
     enough = max(MOST_SAMPLED, DENSE * n_points)
     if len(points) <= 2 * enough:
         return KdTree.build(points)
+    draws = round(-len(points) * math.log1p(-enough / len(points)))  # some are of points that were drawn before
     taken = np.zeros(len(points), dtype=np.bool_)
-    taken[np.random.default_rng(0).integers(0, len(points), enough)] = True
+    taken[np.random.default_rng(0).integers(0, len(points), draws)] = True
     return KdTree.build(points[np.flatnonzero(taken)])
 
 

@@ -108,7 +108,9 @@ def simplify(
         if scores and not chosen_method.attributes:
             raise ParameterError(f"method {chosen_method.name!r} gives its points no scores")
         if scores and (taken := sorted(set(chosen_method.attributes) & set(cloud.attributes))):
-            raise InputError(f"the cloud has an attribute {taken[0]!r} already: rename it, or do without scores")
+            raise InputError(
+                f"the cloud has an attribute {taken[0]!r} already, which scores would replace: do without scores"
+            )
         if seed is not None and any(field.name == "seed" for field in dataclasses.fields(chosen_method)):
             chosen_method = chosen_method.replaced({"seed": seed})
         rows = _usable_rows(cloud, invalid)

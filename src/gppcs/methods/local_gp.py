@@ -22,7 +22,8 @@ class LocalGP(Method):
     Its order is a ranking: each prefix is a simplification of its size. Its attributes are each point's score and the
     field's standard deviation there when it was chosen, in units of that before any choice. The diagnostic
     "noise_in_spacings" is the root mean square of how far points lie off the surface, in units of the spacing of the
-    points to be chosen.
+    points to be chosen; below 0.04 it is taken for none, and 0 where too few points lie near each other to tell. Detail
+    about as small as that spacing counts too.
 
     Parameters
     ----------
