@@ -1,5 +1,3 @@
-import tracemalloc
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,15 +5,7 @@ from hypothesis import strategies as st
 
 from gppcs.features import features_in_radius
 from gppcs.kdtree import KdTree
-from gppcs.neighbourhood import (
-    PART,
-    first_in_cells,
-    first_occurrences,
-    neighbourhood_radius,
-    paper_radius,
-    spacing,
-    surface_area,
-)
+from gppcs.neighbourhood import neighbourhood_radius, paper_radius, spacing, surface_area
 
 
 def test_paper_radius_is_cloudcompares_rule():
@@ -60,15 +50,6 @@ def test_a_rhythm_of_the_file_does_not_mislead():
     assert spacing(KdTree.build(interleaved)) == 1.0
 
 
-@settings(deadline=None)
-@given(st.integers(0, 400), st.integers(1, 6), st.integers(0, 99))
-def test_first_occurrences(n, values, seed):
-    points = np.random.default_rng(seed).integers(-values, values, (n, 3)) * 0.5
-    points[points == 0] *= -1.0  # minus zero is zero
-    _, expected = np.unique(points, axis=0, return_index=True)
-    np.testing.assert_array_equal(np.flatnonzero(first_occurrences(points)), np.sort(expected))
-
-
 @pytest.mark.parametrize("density", [1, 30])
 def test_the_area_is_that_of_the_surface_whatever_the_density(density):
     """A unit square of which one half has many times as many points as the other, and a few far strays."""
@@ -83,55 +64,3 @@ def test_the_area_is_that_of_the_surface_whatever_the_density(density):
 def test_the_area_of_few_points(n, area):
     points = np.eye(3)[:n] / np.sqrt(2)
     assert surface_area(KdTree.build(points)) == pytest.approx(n * area)
-
-
-def cells(points, edge):
-    first = {}
-    for i, cell in enumerate(map(tuple, np.floor(points * (1.0 / edge)))):
-        first.setdefault(cell, i)
-    return list(first.values())
-
-
-@settings(deadline=None, max_examples=40)
-@given(
-    st.integers(0, 3_000),
-    st.sampled_from([1e-120, 0.02, 0.1, 0.5, 3.0]),
-    st.sampled_from([0.0, -0.5, 1e6]),
-    st.sampled_from([1.0, 1e9]),
-    st.integers(0, 10**6),
-)
-def test_first_in_cells_are_those_of_a_dictionary(n, edge, moved, far, seed):
-    """Cells have numbers where these are few, else a hash of their own."""
-    points = np.random.default_rng(seed).random((n, 3)) + moved
-    points[: n // 100] *= far
-    np.testing.assert_array_equal(first_in_cells(points, edge), cells(points, edge))
-
-
-@pytest.mark.usefixtures("threads")
-@pytest.mark.parametrize("far", [1.0, 1e12])
-def test_the_first_of_many_are_the_same_whatever_the_number_of_threads(far):
-    """Several parts, of which one holds half the points; a table that has to grow."""
-    points = np.random.default_rng(0).integers(0, 60, (6 * PART, 3)) / 64.0
-    points[::2] = points[0]
-    points[-1] = far
-    expected = cells(points, 0.07)
-    _, first = np.unique(points, axis=0, return_index=True)
-    np.testing.assert_array_equal(first_in_cells(points, 0.07), expected)
-    np.testing.assert_array_equal(np.flatnonzero(first_occurrences(points)), np.sort(first))
-
-
-def test_all_keep_their_first_where_a_table_has_to_grow():
-    points = np.random.default_rng(0).random((PART - 1, 3))
-    assert first_occurrences(points).all()
-    assert len(first_in_cells(points, 1e-9)) == len(points)
-
-
-def test_memory_does_not_grow_with_the_cells_of_the_box():
-    points = np.random.default_rng(0).random((6 * PART, 3))
-    for far in (1.0, 1e12):
-        points[0] = far
-        tracemalloc.start()
-        first_in_cells(points, 0.1)
-        _, most = tracemalloc.get_traced_memory()
-        tracemalloc.stop()
-        assert most < 12 * len(points)

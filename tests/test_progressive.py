@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gppcs.cells import first_in_cells
 from gppcs.features import Features
 from gppcs.kdtree import KdTree
-from gppcs.neighbourhood import first_in_cells, surface_area
+from gppcs.neighbourhood import surface_area
 from gppcs.noise import Noise
 from gppcs.progressive import FEWEST, FIRST, MANY, NOISE, Criterion, _field, _stages, rank, sampled_tree
 from gppcs.stages import Stages

@@ -9,6 +9,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gppcs.cells import first_occurrences
 from gppcs.cloud import PointCloud
 from gppcs.covariance import (
     LANES,
@@ -23,7 +24,7 @@ from gppcs.covariance import (
 from gppcs.errors import ParameterError
 from gppcs.kdtree import LEAF_SIZE, KdTree, first_leaf, points_near, squared_distance_of_boxes
 from gppcs.nearest import WIDER, look_around, pack, reach_of_nearest, room_for, search_for, steps_by_itself
-from gppcs.neighbourhood import first_occurrences, neighbourhood_radius
+from gppcs.neighbourhood import neighbourhood_radius
 from gppcs.normalisation import normalised
 
 GROUP = 8  # leaves whose points share one search of the tree
@@ -220,9 +221,7 @@ def _features_of_nearest(points, order, low, high, k, variation, normals, neighb
     tasks = min(leaves, TASKS)
     for task in nb.prange(tasks):
         search, moments = search_for(k, leaves), np.ones((MOMENTS, LANES), dtype=np.float64)
-        squared_radius = (
-            0.0  # at first each searches by itself; then within a radius that held those of the leaf before
-        )
+        squared_radius = 0.0  # each searches by itself; then within a radius that held those of the leaf before
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
             begin, end = n * (leaf - leaves) // leaves, n * (leaf - leaves + 1) // leaves
             count = look_around(points, low, high, low[leaf], high[leaf], squared_radius, search)

@@ -139,16 +139,15 @@ def _condition_leaf(field, low, high, chosen, leaf, squared_radius, near, found,
     n, leaves = len(field.y), first_leaf(low)
     begin, end = n * (leaf - leaves) // leaves, n * (leaf - leaves + 1) // leaves
     _take_up(field, begin, end, side)
-    count, needed = 0, np.inf
-    while count < len(chosen.indices) and needed > squared_radius:
+    while True:
         count = leaves_near(chosen.low, chosen.high, low[leaf], high[leaf], squared_radius, near)
         count = points_near(
             chosen.points, chosen.low, chosen.high, near[:count], low[leaf], high[leaf], squared_radius, found
         )
         needed = _keep_nearest_side_by_side(field, chosen, found[:count], side)
-        if needed > squared_radius:
-            squared_radius = min(needed, 4.0 * squared_radius)
-            needed = np.inf
+        if needed <= squared_radius or count == len(chosen.indices):
+            break
+        squared_radius = min(needed, 4.0 * squared_radius)
     for i in range(begin, end):
         for slot in range(len(side.squared)):
             conditioning.nearest[i, slot] = side.nearest[slot, i - begin]

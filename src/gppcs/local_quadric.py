@@ -67,9 +67,7 @@ def _fit_all(points, low, high, places, order, places_low, places_high, k, fitte
     tasks = min(leaves, TASKS)
     for task in nb.prange(tasks):
         search = search_for(k, first_leaf(low))
-        squared_radius = (
-            0.0  # at first each searches by itself; then within a radius that held those of the leaf before
-        )
+        squared_radius = 0.0  # each searches by itself; then within a radius that held those of the leaf before
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
             count = look_around(points, low, high, places_low[leaf], places_high[leaf], squared_radius, search)
             begin, end = len(order) * (leaf - leaves) // leaves, len(order) * (leaf - leaves + 1) // leaves

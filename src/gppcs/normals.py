@@ -6,11 +6,11 @@ import numba as nb
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gppcs.cells import first_occurrences
 from gppcs.cloud import PointCloud
 from gppcs.errors import ParameterError
 from gppcs.kdtree import KdTree
 from gppcs.local_quadric import fit_quadrics
-from gppcs.neighbourhood import first_occurrences
 from gppcs.noise import level_and_radius, projections
 from gppcs.normalisation import normalised
 

@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.cells import first_in_cells
 from gppcs.features import Features, features_in_radius, features_of_nearest
 from gppcs.kdtree import KdTree
 from gppcs.local_field import LocalField
 from gppcs.local_greedy import extend
-from gppcs.neighbourhood import first_in_cells
 from gppcs.stages import Stages
 
 FIRST = 64  # points of the first stage at most; it costs as little as any
@@ -85,7 +85,7 @@ class Ranking:
 
 
 def sampled_tree(points: NDArray[np.float64], n_points: int) -> KdTree:
-    """Return the tree by which area and noise are judged: over all points, or over about `enough` that chance takes.
+    """Return the tree by which area and noise are judged: over all points, or over many that chance takes.
 
     What these are at the target spacing is all that counts, and `DENSE` points for each to be chosen tell it as well as
     more; a tree over many millions would take longer than the choice.

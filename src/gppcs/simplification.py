@@ -157,7 +157,7 @@ def _choose(points: NDArray[np.float64], count: int, method: Method, stages: Sta
     """Let the method choose among points without repeats; add repeats only where these do not suffice."""
     if count >= len(points):
         return Selection(np.arange(len(points)))
-    from gppcs.neighbourhood import first_occurrences
+    from gppcs.cells import first_occurrences
 
     with stages("repeats"):
         first = first_occurrences(points)

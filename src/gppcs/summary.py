@@ -48,8 +48,9 @@ class Summary:
 
 def info(cloud: PointCloud | ArrayLike) -> Summary:
     """Return the facts of a cloud; it may be empty or hold coordinates that are not finite."""
+    from gppcs.cells import first_occurrences
     from gppcs.kdtree import KdTree
-    from gppcs.neighbourhood import first_occurrences, spacing
+    from gppcs.neighbourhood import spacing
 
     cloud = PointCloud.of(cloud)
     bad = cloud.non_finite()

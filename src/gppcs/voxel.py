@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.neighbourhood import first_occurrences
+from gppcs.cells import first_occurrences
 
 BISECTIONS = 30  # of the cell's edge: to a billionth, where counts of real clouds no longer change
 EMPTIEST = 2.0**-12  # share of the points too many at which a finer edge is not worth its time

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from gppcs.cells import first_occurrences
 from gppcs.drawing.camera import Camera, averaged
 from gppcs.errors import InputError
 from gppcs.features import estimate_features
 from gppcs.kdtree import KdTree
-from gppcs.neighbourhood import first_occurrences
 
 Array = NDArray[np.float64]
 

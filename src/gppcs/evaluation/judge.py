@@ -72,7 +72,7 @@ def judged(
     original: PointCloud | ArrayLike, simplified: PointCloud | ArrayLike, mesh: Mesh | None, stages: Stages
 ) -> tuple[Report, NoSurfaceError | None]:
     """Return what `evaluate` does; where no surface can be rebuilt, the other figures and why."""
-    from gppcs.neighbourhood import first_occurrences
+    from gppcs.cells import first_occurrences
 
     clouds = [PointCloud.of(cloud) for cloud in (original, simplified)]
     before, after = (
