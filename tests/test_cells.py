@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gppcs.cells import PART, first_in_cells, first_occurrences
+from gppcs.cells import PART, _mixed, first_in_cells, first_occurrences
 
 
 @settings(deadline=None)
@@ -67,3 +67,13 @@ def test_memory_does_not_grow_with_the_cells_of_the_box():
         _, most = tracemalloc.get_traced_memory()
         tracemalloc.stop()
         assert most < 12 * len(points)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_hashes_of_whole_numbers_along_an_axis_spread(axis):
+    """Of n numbers thrown at random into n slots, 1 - 1/e find one of their own on average."""
+    n = 1 << 12
+    with np.errstate(over="ignore"):
+        hashes = [_mixed(*(float(i) if a == axis else 0.0 for a in range(3))) for i in range(n)]
+    for shift in (0, 20, 64 - 12):
+        assert len({h >> shift & (n - 1) for h in map(int, hashes)}) > 0.6 * n

@@ -198,6 +198,7 @@ def _mixed(x, y, z):
     )
     h = a * np.uint64(0x9E3779B97F4A7C15)
     h = (h ^ (h >> np.uint64(29)) ^ b) * np.uint64(0xBF58476D1CE4E5B9)
-    h = (h ^ (h >> np.uint64(32)) ^ c) * np.uint64(0x94D049BB133111EB)
-    h = (h ^ (h >> np.uint64(29))) * np.uint64(0x9E3779B97F4A7C15)  # else whole numbers z would leave low bits zero
+    h ^= c ^ ((h ^ c) >> np.uint64(32))  # what whole numbers differ in lies in their first bits
+    h = (h ^ (h >> np.uint64(30))) * np.uint64(0x94D049BB133111EB)
+    h = (h ^ (h >> np.uint64(29))) * np.uint64(0x9E3779B97F4A7C15)
     return h ^ (h >> np.uint64(32))
