@@ -40,6 +40,13 @@ def test_radius_equals_plain_numpy(n, radius, seed):
     assert_same(features_in_radius(KdTree.build(points), radius), plain_features(points, inside))
 
 
+def test_unused_row_of_the_boxes_is_not_read():
+    tree = KdTree.build(np.random.default_rng(1).random((500, 3)))
+    expected = features_in_radius(tree, 0.3)
+    tree.low[0] = tree.high[0] = np.inf  # nodes are counted from 1
+    np.testing.assert_array_equal(features_in_radius(tree, 0.3).surface_variation, expected.surface_variation)
+
+
 @settings(deadline=None, max_examples=30)
 @given(st.integers(3, 200), st.integers(3, 30), st.integers(0, 99))
 def test_nearest_equals_plain_numpy(n, k, seed):

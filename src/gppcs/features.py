@@ -107,7 +107,8 @@ def features_in_radius(tree: KdTree, radius: float) -> Features:
     features = Features.empty(len(tree.order))
     moments = np.empty((0, MOMENTS))
     groups = max(1, len(tree.low) // 2 // GROUP)
-    if (tree.high - tree.low)[groups : 2 * groups].max(axis=1).min() <= 2.0 * radius:  # else no node is so small
+    level = slice(groups, 2 * groups)
+    if (tree.high[level] - tree.low[level]).max(axis=1).min() <= 2.0 * radius:  # else no node is so small
         moments = np.empty((len(tree.low), MOMENTS))
         node_moments(tree.points, tree.low, tree.high, moments)
     with nb.parallel_chunksize(1):
