@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from gppcs.kdtree import first_leaf
+from gppcs.kdtree import first_leaf, leaf_range
 
 MOMENTS = 10  # of a neighbourhood, about any origin: count, sums of x, y, z, and of xx, xy, xz, yy, yz, zz
 LANES = 32  # neighbourhoods whose eigenvalues are found side by side: a whole leaf of the tree
@@ -53,7 +53,7 @@ def node_moments(points, low, high, moments):
                 u, v, w = middle(low[child], high[child])
                 add_shifted(moments[child], u - x, v - y, w - z, moments[node])
             continue
-        for i in range(n * (node - leaves) // leaves, n * (node - leaves + 1) // leaves):
+        for i in range(*leaf_range(n, leaves, node)):
             add_shifted(point, points[0, i] - x, points[1, i] - y, points[2, i] - z, moments[node])
 
 

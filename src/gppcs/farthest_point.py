@@ -14,6 +14,7 @@ from gppcs.kdtree import (
     greater_child,
     greatest_in_leaf,
     greatest_of_all,
+    leaf_range,
     squared_distance_to_box,
 )
 
@@ -105,8 +106,7 @@ def _choose(points, order, low, high, position, squared, farthest, candidate, ch
             height -= 1
             node = stack[height]
             if node >= leaves:
-                leaf = node - leaves
-                run = slice(n * leaf // leaves, n * (leaf + 1) // leaves)
+                run = slice(*leaf_range(n, leaves, node))
                 approach(points[0, run], points[1, run], points[2, run], squared[run], x, y, z)
                 greatest_in_leaf(node, order, squared, farthest, candidate)
                 continue

@@ -22,7 +22,7 @@ from gppcs.covariance import (
     node_moments,
 )
 from gppcs.errors import ParameterError
-from gppcs.kdtree import LEAF_SIZE, KdTree, first_leaf, points_near, squared_distance_of_boxes
+from gppcs.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, points_near, squared_distance_of_boxes
 from gppcs.nearest import WIDER, look_around, pack, reach_of_nearest, room_for, search_for, steps_by_itself
 from gppcs.neighbourhood import neighbourhood_radius
 from gppcs.normalisation import normalised
@@ -132,7 +132,7 @@ def _features_in_balls(points, order, low, high, moments, squared_radius, groups
                 room = room_for(2 * count)
             in_group = leaves // groups
             for leaf in range(group * in_group, (group + 1) * in_group):
-                begin, end = n * (leaf - leaves) // leaves, n * (leaf - leaves + 1) // leaves
+                begin, end = leaf_range(n, leaves, leaf)
                 found = points_near(points, low, high, near[:count], low[leaf], high[leaf], squared_radius, room.found)
                 full = pack(points, room, found)
                 for i in range(begin, end):
@@ -224,7 +224,7 @@ def _features_of_nearest(points, order, low, high, k, variation, normals, neighb
         search, moments = search_for(k, leaves), np.ones((MOMENTS, LANES), dtype=np.float64)
         squared_radius = 0.0  # each searches by itself; then within a radius that held those of the leaf before
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
-            begin, end = n * (leaf - leaves) // leaves, n * (leaf - leaves + 1) // leaves
+            begin, end = leaf_range(n, leaves, leaf)
             count = look_around(points, low, high, low[leaf], high[leaf], squared_radius, search)
             reached = 0.0
             for i in range(begin, end):

@@ -79,6 +79,13 @@ def first_leaf(low):
     return low.shape[0] // 2
 
 
+@nb.njit(cache=True, fastmath=False)
+def leaf_range(n, leaves, leaf):
+    """Return where in tree order the points of a leaf begin and end, of n points in so many leaves."""
+    j = leaf - leaves
+    return n * j // leaves, n * (j + 1) // leaves
+
+
 @nb.njit(cache=True, parallel=True, nogil=True)
 def _record(points, records, numbers):
     """Fill the records, a row a point: its coordinates, and its index, as the bits of a whole number."""
@@ -227,8 +234,7 @@ def nearest_in_tree(points, low, high, x, y, z, found, squared):
             stack[height], stack[height + 1] = far, near
             height += 2
         else:
-            leaf = node - leaves
-            for j in range(n * leaf // leaves, n * (leaf + 1) // leaves):
+            for j in range(*leaf_range(n, leaves, node)):
                 d = (points[0, j] - x) ** 2 + (points[1, j] - y) ** 2 + (points[2, j] - z) ** 2
                 if d < squared[-1]:
                     slot = len(squared) - 1
@@ -290,7 +296,7 @@ def points_near(points, low, high, leaves, box_low, box_high, squared_radius, fo
     for leaf in leaves:
         if squared_distance_of_boxes(low[leaf], high[leaf], box_low, box_high) > squared_radius:
             continue
-        for j in range(n * (leaf - first) // first, n * (leaf - first + 1) // first):
+        for j in range(*leaf_range(n, first, leaf)):
             found[count] = j  # kept or not: a branch would be guessed wrong too often
             near = squared_distance_to_box(box_low, box_high, points[0, j], points[1, j], points[2, j])
             count += 1 if near <= squared_radius else 0
@@ -313,7 +319,7 @@ def greatest_in_leaf(node, order, values, greatest, holder):
     """Fill a leaf with the greatest of its points' values and the index of the point with it, of several the least."""
     n = len(values)
     leaves = first_leaf(greatest)
-    begin, end = n * (node - leaves) // leaves, n * (node - leaves + 1) // leaves
+    begin, end = leaf_range(n, leaves, node)
     of_leaf, indices = values[begin:end], order[begin:end]  # slices: loops over them go by vectors
     best = -np.inf
     for j in range(len(of_leaf)):

@@ -14,7 +14,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.kdtree import LEAF_SIZE, KdTree, first_leaf, leaves_near, points_near
+from gppcs.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
 
 TASKS = 64  # parts of the conditioning that threads take in turn
 
@@ -137,7 +137,7 @@ def _condition_leaf(field, low, high, chosen, leaf, squared_radius, near, found,
     if what it gives is nearer than that for any point beyond.
     """
     n, leaves = len(field.y), first_leaf(low)
-    begin, end = n * (leaf - leaves) // leaves, n * (leaf - leaves + 1) // leaves
+    begin, end = leaf_range(n, leaves, leaf)
     _take_up(field, begin, end, side)
     while True:
         count = leaves_near(chosen.low, chosen.high, low[leaf], high[leaf], squared_radius, near)

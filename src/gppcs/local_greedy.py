@@ -8,7 +8,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.kdtree import LEAF_SIZE, KdTree, greater_child
+from gppcs.kdtree import LEAF_SIZE, KdTree, greater_child, leaf_range
 from gppcs.local_field import Conditioning, LocalField, condition, field_distance
 from gppcs.local_posterior import LANES, Posterior, posterior, posteriors, sites_of, workspace
 
@@ -115,7 +115,7 @@ def _fill_leaf(field, order, scores, reach, leaf, nodes):
     rows[:] = 0.0
     rows[SPACING], rows[SCORE], rows[REACH], rows[INDEX] = 1.0, TAKEN, TAKEN, n
     widest = 0.0
-    begin, end = n * leaf // leaves, n * (leaf + 1) // leaves
+    begin, end = leaf_range(n, leaves, leaves + leaf)
     for i in range(begin, end):
         p = i - begin
         for axis in range(3):

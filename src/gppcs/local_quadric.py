@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.covariance import MOMENTS, flattest, moments_in_ball, tangents
-from gppcs.kdtree import KdTree, first_leaf
+from gppcs.kdtree import KdTree, first_leaf, leaf_range
 from gppcs.nearest import WIDER, look_around, search_for, steps_to_nearest
 
 COEFFICIENTS = 6  # of a + b u + c v + d u^2 + e u v + f v^2
@@ -70,7 +70,7 @@ def _fit_all(points, low, high, places, order, places_low, places_high, k, fitte
         squared_radius = 0.0  # each searches by itself; then within a radius that held those of the leaf before
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
             count = look_around(points, low, high, places_low[leaf], places_high[leaf], squared_radius, search)
-            begin, end = len(order) * (leaf - leaves) // leaves, len(order) * (leaf - leaves + 1) // leaves
+            begin, end = leaf_range(len(order), leaves, leaf)
             reached = _fit_leaf(points, low, high, places, order, begin, end, count, squared_radius, search, fitted)
             squared_radius = WIDER * reached / (end - begin)
 

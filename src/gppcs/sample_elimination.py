@@ -14,6 +14,7 @@ from gppcs.kdtree import (
     greater_child,
     greatest_in_leaf,
     greatest_of_all,
+    leaf_range,
     squared_distance_to_box,
 )
 from gppcs.neighbourhood import surface_area
@@ -155,13 +156,13 @@ def _weigh(points, low, high, reach, limit, weights):
     of_near = _term(0.0, 0.0, 0.0, reach, limit)
     for own in nb.prange(leaves):
         around, near = _within_reach(low, high, n, leaves + own, reach, limit)
-        for i in range(n * own // leaves, n * (own + 1) // leaves):
+        for i in range(*leaf_range(n, leaves, leaves + own)):
             x, y, z = points[0, i], points[1, i], points[2, i]
             total = (near - 1) * of_near  # the point itself does not count
             for node in around:
                 if squared_distance_to_box(low[node], high[node], x, y, z) > reach * reach:
                     continue
-                begin, end = n * (node - leaves) // leaves, n * (node - leaves + 1) // leaves
+                begin, end = leaf_range(n, leaves, node)
                 xs, ys, zs = points[0, begin:end], points[1, begin:end], points[2, begin:end]
                 for j in range(end - begin):
                     total += _term(xs[j] - x, ys[j] - y, zs[j] - z, reach, limit)
@@ -235,7 +236,7 @@ def _remove(points, order, low, high, position, reach, limit, weights, heaviest,
 def _lighten(node, points, leaves, weights, place, reach, limit):
     """Take from the weights of a leaf's points what the one at `place` added to them."""
     n = points.shape[1]
-    begin, end = n * (node - leaves) // leaves, n * (node - leaves + 1) // leaves
+    begin, end = leaf_range(n, leaves, node)
     xs, ys, zs = points[0, begin:end], points[1, begin:end], points[2, begin:end]
     x, y, z = place
     of_leaf = weights[begin:end]

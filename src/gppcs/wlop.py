@@ -8,7 +8,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.kdtree import KdTree, first_leaf, leaves_near, squared_distance_to_box
+from gppcs.kdtree import KdTree, first_leaf, leaf_range, leaves_near, squared_distance_to_box
 from gppcs.neighbourhood import nearest_distances
 
 NEAR = 1e-10  # of the squared radius: nearer than that, two points are one, and neither attracts nor repels
@@ -92,7 +92,7 @@ def _measure_boxes(points, low, high):
     for node in range(2 * leaves - 1, 0, -1):
         for axis in range(3):
             if node >= leaves:
-                run = points[axis, n * (node - leaves) // leaves : n * (node - leaves + 1) // leaves]
+                run = points[axis, slice(*leaf_range(n, leaves, node))]
                 low[node, axis], high[node, axis] = run.min(), run.max()
             else:
                 low[node, axis] = min(low[2 * node, axis], low[2 * node + 1, axis])
@@ -121,13 +121,13 @@ def _crowding(points, low, high, radius):
     for leaf in nb.prange(leaves):
         found = np.empty(leaves, dtype=np.int64)
         near = found[: leaves_near(low, high, low[leaves + leaf], high[leaves + leaf], radius * radius, found)]
-        for i in range(n * leaf // leaves, n * (leaf + 1) // leaves):
+        for i in range(*leaf_range(n, leaves, leaves + leaf)):
             x, y, z = points[0, i], points[1, i], points[2, i]
             total = 0.0
             for node in near:
                 if squared_distance_to_box(low[node], high[node], x, y, z) > radius * radius:
                     continue
-                for j in range(n * (node - leaves) // leaves, n * (node - leaves + 1) // leaves):
+                for j in range(*leaf_range(n, leaves, node)):
                     dx, dy, dz = points[0, j] - x, points[1, j] - y, points[2, j] - z
                     total += _theta((dx * dx + dy * dy + dz * dz) / (radius * radius))
             crowding[i] = total  # the point itself is the one
@@ -149,7 +149,7 @@ def _moved(points, low, high, weights, samples, sample_low, sample_high, omega, 
         near = found[: leaves_near(low, high, box_low, box_high, radius * radius, found)]
         count = leaves_near(sample_low, sample_high, box_low, box_high, radius * radius, found_samples)
         near_samples = found_samples[:count]
-        for i in range(m * leaf // leaves, m * (leaf + 1) // leaves):
+        for i in range(*leaf_range(m, leaves, leaves + leaf)):
             x, y, z = samples[0, i], samples[1, i], samples[2, i]
             ax, ay, az = _attraction(points, low, high, weights, near, radius, x, y, z)
             rx, ry, rz = _repulsion(samples, sample_low, sample_high, omega, near_samples, radius, x, y, z)
@@ -166,7 +166,7 @@ def _attraction(points, low, high, weights, near, radius, x, y, z):
     for node in near:
         if squared_distance_to_box(low[node], high[node], x, y, z) > radius * radius:
             continue
-        for j in range(n * (node - leaves) // leaves, n * (node - leaves + 1) // leaves):
+        for j in range(*leaf_range(n, leaves, node)):
             dx, dy, dz = points[0, j] - x, points[1, j] - y, points[2, j] - z
             t = (dx * dx + dy * dy + dz * dz) / (radius * radius)
             alpha = _theta(t) * weights[j] if t >= NEAR else 0.0
@@ -189,7 +189,7 @@ def _repulsion(samples, low, high, omega, near, radius, x, y, z):
     for node in near:
         if squared_distance_to_box(low[node], high[node], x, y, z) > radius * radius:
             continue
-        for k in range(m * (node - leaves) // leaves, m * (node - leaves + 1) // leaves):
+        for k in range(*leaf_range(m, leaves, node)):
             dx, dy, dz = x - samples[0, k], y - samples[1, k], z - samples[2, k]
             t = (dx * dx + dy * dy + dz * dz) / (radius * radius)
             within += int(t <= 1.0)
@@ -265,7 +265,7 @@ def _nearest_untaken(points, order, low, high, taken, unused, x, y, z):
             stack[height], stack[height + 1] = far, near
             height += 2
         else:
-            for j in range(n * (node - leaves) // leaves, n * (node - leaves + 1) // leaves):
+            for j in range(*leaf_range(n, leaves, node)):
                 squared = (points[0, j] - x) ** 2 + (points[1, j] - y) ** 2 + (points[2, j] - z) ** 2
                 if not taken[j] and (squared < nearest or (squared == nearest and order[j] < order[best])):
                     best, nearest = j, squared
