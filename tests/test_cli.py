@@ -495,7 +495,7 @@ def test_options_that_cannot_be_used(gppcs_command, scan, arguments, parts):
         (["simplify", "scan.ply"], "Missing option '--output'"),
         (["info", "missing.ply"], "missing.ply: No such file"),
         (["sample", "brackt", "-o", "a.ply"], "did you mean 'bracket'?"),
-        (["sample", "bracket", "-o", "a.ply", "--points", 0], "at least 1, found 0"),
+        (["sample", "bracket", "-o", "a.ply", "--points", 0], "at least 1 point, found 0"),
         (["sample", "bracket", "-o", "a.ply", "--points", 10**15], "Unable to allocate"),
         (["sample", "bracket", "-o", "a.ply", "--noise", "nan"], "found nan"),
         (["sample", "bracket", "-o", "none/a.ply"], "expected a folder"),

@@ -143,8 +143,9 @@ def test_what_cannot_be_measured_is_refused():
     with pytest.raises(gppcs.InputError, match="NaN"):
         estimate_features([[0, 0, np.nan]])
     for search in ("radius", "nearest"):
-        with pytest.raises(gppcs.ParameterError, match="at least 1 neighbour, found 0"):
-            estimate_features(np.random.default_rng(0).random((9, 3)), 0, search)
+        for neighbours in (0, 2.5):
+            with pytest.raises(gppcs.ParameterError, match=f"at least 1 neighbour, found {neighbours}"):
+                estimate_features(np.random.default_rng(0).random((9, 3)), neighbours, search)
     with pytest.raises(gppcs.ParameterError, match="'radius' or 'nearest'"):
         estimate_features([[0, 0, 0]], search="knn")
 

@@ -216,8 +216,9 @@ def test_what_cannot_be_estimated_is_refused():
         estimate_normals(np.empty((0, 3)))
     with pytest.raises(gppcs.InputError, match="cloud of places has 1 points"):
         estimate_normals([[0, 0, 0]], at=[[0, 0, np.nan]])
-    with pytest.raises(gppcs.ParameterError, match="at least 3 neighbours, found 2"):
-        estimate_normals([[0, 0, 0]], neighbours=2)
+    for neighbours in (2, 31.0):
+        with pytest.raises(gppcs.ParameterError, match=f"at least 3 neighbours, found {neighbours}"):
+            estimate_normals([[0, 0, 0]], neighbours=neighbours)
 
 
 @pytest.mark.parametrize("method", gppcs.METHODS)

@@ -1,5 +1,8 @@
 """What can go wrong, in the caller's words: every message says what was expected, what was found, what to do."""
 
+import operator
+from typing import Any
+
 
 class GppcsError(Exception):
     """Root of all errors that gppcs raises on purpose."""
@@ -27,3 +30,14 @@ class MissingExtraError(GppcsError, ImportError):
 
 class OutputError(GppcsError, OSError):
     """A file that cannot be written: it exists, its folder does not, its format does not hold the cloud."""
+
+
+def whole_number(value: Any, least: int, what: str) -> int:
+    """Return a value as a Python int; raise a ParameterError that says of what, unless it is whole and large enough."""
+    try:
+        whole = operator.index(value)
+    except TypeError:
+        whole = least - 1
+    if whole < least:
+        raise ParameterError(f"expected a whole number of at least {least} {what}, found {value!r}")
+    return whole

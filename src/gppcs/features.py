@@ -21,7 +21,7 @@ from gppcs.covariance import (
     moments_in_ball,
     node_moments,
 )
-from gppcs.errors import ParameterError
+from gppcs.errors import ParameterError, whole_number
 from gppcs.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, points_near, squared_distance_of_boxes
 from gppcs.nearest import WIDER, look_around, pack, reach_of_nearest, room_for, search_for, steps_by_itself
 from gppcs.neighbourhood import neighbourhood_radius
@@ -80,8 +80,7 @@ def estimate_features(
     ParameterError
         If there is no such search, or there are no neighbours.
     """
-    if neighbours < 1:
-        raise ParameterError(f"expected at least 1 neighbour, found {neighbours}")
+    neighbours = whole_number(neighbours, 1, "neighbour")
     points = PointCloud.of(cloud).usable("cloud")
     if tree is None:
         points, _, _ = normalised(points)

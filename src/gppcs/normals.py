@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gppcs.cells import first_occurrences
 from gppcs.cloud import PointCloud
-from gppcs.errors import ParameterError
+from gppcs.errors import whole_number
 from gppcs.kdtree import KdTree
 from gppcs.local_quadric import fit_quadrics
 from gppcs.noise import level_and_radius, projections
@@ -58,8 +58,8 @@ def estimate_normals(
     ParameterError
         If there are fewer than 3 neighbours.
     """
-    if neighbours is not None and neighbours < 3:
-        raise ParameterError(f"expected at least 3 neighbours, found {neighbours}")
+    if neighbours is not None:
+        neighbours = whole_number(neighbours, 3, "neighbours")
     points = PointCloud.of(cloud).usable("cloud")
     places = points if at is None else PointCloud.of(at).usable("cloud of places")
     points, corner, exponent = normalised(points)

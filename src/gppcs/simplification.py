@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import operator
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gppcs.cloud import NORMALS, PointCloud
-from gppcs.errors import InputError, ParameterError
+from gppcs.errors import InputError, ParameterError, whole_number
 from gppcs.methods import DEFAULT, Method, Selection, method_named
 from gppcs.stages import Stages
 
@@ -204,11 +203,4 @@ def _target(n: int, ratio: float | None, n_points: int | None) -> int:
         if not inside:
             raise ParameterError(f"expected a ratio above 0 and at most 1, found {ratio!r}")
         return max(1, round(ratio * n))
-    assert n_points is not None
-    try:
-        whole = operator.index(n_points)
-    except TypeError:
-        whole = 0
-    if whole < 1:
-        raise ParameterError(f"expected a whole number of at least 1 point, found {n_points}")
-    return min(whole, n)
+    return min(whole_number(n_points, 1, "point"), n)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.cloud import PointCloud
-from gppcs.errors import ParameterError
+from gppcs.errors import ParameterError, whole_number
 from gppcs.names import nearest_name
 from gppcs.scans.bracket import BRACKET
 from gppcs.scans.fan import FAN
@@ -91,8 +91,7 @@ def sample(
 def _checked(name: str, n_points: int, noise: float, outliers: float, uneven: float, seed: int) -> Scan:
     if name not in SCANS:
         raise ParameterError(f"expected the name of a sample scan, found {name!r}{nearest_name(name, SCANS)}")
-    if n_points < 1:
-        raise ParameterError(f"expected n_points of at least 1, found {n_points}; ask for more points")
+    whole_number(n_points, 1, "point")
     if not 0.0 <= noise < np.inf:
         raise ParameterError(
             f"expected noise as a share of the diagonal, 0 or more, found {noise}; 0.005 is a noisy scan"
@@ -102,8 +101,7 @@ def _checked(name: str, n_points: int, noise: float, outliers: float, uneven: fl
             raise ParameterError(
                 f"expected {argument} from 0 to below 1, found {value}; give a share, such as 0.05 for 5 %"
             )
-    if seed < 0:
-        raise ParameterError(f"expected a seed of at least 0, found {seed}; choose any whole number from 0")
+    whole_number(seed, 0, "as the seed")
     return SCANS[name]
 
 
