@@ -24,6 +24,7 @@ CONDITIONS = (
     Condition("nefertiti", "nefertiti", 0.05),
     Condition("fandisk_60k_sampled", "fandisk", 1_200),
     Condition("armadillo_100k_noise_2.5e-3", "armadillo_50k", 0.05),
+    Condition("armadillo_100k_noise_5e-3", "armadillo_50k", 0.05),
 )
 STARTS = range(2)  # turns of the cloud
 OTHERS = range(2, 4)
@@ -78,8 +79,14 @@ def changes() -> dict[str, Change]:
     found["noise off"] = Change(replaced=[(noise, "QUIET", np.inf)])
     for value in (0.25, 1.0):
         found[f"noise tolerated {value:g} for {noise.TOLERATED:g}"] = Change(replaced=[(noise, "TOLERATED", value)])
+    for value in (1.0, 4.0):
+        found[f"largest variance {value:g} for {noise.LARGEST:g}"] = Change(replaced=[(noise, "LARGEST", value)])
     for value in (25, 60):
         found[f"points of the noise's quadrics {value} for {noise.MOST}"] = Change(replaced=[(noise, "MOST", value)])
+    for value in (40, 160):
+        found[f"where noise is thick {value} for {noise.WIDE}"] = Change(replaced=[(noise, "WIDE", value)])
+    for value in (0.2, 0.5):
+        found[f"thick from {value:g} for {noise.THICK:g}"] = Change(replaced=[(noise, "THICK", value)])
     for value in (0.0, 0.7):
         found[f"least density {value:g} for {progressive.SPARSEST:g}"] = Change(
             replaced=[(progressive, "SPARSEST", value)]

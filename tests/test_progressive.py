@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gppcs.cells import first_in_cells
+from gppcs.cells import greatest_in_cells
 from gppcs.features import Features
 from gppcs.kdtree import KdTree
 from gppcs.neighbourhood import surface_area
 from gppcs.noise import Noise
-from gppcs.progressive import FEWEST, FIRST, MANY, NOISE, Criterion, _field, _stages, rank, sampled_tree
+from gppcs.progressive import FEWEST, FIRST, MANY, NOISE, Criterion, _field, _stages, rank, sampled_tree, sharpness_of
 from gppcs.stages import Stages
 
 RANDOM = np.random.default_rng(0)
@@ -19,13 +19,19 @@ EVERY = 1e6  # candidates for each point wanted: no two points in one cell
 
 def criterion(**changes):
     usual = Criterion(
-        density_power=0.96, normal_weight=1.6, error_weight=0.025, lengthscale=1.5, neighbours=4, candidates=9.0
+        density_power=0.96, normal_weight=1.6, error_weight=0.025, lengthscale=1.5, neighbours=4, candidates=8.0
     )
     return Criterion(**{**vars(usual), **changes})
 
 
 def ranked(points, n_points, seen=None, stages=None, **changes):
-    return rank(points, n_points, criterion(**changes), surface_area(KdTree.build(points)), seen, stages)
+    area = surface_area(KdTree.build(points))
+    return rank(points, n_points, criterion(**changes), area, blunt(points), seen, stages)
+
+
+def blunt(points):
+    """All alike."""
+    return np.zeros(len(points), dtype=np.float32)
 
 
 class Heard:
@@ -46,7 +52,7 @@ class Heard:
 
 
 def test_targets_double_and_candidates_of_a_stage_are_among_those_of_the_next(bracket):
-    stages = _stages(bracket, 3_001, surface_area(KdTree.build(bracket)), 9.0)
+    stages = _stages(bracket, 3_001, surface_area(KdTree.build(bracket)), 9.0, blunt(bracket))
     assert [stage.target for stage in stages] == [47, 94, 188, 376, 751, 1501, 3001]
     assert stages[0].target <= FIRST
     for coarse, fine in pairwise(stages):
@@ -62,22 +68,37 @@ def test_there_are_nine_candidates_for_each_point_wanted_or_half_as_many_again(s
     plane = np.column_stack([RANDOM.random((40_000, 2)), np.zeros(40_000)])
     for points, expected in ((plane, 9), (sphere, 13.5)):
         area = surface_area(KdTree.build(points))
-        target, candidates, thinned, same = _stages(points, 50, area, 9.0)[0]
+        target, candidates, thinned, same = _stages(points, 50, area, 9.0, blunt(points))[0]
         assert thinned
         assert same == area
         assert len(candidates) / target == pytest.approx(expected, rel=0.1)
 
 
-def test_the_first_point_of_a_cell_stays():
+def test_the_sharpest_point_of_a_cell_stays():
     points = np.column_stack([RANDOM.random((40_000, 2)), np.zeros(40_000)])
-    candidates = _stages(points, 50, 1.0, 9.0)[0].candidates
-    _, first = np.unique(np.floor(points / np.sqrt(1 / 450)), axis=0, return_index=True)
-    np.testing.assert_array_equal(candidates, np.sort(first))
+    for sharpness in (RANDOM.random(40_000).astype(np.float32), blunt(points)):  # or the first of those alike
+        candidates = _stages(points, 50, 1.0, 9.0, sharpness)[0].candidates
+        np.testing.assert_array_equal(candidates, sharpest_of_cells(points, np.sqrt(1 / 450), sharpness))
+
+
+def test_the_sharpest_points_of_cells_are_those_on_the_edge():
+    """Two half-planes meet at a right angle; the first points of cells near the edge lie half a cell off it."""
+    points = RANDOM.random((40_000, 3)) * [1.0, 1.0, 0.0]
+    points[::2] = points[::2, [2, 1, 0]]
+    points[:, 1] -= 0.5
+    tree = KdTree.build(points)
+    edge = np.sqrt(2.0 / 1_000)
+    sharpness = sharpness_of(tree, 2.0, 1_000.0).astype(np.float32)
+    first, sharpest = (greatest_in_cells(points, edge, values) for values in (blunt(points), sharpness))
+    off = [np.maximum(points[kept, 0], points[kept, 2]) for kept in (first, sharpest)]
+    by_chance, chosen = (distance[distance < edge].mean() / edge for distance in off)
+    assert by_chance > 0.45
+    assert chosen < 0.2  # found 0.16
 
 
 def test_where_there_is_little_to_choose_from_all_stay():
     points = RANDOM.random((100, 3))
-    for target, candidates, thinned, _ in _stages(points, 60, surface_area(KdTree.build(points)), 9.0):
+    for target, candidates, thinned, _ in _stages(points, 60, surface_area(KdTree.build(points)), 9.0, blunt(points)):
         assert target == 60
         assert not thinned
         np.testing.assert_array_equal(candidates, np.arange(100))
@@ -92,19 +113,21 @@ def test_points_on_a_curve_are_spread_over_all_of_it():
 
 def test_most_points_in_a_dot_do_not_make_all_points_candidates(sphere):
     points = np.concatenate([sphere[:400], [5, 0, 0] + 1e-3 * sphere[:39_600]])
-    assert all(len(stage.candidates) < 40 * stage.target for stage in _stages(points, 2_000, 1e3, 9.0))
+    assert all(len(stage.candidates) < 40 * stage.target for stage in _stages(points, 2_000, 1e3, 9.0, blunt(points)))
 
 
-def first_of_cells(points, edge):
-    return np.sort(np.unique(np.floor(points * (1.0 / edge)), axis=0, return_index=True)[1])
+def sharpest_of_cells(points, edge, sharpness):
+    order = np.argsort(-sharpness, kind="stable")
+    return np.sort(order[np.unique(np.floor(points[order] * (1.0 / edge)), axis=0, return_index=True)[1]])
 
 
-def plain_stages(points, n_points, area, density):
+def plain_stages(points, n_points, area, density, sharpness):
     """Double and halve the area a step at a time, each time over all points."""
     stages = []
     target, candidates, grown = n_points, np.arange(len(points)), False
     while True:
-        kept = candidates[first_of_cells(points[candidates], np.sqrt(area / (target * density)))]
+        edge = np.sqrt(area / (target * density))
+        kept = candidates[sharpest_of_cells(points[candidates], edge, sharpness[candidates])]
         if len(kept) > MANY * density * target:
             area, grown = area * 2, True
         elif len(kept) < FEWEST * target and len(candidates) > MANY * density * target and not grown:
@@ -124,7 +147,9 @@ def test_stages_are_those_of_a_step_at_a_time_over_all_points(sphere, dot, area)
     points = sphere[:20_000] + 1
     points[:dot] = 0.5 + 1e-5 * sphere[20_000 : 20_000 + dot]
     points = RANDOM.permutation(points)
-    for found, expected in zip(_stages(points, 600, area, 9.0), plain_stages(points, 600, area, 9.0), strict=True):
+    sharpness = RANDOM.integers(0, 5, len(points)).astype(np.float32)
+    stages, plain = (way(points, 600, area, 9.0, sharpness) for way in (_stages, plain_stages))
+    for found, expected in zip(stages, plain, strict=True):
         np.testing.assert_array_equal(found.candidates, expected[1])
         assert (found.target, found.thinned, found.area) == (expected[0], *expected[2:])
 
@@ -135,11 +160,12 @@ def test_an_area_that_is_far_off_costs_few_passes_over_all_points(sphere, monkey
     points[:39_000] = 0.5 + 1e-7 * sphere[:39_000]
     points, passes = RANDOM.permutation(points), []
     monkeypatch.setattr(
-        "gppcs.progressive.first_in_cells", lambda some, edge: passes.append(len(some)) or first_in_cells(some, edge)
+        "gppcs.progressive.greatest_in_cells",
+        lambda some, *of_grid: passes.append(len(some)) or greatest_in_cells(some, *of_grid),
     )
     for area, n_points in ((1e-14, 30), (1e5, 600)):  # 1,000 points outside the dot are too many, or too few
         passes.clear()
-        _stages(points, n_points, area, 9.0)
+        _stages(points, n_points, area, 9.0, blunt(points))
         assert passes.count(40_000) < 10
         assert len(passes) > 20
 
@@ -234,12 +260,13 @@ def test_twice_the_size_with_four_times_the_variances_is_the_same_choice():
 
 def test_area_and_noise_of_millions_are_judged_by_some(monkeypatch):
     points = np.column_stack([RANDOM.random((200_000, 2)), 0.002 * RANDOM.standard_normal(200_000)])
-    every = sampled_tree(points, 500)
+    every, _ = sampled_tree(points, 500)
     monkeypatch.setattr("gppcs.progressive.MOST_SAMPLED", 20_000)
-    some = sampled_tree(points, 500)
+    some, indices = sampled_tree(points, 500)
+    np.testing.assert_array_equal(points[indices][some.order].T, some.points)
     assert len(every.order) == 200_000
     assert len(some.order) == pytest.approx(20_000, rel=0.01)
-    assert len(sampled_tree(points, 6_251).order) == 200_000  # 16 for each are half of them
+    assert len(sampled_tree(points, 6_251)[0].order) == 200_000  # 16 for each are half of them
     assert surface_area(some) == pytest.approx(1.0, rel=0.1)
     levels = [Noise.measure(tree, 500, 0.045).level for tree in (every, some)]
     assert levels[1] == pytest.approx(levels[0], rel=0.1)

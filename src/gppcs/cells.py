@@ -1,4 +1,4 @@
-"""The first point of each cell of a grid, and of each place: one pass over all points, by hashing."""
+"""One point of each cell of a grid, and the first at each place: one pass over all points, by hashing."""
 
 from __future__ import annotations
 
@@ -13,26 +13,27 @@ PART = 1 << 14  # points whose hashes are looked up at a time: few enough for th
 FEW = 1 << 10  # slots of a table at first
 EMPTY = np.uint64(2**64 - 1)  # no hash with an index: no cloud has an index of ones alone
 NO_GRID = np.zeros(6)
+NO_VALUES = np.empty(0, dtype=np.float32)
 
 
 def first_occurrences(points: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Tell of each point, (N, 3), whether no earlier one has exactly its coordinates; O(N) by hashing."""
     marks = np.ones(len(points), dtype=np.bool_)
     if len(points):
-        _mark(np.ascontiguousarray(points), NO_GRID, marks, False)
+        _mark(np.ascontiguousarray(points), NO_GRID, NO_VALUES, marks)
     return marks
 
 
-def first_in_cells(points: NDArray[np.float64], edge: float) -> NDArray[np.int64]:
-    """Return the ascending indices of the points, (N, 3), that are the first in their cell of a grid of that edge.
+def greatest_in_cells(points: NDArray[np.float64], edge: float, values: NDArray[np.float32]) -> NDArray[np.int64]:
+    """Return the ascending indices of the points, (N, 3), of the greatest value in their cell of a grid of that edge.
 
-    The grid begins at the origin. By hashing, in O(N); memory, 9 bytes a point and 8 a cell that holds points, does not
-    grow with the grid's extent.
+    Of several the first counts. The grid begins at the origin. By hashing, in O(N); memory, 9 bytes a point and 8 a
+    cell that holds points, does not grow with the grid's extent.
     """
     marks = np.zeros(len(points), dtype=np.bool_)
     if len(points):
         points = np.ascontiguousarray(points)
-        _mark(points, _grid(points, 1.0 / edge), marks, True)
+        _mark(points, _grid(points, 1.0 / edge), values, marks)
     return np.flatnonzero(marks)
 
 
@@ -53,8 +54,10 @@ def _grid(points: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
     return np.array([scale, *low, *(counts[1:] if numbered else (0.0, 0.0))])
 
 
-def _mark(points: NDArray[np.float64], grid: NDArray[np.float64], marks: NDArray[np.bool_], which: bool) -> None:
-    """Set the marks of the points that are the first of their kind to `which` where that is true, else of the others.
+def _mark(
+    points: NDArray[np.float64], grid: NDArray[np.float64], values: NDArray[np.float32], marks: NDArray[np.bool_]
+) -> None:
+    """Mark one of each kind, that of the greatest value; without values, unmark all but the first.
 
     Hashes, their last bits replaced by the point's index, are sorted by their first bits into parts, of which each
     fits a small table; within a part, points stay in their order.
@@ -64,7 +67,7 @@ def _mark(points: NDArray[np.float64], grid: NDArray[np.float64], marks: NDArray
     chunks = 4 * nb.get_num_threads() if bits else 1
     entries = np.empty(n, dtype=np.uint64)
     starts = _sort_by_hash(points, grid, _spare_bits(n), bits, chunks, entries)
-    _mark_parts(points, grid, _spare_bits(n), entries, starts, chunks, marks, which)
+    _mark_parts(points, grid, values, _spare_bits(n), entries, starts, chunks, marks)
 
 
 @nb.njit(cache=True, parallel=True, nogil=True)
@@ -107,37 +110,42 @@ def _part(h, bits):
 
 
 @nb.njit(cache=True, parallel=True, nogil=True)
-def _mark_parts(points, grid, spare, entries, starts, chunks, marks, which):
+def _mark_parts(points, grid, values, spare, entries, starts, chunks, marks):
     parts = len(starts) - 1
     for c in nb.prange(chunks):
         table = np.empty(FEW, dtype=np.uint64)
         for part in range(parts * c // chunks, parts * (c + 1) // chunks):
-            table = _mark_part(points, grid, spare, entries[starts[part] : starts[part + 1]], table, marks, which)
+            table = _mark_part(points, grid, values, spare, entries[starts[part] : starts[part + 1]], table, marks)
 
 
 @nb.njit(cache=True, nogil=True)
-def _mark_part(points, grid, spare, entries, table, marks, which):
-    """Mark the points of a part; return the table, which had to grow if more than half of it were taken."""
+def _mark_part(points, grid, values, spare, entries, table, marks):
+    """Mark or unmark points of a part; return the table, which had to grow if more than half of it were taken."""
     indices, shift = np.uint64((1 << (64 - spare)) - 1), np.uint64(64 - spare)
     numbered = grid[4] > 0.0
     table[:] = EMPTY
     count = 0
     for entry in entries:
         slot = (entry >> shift) & np.uint64(len(table) - 1)
-        first = True
-        while table[slot] != EMPTY:
-            other = table[slot]
+        other = table[slot]
+        while other != EMPTY:
             if (other ^ entry) <= indices and (numbered or _same(points, other & indices, entry & indices, grid)):
-                first = False
                 break
             slot = (slot + np.uint64(1)) & np.uint64(len(table) - 1)
-        if first == which:
-            marks[entry & indices] = which
-        if first:
+            other = table[slot]
+        if other == EMPTY:
             table[slot] = entry
             count += 1
             if 2 * count > len(table):
                 table = _grown(table, shift)
+        elif not len(values):
+            marks[entry & indices] = False
+        elif values[entry & indices] > values[other & indices]:
+            table[slot] = entry
+    if len(values):
+        for entry in table:
+            if entry != EMPTY:
+                marks[entry & indices] = True
     return table
 
 

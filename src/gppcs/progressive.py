@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.cells import first_in_cells
+from gppcs.cells import greatest_in_cells
 from gppcs.features import Features, features_in_radius, features_of_nearest
 from gppcs.kdtree import KdTree
 from gppcs.local_field import LocalField
@@ -29,6 +29,7 @@ EVEN = 0.05  # roughness below which a place counts as flat
 SPARSEST = 0.5  # of the mean density of the points to be chosen: no place is left with less
 MOST_SAMPLED = 100_000  # points of the tree by which area and noise are judged, unless more are to be chosen
 DENSE = 26  # of them for each to be chosen: as many as the widest neighbourhoods that tell noise need
+REACH = 1.0  # edges of the candidates' cells within which the points of a cell are told apart
 SMALLEST = 1e-200  # area that anything is told apart in
 FLAT = 1e-12  # spread of the surface variation that is nothing but rounding
 NOISE = 1e-4  # variance of an observation without noise, in units of the prior variance: keeps covariances regular
@@ -84,19 +85,28 @@ class Ranking:
     deviations: NDArray[np.float64]
 
 
-def sampled_tree(points: NDArray[np.float64], n_points: int) -> KdTree:
-    """Return the tree by which area and noise are judged: over all points, or over many that chance takes.
+def sampled_tree(points: NDArray[np.float64], n_points: int) -> tuple[KdTree, NDArray[np.int64] | slice]:
+    """Return a tree over all points, or over many that chance takes, and which these are.
 
-    What these are at the target spacing is all that counts, and `DENSE` points for each to be chosen tell it as well as
-    more; a tree over many millions would take longer than the choice.
+    Area and noise at the target spacing are judged by them, and `DENSE` points for each to be chosen tell these as well
+    as more; a tree over many millions would take longer than the choice.
     """
     enough = max(MOST_SAMPLED, DENSE * n_points)
     if len(points) <= 2 * enough:
-        return KdTree.build(points)
+        return KdTree.build(points), slice(None)
     draws = round(-len(points) * math.log1p(-enough / len(points)))  # some are of points that were drawn before
     taken = np.zeros(len(points), dtype=np.bool_)
     taken[np.random.default_rng(0).integers(0, len(points), draws)] = True
-    return KdTree.build(points[np.flatnonzero(taken)])
+    indices = np.flatnonzero(taken)
+    return KdTree.build(points[indices]), indices
+
+
+def sharpness_of(tree: KdTree, area: float, cells: float) -> NDArray[np.float64]:
+    """Return the surface variation of the points of a tree within the edge of a cell, where so many cover the area.
+
+    Of the points in a cell that an edge of the surface goes through, those on the edge have the most.
+    """
+    return features_in_radius(tree, REACH * _edge(area, cells)).surface_variation
 
 
 def rank(
@@ -104,6 +114,7 @@ def rank(
     n_points: int,
     criterion: Criterion,
     area: float,
+    sharpness: NDArray[np.float32],
     seen: Seen | None = None,
     stages: Stages | None = None,
 ) -> Ranking:
@@ -118,6 +129,8 @@ def rank(
     criterion : Criterion
     area : float
         Of the surface that the points lie on, about.
+    sharpness : (N,) array
+        The sharpest point of a cell is its candidate, of several the first.
     seen : callable, optional
         Takes some of the points, (n, 3), and returns where on the surface they belong, by which features are measured,
         and the variance of the observation at each; times 1 / h^2, in units of the prior at spacing h. By default they
@@ -127,7 +140,7 @@ def rank(
     """
     clock = stages or Stages()
     with clock("candidates"):
-        from_coarse_to_fine = _stages(points, n_points, area, criterion.candidates)
+        from_coarse_to_fine = _stages(points, n_points, area, criterion.candidates, sharpness)
     chosen = np.empty(0, dtype=np.int64)
     scores, deviations = [], []
     for target, candidates, thinned, area_seen in from_coarse_to_fine:
@@ -169,10 +182,12 @@ class _Stage(NamedTuple):
     area: float
 
 
-def _stages(points: NDArray[np.float64], n_points: int, area: float, density: float) -> list[_Stage]:
+def _stages(
+    points: NDArray[np.float64], n_points: int, area: float, density: float, sharpness: NDArray[np.float32]
+) -> list[_Stage]:
     """Return the stages from coarse to fine.
 
-    Candidates are the first points of the cells of a grid, `density` cells to the square of the target spacing on a
+    Candidates are the sharpest points of the cells of a grid, `density` cells to the square of the target spacing on a
     surface along the grid, half as many again on others; those of a coarse stage are among those of the finer ones.
     Where that would leave too few, those of the finer stage stay.
 
@@ -183,10 +198,11 @@ def _stages(points: NDArray[np.float64], n_points: int, area: float, density: fl
     stages = []
     target, candidates, places = n_points, None, points
     while True:
-        area, kept = _thinned(places, target, area, density)
+        area, kept = _thinned(places, target, area, density, sharpness)
         thinned = len(kept) >= FEWEST * target
         if thinned:
-            candidates, places = kept if candidates is None else candidates[kept], places[kept]
+            candidates = kept if candidates is None else candidates[kept]
+            places, sharpness = places[kept], sharpness[kept]
         elif candidates is None:
             candidates = np.arange(len(points))
         stages.append(_Stage(target, candidates, thinned, area))
@@ -195,41 +211,51 @@ def _stages(points: NDArray[np.float64], n_points: int, area: float, density: fl
         target = -(-target // 2)
 
 
-def _thinned(points: NDArray[np.float64], target: int, area: float, density: float) -> tuple[float, NDArray[np.int64]]:
-    """Return the area, doubled or halved where it must be, and the first points of the cells, at most `MANY`."""
+def _thinned(
+    points: NDArray[np.float64], target: int, area: float, density: float, sharpness: NDArray[np.float32]
+) -> tuple[float, NDArray[np.int64]]:
+    """Return the area, doubled or halved where it must be, and the sharpest points of the cells, at most `MANY`."""
     many, cells = MANY * density * target, density * target
-    seen, kept = next(grid for grid in _grids(points, area, cells) if len(grid[1]) <= many)
+    seen, kept = next(grid for grid in _grids(points, area, cells, sharpness) if len(grid[1]) <= many)
     if seen == area and len(kept) < FEWEST * target and len(points) > many:
-        area = _halved(points, target, area, density)
-        seen, kept = next(grid for grid in _grids(points, area, cells) if len(grid[1]) <= many)
+        area = _halved(points, target, area, density, sharpness)
+        seen, kept = next(grid for grid in _grids(points, area, cells, sharpness) if len(grid[1]) <= many)
     return seen, kept
 
 
-def _halved(points: NDArray[np.float64], target: int, area: float, density: float) -> float:
+def _halved(
+    points: NDArray[np.float64], target: int, area: float, density: float, sharpness: NDArray[np.float32]
+) -> float:
     """Return the area halved as often as it takes until the cells that hold points suffice.
 
     Where those that hold some of the points suffice, so do those that hold all, and one can go back from there.
     """
     few, cells = FEWEST * target, density * target
-    some = points[:: len(points) // int(MANY * cells)]
+    some = slice(None, None, len(points) // int(MANY * cells))
     halvings = 1
-    while len(first_in_cells(some, _edge(area * 0.5**halvings, cells))) < few and area * 0.5**halvings > SMALLEST:
+    while (
+        len(greatest_in_cells(points[some], _edge(area * 0.5**halvings, cells), sharpness[some])) < few
+        and area * 0.5**halvings > SMALLEST
+    ):
         halvings += 1
     found = area * 0.5**halvings
-    for _, (coarser, kept) in zip(range(halvings), _grids(points, found, cells), strict=False):
+    for _, (coarser, kept) in zip(range(halvings), _grids(points, found, cells, sharpness), strict=False):
         if len(kept) >= few:
             found = coarser
     return found
 
 
-def _grids(points: NDArray[np.float64], area: float, cells: float) -> Iterator[tuple[float, NDArray[np.int64]]]:
-    """Give area after area, each twice the one before, with the first points of the cells of that edge.
+def _grids(
+    points: NDArray[np.float64], area: float, cells: float, sharpness: NDArray[np.float32]
+) -> Iterator[tuple[float, NDArray[np.int64]]]:
+    """Give area after area, each twice the one before, with the sharpest points of the cells of that edge.
 
-    Cells of a grid of twice the edge are made up of whole cells, and the first points of these suffice to tell theirs.
+    Cells of a grid of twice the edge are made up of whole cells, and the sharpest of these suffice to tell theirs.
     """
     finest = finer = None  # all
     while True:
-        kept = first_in_cells(points if finest is None else points[finest], _edge(area, cells))
+        some, sharp = (points, sharpness) if finest is None else (points[finest], sharpness[finest])
+        kept = greatest_in_cells(some, _edge(area, cells), sharp)
         finest, finer = finer, kept if finest is None else finest[kept]
         yield area, finer
         area *= 2.0

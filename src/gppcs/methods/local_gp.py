@@ -45,7 +45,7 @@ class LocalGP(Method):
     feature_weight: float = 0.5
     lengthscale: float = 1.5
     neighbours: int = 4
-    candidates: float = 9.0
+    candidates: float = 8.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -70,20 +70,26 @@ class LocalGP(Method):
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose the points; see `Method`."""
+        import numpy as np
+
         from gppcs.neighbourhood import surface_area
         from gppcs.noise import Noise
-        from gppcs.progressive import rank, sampled_tree
+        from gppcs.progressive import rank, sampled_tree, sharpness_of
 
         stages = stages or Stages()
         with stages("tree"):
-            tree = sampled_tree(points, n_points)
+            tree, sampled = sampled_tree(points, n_points)
             area = surface_area(tree)
         with stages("noise"):
             spacing = (area / n_points) ** 0.5
             noise = Noise.measure(tree, n_points, spacing)
             level, seen = noise.level, None if noise.quiet else noise.seen
+        with stages("candidates"):
+            sharpness = np.zeros(len(points), dtype=np.float32)  # noise would pass for edges
+            if noise.quiet:
+                sharpness[sampled] = sharpness_of(tree, area, self.candidates * n_points)
             del tree, noise  # where there is none, the memory of the tree is of more use
-        ranking = rank(points, n_points, self.criterion, area, seen, stages)
+        ranking = rank(points, n_points, self.criterion, area, sharpness, seen, stages)
         return Selection(
             ranking.indices,
             {"noise_in_spacings": level / spacing if spacing > 0.0 else 0.0},
