@@ -87,12 +87,14 @@ def changes() -> dict[str, Change]:
         found[f"where noise is thick {value} for {noise.WIDE}"] = Change(replaced=[(noise, "WIDE", value)])
     for value in (0.2, 0.5):
         found[f"thick from {value:g} for {noise.THICK:g}"] = Change(replaced=[(noise, "THICK", value)])
-    for value in (0.0, 0.7):
+    for value in (0.0, 0.5):
         found[f"least density {value:g} for {progressive.SPARSEST:g}"] = Change(
             replaced=[(progressive, "SPARSEST", value)]
         )
     for value in (0.03, 0.1):
         found[f"even below {value:g} for {progressive.EVEN:g}"] = Change(replaced=[(progressive, "EVEN", value)])
+    for value in (0.05, 0.2, np.inf):
+        found[f"slope {value:g} for {progressive.SLOPE:g}"] = Change(replaced=[(progressive, "SLOPE", value)])
     return found
 
 

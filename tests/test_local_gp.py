@@ -34,17 +34,17 @@ def test_each_prefix_is_as_good_as_a_choice_of_its_size(scan):
 
 
 def test_the_feature_weight_goes_from_an_even_cover_to_features(scan):
-    """Of 500 points, found for weights of 0, .25, .5, .75 and 1:
+    """Of 500 points, found for weights of 0, .5 and 1:
 
-    mean surface variation by that of all  bracket 1.17, 1.32, 1.49, 1.57, 1.57  medallion 0.93, 0.98, 1.01, 1.03, 1.11
-    covering radius by that of fps         bracket 1.08, 1.28, 1.70, 2.37, 3.09  medallion 1.14, 1.23, 1.39, 1.82, 2.65
+    mean surface variation by that of all  bracket 1.26, 1.34, 1.55  medallion 0.93, 1.01, 1.03
+    covering radius by that of fps         bracket 1.09, 1.16, 2.51  medallion 1.14, 1.53, 2.33
     """
     variation = gppcs.estimate_features(scan).surface_variation
-    kept = [chosen(scan, 500, LocalGP(feature_weight=weight)) for weight in (0, 0.25, 0.5, 0.75, 1)]
+    kept = [chosen(scan, 500, LocalGP(feature_weight=weight)) for weight in (0, 0.5, 1)]
     assert (np.diff([variation[indices].mean() for indices in kept]) > 0).all()
     least = covering_radius(scan, chosen(scan, 500, "fps"))
     assert covering_radius(scan, kept[0]) < 1.25 * least
-    assert covering_radius(scan, kept[2]) < 2 * least
+    assert covering_radius(scan, kept[1]) < 2 * least
 
 
 def off_the_sphere(points):

@@ -7,10 +7,23 @@ from hypothesis import strategies as st
 
 from gppcs.cells import greatest_in_cells
 from gppcs.features import Features
+from gppcs.gradation import graded
 from gppcs.kdtree import KdTree
 from gppcs.neighbourhood import surface_area
 from gppcs.noise import Noise
-from gppcs.progressive import FEWEST, FIRST, MANY, NOISE, Criterion, _field, _stages, rank, sampled_tree, sharpness_of
+from gppcs.progressive import (
+    FEWEST,
+    FIRST,
+    MANY,
+    NOISE,
+    Criterion,
+    _field,
+    _segregation,
+    _stages,
+    rank,
+    sampled_tree,
+    sharpness_of,
+)
 from gppcs.stages import Stages
 
 RANDOM = np.random.default_rng(0)
@@ -19,7 +32,7 @@ EVERY = 1e6  # candidates for each point wanted: no two points in one cell
 
 def criterion(**changes):
     usual = Criterion(
-        density_power=0.96, normal_weight=1.6, error_weight=0.025, lengthscale=1.5, neighbours=4, candidates=8.0
+        density_power=1.0, normal_weight=1.4, error_weight=0.025, lengthscale=1.5, neighbours=4, candidates=8.0
     )
     return Criterion(**{**vars(usual), **changes})
 
@@ -180,22 +193,40 @@ def field_of(variation, **changes):
 
 
 @settings(deadline=None, max_examples=30)
-@given(st.integers(2, 200), st.floats(0, 1.92), st.integers(0, 999))
+@given(st.integers(2, 200), st.floats(0, 2.0), st.integers(0, 999))
 def test_the_field_is_denser_where_it_is_rougher(n, power, seed):
     variation = np.random.default_rng(seed).random(n) / 3
     tree, features, field = field_of(variation, density_power=power)
     assert np.mean(field.spacings**-2) == pytest.approx(1)  # as many points as wanted on the whole
     roughness = np.sqrt(variation[tree.order])
-    concentration = roughness.var() / roughness.mean() ** 2
-    density = np.maximum(roughness, 0.05) ** (power / (1 + concentration) ** 2)
-    expected = np.maximum(density, density.mean() / 2) ** -0.5
+    clipped = np.minimum(roughness, 0.29)
+    alike = clipped.max() - clipped.min() < 1e-12
+    segregation = 0.0 if alike else clipped.var() / (clipped.mean() * (0.29 - clipped.mean()))
+    density = np.maximum(roughness, 0.05) ** (power * (1 - segregation**2) ** 4)
+    density = np.maximum(density, 0.7 * density.mean())
+    expected = graded(tree, np.sqrt(density.mean() / density), 0.1)
     np.testing.assert_allclose(field.spacings / field.spacings[0], expected / expected[0], rtol=1e-9)
-    assert field.normal_weight == pytest.approx(1.6 / (1 + concentration))
+    assert field.normal_weight == pytest.approx(1.4 * (1 - segregation**2) ** 2)
     assert np.mean(field.y) == pytest.approx(0, abs=1e-9)
     assert np.std(field.y) == pytest.approx(1)
     assert np.corrcoef(field.y, variation[tree.order])[0, 1] == pytest.approx(1)
     np.testing.assert_array_equal(field.normals.T, features.normals[tree.order])
     np.testing.assert_allclose(field.noise, NOISE + tree.order, rtol=1e-12)
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.lists(st.floats(0, 0.6), min_size=1, max_size=50))
+def test_segregation_is_a_share(roughness):
+    assert 0 <= _segregation(np.array(roughness)) <= 1 + 1e-9
+
+
+def test_faces_and_edges_are_segregated_and_round_things_are_not():
+    for edges in (0.1, 0.5, 0.9):
+        of_faces = np.where(np.arange(100) < 100 * edges, 0.29, 0.0)
+        assert _segregation(of_faces) == pytest.approx(1)
+        assert _segregation(np.where(of_faces > 0, 0.5, 0.0)) == pytest.approx(1)  # what is sharper counts no more
+    assert _segregation(np.full(9, 0.29)) == _segregation(np.zeros(9)) == 0
+    assert _segregation(np.linspace(0, 0.29, 999)) == pytest.approx(1 / 3, rel=0.01)
 
 
 @pytest.mark.parametrize("variation", [np.zeros(20), np.full(20, 0.2), 1e-16 * RANDOM.random(20)])

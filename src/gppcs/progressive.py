@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gppcs.cells import greatest_in_cells
 from gppcs.features import Features, features_in_radius, features_of_nearest
+from gppcs.gradation import graded
 from gppcs.kdtree import KdTree
 from gppcs.local_field import LocalField
 from gppcs.local_greedy import extend
@@ -26,7 +27,9 @@ FEWEST = 3  # candidates for each point wanted, below which there is nothing to 
 MANY = 3  # times as many candidates as there are cells to the square of the target spacing: more than a surface has
 FEW = 16  # points of a neighbourhood where candidates are not thinned; a ball might hold any number of them
 EVEN = 0.05  # roughness below which a place counts as flat
-SPARSEST = 0.5  # of the mean density of the points to be chosen: no place is left with less
+EDGE = 0.29  # roughness of a right-angled edge
+SLOPE = 0.1  # by which the spacing grows with the distance, at most
+SPARSEST = 0.7  # of the mean density of the points to be chosen: no place is left with less before grading
 MOST_SAMPLED = 100_000  # points of the tree by which area and noise are judged, unless more are to be chosen
 DENSE = 26  # of them for each to be chosen: as many as the widest neighbourhoods that tell noise need
 REACH = 1.0  # edges of the candidates' cells within which the points of a cell are told apart
@@ -45,10 +48,10 @@ class Criterion:
     Attributes
     ----------
     density_power : float
-        How the density of points follows roughness: points per area as roughness to this power, less where the
-        roughness of the cloud is concentrated in few places.
+        How the density of points follows roughness: points per area as roughness to this power, less where the cloud
+        is made up of faces and edges.
     normal_weight : float
-        beta: the distance, in spacings, that a right angle between normals is worth.
+        beta: the distance, in spacings, that a right angle between normals is worth; less in the same case.
     error_weight : float
         w: of the error of the surface variation beside the uncertainty.
     lengthscale : float
@@ -271,21 +274,35 @@ def _field(tree: KdTree, features: Features, noise: NDArray[np.float64], criteri
 
     Roughness is the square root of the surface variation, about the radius of the neighbourhood times the curvature.
     A piecewise linear surface of given size has the least mean error if its density goes as the square root of the
-    curvature, so the density here is roughness to a power; the more the roughness is concentrated in few places, the
-    smaller a power, lest flat faces are left bare.
+    curvature, so the density here is roughness to a power; the more the cloud is one of faces and edges, the smaller a
+    power, lest the faces are left bare. Normals among few points are sound only where their density changes slowly, so
+    it is graded.
     """
     variation = features.surface_variation[tree.order]
     roughness = np.sqrt(variation)
-    concentration = float(np.var(roughness)) / max(float(np.mean(roughness)) ** 2, EVEN**2)
-    density = np.maximum(roughness, EVEN) ** (criterion.density_power / (1.0 + concentration) ** 2)
+    round_share = 1.0 - _segregation(roughness) ** 2
+    density = np.maximum(roughness, EVEN) ** (criterion.density_power * round_share**4)
     density = np.maximum(density, SPARSEST * np.mean(density))
+    spacings = graded(tree, np.sqrt(np.mean(density) / density), SLOPE)
     spread = float(np.std(variation))
     return LocalField(
         positions=tree.points,
         normals=np.ascontiguousarray(features.normals[tree.order].T),
-        spacings=np.sqrt(np.mean(density) / density),
+        spacings=spacings * np.sqrt(np.mean(spacings**-2.0)),
         y=(variation - np.mean(variation)) / spread if spread > FLAT else np.zeros(len(noise)),
         noise=NOISE + noise[tree.order],
         lengthscale=criterion.lengthscale,
-        normal_weight=criterion.normal_weight / (1.0 + concentration),
+        normal_weight=criterion.normal_weight * round_share**2,
     )
+
+
+def _segregation(roughness: NDArray[np.float64]) -> float:
+    """Return how far a cloud is one of flat faces and right-angled edges: 1 for nothing else, 0 for all places alike.
+
+    It is the variance of the roughness, as a share of the most that values from 0 to `EDGE` of that mean can have: the
+    intensity of segregation of a mixture (Danckwerts 1952).
+    """
+    clipped = np.minimum(roughness, EDGE)
+    mean = float(np.mean(clipped))
+    most = mean * (EDGE - mean)
+    return float(np.var(clipped)) / most if most > FLAT else 0.0

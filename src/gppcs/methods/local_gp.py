@@ -60,8 +60,8 @@ class LocalGP(Method):
         from gppcs.progressive import Criterion
 
         return Criterion(
-            density_power=1.92 * self.feature_weight,
-            normal_weight=3.2 * self.feature_weight,
+            density_power=2.0 * self.feature_weight,
+            normal_weight=2.8 * self.feature_weight,
             error_weight=0.8 * self.feature_weight**5,
             lengthscale=self.lengthscale,
             neighbours=self.neighbours,

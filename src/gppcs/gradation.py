@@ -1,0 +1,102 @@
+"""Spacings that grow slowly from place to place, as those of graded meshes do."""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.kdtree import KdTree, first_leaf, squared_distance_of_boxes, squared_distance_to_box
+
+TOGETHER = 8  # points whose spacings are graded as one: fewer would take longer and change little
+
+
+def graded(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArray[np.float64]:
+    """Return spacings, nowhere above those given, that grow with the distance by about `slope` at most.
+
+    Points that stand together in the tree, about `TOGETHER` of them, are lowered to one limit.
+
+    Parameters
+    ----------
+    tree : KdTree
+    spacings : (N,) array
+        In tree order, like the result.
+    slope : float
+        Not negative.
+    """
+    n = len(spacings)
+    groups = max(1, n // TOGETHER)
+    starts = np.arange(groups) * n // groups
+    counts = np.diff(starts, append=n)
+    centres = KdTree.build((np.add.reduceat(tree.points, starts, axis=1) / counts).T)
+    density = np.add.reduceat(spacings**-2.0, starts) / counts
+    limits = np.empty(groups)
+    limits[centres.order] = limited(centres, density[centres.order] ** -0.5, slope)
+    return np.minimum(spacings, np.repeat(limits, counts))
+
+
+def limited(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArray[np.float64]:
+    """Return the greatest spacings, nowhere above those given, that grow with the distance by `slope` at most.
+
+    At x_i that is the least of s_j + slope |x_i - x_j| (Persson 2006, Mesh size functions for implicit geometries and
+    PDE-based gradient limiting, Engineering with Computers). All are in tree order.
+    """
+    least = np.empty(len(tree.low))
+    _least_of_all(spacings, least)
+    return _limited(tree.points, tree.low, tree.high, spacings, slope, least)
+
+
+@nb.njit(cache=True, nogil=True)
+def _least_of_all(values, least):
+    """Fill every node with the least of its points' values, in tree order."""
+    leaves = first_leaf(least)
+    n = len(values)
+    for leaf in range(leaves):
+        least[leaves + leaf] = np.min(values[n * leaf // leaves : n * (leaf + 1) // leaves])
+    for node in range(leaves - 1, 0, -1):
+        least[node] = min(least[2 * node], least[2 * node + 1])
+
+
+@nb.njit(cache=True, nogil=True, parallel=True)
+def _limited(points, low, high, spacings, slope, least):
+    """Lower the points of a leaf together, by the nodes from which any of them might be; the lowest bounds go first."""
+    leaves = first_leaf(low)
+    n = len(spacings)
+    result = spacings.copy()
+    for leaf in nb.prange(leaves):
+        box_low, box_high = low[leaves + leaf], high[leaves + leaf]
+        begin, end = n * leaf // leaves, n * (leaf + 1) // leaves
+        greatest = np.max(result[begin:end])
+        stack, bounds = np.empty(64, dtype=np.int64), np.empty(64)
+        stack[0], bounds[0] = 1, least[1]
+        height = 1
+        while height:
+            height -= 1
+            node = stack[height]
+            if bounds[height] >= greatest:
+                continue
+            if node >= leaves:
+                for j in range(n * (node - leaves) // leaves, n * (node - leaves + 1) // leaves):
+                    gap = squared_distance_to_box(box_low, box_high, points[0, j], points[1, j], points[2, j])
+                    if spacings[j] + slope * np.sqrt(gap) < greatest:
+                        _lower(points[:, begin:end], points[:, j], spacings[j], slope, result[begin:end])
+                        greatest = np.max(result[begin:end])
+                continue
+            for child in (2 * node, 2 * node + 1):
+                gap = squared_distance_of_boxes(low[child], high[child], box_low, box_high)
+                stack[height], bounds[height] = child, least[child] + slope * np.sqrt(gap)
+                height += 1
+            a, b = height - 2, height - 1
+            if bounds[a] < bounds[b]:
+                stack[a], stack[b], bounds[a], bounds[b] = stack[b], stack[a], bounds[b], bounds[a]
+    return result
+
+
+@nb.njit(cache=True, nogil=True)
+def _lower(places, source, spacing, slope, result):
+    """Lower the spacings at some places to what they may be by that of one point."""
+    for i in range(len(result)):
+        distance = np.sqrt(
+            (places[0, i] - source[0]) ** 2 + (places[1, i] - source[1]) ** 2 + (places[2, i] - source[2]) ** 2
+        )
+        result[i] = min(result[i], spacing + slope * distance)
