@@ -65,7 +65,7 @@ class Change:
 def changes() -> dict[str, Change]:
     """Return the changes, by what the table calls them."""
     fields = {
-        "neighbours": (2, 3, 6, 8), "lengthscale": (0.75, 1.0, 2.0, 3.0), "candidates": (5.0, 16.0, 25.0),
+        "neighbours": (2, 3, 6, 8), "lengthscale": (0.75, 1.0, 2.0, 3.0), "candidates": (5.0, 12.0, 24.0),
         "feature_weight": (0.0, 0.25, 0.75, 1.0),
     }  # fmt: skip
     weights = {"density": (0.0, 0.5, 1.5), "normal": (0.0, 0.5, 1.5), "error": (0.0, 4.0, 10.0)}
@@ -93,7 +93,11 @@ def changes() -> dict[str, Change]:
         )
     for value in (0.03, 0.1):
         found[f"even below {value:g} for {progressive.EVEN:g}"] = Change(replaced=[(progressive, "EVEN", value)])
-    for value in (0.05, 0.2, np.inf):
+    for value in (0.0, 0.5, 1.5):
+        found[f"sharpness within {value:g} for {progressive.REACH:g} cells"] = Change(
+            replaced=[(progressive, "REACH", value)]
+        )
+    for value in (0.05, 0.2, 100.0):
         found[f"slope {value:g} for {progressive.SLOPE:g}"] = Change(replaced=[(progressive, "SLOPE", value)])
     return found
 

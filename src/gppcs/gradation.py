@@ -6,7 +6,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.kdtree import KdTree, first_leaf, squared_distance_of_boxes, squared_distance_to_box
+from gppcs.kdtree import KdTree, first_leaf, leaf_range, squared_distance_of_boxes, squared_distance_to_box
 
 TOGETHER = 8  # points whose spacings are graded as one: fewer would take longer and change little
 
@@ -52,7 +52,7 @@ def _least_of_all(values, least):
     leaves = first_leaf(least)
     n = len(values)
     for leaf in range(leaves):
-        least[leaves + leaf] = np.min(values[n * leaf // leaves : n * (leaf + 1) // leaves])
+        least[leaves + leaf] = np.min(values[slice(*leaf_range(n, leaves, leaves + leaf))])
     for node in range(leaves - 1, 0, -1):
         least[node] = min(least[2 * node], least[2 * node + 1])
 
@@ -65,7 +65,7 @@ def _limited(points, low, high, spacings, slope, least):
     result = spacings.copy()
     for leaf in nb.prange(leaves):
         box_low, box_high = low[leaves + leaf], high[leaves + leaf]
-        begin, end = n * leaf // leaves, n * (leaf + 1) // leaves
+        begin, end = leaf_range(n, leaves, leaves + leaf)
         greatest = np.max(result[begin:end])
         stack, bounds = np.empty(64, dtype=np.int64), np.empty(64)
         stack[0], bounds[0] = 1, least[1]
@@ -76,7 +76,7 @@ def _limited(points, low, high, spacings, slope, least):
             if bounds[height] >= greatest:
                 continue
             if node >= leaves:
-                for j in range(n * (node - leaves) // leaves, n * (node - leaves + 1) // leaves):
+                for j in range(*leaf_range(n, leaves, node)):
                     gap = squared_distance_to_box(box_low, box_high, points[0, j], points[1, j], points[2, j])
                     if spacings[j] + slope * np.sqrt(gap) < greatest:
                         _lower(points[:, begin:end], points[:, j], spacings[j], slope, result[begin:end])
