@@ -19,7 +19,7 @@ from gppcs.progressive import (
     Criterion,
     _field,
     _segregation,
-    _stages,
+    nested_candidates,
     rank,
     sampled_tree,
     sharpness_of,
@@ -31,15 +31,14 @@ EVERY = 1e6  # candidates for each point wanted: no two points in one cell
 
 
 def criterion(**changes):
-    usual = Criterion(
-        density_power=1.0, normal_weight=1.4, error_weight=0.025, lengthscale=1.5, neighbours=4, candidates=8.0
-    )
+    usual = Criterion(density_power=1.0, normal_weight=1.4, error_weight=0.025, lengthscale=1.5, neighbours=4)
     return Criterion(**{**vars(usual), **changes})
 
 
-def ranked(points, n_points, seen=None, stages=None, **changes):
+def ranked(points, n_points, seen=None, stages=None, candidates=8.0, **changes):
     area = surface_area(KdTree.build(points))
-    return rank(points, n_points, criterion(**changes), area, blunt(points), seen, stages)
+    candidates = nested_candidates(points, n_points, area, candidates, blunt(points))
+    return rank(points, candidates, criterion(**changes), seen, stages)
 
 
 def blunt(points):
@@ -65,11 +64,11 @@ class Heard:
 
 
 def test_targets_double_and_candidates_of_a_stage_are_among_those_of_the_next(bracket):
-    stages = _stages(bracket, 3_001, surface_area(KdTree.build(bracket)), 9.0, blunt(bracket))
+    stages = nested_candidates(bracket, 3_001, surface_area(KdTree.build(bracket)), 9.0, blunt(bracket))
     assert [stage.target for stage in stages] == [47, 94, 188, 376, 751, 1501, 3001]
     assert stages[0].target <= FIRST
     for coarse, fine in pairwise(stages):
-        assert np.isin(coarse.candidates, fine.candidates).all()
+        assert np.isin(coarse.indices, fine.indices).all()
     for target, candidates, thinned, _ in stages:
         assert (np.diff(candidates) > 0).all()
         assert len(candidates) >= FEWEST * target
@@ -81,7 +80,7 @@ def test_there_are_nine_candidates_for_each_point_wanted_or_half_as_many_again(s
     plane = np.column_stack([RANDOM.random((40_000, 2)), np.zeros(40_000)])
     for points, expected in ((plane, 9), (sphere, 13.5)):
         area = surface_area(KdTree.build(points))
-        target, candidates, thinned, same = _stages(points, 50, area, 9.0, blunt(points))[0]
+        target, candidates, thinned, same = nested_candidates(points, 50, area, 9.0, blunt(points))[0]
         assert thinned
         assert same == area
         assert len(candidates) / target == pytest.approx(expected, rel=0.1)
@@ -90,7 +89,7 @@ def test_there_are_nine_candidates_for_each_point_wanted_or_half_as_many_again(s
 def test_the_sharpest_point_of_a_cell_stays():
     points = np.column_stack([RANDOM.random((40_000, 2)), np.zeros(40_000)])
     for sharpness in (RANDOM.random(40_000).astype(np.float32), blunt(points)):  # or the first of those alike
-        candidates = _stages(points, 50, 1.0, 9.0, sharpness)[0].candidates
+        candidates = nested_candidates(points, 50, 1.0, 9.0, sharpness)[0].indices
         np.testing.assert_array_equal(candidates, sharpest_of_cells(points, np.sqrt(1 / 450), sharpness))
 
 
@@ -111,7 +110,9 @@ def test_the_sharpest_points_of_cells_are_those_on_the_edge():
 
 def test_where_there_is_little_to_choose_from_all_stay():
     points = RANDOM.random((100, 3))
-    for target, candidates, thinned, _ in _stages(points, 60, surface_area(KdTree.build(points)), 9.0, blunt(points)):
+    for target, candidates, thinned, _ in nested_candidates(
+        points, 60, surface_area(KdTree.build(points)), 9.0, blunt(points)
+    ):
         assert target == 60
         assert not thinned
         np.testing.assert_array_equal(candidates, np.arange(100))
@@ -126,7 +127,9 @@ def test_points_on_a_curve_are_spread_over_all_of_it():
 
 def test_most_points_in_a_dot_do_not_make_all_points_candidates(sphere):
     points = np.concatenate([sphere[:400], [5, 0, 0] + 1e-3 * sphere[:39_600]])
-    assert all(len(stage.candidates) < 40 * stage.target for stage in _stages(points, 2_000, 1e3, 9.0, blunt(points)))
+    assert all(
+        len(stage.indices) < 40 * stage.target for stage in nested_candidates(points, 2_000, 1e3, 9.0, blunt(points))
+    )
 
 
 def sharpest_of_cells(points, edge, sharpness):
@@ -161,9 +164,9 @@ def test_stages_are_those_of_a_step_at_a_time_over_all_points(sphere, dot, area)
     points[:dot] = 0.5 + 1e-5 * sphere[20_000 : 20_000 + dot]
     points = RANDOM.permutation(points)
     sharpness = RANDOM.integers(0, 5, len(points)).astype(np.float32)
-    stages, plain = (way(points, 600, area, 9.0, sharpness) for way in (_stages, plain_stages))
+    stages, plain = (way(points, 600, area, 9.0, sharpness) for way in (nested_candidates, plain_stages))
     for found, expected in zip(stages, plain, strict=True):
-        np.testing.assert_array_equal(found.candidates, expected[1])
+        np.testing.assert_array_equal(found.indices, expected[1])
         assert (found.target, found.thinned, found.area) == (expected[0], *expected[2:])
 
 
@@ -178,7 +181,7 @@ def test_an_area_that_is_far_off_costs_few_passes_over_all_points(sphere, monkey
     )
     for area, n_points in ((1e-14, 30), (1e5, 600)):  # 1,000 points outside the dot are too many, or too few
         passes.clear()
-        _stages(points, n_points, area, 9.0, blunt(points))
+        nested_candidates(points, n_points, area, 9.0, blunt(points))
         assert passes.count(40_000) < 10
         assert len(passes) > 20
 
@@ -253,7 +256,7 @@ def test_a_ranking_has_each_point_once_and_tells_of_its_progress(bracket, n_poin
     stages = Stages(heard)
     ranking = ranked(bracket[:900], n_points, stages=stages)
     assert heard.totals == heard.steps
-    assert list(stages.seconds) == ["candidates", "noise", "features", "greedy selection"]
+    assert list(stages.seconds) == ["noise", "features", "greedy selection"]
     assert len(np.unique(ranking.indices)) == len(ranking.indices) == n_points
     assert len(ranking.scores) == len(ranking.deviations) == n_points == sum(heard.steps)
     assert ranking.deviations[0] == 1

@@ -7,7 +7,7 @@ points are placed as if no more were to come, and every prefix of the result is 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.cells import greatest_in_cells
-from gppcs.features import Features, features_in_radius, features_of_nearest
+from gppcs.features import Features, features_in_radius, features_of_nearest, variation_in_radius
 from gppcs.gradation import graded
 from gppcs.kdtree import KdTree
 from gppcs.local_field import LocalField
@@ -58,8 +58,6 @@ class Criterion:
         Of the Matérn kernel, in units of the spacing.
     neighbours : int
         K: how many chosen points a posterior is conditioned on.
-    candidates : float
-        About how many candidates there are for each point to be chosen.
     """
 
     density_power: float
@@ -67,7 +65,6 @@ class Criterion:
     error_weight: float
     lengthscale: float
     neighbours: int
-    candidates: float
 
 
 @dataclass(frozen=True)
@@ -109,90 +106,26 @@ def sharpness_of(tree: KdTree, area: float, cells: float) -> NDArray[np.float64]
 
     Of the points in a cell that an edge of the surface goes through, those on the edge have the most.
     """
-    return features_in_radius(tree, REACH * _edge(area, cells)).surface_variation
+    return variation_in_radius(tree, REACH * _edge(area, cells))
 
 
-def rank(
-    points: NDArray[np.float64],
-    n_points: int,
-    criterion: Criterion,
-    area: float,
-    sharpness: NDArray[np.float32],
-    seen: Seen | None = None,
-    stages: Stages | None = None,
-) -> Ranking:
-    """Choose `n_points`, the most important first.
-
-    Parameters
-    ----------
-    points : (N, 3) array
-        Without repeats.
-    n_points : int
-        M, from 1 to N.
-    criterion : Criterion
-    area : float
-        Of the surface that the points lie on, about.
-    sharpness : (N,) array
-        The sharpest point of a cell is its candidate, of several the first.
-    seen : callable, optional
-        Takes some of the points, (n, 3), and returns where on the surface they belong, by which features are measured,
-        and the variance of the observation at each; times 1 / h^2, in units of the prior at spacing h. By default they
-        are where they belong.
-    stages : Stages, optional
-        Times "candidates", "noise", "features" and "greedy selection"; the steps of the last are points.
-    """
-    clock = stages or Stages()
-    with clock("candidates"):
-        from_coarse_to_fine = _stages(points, n_points, area, criterion.candidates, sharpness)
-    chosen = np.empty(0, dtype=np.int64)
-    scores, deviations = [], []
-    for target, candidates, thinned, area_seen in from_coarse_to_fine:
-        spacing = float(np.sqrt(area_seen / target)) or 1.0
-        tree, field = _observed(points[candidates], spacing, thinned, criterion, seen, clock)
-        with clock("greedy selection", target - len(chosen)) as advanced:
-            inside = np.empty(len(candidates), dtype=np.int64)
-            inside[tree.order] = np.arange(len(candidates))
-            before = inside[np.searchsorted(candidates, chosen)]  # those of a coarse stage are candidates here too
-            extended, score, deviation = extend(
-                field, tree, before, target, criterion.neighbours, criterion.error_weight
-            )
-            advanced(target - len(chosen))
-        scores.append(score)
-        deviations.append(deviation)
-        chosen = candidates[tree.order[extended]]
-    return Ranking(chosen, np.concatenate(scores), np.concatenate(deviations))
-
-
-def _observed(
-    places: NDArray[np.float64], spacing: float, thinned: bool, criterion: Criterion, seen: Seen | None, clock: Stages
-) -> tuple[KdTree, LocalField]:
-    """Return the tree over the candidates of a stage, in units of its spacing, and the field over that."""
-    with clock("noise"):
-        feet, variances = (places, np.zeros(len(places))) if seen is None else seen(places)
-    with clock("features"):
-        tree = KdTree.build(places / spacing)
-        on_surface = tree if feet is places else KdTree.build(feet / spacing)
-        features = features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(on_surface, FEW)
-        return tree, _field(tree, features, variances / spacing**2, criterion)
-
-
-class _Stage(NamedTuple):
-    """How many points are wanted, the ascending indices of their candidates, if those are thinned, and the area."""
+class Candidates(NamedTuple):
+    """How many points a stage wants, the ascending indices of its candidates, if those are thinned, and the area."""
 
     target: int
-    candidates: NDArray[np.int64]
+    indices: NDArray[np.int64]
     thinned: bool
     area: float
 
 
-def _stages(
+def nested_candidates(
     points: NDArray[np.float64], n_points: int, area: float, density: float, sharpness: NDArray[np.float32]
-) -> list[_Stage]:
-    """Return the stages from coarse to fine.
+) -> list[Candidates]:
+    """Return the candidates of the stages from coarse to fine, those of a coarse stage among those of the finer ones.
 
-    Candidates are the sharpest points of the cells of a grid, `density` cells to the square of the target spacing on a
-    surface along the grid, half as many again on others; those of a coarse stage are among those of the finer ones.
-    Where that would leave too few, those of the finer stage stay.
+    They are the sharpest points of the cells of a grid, of several the first, `density` cells to the square of the
+    target spacing on a surface along the grid, half as many again on others. Where that would leave too few, those of
+    the finer stage stay.
 
     The number of occupied cells tells where the estimate of the area fails: that of points on curves is too small, and
     that of a cloud with most points in a dot is too large. The area is then doubled until there are not too many, or
@@ -208,10 +141,66 @@ def _stages(
             places, sharpness = places[kept], sharpness[kept]
         elif candidates is None:
             candidates = np.arange(len(points))
-        stages.append(_Stage(target, candidates, thinned, area))
+        stages.append(Candidates(target, candidates, thinned, area))
         if target <= FIRST:
             return stages[::-1]
         target = -(-target // 2)
+
+
+def rank(
+    points: NDArray[np.float64],
+    candidates: Sequence[Candidates],
+    criterion: Criterion,
+    seen: Seen | None = None,
+    stages: Stages | None = None,
+) -> Ranking:
+    """Choose points, the most important first.
+
+    Parameters
+    ----------
+    points : (N, 3) array
+        Without repeats.
+    candidates : sequence of Candidates
+        Of all stages, from coarse to fine.
+    criterion : Criterion
+    seen : callable, optional
+        Takes some of the points, (n, 3), and returns where on the surface they belong, by which features are measured,
+        and the variance of the observation at each; times 1 / h^2, in units of the prior at spacing h. By default they
+        are where they belong.
+    stages : Stages, optional
+        Times "noise", "features" and "greedy selection"; the steps of the last are points.
+    """
+    clock = stages or Stages()
+    chosen = np.empty(0, dtype=np.int64)
+    scores, deviations = [], []
+    for target, indices, thinned, area in candidates:
+        spacing = float(np.sqrt(area / target)) or 1.0
+        tree, field = _observed(points[indices], spacing, thinned, criterion, seen, clock)
+        with clock("greedy selection", target - len(chosen)) as advanced:
+            inside = np.empty(len(indices), dtype=np.int64)
+            inside[tree.order] = np.arange(len(indices))
+            before = inside[np.searchsorted(indices, chosen)]  # those of a coarse stage are candidates here too
+            extended, score, deviation = extend(
+                field, tree, before, target, criterion.neighbours, criterion.error_weight
+            )
+            advanced(target - len(chosen))
+        scores.append(score)
+        deviations.append(deviation)
+        chosen = indices[tree.order[extended]]
+    return Ranking(chosen, np.concatenate(scores), np.concatenate(deviations))
+
+
+def _observed(
+    places: NDArray[np.float64], spacing: float, thinned: bool, criterion: Criterion, seen: Seen | None, clock: Stages
+) -> tuple[KdTree, LocalField]:
+    """Return the tree over the candidates of a stage, in units of its spacing, and the field over that."""
+    with clock("noise"):
+        feet, variances = (places, np.zeros(len(places))) if seen is None else seen(places)
+    with clock("features"):
+        tree = KdTree.build(places / spacing)
+        on_surface = tree if feet is places else KdTree.build(feet / spacing)
+        features = features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(on_surface, FEW)
+        return tree, _field(tree, features, variances / spacing**2, criterion)
 
 
 def _thinned(

@@ -65,7 +65,6 @@ class LocalGP(Method):
             error_weight=0.8 * self.feature_weight**5,
             lengthscale=self.lengthscale,
             neighbours=self.neighbours,
-            candidates=self.candidates,
         )
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
@@ -74,7 +73,7 @@ class LocalGP(Method):
 
         from gppcs.neighbourhood import surface_area
         from gppcs.noise import Noise
-        from gppcs.progressive import rank, sampled_tree, sharpness_of
+        from gppcs.progressive import nested_candidates, rank, sampled_tree, sharpness_of
 
         stages = stages or Stages()
         with stages("tree"):
@@ -88,8 +87,9 @@ class LocalGP(Method):
             sharpness = np.zeros(len(points), dtype=np.float32)  # noise would pass for edges
             if noise.quiet:
                 sharpness[sampled] = sharpness_of(tree, area, self.candidates * n_points)
-            del tree, noise  # where there is none, the memory of the tree is of more use
-        ranking = rank(points, n_points, self.criterion, area, sharpness, seen, stages)
+            candidates = nested_candidates(points, n_points, area, self.candidates, sharpness)
+            del tree, noise, sharpness  # their memory is of more use, but for the tree where there is noise
+        ranking = rank(points, candidates, self.criterion, seen, stages)
         return Selection(
             ranking.indices,
             {"noise_in_spacings": level / spacing if spacing > 0.0 else 0.0},
