@@ -92,7 +92,7 @@ def sampled_tree(points: NDArray[np.float64], n_points: int) -> tuple[KdTree, ND
     as more; a tree over many millions would take longer than the choice.
     """
     enough = max(MOST_SAMPLED, DENSE * n_points)
-    if len(points) <= 2 * enough:
+    if len(points) <= 1.5 * enough:
         return KdTree.build(points), slice(None)
     draws = round(-len(points) * math.log1p(-enough / len(points)))  # some are of points that were drawn before
     taken = np.zeros(len(points), dtype=np.bool_)
