@@ -294,13 +294,14 @@ def test_twice_the_size_with_four_times_the_variances_is_the_same_choice():
 
 def test_area_and_noise_of_millions_are_judged_by_some(monkeypatch):
     points = np.column_stack([RANDOM.random((200_000, 2)), 0.002 * RANDOM.standard_normal(200_000)])
-    every, _ = sampled_tree(points, 500)
     monkeypatch.setattr("gppcs.progressive.MOST_SAMPLED", 20_000)
+    every, of_all = sampled_tree(points, 5_129)  # 26 for each are two thirds of them
     some, indices = sampled_tree(points, 500)
-    np.testing.assert_array_equal(points[indices][some.order].T, some.points)
+    for tree, taken in ((every, of_all), (some, indices)):
+        np.testing.assert_array_equal(points[taken][tree.order].T, tree.points)
     assert len(every.order) == 200_000
     assert len(some.order) == pytest.approx(20_000, rel=0.01)
-    assert len(sampled_tree(points, 6_251)[0].order) == 200_000  # 26 for each are most of them
+    assert len(sampled_tree(points, 5_128)[0].order) == pytest.approx(26 * 5_128, rel=0.01)
     assert surface_area(some) == pytest.approx(1.0, rel=0.1)
     levels = [Noise.measure(tree, 500, 0.045).level for tree in (every, some)]
     assert levels[1] == pytest.approx(levels[0], rel=0.1)
