@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gppcs.kdtree import LEAF_SIZE, KdTree, greater_child, leaf_range
 from gppcs.local_field import Conditioning, LocalField, condition, field_distance
-from gppcs.local_posterior import LANES, Posterior, posterior, posteriors, sites_of, workspace
+from gppcs.local_posterior import LANES, posterior, posteriors, sites_of, workspace
 
 TAKEN = -1.0  # in place of the score of a chosen point, and of the reach of one: below any
 SPACING, SCORE, REACH, INDEX, ROWS = 6, 7, 8, 9, 10  # rows of a leaf; the first six are place and normal
@@ -75,25 +75,25 @@ def extend(
     """
     sites = sites_of(field)
     conditioning = condition(field, tree, chosen, neighbours)
-    found = posterior(field, sites, conditioning, error_weight)
-    found.scores[chosen] = TAKEN
-    nodes = _nodes(field, tree, conditioning, found)
+    variances, scores = posterior(field, sites, conditioning, error_weight)[1:]
+    scores[chosen] = TAKEN
+    nodes = _nodes(field, tree, conditioning, scores)
     position = np.empty(len(tree.order), dtype=np.int64)
     position[tree.order] = np.arange(len(tree.order))
     extended = np.concatenate([chosen, np.empty(n_points - len(chosen), dtype=np.int64)])
     added = np.empty((2, n_points - len(chosen)))
-    _choose(field, sites, conditioning, nodes, position, error_weight, found.variances, extended[len(chosen) :], added)
+    _choose(field, sites, conditioning, nodes, position, error_weight, variances, extended[len(chosen) :], added)
     return extended, added[0], np.sqrt(added[1])
 
 
-def _nodes(field: LocalField, tree: KdTree, conditioning: Conditioning, found: Posterior) -> _Nodes:
+def _nodes(field: LocalField, tree: KdTree, conditioning: Conditioning, scores: NDArray[np.float64]) -> _Nodes:
     count = len(tree.low)
     nodes = _Nodes(
         np.concatenate([tree.low, tree.high, np.empty((count, 2))], axis=1),
         np.empty(count), np.empty(count, dtype=np.int64), np.empty((count // 2, ROWS, LEAF_SIZE)),
     )  # fmt: skip
-    reach = np.where(found.scores == TAKEN, TAKEN, conditioning.squared[:, -1])
-    _fill(field, tree.order, found.scores, reach, nodes)
+    reach = np.where(scores == TAKEN, TAKEN, conditioning.squared[:, -1])
+    _fill(field, tree.order, scores, reach, nodes)
     return nodes
 
 

@@ -88,7 +88,7 @@ class LocalGP(Method):
             if noise.quiet:
                 sharpness[sampled] = sharpness_of(tree, area, self.candidates * n_points)
             candidates = nested_candidates(points, n_points, area, self.candidates, sharpness)
-            del tree, noise, sharpness  # their memory is of more use, but for the tree where there is noise
+            del tree, sampled, noise, sharpness  # their memory is of more use, but for the tree where there is noise
         ranking = rank(points, candidates, self.criterion, seen, stages)
         return Selection(
             ranking.indices,
