@@ -15,6 +15,7 @@ from gppcs.progressive import (
     FEWEST,
     FIRST,
     MANY,
+    MOST_TOLD,
     NOISE,
     Criterion,
     _field,
@@ -106,6 +107,22 @@ def test_the_sharpest_points_of_cells_are_those_on_the_edge():
     by_chance, chosen = (distance[distance < edge].mean() / edge for distance in off)
     assert by_chance > 0.45
     assert chosen < 0.2  # found 0.16
+
+
+def test_faces_have_no_sharp_points():
+    """Rounding, which changes with where the cloud lies, would tell points on a face that is along no axis apart."""
+    turn, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))
+    points = RANDOM.random((20_000, 3)) * [1.0, 1.0, 0.0] @ turn
+    np.testing.assert_array_equal(sharpness_of(KdTree.build(points), 1.0, 4_000.0), 0.0)
+
+
+def test_of_far_more_points_than_cells_some_are_looked_at(sphere):
+    """A ball around each of all would hold a share of them that the number of points wanted alone tells."""
+    tree = KdTree.build(sphere)
+    sharpness = sharpness_of(tree, 4 * np.pi, 80.0)
+    told = tree.order[:: len(sphere) // int(MOST_TOLD * 80)]
+    assert (sharpness[told] > 0).all()
+    assert np.count_nonzero(sharpness) == len(told) < 1.1 * MOST_TOLD * 80
 
 
 def test_where_there_is_little_to_choose_from_all_stay():
