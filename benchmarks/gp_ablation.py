@@ -76,7 +76,7 @@ def changes() -> dict[str, Change]:
             found[f"{field} {value:g} for {getattr(USUAL, field):g}"] = Change(USUAL.replaced({field: value}))
     for field, values in weights.items():
         found |= {f"{names[field]} x {value:g}": Change(Weighted(**{field: value})) for value in values}
-    found["noise off"] = Change(replaced=[(noise, "QUIET", np.inf)])
+    found["noise off"] = Change(replaced=[(noise, "QUIET", np.inf), (progressive, "REACH", 0.0)])
     for value in (0.25, 1.0):
         found[f"noise tolerated {value:g} for {noise.TOLERATED:g}"] = Change(replaced=[(noise, "TOLERATED", value)])
     for value in (1.0, 4.0):
@@ -93,6 +93,10 @@ def changes() -> dict[str, Change]:
         )
     for value in (0.03, 0.1):
         found[f"even below {value:g} for {progressive.EVEN:g}"] = Change(replaced=[(progressive, "EVEN", value)])
+    for value in (0.2, 1 / 3):
+        found[f"roughness of an edge {value:.2g} for {progressive.EDGE:g}"] = Change(
+            replaced=[(progressive, "EDGE", value)]
+        )
     for value in (0.0, 0.5, 1.5):
         found[f"sharpness within {value:g} for {progressive.REACH:g} cells"] = Change(
             replaced=[(progressive, "REACH", value)]

@@ -144,7 +144,7 @@ def test_what_cannot_be_measured_is_refused():
         estimate_features([[0, 0, np.nan]])
     for search in ("radius", "nearest"):
         for neighbours in (0, 2.5):
-            with pytest.raises(gppcs.ParameterError, match=f"at least 1 neighbour, found {neighbours}"):
+            with pytest.raises(gppcs.ParameterError, match=f"whole number from 1 on, found {neighbours}"):
                 estimate_features(np.random.default_rng(0).random((9, 3)), neighbours, search)
     with pytest.raises(gppcs.ParameterError, match="'radius' or 'nearest'"):
         estimate_features([[0, 0, 0]], search="knn")

@@ -28,20 +28,29 @@ def test_one_dense_place_is_felt_as_far_as_the_slope_reaches():
     np.testing.assert_allclose(limited(tree, np.where(x == 0, 0.5, 1.0), 0.1), expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize("n", [1, TOGETHER - 1, TOGETHER, 5_000])
+def groups_of(tree):
+    """The points of each leaf, parted evenly."""
+    n, leaves = len(tree.order), len(tree.low) // 2
+    for leaf in range(leaves):
+        begin, end = n * leaf // leaves, n * (leaf + 1) // leaves
+        parts = max(1, round(n / leaves / TOGETHER))
+        for part in range(parts):
+            yield slice(begin + (end - begin) * part // parts, begin + (end - begin) * (part + 1) // parts)
+
+
+@pytest.mark.parametrize("n", [1, TOGETHER - 1, TOGETHER, LEAF_SIZE, LEAF_SIZE + 1, 5_000])
 def test_graded_spacings_are_of_groups_and_no_greater_than_before(n):
     rng = np.random.default_rng(n)
     tree = KdTree.build(rng.random((n, 3)))
     spacings = 0.5 + rng.random(n)
     found = graded(tree, spacings, 0.1)
     assert (found <= spacings).all()
-    groups = np.array_split(np.arange(n), max(1, n // TOGETHER))
-    if n % TOGETHER == 0 or n < TOGETHER:  # else the groups of one more are elsewhere
-        centres = np.array([tree.points[:, group].mean(axis=1) for group in groups])
-        means = np.array([np.mean(spacings[group] ** -2.0) ** -0.5 for group in groups])
-        limits = (means + 0.1 * np.linalg.norm(centres[:, None] - centres, axis=2)).min(axis=1)
-        for group, limit in zip(groups, limits, strict=True):
-            np.testing.assert_allclose(found[group], np.minimum(spacings[group], limit), rtol=1e-9)
+    groups = list(groups_of(tree))
+    centres = np.array([tree.points[:, group].mean(axis=1) for group in groups])
+    means = np.array([np.mean(spacings[group] ** -2.0) ** -0.5 for group in groups])
+    limits = (means + 0.1 * np.linalg.norm(centres[:, None] - centres, axis=2)).min(axis=1)
+    for group, limit in zip(groups, limits, strict=True):
+        np.testing.assert_allclose(found[group], np.minimum(spacings[group], limit), rtol=1e-9)
 
 
 def test_spacings_that_grow_slowly_stay():

@@ -217,7 +217,7 @@ def test_what_cannot_be_estimated_is_refused():
     with pytest.raises(gppcs.InputError, match="cloud of places has 1 points"):
         estimate_normals([[0, 0, 0]], at=[[0, 0, np.nan]])
     for neighbours in (2, 31.0):
-        with pytest.raises(gppcs.ParameterError, match=f"at least 3 neighbours, found {neighbours}"):
+        with pytest.raises(gppcs.ParameterError, match=f"whole number from 3 on, found {neighbours}"):
             estimate_normals([[0, 0, 0]], neighbours=neighbours)
 
 

@@ -76,7 +76,7 @@ def test_targets_double_and_candidates_of_a_stage_are_among_those_of_the_next(br
         assert thinned == (len(candidates) < 20_000)
 
 
-def test_there_are_nine_candidates_for_each_point_wanted_or_half_as_many_again(sphere):
+def test_there_are_as_many_candidates_as_asked_for_or_half_as_many_again(sphere):
     """On a plane along the grid as many as asked for, on a sphere half as many again; found 9.2 and 13.0."""
     plane = np.column_stack([RANDOM.random((40_000, 2)), np.zeros(40_000)])
     for points, expected in ((plane, 9), (sphere, 13.5)):

@@ -206,13 +206,13 @@ def test_uneven_density_falls_with_the_square_of_the_distance():
     [
         ({"name": "braket"}, "found 'braket'; did you mean 'bracket'"),
         ({"name": "teapot"}, "medallion, bracket, fan, sphere"),
-        ({"n_points": 0}, "at least 1 point, found 0"),
-        ({"n_points": 2.5}, "at least 1 point, found 2.5"),
+        ({"n_points": 0}, "n_points to be a whole number from 1 on, found 0"),
+        ({"n_points": 2.5}, "n_points to be a whole number from 1 on, found 2.5"),
         ({"noise": -0.1}, "0 or more, found -0.1"),
         ({"noise": float("nan")}, "found nan"),
         ({"outliers": 1.0}, "outliers from 0 to below 1, found 1.0"),
         ({"uneven": -0.5}, "uneven from 0 to below 1, found -0.5"),
-        ({"seed": -1}, "at least 0 as the seed, found -1"),
+        ({"seed": -1}, "seed to be a whole number from 0 on, found -1"),
     ],
 )
 def test_arguments_out_of_range_are_refused(arguments, message):

@@ -32,12 +32,12 @@ class OutputError(GppcsError, OSError):
     """A file that cannot be written: it exists, its folder does not, its format does not hold the cloud."""
 
 
-def whole_number(value: Any, least: int, what: str) -> int:
-    """Return a value as a Python int; raise a ParameterError that says of what, unless it is whole and large enough."""
+def whole_number(name: str, value: Any, least: int) -> int:
+    """Return a value as a Python int; raise a ParameterError that names it unless it is whole and at least `least`."""
     try:
         whole = operator.index(value)
     except TypeError:
         whole = least - 1
     if whole < least:
-        raise ParameterError(f"expected a whole number of at least {least} {what}, found {value!r}")
+        raise ParameterError(f"expected {name} to be a whole number from {least} on, found {value}")
     return whole

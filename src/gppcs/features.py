@@ -80,7 +80,7 @@ def estimate_features(
     ParameterError
         If there is no such search, or there are no neighbours.
     """
-    neighbours = whole_number(neighbours, 1, "neighbour")
+    neighbours = whole_number("neighbours", neighbours, 1)
     points = PointCloud.of(cloud).usable("cloud")
     if tree is None:
         points, _, _ = normalised(points)
@@ -109,7 +109,7 @@ def features_in_radius(tree: KdTree, radius: float) -> Features:
 
 
 def variation_in_radius(tree: KdTree, radius: float) -> NDArray[np.float64]:
-    """Measure the surface variation alone, (N,); a fifth of the memory."""
+    """Measure the surface variation alone, (N,), as `features_in_radius` does; a fifth of the memory for the result."""
     unwanted = Features.empty(0)
     variation = np.empty(len(tree.order), dtype=np.float64)
     _measure_in_radius(tree, radius, Features(variation, unwanted.normals, unwanted.neighbours))
@@ -175,7 +175,7 @@ def _finish(moments, indices, variation, normals, neighbours):
                 moments[7, p] / n - y * y, moments[8, p] / n - y * z, moments[9, p] / n - z * z,
                 direction,
             )  # fmt: skip
-        if len(normals):
+        if len(normals):  # else the surface variation alone is wanted
             neighbours[index] = n
             normals[index, 0], normals[index, 1], normals[index, 2] = direction[0], direction[1], direction[2]
 

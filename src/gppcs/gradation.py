@@ -12,9 +12,10 @@ TOGETHER = 8  # points whose spacings are graded as one: fewer would take longer
 
 
 def graded(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArray[np.float64]:
-    """Return spacings, nowhere above those given, that grow with the distance by about `slope` at most.
+    """Return spacings, nowhere above those given and nowhere above limits that grow with the distance by `slope`.
 
-    Points that stand together in the tree, about `TOGETHER` of them, are lowered to one limit.
+    The points of a leaf that follow each other, about `TOGETHER` of them, have one limit, that of their mean density at
+    their middle; so within such a group spacings may differ more, and between groups by its size.
 
     Parameters
     ----------
@@ -24,13 +25,15 @@ def graded(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArray
     slope : float
         Not negative.
     """
-    n = len(spacings)
-    groups = max(1, n // TOGETHER)
-    starts = np.arange(groups) * n // groups
+    n, leaves = len(spacings), first_leaf(tree.low)
+    in_leaf = max(1, round(n / leaves / TOGETHER))
+    leaf, part = np.divmod(np.arange(leaves * in_leaf), in_leaf)
+    begin, end = n * leaf // leaves, n * (leaf + 1) // leaves
+    starts = begin + (end - begin) * part // in_leaf
     counts = np.diff(starts, append=n)
     centres = KdTree.build((np.add.reduceat(tree.points, starts, axis=1) / counts).T)
     density = np.add.reduceat(spacings**-2.0, starts) / counts
-    limits = np.empty(groups)
+    limits = np.empty(len(starts))
     limits[centres.order] = limited(centres, density[centres.order] ** -0.5, slope)
     return np.minimum(spacings, np.repeat(limits, counts))
 

@@ -32,7 +32,7 @@ SLOPE = 0.1  # by which the spacing grows with the distance, at most
 SPARSEST = 0.7  # of the mean density of the points to be chosen: no place is left with less before grading
 MOST_SAMPLED = 100_000  # points of the tree by which area and noise are judged, unless more are to be chosen
 DENSE = 26  # of them for each to be chosen: as many as the widest neighbourhoods that tell noise need
-REACH = 1.0  # edges of the candidates' cells within which the points of a cell are told apart
+REACH = 1.0  # widths of a cell, by the estimate of the area, within which its points are told apart
 MOST_TOLD = 25  # points of a cell that are told apart, about: more cost their square, and tell little more
 SMALLEST = 1e-200  # area that anything is told apart in
 FLAT = 1e-12  # surface variation, or spread of it, that is nothing but rounding
@@ -103,11 +103,11 @@ def sampled_tree(points: NDArray[np.float64], n_points: int) -> tuple[KdTree, ND
 
 
 def sharpness_of(tree: KdTree, area: float, cells: float) -> NDArray[np.float64]:
-    """Return the surface variation of the points of a tree within the edge of a cell, where so many cover the area.
+    """Return the surface variation of the points of a tree within the width of a cell, where so many cover the area.
 
-    Of the points in a cell that an edge of the surface goes through, those on the edge have the most. What is nothing
-    but rounding counts as none: it would change with where the cloud lies. Of far more points than cells only some are
-    looked at, evenly spread over the tree: balls of the others would hold too many.
+    Of the points in a cell with a crease through it, those on the crease have the most. What is nothing but rounding
+    counts as none: it would change with where the cloud lies. Of far more points than cells only some are looked at,
+    evenly spread over the tree: balls of the others would hold too many.
     """
     n = len(tree.order)
     some = slice(None, None, max(1, n // math.ceil(MOST_TOLD * cells)))
@@ -283,8 +283,8 @@ def _field(tree: KdTree, features: Features, noise: NDArray[np.float64], criteri
     """
     variation = features.surface_variation[tree.order]
     roughness = np.sqrt(variation)
-    round_share = 1.0 - _segregation(roughness) ** 2
-    density = np.maximum(roughness, EVEN) ** (criterion.density_power * round_share**4)
+    roundness = 1.0 - _segregation(roughness) ** 2
+    density = np.maximum(roughness, EVEN) ** (criterion.density_power * roundness**4)
     density = np.maximum(density, SPARSEST * np.mean(density))
     spacings = graded(tree, np.sqrt(np.mean(density) / density), SLOPE)
     spread = float(np.std(variation))
@@ -295,7 +295,7 @@ def _field(tree: KdTree, features: Features, noise: NDArray[np.float64], criteri
         y=(variation - np.mean(variation)) / spread if spread > FLAT else np.zeros(len(noise)),
         noise=NOISE + noise[tree.order],
         lengthscale=criterion.lengthscale,
-        normal_weight=criterion.normal_weight * round_share**2,
+        normal_weight=criterion.normal_weight * roundness**2,
     )
 
 
