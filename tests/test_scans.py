@@ -206,8 +206,8 @@ def test_uneven_density_falls_with_the_square_of_the_distance():
     [
         ({"name": "braket"}, "found 'braket'; did you mean 'bracket'"),
         ({"name": "teapot"}, "medallion, bracket, fan, sphere"),
-        ({"n_points": 0}, "n_points to be a whole number from 1 on, found 0"),
-        ({"n_points": 2.5}, "n_points to be a whole number from 1 on, found 2.5"),
+        ({"n_points": 0}, "number of points to be a whole number from 1 on, found 0"),
+        ({"n_points": 2.5}, "number of points to be a whole number from 1 on, found 2.5"),
         ({"noise": -0.1}, "0 or more, found -0.1"),
         ({"noise": float("nan")}, "found nan"),
         ({"outliers": 1.0}, "outliers from 0 to below 1, found 1.0"),

@@ -203,7 +203,7 @@ def test_a_cloud_without_finite_points_is_refused():
         ({"ratio": -1}, "found -1"),
         ({"ratio": 1.5}, "found 1.5"),
         ({"ratio": np.nan}, "found nan"),
-        ({"n_points": 0}, "n_points to be a whole number from 1 on, found 0"),
+        ({"n_points": 0}, "number of points to be a whole number from 1 on, found 0"),
         ({"n_points": -3}, "found -3"),
         ({"n_points": 2.5}, "found 2.5"),
         ({"n_points": "10"}, "found '?10'?"),

@@ -39,5 +39,6 @@ def whole_number(name: str, value: Any, least: int) -> int:
     except TypeError:
         whole = least - 1
     if whole < least:
-        raise ParameterError(f"expected {name} to be a whole number from {least} on, found {value}")
+        found = repr(value) if isinstance(value, str) else value
+        raise ParameterError(f"expected {name} to be a whole number from {least} on, found {found}")
     return whole

@@ -80,7 +80,7 @@ def estimate_features(
     ParameterError
         If there is no such search, or there are no neighbours.
     """
-    neighbours = whole_number("neighbours", neighbours, 1)
+    neighbours = whole_number("the number of neighbours", neighbours, 1)
     points = PointCloud.of(cloud).usable("cloud")
     if tree is None:
         points, _, _ = normalised(points)

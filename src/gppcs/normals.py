@@ -59,7 +59,7 @@ def estimate_normals(
         If there are fewer than 3 neighbours.
     """
     if neighbours is not None:
-        neighbours = whole_number("neighbours", neighbours, 3)
+        neighbours = whole_number("the number of neighbours", neighbours, 3)
     points = PointCloud.of(cloud).usable("cloud")
     places = points if at is None else PointCloud.of(at).usable("cloud of places")
     points, corner, exponent = normalised(points)

@@ -203,4 +203,4 @@ def _target(n: int, ratio: float | None, n_points: int | None) -> int:
         if not inside:
             raise ParameterError(f"expected a ratio above 0 and at most 1, found {ratio!r}")
         return max(1, round(ratio * n))
-    return min(whole_number("n_points", n_points, 1), n)
+    return min(whole_number("the number of points", n_points, 1), n)

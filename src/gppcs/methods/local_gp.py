@@ -28,7 +28,7 @@ class LocalGP(Method):
     Parameters
     ----------
     feature_weight : float
-        From 0, an even cover, to 1, features above all.
+        From 0, an even cover, to 1, points crowded where the surface is rough.
     lengthscale : float
         Of the Matérn kernel, in units of the spacing of the points to be chosen.
     neighbours : int
@@ -38,7 +38,7 @@ class LocalGP(Method):
     """
 
     name = "gp"
-    summary = "a local Gaussian process of full rank: features kept, cover even, a ranking"
+    summary = "a local Gaussian process of full rank: features kept, nothing left bare, a ranking"
     source = "the criterion of GP-PCS, Algorithm 1; the field is our own, see docs/local-field.md"
     attributes = ("score", "deviation")
 

@@ -91,7 +91,7 @@ def sample(
 def _checked(name: str, n_points: int, noise: float, outliers: float, uneven: float, seed: int) -> Scan:
     if name not in SCANS:
         raise ParameterError(f"expected the name of a sample scan, found {name!r}{nearest_name(name, SCANS)}")
-    whole_number("n_points", n_points, 1)
+    whole_number("the number of points", n_points, 1)
     if not 0.0 <= noise < np.inf:
         raise ParameterError(
             f"expected noise as a share of the diagonal, 0 or more, found {noise}; 0.005 is a noisy scan"
@@ -101,7 +101,7 @@ def _checked(name: str, n_points: int, noise: float, outliers: float, uneven: fl
             raise ParameterError(
                 f"expected {argument} from 0 to below 1, found {value}; give a share, such as 0.05 for 5 %"
             )
-    whole_number("seed", seed, 0)
+    whole_number("the seed", seed, 0)
     return SCANS[name]
 
 
