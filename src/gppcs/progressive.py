@@ -243,7 +243,7 @@ def _halved(
         len(greatest_in_cells(points[some], _edge(area * 0.5**halvings, cells), sharpness[some])) < few
         and area * 0.5**halvings > SMALLEST
     ):
-        halvings += 1
+        halvings += 4  # some too many are taken back below
     found = area * 0.5**halvings
     for _, (coarser, kept) in zip(range(halvings), _grids(points, found, cells, sharpness), strict=False):
         if len(kept) >= few:
