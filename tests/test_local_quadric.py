@@ -44,8 +44,9 @@ def test_a_quadric_is_met_exactly_on_and_off_the_surface(bends, off, foot, seed)
 
 
 @settings(deadline=None, max_examples=30)
-@given(st.integers(6, 40), st.integers(0, 999), st.floats(-0.3, 0.3))
+@given(st.integers(10, 40), st.integers(0, 999), st.floats(-0.3, 0.3))
 def test_a_plane_is_met_exactly(n, seed, off):
+    """By more than the six points that a quadric needs: so few may lie nearly on a conic, which leaves it open."""
     rng, turn = np.random.default_rng(seed), rotation(seed)
     plane = np.column_stack([rng.random((n, 2)), np.zeros(n)]) @ turn.T
     height, normal = fitted(plane, turn @ [0.5, 0.5, off])
