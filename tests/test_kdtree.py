@@ -34,6 +34,11 @@ def test_queries_elsewhere_match_scipy():
     np.testing.assert_allclose(np.sqrt(squared), distances, rtol=1e-12)
 
 
+def test_positions_undo_the_order():
+    tree = KdTree.build(np.random.default_rng(4).random((500, 3)))
+    np.testing.assert_array_equal(tree.order[tree.positions()], np.arange(500))
+
+
 @pytest.mark.parametrize(("n", "k"), [(1, 0), (2, 1), (500, 7)])
 def test_neighbours_are_the_nearest_others_in_tree_order(n, k):
     points = np.random.default_rng(3).random((n, 3))

@@ -66,8 +66,7 @@ def farthest_points(
         first = int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))
     chosen = np.empty(n_points, dtype=np.int64)
     distances = np.empty(n_points, dtype=np.float64)
-    position = np.empty(len(points), dtype=np.int64)
-    position[tree.order] = np.arange(len(points))
+    position = tree.positions()
     if first is not None:
         chosen[0], distances[0] = first, squared[position[first]]
         x, y, z = (tree.points - tree.points[:, position[first], None]) ** 2

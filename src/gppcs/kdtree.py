@@ -52,6 +52,12 @@ class KdTree:
         _grow(records, numbers, depth, tree.order, tree.points, tree.low, tree.high)
         return tree
 
+    def positions(self) -> NDArray[np.int64]:
+        """Return the position in tree order of each point of the input, (N,)."""
+        positions = np.empty(len(self.order), dtype=np.int64)
+        positions[self.order] = np.arange(len(self.order))
+        return positions
+
     def nearest_of(self, queries: NDArray[np.float64], k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return the input indices and squared distances of the k points nearest each query, nearest first.
 

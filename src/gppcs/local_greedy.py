@@ -78,11 +78,11 @@ def extend(
     variances, scores = posterior(field, sites, conditioning, error_weight)[1:]
     scores[chosen] = TAKEN
     nodes = _nodes(field, tree, conditioning, scores)
-    position = np.empty(len(tree.order), dtype=np.int64)
-    position[tree.order] = np.arange(len(tree.order))
     extended = np.concatenate([chosen, np.empty(n_points - len(chosen), dtype=np.int64)])
     added = np.empty((2, n_points - len(chosen)))
-    _choose(field, sites, conditioning, nodes, position, error_weight, variances, extended[len(chosen) :], added)
+    _choose(
+        field, sites, conditioning, nodes, tree.positions(), error_weight, variances, extended[len(chosen) :], added
+    )
     return extended, added[0], np.sqrt(added[1])
 
 

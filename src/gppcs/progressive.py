@@ -186,7 +186,7 @@ def rank(
         spacing = float(np.sqrt(area / target)) or 1.0
         tree, field = _observed(points[indices], spacing, thinned, criterion, seen, clock)
         with clock("greedy selection", target - len(chosen)) as advanced:
-            before = _positions(tree, np.searchsorted(indices, chosen))  # they are candidates here too
+            before = tree.positions()[np.searchsorted(indices, chosen)]  # they are candidates here too
             extended, score, deviation = extend(
                 field, tree, before, target, criterion.neighbours, criterion.error_weight
             )
@@ -195,13 +195,6 @@ def rank(
         deviations.append(deviation)
         chosen = indices[tree.order[extended]]
     return Ranking(chosen, np.concatenate(scores), np.concatenate(deviations))
-
-
-def _positions(tree: KdTree, indices: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the positions in tree order of points of the tree's input."""
-    positions = np.empty(len(tree.order), dtype=np.int64)
-    positions[tree.order] = np.arange(len(tree.order))
-    return positions[indices]
 
 
 def _observed(

@@ -111,8 +111,7 @@ def _stage(
     candidate = np.empty(len(tree.low), dtype=np.int64)
     greatest_of_all(tree.order, weights, heaviest, candidate)
     pending = np.zeros(len(tree.low), dtype=np.float64)
-    position = np.empty(len(points), dtype=np.int64)
-    position[tree.order] = np.arange(len(points))
+    position = tree.positions()
     removed = np.empty(len(points) - n_points, dtype=np.int64)
     for begin in range(0, len(removed), REMOVALS_PER_CALL):
         some = removed[begin : begin + REMOVALS_PER_CALL]
