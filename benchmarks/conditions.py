@@ -24,9 +24,9 @@ from scipy.spatial.transform import Rotation
 
 import gppcs
 import report
-from gppcs.cloud import NORMALS
+from gppcs.clouds.cloud import NORMALS
+from gppcs.engine.stages import Stages
 from gppcs.evaluation.judge import judged
-from gppcs.stages import Stages
 
 SQUARES = 20  # along the edge of the gridded cube
 

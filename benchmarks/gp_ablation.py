@@ -16,8 +16,9 @@ import conditions
 import gppcs
 import report
 from conditions import H_MAX, H_MEAN, SURFACE, Column, Condition, Figures
-from gppcs import noise, progressive
-from gppcs.progressive import Criterion
+from gppcs.gp.local import candidates, density
+from gppcs.gp.local.ranking import Criterion
+from gppcs.surface import noise
 
 CONDITIONS = (
     Condition("bunny", "bunny", 0.05),
@@ -76,7 +77,7 @@ def changes() -> dict[str, Change]:
             found[f"{field} {value:g} for {getattr(USUAL, field):g}"] = Change(USUAL.replaced({field: value}))
     for field, values in weights.items():
         found |= {f"{names[field]} x {value:g}": Change(Weighted(**{field: value})) for value in values}
-    found["noise off"] = Change(replaced=[(noise, "QUIET", np.inf), (progressive, "REACH", 0.0)])
+    found["noise off"] = Change(replaced=[(noise, "QUIET", np.inf), (candidates, "REACH", 0.0)])
     for value in (0.25, 1.0):
         found[f"noise tolerated {value:g} for {noise.TOLERATED:g}"] = Change(replaced=[(noise, "TOLERATED", value)])
     for value in (1.0, 4.0):
@@ -88,21 +89,17 @@ def changes() -> dict[str, Change]:
     for value in (0.2, 0.5):
         found[f"thick from {value:g} for {noise.THICK:g}"] = Change(replaced=[(noise, "THICK", value)])
     for value in (0.0, 0.5):
-        found[f"least density {value:g} for {progressive.SPARSEST:g}"] = Change(
-            replaced=[(progressive, "SPARSEST", value)]
-        )
+        found[f"least density {value:g} for {density.SPARSEST:g}"] = Change(replaced=[(density, "SPARSEST", value)])
     for value in (0.03, 0.1):
-        found[f"even below {value:g} for {progressive.EVEN:g}"] = Change(replaced=[(progressive, "EVEN", value)])
+        found[f"even below {value:g} for {density.EVEN:g}"] = Change(replaced=[(density, "EVEN", value)])
     for value in (0.2, 1 / 3):
-        found[f"roughness of an edge {value:.2g} for {progressive.EDGE:g}"] = Change(
-            replaced=[(progressive, "EDGE", value)]
-        )
+        found[f"roughness of an edge {value:.2g} for {density.EDGE:g}"] = Change(replaced=[(density, "EDGE", value)])
     for value in (0.0, 0.5, 1.5):
-        found[f"sharpness within {value:g} for {progressive.REACH:g} cells"] = Change(
-            replaced=[(progressive, "REACH", value)]
+        found[f"sharpness within {value:g} for {candidates.REACH:g} cells"] = Change(
+            replaced=[(candidates, "REACH", value)]
         )
     for value in (0.05, 0.2, 100.0):
-        found[f"slope {value:g} for {progressive.SLOPE:g}"] = Change(replaced=[(progressive, "SLOPE", value)])
+        found[f"slope {value:g} for {density.SLOPE:g}"] = Change(replaced=[(density, "SLOPE", value)])
     return found
 
 

@@ -16,10 +16,10 @@ import numba
 
 import gppcs
 import report
-from gppcs.farthest_point import farthest_points
-from gppcs.features import features_in_radius
-from gppcs.kdtree import KdTree
-from gppcs.neighbourhood import paper_radius
+from gppcs.spatial.farthest_points import farthest_points
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.spacing import paper_radius
+from gppcs.surface.surface_variation import features_in_radius
 
 RATIO = 0.03
 

@@ -19,7 +19,7 @@ from scipy.stats import spearmanr
 
 import gppcs
 import report
-from gppcs.drawing.meshes import require_pyvista
+from gppcs.engine.extras import require_pyvista
 
 CASES = (  # cloud, mesh, ratio
     ("bunny", "bunny", 0.05),

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import report
-from gppcs.cloud import PointCloud
+from gppcs.clouds.cloud import PointCloud
 from gppcs.io import read, write
 
 

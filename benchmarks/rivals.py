@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 import gppcs
 import report
-from gppcs.hierarchical_clustering import clusters_by_variation, hierarchical_clusters
-from gppcs.kdtree import KdTree
-from gppcs.wlop import nearest_unused, project
+from gppcs.methods.hc.clustering import clusters_by_variation, hierarchical_clusters
+from gppcs.methods.wlop.projection import nearest_unused, project
+from gppcs.spatial.kdtree import KdTree
 
 RATIO = 0.03
 REPEATS = 5

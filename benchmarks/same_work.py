@@ -15,12 +15,12 @@ import numpy as np
 import gppcs
 import report
 from clouds import DRAGON, Array
-from gppcs.farthest_point import farthest_points
-from gppcs.features import features_in_radius, features_of_nearest
-from gppcs.hierarchical_clustering import hierarchical_clusters
-from gppcs.kdtree import KdTree
-from gppcs.neighbourhood import paper_radius
-from gppcs.voxel import representatives
+from gppcs.methods.hc.clustering import hierarchical_clusters
+from gppcs.methods.voxel.grid import representatives
+from gppcs.spatial.farthest_points import farthest_points
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.spacing import paper_radius
+from gppcs.surface.surface_variation import features_in_radius, features_of_nearest
 
 RATIO = 0.03
 NEIGHBOURS = 25

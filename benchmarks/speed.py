@@ -26,7 +26,7 @@ import machine
 import report
 import same_work
 from clouds import Array, Cloud
-from gppcs.memory import STATUS, peak_memory
+from gppcs.engine.memory import STATUS, peak_memory
 
 GP = "gp"
 METHODS = (GP, "gp-spectral", "fps", "hc", "wlop")

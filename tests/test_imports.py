@@ -32,7 +32,11 @@ def test_an_unknown_name_is_an_attribute_error():
 
 @pytest.mark.parametrize(
     "use",
-    ["import gppcs", "import gppcs.cli", "import sys; sys.argv = ['gppcs', '--help']; import gppcs.cli as c; c.main()"],
+    [
+        "import gppcs",
+        "import gppcs.app.cli",
+        "import sys; sys.argv = ['gppcs', '--help']; import gppcs.app.cli as c; c.main()",
+    ],
 )
 def test_heavy_packages_are_not_loaded_before_they_are_used(use):
     code = f"import atexit, sys\natexit.register(lambda: print('loaded:', *sys.modules))\n{use}"

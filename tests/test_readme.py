@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import gppcs
-from gppcs import cli
+from gppcs.app import cli
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()

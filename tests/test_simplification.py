@@ -259,7 +259,7 @@ def test_listeners_hear_of_every_step():
         def finished(self):
             heard[-1].append("finished")
 
-    from gppcs.stages import Stages
+    from gppcs.engine.stages import Stages
 
     gppcs.simplify(quantised("bracket"), n_points=120, method="gp", stages=Stages(Listener()))
     chosen = [(total, done) for stage, total, done, _ in heard if stage == "greedy selection"]

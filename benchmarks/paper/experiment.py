@@ -19,10 +19,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import gppcs
 import report
-from gppcs.cells import first_occurrences
-from gppcs.graph_filter import NeighbourGraph
-from gppcs.kdtree import KdTree
 from gppcs.methods import method_named
+from gppcs.methods.pc_simp.graph_filter import NeighbourGraph
+from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.kdtree import KdTree
 
 CANDIDATES = 25_000  # random points among which the paper's experiments choose
 RELEASED_WEIGHT = 1e-3  # lambda in PC-Simp's released program

@@ -17,7 +17,7 @@ import gppcs
 import report
 from experiment import COUNTERPARTS, COVER, REBUILT, SECONDS, VARIATION, Condition
 from gppcs.evaluation.reconstruction import distances_to, estimated_normals, reconstruct
-from gppcs.hierarchical_clustering import hierarchical_clusters
+from gppcs.methods.hc.clustering import hierarchical_clusters
 
 SEEDS = range(3)  # of methods by chance
 STAND_IN = "Armadillo (stand-in)"

@@ -14,12 +14,13 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from gppcs import kernels as _kernels
+from gppcs.engine import kernel_cache as _kernel_cache
 
 if TYPE_CHECKING:
-    from gppcs.cloud import PointCloud
-    from gppcs.comparison import Entry, compare
-    from gppcs.depth_camera import from_depth
+    from gppcs.clouds.cloud import PointCloud
+    from gppcs.clouds.depth_camera import from_depth
+    from gppcs.clouds.mesh import Mesh
+    from gppcs.clouds.summary import Summary, info
     from gppcs.errors import (
         FileFormatError,
         GppcsError,
@@ -29,11 +30,11 @@ if TYPE_CHECKING:
         OutputError,
         ParameterError,
     )
+    from gppcs.evaluation.comparison import Entry, compare
     from gppcs.evaluation.judge import evaluate
     from gppcs.evaluation.report import Figure, Rebuilt, Report, figures_of
-    from gppcs.features import Features, estimate_features
     from gppcs.io import read, write
-    from gppcs.mesh import Mesh, read_mesh
+    from gppcs.io.mesh_files import read_mesh
     from gppcs.methods import (
         AIVS,
         METHODS,
@@ -52,19 +53,19 @@ if TYPE_CHECKING:
         TopVariation,
         Voxel,
     )
-    from gppcs.normals import estimate_normals
     from gppcs.scans import sample
     from gppcs.simplification import Result, simplify
-    from gppcs.summary import Summary, info
+    from gppcs.surface.normals import estimate_normals
+    from gppcs.surface.surface_variation import Features, estimate_features
 
 __version__ = "0.1.0"
 
-_kernels.provide_folder()
+_kernel_cache.provide_folder()
 
 _HOMES = {
-    "cloud": ("PointCloud",),
-    "comparison": ("Entry", "compare"),
-    "depth_camera": ("from_depth",),
+    "clouds.cloud": ("PointCloud",),
+    "evaluation.comparison": ("Entry", "compare"),
+    "clouds.depth_camera": ("from_depth",),
     "errors": (
         "FileFormatError",
         "GppcsError",
@@ -76,9 +77,10 @@ _HOMES = {
     ),
     "evaluation.judge": ("evaluate",),
     "evaluation.report": ("Figure", "Rebuilt", "Report", "figures_of"),
-    "features": ("Features", "estimate_features"),
+    "surface.surface_variation": ("Features", "estimate_features"),
     "io": ("read", "write"),
-    "mesh": ("Mesh", "read_mesh"),
+    "clouds.mesh": ("Mesh",),
+    "io.mesh_files": ("read_mesh",),
     "methods": (
         "AIVS",
         "METHODS",
@@ -97,10 +99,10 @@ _HOMES = {
         "TopVariation",
         "Voxel",
     ),
-    "normals": ("estimate_normals",),
+    "surface.normals": ("estimate_normals",),
     "scans": ("sample",),
     "simplification": ("Result", "simplify"),
-    "summary": ("Summary", "info"),
+    "clouds.summary": ("Summary", "info"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 

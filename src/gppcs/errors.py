@@ -1,6 +1,10 @@
 """What can go wrong, in the caller's words: every message says what was expected, what was found, what to do."""
 
+from __future__ import annotations
+
+import difflib
 import operator
+from collections.abc import Iterable
 from typing import Any
 
 
@@ -42,3 +46,10 @@ def whole_number(name: str, value: Any, least: int) -> int:
         found = repr(value) if isinstance(value, str) else value
         raise ParameterError(f"expected {name} to be a whole number from {least} on, found {found}")
     return whole
+
+
+def nearest_name(name: str, known: Iterable[str]) -> str:
+    """Return the end of an error message: the known name nearest to `name`, or all of them."""
+    known = list(known)
+    near = difflib.get_close_matches(name, known, n=1)
+    return f"; did you mean {near[0]!r}?" if near else f"; expected one of {', '.join(known)}"

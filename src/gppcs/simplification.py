@@ -10,10 +10,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gppcs.cloud import NORMALS, PointCloud
+from gppcs.clouds.cloud import NORMALS, PointCloud
+from gppcs.engine.stages import Stages
 from gppcs.errors import InputError, ParameterError, whole_number
 from gppcs.methods import DEFAULT, Method, Selection, method_named
-from gppcs.stages import Stages
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def simplify(
     ParameterError
         If a parameter is out of its range.
     """
-    from gppcs.normalisation import normalised
+    from gppcs.spatial.scaling import normalised
 
     stages = stages or Stages()
     with stages("preparation"):
@@ -136,7 +136,7 @@ def _moved(cloud: PointCloud, points: NDArray[np.float64]) -> PointCloud:
 
 def _with_normals(kept: PointCloud, points: NDArray[np.float64], selection: Selection) -> PointCloud:
     """Return the points kept with the normals of the whole cloud where they are."""
-    from gppcs.normals import estimate_normals
+    from gppcs.surface.normals import estimate_normals
 
     places = points[selection.indices] if selection.points is None else selection.points
     columns = np.ascontiguousarray(estimate_normals(points, places).T, dtype=np.float32)
@@ -156,7 +156,7 @@ def _choose(points: NDArray[np.float64], count: int, method: Method, stages: Sta
     """Let the method choose among points without repeats; add repeats only where these do not suffice."""
     if count >= len(points):
         return Selection(np.arange(len(points)))
-    from gppcs.cells import first_occurrences
+    from gppcs.spatial.cells import first_occurrences
 
     with stages("repeats"):
         first = first_occurrences(points)
@@ -171,7 +171,7 @@ def _choose(points: NDArray[np.float64], count: int, method: Method, stages: Sta
 
 def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64] | None:
     """Return the rows with finite coordinates, None if all have; refuse the others, unless they are to be dropped."""
-    from gppcs.normalisation import bounds
+    from gppcs.spatial.scaling import bounds
 
     if invalid not in ("error", "drop"):
         raise ParameterError(f"expected invalid to be 'error' or 'drop', found {invalid!r}")

@@ -1,6 +1,6 @@
 import pytest
 
-from gppcs.drawing.meshes import require_pyvista
+from gppcs.engine.extras import require_pyvista
 from gppcs.errors import MissingExtraError
 
 

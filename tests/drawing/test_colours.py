@@ -3,7 +3,8 @@ import sys
 import numpy as np
 import pytest
 
-from gppcs.drawing.colours import colour_scale, colours_of, require_matplotlib
+from gppcs.drawing.colours import colour_scale, colours_of
+from gppcs.engine.extras import require_matplotlib
 from gppcs.errors import MissingExtraError
 
 

@@ -4,7 +4,7 @@ import sys
 import numpy as np
 import pytest
 
-from gppcs.drawing.clouds import ColouredCloud
+from gppcs.drawing.cloud_images import ColouredCloud
 from gppcs.drawing.pair import ABOVE, BELOW, draw_pair
 from gppcs.errors import MissingExtraError
 

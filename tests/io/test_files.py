@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from gppcs.cloud import PointCloud
+from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError
 from gppcs.io import FORMATS, format_to_write, read, write
 

@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from gppcs.cloud import PointCloud
+from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io import read, write
 

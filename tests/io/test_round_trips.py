@@ -6,7 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from gppcs.cloud import PointCloud
+from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import GppcsError
 from gppcs.io import FORMATS, read, write
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gppcs.cloud import PointCloud
+from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io import read, rows, write
 

@@ -6,7 +6,7 @@ import stat
 import numpy as np
 import pytest
 
-from gppcs.cloud import PointCloud
+from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import OutputError
 from gppcs.io import check_writable, whole_file, write
 

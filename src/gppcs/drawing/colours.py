@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-
-from gppcs.errors import MissingExtraError
 
 if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
@@ -19,20 +16,6 @@ Array = NDArray[np.float64]
 
 COLOURS, DARKEST = "viridis", 0.22  # without its darkest part, on which no shading is seen
 NO_VALUE = 0.6  # grey
-
-
-def require_matplotlib() -> None:
-    """Make sure that a picture can be drawn, before long work is done for it.
-
-    Raises
-    ------
-    MissingExtraError
-        If matplotlib is not installed.
-    """
-    try:
-        importlib.import_module("matplotlib")
-    except ImportError as error:
-        raise MissingExtraError("a picture needs matplotlib: pip install 'gppcs[picture]'") from error
 
 
 def colour_scale(clouds: Sequence[Array]) -> ScalarMappable:

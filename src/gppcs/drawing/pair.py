@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import BinaryIO
 
 from gppcs.drawing.camera import GUESSED, Camera, Viewpoint
-from gppcs.drawing.clouds import ColouredCloud, Original, View
-from gppcs.drawing.colours import add_bar, colour_scale, colours_of, require_matplotlib
+from gppcs.drawing.cloud_images import ColouredCloud, Original, View
+from gppcs.drawing.colours import add_bar, colour_scale, colours_of
+from gppcs.engine.extras import require_matplotlib
 
 WIDTH, HEIGHT = 1600, 800  # pixels
 GAP, ABOVE, BELOW = 12, 68, 74  # around the panels

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gppcs.cloud import PointCloud
+from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.mesh import Mesh
+from gppcs.engine.stages import Stages
 from gppcs.errors import InputError, NoSurfaceError
 from gppcs.evaluation.report import Rebuilt, Report, figures_of
-from gppcs.mesh import Mesh
-from gppcs.stages import Stages
 
 if TYPE_CHECKING:
-    from gppcs.kdtree import KdTree
+    from gppcs.spatial.kdtree import KdTree
 
 ROUGH = 0.9  # quantile of the surface variation from which on a point counts as feature
 FLAT = 1e-12  # surface variation that is no more than rounding
@@ -72,7 +72,7 @@ def judged(
     original: PointCloud | ArrayLike, simplified: PointCloud | ArrayLike, mesh: Mesh | None, stages: Stages
 ) -> tuple[Report, NoSurfaceError | None]:
     """Return what `evaluate` does; where no surface can be rebuilt, the other figures and why."""
-    from gppcs.cells import first_occurrences
+    from gppcs.spatial.cells import first_occurrences
 
     clouds = [PointCloud.of(cloud) for cloud in (original, simplified)]
     before, after = (
@@ -167,9 +167,9 @@ def _carried_normals(cloud: PointCloud) -> Points | None:
 def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[int, int]) -> Report:
     """Return the figures that two clouds without repeats give by themselves."""
     from gppcs.evaluation.local_surface import PLANE, LocalSurface
-    from gppcs.features import features_of_nearest
-    from gppcs.kdtree import KdTree
-    from gppcs.neighbourhood import surface_area
+    from gppcs.spatial.kdtree import KdTree
+    from gppcs.spatial.spacing import surface_area
+    from gppcs.surface.surface_variation import features_of_nearest
 
     tree = KdTree.build(before)
     _, to_original = tree.nearest_of(after, 1)
@@ -223,8 +223,8 @@ def _mean_surface_variation(tree: KdTree, spacing: float) -> float:
     The paper's rule sees only the bounding box. Where that is flat, or stretched by far points, the radius can be off
     without bound; then it is that of a disc for the same number of points at the target spacing.
     """
-    from gppcs.features import features_in_radius
-    from gppcs.neighbourhood import paper_radius
+    from gppcs.spatial.spacing import paper_radius
+    from gppcs.surface.surface_variation import features_in_radius
 
     radius, robust = paper_radius(tree.points.T, VARIATION), spacing * np.sqrt(VARIATION / np.pi)
     if not robust / 3 <= radius <= 3 * robust:

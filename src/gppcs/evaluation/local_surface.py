@@ -8,9 +8,9 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.covariance import tangents
-from gppcs.features import features_of_nearest
-from gppcs.kdtree import KdTree, nearest_in_tree
+from gppcs.spatial.kdtree import KdTree, nearest_in_tree
+from gppcs.surface.moments import tangents
+from gppcs.surface.surface_variation import features_of_nearest
 
 PLANE = 12  # points that the tangent plane is fitted to, the point itself among them
 NEIGHBOURS = 30, 240  # of which the corners are found: twice as many as before, until no other could be one

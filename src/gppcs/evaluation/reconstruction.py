@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.clouds.mesh import Mesh
+from gppcs.engine.extras import require_pymeshlab
 from gppcs.errors import InputError, NoSurfaceError
-from gppcs.kdtree import KdTree
-from gppcs.mesh import Mesh, require_pymeshlab
+from gppcs.spatial.kdtree import KdTree
 
 DEPTH = 8  # of the octree
 NEIGHBOURS = 10  # of the plane fit

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from gppcs.mesh import Mesh
+    from gppcs.clouds.mesh import Mesh
 
 Unit = Literal["count", "length", "squared length", "degrees", "share", "ratio"]
 

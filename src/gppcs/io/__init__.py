@@ -2,6 +2,6 @@
 
 from gppcs.io.files import FORMATS, format_to_write, read, write
 from gppcs.io.format import Format
-from gppcs.io.output import check_writable, whole_file
+from gppcs.io.whole_file import check_writable, whole_file
 
 __all__ = ["FORMATS", "Format", "check_writable", "format_to_write", "read", "whole_file", "write"]

@@ -11,7 +11,7 @@ from typing import IO, BinaryIO
 import numpy as np
 from numpy.lib import format as npy
 
-from gppcs.cloud import PointCloud
+from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.columns import Column, check_unused, cloud_of_columns, coordinate_type, default_names
 from gppcs.io.format import Format

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from gppcs.cloud import PointCloud
+from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, InputError
 from gppcs.io import arrays, meshes, ply, text
 from gppcs.io.format import Format
-from gppcs.io.output import whole_file
+from gppcs.io.whole_file import whole_file
 
 _HEAD = 1024
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from io import BufferedReader
 from typing import BinaryIO
 
-from gppcs.cloud import PointCloud
+from gppcs.clouds.cloud import PointCloud
 
 
 def _never(head: bytes, size: int) -> bool:

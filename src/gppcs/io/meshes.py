@@ -11,7 +11,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.cloud import PointCloud
+from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import Column, cloud_of_columns, coordinate_type, default_names
 from gppcs.io.format import Format

@@ -18,7 +18,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from gppcs.cloud import PointCloud
+from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.columns import (
     Column,

@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from gppcs.errors import ParameterError
+from gppcs.errors import ParameterError, nearest_name
 from gppcs.methods.aivs import AIVS
-from gppcs.methods.farthest_point import FarthestPoint
-from gppcs.methods.hierarchical_clustering import HierarchicalClustering
-from gppcs.methods.local_gp import LocalGP
+from gppcs.methods.fps import FarthestPoint
+from gppcs.methods.fps_variation import FarthestPointVariation
+from gppcs.methods.gp import LocalGP
+from gppcs.methods.gp_spectral import SpectralGP
+from gppcs.methods.hc import HierarchicalClustering
 from gppcs.methods.method import Method, Selection
 from gppcs.methods.pc_simp import PCSimp
 from gppcs.methods.qem import QEM
 from gppcs.methods.random import Random
 from gppcs.methods.sample_elimination import SampleElimination
-from gppcs.methods.spectral_gp import SpectralGP
-from gppcs.methods.variation import FarthestPointVariation, TopVariation
+from gppcs.methods.top_variation import TopVariation
 from gppcs.methods.voxel import Voxel
 from gppcs.methods.wlop import WLOP
-from gppcs.names import nearest_name
 
 METHODS: Mapping[str, type[Method]] = {
     method.name: method

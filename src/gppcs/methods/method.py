@@ -12,9 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from gppcs.errors import ParameterError
-from gppcs.names import nearest_name
-from gppcs.stages import Stages
+from gppcs.engine.stages import Stages
+from gppcs.errors import ParameterError, nearest_name
 
 if TYPE_CHECKING:
     import numpy as np
@@ -151,6 +150,17 @@ def random_candidates(n: int, candidates: int | None, n_points: int, seed: int) 
     if candidates is None:
         return np.arange(n)
     return np.sort(np.random.default_rng(seed).permutation(n)[: max(candidates, n_points)])
+
+
+def largest(values: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+    """Return the indices of the `count` largest values, largest first; ties go to the smallest index."""
+    import numpy as np
+
+    if count == 0:
+        return np.empty(0, dtype=np.int64)
+    least = np.partition(values, len(values) - count)[len(values) - count]
+    candidates = np.flatnonzero(values >= least)
+    return candidates[np.argsort(-values[candidates], kind="stable")[:count]]
 
 
 def _as_one_of(alternatives: tuple[Any, ...], value: Any) -> Any:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from gppcs.engine.stages import Stages
 from gppcs.methods.method import Method, Selection
-from gppcs.stages import Stages
 
 if TYPE_CHECKING:
     import numpy as np

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.cloud import PointCloud
-from gppcs.errors import ParameterError, whole_number
-from gppcs.names import nearest_name
+from gppcs.clouds.cloud import PointCloud
+from gppcs.errors import ParameterError, nearest_name, whole_number
 from gppcs.scans.bracket import BRACKET
 from gppcs.scans.fan import FAN
 from gppcs.scans.medallion import MEDALLION

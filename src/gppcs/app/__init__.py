@@ -1,0 +1,1 @@
+"""The command `gppcs`: its commands, and what they print."""

@@ -1,0 +1,190 @@
+"""`gppcs compare`."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gppcs.app.printing import Force, Invalid, Json, print_error, print_json, refuse_input
+from gppcs.app.viewpoint import Up, View, viewpoint_of
+from gppcs.errors import OutputError
+from gppcs.methods import METHODS
+
+if TYPE_CHECKING:
+    from gppcs.clouds.cloud import PointCloud
+    from gppcs.clouds.mesh import Mesh
+    from gppcs.drawing.camera import Viewpoint
+    from gppcs.evaluation.comparison import Entry
+
+MOST_TO_REBUILD = 1_000_000  # points of an original without a mesh: beyond, the picture would take minutes
+EPILOG = (
+    "[bold]Examples[/bold]\n\n"
+    "gppcs compare scan.ply --ratio 0.03 -o comparison\n\n"
+    "gppcs compare scan.ply --points 5000 --methods fps,hc,wlop --mesh surface.ply -o comparison\n\n"
+    "The figures are those of gppcs evaluate, whose help defines them."
+)
+
+
+def compare(
+    cloud: Annotated[Path, typer.Argument(metavar="IN", help="A point cloud file.", show_default=False)],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="DIR",
+            help="The folder for table.csv, table.md, picture.png; made where it is missing.",
+        ),
+    ],
+    ratio: Annotated[
+        float | None, typer.Option(help="Share of the points to keep, above 0, at most 1; or give --points.")
+    ] = None,
+    points: Annotated[int | None, typer.Option(help="Number of points to keep; or give --ratio.")] = None,
+    methods: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME,...",
+            help="Names of the methods with commas between, in the order of the table; see gppcs methods.",
+            show_default="all",
+        ),
+    ] = ",".join(METHODS),
+    mesh: Annotated[Path | None, typer.Option(help="The surface of IN as a mesh, to judge rebuilt ones by.")] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Of all that a method draws at random; those without chance ignore it.")
+    ] = None,
+    invalid: Invalid = "error",
+    picture: Annotated[
+        bool, typer.Option(help="Draw the clouds and the meshes rebuilt from them; needs the extras view, evaluate.")
+    ] = True,
+    view: View = None,
+    up: Up = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Simplify a cloud by several methods, judge all alike, and lay the results side by side."""
+    from gppcs import io
+    from gppcs.app.console import ProgressBar, compilation_noticed
+    from gppcs.engine.stages import Stages
+    from gppcs.evaluation.comparison import checked_methods
+    from gppcs.evaluation.comparison import compare as compared
+    from gppcs.io.mesh_files import read_mesh
+
+    chosen = checked_methods((name.strip() for name in methods.split(",")), ratio, points, seed)
+    viewpoint = viewpoint_of(view, up, picture)
+    targets = _targets(cloud, output, picture, force)
+    surface = read_mesh(mesh) if mesh else None
+    stages = Stages(ProgressBar())
+    with compilation_noticed():
+        original = io.read(cloud)
+        entries = compared(
+            original, chosen, ratio=ratio, n_points=points, mesh=surface, invalid=invalid, stages=stages
+        )  # fmt: skip
+        with stages("tables and picture"):
+            contents = _contents(original, entries, surface, viewpoint if picture else None)
+    output.mkdir(exist_ok=True)
+    for name, content in contents.items():
+        with io.whole_file(targets[name], force) as file:
+            file.write(content)
+    _print(entries, as_json)
+    if not as_json:
+        typer.echo(f"{output}: {', '.join(contents)}")
+
+
+def _contents(
+    original: PointCloud, entries: Sequence[Entry], mesh: Mesh | None, viewpoint: Viewpoint | None
+) -> dict[str, bytes]:
+    """Return what is to be written, by the name of the file; no viewpoint, no picture."""
+    from gppcs.app.tables import as_csv, as_markdown
+
+    contents = {"table.csv": as_csv(entries).encode(), "table.md": as_markdown(entries).encode()}
+    if viewpoint:
+        contents["picture.png"] = _drawn(original, entries, mesh, viewpoint)
+    return contents
+
+
+def _drawn(original: PointCloud, entries: Sequence[Entry], mesh: Mesh | None, viewpoint: Viewpoint) -> bytes:
+    """Return a PNG of the original and of what each method made of it, with the meshes rebuilt."""
+    import numpy as np
+
+    from gppcs.drawing.cloud_images import ColouredCloud
+    from gppcs.drawing.side_by_side import Column, draw_comparison
+    from gppcs.evaluation.comparison import rebuilt_mesh
+
+    rows = original.finite_rows()
+    original = original.take(rows)
+    variation = ColouredCloud.by_surface_variation(original.points).values
+    columns = [Column("original", original.points, variation, "", mesh or _rebuilt_original(original))]
+    for entry in entries:
+        kept = variation[np.searchsorted(rows, entry.result.indices)]
+        rebuilt = entry.report.rebuilt.mesh if entry.report.rebuilt else None
+        if mesh is None:
+            rebuilt = rebuilt_mesh(entry.result.cloud, original)
+        title, points = entry.result.method.label, entry.result.cloud.points
+        columns.append(Column(title, points, kept, _caption(entry), rebuilt))
+    image = BytesIO()
+    draw_comparison(image, columns, viewpoint)
+    return image.getvalue()
+
+
+def _caption(entry: Entry) -> str:
+    """Return the mean error of a method, in diagonals of the box of the original."""
+    figures = entry.report.figures(relative=True)
+    name = "hausdorff_mean" if "hausdorff_mean" in figures else "surface_mean"
+    return f"{name.replace('_', ' ')}\n{figures[name]:.2e} diagonals"
+
+
+def _rebuilt_original(original: PointCloud) -> Mesh | None:
+    """Return a surface rebuilt from the original where it is not too large for that, or None."""
+    from gppcs.evaluation.comparison import rebuilt_mesh
+
+    if len(original) > MOST_TO_REBUILD:
+        print_error(
+            f"note: the picture shows no mesh of the original: it has {len(original):,} points, and from more than "
+            f"{MOST_TO_REBUILD:,} none is rebuilt; give one with --mesh"
+        )
+        return None
+    return rebuilt_mesh(original, original)
+
+
+def _print(entries: Sequence[Entry], as_json: bool) -> None:
+    """Print the comparison, and why figures are missing."""
+    from gppcs.app.console import print_comparison
+
+    if as_json:
+        for entry in entries:
+            figures, relative = entry.report.figures(), entry.report.figures(relative=True)
+            method = {"method": entry.result.method.name, "parameters": dataclasses.asdict(entry.result.method)}
+            measured = {"seconds": entry.seconds, "figures": figures, "relative": relative}
+            print_json({**method, **measured, "failure": entry.failure})
+    else:
+        print_comparison(entries)
+    for entry in entries:
+        if entry.failure:
+            print_error(f"note: {entry.result.method.label}: {entry.failure}")
+
+
+def _targets(source: Path, folder: Path, picture: bool, force: bool) -> dict[str, Path]:
+    """Return the files to write by name, after making sure that they can be written."""
+    from gppcs.engine.extras import require_pymeshlab, require_pyvista
+    from gppcs.io import check_writable
+
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"{folder}: expected a folder, found a file; name a folder")
+    if not folder.absolute().parent.is_dir():
+        raise OutputError(f"{folder}: expected a folder to make this one in, found none; make it first")
+    names = ["table.csv", "table.md"]
+    if picture:
+        require_pymeshlab()
+        require_pyvista()
+        names.append("picture.png")
+    targets = {name: folder / name for name in names}
+    if folder.exists():
+        for target in targets.values():
+            refuse_input(target, source)
+            check_writable(target, force)
+    return targets

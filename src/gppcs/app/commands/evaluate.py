@@ -1,0 +1,63 @@
+"""`gppcs evaluate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gppcs.app.printing import Json, figure_rows, print_error, print_json
+from gppcs.evaluation.report import Rebuilt, Report, figures_of
+
+
+def _defined(report: type) -> str:
+    return "\n\n".join(
+        f"[cyan]{name.replace('_', ' ')}[/cyan] ({figure.unit}): {figure.definition}"
+        for name, figure in figures_of(report).items()
+    )
+
+
+EPILOG = (
+    "[bold]Examples[/bold]\n\n"
+    "gppcs evaluate scan.ply small.ply\n\n"
+    "gppcs evaluate scan.ply small.ply --mesh surface.ply --json\n\n"
+    f"[bold]Figures[/bold] (lengths in the unit of the clouds)\n\n{_defined(Report)}\n\n"
+    f"[bold]With a mesh[/bold] (needs the extra evaluate)\n\n{_defined(Rebuilt)}\n\n"
+    "Those are measured with normals estimated on the simplified cloud and, where it carries normals (nx, ny, nz), "
+    "with these once more (carried)."
+)
+
+
+def evaluate(
+    original: Annotated[Path, typer.Argument(metavar="ORIGINAL", help="The dense cloud.", show_default=False)],
+    simplified: Annotated[Path, typer.Argument(metavar="SIMPLIFIED", help="What was made of it.", show_default=False)],
+    mesh: Annotated[
+        Path | None,
+        typer.Option(help="The surface of the original as a mesh, to compare the one rebuilt from SIMPLIFIED with."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Measure how good a simplified cloud is; points whose coordinates are not finite are left out."""
+    from gppcs import io
+    from gppcs.app.console import ProgressBar, compilation_noticed, print_table
+    from gppcs.engine.stages import Stages
+    from gppcs.evaluation.judge import evaluate as measured
+    from gppcs.io.mesh_files import read_mesh
+
+    surface = read_mesh(mesh) if mesh else None
+    with compilation_noticed():
+        before, after = (cloud.take(cloud.finite_rows()) for cloud in map(io.read, (original, simplified)))
+        report = measured(before, after, surface, Stages(ProgressBar()))
+    if as_json:
+        files = {"original": str(original), "simplified": str(simplified), "mesh": str(mesh) if mesh else None}
+        print_json({**files, "figures": report.figures(), "relative": report.figures(relative=True)})
+    else:
+        counts = f"{report.points_in:,} in, {report.points_out:,} out"
+        print_table(f"{original} → {simplified}", {"points": counts, **figure_rows(report)})
+    for name, rebuilt in (("", report.rebuilt), (", with carried normals,", report.rebuilt_carried)):
+        if rebuilt and rebuilt.stray_share > 0:
+            print_error(
+                f"note: {rebuilt.stray_share:.2%} of the rebuilt mesh{name} lies far from the original mesh; "
+                "see back max and stray share"
+            )

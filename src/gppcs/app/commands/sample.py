@@ -1,0 +1,38 @@
+"""`gppcs sample`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from gppcs import __version__
+from gppcs.app.printing import Force, Json, print_json
+
+EPILOG = "[bold]Example[/bold]\n\ngppcs sample fan -o fan.ply --points 50000 --noise 0.002"
+
+
+def sample(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="medallion, bracket, fan or sphere.", show_default=False)],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT", help="The file to write.")],
+    points: Annotated[int, typer.Option(help="Number of points, outliers among them.")] = 200_000,
+    noise: Annotated[
+        float, typer.Option(help="Standard deviation of each coordinate, as a share of the diagonal.")
+    ] = 0.0,
+    outliers: Annotated[float, typer.Option(help="Share of points that lie anywhere in the box.")] = 0.0,
+    uneven: Annotated[float, typer.Option(help="Share of its density lost over the scan, 0 to below 1.")] = 0.0,
+    seed: Annotated[int, typer.Option(help="Of all that is drawn at random: the same seed gives the same scan.")] = 0,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Make a scan of a surface that is known exactly, with its normals and curvature."""
+    from gppcs import io, scans
+
+    io.format_to_write(output)
+    io.check_writable(output, force)
+    options: dict[str, Any] = {"noise": noise, "outliers": outliers, "uneven": uneven, "seed": seed}
+    cloud = scans.sample(name, points, **options)
+    io.write(output, cloud, force=force)
+    if as_json:
+        print_json({"output": str(output), "name": name, "points": len(cloud), **options, "version": __version__})

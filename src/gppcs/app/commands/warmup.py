@@ -1,0 +1,40 @@
+"""`gppcs warmup`."""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import typer
+
+from gppcs import __version__
+from gppcs.app.printing import Json, print_json
+from gppcs.engine import kernel_cache
+from gppcs.errors import OutputError
+
+EPILOG = "[bold]Example[/bold]\n\ngppcs warmup"
+
+
+def warmup(as_json: Json = False) -> None:
+    """Compile all kernels now, which takes a minute or two, so that no later run has to.
+
+    They are kept in the folder that NUMBA_CACHE_DIR names, else beside the installed package, else in the user's cache
+    folder: the first that can be written. A new version of gppcs or Numba, and another kind of processor, need it anew.
+    """
+    from gppcs.app.compilation import compile_all
+    from gppcs.app.console import ProgressBar, compilation_noticed
+    from gppcs.engine.stages import Stages
+    from gppcs.methods import METHODS
+
+    if not kernel_cache.are_kept():
+        raise OutputError(
+            "expected a folder to keep compiled kernels in, but neither that of gppcs nor the user's cache folder can "
+            "be written; set NUMBA_CACHE_DIR to one that can"
+        )
+    start = perf_counter()
+    with compilation_noticed(), Stages(ProgressBar())("compiling kernels", len(METHODS)) as advanced:
+        compiled, folders = compile_all(advanced)
+    seconds = perf_counter() - start
+    if as_json:
+        print_json({"compiled": compiled, "seconds": seconds, "folders": folders, "version": __version__})
+    else:
+        typer.echo(f"kernels compiled: {compiled}, in {seconds:.1f} s; all are kept in {', '.join(folders)}")

@@ -1,0 +1,70 @@
+"""Compiling all kernels at once, by work on a small scan."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gppcs.clouds.cloud import PointCloud
+
+
+def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
+    """Compile every kernel for the arrays that the package gives it, by work on a small scan.
+
+    Parameters
+    ----------
+    advanced : callable
+        Told of the number of methods, of `gppcs.METHODS`, whose kernels were compiled since the last call.
+
+    Returns
+    -------
+    compiled : int
+        How many there were to compile; a kernel that takes several types of arrays counts once for each.
+    folders : list of str
+        Where all are kept.
+    """
+    from gppcs.clouds.cloud import PointCloud
+    from gppcs.clouds.summary import info
+    from gppcs.evaluation.judge import evaluate
+    from gppcs.methods import METHODS
+    from gppcs.methods.hc.clustering import hierarchical_clusters
+    from gppcs.simplification import simplify
+    from gppcs.surface.normals import estimate_normals
+
+    before = sum(map(_compilations, _loaded()))
+    for method in METHODS:
+        original, kept = compile_method(method)
+        advanced(1)
+    evaluate(original, kept)
+    estimate_normals(original, kept)
+    hierarchical_clusters(original.points, size=10, variation=0.1)
+    original.points.flags.writeable = False  # as those are that `numpy.load` maps: another type to Numba
+    info(PointCloud(original.points))
+    simplify(original.points, ratio=0.5, method="random")
+    folders = {kernel.stats.cache_path for kernel in _loaded()}
+    return sum(map(_compilations, _loaded())) - before, sorted(folders)
+
+
+def compile_method(name: str) -> tuple[PointCloud, PointCloud]:
+    """Compile the kernels of a method; return the scan that it had to simplify, and what it made of it."""
+    from gppcs.evaluation.comparison import PREPARATION
+    from gppcs.scans import sample
+    from gppcs.simplification import simplify
+
+    scan = sample("medallion", PREPARATION, noise=0.002)  # noise has kernels of its own
+    return scan, simplify(scan, ratio=0.1, method=name).cloud
+
+
+def _loaded() -> list[Any]:
+    """Return the kernels of all modules of the package that are loaded."""
+    from numba.core.dispatcher import Dispatcher
+
+    modules = [module for name, module in sys.modules.items() if name.startswith("gppcs.")]
+    values = [value for module in modules for value in vars(module).values()]
+    return list({id(value): value for value in values if isinstance(value, Dispatcher)}.values())
+
+
+def _compilations(kernel: Any) -> int:
+    return sum(kernel.stats.cache_misses.values())

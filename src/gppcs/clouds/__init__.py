@@ -1,0 +1,1 @@
+"""Clouds and meshes as data, and where they come from other than files."""

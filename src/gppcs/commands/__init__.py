@@ -1,1 +1,0 @@
-"""The commands, one module each; `gppcs.cli` puts them together."""

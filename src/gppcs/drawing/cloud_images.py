@@ -1,0 +1,231 @@
+"""Clouds as pictures: the original as a closed surface, others as single points on the side that one sees."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from gppcs.drawing.camera import Camera, averaged
+from gppcs.errors import InputError
+from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.kdtree import KdTree
+from gppcs.surface.surface_variation import estimate_features
+
+Array = NDArray[np.float64]
+
+LIGHT = np.array([-0.35, 0.45, 0.82])  # to the right, up, towards the viewer: over the left shoulder
+AMBIENT, DIFFUSE = 0.52, 0.63
+STEEPEST = 0.1  # least share of a normal that points to the viewer: discs do not tilt more
+MAX_SURFACE_RADIUS = 28  # supersampled pixels; more in close-ups
+MIN_POINT_RADIUS = 2.4  # supersampled pixels
+GHOST = 0.35
+NEIGHBOURS = 12
+BLOCK = 1 << 18  # pixels of discs drawn at once
+
+
+@dataclass(frozen=True)
+class ColouredCloud:
+    """A cloud to draw.
+
+    Parameters
+    ----------
+    points : (N, 3) array
+        Finite coordinates, N >= 1.
+    values : (N,) array
+        What the colour shows, such as surface variation; NaN is drawn grey.
+    normals : (N, 3) array, optional
+        Unit normals of either sign, for the shading. Without them they are estimated from the original.
+
+    Raises
+    ------
+    InputError
+        If the shapes do not fit, or a coordinate is not finite.
+    """
+
+    points: Array
+    values: Array
+    normals: Array | None = None
+
+    def __post_init__(self) -> None:
+        points = np.asarray(self.points, dtype=np.float64)
+        values = np.asarray(self.values, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
+            raise InputError(f"expected points of shape (N, 3) with N >= 1 to draw, found {points.shape}")
+        if not np.isfinite(points).all():
+            raise InputError("expected finite coordinates to draw, found NaN or infinity; leave those points out")
+        if values.shape != (len(points),):
+            raise InputError(f"expected one value for each of {len(points)} points, found shape {values.shape}")
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "values", values)
+        if self.normals is not None:
+            normals = np.asarray(self.normals, dtype=np.float64)
+            if normals.shape != points.shape:
+                raise InputError(f"expected normals of shape {points.shape}, found {normals.shape}")
+            object.__setattr__(self, "normals", normals)
+
+    @classmethod
+    def by_surface_variation(cls, points: Array) -> ColouredCloud:
+        """Return a cloud, (N, 3), coloured by its surface variation; repeats of a point count once."""
+        local = points - points.min(axis=0)
+        distinct = local[first_occurrences(local)]
+        tree = KdTree.build(distinct)
+        features = estimate_features(distinct, tree=tree)
+        same = tree.nearest_of(local, 1)[0][:, 0]
+        return cls(points, features.surface_variation[same], features.normals[same])
+
+
+class Original:
+    """The original cloud, made ready to be looked at: it lends the others its normals and hides their far side."""
+
+    def __init__(self, cloud: ColouredCloud) -> None:
+        self.cloud = cloud
+        self.tree = _tree(cloud.points)
+        self.spacing = _sixth_neighbour(self.tree, cloud.points)
+
+    def normals(self, cloud: ColouredCloud, indices: NDArray[np.int64]) -> Array:
+        """Return normals of some points of a cloud, its own or else those of the original around them."""
+        if cloud.normals is None:
+            return _estimated_normals(self.tree, cloud.points[indices])
+        return cloud.normals[indices]
+
+
+class View:
+    """The original cloud before a camera."""
+
+    def __init__(self, original: Original, camera: Camera) -> None:
+        self.original, self.camera = original, camera
+        # The sixth neighbour lies 1.4 mean spacings away: discs a little larger leave next to no gaps.
+        radii = 1.2 * camera.scale * original.spacing
+        # Strays, which have no near neighbours, must not become large plates.
+        largest = np.clip(4.0 * np.median(radii), 1.0, MAX_SURFACE_RADIUS * camera.enlargement)
+        radii = np.clip(radii, 1.0, largest)
+        place, depth = camera.pixels(original.cloud.points)
+        margin = math.ceil(largest)
+        inside = np.flatnonzero(((place >= -margin) & (place < np.array(camera.shape) + margin)).all(axis=1))
+        place, depth, radii = place[inside], depth[inside], radii[inside]
+        # Small flat discs first, to spare most of the far side the normals; then discs in the surface.
+        nearest, _ = _splat(place, depth, 0.4 * radii, None, camera.shape)
+        covering = np.maximum(nearest[camera.clipped(place)], 0)
+        front = depth <= depth[covering] + 4.0 * radii[covering]
+        place, depth, radii = place[front], depth[front], radii[front]
+        self.shown = inside[front]
+        self.normals = self._facing(original.cloud, self.shown)
+        self.nearest, self.depth = _splat(place, depth, radii, self.normals, camera.shape)
+        covered = self.nearest >= 0
+        self.depth[covered] += 1.0 + 0.8 * radii[self.nearest[covered]]
+
+    def surface(self, colours: Array) -> Array:
+        """Return the picture of the original, closed, (height, width, 3), given (N, 3) colours, 0 to 1."""
+        return averaged(_lit(self.nearest, colours[self.shown], self.normals, np.ones(3)))
+
+    def values(self) -> Array:
+        """Return the original's value in each supersampled pixel, (height, width); 0 where there is none."""
+        values = np.nan_to_num(self.original.cloud.values[self.shown])
+        seen = np.zeros(self.nearest.shape)
+        seen[self.nearest >= 0] = values[self.nearest[self.nearest >= 0]]
+        return seen
+
+    def points(self, cloud: ColouredCloud, colours: Array, max_radius: float) -> Array:
+        """Return the picture of another cloud: single points before a faint shade of the original.
+
+        Points are drawn as large as their spacing allows, up to a radius in supersampled pixels.
+        """
+        place, depth = self.camera.pixels(cloud.points)
+        front = np.flatnonzero(depth <= self.depth[self.camera.clipped(place)])
+        radii = 0.33 * self.camera.scale * _sixth_neighbour(_tree(cloud.points), cloud.points)
+        radii = np.clip(radii, MIN_POINT_RADIUS, max_radius)[front]
+        nearest, _ = _splat(place[front], depth[front], radii, None, self.camera.shape)
+        grey = np.full((len(self.shown), 3), 0.8)
+        ghost = 1.0 - GHOST * (1.0 - _lit(self.nearest, grey, self.normals, np.ones(3)))
+        return averaged(_lit(nearest, colours[front], self._facing(cloud, front), ghost))
+
+    def _facing(self, cloud: ColouredCloud, indices: NDArray[np.int64]) -> Array:
+        """Return normals in camera axes, turned to the viewer, as is all that one sees."""
+        seen = self.original.normals(cloud, indices) @ self.camera.axes.T
+        turned: Array = seen * np.where(seen[:, 2:] < 0.0, -1.0, 1.0)
+        return turned
+
+
+def _lit(nearest: NDArray[np.int64], colours: Array, normals: Array, background: Array) -> Array:
+    """Return a picture, (height, width, 3), of the points that `nearest` names, lit from the upper left."""
+    facing = np.clip(normals @ (LIGHT / np.linalg.norm(LIGHT)), 0.0, 1.0)
+    lit = np.clip(colours * (AMBIENT + DIFFUSE * facing)[:, None], 0.0, 1.0)
+    image = np.empty((*nearest.shape, 3))
+    image[...] = background
+    image[nearest >= 0] = lit[nearest[nearest >= 0]]
+    return image
+
+
+def _tree(points: Array) -> cKDTree:
+    """Return a tree over the points without repeats, on which its searches would take quadratic time."""
+    return cKDTree(points[first_occurrences(points)], balanced_tree=False, compact_nodes=False)
+
+
+def _sixth_neighbour(tree: cKDTree, points: Array) -> Array:
+    """Return the distance from each point to its sixth neighbour in a tree, or to the last where there are fewer."""
+    distances, _ = tree.query(points, k=[min(7, tree.n)], workers=-1)
+    sixth: Array = distances[:, 0]
+    return sixth
+
+
+def _splat(
+    place: NDArray[np.int64], depth: Array, radii: Array, normals: Array | None, shape: tuple[int, int]
+) -> tuple[NDArray[np.int64], Array]:
+    """Draw points as discs that face the viewer or, where normals are given, lie in the surface.
+
+    Returns
+    -------
+    nearest : (height, width) array
+        Index of the point nearest the viewer in each pixel; -1 where there is none.
+    depth : (height, width) array
+        Depth of the surface there; infinite where there is none.
+    """
+    width, height = shape
+    empty = np.iinfo(np.int64).max
+    buffer = np.full(height * width, empty)
+    widest = radii.max(initial=0.0)
+    nearest_depth = depth.min(initial=np.inf) - 2.0 * widest
+    # Depth in the upper half and index in the lower half of one integer: the least is the nearest point.
+    step = max(depth.max(initial=-np.inf) - nearest_depth, 1.0) + 4.0 * widest
+    sizes = np.round(2.0 * radii).astype(np.int64)
+    for size in np.unique(sizes):
+        members = np.flatnonzero(sizes == size)
+        x, y, z = place[members, 0], place[members, 1], depth[members] - nearest_depth
+        slope = np.zeros((len(members), 2))
+        if normals is not None:
+            slope = normals[members, :2] * (1.0, -1.0) / np.maximum(normals[members, 2:], STEEPEST)
+        offsets = _disc(size)
+        for part in np.array_split(offsets, math.ceil(len(offsets) * len(members) / BLOCK)):
+            dx, dy = part.T
+            deeper = slope[:, :1] * dx + slope[:, 1:] * dy
+            column, row = x[:, None] + dx, y[:, None] + dy
+            inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+            inside &= 4.0 * (dx * dx + dy * dy + deeper * deeper) <= size * size
+            member, _ = np.nonzero(inside)
+            key = ((z[:, None] + deeper)[inside] * (2**30 / step)).astype(np.int64) << 32 | members[member]
+            np.minimum.at(buffer, (row * width + column)[inside], key)
+    image = buffer.reshape(height, width)
+    covered = image != empty
+    nearest = np.where(covered, image & (2**32 - 1), -1)
+    return nearest, np.where(covered, (image >> 32) * (step / 2**30) + nearest_depth, np.inf)
+
+
+def _disc(size: int) -> NDArray[np.int64]:
+    """Return the pixels of a disc around its middle one, (K, 2), given its diameter."""
+    reach = np.arange(-(size // 2), size // 2 + 1)
+    offsets = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)
+    return offsets[4 * (offsets * offsets).sum(axis=1) <= size * size]
+
+
+def _estimated_normals(tree: cKDTree, points: Array) -> Array:
+    """Return the direction in which the neighbourhood of each point in the reference is thinnest."""
+    _, neighbours = tree.query(points, k=range(1, min(NEIGHBOURS, tree.n) + 1), workers=-1)
+    patches = tree.data[neighbours]
+    patches = patches - patches.mean(axis=1, keepdims=True)
+    _, directions = np.linalg.eigh(np.einsum("nki,nkj->nij", patches, patches))
+    normals: Array = directions[:, :, 0]
+    return normals

@@ -1,0 +1,61 @@
+"""Meshes as pictures, by PyVista."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.clouds.mesh import Mesh
+from gppcs.drawing.camera import Camera, averaged
+
+if TYPE_CHECKING:
+    import pyvista
+
+Array = NDArray[np.float64]
+
+# Towards a key light high on the left, the viewer, and a weak fill light on the right; with their intensities.
+LIGHTS = (((-0.35, 0.7, 0.62), 0.62), ((0.0, 0.0, 1.0), 0.25), ((0.8, -0.1, 0.6), 0.15))
+MATERIAL = {"color": "#ebebe9", "ambient": 0.2, "diffuse": 1.0, "specular": 0.05, "specular_power": 15.0}
+FEATURE_ANGLE = 40.0  # degrees: an edge as sharp as this is not smoothed away
+
+
+def mesh_images(mesh: Mesh, cameras: Sequence[Camera]) -> list[Array]:
+    """Return pictures of a mesh, each (height, width, 3) and 0 to 1, by cameras with the same axes.
+
+    The mesh has at least one face.
+    """
+    import pyvista
+
+    whole = cameras[0]
+    seen = mesh.vertices @ whole.axes.T
+    # In pixels of the first camera, around its centre and behind it, since the vertices become single precision.
+    seen = (seen - [*whole.centre, seen[:, 2].max()]) * whole.scale
+    surface = pyvista.PolyData.from_regular_faces(seen.astype(np.float32), mesh.faces)
+    surface = surface.compute_normals(
+        cell_normals=False, split_vertices=True, feature_angle=FEATURE_ANGLE, consistent_normals=False
+    )
+    with pyvista.vtk_verbosity("off"):  # it says on stderr that there is no display
+        return [_photograph(surface, camera, whole) for camera in cameras]
+
+
+def _photograph(surface: pyvista.PolyData, camera: Camera, whole: Camera) -> Array:
+    import pyvista
+
+    plotter = pyvista.Plotter(off_screen=True, window_size=list(camera.shape), lighting="none")
+    plotter.set_background("white")
+    for position, intensity in LIGHTS:
+        plotter.add_light(pyvista.Light(position=position, light_type="camera light", intensity=intensity))
+    plotter.add_mesh(surface, smooth_shading=True, **MATERIAL)
+    right, up = (camera.centre - whole.centre) * whole.scale
+    plotter.camera.position = (right, up, 1.0)
+    plotter.camera.focal_point = (right, up, 0.0)
+    plotter.camera.up = (0.0, 1.0, 0.0)
+    plotter.enable_parallel_projection()
+    plotter.camera.parallel_scale = 0.5 * camera.shape[1] * whole.scale / camera.scale
+    plotter.camera.clipping_range = (0.5, 2.0 - surface.bounds.z_min)
+    image = plotter.screenshot(return_img=True) / 255.0
+    plotter.close()
+    return averaged(image)

@@ -1,0 +1,1 @@
+"""The default method: candidates, density, kernel, conditioning, posterior, greedy, ranking."""

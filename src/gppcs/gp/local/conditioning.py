@@ -1,0 +1,177 @@
+"""Which chosen points the field at a point is conditioned on: the nearest few, which screen off the others.
+
+This is the nearest-neighbour Gaussian process (Vecchia 1988; Datta et al. 2016).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.gp.local.kernel import LocalField, field_distance
+from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
+
+TASKS = 64  # parts of the conditioning that threads take in turn
+
+
+class Conditioning(NamedTuple):
+    """The chosen points that each point is conditioned on, nearest first.
+
+    Attributes
+    ----------
+    nearest : (n, K) array, int32
+        Positions in the field's order; -1 where fewer are chosen.
+    squared : (n, K) array, float64
+        Their squared distances in the field; infinite where fewer are chosen.
+    """
+
+    nearest: NDArray[np.int32]
+    squared: NDArray[np.float64]
+
+
+def condition(field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighbours: int) -> Conditioning:
+    """Return the `neighbours` chosen points nearest each point in the field.
+
+    Parameters
+    ----------
+    field : LocalField
+        In the tree's order.
+    tree : KdTree
+        Over the field's positions.
+    chosen : (m,) array
+        Positions in the field's order, ascending or not; may be empty.
+    neighbours : int
+        K.
+    """
+    n = len(field.y)
+    conditioning = Conditioning(np.full((n, neighbours), -1, dtype=np.int32), np.full((n, neighbours), np.inf))
+    if len(chosen):
+        of_chosen = KdTree.build(np.ascontiguousarray(field.positions[:, chosen].T))
+        indices = chosen[of_chosen.order]
+        widest = float(field.spacings[chosen].max())
+        with nb.parallel_chunksize(1):
+            _condition_all(
+                field, tree.low, tree.high,
+                _Chosen(indices, of_chosen.points, of_chosen.low, of_chosen.high, widest), conditioning,
+            )  # fmt: skip
+    return conditioning
+
+
+class _Chosen(NamedTuple):
+    """The chosen points in the order of a k-d tree of their own, the nodes' boxes, and the widest spacing."""
+
+    indices: NDArray[np.int64]
+    points: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    widest: float
+
+
+@nb.njit(cache=True, parallel=True, nogil=True, fastmath=False)
+def _condition_all(field, low, high, chosen, conditioning):
+    """Look for what a leaf's points are conditioned on within a radius, at first that which the leaf before needed."""
+    leaves = first_leaf(low)
+    tasks = min(leaves, TASKS)
+    for task in nb.prange(tasks):
+        side = _side_by_side(conditioning.nearest.shape[1])
+        near = np.empty(first_leaf(chosen.low), dtype=np.int64)
+        found = np.empty(len(near) * LEAF_SIZE, dtype=np.int64)
+        squared_radius = 1.0
+        for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
+            squared_radius = _condition_leaf(
+                field, low, high, chosen, leaf, squared_radius, near, found, side, conditioning
+            )
+
+
+@nb.njit(cache=True, fastmath=False)
+def _condition_leaf(field, low, high, chosen, leaf, squared_radius, near, found, side, conditioning):
+    """Condition the points of a leaf, and return the squared radius within which the chosen points for them lie.
+
+    Over a step of length d the distance in the field is at least d^2 / ((s^2 + s'^2) / 2), so a radius is large enough
+    if what it gives is nearer than that for any point beyond.
+    """
+    n, leaves = len(field.y), first_leaf(low)
+    begin, end = leaf_range(n, leaves, leaf)
+    _take_up(field, begin, end, side)
+    while True:
+        count = leaves_near(chosen.low, chosen.high, low[leaf], high[leaf], squared_radius, near)
+        count = points_near(
+            chosen.points, chosen.low, chosen.high, near[:count], low[leaf], high[leaf], squared_radius, found
+        )
+        needed = _keep_nearest_side_by_side(field, chosen, found[:count], side)
+        if needed <= squared_radius or count == len(chosen.indices):
+            break
+        squared_radius = min(needed, 4.0 * squared_radius)
+    for i in range(begin, end):
+        for slot in range(len(side.squared)):
+            conditioning.nearest[i, slot] = side.nearest[slot, i - begin]
+            conditioning.squared[i, slot] = side.squared[slot, i - begin]
+    return min(needed, squared_radius)
+
+
+class _SideBySide(NamedTuple):
+    """The points of a leaf, in the columns: place, normal and spacing, and what each is conditioned on so far."""
+
+    points: NDArray[np.float64]
+    nearest: NDArray[np.int64]
+    squared: NDArray[np.float64]
+    new: NDArray[np.int64]
+    gaps: NDArray[np.float64]
+
+
+@nb.njit(cache=True)
+def _side_by_side(neighbours):
+    return _SideBySide(
+        np.empty((7, LEAF_SIZE), dtype=np.float64),
+        np.empty((neighbours, LEAF_SIZE), dtype=np.int64),
+        np.empty((neighbours, LEAF_SIZE), dtype=np.float64),
+        np.empty(LEAF_SIZE, dtype=np.int64),
+        np.empty(LEAF_SIZE, dtype=np.float64),
+    )
+
+
+@nb.njit(cache=True)
+def _take_up(field, begin, end, side):
+    """Fill the columns with points, those without one with the last."""
+    for p in range(LEAF_SIZE):
+        i = min(begin + p, end - 1)
+        for axis in range(3):
+            side.points[axis, p], side.points[3 + axis, p] = field.positions[axis, i], field.normals[axis, i]
+        side.points[6, p] = field.spacings[i]
+
+
+@nb.njit(cache=True, error_model="numpy", fastmath=False)
+def _keep_nearest_side_by_side(field, chosen, found, side):
+    """Keep the nearest of the chosen points found of each point in a column; return the squared radius that it takes.
+
+    A new point goes down the list of each column, and changes places with every one that is farther; no branch
+    depends on which.
+    """
+    neighbours = len(side.squared)
+    side.nearest[:] = -1
+    side.squared[:] = np.inf
+    for slot in found:
+        j = chosen.indices[slot]
+        x, y, z = field.positions[0, j], field.positions[1, j], field.positions[2, j]
+        u, v, w = field.normals[0, j], field.normals[1, j], field.normals[2, j]
+        s = field.spacings[j]
+        for p in range(LEAF_SIZE):
+            cosine = side.points[3, p] * u + side.points[4, p] * v + side.points[5, p] * w
+            side.gaps[p] = field_distance(
+                side.points[0, p] - x, side.points[1, p] - y, side.points[2, p] - z, cosine, side.points[6, p], s,
+                field.normal_weight,
+            )  # fmt: skip
+            side.new[p] = j
+        for rank in range(neighbours):
+            for p in range(LEAF_SIZE):
+                gap, squared, new, nearest = side.gaps[p], side.squared[rank, p], side.new[p], side.nearest[rank, p]
+                nearer = gap < squared
+                side.squared[rank, p], side.gaps[p] = gap if nearer else squared, squared if nearer else gap
+                side.nearest[rank, p], side.new[p] = new if nearer else nearest, nearest if nearer else new
+    needed = 0.0
+    for p in range(LEAF_SIZE):
+        needed = max(needed, side.squared[neighbours - 1, p] * 0.5 * (side.points[6, p] ** 2 + chosen.widest**2))
+    return needed

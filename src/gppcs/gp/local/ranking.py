@@ -1,0 +1,143 @@
+"""The default method's selection: from few points to many, each stage at the scale of its own target spacing.
+
+A stage chooses until twice as many points are there as before. Its field is that of its own spacing, so the first
+points are placed as if no more were to come, and every prefix of the result is a simplification of its size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.engine.stages import Stages
+from gppcs.gp.local.candidates import Candidates
+from gppcs.gp.local.density import desired_spacings, segregation
+from gppcs.gp.local.greedy import extend
+from gppcs.gp.local.kernel import LocalField
+from gppcs.spatial.kdtree import KdTree
+from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
+
+FEW = 16  # points of a neighbourhood where candidates are not thinned; a ball might hold any number of them
+FLAT = 1e-12  # surface variation, or spread of it, that is nothing but rounding
+NOISE = 1e-4  # variance of an observation without noise, in units of the prior variance: keeps covariances regular
+
+
+Seen = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """What the selection weighs.
+
+    Attributes
+    ----------
+    density_power : float
+        How the density of points follows roughness: points per area as roughness to this power, less where the cloud
+        is made up of faces and edges.
+    normal_weight : float
+        beta: the distance, in spacings, that a right angle between normals is worth; less in the same case.
+    error_weight : float
+        w: of the error of the surface variation beside the uncertainty.
+    lengthscale : float
+        Of the Matérn kernel, in units of the spacing.
+    neighbours : int
+        K: how many chosen points a posterior is conditioned on.
+    """
+
+    density_power: float
+    normal_weight: float
+    error_weight: float
+    lengthscale: float
+    neighbours: int
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """Points in the order chosen.
+
+    Attributes
+    ----------
+    indices : (M,) array, int64
+    scores, deviations : (M,) arrays, float64
+        Of each when it was chosen: its score, and the posterior's standard deviation, in units of the prior's. Scores
+        fall within a stage, but for what the error and the small number of neighbours change, and rise at the start of
+        the next, whose field is finer.
+    """
+
+    indices: NDArray[np.int64]
+    scores: NDArray[np.float64]
+    deviations: NDArray[np.float64]
+
+
+def rank(
+    points: NDArray[np.float64],
+    candidates: Sequence[Candidates],
+    criterion: Criterion,
+    seen: Seen | None = None,
+    stages: Stages | None = None,
+) -> Ranking:
+    """Choose points, the most important first.
+
+    Parameters
+    ----------
+    points : (N, 3) array
+        Without repeats.
+    candidates : sequence of Candidates
+        Of all stages, from coarse to fine.
+    criterion : Criterion
+    seen : callable, optional
+        Takes some of the points, (n, 3), and returns where on the surface they belong, by which features are measured,
+        and the variance of the observation at each; times 1 / h^2, in units of the prior at spacing h. By default they
+        are where they belong.
+    stages : Stages, optional
+        Times "noise", "features" and "greedy selection"; the steps of the last are points.
+    """
+    clock = stages or Stages()
+    chosen = np.empty(0, dtype=np.int64)
+    scores, deviations = [], []
+    for target, indices, thinned, area in candidates:
+        spacing = float(np.sqrt(area / target)) or 1.0
+        tree, field = _observed(points[indices], spacing, thinned, criterion, seen, clock)
+        with clock("greedy selection", target - len(chosen)) as advanced:
+            before = tree.positions()[np.searchsorted(indices, chosen)]  # they are candidates here too
+            extended, score, deviation = extend(
+                field, tree, before, target, criterion.neighbours, criterion.error_weight
+            )
+            advanced(target - len(chosen))
+        scores.append(score)
+        deviations.append(deviation)
+        chosen = indices[tree.order[extended]]
+    return Ranking(chosen, np.concatenate(scores), np.concatenate(deviations))
+
+
+def _observed(
+    places: NDArray[np.float64], spacing: float, thinned: bool, criterion: Criterion, seen: Seen | None, clock: Stages
+) -> tuple[KdTree, LocalField]:
+    """Return the tree over the candidates of a stage, in units of its spacing, and the field over that."""
+    with clock("noise"):
+        feet, variances = (places, np.zeros(len(places))) if seen is None else seen(places)
+    with clock("features"):
+        tree = KdTree.build(places / spacing)
+        on_surface = tree if feet is places else KdTree.build(feet / spacing)
+        features = features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(on_surface, FEW)
+        return tree, _field(tree, features, variances / spacing**2, criterion)
+
+
+def _field(tree: KdTree, features: Features, noise: NDArray[np.float64], criterion: Criterion) -> LocalField:
+    """Return the field over a tree in units of the target spacing; features and noise are in the tree's input order."""
+    variation = features.surface_variation[tree.order]
+    roughness = np.sqrt(variation)
+    roundness = 1.0 - segregation(roughness) ** 2
+    spread = float(np.std(variation))
+    return LocalField(
+        positions=tree.points,
+        normals=np.ascontiguousarray(features.normals[tree.order].T),
+        spacings=desired_spacings(tree, roughness, criterion.density_power * roundness**4),
+        y=(variation - np.mean(variation)) / spread if spread > FLAT else np.zeros(len(noise)),
+        noise=NOISE + noise[tree.order],
+        lengthscale=criterion.lengthscale,
+        normal_weight=criterion.normal_weight * roundness**2,
+    )

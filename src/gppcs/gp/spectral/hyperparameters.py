@@ -1,0 +1,106 @@
+"""Hyperparameters by maximum marginal likelihood (paper, Eq. 5), for a kernel of L features."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+import scipy.optimize
+from numpy.typing import NDArray
+
+from gppcs.gp.spectral.kernel import Hyperparameters, log_spectrum_slopes, spectral_weights
+
+STARTS = (0.03, 0.1, 0.3, 1.0)  # lengthscales; the likelihood has more than one maximum
+LEAST_NOISE = 1e-6  # of the mean square of y, so that the posterior stays well conditioned
+
+
+def log_marginal_likelihood(
+    eigenvalues: NDArray[np.float64],
+    eigenfunctions: NDArray[np.float64],
+    y: NDArray[np.float64],
+    mean_squares: NDArray[np.float64],
+    theta: Hyperparameters,
+) -> tuple[float, NDArray[np.float64]]:
+    """Return log p(y | theta, sigma_y^2) and its gradient, in O(n L^2) for n points.
+
+    Parameters
+    ----------
+    eigenvalues : (L,) array
+    eigenfunctions : (n, L) array
+        F, at the n points observed.
+    y : (n,) array
+    mean_squares : (L,) array
+        As `spectral_weights` takes them.
+    theta : Hyperparameters
+
+    Returns
+    -------
+    value : float
+    gradient : (4,) array
+        By log variance, log lengthscale, log nu and log noise.
+    """
+    n, count = eigenfunctions.shape
+    noise = theta.noise
+    weights = spectral_weights(eigenvalues, mean_squares, theta)
+    phi = eigenfunctions * np.sqrt(weights)
+    inner = scipy.linalg.cho_factor(noise * np.eye(count) + phi.T @ phi)
+    # alpha = (K + sigma_y^2 I)^-1 y, and the trace of that inverse, by the matrix inversion lemma
+    alpha = (y - phi @ scipy.linalg.cho_solve(inner, phi.T @ y)) / noise
+    trace = (n - count) / noise + np.trace(scipy.linalg.cho_solve(inner, np.eye(count)))
+    log_determinant = (n - count) * np.log(noise) + 2 * np.log(np.diag(inner[0])).sum()
+    value = -0.5 * (y @ alpha + log_determinant + n * np.log(2 * np.pi))
+
+    gram = eigenfunctions.T @ eigenfunctions
+    quadratic = np.diag(np.linalg.solve(noise * np.eye(count) + gram * weights, gram))
+    by_weight = 0.5 * ((eigenfunctions.T @ alpha) ** 2 - quadratic)
+    shares = weights * mean_squares / theta.variance
+    by_lengthscale, by_nu = (
+        by_weight @ (weights * (slope - shares @ slope))
+        for slope in log_spectrum_slopes(eigenvalues, theta.lengthscale, theta.nu)
+    )
+    by_noise = 0.5 * noise * (alpha @ alpha - trace)
+    return float(value), np.array([by_weight @ weights, by_lengthscale, by_nu, by_noise])
+
+
+def fit(
+    eigenvalues: NDArray[np.float64],
+    eigenfunctions: NDArray[np.float64],
+    y: NDArray[np.float64],
+    mean_squares: NDArray[np.float64],
+    nu: float,
+    fit_nu: bool = False,
+    iterations: int = 200,
+) -> Hyperparameters:
+    """Maximise the marginal likelihood over variance, lengthscale and noise, and over nu where `fit_nu` says so.
+
+    L-BFGS on the logarithms, from four lengthscales, at most so many iterations from each; the best end is taken.
+    Arrays are as `log_marginal_likelihood` takes them; `nu` is the value kept, or the start.
+    """
+    scale = float(np.mean(y**2)) or 1.0
+    free = [0, 1, 3] if not fit_nu else [0, 1, 2, 3]
+    bounds = np.log([(1e-4 * scale, 1e4 * scale), (1e-3, 1e2), (0.1, 1e3), (LEAST_NOISE * scale, 1e2 * scale)])
+
+    def theta_of(logarithms: NDArray[np.float64]) -> Hyperparameters:
+        variance, lengthscale, free_nu, noise = np.exp(logarithms).tolist()
+        return Hyperparameters(variance, lengthscale, free_nu if fit_nu else nu, noise)
+
+    def loss(moved: NDArray[np.float64], fixed: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        logarithms = fixed.copy()
+        logarithms[free] = moved
+        value, gradient = log_marginal_likelihood(eigenvalues, eigenfunctions, y, mean_squares, theta_of(logarithms))
+        return -value, -gradient[free]
+
+    ends = []
+    for lengthscale in STARTS:
+        start = np.log([scale, lengthscale, min(nu, 1e3), 0.5 * scale])
+        end = scipy.optimize.minimize(
+            loss,
+            start[free],
+            args=(start,),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=bounds[free],
+            options={"maxiter": iterations},
+        )
+        start[free] = end.x
+        ends.append((end.fun, start))
+    return theta_of(min(ends, key=lambda end: end[0])[1])

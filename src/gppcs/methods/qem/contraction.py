@@ -1,0 +1,356 @@
+"""Simplification by the quadric error metric, for points (Pauly, Gross and Kobbelt 2002; Garland and Heckbert 1997)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, Self
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.spatial.kdtree import KdTree
+from gppcs.surface.surface_variation import features_of_nearest
+
+FLAT = 1e-14  # squared sine of the angle to a plane below which a point is in it but for rounding
+CONTRACTIONS_PER_CALL = 16384  # between two words of progress
+
+
+def contraction_order(
+    points: NDArray[np.float64],
+    neighbours: int = 8,
+    tree: KdTree | None = None,
+    advanced: Callable[[int], None] | None = None,
+) -> NDArray[np.int64]:
+    """Contract pairs of neighbours, the cheapest first, until one point is left; return the points, last to go first.
+
+    A point starts with a quadric for each neighbour: the squared distance to the plane through both that is
+    nearest to the tangent plane, times their squared distance. Contracting one point into another adds up their
+    quadrics, and costs what the sum measures at the point that stays, which is the one of the two that costs less.
+    The next pair is always the one of least cost, ties to the shorter and then to that of smallest indices. Its
+    neighbours are then the nearest of those that both had.
+
+    Parameters
+    ----------
+    points : (N, 3) array, float64
+        Without repeats.
+    neighbours : int
+        How many neighbours a point has, at least 1; fewer in clouds that have no more.
+    tree : KdTree, optional
+        The tree over `points`, where it is there already.
+    advanced : callable, optional
+        Told of the number of contractions since the last call.
+
+    Returns
+    -------
+    (N,) array, int64
+        The first M are the simplification to M points, for every M.
+    """
+    tree = tree or KdTree.build(points)
+    n = len(points)
+    members, nearest = np.arange(n), tree.neighbours(min(neighbours, n - 1))[0]
+    cloud = _Cloud.build(tree, nearest)
+    alive = np.ones(n, dtype=np.bool_)
+    removed = np.empty(n, dtype=np.int64)
+    count = 0
+    while count < n - 1:
+        graph = _Graph.build(cloud, members, nearest)
+        stuck = False
+        while not stuck and count < n - 1:
+            end = min(count + CONTRACTIONS_PER_CALL, n - 1)
+            reached = _contract(cloud, graph, alive, removed, count, end)
+            if advanced:
+                advanced(reached - count)
+            stuck, count = reached < end, reached
+        # one point of each part of the graph that was not linked to others is left, and these are linked now
+        members = np.flatnonzero(alive)
+        rest = KdTree.build(cloud.points[members])
+        nearest = np.empty((len(members), min(neighbours, len(members) - 1)), dtype=np.int64)
+        nearest[rest.order] = members[rest.order[rest.neighbours(nearest.shape[1])[0]]]
+    removed[n - 1] = members[0]
+    return tree.order[removed[::-1]]
+
+
+class _Cloud(NamedTuple):
+    """The points in tree order, so that neighbours stand near each other, and the input's index of each.
+
+    A point p has the quadric q(v) = (v - p) A (v - p) + 2 b (v - p) + c, about itself so that little cancels; the
+    columns are A's xx, xy, xz, yy, yz and zz, then b, then c.
+    """
+
+    points: NDArray[np.float64]
+    order: NDArray[np.int64]
+    quadrics: NDArray[np.float64]
+
+    @classmethod
+    def build(cls, tree: KdTree, nearest: NDArray[np.int64]) -> Self:
+        points = np.ascontiguousarray(tree.points.T)
+        quadrics = np.zeros((len(points), 10), dtype=np.float64)
+        normals = features_of_nearest(tree, nearest.shape[1] + 1).normals[tree.order]
+        _add_planes(points, nearest, normals, quadrics)
+        return cls(points, tree.order, quadrics)
+
+
+@nb.njit(cache=True, nogil=True)
+def _add_planes(points, neighbours, normals, quadrics):
+    """Add up the planes of each point and its neighbours."""
+    for i in range(len(points)):
+        for j in neighbours[i]:
+            edge = points[j] - points[i]
+            squared = (edge * edge).sum()
+            across = normals[i] - edge * ((normals[i] * edge).sum() / squared)
+            sine = (across * across).sum()
+            if sine > FLAT:  # else the edge stands upright, and no plane is nearest
+                weight = squared / sine
+                quadrics[i, 0] += weight * across[0] * across[0]
+                quadrics[i, 1] += weight * across[0] * across[1]
+                quadrics[i, 2] += weight * across[0] * across[2]
+                quadrics[i, 3] += weight * across[1] * across[1]
+                quadrics[i, 4] += weight * across[1] * across[2]
+                quadrics[i, 5] += weight * across[2] * across[2]
+
+
+class _Graph(NamedTuple):
+    """Who is a neighbour of whom, and the cheapest contraction of each point with one of its neighbours.
+
+    Point i has the slots from k i to k (i + 1), each with the position of a neighbour or -1. The slots that hold a
+    point form a list: `first` of the point, then `following` and `previous` of the slots. `winner` is the tree of a
+    tournament, with point i at N + i and the one whose contraction is next at 1.
+    """
+
+    slots: NDArray[np.int64]
+    first: NDArray[np.int64]
+    following: NDArray[np.int64]
+    previous: NDArray[np.int64]
+    cost: NDArray[np.float64]
+    squared: NDArray[np.float64]
+    partner: NDArray[np.int64]
+    winner: NDArray[np.int64]
+
+    @classmethod
+    def build(cls, cloud: _Cloud, members: NDArray[np.int64], nearest: NDArray[np.int64]) -> Self:
+        """Link some of the points to the nearest of them, a row of `nearest` each."""
+        n, k = len(cloud.points), nearest.shape[1]
+        slots = np.full((n, k), -1)
+        slots[members] = nearest
+        graph = cls(
+            slots.ravel(), np.full(n, -1), np.empty(n * k, dtype=np.int64), np.empty(n * k, dtype=np.int64),
+            np.full(n, np.inf), np.full(n, np.inf), np.full(n, -1), np.arange(2 * n) - n,
+        )  # fmt: skip
+        _start(cloud, graph, members)
+        return graph
+
+
+@nb.njit(cache=True, nogil=True)
+def _start(cloud, graph, members):
+    """List the slots by the points they hold, find the partners, and play the tournament."""
+    for slot in range(len(graph.slots)):
+        if graph.slots[slot] >= 0:
+            _link(graph, slot, graph.slots[slot])
+    for i in members:
+        _find_partner(cloud, graph, i)
+    for node in range(len(graph.cost) - 1, 0, -1):
+        graph.winner[node] = _better(cloud, graph, graph.winner[2 * node], graph.winner[2 * node + 1])
+
+
+@nb.njit(cache=True)
+def _link(graph, slot, point):
+    """Put a point into a slot."""
+    after = graph.first[point]
+    graph.slots[slot], graph.following[slot], graph.previous[slot] = point, after, -1
+    if after >= 0:
+        graph.previous[after] = slot
+    graph.first[point] = slot
+
+
+@nb.njit(cache=True)
+def _unlink(graph, slot):
+    """Empty a slot."""
+    before, after = graph.previous[slot], graph.following[slot]
+    if before >= 0:
+        graph.following[before] = after
+    else:
+        graph.first[graph.slots[slot]] = after
+    if after >= 0:
+        graph.previous[after] = before
+    graph.slots[slot] = -1
+
+
+@nb.njit(cache=True)
+def _cost(cloud, gone, kept):
+    """Return what the quadrics of two points measure where one of them is."""
+    q = cloud.quadrics
+    x, y, z = _step(cloud, gone, kept)
+    cost = x * (q[gone, 0] * x + 2 * (q[gone, 1] * y + q[gone, 2] * z + q[gone, 6]))
+    cost += y * (q[gone, 3] * y + 2 * (q[gone, 4] * z + q[gone, 7]))
+    cost += z * (q[gone, 5] * z + 2 * q[gone, 8]) + q[gone, 9] + q[kept, 9]
+    weight = q[gone, 0] + q[gone, 3] + q[gone, 5] + q[kept, 0] + q[kept, 3] + q[kept, 5]
+    return cost if cost > FLAT * weight * (x * x + y * y + z * z) else 0.0
+
+
+@nb.njit(cache=True)
+def _step(cloud, begin, end):
+    """Return the way from one point to another."""
+    p = cloud.points
+    return p[end, 0] - p[begin, 0], p[end, 1] - p[begin, 1], p[end, 2] - p[begin, 2]
+
+
+@nb.njit(cache=True)
+def _consider(cloud, graph, i, j):
+    """Make j the partner of i, if that is better than the one it has."""
+    cost = min(_cost(cloud, i, j), _cost(cloud, j, i))
+    x, y, z = _step(cloud, i, j)
+    squared = x * x + y * y + z * z
+    if cost > graph.cost[i] or (cost == graph.cost[i] and squared > graph.squared[i]):
+        return False
+    if cost == graph.cost[i] and squared == graph.squared[i] and cloud.order[j] > cloud.order[graph.partner[i]]:
+        return False
+    graph.cost[i], graph.squared[i], graph.partner[i] = cost, squared, j
+    return True
+
+
+@nb.njit(cache=True)
+def _find_partner(cloud, graph, i):
+    """Find the neighbour that it is cheapest to contract a point with; infinite cost where there is none."""
+    k = len(graph.slots) // len(graph.cost)
+    graph.cost[i] = graph.squared[i] = np.inf
+    for slot in range(k * i, k * (i + 1)):
+        if graph.slots[slot] >= 0:
+            _consider(cloud, graph, i, graph.slots[slot])
+
+
+@nb.njit(cache=True)
+def _better(cloud, graph, i, j):
+    """Return which of two points has its contraction first."""
+    if graph.cost[i] != graph.cost[j]:
+        return i if graph.cost[i] < graph.cost[j] else j
+    if graph.squared[i] != graph.squared[j]:
+        return i if graph.squared[i] < graph.squared[j] else j
+    return i if cloud.order[i] < cloud.order[j] else j
+
+
+@nb.njit(cache=True)
+def _play(cloud, graph, i):
+    """Play a point's matches again after its contraction has changed."""
+    winner = graph.winner
+    node = (len(graph.cost) + i) // 2
+    while node:
+        best = _better(cloud, graph, winner[2 * node], winner[2 * node + 1])
+        if best == winner[node] and best != i:
+            break
+        winner[node] = best
+        node //= 2
+
+
+@nb.njit(cache=True, nogil=True)
+def _contract(cloud, graph, alive, removed, begin, end):
+    """Fill `removed` from `begin` to `end`, and return how far that went before no pairs were left."""
+    k = len(graph.slots) // len(graph.cost)
+    nearest, squared = np.empty(k, dtype=np.int64), np.empty(k, dtype=np.float64)
+    for count in range(begin, end):
+        i = graph.winner[1]
+        if graph.cost[i] == np.inf:
+            return count
+        j = graph.partner[i]
+        there, here = _cost(cloud, i, j), _cost(cloud, j, i)
+        stays = here < there or (here == there and cloud.order[i] < cloud.order[j])
+        kept, gone = (i, j) if stays else (j, i)
+        alive[gone], removed[count] = False, gone
+        _merge_neighbours(cloud, graph, gone, kept, nearest, squared)
+        _merge_quadrics(cloud, gone, kept)
+        graph.cost[gone] = np.inf
+        _play(cloud, graph, gone)
+        _find_partner(cloud, graph, kept)
+        _play(cloud, graph, kept)
+        _tell_neighbours(cloud, graph, gone, kept)
+    return end
+
+
+@nb.njit(cache=True)
+def _merge_neighbours(cloud, graph, gone, kept, nearest, squared):
+    """Let a point take another's place among neighbours, and have the nearest of the neighbours of both.
+
+    `nearest` and `squared` are room for as many as a point can have.
+    """
+    k = len(nearest)
+    found = 0
+    for point in (gone, kept):
+        for slot in range(k * point, k * (point + 1)):
+            other = graph.slots[slot]
+            if other >= 0:
+                _unlink(graph, slot)
+                if other != gone and other != kept:
+                    found = _insert(cloud, kept, other, nearest, squared, found)
+    slot = graph.first[gone]
+    while slot >= 0:
+        after = graph.following[slot]
+        _unlink(graph, slot)
+        if not _knows(graph, slot // k, kept):
+            _link(graph, slot, kept)
+        slot = after
+    for rank in range(found):
+        _link(graph, k * kept + rank, nearest[rank])
+
+
+@nb.njit(cache=True)
+def _knows(graph, point, other):
+    """Tell whether a point has another for a neighbour."""
+    k = len(graph.slots) // len(graph.cost)
+    for slot in range(k * point, k * (point + 1)):  # noqa: SIM110 (Numba has no generators)
+        if graph.slots[slot] == other:
+            return True
+    return False
+
+
+@nb.njit(cache=True)
+def _insert(cloud, point, other, nearest, squared, found):
+    """Insert another point among those found nearest, unless it is there already; return how many there are.
+
+    Ties go to the smallest index, and only as many are kept as there is room for.
+    """
+    x, y, z = _step(cloud, point, other)
+    distance = x * x + y * y + z * z
+    rank = found
+    while rank > 0 and (
+        distance < squared[rank - 1]
+        or (distance == squared[rank - 1] and cloud.order[other] < cloud.order[nearest[rank - 1]])
+    ):
+        rank -= 1
+    if rank == len(nearest) or (rank > 0 and nearest[rank - 1] == other):
+        return found
+    found = min(found + 1, len(nearest))
+    for later in range(found - 1, rank, -1):
+        squared[later], nearest[later] = squared[later - 1], nearest[later - 1]
+    squared[rank], nearest[rank] = distance, other
+    return found
+
+
+@nb.njit(cache=True)
+def _merge_quadrics(cloud, gone, kept):
+    """Add the quadric of one point to that of another."""
+    q = cloud.quadrics
+    x, y, z = _step(cloud, gone, kept)
+    ax = q[gone, 0] * x + q[gone, 1] * y + q[gone, 2] * z
+    ay = q[gone, 1] * x + q[gone, 3] * y + q[gone, 4] * z
+    az = q[gone, 2] * x + q[gone, 4] * y + q[gone, 5] * z
+    q[kept, 9] += x * (ax + 2 * q[gone, 6]) + y * (ay + 2 * q[gone, 7]) + z * (az + 2 * q[gone, 8])
+    q[kept, 6] += ax
+    q[kept, 7] += ay
+    q[kept, 8] += az
+    for column in range(10):
+        q[kept, column] += q[gone, column]
+
+
+@nb.njit(cache=True)
+def _tell_neighbours(cloud, graph, gone, kept):
+    """Bring the contractions of those up to date whose neighbour a point is."""
+    k = len(graph.slots) // len(graph.cost)
+    slot = graph.first[kept]
+    while slot >= 0:
+        owner = slot // k
+        changed = graph.partner[owner] == kept or graph.partner[owner] == gone
+        if changed:
+            _find_partner(cloud, graph, owner)
+        if changed or _consider(cloud, graph, owner, kept):
+            _play(cloud, graph, owner)
+        slot = graph.following[slot]

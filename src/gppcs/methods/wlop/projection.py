@@ -1,0 +1,272 @@
+"""Weighted locally optimal projection: samples drawn onto the surface and apart (Huang et al. 2009)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, leaves_near, squared_distance_to_box
+from gppcs.spatial.spacing import nearest_distances
+
+NEAR = 1e-10  # of the squared radius: nearer than that, two points are one, and neither attracts nor repels
+
+
+def average_spacing(tree: KdTree) -> float:
+    """Return the mean distance to the seven nearest points, the point itself counted as in CGAL, of the median point.
+
+    CGAL takes the mean over all points in place of the median.
+    """
+    return float(np.median(np.mean([nearest_distances(tree, k) for k in range(7)], axis=0)))
+
+
+def project(
+    points: NDArray[np.float64],
+    samples: NDArray[np.float64],
+    radius: float,
+    iterations: int = 35,
+    mu: float = 0.45,
+    require_uniform: bool = False,
+    tree: KdTree | None = None,
+    advanced: Callable[[int], None] | None = None,
+) -> NDArray[np.float64]:
+    r"""Move samples to the middle of the points around them and away from each other, many times.
+
+    With theta(r) = exp(-4 r^2 / h^2) up to r = h, and beyond it zero, all samples x move at once to
+
+        x + sum_j alpha_j (p_j - x) / sum_j alpha_j + mu sum_k beta_k (x - x_k) / sum_k beta_k,
+
+    alpha_j = theta(\|x - p_j\|) w_j over the points, beta_k = omega_k theta(r_k) / r_k^2, r_k = \|x - x_k\|, over
+    the other samples. These are CGAL's weights, so that results compare; in the paper theta is exp(-16 r^2 / h^2),
+    alpha is divided by r, and beta by r in place of r^2. As in CGAL, samples with fewer than two others in reach
+    are not repelled, and points at the very place of a sample do not attract it.
+
+    Parameters
+    ----------
+    points : (N, 3) array, float64
+    samples : (M, 3) array, float64
+        Where the samples start.
+    radius : float
+        h, in the unit of the points.
+    iterations : int
+    mu : float
+        Weight of the repulsion, from 0 to 0.5.
+    require_uniform : bool
+        Weigh points by w_j = 1 / (1 + sum theta) over the other points, which evens out their density; w_j = 1
+        otherwise.
+    tree : KdTree, optional
+        The tree over `points`, where it is there already.
+    advanced : callable, optional
+        Told of the number of iterations done since the last call.
+
+    Returns
+    -------
+    (M, 3) array, float64
+    """
+    tree = tree or KdTree.build(points)
+    weights = np.ones(len(points), dtype=np.float64)
+    if require_uniform:
+        weights /= _crowding(tree.points, tree.low, tree.high, radius)
+    # samples move little, so that their first tree stays a good one, once its boxes are measured again
+    now = KdTree.build(samples)
+    positions, low, high = now.points, now.low, now.high
+    for _ in range(iterations):
+        # CGAL's density of a sample counts the sample itself twice
+        omega = 1 + _crowding(positions, low, high, radius)
+        positions = _moved(tree.points, tree.low, tree.high, weights, positions, low, high, omega, radius, mu)
+        _measure_boxes(positions, low, high)
+        if advanced:
+            advanced(1)
+    projected = np.empty_like(samples)
+    projected[now.order] = positions.T
+    return projected
+
+
+@nb.njit(cache=True)
+def _measure_boxes(points, low, high):
+    """Fit the boxes of a tree to points that have moved."""
+    n = points.shape[1]
+    leaves = first_leaf(low)
+    for node in range(2 * leaves - 1, 0, -1):
+        for axis in range(3):
+            if node >= leaves:
+                run = points[axis, slice(*leaf_range(n, leaves, node))]
+                low[node, axis], high[node, axis] = run.min(), run.max()
+            else:
+                low[node, axis] = min(low[2 * node, axis], low[2 * node + 1, axis])
+                high[node, axis] = max(high[2 * node, axis], high[2 * node + 1, axis])
+
+
+@nb.njit(cache=True, inline="always")
+def _theta(t):
+    """Return exp(-4 t) for t from 0 to 1, to eleven digits, and zero beyond; without a call, to be vectorised."""
+    s = 0.25 - 0.5 * t
+    e = 1 + s / 8 * (1 + s / 9)
+    e = 1 + s / 4 * (1 + s / 5 * (1 + s / 6 * (1 + s / 7 * e)))
+    e = 1 + s * (1 + s / 2 * (1 + s / 3 * e))
+    e *= e
+    e *= e
+    e *= e
+    return e * np.exp(-2.0) if t <= 1.0 else 0.0
+
+
+@nb.njit(cache=True, parallel=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+def _crowding(points, low, high, radius):
+    """Return 1 + sum theta over the other points, in tree order."""
+    n = points.shape[1]
+    leaves = first_leaf(low)
+    crowding = np.empty(n, dtype=np.float64)
+    for leaf in nb.prange(leaves):
+        found = np.empty(leaves, dtype=np.int64)
+        near = found[: leaves_near(low, high, low[leaves + leaf], high[leaves + leaf], radius * radius, found)]
+        for i in range(*leaf_range(n, leaves, leaves + leaf)):
+            x, y, z = points[0, i], points[1, i], points[2, i]
+            total = 0.0
+            for node in near:
+                if squared_distance_to_box(low[node], high[node], x, y, z) > radius * radius:
+                    continue
+                for j in range(*leaf_range(n, leaves, node)):
+                    dx, dy, dz = points[0, j] - x, points[1, j] - y, points[2, j] - z
+                    total += _theta((dx * dx + dy * dy + dz * dz) / (radius * radius))
+            crowding[i] = total  # the point itself is the one
+    return crowding
+
+
+@nb.njit(cache=True, parallel=True)
+def _moved(points, low, high, weights, samples, sample_low, sample_high, omega, radius, mu):
+    """Return the samples after one iteration, in the order of their tree as they are.
+
+    The samples of a leaf lie near each other and share one search for the leaves in reach.
+    """
+    leaves = first_leaf(sample_low)
+    m = samples.shape[1]
+    moved = np.empty((3, m), dtype=np.float64)
+    for leaf in nb.prange(leaves):
+        box_low, box_high = sample_low[leaves + leaf], sample_high[leaves + leaf]
+        found, found_samples = np.empty(first_leaf(low), dtype=np.int64), np.empty(leaves, dtype=np.int64)
+        near = found[: leaves_near(low, high, box_low, box_high, radius * radius, found)]
+        count = leaves_near(sample_low, sample_high, box_low, box_high, radius * radius, found_samples)
+        near_samples = found_samples[:count]
+        for i in range(*leaf_range(m, leaves, leaves + leaf)):
+            x, y, z = samples[0, i], samples[1, i], samples[2, i]
+            ax, ay, az = _attraction(points, low, high, weights, near, radius, x, y, z)
+            rx, ry, rz = _repulsion(samples, sample_low, sample_high, omega, near_samples, radius, x, y, z)
+            moved[0, i], moved[1, i], moved[2, i] = x + ax + mu * rx, y + ay + mu * ry, z + az + mu * rz
+    return moved
+
+
+@nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+def _attraction(points, low, high, weights, near, radius, x, y, z):
+    """Return the step to the weighted mean of the points around (x, y, z), none where there are no points."""
+    leaves = first_leaf(low)
+    n = points.shape[1]
+    total = sx = sy = sz = 0.0
+    for node in near:
+        if squared_distance_to_box(low[node], high[node], x, y, z) > radius * radius:
+            continue
+        for j in range(*leaf_range(n, leaves, node)):
+            dx, dy, dz = points[0, j] - x, points[1, j] - y, points[2, j] - z
+            t = (dx * dx + dy * dy + dz * dz) / (radius * radius)
+            alpha = _theta(t) * weights[j] if t >= NEAR else 0.0
+            total += alpha
+            sx += alpha * dx
+            sy += alpha * dy
+            sz += alpha * dz
+    if total > 0.0:
+        return sx / total, sy / total, sz / total
+    return 0.0, 0.0, 0.0
+
+
+@nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+def _repulsion(samples, low, high, omega, near, radius, x, y, z):
+    """Return the mean step away from the samples around (x, y, z), none where fewer than two others are in reach."""
+    leaves = first_leaf(low)
+    m = samples.shape[1]
+    within = 0
+    total = sx = sy = sz = 0.0
+    for node in near:
+        if squared_distance_to_box(low[node], high[node], x, y, z) > radius * radius:
+            continue
+        for k in range(*leaf_range(m, leaves, node)):
+            dx, dy, dz = x - samples[0, k], y - samples[1, k], z - samples[2, k]
+            t = (dx * dx + dy * dy + dz * dz) / (radius * radius)
+            within += int(t <= 1.0)
+            beta = omega[k] * _theta(t) / max(t, NEAR) if t >= NEAR else 0.0
+            total += beta
+            sx += beta * dx
+            sy += beta * dy
+            sz += beta * dz
+    if within > 2 and total > 0.0:
+        return sx / total, sy / total, sz / total
+    return 0.0, 0.0, 0.0
+
+
+def nearest_unused(positions: NDArray[np.float64], tree: KdTree) -> NDArray[np.int64]:
+    """Return for each position in turn the index of the nearest point that none before it took.
+
+    Parameters
+    ----------
+    positions : (M, 3) array, float64
+        M at most the number of points in the tree.
+
+    Returns
+    -------
+    (M,) array, int64
+        Unique; ties go to the smallest index.
+    """
+    taken = np.zeros(len(tree.order), dtype=np.bool_)
+    leaves = len(tree.low) // 2
+    unused = np.zeros(2 * leaves, dtype=np.int64)
+    unused[leaves:] = np.diff(np.arange(leaves + 1) * len(taken) // leaves)
+    for node in range(leaves - 1, 0, -1):
+        unused[node] = unused[2 * node] + unused[2 * node + 1]
+    indices = np.empty(len(positions), dtype=np.int64)
+    _take_nearest(positions, tree.points, tree.order, tree.low, tree.high, taken, unused, indices)
+    return indices
+
+
+@nb.njit(cache=True)
+def _take_nearest(positions, points, order, low, high, taken, unused, indices):
+    leaves = first_leaf(low)
+    for p in range(len(positions)):
+        x, y, z = positions[p]
+        best = _nearest_untaken(points, order, low, high, taken, unused, x, y, z)
+        indices[p] = order[best]
+        taken[best] = True
+        # the leaf whose range holds the position: the inverse of floor(n leaf / leaves)
+        node = leaves + ((best + 1) * leaves - 1) // points.shape[1]
+        while node:
+            unused[node] -= 1
+            node //= 2
+
+
+@nb.njit(cache=True)
+def _nearest_untaken(points, order, low, high, taken, unused, x, y, z):
+    """Return the position in tree order of the nearest point not taken, ties to the smallest index."""
+    leaves = first_leaf(low)
+    n = points.shape[1]
+    best, nearest = -1, np.inf
+    stack = np.empty(64, dtype=np.int64)
+    stack[0] = 1
+    height = 1
+    while height:
+        height -= 1
+        node = stack[height]
+        if not unused[node] or squared_distance_to_box(low[node], high[node], x, y, z) > nearest:
+            continue
+        if node < leaves:
+            near, far = 2 * node, 2 * node + 1
+            if squared_distance_to_box(low[far], high[far], x, y, z) < squared_distance_to_box(
+                low[near], high[near], x, y, z
+            ):
+                near, far = far, near
+            stack[height], stack[height + 1] = far, near
+            height += 2
+        else:
+            for j in range(*leaf_range(n, leaves, node)):
+                squared = (points[0, j] - x) ** 2 + (points[1, j] - y) ** 2 + (points[2, j] - z) ** 2
+                if not taken[j] and (squared < nearest or (squared == nearest and order[j] < order[best])):
+                    best, nearest = j, squared
+    return best

@@ -1,0 +1,129 @@
+"""Farthest point sampling: exact, deterministic, pruned by a k-d tree (Eldar et al. 1997; buckets: Han et al. 2023)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.spatial.kdtree import (
+    KdTree,
+    first_leaf,
+    greater_child,
+    greatest_in_leaf,
+    greatest_of_all,
+    leaf_range,
+    squared_distance_to_box,
+)
+
+PICKS_PER_CALL = 4096  # between two words of progress
+
+
+def farthest_points(
+    points: NDArray[np.float64],
+    n_points: int,
+    tree: KdTree | None = None,
+    advanced: Callable[[int], None] | None = None,
+    *,
+    first: int | None = None,
+    others: NDArray[np.float64] | None = None,
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Choose points one by one, each the farthest from those chosen before it.
+
+    Ties go to the smallest index. The result is that of the plain O(N M) algorithm: a box of the tree is passed
+    over only where no point in it can come nearer to a chosen one.
+
+    Parameters
+    ----------
+    points : (N, 3) array
+    n_points : int
+        M, from 1 to N.
+    tree : KdTree, optional
+        The tree over `points`, where it is there already.
+    advanced : callable, optional
+        Told of the number of points chosen since the last call.
+    first : int, optional
+        The point to begin with; where not given, the farthest from `others`, without these that nearest the centroid.
+    others : (K, 3) array, optional
+        Points chosen elsewhere, to keep away from as well.
+
+    Returns
+    -------
+    indices : (M,) array, int64
+        In the order chosen.
+    distances : (M,) array, float64
+        Distance of each to those chosen before it and to `others`, infinite for the first without others; never
+        rising, but after `first`, and zero once only repeats are left. The last is at least the covering radius of
+        the M points.
+    """
+    tree = tree or KdTree.build(points)
+    squared = np.full(len(points), np.inf)
+    if others is not None and len(others):
+        squared = KdTree.build(others).nearest_of(points, 1)[1][tree.order, 0]
+    elif first is None:
+        first = int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))
+    chosen = np.empty(n_points, dtype=np.int64)
+    distances = np.empty(n_points, dtype=np.float64)
+    position = tree.positions()
+    if first is not None:
+        chosen[0], distances[0] = first, squared[position[first]]
+        x, y, z = (tree.points - tree.points[:, position[first], None]) ** 2
+        squared = np.minimum(squared, x + y + z)
+        squared[position[first]] = -1.0
+    farthest = np.empty(len(tree.low), dtype=np.float64)
+    candidate = np.empty(len(tree.low), dtype=np.int64)
+    greatest_of_all(tree.order, squared, farthest, candidate)
+    for begin in range(0, n_points, PICKS_PER_CALL):
+        end = min(begin + PICKS_PER_CALL, n_points)
+        _choose(
+            tree.points, tree.order, tree.low, tree.high, position,
+            squared, farthest, candidate, chosen, distances, max(begin, int(first is not None)), end,
+        )  # fmt: skip
+        if advanced:
+            advanced(end - begin)
+    return chosen, np.sqrt(distances)
+
+
+@nb.njit(cache=True, nogil=True)
+def _choose(points, order, low, high, position, squared, farthest, candidate, chosen, distances, begin, end):
+    leaves = first_leaf(low)
+    n = points.shape[1]
+    stack = np.empty(64, dtype=np.int64)
+    visited = np.empty(leaves, dtype=np.int64)
+    for m in range(begin, end):
+        index = candidate[1]
+        chosen[m] = index
+        distances[m] = farthest[1]
+        x, y, z = points[:, position[index]]
+        squared[position[index]] = -1.0  # below every distance: chosen points are never candidates again
+        stack[0] = 1
+        height = 1
+        inner = 0
+        while height:
+            height -= 1
+            node = stack[height]
+            if node >= leaves:
+                run = slice(*leaf_range(n, leaves, node))
+                approach(points[0, run], points[1, run], points[2, run], squared[run], x, y, z)
+                greatest_in_leaf(node, order, squared, farthest, candidate)
+                continue
+            visited[inner] = node
+            inner += 1
+            for child in (2 * node, 2 * node + 1):
+                if (
+                    squared_distance_to_box(low[child], high[child], x, y, z) < farthest[child]
+                    or candidate[child] == index
+                ):
+                    stack[height] = child
+                    height += 1
+        for v in range(inner - 1, -1, -1):  # children before their parents
+            greater_child(visited[v], farthest, candidate)
+
+
+@nb.njit(cache=True)
+def approach(xs, ys, zs, squared, x, y, z):
+    """Lower the squared distances of some points to those from (x, y, z)."""
+    for j in range(len(squared)):
+        squared[j] = min(squared[j], (xs[j] - x) ** 2 + (ys[j] - y) ** 2 + (zs[j] - z) ** 2)

@@ -1,0 +1,1 @@
+"""What knows of the surface under the points: moments, surface variation, quadrics, noise, normals."""

@@ -1,0 +1,199 @@
+"""Moments of neighbourhoods, and their flattest direction: the smallest eigenvalue of the covariance and its vector."""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+
+from gppcs.spatial.kdtree import first_leaf, leaf_range
+
+MOMENTS = 10  # of a neighbourhood, about any origin: count, sums of x, y, z, and of xx, xy, xz, yy, yz, zz
+LANES = 32  # neighbourhoods whose eigenvalues are found side by side: a whole leaf of the tree
+
+# -cos(2/3 arccos((1 + x) / 2)) for x from -1 to 1 as a polynomial, highest power first; good to a few roundings
+_CHEBYSHEV = np.polynomial.Chebyshev.interpolate(lambda x: -np.cos(2 / 3 * np.arccos((1 + x) / 2)), 18)
+SMALLEST_ROOT = np.polynomial.chebyshev.cheb2poly(_CHEBYSHEV.coef)[::-1].copy()
+
+
+@nb.njit(cache=True, nogil=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+def moments_in_ball(packed, count, x, y, z, squared_radius, moments, p):
+    """Put the moments of the packed points within the radius of (x, y, z), about that, into column p."""
+    along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
+    n = sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = 0.0
+    for j in range(len(along_x)):
+        dx, dy, dz = along_x[j] - x, along_y[j] - y, along_z[j] - z
+        inside = dx * dx + dy * dy + dz * dz <= squared_radius
+        n += 1.0 if inside else 0.0
+        dx, dy, dz = dx if inside else 0.0, dy if inside else 0.0, dz if inside else 0.0
+        sx += dx
+        sy += dy
+        sz += dz
+        sxx += dx * dx
+        sxy += dx * dy
+        sxz += dx * dz
+        syy += dy * dy
+        syz += dy * dz
+        szz += dz * dz
+    moments[0, p], moments[1, p], moments[2, p], moments[3, p] = n, sx, sy, sz
+    moments[4, p], moments[5, p], moments[6, p] = sxx, sxy, sxz
+    moments[7, p], moments[8, p], moments[9, p] = syy, syz, szz
+
+
+@nb.njit(cache=True, nogil=True)
+def node_moments(points, low, high, moments):
+    """Fill the rows with the moments of each node's points about the middle of its box."""
+    n, leaves = points.shape[1], first_leaf(low)
+    point = np.zeros(MOMENTS, dtype=np.float64)
+    point[0] = 1.0
+    for node in range(2 * leaves - 1, 0, -1):
+        x, y, z = middle(low[node], high[node])
+        moments[node] = 0.0
+        if node < leaves:
+            for child in (2 * node, 2 * node + 1):
+                u, v, w = middle(low[child], high[child])
+                add_shifted(moments[child], u - x, v - y, w - z, moments[node])
+            continue
+        for i in range(*leaf_range(n, leaves, node)):
+            add_shifted(point, points[0, i] - x, points[1, i] - y, points[2, i] - z, moments[node])
+
+
+@nb.njit(cache=True, fastmath=False)
+def middle(low, high):
+    """Return the middle of a box."""
+    return 0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2])
+
+
+@nb.njit(cache=True, fastmath=False)
+def add_shifted(moments, x, y, z, total):
+    """Add moments about a place to those about another one, from which the step to the former is (x, y, z)."""
+    n, sx, sy, sz = moments[0], moments[1], moments[2], moments[3]
+    total[0] += n
+    total[1] += sx + n * x
+    total[2] += sy + n * y
+    total[3] += sz + n * z
+    total[4] += moments[4] + 2.0 * x * sx + n * x * x
+    total[5] += moments[5] + x * sy + y * sx + n * x * y
+    total[6] += moments[6] + x * sz + z * sx + n * x * z
+    total[7] += moments[7] + 2.0 * y * sy + n * y * y
+    total[8] += moments[8] + y * sz + z * sy + n * y * z
+    total[9] += moments[9] + 2.0 * z * sz + n * z * z
+
+
+@nb.njit(cache=True, fastmath=False)
+def flattest(xx, xy, xz, yy, yz, zz, normal):
+    """Return lambda_0 / trace of a symmetric 3 x 3 matrix, and put the eigenvector of lambda_0 into `normal`.
+
+    Closed form (Smith 1961). The eigenvector is the longest cross product of two rows of C - lambda_0 I; where
+    all three vanish, lambda_0 is repeated and any direction across the remaining one is an answer.
+    """
+    trace = xx + yy + zz
+    normal[0], normal[1], normal[2] = 0.0, 0.0, 1.0
+    if not trace > 0.0:
+        return 0.0
+    xx, xy, xz, yy, yz, zz = xx / trace, xy / trace, xz / trace, yy / trace, yz / trace, zz / trace
+    off = xy * xy + xz * xz + yz * yz
+    a, b, c = xx - 1 / 3, yy - 1 / 3, zz - 1 / 3
+    p = np.sqrt((a * a + b * b + c * c + 2 * off) / 6)
+    if p < 1e-12:
+        return 1 / 3
+    determinant = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
+    angle = np.arccos(min(1.0, max(-1.0, determinant / (2 * p**3)))) / 3
+    smallest = 1 / 3 + 2 * p * np.cos(angle + 2 * np.pi / 3)
+    _null_vector(xx - smallest, xy, xz, yy - smallest, yz, zz - smallest, normal)
+    return max(0.0, smallest)
+
+
+@nb.njit(cache=True)
+def _null_vector(xx, xy, xz, yy, yz, zz, normal):
+    crosses = (
+        (xy * yz - xz * yy, xz * xy - xx * yz, xx * yy - xy * xy),
+        (xy * zz - xz * yz, xz * xz - xx * zz, xx * yz - xy * xz),
+        (yy * zz - yz * yz, yz * xz - xy * zz, xy * yz - yy * xz),
+    )
+    longest = 1e-20
+    for x, y, z in crosses:
+        squared = x * x + y * y + z * z
+        if squared > longest:
+            longest = squared
+            length = np.sqrt(squared)
+            normal[0], normal[1], normal[2] = x / length, y / length, z / length
+    if longest == 1e-20:
+        # the matrix has rank one: its largest row is the one direction to stay across of
+        x, y, z = xx, xy, xz
+        if yy > xx and yy >= zz:
+            x, y, z = xy, yy, yz
+        elif zz > xx:
+            x, y, z = xz, yz, zz
+        if abs(x) <= abs(z) or abs(y) <= abs(z):
+            x, y, z = (0.0, z, -y) if abs(x) <= abs(y) else (z, 0.0, -x)
+        else:
+            x, y, z = y, -x, 0.0
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > 0:
+            normal[0], normal[1], normal[2] = x / length, y / length, z / length
+
+
+@nb.njit(cache=True, error_model="numpy", fastmath={"nsz", "arcp", "contract", "reassoc"})
+def flattest_side_by_side(moments, variation, normals, sure):
+    """Find what `flattest` does for LANES neighbourhoods at a time, without a branch, so that vectors are made of it.
+
+    With 3 angles = arccos r, its cosine is that of 2/3 arccos sqrt((1 - r) / 2), which is smooth where a
+    neighbourhood is flat.
+
+    Parameters
+    ----------
+    moments : (10, LANES) array
+    variation : (LANES,) array
+        Filled with lambda_0 / trace.
+    normals : (3, LANES) array
+        Filled with the eigenvectors of lambda_0.
+    sure : (LANES,) array
+        Filled with ones, and with zeros where an eigenvalue is repeated or all points coincide, so that variation and
+        normal have to be found by `flattest`.
+    """
+    for p in range(LANES):
+        share = 1.0 / moments[0, p]
+        x, y, z = moments[1, p] * share, moments[2, p] * share, moments[3, p] * share
+        xx, xy, xz = moments[4, p] * share - x * x, moments[5, p] * share - x * y, moments[6, p] * share - x * z
+        yy, yz, zz = moments[7, p] * share - y * y, moments[8, p] * share - y * z, moments[9, p] * share - z * z
+        share = 1.0 / (xx + yy + zz)
+        xx, xy, xz, yy, yz, zz = xx * share, xy * share, xz * share, yy * share, yz * share, zz * share
+        off = xy * xy + xz * xz + yz * yz
+        a, b, c = xx - 1 / 3, yy - 1 / 3, zz - 1 / 3
+        size = np.sqrt((a * a + b * b + c * c + 2.0 * off) * (1 / 6))
+        determinant = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
+        t = 2.0 * np.sqrt(max(0.0, 0.5 - determinant / (4.0 * size * size * size))) - 1.0
+        root = SMALLEST_ROOT[0]
+        for power in range(1, len(SMALLEST_ROOT)):
+            root = root * t + SMALLEST_ROOT[power]
+        smallest = 1 / 3 + 2.0 * size * root
+        xx, yy, zz = xx - smallest, yy - smallest, zz - smallest
+        x, y, z = xy * yz - xz * yy, xz * xy - xx * yz, xx * yy - xy * xy
+        longest = x * x + y * y + z * z
+        u, v, w = xy * zz - xz * yz, xz * xz - xx * zz, xx * yz - xy * xz
+        squared = u * u + v * v + w * w
+        longer = squared > longest
+        x, y, z, longest = u if longer else x, v if longer else y, w if longer else z, squared if longer else longest
+        u, v, w = yy * zz - yz * yz, yz * xz - xy * zz, xy * yz - yy * xz
+        squared = u * u + v * v + w * w
+        longer = squared > longest
+        x, y, z, longest = u if longer else x, v if longer else y, w if longer else z, squared if longer else longest
+        share = 1.0 / np.sqrt(longest)
+        variation[p] = max(0.0, smallest)
+        normals[0, p], normals[1, p], normals[2, p] = x * share, y * share, z * share
+        sure[p] = 1.0 if longest > 1e-20 else 0.0
+
+
+@nb.njit(cache=True, fastmath=False)
+def tangents(x, y, z):
+    """Return two unit vectors at right angles to a unit vector and each other."""
+    if abs(x) <= abs(y) and abs(x) <= abs(z):
+        length = np.sqrt(y * y + z * z)
+        u = 0.0, -z / length, y / length
+    elif abs(y) <= abs(z):
+        length = np.sqrt(x * x + z * z)
+        u = z / length, 0.0, -x / length
+    else:
+        length = np.sqrt(x * x + y * y)
+        u = -y / length, x / length, 0.0
+    return u, (y * u[2] - z * u[1], z * u[0] - x * u[2], x * u[1] - y * u[0])

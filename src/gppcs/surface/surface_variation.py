@@ -1,0 +1,254 @@
+"""Surface variation and normals, from the covariance of each point's neighbourhood (paper, section 3.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numba as nb
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gppcs.clouds.cloud import PointCloud
+from gppcs.errors import ParameterError, whole_number
+from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, points_near, squared_distance_of_boxes
+from gppcs.spatial.nearest import WIDER, look_around, pack, reach_of_nearest, room_for, search_for, steps_by_itself
+from gppcs.spatial.scaling import normalised
+from gppcs.spatial.spacing import neighbourhood_radius
+from gppcs.surface.moments import (
+    LANES,
+    MOMENTS,
+    add_shifted,
+    flattest,
+    flattest_side_by_side,
+    middle,
+    moments_in_ball,
+    node_moments,
+)
+
+GROUP = 8  # leaves whose points share one search of the tree
+TASKS = 256  # parts of the work that threads take in turn
+
+
+@dataclass(frozen=True)
+class Features:
+    """What the neighbourhood of each point says of the surface there.
+
+    Attributes
+    ----------
+    surface_variation : (N,) array, float64
+        lambda_0 / (lambda_0 + lambda_1 + lambda_2), from 0 (flat) to 1/3; 0 for fewer than three neighbours.
+    normals : (N, 3) array, float64
+        Unit eigenvectors of lambda_0, without a sign that means anything.
+    neighbours : (N,) array, int32
+        The number of points in the neighbourhood, the point itself counted.
+    """
+
+    surface_variation: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    neighbours: NDArray[np.int32]
+
+    @classmethod
+    def empty(cls, n: int) -> Features:
+        """Make room for the features of n points."""
+        return cls(np.empty(n), np.empty((n, 3)), np.empty(n, dtype=np.int32))
+
+
+def estimate_features(
+    cloud: PointCloud | ArrayLike,
+    neighbours: int = 25,
+    search: Literal["radius", "nearest"] = "radius",
+    tree: KdTree | None = None,
+) -> Features:
+    """Measure the surface variation and the normal of each point (paper, section 3.1).
+
+    Parameters
+    ----------
+    cloud : PointCloud or (N, 3) array-like
+    neighbours : int
+        k, the number of points that a neighbourhood holds: about so many with `search` "radius", where all
+        neighbourhoods are balls of the one radius that `neighbourhood_radius` gives; exactly so many, the point
+        itself among them, with "nearest".
+    tree : KdTree, optional
+        The tree over the points, where it is there already and they are known to be without repeats.
+
+    Raises
+    ------
+    InputError
+        If the cloud is empty, misshapen or not finite.
+    ParameterError
+        If there is no such search, or there are no neighbours.
+    """
+    neighbours = whole_number("the number of neighbours", neighbours, 1)
+    points = PointCloud.of(cloud).usable("cloud")
+    if tree is None:
+        points, _, _ = normalised(points)
+    if search == "nearest":
+        return features_of_nearest(tree or KdTree.build(points), neighbours)
+    if search != "radius":
+        raise ParameterError(f"expected search to be 'radius' or 'nearest', found {search!r}")
+    whole = tree or KdTree.build(points)
+    first = None if tree else first_occurrences(points)
+    if first is None or first.all():
+        radius = neighbourhood_radius(points, whole, neighbours)
+    else:
+        radius = neighbourhood_radius(points[first], KdTree.build(points[first]), neighbours)
+    return features_in_radius(whole, radius)
+
+
+def features_in_radius(tree: KdTree, radius: float) -> Features:
+    """Measure each point's neighbourhood of all points within the radius (the paper's way).
+
+    The points of a group of leaves share one search of the tree. Nodes that lie within the radius of all of them count
+    as a whole, so that points that crowd together cost little more than others.
+    """
+    features = Features.empty(len(tree.order))
+    _measure_in_radius(tree, radius, features)
+    return features
+
+
+def variation_in_radius(tree: KdTree, radius: float) -> NDArray[np.float64]:
+    """Measure the surface variation alone, (N,), as `features_in_radius` does; a fifth of the memory for the result."""
+    unwanted = Features.empty(0)
+    variation = np.empty(len(tree.order), dtype=np.float64)
+    _measure_in_radius(tree, radius, Features(variation, unwanted.normals, unwanted.neighbours))
+    return variation
+
+
+def _measure_in_radius(tree: KdTree, radius: float, features: Features) -> None:
+    """Fill the features; normals and numbers of neighbours only where there is room for them."""
+    moments = np.empty((0, MOMENTS))
+    groups = max(1, len(tree.low) // 2 // GROUP)
+    level = slice(groups, 2 * groups)
+    if (tree.high[level] - tree.low[level]).max(axis=1).min() <= 2.0 * radius:  # else no node is so small
+        moments = np.empty((len(tree.low), MOMENTS))
+        node_moments(tree.points, tree.low, tree.high, moments)
+    with nb.parallel_chunksize(1):
+        _features_in_balls(
+            tree.points, tree.order, tree.low, tree.high, moments, radius * radius, groups,
+            features.surface_variation, features.normals, features.neighbours,
+        )  # fmt: skip
+
+
+@nb.njit(cache=True, parallel=True, nogil=True)
+def _features_in_balls(points, order, low, high, moments, squared_radius, groups, variation, normals, neighbours):
+    n, leaves = points.shape[1], first_leaf(low)
+    tasks = min(groups, TASKS)
+    for task in nb.prange(tasks):
+        near, room = np.empty(leaves, dtype=np.int64), room_for(GROUP * GROUP)
+        of_points, shared = np.ones((MOMENTS, LANES), dtype=np.float64), np.empty(MOMENTS, dtype=np.float64)
+        for group in range(groups + groups * task // tasks, groups + groups * (task + 1) // tasks):
+            count = _around(group, low, high, moments, squared_radius, near, shared)
+            if count * LEAF_SIZE > len(room.found):
+                room = room_for(count + GROUP)
+            in_group = leaves // groups
+            for leaf in range(group * in_group, (group + 1) * in_group):
+                begin, end = leaf_range(n, leaves, leaf)
+                found = points_near(points, low, high, near[:count], low[leaf], high[leaf], squared_radius, room.found)
+                full = pack(points, room, found)
+                for i in range(begin, end):
+                    x, y, z = points[0, i], points[1, i], points[2, i]
+                    moments_in_ball(room.packed, full, x, y, z, squared_radius, of_points, i - begin)
+                    if shared[0] > 0.0:
+                        u, v, w = middle(low[group], high[group])
+                        add_shifted(shared, u - x, v - y, w - z, of_points[:, i - begin])
+                _finish(of_points, order[begin:end], variation, normals, neighbours)
+
+
+@nb.njit(cache=True)
+def _finish(moments, indices, variation, normals, neighbours):
+    """Find the features of the points of a leaf, whose indices are given, from the moments of each."""
+    flat, normal = np.empty(LANES, dtype=np.float64), np.empty((3, LANES), dtype=np.float64)
+    sure, direction = np.empty(LANES, dtype=np.float64), np.empty(3, dtype=np.float64)
+    flattest_side_by_side(moments, flat, normal, sure)
+    for p in range(len(indices)):
+        index = indices[p]
+        n = moments[0, p]
+        if sure[p] > 0.0:
+            variation[index] = flat[p]
+            direction[0], direction[1], direction[2] = normal[0, p], normal[1, p], normal[2, p]
+        else:
+            x, y, z = moments[1, p] / n, moments[2, p] / n, moments[3, p] / n
+            variation[index] = flattest(
+                moments[4, p] / n - x * x, moments[5, p] / n - x * y, moments[6, p] / n - x * z,
+                moments[7, p] / n - y * y, moments[8, p] / n - y * z, moments[9, p] / n - z * z,
+                direction,
+            )  # fmt: skip
+        if len(normals):  # else the surface variation alone is wanted
+            neighbours[index] = n
+            normals[index, 0], normals[index, 1], normals[index, 2] = direction[0], direction[1], direction[2]
+
+
+@nb.njit(cache=True, nogil=True)
+def _around(group, low, high, moments, squared_radius, near, shared):
+    """Fill `near` with the leaves that come within the radius of a node, and return their number.
+
+    But for those within the radius of all of it: their moments, about its middle, go into `shared`.
+    """
+    leaves = first_leaf(low)
+    x, y, z = middle(low[group], high[group])
+    shared[:] = 0.0
+    count = 0
+    stack = np.empty(64, dtype=np.int64)
+    stack[0] = 1
+    height = 1
+    while height:
+        height -= 1
+        node = stack[height]
+        if squared_distance_of_boxes(low[node], high[node], low[group], high[group]) > squared_radius:
+            continue
+        if len(moments) and _farthest(low[node], high[node], low[group], high[group]) <= squared_radius:
+            u, v, w = middle(low[node], high[node])
+            add_shifted(moments[node], u - x, v - y, w - z, shared)
+        elif node >= leaves:
+            near[count] = node
+            count += 1
+        else:
+            stack[height], stack[height + 1] = 2 * node + 1, 2 * node
+            height += 2
+    return count
+
+
+@nb.njit(cache=True, fastmath=False)
+def _farthest(low, high, other_low, other_high):
+    """Return the squared distance of the points of two boxes that are farthest from each other."""
+    dx = max(high[0] - other_low[0], other_high[0] - low[0])
+    dy = max(high[1] - other_low[1], other_high[1] - low[1])
+    dz = max(high[2] - other_low[2], other_high[2] - low[2])
+    return dx * dx + dy * dy + dz * dz
+
+
+def features_of_nearest(tree: KdTree, k: int) -> Features:
+    """Measure each point's neighbourhood of its k nearest points, itself among them."""
+    features = Features.empty(len(tree.order))
+    with nb.parallel_chunksize(1):
+        _features_of_nearest(
+            tree.points, tree.order, tree.low, tree.high, min(k, len(tree.order)),
+            features.surface_variation, features.normals, features.neighbours,
+        )  # fmt: skip
+    return features
+
+
+@nb.njit(cache=True, parallel=True, nogil=True)
+def _features_of_nearest(points, order, low, high, k, variation, normals, neighbours):
+    n, leaves = points.shape[1], first_leaf(low)
+    tasks = min(leaves, TASKS)
+    for task in nb.prange(tasks):
+        search, moments = search_for(k, leaves), np.ones((MOMENTS, LANES), dtype=np.float64)
+        squared_radius = 0.0  # each searches by itself; then within a radius that held those of the leaf before
+        for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
+            begin, end = leaf_range(n, leaves, leaf)
+            count = look_around(points, low, high, low[leaf], high[leaf], squared_radius, search)
+            reached = 0.0
+            for i in range(begin, end):
+                x, y, z = points[0, i], points[1, i], points[2, i]
+                reach = reach_of_nearest(search.room.packed, count, x, y, z, k, squared_radius, search.squared)
+                if reach >= 0.0:
+                    moments_in_ball(search.room.packed, count, x, y, z, reach, moments, i - begin)
+                else:
+                    reach, full = steps_by_itself(points, low, high, x, y, z, search), search.local.shape[1]
+                    moments_in_ball(search.local, full, 0.0, 0.0, 0.0, 2.0 * reach, moments, i - begin)
+                reached += reach
+            squared_radius = WIDER * reached / (end - begin)
+            _finish(moments, order[begin:end], variation, normals, neighbours)

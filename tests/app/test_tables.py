@@ -1,0 +1,99 @@
+"""Comparisons as tables."""
+
+import csv
+import dataclasses
+import io
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.app.tables import SHOWN, UNITS, Column, as_csv, as_markdown, columns_of, shown
+
+
+@pytest.fixture(scope="module")
+def entries():
+    return gppcs.compare(gppcs.sample("bracket", 2000), ["random", "fps"], ratio=0.1)
+
+
+def test_csv_holds_every_figure_raw_and_relative(entries):
+    rows = list(csv.DictReader(io.StringIO(as_csv(entries))))
+    assert [row["method"] for row in rows] == ["random", "fps"]
+    for row, entry in zip(rows, entries, strict=True):
+        raw, relative = entry.report.figures(), entry.report.figures(relative=True)
+        assert {name: float(row[name]) for name in raw} == raw
+        lengths = {name for name, figure in gppcs.figures_of(gppcs.Report).items() if "length" in figure.unit}
+        assert {name for name in row if name.endswith("_relative")} == {
+            f"{name}_relative" for name in lengths - {"diagonal"}
+        }
+        assert float(row["chamfer_relative"]) == relative["chamfer"]
+
+
+def test_markdown_has_a_row_for_each_method_and_the_best_in_bold(entries):
+    header, rule, *rows = as_markdown(entries).split("\n\n")[0].splitlines()
+    titles = [cell.strip() for cell in header.strip("|").split("|")]
+    assert rule.count("---") == len(titles)
+    cells = {line.split("|")[1].strip(): [cell.strip() for cell in line.strip("|").split("|")] for line in rows}
+    radius = titles.index("covering radius")
+    best = 1e4 * entries[1].report.covering_radius / entries[1].report.diagonal
+    assert cells["fps"][radius] == f"**{best:.3g}**"
+    assert "*" not in cells["random"][radius]
+    assert cells["random"][titles.index("points")] == "200"
+
+
+def test_entries_of_one_method_are_told_apart(entries):
+    fives = [
+        dataclasses.replace(entry, result=dataclasses.replace(entry.result, method=gppcs.Random(seed=seed)))
+        for entry, seed in zip(entries, (0, 5), strict=True)
+    ]
+    rows = list(csv.DictReader(io.StringIO(as_csv(fives))))
+    assert [(row["method"], row["parameters"]) for row in rows] == [("random", "seed=0"), ("random", "seed=5")]
+    assert [line.split(" | ")[0] for line in as_markdown(fives).splitlines()[2:4]] == ["| random", "| random (seed=5)"]
+
+
+def test_csv_tells_why_figures_are_missing(entries):
+    failed = dataclasses.replace(entries[0], failure="no surface,\n  at all")
+    rows = list(csv.DictReader(io.StringIO(as_csv([failed, entries[1]]))))
+    assert [row["failure"] for row in rows] == ["no surface, at all", ""]
+
+
+def test_units_keep_their_names(entries):
+    assert as_markdown(entries).endswith("\nLengths in" + UNITS.removeprefix("Lengths in") + "; bold: the best.\n")
+    assert "Chamfer" in as_markdown(entries)
+
+
+def test_columns_without_values_are_left_out(entries):
+    titles = {column.title for column in columns_of(entries)}
+    assert "surface mean" in titles
+    assert "hausdorff mean" not in titles
+    assert set(SHOWN) - {f"carried_{name}" for name in gppcs.figures_of(gppcs.Rebuilt)} <= {
+        *gppcs.figures_of(gppcs.Report), *gppcs.figures_of(gppcs.Rebuilt)
+    }  # fmt: skip
+
+
+def test_no_value_is_best_where_all_are_equal_or_none_is_better():
+    assert [Column("", (1.0, 2.0, None), better).is_best(0) for better in ("less", "more", None)] == [
+        True,
+        False,
+        False,
+    ]
+    assert not Column("", (1.0, 1.0), "less").is_best(0)
+    assert not Column("", (None, None), "less").is_best(0)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, "-"),
+        (13129, "13,129"),
+        (0.0, "0"),
+        (1.23456e-7, "1.23e-07"),
+        (98765.4, "98765"),
+        (np.float64(12.345), "12.3"),
+        (999.4, "999"),
+        (999.96, "1000"),
+        (-999.96, "-1000"),
+    ],
+)
+def test_numbers_show_three_digits(value, text):
+    assert shown(value) == text

@@ -1,0 +1,157 @@
+import numpy as np
+import pytest
+
+from gppcs.drawing.camera import Camera, Square
+from gppcs.drawing.cloud_images import ColouredCloud, Original, View
+from gppcs.errors import InputError
+from gppcs.surface.surface_variation import estimate_features
+
+RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+RADIUS = 3.0
+
+
+def ellipsoid(count=20_000, seed=0):
+    """Return points of an ellipsoid that is seen from -y, and its normals."""
+    direction = np.random.default_rng(seed).standard_normal((count, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    semi_axes = np.array([2.0, 1.0, 1.5])
+    normals = direction / semi_axes
+    return direction * semi_axes, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def view_of(points, normals=None, values=None):
+    cloud = ColouredCloud(points, np.zeros(len(points)) if values is None else values, normals)
+    return View(Original(cloud), Camera.towards(points, 200, (130, 130)))
+
+
+def coloured(image):
+    """Return which pixels are red and which are blue."""
+    return image[..., 0] > image[..., 2] + 0.05, image[..., 2] > image[..., 0] + 0.05
+
+
+@pytest.mark.parametrize("given_normals", [True, False])
+@pytest.mark.parametrize("square", [None, Square(140, 90, 75)])
+def test_the_far_side_does_not_show_through(given_normals, square):
+    points, normals = ellipsoid()
+    view = view_of(points, normals if given_normals else None)
+    if square:
+        view = View(view.original, view.camera.close_up(square, 100))
+    far = normals @ view.camera.axes[2] < -0.25
+    colours = np.where(far[:, None], RED, BLUE)
+    some = slice(0, 3000)
+    single = ColouredCloud(points[some], np.zeros(3000), normals[some] if given_normals else None)
+    for image in (view.surface(colours), view.points(single, colours[some], RADIUS)):
+        red, blue = coloured(image)
+        assert blue.mean() > 0.05
+        assert not red.any()
+
+
+def test_the_original_is_closed_and_the_others_are_single_points():
+    points, _ = ellipsoid()
+    view = view_of(points)
+    _, original = coloured(view.surface(np.tile(BLUE, (len(points), 1))))
+    some = ColouredCloud(points[:300], np.zeros(300))
+    _, single = coloured(view.points(some, np.tile(BLUE, (300, 1)), RADIUS))
+    row = original[len(original) // 2]
+    assert row[np.flatnonzero(row)[0] : np.flatnonzero(row)[-1]].all()
+    assert 0.02 < single.sum() / original.sum() < 0.5
+
+
+def test_points_grow_with_their_spacing_up_to_the_radius_asked_for():
+    points, _ = ellipsoid()
+    view = view_of(points)
+    few, many = (ColouredCloud(points[:count], np.zeros(count)) for count in (100, 3000))
+
+    def covered(cloud, radius):
+        return coloured(view.points(cloud, np.tile(BLUE, (len(cloud.points), 1)), radius))[1].sum()
+
+    assert covered(few, 8.0) == pytest.approx(4.0 * covered(few, 4.0), rel=0.25)
+    assert covered(many, 20.0) == pytest.approx(covered(many, 40.0), rel=0.01)
+
+
+def test_a_close_up_is_the_same_picture_enlarged():
+    points, normals = ellipsoid(100_000)
+    view = view_of(points, normals)
+    colours = np.where(points[:, :1] > 0.3, RED, BLUE)
+    square = Square(150, 100, 80)
+    close = View(view.original, view.camera.close_up(square, 40)).surface(colours)  # enlarged by 1
+    part = view.surface(colours)[50:90, 75:115]
+    assert np.abs(close - part).mean() < 0.02
+    assert np.abs(part[:, ::-1] - part).mean() > 0.1
+
+
+def test_values_are_those_of_the_points_in_front():
+    points, normals = ellipsoid()
+    view = view_of(points, normals, points[:, 0])
+    _, columns = np.nonzero(view.values() > 1.0)
+    assert columns.min() > view.camera.shape[0] / 2
+    assert (view.values()[:5] == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.array([[1.0, 2.0, 3.0]]),
+        np.zeros((20, 3)),
+        np.linspace([0.0, 0.0, 0.0], [1.0, 2.0, 3.0], 50),
+        np.linspace([0.0, 5.0, 0.0], [0.0, 9.0, 0.0], 50),
+        np.array([[x, y, 0.0] for x in range(20) for y in range(20)], dtype=float),
+        1e7 + np.array([[x, 0.0, z] for x in range(9) for z in range(9)]) * 1e-3,
+        np.array([[0.0, 0.0, 0.0], [1e-300, 0.0, 0.0]]),
+        np.array([[0.0, 0.0, 0.0], [1e150, 0.0, 1.0]]),
+    ],
+    ids=["one point", "one place", "slanted line", "line", "plane", "far away", "tiny", "huge"],
+)
+def test_clouds_without_extent_are_drawn(points):
+    view = view_of(points)
+    one = ColouredCloud(points[:1], np.zeros(1))
+    colours = np.tile(BLUE, (len(points), 1))
+    assert coloured(view.surface(colours))[1].any()
+    assert coloured(view.points(one, colours[:1], RADIUS))[1].any()
+
+
+def test_a_view_of_nothing_is_white():
+    view = view_of(ellipsoid(200)[0])
+    corner = View(view.original, view.camera.close_up(Square(0, 0, 20), 100))
+    assert (corner.surface(np.zeros((200, 3))) == 1.0).all()
+    assert (corner.points(view.original.cloud, np.zeros((200, 3)), RADIUS) == 1.0).all()
+    assert (corner.values() == 0.0).all()
+
+
+def test_surface_variation_is_that_of_the_points_without_repeats():
+    points, normals = ellipsoid(2000)
+    repeated = np.concatenate([points, np.tile(points[5], (30_000, 1)), points[::-1]])
+    cloud, plain = (ColouredCloud.by_surface_variation(each) for each in (repeated, points))
+    np.testing.assert_array_equal(plain.values, estimate_features(points - points.min(axis=0)).surface_variation)
+    assert (np.abs(np.einsum("ij,ij->i", plain.normals, normals)) > 0.95).all()
+    np.testing.assert_array_equal(cloud.points, repeated)
+    for some, expected in (
+        (slice(0, 2000), plain.values),
+        (slice(2000, 32_000), plain.values[5]),
+        (slice(32_000, None), plain.values[::-1]),
+    ):
+        np.testing.assert_array_equal(cloud.values[some], expected)
+
+
+def test_repeats_change_no_disc():
+    points, _ = ellipsoid(2000)
+    repeated = np.concatenate([points, np.tile(points[5], (30_000, 1))])
+    once, often = Original(ColouredCloud(points, points[:, 0])), Original(ColouredCloud(repeated, repeated[:, 0]))
+    assert often.tree.n == once.tree.n == 2000
+    np.testing.assert_array_equal(often.spacing[:2000], once.spacing)
+    assert (often.spacing[2000:] == once.spacing[5]).all()
+
+
+@pytest.mark.parametrize(
+    ("cloud", "message"),
+    [
+        ((np.zeros((3, 2)), np.zeros(3)), r"shape \(N, 3\) with N >= 1 to draw, found \(3, 2\)"),
+        ((np.zeros((0, 3)), np.zeros(0)), r"found \(0, 3\)"),
+        ((np.zeros((3, 3)), np.zeros(2)), r"one value for each of 3 points, found shape \(2,\)"),
+        ((np.full((3, 3), np.nan), np.zeros(3)), "found NaN or infinity"),
+        ((np.zeros((3, 3)), np.zeros(3), np.zeros((2, 3))), r"normals of shape \(3, 3\), found \(2, 3\)"),
+    ],
+)
+def test_clouds_that_do_not_fit_are_refused(cloud, message):
+    with pytest.raises(InputError, match=message):
+        ColouredCloud(*cloud)

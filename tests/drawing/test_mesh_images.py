@@ -1,0 +1,108 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from gppcs.clouds.mesh import Mesh
+from gppcs.drawing.camera import Camera, Square
+from gppcs.drawing.mesh_images import mesh_images
+from gppcs.engine import extras
+from gppcs.engine.extras import require_pyvista
+from gppcs.errors import MissingExtraError
+
+CORNERS = np.array([[x, y, z] for x in (0.0, 3.0) for y in (0.0, 1.0) for z in (0.0, 2.0)])
+QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+BOX = Mesh(CORNERS, np.vstack([QUADS[:, [0, 1, 2]], QUADS[:, [0, 2, 3]]]))
+
+
+@pytest.fixture(scope="module")
+def camera(opengl):
+    return Camera.towards(CORNERS, 120, (80, 150))
+
+
+def covered(image):
+    return image.min(axis=2) < 0.98
+
+
+def inside(camera, faces):
+    """Return which pixels have their centre on the picture of a mesh, by the sides of its triangles."""
+    width, height = camera.size
+    x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    seen = (CORNERS @ camera.axes[:2].T - camera.centre) * camera.scale / 2.0
+    corners = seen * (1.0, -1.0) + np.array(camera.size) / 2.0
+    hit = np.zeros((height, width), dtype=bool)
+    for a, b, c in corners[faces]:
+        turns = [(q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0]) for p, q in ((a, b), (b, c), (c, a))]
+        hit |= (np.min(turns, axis=0) >= 0.0) | (np.max(turns, axis=0) <= 0.0)
+    return hit
+
+
+def test_a_mesh_is_drawn_where_the_camera_sees_it(camera):
+    close = camera.close_up(Square(10, 10, 90), 100)
+    for image, by in zip(mesh_images(BOX, [camera, close]), [camera, close], strict=True):
+        assert image.shape == (*by.size[::-1], 3)
+        assert 0.2 < covered(image).mean() < 0.95
+        assert (covered(image) != inside(by, BOX.faces)).mean() < 0.02
+
+
+def test_the_near_side_hides_the_far_one(camera):
+    near = CORNERS @ camera.axes[2]
+    faces = BOX.faces[(near[BOX.faces] == near.max()).any(axis=1)]
+    whole, front = (mesh_images(Mesh(CORNERS, part), [camera])[0] for part in (BOX.faces, faces))
+    assert np.abs(whole - front)[covered(front)].mean() < 0.05
+
+
+def test_sides_differ_by_their_light_and_edges_stay_sharp(camera):
+    image = mesh_images(BOX, [camera])[0]
+    shades, counts = np.unique(np.round(image[covered(image)].mean(axis=1), 2), return_counts=True)
+    plain = shades[counts > 0.1 * counts.sum()]
+    assert len(plain) == 3
+    assert counts[counts > 0.1 * counts.sum()].sum() > 0.8 * counts.sum()
+    assert np.diff(plain).min() > 0.05
+    assert plain.max() < 0.96
+
+
+def test_the_order_of_corners_does_not_matter(camera):
+    one, other = (mesh_images(Mesh(CORNERS, faces), [camera])[0] for faces in (BOX.faces, BOX.faces[:, ::-1]))
+    assert np.abs(one - other).max() < 0.02
+
+
+def test_a_mesh_far_from_the_origin_looks_the_same(camera):
+    offset = np.array([5e5, 5.4e6, 300.0])
+    moved = Camera.towards(CORNERS + offset, 120, (80, 150))
+    one, other = mesh_images(BOX, [camera])[0], mesh_images(Mesh(CORNERS + offset, BOX.faces), [moved])[0]
+    assert np.abs(one - other).mean() < 1e-3
+
+
+def test_a_balloon_does_not_hide_what_it_does_not_cover(camera):
+    up, away = camera.axes[1], camera.axes[2]
+    balloon = np.array([1e4 * up + 1e4 * away, 2e4 * up - 1e4 * away, 1e4 * up + camera.axes[0]])
+    mesh = Mesh(np.vstack([CORNERS, balloon]), np.vstack([BOX.faces, [[8, 9, 10]]]))
+    one, other = (mesh_images(drawn, [camera])[0] for drawn in (mesh, BOX))
+    assert np.abs(one - other).mean() < 0.01
+
+
+@pytest.mark.usefixtures("opengl")
+def test_nothing_is_said_about_the_lack_of_a_display():
+    code = (
+        "import numpy as np; from gppcs.clouds.mesh import Mesh; from gppcs.drawing.camera import Camera\n"
+        "from gppcs.drawing.mesh_images import mesh_images\n"
+        "p = np.eye(3); mesh_images(Mesh(p, np.array([[0, 1, 2]])), [Camera.towards(p, 100, (100, 100))])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout + run.stderr == ""
+
+
+def test_without_pyvista_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyvista", None)
+    with pytest.raises(MissingExtraError, match=r"needs PyVista: pip install 'gppcs\[view\]'"):
+        require_pyvista()
+
+
+@pytest.mark.usefixtures("opengl")
+def test_a_crash_of_opengl_is_survived_and_its_packages_are_named(monkeypatch):
+    monkeypatch.setattr(extras, "PROBE", "import os; os.abort()")
+    monkeypatch.setattr(extras, "_opengl_works", extras._opengl_works.__wrapped__)  # not what it remembers
+    with pytest.raises(MissingExtraError, match=r"needs OpenGL.*apt-get install libegl1"):
+        require_pyvista()

@@ -1,0 +1,88 @@
+"""Several methods side by side."""
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.evaluation import judge
+from gppcs.evaluation.comparison import rebuilt_mesh
+from meshes import hull_mesh
+
+
+def test_entries_are_what_simplify_and_evaluate_give(bracket):
+    entries = gppcs.compare(bracket, ["fps", gppcs.Random(seed=5)], ratio=0.02)
+    assert [entry.result.method for entry in entries] == [gppcs.FarthestPoint(), gppcs.Random(seed=5)]
+    for entry in entries:
+        expected = gppcs.simplify(bracket, ratio=0.02, method=entry.result.method)
+        np.testing.assert_array_equal(entry.result.indices, expected.indices)
+        assert entry.report == gppcs.evaluate(bracket, expected.cloud)
+        assert entry.seconds > 0
+        assert entry.failure is None
+    assert ["permutation" in entry.result.seconds for entry in entries] == [False, True]  # each has its own
+
+
+def test_points_that_are_not_finite_are_refused_or_dropped_as_by_simplify(sphere):
+    broken = sphere[:500].copy()
+    broken[3, 1] = np.nan
+    with pytest.raises(gppcs.InputError, match=r"1 of 500 points .* the first at index 3"):
+        gppcs.compare(broken, ["fps"], n_points=50)
+    (entry,) = gppcs.compare(broken, ["fps"], n_points=50, invalid="drop")
+    expected = gppcs.simplify(broken, n_points=50, method="fps", invalid="drop")
+    np.testing.assert_array_equal(entry.result.indices, expected.indices)
+    assert entry.report == gppcs.evaluate(np.delete(broken, 3, axis=0), expected.cloud)
+
+
+def test_all_methods_by_default():
+    entries = gppcs.compare(gppcs.sample("bracket", 300), n_points=30)
+    assert [entry.result.method.name for entry in entries] == list(gppcs.METHODS)
+
+
+def test_a_surface_that_cannot_be_rebuilt_costs_no_other_figure(sphere, monkeypatch):
+    pytest.importorskip("pymeshlab")
+    measured = []
+    without_mesh = judge._without_mesh
+    monkeypatch.setattr(judge, "_without_mesh", lambda *given: measured.append(given) or without_mesh(*given))
+    few, enough = (gppcs.compare(sphere, ["random"], n_points=n, mesh=hull_mesh(sphere[:500]))[0] for n in (2, 500))
+    assert len(measured) == 2  # once a cloud
+    assert few.report.rebuilt is None
+    assert "gave no surface" in few.failure
+    assert few.report == gppcs.evaluate(sphere, few.result.cloud)
+    assert enough.report.rebuilt.hausdorff_mean > 0
+    assert enough.failure is None
+
+
+def test_a_mesh_that_lies_elsewhere_is_no_failure_of_a_method(sphere):
+    pytest.importorskip("pymeshlab")
+    with pytest.raises(gppcs.InputError, match="mesh does not lie on the original"):
+        gppcs.compare(sphere[:500], ["random"], n_points=50, mesh=hull_mesh(1000.0 * sphere[:500]))
+
+
+def test_a_mesh_to_look_at_is_rebuilt_in_place_with_the_sides_of_the_normals(sphere):
+    pytest.importorskip("pymeshlab")
+    place = np.array([500_000.0, 5_400_000.0, 0.0])
+    names = ("nx", "ny", "nz")
+    for sign in (1.0, -1.0):
+        original = gppcs.PointCloud(sphere + place, dict(zip(names, sign * sphere.T, strict=True)))
+        mesh = rebuilt_mesh(original.take(np.arange(500)), original)
+        np.testing.assert_allclose(np.linalg.norm(mesh.vertices - place, axis=1), 1.0, atol=0.1)
+        outward = np.einsum("ij,ij->i", mesh.vertices - place, mesh.vertex_normals())
+        assert (sign * outward > 0).all()
+    assert rebuilt_mesh(original.take(np.arange(2)), original) is None
+
+
+def test_what_cannot_be_compared_is_refused(sphere):
+    with pytest.raises(gppcs.ParameterError, match="no method 'fsp'"):
+        gppcs.compare(sphere, ["fsp"], ratio=0.1)
+    with pytest.raises(gppcs.ParameterError, match="found neither"):
+        gppcs.compare(sphere, ["fps"])
+    with pytest.raises(gppcs.ParameterError, match="at least one method"):
+        gppcs.compare(sphere, [], ratio=0.1)
+    unread = "no cloud, which nobody has looked at"
+    with pytest.raises(gppcs.ParameterError, match="no method 'fsp'"):
+        gppcs.compare(unread, ["fps", "fsp"], ratio=0.1)
+    with pytest.raises(gppcs.ParameterError, match="at most 1, found 5"):
+        gppcs.compare(unread, ["fps"], ratio=5)
+    with pytest.raises(gppcs.ParameterError, match="seed to be at least 0, found -1"):
+        gppcs.compare(unread, ["random"], ratio=0.1, seed=-1)
+    with pytest.raises(gppcs.InputError, match="empty"):
+        gppcs.compare(np.empty((0, 3)), ["fps"], ratio=0.1)

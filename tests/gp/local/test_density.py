@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gppcs.gp.local.density import TOGETHER, graded, limited
+from gppcs.spatial.kdtree import LEAF_SIZE, KdTree
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(1, 300), st.sampled_from([0.0, 0.1, 0.7, 5.0]), st.booleans(), st.integers(0, 99))
+def test_limits_are_those_of_all_pairs(n, slope, repeated, seed):
+    rng = np.random.default_rng(seed)
+    points = rng.integers(0, 3, (n, 3)).astype(float) if repeated else rng.random((n, 3))
+    tree, spacings = KdTree.build(points), rng.random(n) + 0.1
+    apart = np.linalg.norm(tree.points.T[:, None] - tree.points.T, axis=2)
+    expected = (spacings + slope * apart).min(axis=1)
+    np.testing.assert_allclose(limited(tree, spacings, slope), expected, rtol=1e-12)
+
+
+def test_one_dense_place_is_felt_as_far_as_the_slope_reaches():
+    """Past many leaves of the tree, and not beyond."""
+    points = np.linspace(0, 10, 40 * LEAF_SIZE)[:, None] * [1.0, 0.0, 0.0]
+    tree = KdTree.build(points)
+    x = tree.points[0]
+    expected = np.minimum(1.0, 0.5 + 0.1 * x)
+    assert 0.4 < (expected < 1).mean() < 0.6
+    np.testing.assert_allclose(limited(tree, np.where(x == 0, 0.5, 1.0), 0.1), expected, rtol=1e-12)
+
+
+def groups_of(tree):
+    """The points of each leaf, parted evenly."""
+    n, leaves = len(tree.order), len(tree.low) // 2
+    for leaf in range(leaves):
+        begin, end = n * leaf // leaves, n * (leaf + 1) // leaves
+        parts = max(1, round(n / leaves / TOGETHER))
+        for part in range(parts):
+            yield slice(begin + (end - begin) * part // parts, begin + (end - begin) * (part + 1) // parts)
+
+
+@pytest.mark.parametrize("n", [1, TOGETHER - 1, TOGETHER, LEAF_SIZE, LEAF_SIZE + 1, 5_000])
+def test_graded_spacings_are_of_groups_and_no_greater_than_before(n):
+    rng = np.random.default_rng(n)
+    tree = KdTree.build(rng.random((n, 3)))
+    spacings = 0.5 + rng.random(n)
+    found = graded(tree, spacings, 0.1)
+    assert (found <= spacings).all()
+    groups = list(groups_of(tree))
+    centres = np.array([tree.points[:, group].mean(axis=1) for group in groups])
+    means = np.array([np.mean(spacings[group] ** -2.0) ** -0.5 for group in groups])
+    limits = (means + 0.1 * np.linalg.norm(centres[:, None] - centres, axis=2)).min(axis=1)
+    for group, limit in zip(groups, limits, strict=True):
+        np.testing.assert_allclose(found[group], np.minimum(spacings[group], limit), rtol=1e-9)
+
+
+def test_spacings_that_grow_slowly_stay():
+    tree = KdTree.build(np.random.default_rng(5).random((3_000, 3)))
+    np.testing.assert_allclose(graded(tree, np.full(3_000, 0.7), 0.1), 0.7, rtol=1e-12)
+    np.testing.assert_array_equal(limited(tree, 1 + 0.1 * tree.points[0], 0.1), 1 + 0.1 * tree.points[0])

@@ -1,0 +1,127 @@
+import numba
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import dense
+from gppcs.gp.local.conditioning import condition
+from gppcs.gp.local.greedy import extend
+from gppcs.gp.local.kernel import LocalField
+from gppcs.spatial.kdtree import KdTree
+
+
+def random_problem(n, seed, normal_weight, noise, spread):
+    """A tree over random points and a field over it; spacings differ by up to exp(2 spread)."""
+    rng = np.random.default_rng(seed)
+    tree = KdTree.build(rng.random((n, 3)) * [6, 6, 1])
+    normals = rng.standard_normal((3, n))
+    return tree, LocalField(
+        positions=tree.points,
+        normals=normals / np.linalg.norm(normals, axis=0),
+        spacings=np.exp(rng.uniform(-spread, spread, n)),
+        y=rng.standard_normal(n),
+        noise=1e-4 + noise * rng.random(n),
+        lengthscale=1.5,
+        normal_weight=normal_weight,
+    )
+
+
+def assert_greedy(tree, field, chosen, n_points, k, w, extended, scores, deviations):
+    """Score every point again before each choice; those chosen have the largest score, but for rounding."""
+    kernel, distances = dense.local_kernel(field), dense.local_squared_distances(field)
+    nearest = [list(row[row >= 0]) for row in condition(field, tree, chosen, k).nearest]
+    np.testing.assert_array_equal(extended[: len(chosen)], chosen)
+    assert len(np.unique(extended)) == len(extended) == n_points
+    taken = list(chosen)
+    for new, score, deviation in zip(extended[len(chosen) :], scores, deviations, strict=True):
+        expected, expected_deviations = dense.local_scores(kernel, field, nearest, w)
+        expected[taken] = -np.inf
+        assert expected[new] >= expected.max() * (1 - 1e-9)
+        assert score == pytest.approx(expected[new], rel=1e-8, abs=1e-10)
+        assert deviation == pytest.approx(expected_deviations[new], rel=1e-6, abs=1e-7)
+        taken.append(new)
+        for i, row in enumerate(nearest):
+            row.append(new)
+            row.sort(key=lambda j, i=i: distances[i, j])
+            del row[k:]
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    st.integers(2, 50),
+    st.integers(0, 10**6),
+    st.sampled_from([0.0, 0.5, 3.2]),
+    st.sampled_from([0.0, 0.3, 100.0]),
+    st.floats(0, 1.5),
+    st.integers(1, 10),
+    st.sampled_from([0.0, 0.025, 0.8]),
+    st.data(),
+)
+def test_each_choice_is_the_largest_score_of_all(n, seed, weight, noise, spread, k, w, data):
+    tree, field = random_problem(n, seed, weight, noise, spread)
+    chosen = np.random.default_rng(seed).permutation(n)[: data.draw(st.integers(0, n - 1))]
+    n_points = data.draw(st.integers(len(chosen), n))
+    assert_greedy(tree, field, chosen, n_points, k, w, *extend(field, tree, chosen, n_points, k, w))
+
+
+@pytest.mark.parametrize(("k", "w", "start"), [(4, 0.025, 0), (4, 0.8, 40), (1, 0.0, 0), (9, 0.3, 10)])
+def test_many_leaves_are_passed_by_without_loss(k, w, start):
+    """1,100 points in 64 leaves, with spacings that differ by a factor of up to 20."""
+    tree, field = random_problem(1_100, k, 1.6, 0.1, 1.5)
+    chosen = np.random.default_rng(1).permutation(1_100)[:start]
+    assert_greedy(tree, field, chosen, start + 15, k, w, *extend(field, tree, chosen, start + 15, k, w))
+
+
+def test_in_two_steps_as_in_one():
+    tree, field = random_problem(300, 3, 1.6, 0.1, 1.0)
+    once, scores, deviations = extend(field, tree, np.empty(0, dtype=np.int64), 60, 8, 0.3)
+    first = extend(field, tree, np.empty(0, dtype=np.int64), 40, 8, 0.3)
+    second = extend(field, tree, first[0], 60, 8, 0.3)
+    np.testing.assert_array_equal(second[0], once)
+    np.testing.assert_allclose(np.r_[first[1], second[1]], scores, rtol=1e-9)
+    np.testing.assert_allclose(np.r_[first[2], second[2]], deviations, rtol=1e-9)
+
+
+def test_any_number_of_threads_gives_the_same_bits():
+    tree, field = random_problem(3_000, 5, 1.6, 0.1, 1.0)
+    threads = numba.get_num_threads()
+    results = []
+    try:
+        for count in (1, min(4, numba.config.NUMBA_NUM_THREADS)):
+            numba.set_num_threads(count)
+            results.append(extend(field, tree, np.arange(0, 3_000, 300), 400, 4, 0.3))
+    finally:
+        numba.set_num_threads(threads)
+    for one, several in zip(*results, strict=True):
+        np.testing.assert_array_equal(one, several)
+
+
+@pytest.mark.parametrize("n", [20, 500])
+def test_ties_go_to_the_smallest_index(n):
+    """Points too far apart to know of each other."""
+    points = np.random.default_rng(0).permutation(n)[:, None] * [1e4, 0.0, 0.0]
+    tree = KdTree.build(points)
+    field = LocalField(tree.points, np.tile([[0.0], [0], [1]], n), np.ones(n), np.ones(n), np.full(n, 0.1), 1.5, 1.0)
+    position = np.argsort(tree.order)
+    extended, scores, deviations = extend(field, tree, position[[n - 3]], n, 4, 0.5)
+    np.testing.assert_array_equal(tree.order[extended], [n - 3, *np.delete(np.arange(n), n - 3)])
+    np.testing.assert_allclose(scores, np.sqrt(1 / 1.1) + 0.5 / 1.1, rtol=1e-12)
+    np.testing.assert_array_equal(deviations, 1)
+
+
+def test_noise_and_nearness_lower_a_score():
+    tree, field = random_problem(60, 7, 0.0, 0.0, 0.0)
+    field.noise[:30] = 10.0
+    nothing = np.empty(0, dtype=np.int64)
+    assert (extend(field, tree, nothing, 10, 4, 0.0)[0] >= 30).all()
+    _, scores, deviations = extend(field, tree, nothing, 60, 60, 0.0)
+    assert deviations[0] == scores.max() / np.sqrt(1 / (1 + 1e-4)) == 1
+    assert (np.diff(scores) <= 1e-9).all()  # without errors, no choice makes any other point less certain
+
+
+def test_what_is_chosen_already_may_be_all():
+    tree, field = random_problem(30, 0, 1.0, 0.1, 1.0)
+    extended, scores, deviations = extend(field, tree, np.arange(30)[::-1].copy(), 30, 4, 0.5)
+    np.testing.assert_array_equal(extended, np.arange(30)[::-1])
+    assert len(scores) == len(deviations) == 0

@@ -1,0 +1,82 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import dense
+from gppcs.gp.spectral import greedy
+from gppcs.gp.spectral.hyperparameters import fit
+from gppcs.gp.spectral.kernel import kernel_features, spectral_weights
+from gppcs.gp.spectral.laplacian import eigenpairs
+from gppcs.gp.spectral.posterior import Posterior
+from gppcs.spatial.farthest_points import farthest_points
+from gppcs.surface.surface_variation import estimate_features
+
+
+def problem(points, count):
+    y = estimate_features(points).surface_variation
+    pairs = eigenpairs(points, count)
+    mean_squares = (pairs.eigenfunctions**2).mean(axis=0)
+    theta = fit(pairs.eigenvalues, pairs.eigenfunctions, y, mean_squares, 2.5)
+    weights = spectral_weights(pairs.eigenvalues, mean_squares, theta)
+    return kernel_features(pairs.eigenfunctions, weights), y, theta.noise
+
+
+@pytest.mark.parametrize("k_add", [1, 3, 40])
+@pytest.mark.parametrize("buckets", [1, 7, 400])
+def test_order_is_that_of_a_dense_algorithm_1(bracket, monkeypatch, k_add, buckets):
+    monkeypatch.setattr(greedy, "BUCKETS", buckets)
+    points = bracket[:400]
+    phi, y, noise = problem(points, 20)
+    initial, _ = farthest_points(points, 20)
+    indices, scores = greedy.select(phi, y, noise, initial, 200, k_add)
+    np.testing.assert_array_equal(indices, dense.greedy(phi, y, noise, initial, 200, k_add))
+    assert np.isinf(scores[:20]).all()
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(2, 60), st.integers(1, 6), st.integers(1, 5), st.floats(1e-3, 10), st.integers(0, 999), st.data())
+def test_order_on_any_problem(n, features, k_add, noise, seed, data):
+    rng = np.random.default_rng(seed)
+    phi, y = rng.standard_normal((n, features)), rng.standard_normal(n)
+    k_init = data.draw(st.integers(1, n - 1))
+    n_points = data.draw(st.integers(k_init, n))
+    initial = rng.permutation(n)[:k_init]
+    indices, _ = greedy.select(phi, y, noise, initial, n_points, k_add, order=rng.permutation(n))
+    np.testing.assert_array_equal(indices, dense.greedy(phi, y, noise, initial, n_points, k_add))
+
+
+def test_order_on_a_whole_scan(bracket):
+    """Against a full pass over all points at every step, from a start at which the posterior still moves a lot."""
+    phi, y, noise = problem(bracket, 20)
+    initial, _ = farthest_points(bracket, 5)
+    indices, scores = greedy.select(phi, y, noise, initial, 305)
+    active = list(initial)
+    for pick, score in zip(indices[5:], scores[5:], strict=True):
+        mean, variance = Posterior.given(phi[active], y[active], noise).predict(phi)
+        expected = np.sqrt(variance) + np.abs(mean - y)
+        expected[active] = -np.inf
+        assert pick == np.argmax(expected)
+        assert score == pytest.approx(expected[pick], rel=1e-9)
+        active.append(pick)
+
+
+def test_ties_go_to_the_smallest_index():
+    phi, y = np.ones((50, 1)), np.full(50, 2.0)
+    indices, _ = greedy.select(phi, y, 0.5, np.array([30]), 50, order=np.random.default_rng(0).permutation(50))
+    np.testing.assert_array_equal(indices[1:], np.delete(np.arange(50), 30))
+
+
+@given(st.lists(st.integers(-3, 3), min_size=1, max_size=50), st.data())
+def test_largest(values, data):
+    values = np.array(values, dtype=float)
+    count = data.draw(st.integers(0, len(values)))
+    np.testing.assert_array_equal(greedy.largest(values, count), np.argsort(-values, kind="stable")[:count])
+
+
+def test_progress_adds_up(bracket):
+    phi, y, noise = problem(bracket[:3_000], 10)
+    steps = []
+    greedy.select(phi, y, noise, np.arange(5), 2_000, 7, advanced=steps.append)
+    assert len(steps) > 1
+    assert sum(steps) == 1_995

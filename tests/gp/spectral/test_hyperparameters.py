@@ -1,0 +1,95 @@
+import numpy as np
+import pytest
+
+import dense
+import gppcs
+from gppcs.gp.spectral.hyperparameters import fit, log_marginal_likelihood
+from gppcs.gp.spectral.kernel import Hyperparameters, kernel_features, spectral_weights
+from gppcs.gp.spectral.laplacian import eigenpairs
+
+
+@pytest.fixture(scope="module")
+def problem():
+    points = gppcs.sample("bracket", n_points=400, seed=2).points
+    pairs = eigenpairs(points, 20)
+    y = gppcs.estimate_features(points).surface_variation
+    return pairs.eigenvalues, pairs.eigenfunctions, y, (pairs.eigenfunctions**2).mean(axis=0)
+
+
+THETAS = [
+    Hyperparameters(1e-3, 0.3, 1.5, 2e-4),
+    Hyperparameters(5e-2, 0.05, 0.5, 1e-5),
+    Hyperparameters(1e-3, 1.0, 10_000.0, 1e-3),
+    Hyperparameters(2e-3, 0.2, np.inf, 1e-4),
+]
+
+
+@pytest.mark.parametrize("theta", THETAS)
+def test_equals_equation_5(problem, theta):
+    eigenvalues, functions, y, mean_squares = problem
+    value, _ = log_marginal_likelihood(eigenvalues, functions, y, mean_squares, theta)
+    phi = kernel_features(functions, spectral_weights(eigenvalues, mean_squares, theta))
+    assert value == pytest.approx(dense.log_marginal_likelihood(phi, y, theta.noise), rel=1e-9)
+
+
+@pytest.mark.parametrize("theta", THETAS)
+def test_gradient_equals_finite_differences(problem, theta):
+    eigenvalues, functions, y, mean_squares = problem
+    _, gradient = log_marginal_likelihood(eigenvalues, functions, y, mean_squares, theta)
+
+    def value(logarithms):
+        moved = Hyperparameters(*np.exp(logarithms))
+        phi = kernel_features(functions, spectral_weights(eigenvalues, mean_squares, moved))
+        return dense.log_marginal_likelihood(phi, y, moved.noise)
+
+    start = np.log([theta.variance, theta.lengthscale, theta.nu, theta.noise])
+    for i in range(4):
+        if np.isinf(start[i]):
+            assert gradient[i] == 0
+            continue
+        step = np.zeros(4)
+        step[i] = 1e-4
+        difference = (value(start + step) - value(start - step)) / 2e-4
+        assert gradient[i] == pytest.approx(difference, rel=1e-4, abs=1e-7 * abs(value(start)))
+
+
+@pytest.mark.parametrize("fit_nu", [False, True])
+def test_the_fit_is_a_maximum(problem, fit_nu):
+    eigenvalues, functions, y, mean_squares = problem
+    theta = fit(eigenvalues, functions, y, mean_squares, 1.5, fit_nu)
+    best, _ = log_marginal_likelihood(eigenvalues, functions, y, mean_squares, theta)
+    assert fit_nu or theta.nu == 1.5
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        factors = np.exp(rng.normal(0, 0.3, 3))
+        near = Hyperparameters(
+            theta.variance * factors[0], theta.lengthscale * factors[1], theta.nu, theta.noise * factors[2]
+        )
+        assert log_marginal_likelihood(eigenvalues, functions, y, mean_squares, near)[0] <= best + 1e-6
+
+
+def test_more_iterations_never_fit_worse_and_soon_change_nothing(problem):
+    eigenvalues, functions, y, mean_squares = problem
+    fits = [fit(eigenvalues, functions, y, mean_squares, 2.5, iterations=count) for count in (1, 3, 100, 200)]
+    values = [log_marginal_likelihood(eigenvalues, functions, y, mean_squares, theta)[0] for theta in fits]
+    assert values[0] < values[1] < values[2]
+    assert fits[2] == fits[3]
+
+
+def test_finds_what_the_data_were_drawn_from(sphere):
+    pairs = eigenpairs(sphere[:3_000], 60)
+    mean_squares = (pairs.eigenfunctions**2).mean(axis=0)
+    truth = Hyperparameters(4.0, 0.25, 1.5, 0.04)
+    phi = kernel_features(pairs.eigenfunctions, spectral_weights(pairs.eigenvalues, mean_squares, truth))
+    rng = np.random.default_rng(1)
+    y = phi @ rng.standard_normal(60) + 0.2 * rng.standard_normal(3_000)
+    theta = fit(pairs.eigenvalues, pairs.eigenfunctions, y, mean_squares, 1.5)
+    assert theta.noise == pytest.approx(0.04, rel=0.1)
+    assert theta.lengthscale == pytest.approx(0.25, rel=0.4)
+    assert theta.variance == pytest.approx(4.0, rel=0.6)
+
+
+def test_a_function_that_is_zero_everywhere_has_a_fit(problem):
+    eigenvalues, functions, y, mean_squares = problem
+    theta = fit(eigenvalues, functions, np.zeros_like(y), mean_squares, 2.5)
+    assert all(np.isfinite([theta.variance, theta.lengthscale, theta.noise]))

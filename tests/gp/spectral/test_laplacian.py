@@ -1,0 +1,120 @@
+import numpy as np
+import pytest
+
+import gppcs
+import gppcs.scans
+from gppcs.gp.spectral import laplacian
+from gppcs.gp.spectral.laplacian import eigenpairs, surface_laplacian
+from gppcs.spatial.farthest_points import farthest_points
+
+DEGREES = np.repeat(np.arange(5), 2 * np.arange(5) + 1)  # l of the 25 lowest eigenfunctions of a sphere
+
+
+def sphere_ratios(eigenvalues):
+    """Eigenvalues of a sphere of unit area over l (l + 1), beyond the first."""
+    return eigenvalues[1:25] / (4 * np.pi) / (DEGREES * (DEGREES + 1))[1:]
+
+
+def test_sphere_spectrum_through_landmarks(sphere):
+    pairs = eigenpairs(sphere, 25)
+    assert pairs.eigenvalues[0] == pytest.approx(0, abs=1e-8)
+    np.testing.assert_allclose(sphere_ratios(pairs.eigenvalues), 1, atol=0.03)
+
+
+def test_a_laplacian_that_lost_area_is_not_used(sphere):
+    _, mass, is_whole = surface_laplacian(sphere)
+    assert mass.sum() < 0.75 * np.pi  # of a sphere of unit diameter
+    assert not is_whole
+    ratios = sphere_ratios(eigenpairs(sphere, 25, landmarks=len(sphere)).eigenvalues)
+    np.testing.assert_allclose(ratios, 1, atol=0.06)  # the raw spectrum is 40 % off
+
+
+@pytest.mark.parametrize("name", gppcs.scans.SCANS)
+def test_sample_scans_are_whole(name):
+    assert surface_laplacian(gppcs.sample(name, n_points=4_000).points)[2]
+
+
+def test_scale_leaves_the_eigenpairs(bracket):
+    pairs, scaled = eigenpairs(bracket, 10), eigenpairs(bracket / 1024, 10)
+    np.testing.assert_allclose(scaled.eigenvalues, pairs.eigenvalues, rtol=1e-6, atol=1e-6)
+
+
+def test_full_solution_is_orthonormal(sphere):
+    points = sphere[:3_000]
+    _, mass, _ = surface_laplacian(points)
+    functions = eigenpairs(points, 20).eigenfunctions
+    np.testing.assert_allclose(functions.T @ (functions * (mass / mass.sum())[:, None]), np.eye(20), atol=1e-9)
+
+
+def test_lifted_functions_are_the_spheres_harmonics(sphere):
+    """Every point's value is within 3 % of the best combination of harmonics of degree up to four."""
+    x, y, z = sphere.T
+    powers = [x**a * y**b * z**c for a in range(5) for b in range(5 - a) for c in range(5 - a - b)]
+    harmonics = np.stack(powers, axis=1)
+    lifted = eigenpairs(sphere, 16).eigenfunctions
+    fitted = harmonics @ np.linalg.lstsq(harmonics, lifted, rcond=None)[0]
+    assert np.sqrt(((lifted - fitted) ** 2).mean(axis=0)).max() < 0.03
+    np.testing.assert_allclose((lifted**2).mean(axis=0), 1, atol=0.05)
+
+
+def test_lifting_from_landmarks_stays_near_the_full_solution():
+    """The kernel of the lifted eigenpairs differs from that of the full ones by a few percent."""
+    points = gppcs.sample("fan", n_points=9_000).points
+
+    def heat_kernel(pairs):
+        return (pairs.eigenfunctions * np.exp(-0.01 * pairs.eigenvalues)) @ pairs.eigenfunctions[:300].T
+
+    full = heat_kernel(eigenpairs(points, 20, landmarks=9_000))
+    lifted = heat_kernel(eigenpairs(points, 20, landmarks=4_000))
+    assert np.linalg.norm(lifted - full) < 0.1 * np.linalg.norm(full)
+
+
+def test_constants_are_lifted_exactly(sphere):
+    ones = laplacian._lift(sphere[:500], np.ones((500, 1)), sphere)
+    np.testing.assert_allclose(ones, 1, rtol=1e-14)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 10, 50])
+@pytest.mark.parametrize("shape", ["line", "plane", "anywhere"])
+def test_points_that_are_no_surface_have_eigenpairs(n, shape):
+    points = np.random.default_rng(n).random((n, 3))
+    if shape == "line":
+        points = points[:, :1] * [[1.0, 2.0, 3.0]]
+    if shape == "plane":
+        points[:, 2] = 1.0
+    pairs = eigenpairs(points, 20)
+    assert pairs.eigenfunctions.shape == (n, min(n, 20))
+    assert np.isfinite(pairs.eigenfunctions).all()
+    assert (np.diff(pairs.eigenvalues) >= 0).all()
+
+
+def test_every_run_gives_the_same(bracket):
+    first, second = eigenpairs(bracket, 20), eigenpairs(bracket, 20)
+    np.testing.assert_array_equal(first.eigenfunctions, second.eigenfunctions)
+
+
+def test_landmarks_that_are_all_equally_far_have_the_same_weight():
+    corners = np.stack(np.meshgrid(*[[0.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
+    lifted = laplacian._lift(corners, corners, np.full((1, 3), 0.5))
+    np.testing.assert_allclose(lifted, 0.5, rtol=1e-9)
+
+
+@pytest.mark.parametrize("landmarks", [3, 5, 7])
+def test_a_few_landmarks_are_enough(landmarks):
+    points = np.random.default_rng(0).random((100, 3))
+    functions = eigenpairs(points, 3, landmarks).eigenfunctions
+    assert functions.shape == (100, 3)
+    assert np.isfinite(functions).all()
+
+
+def test_as_many_eigenfunctions_as_landmarks():
+    points = np.random.default_rng(0).random((450, 3))
+    assert eigenpairs(points, 450).eigenfunctions.shape == (450, 450)
+
+
+@pytest.mark.parametrize("distance", [10, 1_000])
+def test_a_far_point_does_not_cost_the_landmarks(bracket, distance):
+    points = bracket.copy()
+    points[0] = points.max() * distance
+    chosen, _ = farthest_points(points, 4_000)
+    assert surface_laplacian(points[chosen])[2]

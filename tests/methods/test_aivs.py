@@ -1,0 +1,186 @@
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+
+import gppcs
+from gppcs.methods.aivs import boxes
+from gppcs.methods.aivs.boxes import Boxes, points_of_boxes, trimmed
+from gppcs.spatial.farthest_points import farthest_points
+
+
+def plain_boxes(points):
+    """The points of each box by its numbers along the axes, and the edge."""
+    n = len(points)
+    steps = ((10_000, 10), (50_000, 20), (100_000, 30), (500_000, 40), (1_000_000, 50))
+    along = next((boxes for below, boxes in steps if n < below), round((n / 8) ** (1 / 3)))
+    local = points - points.min(axis=0)
+    boxes = {}
+    for index, cell in enumerate(np.minimum(np.floor(local * along / local.max()), along - 1).astype(int)):
+        boxes.setdefault(tuple(cell.tolist()), []).append(index)
+    return dict(sorted(boxes.items())), local, local.max() / along
+
+
+def plain_quota(members, n, n_points):
+    share = members * n_points
+    return share // n + (5 * (share % n) > n)
+
+
+def plain_filled(points, n_points):
+    boxes, local, edge = plain_boxes(points)
+    chosen = {}
+    for parity in product((0, 1), repeat=3):
+        for cell, members in boxes.items():
+            if tuple(number % 2 for number in cell) != parity:
+                continue
+            centre = (np.array(cell) + 0.5) * edge
+            squared = np.full(len(members), np.inf)
+            for step in product((-1, 0, 1), repeat=3):
+                for other in chosen.get(tuple(np.add(cell, step).tolist()), ()):
+                    if np.abs(local[other] - centre).max() <= 0.75 * edge:
+                        squared = np.minimum(squared, ((local[members] - local[other]) ** 2).sum(axis=1))
+            pick = int(np.argmin(((local[members] - centre) ** 2).sum(axis=1)))
+            chosen[cell] = []
+            for _ in range(plain_quota(len(members), len(points), n_points)):
+                chosen[cell].append(members[pick])
+                squared = np.minimum(squared, ((local[members] - local[members[pick]]) ** 2).sum(axis=1))
+                squared[pick] = -1.0
+                pick = int(np.argmax(squared))
+    return chosen
+
+
+def plain_trimmed(counts, n_points):
+    counts = np.array(counts)
+    threshold = (counts.max() - counts.min()) // 3
+    while counts.sum() > n_points:
+        before = counts.sum()
+        for box in [*range(0, len(counts), 2), *range(1, len(counts), 2)]:
+            if counts[box] > threshold and counts.sum() > n_points:
+                counts[box] -= 1
+        if counts.sum() == before:
+            threshold -= 1
+    return counts
+
+
+def plain_points_of_boxes(points, n_points):
+    chosen = plain_filled(points, n_points)
+    cells = sorted(chosen)
+    kept = dict(zip(cells, plain_trimmed([len(chosen[cell]) for cell in cells], n_points), strict=True))
+    indices = [index for cell, members in chosen.items() for index in members[: kept[cell]]]
+    while len(indices) < n_points:
+        if indices:
+            squared = ((points[:, None] - points[indices]) ** 2).sum(axis=2).min(axis=1)
+            squared[indices] = -1.0
+            indices.append(int(np.argmax(squared)))
+        else:
+            indices.append(int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1))))
+    return indices
+
+
+SHAPES = {
+    "solid": lambda rng, n: rng.random((n, 3)),
+    "lattice": lambda rng, n: rng.permutation(np.indices((8, 8, 8)).reshape(3, -1).T)[:n] / 8,
+    "line": lambda rng, n: rng.random((n, 1)) * [[1.0, 2.0, 3.0]],
+    "uneven": lambda rng, n: rng.random((n, 3)) ** 6,
+    "far outlier": lambda rng, n: np.vstack([[[1e6, 0.0, 0.0]], rng.random((n - 1, 3))]),
+}
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.sampled_from(sorted(SHAPES)), st.integers(2, 300), st.booleans(), st.integers(0, 99), st.data())
+def test_equals_the_plain_algorithm(shape, n, with_trees, seed, data):
+    points = SHAPES[shape](np.random.default_rng(seed), n)
+    n_points = data.draw(st.integers(1, n - 1))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(boxes, "LARGE", 5 if with_trees else 10**9)
+        assert points_of_boxes(points, n_points).tolist() == plain_points_of_boxes(points, n_points)
+
+
+def test_equals_the_plain_algorithm_on_a_scan(bracket):
+    points = bracket[:12_000]  # in 20 boxes along the longest axis
+    expected = plain_points_of_boxes(points, 900)
+    assert points_of_boxes(points, 900).tolist() == expected
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.lists(st.integers(0, 30), min_size=1, max_size=30), st.data())
+def test_trimming_equals_the_plain_algorithm(counts, data):
+    n_points = data.draw(st.integers(1, sum(counts) + 2))
+    kept = trimmed(np.array(counts), n_points)
+    np.testing.assert_array_equal(kept, plain_trimmed(counts, n_points))
+    assert kept.sum() == min(sum(counts), n_points)
+
+
+@pytest.mark.parametrize(("n", "along"), [(9_999, 10), (10_000, 20), (100_000, 40), (1_000_000, 50), (1_728_000, 60)])
+def test_boxes_part_the_points(n, along):
+    points = np.random.default_rng(0).random((n, 3)) * [1.0, 0.2, 0.3] - 5
+    boxes = Boxes.build(points)
+    assert boxes.along == along
+    assert boxes.edge == pytest.approx(1.0 / along, rel=1e-3)
+    np.testing.assert_array_equal(np.sort(boxes.order), np.arange(n))
+    np.testing.assert_array_equal(boxes.points.T, (points - points.min(axis=0))[boxes.order])
+    assert len(np.unique(boxes.cells, axis=0)) == len(boxes.cells)
+    away = np.abs(boxes.points - (np.repeat(boxes.cells, np.diff(boxes.begins), axis=0).T + 0.5) * boxes.edge)
+    assert away.max() <= 0.5 * boxes.edge * (1 + 1e-9)
+
+
+def test_each_box_gives_its_share(bracket):
+    n, n_points = len(bracket), 2_000
+    boxes = plain_boxes(bracket)[0]
+    chosen = np.zeros(n)
+    chosen[points_of_boxes(bracket, n_points)] = 1
+    given_up = 0
+    for members in boxes.values():
+        quota = plain_quota(len(members), n, n_points)
+        assert chosen[members].sum() <= quota
+        assert abs(quota - len(members) * n_points / n) < 1
+        given_up += quota - chosen[members].sum()
+    assert given_up > 0  # since more are rounded up than down
+
+
+def test_boxes_keep_away_from_those_around(sphere):
+    """Without them, points crowd where boxes meet."""
+    n_points = 2_000
+    chosen = sphere[points_of_boxes(sphere, n_points)]
+    alone = []
+    for members in plain_boxes(sphere)[0].values():
+        quota = plain_quota(len(members), len(sphere), n_points)
+        if quota:
+            alone.append(sphere[members][farthest_points(sphere[members], quota)[0]])
+
+    def close_pairs(points):
+        return len(cKDTree(points).query_pairs(np.sqrt(0.2 * 4 * np.pi / n_points)))
+
+    assert close_pairs(chosen) < 0.5 * close_pairs(np.concatenate(alone))
+
+
+def test_where_no_box_has_a_share_all_are_farthest_points(sphere):
+    np.testing.assert_array_equal(points_of_boxes(sphere, 20), farthest_points(sphere, 20)[0])
+
+
+def test_a_far_outlier_costs_no_more_than_a_tree(monkeypatch):
+    """All but one of the points share a box, and are chosen by a tree there."""
+    points = np.vstack([np.random.default_rng(0).random((20_000, 3)), [[1e5, 0.0, 0.0]]])
+    filled = []
+    monkeypatch.setattr(boxes, "_fill", lambda *of_boxes: filled.extend(of_boxes[6]))
+    indices = points_of_boxes(points, 2_000)
+    assert len(np.unique(indices)) == 2_000
+    assert filled == []
+
+
+def test_progress_adds_up(bracket):
+    steps = []
+    points_of_boxes(bracket, 1_000, steps.append)
+    assert steps == [1] * 8
+
+
+def test_covers_the_dragon_better_than_chance(shared_data):
+    dragon = gppcs.read(shared_data / "dragon.ply")
+    even, chance = (
+        gppcs.evaluate(dragon, gppcs.simplify(dragon, ratio=0.03, method=method).cloud) for method in ("aivs", "random")
+    )
+    assert even.mean_distance < 0.9 * chance.mean_distance
+    assert even.covering_radius < 0.8 * chance.covering_radius

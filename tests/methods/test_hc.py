@@ -1,0 +1,145 @@
+import numba
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gppcs
+from gppcs.methods.hc.clustering import clusters_by_variation, hierarchical_clusters
+
+SHAPES = {
+    "solid": lambda rng, n: rng.standard_normal((n, 3)),
+    "line": lambda rng, n: rng.random((n, 1)) * [[1.0, 2.0, 3.0]],
+    "tilted plane": lambda rng, n: rng.random((n, 2)) @ [[1.0, 0.0, 0.3], [0.0, 1.0, 0.7]],
+    "two clumps": lambda rng, n: rng.integers(0, 2, (n, 1)) + 1e-6 * rng.random((n, 3)),
+    "all but one place": lambda rng, n: 1 + 1e-200 * rng.random((n, 3)),
+}
+
+
+def spread(members):
+    """Centroid, principal axis and surface variation by LAPACK."""
+    centroid = members.mean(axis=0)
+    values, vectors = np.linalg.eigh((members - centroid).T @ (members - centroid))
+    variation = values[0] / values.sum() if values.sum() > 0 else 0.0
+    return centroid, vectors[:, 2], variation if variation > 1e-12 else 0.0
+
+
+def parted(points, members):
+    centroid, axis, _ = spread(points[members])
+    negative = (points[members] - centroid) @ axis < 0
+    return [members[negative], members[~negative]]
+
+
+def plain_clusters(points, size, variation):
+    pending, closed = [np.arange(len(points))], []
+    while pending:
+        members = pending.pop()
+        sides = parted(points, members)
+        if (len(members) > size or spread(points[members])[2] > variation) and len(sides[0]) and len(sides[1]):
+            pending += sides
+        else:
+            closed.append(members)
+    return closed
+
+
+def plain_best_first(points, n_points):
+    clusters = [np.arange(len(points))]
+    while len(clusters) < n_points:
+        ranks = [(-len(c) * spread(points[c])[2], -len(c), c[0]) if len(c) > 1 else (1,) for c in clusters]
+        clusters += parted(points, clusters.pop(ranks.index(min(ranks))))
+    return clusters
+
+
+def squared_from_centroid(points, members):
+    return ((points[members] - points[members].mean(axis=0)) ** 2).sum(axis=1)
+
+
+def assert_central(points, clusters, indices):
+    """One point of each cluster, none nearer the centroid; of two points, which are equally near, the first."""
+    assert len(indices) == len(clusters) == len(np.unique(indices))
+    chosen = np.isin(np.arange(len(points)), indices)
+    for members in clusters:
+        assert chosen[members].sum() == 1
+        squared = squared_from_centroid(points, members)
+        assert squared[chosen[members]] <= squared.min() * (1 + 1e-9)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(1, 200), st.integers(1, 50), st.floats(0.001, 0.3), st.integers(0, 99))
+def test_limits_give_the_clusters_of_the_plain_algorithm(n, size, variation, seed):
+    points = np.random.default_rng(seed).random((n, 3))
+    assert_central(points, plain_clusters(points, size, variation), hierarchical_clusters(points, size, variation))
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(1, 120), st.integers(0, 99), st.data())
+def test_most_varied_first_gives_the_clusters_of_the_plain_algorithm(n, seed, data):
+    # three points have no variation, and ties among them are broken alike
+    points = np.random.default_rng(seed).random((n, 3))
+    n_points = data.draw(st.integers(1, n))
+    assert_central(points, plain_best_first(points, n_points), clusters_by_variation(points, n_points))
+
+
+@pytest.mark.parametrize("shape", sorted(SHAPES))
+@pytest.mark.parametrize("n", [*range(1, 11), 300])
+def test_the_number_is_exact_whatever_the_shape(shape, n):
+    points = SHAPES[shape](np.random.default_rng(n), n)
+    for n_points in {1, n // 2 + 1, n}:
+        indices = clusters_by_variation(points, n_points)
+        assert len(np.unique(indices)) == n_points
+        assert (np.sort(indices) < n).all()
+
+
+def test_points_at_one_place_stay_together():
+    points = np.repeat([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], 50, axis=0)
+    assert sorted(hierarchical_clusters(points, 1, 0.0)) == [0, 50]
+    assert len(np.unique(clusters_by_variation(points, 70))) == 70
+
+
+def test_a_plane_that_is_tilted_is_parted_by_number_of_points():
+    points = SHAPES["tilted plane"](np.random.default_rng(0), 4_096)
+    labels = np.argmin(((points[:, None] - points[clusters_by_variation(points, 64)]) ** 2).sum(axis=2), axis=1)
+    assert np.bincount(labels).max() < 4_096 / 64 * 3
+
+
+def test_any_number_of_threads_and_any_place_and_size_of_the_cloud_give_the_same(bracket):
+    expected = gppcs.simplify(bracket, n_points=700, method="hc").indices
+    assert len(np.unique(expected)) == 700
+    np.testing.assert_array_equal(gppcs.simplify(bracket, n_points=700, method="hc").indices, expected)
+    coarse = np.round(bracket * 1024) / 1024  # so that the shift rounds nothing
+    expected = gppcs.simplify(coarse, n_points=700, method="hc").indices
+    moved = gppcs.simplify(coarse * 8 + [100, -2000, 3], n_points=700, method="hc").indices
+    np.testing.assert_array_equal(moved, expected)
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        np.testing.assert_array_equal(gppcs.simplify(coarse, n_points=700, method="hc").indices, expected)
+    finally:
+        numba.set_num_threads(threads)
+
+
+def test_the_dragon_gives_as_many_points_as_in_the_paper(shared_data):
+    points = gppcs.read(shared_data / "dragon.ply").points
+    assert len(hierarchical_clusters(points, 1000, 0.01)) == 12_544
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "variation"),
+    [("bunny", 100, 0.001), ("bunny", 10, 1 / 3), ("armadillo_50k", 1000, 0.008), ("dragon", 1000, 0.01)],
+)
+def test_clusters_are_those_of_cgal(shared_data, name, size, variation):
+    """CGAL keeps a point of each cluster; ours, but where two are equally near and its rounding decides."""
+    kernel = pytest.importorskip("CGAL.CGAL_Kernel")
+    from CGAL.CGAL_Point_set_3 import Point_set_3
+    from CGAL.CGAL_Point_set_processing_3 import hierarchy_simplify_point_set
+
+    points = gppcs.read(shared_data / f"{name}.ply").points
+    point_set = Point_set_3()
+    for x, y, z in points.tolist():
+        point_set.insert(kernel.Point_3(x, y, z))
+    hierarchy_simplify_point_set(point_set, size, variation)
+    theirs = np.array(list(point_set.indices()))
+    ours = hierarchical_clusters(points, size, variation)
+    assert len(theirs) == len(ours)
+    assert len(np.setdiff1d(theirs, ours)) <= 0.005 * len(ours)
+    assert_central(points, plain_clusters(points, size, variation), theirs)

@@ -1,0 +1,210 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize
+from scipy.spatial.distance import cdist
+
+import gppcs
+from gppcs.methods.method import largest
+from gppcs.methods.pc_simp.graph_filter import (
+    NeighbourGraph,
+    Programme,
+    eigenvalue_bound,
+    high_pass_strength,
+    share_out,
+    solve,
+)
+from gppcs.spatial.kdtree import KdTree
+
+
+def plain_graph(points, k):
+    """Adjacency, weights and feature strengths with matrices of all pairs."""
+    squared = cdist(points, points, "sqeuclidean")
+    np.fill_diagonal(squared, np.inf)
+    near = np.zeros(squared.shape, dtype=bool)
+    np.put_along_axis(near, np.argsort(squared, axis=1)[:, :k], True, axis=1)
+    sigma = squared[near].max()
+    adjacency, weights = (np.where(near, values, 0.0) for values in (1.0, np.exp(-squared / sigma)))
+    adjacency, weights = (adjacency + adjacency.T) / 2, (weights + weights.T) / 2
+    high_pass = np.eye(len(points)) - weights / weights.sum(axis=1, keepdims=True)
+    return adjacency, weights, ((high_pass @ points) ** 2).sum(axis=1), np.median(squared[near].reshape(-1, k).mean(1))
+
+
+def programme_of(points, n_points, uniformity=0.1, k=15):
+    tree = KdTree.build(points)
+    graph = NeighbourGraph.build(tree, min(k, len(points) - 1))
+    strength = high_pass_strength(points[tree.order], graph) / graph.squared_spacing
+    return Programme(strength, graph.adjacency, min(k, len(points) - 1), uniformity, n_points)
+
+
+def gradient_of(programme, s):
+    return 2 * programme.strength * (s - 1) + 2 * programme.uniformity * (programme.adjacency @ programme.excess(s))
+
+
+def plain_solution(programme):
+    """The same by a general solver for smooth functions under constraints, from the formula."""
+    n, alpha = len(programme.strength), programme.n_points / len(programme.strength)
+    f, a, k, uniformity = programme.strength, programme.adjacency.toarray(), programme.neighbours, programme.uniformity
+    hessian = 2 * (np.diag(f) + uniformity * a @ a)
+    linear = -2 * (f + uniformity * alpha * k * a.sum(axis=0))
+    found = minimize(
+        lambda s: s @ hessian @ s / 2 + linear @ s,
+        np.full(n, alpha),
+        jac=lambda s: hessian @ s + linear,
+        bounds=[(0, 1)] * n,
+        constraints={"type": "eq", "fun": lambda s: s.sum() - programme.n_points, "jac": lambda _: np.ones(n)},
+        method="SLSQP",
+        options={"ftol": 1e-15, "maxiter": 1000},
+    )
+    return found.x, found.fun + f.sum() + uniformity * n * (alpha * k) ** 2
+
+
+@pytest.mark.parametrize(("n", "k"), [(2, 1), (10, 9), (40, 1), (200, 15)])
+def test_graph_and_strengths_equal_the_plain_formulas(n, k):
+    points = np.random.default_rng(n).random((n, 3))
+    tree = KdTree.build(points)
+    graph = NeighbourGraph.build(tree, k)
+    adjacency, weights, strength, squared_spacing = plain_graph(points[tree.order], k)
+    np.testing.assert_array_equal(graph.adjacency.toarray(), adjacency)
+    np.testing.assert_allclose(graph.weights.toarray(), weights, rtol=1e-12)
+    np.testing.assert_allclose(high_pass_strength(points[tree.order], graph), strength, rtol=1e-9)
+    assert graph.squared_spacing == pytest.approx(squared_spacing, rel=1e-12)
+
+
+@pytest.mark.parametrize("uniformity", [0.001, 0.1, 10.0])
+@pytest.mark.parametrize(("n", "n_points"), [(5, 2), (30, 3), (40, 20), (60, 57)])
+def test_solution_is_that_of_a_general_solver(n, n_points, uniformity):
+    programme = programme_of(np.random.default_rng(n).random((n, 3)), n_points, uniformity, k=6)
+    expected, least = plain_solution(programme)
+    solution = solve(programme, 1e-11, 200_000)
+    assert solution.gap <= 1e-11
+    assert programme.value(solution.selection) == pytest.approx(least, rel=1e-7)
+    np.testing.assert_allclose(solution.selection, expected, atol=1e-4)
+
+
+def test_gap_bounds_the_distance_to_the_least():
+    programme = programme_of(np.random.default_rng(0).random((60, 3)), 12)
+    _, least = plain_solution(programme)
+    gaps = []
+    for iterations in (1, 5, 20, 80):
+        solution = solve(programme, 1e-15, iterations)
+        assert solution.iterations == iterations
+        value = programme.value(solution.selection)
+        assert solution.gap == pytest.approx(programme.gap(solution.selection, solution.multiplier) / value)
+        assert value - least <= programme.gap(solution.selection, solution.multiplier) + 1e-9 * least
+        gaps.append(solution.gap)
+    assert sorted(gaps, reverse=True) == gaps
+    assert gaps[-1] < 1e-3 * gaps[0]
+
+
+@pytest.mark.parametrize("uniformity", [0.01, 0.1, 1.0])
+def test_conditions_of_optimality_hold(bracket, uniformity):
+    """Karush, Kuhn and Tucker: one multiplier parts the gradients of what is out, shared and in."""
+    programme = programme_of(bracket[:5_000], 1_500, uniformity)
+    solution = solve(programme, 1e-9, 20_000)
+    s, multiplier = solution.selection, -solution.multiplier
+    assert s.sum() == pytest.approx(1_500, rel=1e-12)
+    assert s.min() >= 0
+    assert s.max() <= 1
+    gradient = gradient_of(programme, s)
+    shared = (s > 0) & (s < 1)
+    assert shared.any()
+    slack = 1e-3 * abs(multiplier)
+    assert np.abs(gradient[shared] - multiplier).max() < slack
+    assert (gradient[s == 0] > multiplier - slack).all()
+    assert (gradient[s == 1] < multiplier + slack).all()
+
+
+def test_a_far_point_does_not_spoil_the_solution():
+    """Its strength is 1e20 times that of most others, and they are shared out all the same."""
+    points = np.random.default_rng(0).random((200, 3)) * 1e-10
+    programme = programme_of(np.r_[points, [[1.0, 1.0, 1.0]]], 50)
+    solution = solve(programme)
+    assert programme.strength.max() > 1e15 * np.median(programme.strength)
+    assert solution.gap <= 1e-4
+    assert solution.selection[np.argmax(programme.strength)] == 1
+    assert ((solution.selection > 0) & (solution.selection < 1)).sum() > 10
+
+
+def test_the_more_uniform_the_more_features_are_lost(bracket):
+    points = bracket[:4_000]
+    lost, uneven = [], []
+    for uniformity in (0.001, 0.01, 0.1, 1.0):
+        programme = programme_of(points, 400, uniformity)
+        s = solve(programme, 1e-6, 5_000).selection
+        lost.append((programme.strength * (s - 1) ** 2).sum())
+        uneven.append((programme.excess(s) ** 2).sum())
+    assert np.all(np.diff(lost) > 0)
+    assert np.all(np.diff(uneven) < 0)
+
+
+def test_without_uniformity_the_strongest_are_kept(bracket):
+    points = bracket[:3_000]
+    tree = KdTree.build(points)
+    strength = np.empty(len(points))
+    strength[tree.order] = high_pass_strength(points[tree.order], NeighbourGraph.build(tree, 15))
+    chosen = gppcs.simplify(points, n_points=300, method=gppcs.PCSimp(uniformity=1e-9)).indices
+    np.testing.assert_array_equal(chosen, largest(strength, 300))
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.integers(1, 200), st.floats(0, 1), st.floats(0.1, 1e6), st.floats(-1e3, 1e3), st.integers(0, 99))
+def test_shares_add_up_and_are_those_of_bisection(n, part, spread, start, seed):
+    rng = np.random.default_rng(seed)
+    inverse = 1 / (1 + spread * rng.random(n) ** 4)
+    numerator = rng.standard_normal(n) / inverse
+    total = part * n
+    s, multiplier = share_out(numerator, inverse, total, start)
+    assert s.sum() == pytest.approx(total, rel=1e-11, abs=1e-12 * n)
+    np.testing.assert_allclose(s, np.clip((numerator - multiplier) * inverse, 0, 1), rtol=0, atol=1e-12)
+    low, high = (numerator - 1 / inverse).min(), numerator.max()
+    for _ in range(200):
+        middle = (low + high) / 2
+        above = np.clip((numerator - middle) * inverse, 0, 1).sum() > total
+        low, high = (middle, high) if above else (low, middle)
+    np.testing.assert_allclose(s, np.clip((numerator - low) * inverse, 0, 1), atol=1e-9)
+
+
+@pytest.mark.parametrize("n", [2, 50, 500])
+def test_the_largest_eigenvalue_is_bounded_closely(n):
+    adjacency = programme_of(np.random.default_rng(n).random((n, 3)), 1).adjacency
+    largest_eigenvalue = np.linalg.eigvalsh(adjacency.toarray())[-1]
+    assert largest_eigenvalue * (1 - 1e-12) <= eigenvalue_bound(adjacency) <= 1.1 * largest_eigenvalue
+
+
+def test_strengths_and_choice_do_not_depend_on_place_unit_or_axes(bracket):
+    points = bracket[:4_000]
+    turn = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
+    moved = 1e-3 * points @ turn + [5.0, -3.0, 40.0]
+    original, other = programme_of(points, 400), programme_of(moved, 400)
+    np.testing.assert_allclose(np.sort(other.strength), np.sort(original.strength), rtol=1e-6)
+    chosen, again = (gppcs.simplify(each, n_points=400, method="pc-simp").indices for each in (points, moved))
+    assert len(np.unique(chosen)) == 400
+    assert np.isin(again, chosen).mean() >= 0.99
+
+
+@pytest.mark.parametrize("shape", ["solid", "line", "plane", "lattice", "two clumps", "nearly coincident"])
+@pytest.mark.parametrize("n", [*range(2, 11), 300])
+def test_the_number_is_exact_whatever_the_shape(shape, n):
+    rng = np.random.default_rng(n)
+    points = {
+        "solid": rng.random((n, 3)),
+        "line": rng.random((n, 1)) * [[1.0, 2.0, 3.0]],
+        "plane": rng.random((n, 3)) * [[1.0, 1.0, 0.0]],
+        "lattice": np.stack(np.unravel_index(np.arange(n), (7, 7, 7)), axis=1).astype(float),
+        "two clumps": np.arange(n)[:, None] % 2 + 1e-6 * rng.random((n, 3)),
+        "nearly coincident": 1 + np.spacing(1.0) * np.stack(np.unravel_index(np.arange(n), (7, 7, 7)), axis=1),
+    }[shape]
+    for n_points in {1, n // 2, n - 1}:
+        result = gppcs.simplify(points, n_points=n_points, method="pc-simp")
+        assert len(np.unique(result.indices)) == n_points
+        assert np.isfinite(list(result.diagnostics.values())).all()
+
+
+def test_the_default_reaches_its_tolerance_on_a_scan(shared_data):
+    points = gppcs.read(shared_data / "armadillo_50k.ply").points
+    result = gppcs.simplify(points, ratio=0.05, method="pc-simp")
+    assert len(np.unique(result.indices)) == len(result.indices) == round(0.05 * len(points))
+    assert 0 < result.diagnostics["gap"] <= gppcs.PCSimp().tolerance
+    assert 0 < result.diagnostics["iterations"] < gppcs.PCSimp().iterations

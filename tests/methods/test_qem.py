@@ -1,0 +1,161 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gppcs
+from gppcs.methods.qem.contraction import contraction_order
+from gppcs.spatial.kdtree import KdTree
+from gppcs.surface.surface_variation import features_of_nearest
+
+SHAPES = {
+    "solid": lambda rng, n: rng.random((n, 3)),
+    "sphere": lambda rng, n: (v := rng.standard_normal((n, 3))) / np.linalg.norm(v, axis=1, keepdims=True),
+    "line": lambda rng, n: rng.random((n, 1)) * [[1.0, 2.0, 3.0]],
+    "tilted plane": lambda rng, n: rng.random((n, 2)) @ [[1.0, 0.0, 0.3], [0.0, 1.0, 0.7]],
+    "far clumps": lambda rng, n: rng.integers(0, 4, (n, 1)) * [[1.0, 3.0, 9.0]] + 0.1 * rng.random((n, 3)),
+    "lattice in a plane": lambda rng, n: rng.permutation(
+        np.stack(np.unravel_index(np.arange(n), (12, 12, 1)), axis=1).astype(float)
+    ),
+    "nearly coincident": lambda rng, n: 1 + np.spacing(1.0) * np.stack(np.unravel_index(np.arange(n), (9, 9, 9)), 1),
+}
+
+
+def nearest(points, members, k):
+    """For each member the k nearest others, as the tree finds them where several are as near."""
+    tree = KdTree.build(points[members])
+    found, _ = tree.neighbours(min(k, len(members) - 1))
+    return {members[i]: list(members[tree.order[row]]) for i, row in zip(tree.order, found, strict=True)}
+
+
+def planes_around(points, known):
+    """Of each point the planes that its quadric starts from: a point in each, and the normal as long as the edge."""
+    normals = features_of_nearest(KdTree.build(points), 1 + len(known[0])).normals
+    planes = {}
+    for i, others in known.items():
+        edges = points[others] - points[i]
+        across = np.cross(edges, np.cross(edges, normals[i]))
+        lengths, edge_lengths = np.linalg.norm(across, axis=1), np.linalg.norm(edges, axis=1)
+        upright = lengths <= 1e-7 * edge_lengths**2
+        across[upright] = 0
+        scale = edge_lengths / np.where(upright, 1, lengths)
+        planes[i] = np.tile(points[i], (len(others), 1)), across * scale[:, None]
+    return planes
+
+
+def plain_order(points, k, costless=False):
+    """The same by looking at all pairs before each contraction."""
+    known = nearest(points, np.arange(len(points)), k)
+    planes = planes_around(points, known)
+    memory = {}
+
+    def squared(i, j):
+        return ((points[j] - points[i]) ** 2).sum()
+
+    def cost(gone, kept):
+        if (gone, kept) not in memory:
+            (places, normals), (more_places, more_normals) = planes[gone], planes[kept]
+            places, normals = np.r_[places, more_places], np.r_[normals, more_normals]
+            value = (((points[kept] - places) * normals).sum(axis=1) ** 2).sum()
+            flat = costless or value <= 1e-14 * (normals**2).sum() * squared(gone, kept)
+            memory[gone, kept] = 0.0 if flat else value
+        return memory[gone, kept]
+
+    removed = []
+    while len(known) > 1:
+        pairs = [(min(cost(i, j), cost(j, i)), squared(i, j), i, j) for i in known for j in known[i]]
+        if not pairs:
+            known = nearest(points, np.array(sorted(known)), k)
+            continue
+        _, _, i, j = min(pairs)
+        gone, kept = (j, i) if (cost(j, i), i) < (cost(i, j), j) else (i, j)
+        both = {*known[i], *known[j]} - {i, j}
+        planes[kept] = tuple(np.r_[ours, theirs] for ours, theirs in zip(planes[kept], planes[gone], strict=True))
+        memory = {pair: value for pair, value in memory.items() if kept not in pair}
+        removed.append(gone)
+        del known[gone]
+        for others in known.values():
+            if gone in others:
+                others[others.index(gone)] = kept
+                if others.count(kept) > 1:
+                    others.remove(kept)
+        known[kept] = sorted(both, key=lambda other: (squared(kept, other), other))[:k]
+    return [*known, *removed[::-1]]
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.sampled_from(["solid", "sphere", "far clumps"]), st.integers(5, 40), st.integers(3, 9), st.integers(0, 99))
+def test_order_is_that_of_the_plain_algorithm(shape, n, k, seed):
+    """With three neighbours and more nothing is flat, where rounding would decide."""
+    points = SHAPES[shape](np.random.default_rng(seed), n)
+    assert contraction_order(points, k).tolist() == plain_order(points, k)
+
+
+@pytest.mark.parametrize("shape", ["tilted plane", "lattice in a plane", "line"])
+@pytest.mark.parametrize("n", [12, 80])
+def test_in_a_plane_nothing_costs_and_the_shortest_go_first(shape, n):
+    """So the order is that of lengths alone, and on a lattice, where most are equal, of indices."""
+    points = SHAPES[shape](np.random.default_rng(0), n)
+    assert contraction_order(points, 6).tolist() == plain_order(points, 6, costless=True)
+
+
+@pytest.mark.parametrize("shape", sorted(SHAPES))
+@pytest.mark.parametrize("n", [*range(1, 11), 140])
+def test_every_point_comes_once_whatever_the_shape(shape, n):
+    points = SHAPES[shape](np.random.default_rng(n), n)
+    points = points[np.sort(np.unique(points, axis=0, return_index=True)[1])]
+    for k in (1, 8):
+        assert sorted(contraction_order(points, k).tolist()) == list(range(len(points)))
+
+
+@pytest.mark.parametrize(("noise", "most"), [(0.0, 0.95), (1e-3, 0.5)])
+def test_edges_and_corners_of_a_cube_stay(noise, most):
+    """18 % of the points lie within a twentieth of an edge; of a tenth that is kept, many times that."""
+    rng = np.random.default_rng(0)
+    points = rng.random((6_000, 3))
+    points[np.arange(6_000), rng.integers(0, 3, 6_000)] = rng.integers(0, 2, 6_000)
+    near_edge = (np.minimum(points, 1 - points) < 0.05).sum(axis=1) >= 2
+    kept = contraction_order(points + noise * rng.standard_normal(points.shape))[:600]
+    assert 0.17 < near_edge.mean() < 0.2
+    assert near_edge[kept].mean() > most
+    corners = np.stack(np.unravel_index(np.arange(8), (2, 2, 2)), axis=1)
+    nearest_kept = np.linalg.norm(points[kept] - corners[:, None], axis=2).min(axis=1)
+    assert nearest_kept.max() < 0.06
+
+
+def test_a_smaller_choice_starts_a_larger_one(bracket):
+    small, large = (gppcs.simplify(bracket[:3_000], n_points=n, method="qem").indices for n in (50, 700))
+    assert len(np.unique(large)) == 700
+    np.testing.assert_array_equal(small, large[:50])
+
+
+def test_the_order_does_not_depend_on_place_unit_or_axes(sphere):
+    """Coordinates are rounded anew, which may decide between a few pairs."""
+    points = sphere[:3_000] * [1.0, 0.8, 0.5]
+    turn = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
+    chosen = gppcs.simplify(points, n_points=300, method="qem").indices
+    again = gppcs.simplify(1e-3 * points @ turn + [5.0, -3.0, 40.0], n_points=300, method="qem").indices
+    assert len(np.unique(chosen)) == 300
+    assert np.isin(again, chosen).mean() >= 0.98
+
+
+def test_progress_is_told_to_the_end(monkeypatch):
+    monkeypatch.setattr("gppcs.methods.qem.contraction.CONTRACTIONS_PER_CALL", 7)
+    points = SHAPES["far clumps"](np.random.default_rng(0), 100)
+    heard = []
+    order = contraction_order(points, 3, advanced=heard.append)
+    assert sum(heard) == 99
+    assert max(heard) == 7
+    monkeypatch.undo()
+    np.testing.assert_array_equal(contraction_order(points, 3), order)
+
+
+def test_a_scan_is_covered_better_than_at_random_and_keeps_more_features(shared_data):
+    cloud = gppcs.read(shared_data / "armadillo_50k.ply")
+    ours, chance = (
+        gppcs.evaluate(cloud, gppcs.simplify(cloud, ratio=0.05, method=method).cloud) for method in ("qem", "random")
+    )
+    assert ours.points_out == round(0.05 * len(cloud))
+    assert ours.mean_distance < 0.9 * chance.mean_distance
+    assert ours.covering_radius < chance.covering_radius
+    assert ours.mean_surface_variation > chance.mean_surface_variation

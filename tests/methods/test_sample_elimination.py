@@ -1,0 +1,119 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+
+import gppcs
+from gppcs.methods.sample_elimination import elimination
+from gppcs.methods.sample_elimination.elimination import (
+    BETA,
+    EARLIER_RATIO,
+    GAMMA,
+    LAST_RATIO,
+    REMOVED,
+    WHOLE,
+    eliminate,
+    thin,
+)
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.spacing import surface_area
+
+
+def plain_stage(points, n_points, area):
+    """Rows removed by one stage, with a table of all pairs."""
+    reach = 2.0 * np.sqrt(area / (2.0 * np.sqrt(3.0) * n_points))
+    dx, dy, dz = (points[:, None] - points).transpose(2, 0, 1)
+    limit = reach * BETA * (1.0 - (n_points / len(points)) ** GAMMA)
+    terms = np.maximum(1.0 - np.maximum(np.sqrt(dx * dx + dy * dy + dz * dz), limit) / reach, 0.0)
+    for _ in range(3):
+        terms *= terms
+    terms = np.floor(WHOLE * terms)
+    np.fill_diagonal(terms, 0.0)
+    weights = terms.sum(axis=1)
+    removed = []
+    while len(removed) < len(points) - n_points and weights.max() > 0:
+        removed.append(int(np.argmax(weights)))
+        weights -= terms[removed[-1]]
+        weights[removed[-1]] = REMOVED
+    return removed
+
+
+def plain_elimination(points, n_points):
+    area = surface_area(KdTree.build(points))
+    kept, order = np.arange(len(points)), []
+    while len(kept) > 1:
+        if len(kept) > n_points:
+            last = len(kept) <= LAST_RATIO * n_points
+            target = n_points if last else max(LAST_RATIO * n_points, len(kept) // EARLIER_RATIO)
+        else:
+            target = len(kept) // 2
+        removed = plain_stage(points[kept], target, area)
+        order.extend(kept[removed])
+        kept = np.delete(kept, removed)
+        if len(kept) > target:
+            area = max(4.0 * area, surface_area(KdTree.build(points[kept])))
+    return np.array([*order, *kept])[::-1][:n_points]
+
+
+def spacings(points):
+    return cKDTree(points).query(points, 2)[0][:, 1]
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(1, 250), st.sampled_from(["solid", "lattice", "clump", "dot"]), st.integers(0, 99), st.data())
+def test_equals_the_plain_algorithm(n, shape, seed, data):
+    rng = np.random.default_rng(seed)
+    points = {
+        "solid": rng.random((n, 3)),
+        "lattice": rng.permutation(np.indices((7, 7, 7)).reshape(3, -1).T / 8)[:n],
+        "dot": np.where(rng.random((n, 1)) < 0.5, 1.0, 0.05) * rng.random((n, 3)),
+        "clump": np.where(np.arange(n)[:, None] % 3 == 0, 1.0, 1e-9) * rng.random((n, 3)),
+    }[shape]
+    n_points = data.draw(st.integers(1, n))
+    expected = plain_elimination(points, n_points)
+    np.testing.assert_array_equal(eliminate(points, n_points), expected)
+    np.testing.assert_array_equal(thin(points, n_points)[0], np.sort(expected))
+
+
+@pytest.mark.parametrize("n_points", [7, 150])
+@pytest.mark.parametrize("dot", [1.0, 0.02])
+def test_stages_equal_the_plain_algorithm(n_points, dot):
+    """Half of the points lie in a part of the slab, which is wide or so small that the limit holds in all of it."""
+    points = np.random.default_rng(1).random((1_500, 3)) * [1.0, 1.0, 0.01]
+    points[::2] *= dot
+    np.testing.assert_array_equal(eliminate(points, n_points), plain_elimination(points, n_points))
+
+
+@pytest.mark.parametrize("n_points", [200, 4_000])
+def test_is_blue_noise_and_so_is_its_beginning(sphere, n_points):
+    chosen = sphere[eliminate(sphere, n_points)]
+    for some in (chosen, chosen[: n_points // 2]):
+        densest = 2.0 * np.sqrt(4.0 * np.pi / (2.0 * np.sqrt(3.0) * len(some)))
+        assert spacings(some).min() > 0.6 * densest  # Yuksel reports 0.7 and above for whole sets
+
+
+def test_a_clump_of_most_points_does_not_spoil_the_rest(sphere):
+    clump = 1e-6 * np.random.default_rng(0).random((3_000, 3))
+    points = np.concatenate([sphere[np.argsort(sphere[:2_000, 0])], clump])
+    chosen = points[eliminate(points, 200)]
+    assert (np.linalg.norm(chosen, axis=1) < 0.5).sum() == 1
+    assert spacings(chosen).min() > 0.6 * 2.0 * np.sqrt(4.0 * np.pi / (2.0 * np.sqrt(3.0) * 200))
+
+
+def test_progress_adds_up(bracket):
+    steps = []
+    eliminate(bracket, 1_000, steps.append)
+    assert len(steps) > 1
+    assert sum(steps) == 19_000
+
+
+def test_with_the_limit_scans_are_covered_better(shared_data, monkeypatch):
+    bunny = gppcs.read(shared_data / "bunny.ply").points
+
+    def mean_distance():
+        return cKDTree(bunny[thin(bunny, len(bunny) // 30)[0]]).query(bunny)[0].mean()
+
+    limited = mean_distance()
+    monkeypatch.setattr(elimination, "BETA", 0.0)
+    assert limited < 0.98 * mean_distance()

@@ -1,0 +1,166 @@
+import numba
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+
+import gppcs
+from gppcs.methods.wlop.projection import average_spacing, nearest_unused, project
+from gppcs.spatial.kdtree import KdTree
+
+
+def plain_project(points, samples, radius, iterations, mu, require_uniform):
+    """The same with matrices of all pairs."""
+
+    def squared(a, b):
+        return ((a[:, None] - b) ** 2).sum(axis=2) / radius**2
+
+    def theta(t):
+        return np.where(t <= 1, np.exp(-4 * t), 0)
+
+    def mean(weights, values):
+        total = weights.sum(axis=1, keepdims=True)
+        return np.einsum("ij,ijk->ik", weights, values) / np.where(total > 0, total, 1)
+
+    weights = 1 / theta(squared(points, points)).sum(axis=1) if require_uniform else np.ones(len(points))
+    for _ in range(iterations):
+        t, own = squared(samples, points), squared(samples, samples)
+        alpha = np.where(t < 1e-10, 0, theta(t) * weights)
+        omega = 1 + theta(own).sum(axis=1)
+        beta = np.where(own < 1e-10, 0, omega * theta(own) / np.maximum(own, 1e-10))
+        beta[(own <= 1).sum(axis=1) < 3] = 0
+        step = mean(alpha, points - samples[:, None]) + mu * mean(beta, samples[:, None] - samples)
+        samples = samples + step
+    return samples
+
+
+def plain_nearest_unused(positions, points):
+    free = np.ones(len(points), dtype=bool)
+    indices = []
+    for position in positions:
+        indices.append(np.argmin(np.where(free, ((points - position) ** 2).sum(axis=1), np.inf)))
+        free[indices[-1]] = False
+    return indices
+
+
+def chamfer(a, b):
+    """Mean distance to the nearest, one way and the other."""
+    return (cKDTree(a).query(b)[0].mean() + cKDTree(b).query(a)[0].mean()) / 2
+
+
+def cgal_wlop(points, percentage, radius, iterations=35, require_uniform=False):
+    kernel = pytest.importorskip("CGAL.CGAL_Kernel")
+    from CGAL.CGAL_Point_set_3 import Point_set_3
+    from CGAL.CGAL_Point_set_processing_3 import wlop_simplify_and_regularize_point_set
+
+    given_points, moved = Point_set_3(), Point_set_3()
+    for x, y, z in points.tolist():
+        given_points.insert(kernel.Point_3(x, y, z))
+    wlop_simplify_and_regularize_point_set(given_points, moved, percentage, radius, iterations, require_uniform)
+    return np.array([[point.x(), point.y(), point.z()] for point in moved.points()])
+
+
+@pytest.mark.parametrize("require_uniform", [False, True])
+@pytest.mark.parametrize(("n", "m", "radius"), [(500, 60, 0.15), (500, 60, 0.5), (300, 300, 0.2), (5, 2, 0.1)])
+def test_equals_the_plain_algorithm(n, m, radius, require_uniform):
+    points = np.random.default_rng(n).random((n, 3))
+    moved = project(points, points[:m], radius, 5, 0.45, require_uniform)
+    np.testing.assert_allclose(moved, plain_project(points, points[:m], radius, 5, 0.45, require_uniform), atol=1e-10)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(1, 300), st.booleans(), st.integers(0, 99), st.data())
+def test_nearest_unused_equals_the_plain_algorithm(n, on_grid, seed, data):
+    rng = np.random.default_rng(seed)
+    points = rng.integers(0, 4, (n, 3)).astype(float) if on_grid else rng.random((n, 3))
+    positions = points[rng.integers(0, n, data.draw(st.integers(1, n)))] + (0 if on_grid else 0.01)
+    np.testing.assert_array_equal(
+        nearest_unused(positions, KdTree.build(points)), plain_nearest_unused(positions, points)
+    )
+
+
+def test_spacing_of_a_sphere(sphere):
+    tree = KdTree.build(sphere)
+    distances = cKDTree(sphere).query(sphere, 7)[0]
+    assert average_spacing(tree) == pytest.approx(distances.mean(), rel=0.05)
+
+
+@pytest.mark.parametrize("shape", ["solid", "line", "plane", "two clumps", "lattice"])
+@pytest.mark.parametrize("n", [*range(2, 11), 300])
+def test_the_number_is_exact_whatever_the_shape(shape, n):
+    rng = np.random.default_rng(n)
+    points = {
+        "solid": rng.random((n, 3)),
+        "line": rng.random((n, 1)) * [[1.0, 2.0, 3.0]],
+        "plane": rng.random((n, 3)) * [[1.0, 1.0, 0.0]],
+        "two clumps": np.arange(n)[:, None] % 2 + 1e-6 * rng.random((n, 3)),
+        "lattice": np.stack(np.unravel_index(np.arange(n), (7, 7, 7)), axis=1).astype(float),
+    }[shape]
+    for n_points in {1, n // 2, n - 1}:
+        result = gppcs.simplify(points, n_points=n_points, method=gppcs.WLOP(snap=False))
+        assert len(np.unique(result.indices)) == n_points
+        assert np.isfinite(result.cloud.points).all()
+
+
+def test_any_number_of_threads_and_any_place_and_size_of_the_cloud_give_the_same(bracket):
+    coarse = np.round(bracket * 1024) / 1024  # so that the shift rounds nothing
+    expected = gppcs.simplify(coarse, n_points=700, method="wlop").indices
+    assert len(np.unique(expected)) == 700
+    moved = gppcs.simplify(coarse * 8 + [100, -2000, 3], n_points=700, method="wlop").indices
+    np.testing.assert_array_equal(moved, expected)
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        np.testing.assert_array_equal(gppcs.simplify(coarse, n_points=700, method="wlop").indices, expected)
+    finally:
+        numba.set_num_threads(threads)
+
+
+def test_moved_points_come_back_in_place_and_with_attributes(sphere):
+    points = np.concatenate([sphere[:5_000], sphere[:3]]) * 5 + [70, -30, 1000]
+    cloud = gppcs.PointCloud(points, {"row": np.arange(len(points))}, np.dtype(np.float32))
+    snapped = gppcs.simplify(cloud, n_points=300, method="wlop")
+    moved = gppcs.simplify(cloud, n_points=300, method=gppcs.WLOP(snap=False))
+    np.testing.assert_array_equal(snapped.cloud.points, points[snapped.indices])
+    np.testing.assert_array_equal(moved.indices, snapped.indices)
+    np.testing.assert_array_equal(moved.cloud.attributes["row"], moved.indices)
+    assert moved.cloud.coordinate_dtype == np.float32
+    assert not (moved.cloud.points == snapped.cloud.points).all(axis=1).any()
+    assert np.linalg.norm(moved.cloud.points - snapped.cloud.points, axis=1).max() < 1.5
+    whole_numbers = gppcs.PointCloud(np.rint(points * 100), coordinate_dtype=np.dtype(np.int32))
+    result = gppcs.simplify(whole_numbers, n_points=300, method=gppcs.WLOP(snap=False))
+    assert result.cloud.coordinate_dtype == np.float64
+
+
+def test_samples_are_more_even_than_where_they_started(sphere):
+    result = gppcs.simplify(sphere, n_points=1_000, method=gppcs.WLOP(snap=False))
+    start = gppcs.simplify(sphere, n_points=1_000, method="random").cloud.points
+    nearest = cKDTree(result.cloud.points).query(result.cloud.points, 2)[0][:, 1]
+    assert nearest.min() > 5 * cKDTree(start).query(start, 2)[0][:, 1].min()
+
+
+@pytest.mark.parametrize("require_uniform", [False, True])
+@pytest.mark.parametrize(("n", "radius"), [(12, 0.35), (60, 0.3), (60, 0.6), (500, 0.2)])
+def test_equals_cgal_where_all_points_are_samples(n, radius, require_uniform):
+    """Then there is no chance in the start, and five iterations must agree to rounding."""
+    points = np.random.default_rng(0).random((n, 3))
+    theirs = cgal_wlop(points, 100.0, radius, 5, require_uniform)
+    ours = project(points, points, radius, 5, require_uniform=require_uniform)
+    assert len(theirs) == len(ours)
+    assert cKDTree(theirs).query(ours)[0].max() < 1e-10
+
+
+@pytest.mark.parametrize(("name", "ratio"), [("bunny", 0.1), ("armadillo_50k", 0.05)])
+def test_is_as_near_to_cgal_as_cgal_to_itself(shared_data, name, ratio):
+    """CGAL's start depends on the order of the points, so that another order gives another start."""
+    points = gppcs.read(shared_data / f"{name}.ply").points
+    tree = KdTree.build(points)
+    radius = 8 * average_spacing(tree)
+    one, two = (
+        cgal_wlop(given, 100 * ratio, radius) for given in (points, np.random.default_rng(1).permutation(points))
+    )
+    start = points[np.random.default_rng(0).permutation(len(points))[: len(one)]]
+    ours = project(points, start, radius, tree=tree)
+    assert chamfer(one, two) > 0
+    assert chamfer(ours, one) == pytest.approx(chamfer(one, two), rel=0.05)

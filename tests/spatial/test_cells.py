@@ -1,0 +1,88 @@
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gppcs.spatial.cells import PART, _mixed, first_occurrences, greatest_in_cells
+
+
+@settings(deadline=None)
+@given(st.integers(0, 400), st.integers(1, 6), st.integers(0, 99))
+def test_first_occurrences(n, values, seed):
+    points = np.random.default_rng(seed).integers(-values, values, (n, 3)) * 0.5
+    points[points == 0] *= -1.0  # minus zero is zero
+    _, expected = np.unique(points, axis=0, return_index=True)
+    np.testing.assert_array_equal(np.flatnonzero(first_occurrences(points)), np.sort(expected))
+
+
+def cells(points, edge, values):
+    greatest = {}
+    for i, cell in enumerate(map(tuple, np.floor(points * (1.0 / edge)))):
+        if cell not in greatest or values[i] > values[greatest[cell]]:
+            greatest[cell] = i
+    return np.sort(list(greatest.values()))
+
+
+def valued(n, kinds, seed):
+    """Values with many ties, or all alike."""
+    return np.random.default_rng(seed).integers(0, kinds, n).astype(np.float32)
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    st.integers(0, 3_000),
+    st.sampled_from([1e-120, 0.02, 0.1, 0.5, 3.0]),
+    st.sampled_from([0.0, -0.5, 1e6]),
+    st.sampled_from([1.0, 1e9]),
+    st.integers(1, 5),
+    st.integers(0, 10**6),
+)
+def test_the_greatest_in_cells_are_those_of_a_dictionary(n, edge, moved, far, kinds, seed):
+    """Cells have numbers where these are few, else a hash of their own."""
+    points = np.random.default_rng(seed).random((n, 3)) + moved
+    points[: n // 100] *= far
+    values = valued(n, kinds, seed)
+    np.testing.assert_array_equal(greatest_in_cells(points, edge, values), cells(points, edge, values))
+
+
+@pytest.mark.usefixtures("threads")
+@pytest.mark.parametrize("far", [1.0, 1e12])
+def test_those_of_many_are_the_same_whatever_the_number_of_threads(far):
+    """Several parts, of which one holds half the points; a table that has to grow."""
+    points = np.random.default_rng(0).integers(0, 60, (6 * PART, 3)) / 64.0
+    points[::2] = points[0]
+    points[-1] = far
+    values = valued(len(points), 5, 0)
+    expected = cells(points, 0.07, values)
+    _, first = np.unique(points, axis=0, return_index=True)
+    np.testing.assert_array_equal(greatest_in_cells(points, 0.07, values), expected)
+    np.testing.assert_array_equal(np.flatnonzero(first_occurrences(points)), np.sort(first))
+
+
+def test_all_are_found_where_a_table_has_to_grow():
+    points = np.random.default_rng(0).random((PART - 1, 3))
+    assert first_occurrences(points).all()
+    assert len(greatest_in_cells(points, 1e-9, valued(len(points), 1, 0))) == len(points)
+
+
+def test_memory_does_not_grow_with_the_cells_of_the_box():
+    points, values = np.random.default_rng(0).random((6 * PART, 3)), valued(6 * PART, 5, 0)
+    for far in (1.0, 1e12):
+        points[0] = far
+        tracemalloc.start()
+        greatest_in_cells(points, 0.1, values)
+        _, most = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        assert most < 12 * len(points)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_hashes_of_whole_numbers_along_an_axis_spread(axis):
+    """Of n numbers thrown at random into n slots, 1 - 1/e find one of their own on average."""
+    n = 1 << 12
+    with np.errstate(over="ignore"):
+        hashes = [_mixed(*(float(i) if a == axis else 0.0 for a in range(3))) for i in range(n)]
+    for shift in (0, 20, 64 - 12):
+        assert len({h >> shift & (n - 1) for h in map(int, hashes)}) > 0.6 * n

@@ -1,0 +1,71 @@
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gppcs.spatial.farthest_points import farthest_points
+from gppcs.spatial.kdtree import KdTree
+
+
+def plain_farthest_points(points, n_points, first=None, others=()):
+    """The textbook algorithm."""
+    squared = np.full(len(points), np.inf)
+    for other in others:
+        squared = np.minimum(squared, ((points - other) ** 2).sum(axis=1))
+    index = int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))
+    if len(others):
+        index = int(np.argmax(squared))
+    if first is not None:
+        index = first
+    chosen, distances = [], []
+    for _ in range(n_points):
+        chosen.append(index)
+        distances.append(squared[index])
+        squared = np.minimum(squared, ((points - points[index]) ** 2).sum(axis=1))
+        squared[chosen] = -1.0
+        index = int(np.argmax(squared))
+    return np.array(chosen), np.sqrt(distances)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(1, 400), st.booleans(), st.integers(0, 99), st.data())
+def test_equals_the_plain_algorithm(n, on_grid, seed, data):
+    rng = np.random.default_rng(seed)
+    points = rng.integers(0, 5, (n, 3)).astype(float) if on_grid else rng.random((n, 3))
+    n_points = data.draw(st.integers(1, n))
+    indices, distances = farthest_points(points, n_points)
+    expected, expected_distances = plain_farthest_points(points, n_points)
+    np.testing.assert_array_equal(indices, expected)
+    np.testing.assert_array_equal(distances, expected_distances)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(1, 200), st.integers(0, 20), st.booleans(), st.booleans(), st.integers(0, 99), st.data())
+def test_a_start_and_points_elsewhere_are_kept_to(n, n_others, with_first, on_grid, seed, data):
+    rng = np.random.default_rng(seed)
+    everything = rng.integers(0, 5, (n + n_others, 3)).astype(float) if on_grid else rng.random((n + n_others, 3))
+    points, others = everything[:n], everything[n:]
+    first = data.draw(st.integers(0, n - 1)) if with_first else None
+    n_points = data.draw(st.integers(1, n))
+    indices, distances = farthest_points(points, n_points, first=first, others=others)
+    expected, expected_distances = plain_farthest_points(points, n_points, first, others)
+    np.testing.assert_array_equal(indices, expected)
+    np.testing.assert_array_equal(distances, expected_distances)
+
+
+def test_equals_the_plain_algorithm_on_a_scan(bracket):
+    indices, _ = farthest_points(bracket, 700)
+    np.testing.assert_array_equal(indices, plain_farthest_points(bracket, 700)[0])
+
+
+def test_a_tree_at_hand_changes_nothing_and_smaller_choices_are_prefixes(bracket):
+    indices, distances = farthest_points(bracket, 5_000)
+    again, _ = farthest_points(bracket, 900, KdTree.build(bracket))
+    np.testing.assert_array_equal(again, indices[:900])
+    assert (np.diff(distances) <= 0).all()
+
+
+def test_progress_adds_up(bracket):
+    steps = []
+    farthest_points(bracket, 5_000, advanced=steps.append)
+    assert len(steps) > 1
+    assert sum(steps) == 5_000

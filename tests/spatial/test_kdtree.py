@@ -1,0 +1,116 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+
+from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, _move_forward, _part, _pivot, greatest_of_all, leaves_near
+
+SHAPES = {
+    "random": lambda rng, n: rng.standard_normal((n, 3)),
+    "grid, with ties and repeats": lambda rng, n: rng.integers(0, 4, (n, 3)).astype(float),
+    "line": lambda rng, n: rng.random((n, 1)) * [[1.0, 2.0, 3.0]],
+    "one place": lambda rng, n: np.ones((n, 3)),
+}
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.sampled_from(sorted(SHAPES)), st.integers(1, 500), st.integers(1, 12), st.integers(0, 99))
+def test_nearest_are_those_of_brute_force(shape, n, k, seed):
+    points = SHAPES[shape](np.random.default_rng(seed), n)
+    k = min(k, n)
+    indices, squared = KdTree.build(points).nearest_of(points, k)
+    everything = ((points[:, None] - points) ** 2).sum(axis=2)
+    np.testing.assert_array_equal(squared, np.sort(everything, axis=1)[:, :k])
+    np.testing.assert_array_equal(np.take_along_axis(everything, indices, axis=1), squared)
+
+
+def test_queries_elsewhere_match_scipy():
+    rng = np.random.default_rng(1)
+    points, queries = rng.random((5_000, 3)) ** 3, rng.random((300, 3)) * 2 - 0.5
+    indices, squared = KdTree.build(points).nearest_of(queries, 10)
+    distances, expected = cKDTree(points).query(queries, 10)
+    np.testing.assert_array_equal(indices, expected)
+    np.testing.assert_allclose(np.sqrt(squared), distances, rtol=1e-12)
+
+
+def test_positions_undo_the_order():
+    tree = KdTree.build(np.random.default_rng(4).random((500, 3)))
+    np.testing.assert_array_equal(tree.order[tree.positions()], np.arange(500))
+
+
+@pytest.mark.parametrize(("n", "k"), [(1, 0), (2, 1), (500, 7)])
+def test_neighbours_are_the_nearest_others_in_tree_order(n, k):
+    points = np.random.default_rng(3).random((n, 3))
+    tree = KdTree.build(points)
+    positions, squared = tree.neighbours(k)
+    indices, expected = tree.nearest_of(points[tree.order], k + 1)
+    np.testing.assert_array_equal(indices[:, 0], tree.order)
+    np.testing.assert_array_equal(tree.order[positions], indices[:, 1:])
+    np.testing.assert_array_equal(squared, expected[:, 1:])
+
+
+@pytest.mark.parametrize("n", [1, LEAF_SIZE, LEAF_SIZE + 1, 1_000, 4_097])
+def test_boxes_hold_their_points_tightly(n):
+    points = np.random.default_rng(2).random((n, 3))
+    tree = KdTree.build(points)
+    np.testing.assert_array_equal(np.sort(tree.order), np.arange(n))
+    np.testing.assert_array_equal(points[tree.order].T, tree.points)
+    leaves = len(tree.low) // 2
+    for level in range(leaves.bit_length()):
+        nodes = 1 << level
+        for j in range(nodes):
+            inside = tree.points[:, n * j // nodes : n * (j + 1) // nodes]
+            np.testing.assert_array_equal(tree.low[nodes + j], inside.min(axis=1))
+            np.testing.assert_array_equal(tree.high[nodes + j], inside.max(axis=1))
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.sampled_from(sorted(SHAPES)), st.integers(1, 500), st.floats(0, 2), st.integers(0, 99))
+def test_no_point_near_a_box_is_outside_the_leaves_near_it(shape, n, radius, seed):
+    rng = np.random.default_rng(seed)
+    tree = KdTree.build(SHAPES[shape](rng, n))
+    low, high = np.sort(rng.standard_normal((2, 3)), axis=0)
+    found = np.empty(len(tree.low) // 2, dtype=np.int64)
+    found = found[: leaves_near(tree.low, tree.high, low, high, radius**2, found)] - len(tree.low) // 2
+    leaf = np.searchsorted(n * np.arange(1, len(tree.low) // 2 + 1) // (len(tree.low) // 2), np.arange(n), side="right")
+    away = np.maximum(np.maximum(low - tree.points.T, tree.points.T - high), 0.0)
+    assert set(leaf[(away**2).sum(axis=1) <= radius**2]) <= set(found.tolist())
+    gaps = np.maximum(np.maximum(tree.low - high, low - tree.high), 0.0)[len(tree.low) // 2 :]
+    assert sorted(found.tolist()) == np.flatnonzero((gaps**2).sum(axis=1) <= radius**2).tolist()
+
+
+@pytest.mark.parametrize("n", [1, LEAF_SIZE, LEAF_SIZE + 1, 1_000])
+def test_nodes_hold_the_first_of_their_greatest(n):
+    rng = np.random.default_rng(n)
+    tree = KdTree.build(rng.random((n, 3)))
+    values = rng.choice([-np.inf, -1.0, 0.0, 1.0, np.inf], n)
+    greatest, holder = np.empty(len(tree.low)), np.empty(len(tree.low), dtype=np.int64)
+    greatest_of_all(tree.order, values, greatest, holder)
+    for node in range(1, len(tree.low)):
+        nodes = 1 << (node.bit_length() - 1)
+        begin, end = n * (node - nodes) // nodes, n * (node - nodes + 1) // nodes
+        assert greatest[node] == values[begin:end].max()
+        assert holder[node] == tree.order[begin:end][values[begin:end] == greatest[node]].min()
+
+
+@pytest.mark.parametrize("rows", [64, 128, 256])
+@pytest.mark.parametrize("shape", ["rings", "organ pipes"])
+def test_clouds_in_rows_are_parted_in_few_passes(rows, shape, monkeypatch):
+    """A sample at equal steps would see the same place of each row."""
+    u, v = np.meshgrid(np.linspace(0, 1, rows, endpoint=False), np.linspace(0, 1, 64))
+    x = np.cos(2 * np.pi * u) if shape == "rings" else np.minimum(u, 1 - u)
+    records = np.column_stack([x.ravel(), np.sin(2 * np.pi * u).ravel(), 0.1 * v.ravel(), np.zeros(u.size)])
+    passes = []
+
+    def counted(records, axis, begin, end, pivot, equal):
+        passes.append(end - begin)
+        return _move_forward.py_func(records, axis, begin, end, pivot, equal)
+
+    monkeypatch.setattr("gppcs.spatial.kdtree._move_forward", counted)
+    monkeypatch.setattr("gppcs.spatial.kdtree._pivot", _pivot.py_func)
+    n = len(records)
+    with np.errstate(over="ignore"):
+        _part.py_func(records, 0, 0, n // 2, n)
+    assert records[: n // 2, 0].max() <= records[n // 2 :, 0].min()
+    assert sum(passes) < 3 * n

@@ -1,0 +1,57 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gppcs
+from gppcs.spatial.scaling import bounds, normalised
+
+
+def plainly(points):
+    corner = points.min(axis=0)
+    local = points - corner
+    _, exponent = np.frexp(local.max())
+    local = np.ldexp(local, -exponent)
+    return np.where(local < 1e-100, 0.0, local), corner, exponent
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.integers(1, 3_000),
+    st.sampled_from([1e-320, 1e-300, 1e-90, 1.0, 1e200, 8e307]),
+    st.sampled_from([0.0, 5e6]),
+    st.integers(0, 99),
+)
+def test_points_are_those_of_plain_numpy(n, size, moved, seed):
+    rng = np.random.default_rng(seed)
+    points = (rng.random((n, 3)) - 0.5) * size * rng.choice([1.0, 1e-110, 0.0], (n, 3)) + moved
+    for found, expected in zip(normalised(points), plainly(points), strict=True):
+        np.testing.assert_array_equal(found, expected)
+    assert not np.signbit(normalised(points)[0]).any()
+
+
+@pytest.mark.usefixtures("threads")
+def test_neither_bounds_nor_points_depend_on_the_number_of_threads():
+    points = np.random.default_rng(0).standard_normal((100_003, 3)) * [1, 20, 300]
+    np.testing.assert_array_equal(bounds(points), [points.min(axis=0), points.max(axis=0)])
+    np.testing.assert_array_equal(normalised(points)[0], plainly(points)[0])
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("place", [0, 1_500, 4_999])
+def test_one_bad_coordinate_shows_in_the_bounds(bad, place):
+    points = np.random.default_rng(0).random((5_000, 3))
+    points[place, 1] = bad
+    assert (np.isfinite(bounds(points)).all(axis=0) == [True, False, True]).all()
+
+
+def test_points_that_cannot_be_written_are_read():
+    points = np.random.default_rng(0).random((50, 3))
+    expected = normalised(points)[0]
+    points.flags.writeable = False
+    np.testing.assert_array_equal(normalised(points)[0], expected)
+
+
+def test_a_range_that_overflows_is_refused():
+    with pytest.raises(gppcs.InputError, match="overflows"):
+        normalised(np.array([[-1e308, 0, 0], [1e308, 0, 0]]))

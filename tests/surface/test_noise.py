@@ -1,0 +1,149 @@
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from gppcs.spatial.kdtree import KdTree
+from gppcs.surface.noise import FEWEST, MOST, QUIET, WIDE, Noise, level_and_radius, projections
+
+RANDOM = np.random.default_rng(0)
+
+
+def residuals(tree, places, neighbours, steps):
+    return np.linalg.norm(projections(tree, places, neighbours, steps)[0] - places, axis=1)
+
+
+def rough_plane(sigma, n=20_000):
+    return np.column_stack([RANDOM.random((n, 2)), sigma * RANDOM.standard_normal(n)])
+
+
+def test_smooth_surfaces_are_quiet(sphere):
+    """Found, in the unit of the sphere's radius: 2.5e-7, and 1e-4 for a twentieth of the points."""
+    for points, n_points, spacing, most in (
+        (sphere, 500, 0.01, 1e-6), (sphere[::20], 100, 0.05, 5e-4), (rough_plane(0.0), 500, 0.01, 1e-12),
+    ):  # fmt: skip
+        noise = Noise.measure(KdTree.build(points), n_points, spacing)
+        assert noise.quiet
+        assert noise.level <= most
+        feet, variances = noise.seen(points)
+        assert feet is points
+        assert (variances == 0).all()
+
+
+@pytest.mark.parametrize("sigma", [0.001, 0.002, 0.005, 0.01])
+def test_the_level_is_about_that_of_the_noise(sigma):
+    """Found: 0.92 to 1.00 of it, as a point pulls its quadric along; balls of 40 points have a radius of 0.025."""
+    level = Noise.measure(KdTree.build(rough_plane(sigma)), 400, 0.02).level
+    assert 0.85 * sigma < level < 1.1 * sigma
+
+
+def test_each_point_has_the_square_of_its_residual_whatever_the_order_of_the_tree():
+    """Half the target spacing counts as one, two are the most; correlation with the true distance: 0.88."""
+    points = rough_plane(0.005)
+    tree = KdTree.build(points)
+    found = Noise.measure(tree, 500, 0.02).seen(points)[1]
+    of_each = residuals(tree, points, MOST, 2)
+    np.testing.assert_allclose(found, np.minimum((of_each / 0.5) ** 2, 2 * 0.02**2), rtol=1e-12)
+    assert 0 < (found == 2 * 0.02**2).mean() < 0.1
+    assert np.corrcoef(of_each, np.abs(points[:, 2]))[0, 1] > 0.8
+    shuffled = RANDOM.permutation(len(points))
+    other = Noise.measure(KdTree.build(points[shuffled]), 500, 0.02)
+    np.testing.assert_allclose(other.seen(points)[1], found, rtol=1e-5)
+
+
+def test_feet_equal_least_squares():
+    points = rough_plane(0.01, 400)
+    tree = KdTree.build(points)
+    _, near = cKDTree(points).query(points, MOST)
+    feet, radii = projections(tree, points, MOST, 1)
+    again, _ = projections(tree, feet, MOST, 1)
+    np.testing.assert_array_equal(projections(tree, points, MOST, 2)[0], again)
+    for i in range(0, 400, 7):
+        local = points[near[i]] - points[i]
+        local /= np.linalg.norm(local, axis=1).max()
+        z, u, v = (local @ np.linalg.eigh(np.cov(local.T))[1]).T
+        terms = np.column_stack([np.ones(MOST), u, v, u * u, u * v, v * v])
+        root = np.exp(-(u * u + v * v) / 2)
+        a, b, c = np.linalg.lstsq(terms * root[:, None], z * root, rcond=None)[0][:3]
+        reach = np.linalg.norm(points[near[i, -1]] - points[i])
+        assert radii[i] == pytest.approx(reach)
+        normal = np.linalg.eigh(np.cov((points[near[i]] - points[i]).T))[1] @ [1, -b, -c] / np.sqrt(1 + b * b + c * c)
+        np.testing.assert_allclose(feet[i], points[i] + a * reach / np.sqrt(1 + b * b + c * c) * normal, atol=1e-6)
+
+
+def test_noise_counts_where_it_is_large_beside_the_target_spacing():
+    tree = KdTree.build(rough_plane(0.002))
+    level = Noise.measure(tree, 500, 1.0).level
+    assert Noise.measure(tree, 500, 1.02 * level / QUIET).quiet
+    assert not Noise.measure(tree, 500, 0.98 * level / QUIET).quiet
+
+
+def test_noise_is_not_told_from_detail_where_few_points_lie_within_the_target_spacing():
+    points = rough_plane(0.01, 4_000)
+    most = int(np.pi * len(points) / FEWEST)
+    assert not Noise.measure(KdTree.build(points), most - 5, 0.02).quiet
+    assert Noise.measure(KdTree.build(points), most + 5, 0.02).level == 0
+
+
+def test_a_point_off_the_surface_stands_out():
+    points = rough_plane(0.002)
+    points[77] = [0.5, 0.5, 0.02]
+    feet, found = Noise.measure(KdTree.build(points), 50, 0.045).seen(points)
+    assert found.argmax() == 77
+    assert np.sqrt(found[77]) * 0.5 == pytest.approx(0.02, rel=0.25)
+    assert abs(feet[77, 2]) < 0.005
+
+
+def thick(shape, sigma, sphere):
+    """A cloud of area one, as thick as many times its points are apart, and where each point belongs."""
+    if shape == "plane":
+        points = rough_plane(sigma)
+        return points, points * [1, 1, 0]
+    surface = sphere[:: -(-len(sphere) // 20_000)] / np.sqrt(4 * np.pi)
+    return surface * (1 + sigma * np.sqrt(4 * np.pi) * RANDOM.standard_normal((len(surface), 1))), surface
+
+
+@pytest.mark.parametrize("sigma", [0.01, 0.02, 0.03])
+@pytest.mark.parametrize("shape", ["plane", "sphere"])
+def test_feet_lie_nearer_to_the_surface_where_neighbourhoods_grow_and_are_centred_anew(shape, sigma, sphere):
+    """Found: at most 0.68 times as far. The level is 0.78 to 0.95 of the noise; by 40 points, 0.44 to 0.88."""
+    points, surface = thick(shape, sigma, sphere)
+    tree = KdTree.build(points)
+    noise = Noise.measure(tree, 500, 0.045)
+    assert noise.neighbours == WIDE
+    across, within = (
+        np.sqrt(np.mean(((feet - surface) ** 2).sum(axis=1)))
+        for feet in (noise.seen(points)[0], projections(tree, points, MOST, 1)[0])
+    )
+    assert across < 0.8 * within
+    assert level_and_radius(tree, MOST, 1)[0] < noise.level < 1.1 * sigma
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.002, 0.004])
+def test_neighbourhoods_that_lie_across_the_noise_do_not_grow(sigma):
+    assert Noise.measure(KdTree.build(rough_plane(sigma)), 500, 0.045).neighbours == MOST
+
+
+def test_detail_is_told_from_noise():
+    """On waves the distance from the quadrics grows with their radius faster than that; their features are kept."""
+    flat = RANDOM.random((20_000, 2))
+    waves = np.column_stack([flat, 0.006 * np.sin(200 * flat[:, 0])])
+    noise = Noise.measure(KdTree.build(waves), 500, 0.045)
+    assert noise.detail
+    assert not noise.quiet
+    assert noise.seen(waves)[0] is waves
+    for sigma in (0.002, 0.005, 0.02):
+        assert not Noise.measure(KdTree.build(rough_plane(sigma)), 500, 0.045).detail
+
+
+def test_neighbourhoods_do_not_grow_beyond_the_target_spacing():
+    tree = KdTree.build(rough_plane(0.03))
+    assert Noise.measure(tree, 1_000, 0.03).neighbours == int(20 * np.pi)
+    assert Noise.measure(tree, 2_000, 0.02).neighbours == int(10 * np.pi)
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 6, 39])
+def test_small_clouds(n):
+    points = RANDOM.random((n, 3))
+    found = residuals(KdTree.build(points), points, MOST, 1)
+    assert (found == 0).all() if n < 6 else (found > 0).all()
+    assert Noise.measure(KdTree.build(points), n, 1.0).quiet

@@ -1,0 +1,268 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numba import get_num_threads, set_num_threads
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
+
+import gppcs
+from gppcs.spatial.kdtree import KdTree
+from gppcs.surface import normals as module
+from gppcs.surface.normals import estimate_normals
+from gppcs.surface.quadrics import fit_quadrics
+
+RANDOM = np.random.default_rng(0)
+
+
+def plain_normal(points, place, k):
+    """The normal of the quadric by NumPy's eigensolver and least squares."""
+    local = points[np.argsort(((points - place) ** 2).sum(axis=1))[:k]] - place
+    local /= np.linalg.norm(local, axis=1).max()
+    _, axes = np.linalg.eigh(np.cov(local.T))
+    z, u, v = (local @ axes).T
+    terms = np.column_stack([np.ones(k), u, v, u * u, u * v, v * v])
+    root = np.exp(-(u * u + v * v) / 2)[:, None]
+    fitted = np.linalg.lstsq(terms * root, z * root[:, 0], rcond=None)[0]
+    normal = axes @ [1.0, -fitted[1], -fitted[2]]
+    return normal / np.linalg.norm(normal), np.hypot(fitted[1], fitted[2])
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(40, 200), st.integers(12, 30), st.integers(0, 99))
+def test_equals_plain_numpy(n, k, seed):
+    rng = np.random.default_rng(seed)
+    u, v = rng.random((2, n))
+    points = np.column_stack([u, v, 0.2 * np.sin(3 * u) * v]) @ np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    places = points[:5] + 0.01 * rng.standard_normal((5, 3))
+    expected = [plain_normal(points, place, k) for place in places]
+    for found, (normal, slope) in zip(estimate_normals(points, places, k), expected, strict=True):
+        if slope < 1.5:
+            assert abs(found @ normal) > 1 - 1e-6
+
+
+def plain_signs(points, normals, near):
+    """Pieces and signs by SciPy's spanning tree; signs relative to the first point of each piece."""
+    n, edges = near.shape
+    i, j = np.repeat(np.arange(n), edges), near.ravel()
+    step = points[j] - points[i]
+    step /= np.linalg.norm(step, axis=1, keepdims=True)
+    mirrored = normals[j] - 2 * (step * normals[j]).sum(axis=1, keepdims=True) * step
+    fit = (normals[i] * mirrored).sum(axis=1)
+    off = np.abs((step * normals[i]).sum(axis=1)) + np.abs((step * normals[j]).sum(axis=1))
+    doubts = (1 - np.abs(fit) + off / 2).astype(np.float32)
+    agree = dict(zip(zip(i, j, strict=True), np.where(fit < 0, -1, 1), strict=True))
+    agree |= {(b, a): sign for (a, b), sign in agree.items()}
+    tree = minimum_spanning_tree(coo_array((1.0 + doubts, (i, j)), shape=(n, n)).tocsr())
+    _, pieces = connected_components(tree, directed=False)
+    signs = np.ones(n)
+    for first in np.unique(pieces, return_index=True)[1]:
+        order, before = breadth_first_order(tree, first, directed=False)
+        for point in order[1:]:
+            signs[point] = signs[before[point]] * agree[before[point], point]
+    return pieces, signs, doubts.reshape(n, edges)
+
+
+@pytest.mark.parametrize("n", [200, 1000])
+def test_signs_are_those_of_the_spanning_tree(n):
+    """Points in general place, in two pieces, with a tree of one shape only."""
+    points = np.concatenate([RANDOM.random((n, 3)), RANDOM.random((n // 2, 3)) + 5])
+    tree = KdTree.build(points)
+    points = np.ascontiguousarray(tree.points.T)
+    normals, near = fit_quadrics(tree, points, 16).normals, tree.neighbours(8)[0]
+    pieces, signs, doubts = plain_signs(points, normals, near)
+    found_doubts = module._doubts(points, normals, near)
+    np.testing.assert_allclose(found_doubts, doubts, atol=1e-6)
+    edges = np.argsort(doubts, axis=None, kind="stable")
+    found_pieces, found_signs = module._signs(edges, points, normals, near)
+    assert len(np.unique(pieces)) == len(np.unique(found_pieces)) == 2
+    for piece in (0, 1):
+        inside = pieces == piece
+        assert len(np.unique(found_pieces[inside])) == 1
+        assert abs((signs * found_signs)[inside].sum()) == inside.sum()
+
+
+def test_a_plane_points_up_and_its_normals_are_exact():
+    points = np.column_stack([RANDOM.random((500, 2)), np.full(500, 7.0)])
+    np.testing.assert_allclose(estimate_normals(points), np.tile([0.0, 0.0, 1.0], (500, 1)), atol=1e-9)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_quadric_is_met_exactly(turned):
+    u, v = RANDOM.random((2, 2000)) - 0.5
+    rotation = np.linalg.qr(RANDOM.standard_normal((3, 3)))[0] if turned else np.eye(3)
+    points = np.column_stack([u, v, 1e-4 * (u * u - 3 * u * v)]) @ rotation.T
+    exact = np.column_stack([-1e-4 * (2 * u - 3 * v), 3e-4 * u, np.ones(2000)])
+    cosines = estimate_normals(points) @ rotation * exact / np.linalg.norm(exact, axis=1, keepdims=True)
+    assert np.degrees(np.sqrt(2 * (1 - np.abs(cosines.sum(axis=1))).clip(0))).max() < 1e-4
+
+
+def test_a_sphere_points_outward(sphere):
+    normals = estimate_normals(sphere)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-12)
+    assert np.degrees(np.arccos((normals * sphere).sum(axis=1).clip(-1, 1))).max() < 1.0
+
+
+def test_each_closed_piece_points_outward_wherever_it_lies(sphere):
+    centres = np.array([[0, 0, 0], [3, 0, 0], [0, 500, 0.0]])
+    sizes = np.array([1.0, 0.05, 1e-3])
+    pieces = [size * sphere[k * 900 : (k + 1) * 900] + centres[k] for k, size in enumerate(sizes)]
+    normals = estimate_normals(np.concatenate(pieces))
+    assert ((normals * sphere[:2700]).sum(axis=1) > 0.9).all()
+
+
+def test_open_pieces_point_to_the_side_that_bulges(sphere):
+    bowl = sphere[sphere[:, 2] < -0.4][:3000]
+    assert ((estimate_normals(bowl) * bowl).sum(axis=1) > 0).all()
+
+
+def test_a_torus_and_edges_have_the_signs_of_the_surface():
+    around, across = 2 * np.pi * RANDOM.random((2, 8000))
+    exact = np.column_stack([np.cos(across) * np.cos(around), np.cos(across) * np.sin(around), np.sin(across)])
+    torus = exact + 3 * np.column_stack([np.cos(around), np.sin(around), np.zeros(8000)])
+    assert ((estimate_normals(torus) * exact).sum(axis=1) > 0.99).all()
+    part = gppcs.sample("bracket", n_points=50_000)
+    assert ((estimate_normals(part) * part.normals()).sum(axis=1) > 0).mean() > 0.999
+
+
+def noisy_sphere(sphere, sigma):
+    return sphere + sigma * RANDOM.standard_normal(sphere.shape)
+
+
+@pytest.mark.parametrize("sigma", [0.02, 0.05])
+def test_normals_and_signs_hold_where_the_noise_is_thick(sigma, sphere):
+    """Mean angles found: 6 and 9 degrees; with quadrics of 30 points 14 and 37, and 6 % and half of the signs wrong."""
+    points = noisy_sphere(sphere, sigma)
+    found = [estimate_normals(points, points[::20], k) for k in (None, module.NEIGHBOURS)]
+    cosines = [(normals * sphere[::20]).sum(axis=1) for normals in found]
+    angles = [np.degrees(np.arccos(np.abs(cosine).clip(0, 1))).mean() for cosine in cosines]
+    assert angles[0] < 10
+    assert angles[1] > 1.5 * angles[0]
+    assert (cosines[0] > 0).mean() > 0.995
+    assert (cosines[1] > 0).mean() < 0.97
+
+
+def test_neighbourhoods_grow_with_the_noise_alone(sphere, bracket):
+    sizes = [module._across_noise(KdTree.build(noisy_sphere(sphere, sigma))) for sigma in (0, 0.005, 0.012, 0.02, 0.1)]
+    assert sizes == sorted(sizes)
+    assert sizes[:2] == [module.NEIGHBOURS] * 2
+    assert sizes[-1] == module.WIDEST
+    assert module._across_noise(KdTree.build(bracket)) == module.NEIGHBOURS
+
+
+def test_two_sheets_of_a_slab_point_apart():
+    """Three times as far from each other as their points are apart."""
+    flat = np.stack(np.meshgrid(*[np.arange(30.0)] * 2), axis=-1).reshape(-1, 2) + 0.2 * RANDOM.random((900, 2))
+    slab = np.concatenate([np.c_[flat, np.zeros(900)], np.c_[flat + 0.3, np.full(900, 3.0)]])
+    normals = estimate_normals(slab, neighbours=12)
+    assert (normals[:900, 2] < 0).all()
+    assert (normals[900:, 2] > 0).all()
+
+
+def test_places_between_the_points_and_large_clouds(sphere, monkeypatch):
+    """Signs are passed on in a part of the cloud only where that is large."""
+    monkeypatch.setattr(module, "MOST", 3000)
+    places = np.concatenate([sphere[:500] * 1.001, sphere[500:600]])
+    assert ((estimate_normals(sphere, places) * places).sum(axis=1) > 0.999).all()
+
+
+def test_shift_scale_rotation_and_order_turn_the_normals_only(bracket):
+    rotation, _ = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))
+    plain = estimate_normals(bracket)
+    np.testing.assert_allclose(estimate_normals(bracket + np.array([5e5, 5e6, 0])), plain, atol=1e-6)
+    np.testing.assert_allclose(estimate_normals(1024 * bracket), plain, atol=1e-9)
+    np.testing.assert_allclose(estimate_normals(bracket[::-1])[::-1], plain, atol=1e-6)
+    assert ((estimate_normals(bracket @ rotation) * (plain @ rotation)).sum(axis=1) > 1 - 1e-6).mean() > 0.999
+
+
+def test_any_number_of_threads_gives_the_same(bracket):
+    threads = get_num_threads()
+    several = estimate_normals(bracket)
+    set_num_threads(1)
+    try:
+        np.testing.assert_array_equal(estimate_normals(bracket), several)
+    finally:
+        set_num_threads(threads)
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.ones((1, 3)),
+        np.array([[0.0, 0, 0], [1, 2, 3]]),
+        np.full((6, 3), 0.1),
+        np.outer(np.arange(90.0), [1, 2, 3]),
+        RANDOM.random((5, 3)),
+        np.indices((4, 4, 4)).reshape(3, -1).T,
+        np.concatenate([RANDOM.random((90, 3)), [[1e9, 0, 0]]]),
+        np.concatenate([PLACES := RANDOM.random((45, 3)), np.nextafter(PLACES, 1)]),
+        np.repeat(RANDOM.random((40, 3)), 3, axis=0),
+    ],
+    ids=["one", "two", "all equal", "collinear", "five", "lattice", "far outlier", "coincident to rounding", "repeats"],
+)
+def test_any_cloud_has_unit_normals(points):
+    normals = estimate_normals(points)
+    assert normals.shape == points.shape
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-9)
+
+
+def test_a_line_has_normals_across_it():
+    points = np.outer(np.arange(90.0), [1, 2, 3])
+    np.testing.assert_allclose(estimate_normals(points) @ [1, 2, 3], 0.0, atol=1e-5)
+
+
+def test_what_cannot_be_estimated_is_refused():
+    with pytest.raises(gppcs.InputError, match="the cloud is empty"):
+        estimate_normals(np.empty((0, 3)))
+    with pytest.raises(gppcs.InputError, match="cloud of places has 1 points"):
+        estimate_normals([[0, 0, 0]], at=[[0, 0, np.nan]])
+    for neighbours in (2, 31.0):
+        with pytest.raises(gppcs.ParameterError, match=f"whole number from 3 on, found {neighbours}"):
+            estimate_normals([[0, 0, 0]], neighbours=neighbours)
+
+
+@pytest.mark.parametrize("method", gppcs.METHODS)
+def test_simplify_gives_the_normals_of_the_whole_cloud(method):
+    cloud = gppcs.sample("sphere", 2000)
+    plain = gppcs.simplify(cloud, n_points=100, method=method)
+    result = gppcs.simplify(cloud, n_points=100, method=method, normals=True)
+    assert result.indices.tolist() == plain.indices.tolist()
+    assert list(result.cloud.attributes) == list(cloud.attributes)
+    assert result.cloud.attributes["nx"].dtype == np.float32
+    expected = estimate_normals(cloud, result.cloud)
+    np.testing.assert_allclose(result.cloud.normals(), expected, atol=1e-5)
+    assert np.abs(result.cloud.normals() - plain.cloud.normals()).max() > 1e-7  # those of the file are replaced
+    assert "normals" in result.seconds
+    assert "normals" not in plain.seconds
+
+
+@pytest.mark.parametrize("method", [gppcs.WLOP(snap=False), gppcs.Voxel(place="mean")], ids=["wlop", "voxel"])
+def test_points_that_are_moved_have_the_normals_of_their_new_place(method, sphere):
+    centre = np.array([1e3, 0, 0])
+    cloud = gppcs.simplify(sphere[:5000] + centre, n_points=300, method=method, normals=True).cloud
+    outward = cloud.points - centre
+    assert ((cloud.normals() * outward).sum(axis=1) > 0.99 * np.linalg.norm(outward, axis=1)).all()
+
+
+def test_points_without_normals_get_them_whatever_else_is_done():
+    points = np.repeat(RANDOM.random((40, 3)), 2, axis=0)
+    points[3, 1] = np.nan
+    result = gppcs.simplify(points, n_points=70, method="fps", invalid="drop", normals=True)
+    np.testing.assert_allclose(np.linalg.norm(result.cloud.normals(), axis=1), 1.0, atol=1e-6)
+    assert gppcs.simplify(points[:3], ratio=1, normals=True).cloud.normals().shape == (3, 3)
+
+
+def test_a_surface_is_rebuilt_better_with_them(shared_data):
+    pytest.importorskip("pymeshlab")
+    path = shared_data / "bunny.ply"
+    mesh, cloud = gppcs.read_mesh(path), gppcs.read(path)
+    kept = gppcs.simplify(cloud, ratio=0.05, method="fps", normals=True).cloud
+    report = gppcs.evaluate(cloud, kept, mesh)
+    assert report.rebuilt_carried.hausdorff_mean < 0.92 * report.rebuilt.hausdorff_mean
+
+
+@pytest.mark.parametrize("exponent", [-560, 560])
+def test_any_unit_will_do(bracket, exponent):
+    """Coordinates whose squares vanish or overflow."""
+    plain = estimate_normals(bracket[::20])
+    np.testing.assert_array_equal(estimate_normals(np.ldexp(bracket[::20], exponent)), plain)

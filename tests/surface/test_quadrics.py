@@ -1,0 +1,132 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gppcs.spatial.kdtree import KdTree
+from gppcs.surface.quadrics import fit_quadrics
+
+RANDOM = np.random.default_rng(0)
+LATTICE = np.stack(np.meshgrid(*[np.linspace(-1, 1, 7)] * 2), axis=-1).reshape(-1, 2)
+
+
+def fitted(points, place, k=None):
+    """Height in the points' unit along the normal, and the normal."""
+    points, place = np.asarray(points, dtype=np.float64), np.asarray(place, dtype=np.float64)
+    k = k or len(points)
+    (height,), (normal,), (reach,) = fit_quadrics(KdTree.build(points), place[None], k)
+    assert reach == pytest.approx(np.sort(np.linalg.norm(points - place, axis=1))[k - 1], abs=1e-300) or reach == 1
+    return height, normal
+
+
+def rotation(seed):
+    return np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0]
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.tuples(*[st.floats(-0.25, 0.25)] * 3),
+    st.floats(-0.5, 0.5),
+    st.tuples(*[st.floats(-0.6, 0.6)] * 2),
+    st.integers(0, 99),
+)
+def test_a_quadric_is_met_exactly_on_and_off_the_surface(bends, off, foot, seed):
+    """Over a lattice without slope on the whole, so that the plane fitted is the quadric's; then turned."""
+    (d, e, f), (u, v), turn = bends, foot, rotation(seed)
+    surface = np.column_stack([LATTICE, d * LATTICE[:, 0] ** 2 + e * LATTICE.prod(axis=1) + f * LATTICE[:, 1] ** 2])
+    exact_normal = np.array([-2 * d * u - e * v, -e * u - 2 * f * v, 1])
+    steepness = np.linalg.norm(exact_normal)
+    place = np.array([u, v, d * u * u + e * u * v + f * v * v + off])
+    height, normal = fitted(surface @ turn.T, turn @ place)
+    sign = np.sign(normal @ turn @ exact_normal)
+    np.testing.assert_allclose(sign * normal, turn @ exact_normal / steepness, atol=1e-6)
+    assert sign * height == pytest.approx(-off / steepness, abs=1e-6)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(10, 40), st.integers(0, 999), st.floats(-0.3, 0.3))
+def test_a_plane_is_met_exactly(n, seed, off):
+    """By more than the six points that a quadric needs: so few may lie nearly on a conic, which leaves it open."""
+    rng, turn = np.random.default_rng(seed), rotation(seed)
+    plane = np.column_stack([rng.random((n, 2)), np.zeros(n)]) @ turn.T
+    height, normal = fitted(plane, turn @ [0.5, 0.5, off])
+    sign = np.sign(normal @ turn[:, 2])
+    np.testing.assert_allclose(sign * normal, turn[:, 2], atol=1e-5)
+    assert sign * height == pytest.approx(-off, abs=1e-5)
+
+
+def plain_fit(points, place, k):
+    """Height and normal by NumPy's eigensolver and weighted least squares, and the slope."""
+    local = points[np.argsort(((points - place) ** 2).sum(axis=1))[:k]] - place
+    reach = np.linalg.norm(local, axis=1).max()
+    _, axes = np.linalg.eigh(np.cov(local.T))
+    z, u, v = (local / reach @ axes).T
+    terms = np.column_stack([np.ones(k), u, v, u * u, u * v, v * v])
+    root = np.exp(-(u * u + v * v) / 2)
+    a, b, c = np.linalg.lstsq(terms * root[:, None], z * root, rcond=None)[0][:3]
+    length = np.sqrt(1 + b * b + c * c)
+    return a / length * reach, axes @ [1, -b, -c] / length, np.hypot(b, c)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(15, 60), st.integers(12, 40), st.integers(0, 999))
+def test_equals_least_squares_and_turns_with_the_points(n, k, seed):
+    rng, turn, k = np.random.default_rng(seed), rotation(seed), min(n, k)
+    u, v = rng.random((2, n))
+    points = np.column_stack([u, v, 0.2 * np.sin(5 * u) * v + 0.02 * rng.standard_normal(n)])
+    place = points[0] + 0.03 * rng.standard_normal(3)
+    expected_height, expected_normal, slope = plain_fit(points, place, k)
+    if slope > 1.7:
+        return
+    height, normal = fitted(points, place, k)
+    assert np.sign(normal @ expected_normal) * height == pytest.approx(expected_height, abs=1e-4)
+    assert abs(normal @ expected_normal) > 1 - 1e-6
+    turned_height, turned_normal = fitted(points @ turn.T, turn @ place, k)
+    assert abs(turned_normal @ turn @ normal) > 1 - 1e-8
+    assert abs(turned_height) == pytest.approx(abs(height), abs=1e-5)
+
+
+@pytest.mark.parametrize("n", [3, 4, 5])
+def test_fewer_than_six_points_give_their_plane_and_no_height(n):
+    points = np.column_stack([RANDOM.random((n, 2)), np.full(n, 3.0)])
+    height, normal = fitted(points, [0.5, 0.5, 3.2])
+    assert height == 0
+    np.testing.assert_allclose(np.abs(normal), [0, 0, 1], atol=1e-9)
+
+
+@pytest.mark.parametrize("n", [1, 2, 6, 20])
+def test_points_on_a_line_give_a_normal_across_it(n):
+    along = np.array([1.0, 2, 2]) / 3
+    place = 0.3 * along
+    height, normal = fitted(np.linspace(0, 1, n)[:, None] * along, place)
+    assert np.linalg.norm(normal) == pytest.approx(1)
+    assert height == pytest.approx(0, abs=1e-7)
+    if n > 1:
+        assert normal @ along == pytest.approx(0, abs=1e-7)
+
+
+def test_one_place_has_no_height():
+    height, normal = fitted(np.ones((8, 3)), [1.0, 1, 1])
+    assert height == 0
+    assert np.linalg.norm(normal) == pytest.approx(1)
+
+
+def test_a_steep_place_keeps_the_plane_it_stands_on():
+    """A paraboloid far from where its points are, at a slope of 2.4."""
+    surface = np.column_stack([LATTICE, 0.4 * (LATTICE**2).sum(axis=1)])
+    _, normal = fitted(surface, [3.0, 0.0, 3.6])
+    np.testing.assert_allclose(np.abs(normal), [0, 0, 1], atol=1e-9)
+    _, normal = fitted(surface, [2.0, 0.0, 1.6])
+    np.testing.assert_allclose(normal / normal[2], [-1.6, 0, 1], atol=1e-5)
+
+
+def test_many_places_at_a_time_as_each_by_itself():
+    """A leaf's places share a search, unless density jumps, or ties leave no ball with just k points."""
+    lattice = np.column_stack([np.indices((30, 30)).reshape(2, -1).T * 0.02, np.zeros(900)])
+    points = np.concatenate([RANDOM.random((3_000, 3)) * [1, 1, 0.1], lattice, [[40.0, 0, 0]]])
+    tree, places = KdTree.build(points), points[::3] + 0.01 * RANDOM.standard_normal((len(points[::3]), 3))
+    together = fit_quadrics(tree, places, 20)
+    for i in range(0, len(places), 7):
+        height, normal = fitted(points, places[i], 20)
+        assert abs(together.heights[i]) == pytest.approx(abs(height), abs=1e-9)
+        assert abs(together.normals[i] @ normal) == pytest.approx(1.0, abs=1e-9)
