@@ -9,6 +9,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, mini
 import gppcs
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface import normals as module
+from gppcs.surface.noise import NEIGHBOURS, WIDEST, neighbours_across_noise
 from gppcs.surface.normals import estimate_normals
 from gppcs.surface.quadrics import fit_quadrics
 
@@ -69,7 +70,7 @@ def test_signs_are_those_of_the_spanning_tree(n):
     points = np.concatenate([RANDOM.random((n, 3)), RANDOM.random((n // 2, 3)) + 5])
     tree = KdTree.build(points)
     points = np.ascontiguousarray(tree.points.T)
-    normals, near = fit_quadrics(tree, points, 16).normals, tree.neighbours(8)[0]
+    normals, near = np.ascontiguousarray(fit_quadrics(tree, tree, 16).normals.T), tree.neighbours(8)[0]
     pieces, signs, doubts = plain_signs(points, normals, near)
     found_doubts = module._doubts(points, normals, near)
     np.testing.assert_allclose(found_doubts, doubts, atol=1e-6)
@@ -133,7 +134,7 @@ def noisy_sphere(sphere, sigma):
 def test_normals_and_signs_hold_where_the_noise_is_thick(sigma, sphere):
     """Mean angles found: 6 and 9 degrees; with quadrics of 30 points 14 and 37, and 6 % and half of the signs wrong."""
     points = noisy_sphere(sphere, sigma)
-    found = [estimate_normals(points, points[::20], k) for k in (None, module.NEIGHBOURS)]
+    found = [estimate_normals(points, points[::20], k) for k in (None, NEIGHBOURS)]
     cosines = [(normals * sphere[::20]).sum(axis=1) for normals in found]
     angles = [np.degrees(np.arccos(np.abs(cosine).clip(0, 1))).mean() for cosine in cosines]
     assert angles[0] < 10
@@ -143,11 +144,13 @@ def test_normals_and_signs_hold_where_the_noise_is_thick(sigma, sphere):
 
 
 def test_neighbourhoods_grow_with_the_noise_alone(sphere, bracket):
-    sizes = [module._across_noise(KdTree.build(noisy_sphere(sphere, sigma))) for sigma in (0, 0.005, 0.012, 0.02, 0.1)]
+    sizes = [
+        neighbours_across_noise(KdTree.build(noisy_sphere(sphere, sigma))) for sigma in (0, 0.005, 0.012, 0.02, 0.1)
+    ]
     assert sizes == sorted(sizes)
-    assert sizes[:2] == [module.NEIGHBOURS] * 2
-    assert sizes[-1] == module.WIDEST
-    assert module._across_noise(KdTree.build(bracket)) == module.NEIGHBOURS
+    assert sizes[:2] == [NEIGHBOURS] * 2
+    assert sizes[-1] == WIDEST
+    assert neighbours_across_noise(KdTree.build(bracket)) == NEIGHBOURS
 
 
 def test_two_sheets_of_a_slab_point_apart():

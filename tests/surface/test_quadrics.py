@@ -14,9 +14,9 @@ def fitted(points, place, k=None):
     """Height in the points' unit along the normal, and the normal."""
     points, place = np.asarray(points, dtype=np.float64), np.asarray(place, dtype=np.float64)
     k = k or len(points)
-    (height,), (normal,), (reach,) = fit_quadrics(KdTree.build(points), place[None], k)
+    (height,), ((x,), (y,), (z,)), (reach,) = fit_quadrics(KdTree.build(points), KdTree.build(place[None]), k)
     assert reach == pytest.approx(np.sort(np.linalg.norm(points - place, axis=1))[k - 1], abs=1e-300) or reach == 1
-    return height, normal
+    return height, np.array([x, y, z])
 
 
 def rotation(seed):
@@ -125,8 +125,9 @@ def test_many_places_at_a_time_as_each_by_itself():
     lattice = np.column_stack([np.indices((30, 30)).reshape(2, -1).T * 0.02, np.zeros(900)])
     points = np.concatenate([RANDOM.random((3_000, 3)) * [1, 1, 0.1], lattice, [[40.0, 0, 0]]])
     tree, places = KdTree.build(points), points[::3] + 0.01 * RANDOM.standard_normal((len(points[::3]), 3))
-    together = fit_quadrics(tree, places, 20)
+    of_places = KdTree.build(places)
+    together = fit_quadrics(tree, of_places, 20)
     for i in range(0, len(places), 7):
-        height, normal = fitted(points, places[i], 20)
+        height, normal = fitted(points, places[of_places.order[i]], 20)
         assert abs(together.heights[i]) == pytest.approx(abs(height), abs=1e-9)
-        assert abs(together.normals[i] @ normal) == pytest.approx(1.0, abs=1e-9)
+        assert abs(together.normals[:, i] @ normal) == pytest.approx(1.0, abs=1e-9)

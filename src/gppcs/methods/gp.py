@@ -21,9 +21,9 @@ class LocalGP(Method):
 
     Its order is a ranking: each prefix is a simplification of its size. Its attributes are each point's score and the
     field's standard deviation there when it was chosen, in units of that before any choice. The diagnostic
-    "noise_in_spacings" is the root mean square of how far points lie off the surface, in units of the spacing of the
-    points to be chosen; below 0.04 it is taken for none, and 0 where too few points lie near each other to tell. Detail
-    about as small as that spacing counts too.
+    "noise_in_spacings" is the root mean square distance of the points from the surface, in target spacings. Noise below
+    0.04 is ignored. It is 0 where too few points lie near each other to measure it. Detail of about the size of the
+    target spacing counts as noise, too.
 
     Parameters
     ----------
@@ -62,37 +62,25 @@ class LocalGP(Method):
         return Criterion(
             density_power=2.0 * self.feature_weight,
             normal_weight=2.8 * self.feature_weight,
-            error_weight=0.8 * self.feature_weight**5,
+            error_weight=max(0.0, 2.0 * self.feature_weight - 1.0) ** 2,
             lengthscale=self.lengthscale,
             neighbours=self.neighbours,
         )
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose the points; see `Method`."""
-        import numpy as np
-
-        from gppcs.gp.local.candidates import nested_candidates, sampled_tree, sharpness_of
+        from gppcs.gp.local.candidates import nested_candidates
         from gppcs.gp.local.ranking import rank
-        from gppcs.spatial.spacing import surface_area
-        from gppcs.surface.noise import Noise
+        from gppcs.gp.local.survey import survey
 
         stages = stages or Stages()
-        with stages("tree"):
-            tree, sampled = sampled_tree(points, n_points)
-            area = surface_area(tree)
-        with stages("noise"):
-            spacing = (area / n_points) ** 0.5
-            noise = Noise.measure(tree, n_points, spacing)
-            level, seen = noise.level, None if noise.quiet else noise.seen
+        area, noise, sharpness = survey(points, n_points, self.candidates, stages)
         with stages("candidates"):
-            sharpness = np.zeros(len(points), dtype=np.float32)  # noise would pass for edges
-            if noise.quiet:
-                sharpness[sampled] = sharpness_of(tree, area, self.candidates * n_points)
             candidates = nested_candidates(points, n_points, area, self.candidates, sharpness)
-            del tree, sampled, noise, sharpness  # their memory is of more use, but for the tree where there is noise
-        ranking = rank(points, candidates, self.criterion, seen, stages)
+            del sharpness  # to free its memory
+        ranking = rank(points, candidates, self.criterion, noise, stages)
         return Selection(
             ranking.indices,
-            {"noise_in_spacings": level / spacing if spacing > 0.0 else 0.0},
+            {"noise_in_spacings": noise.level / noise.spacing if noise.spacing > 0.0 else 0.0},
             attributes={"score": ranking.scores, "deviation": ranking.deviations},
         )

@@ -52,6 +52,31 @@ class KdTree:
         _grow(records, numbers, depth, tree.order, tree.points, tree.low, tree.high)
         return tree
 
+    @classmethod
+    def over(cls, points: NDArray[np.float64], order: NDArray[np.int64] | None = None) -> KdTree:
+        """Return the tree over points that are sorted already: only the boxes are measured, in O(N).
+
+        Parameters
+        ----------
+        points : (3, N) array
+            N at least 1. Neighbours must stand near each other, as they do in the order of another tree; otherwise
+            searches are slow, though still right.
+        order : (N,) array, int64, optional
+            The tree's `order`; 0 to N - 1 by default.
+        """
+        n, leaves = points.shape[1], 1
+        while n > LEAF_SIZE * leaves:
+            leaves *= 2
+        tree = cls(
+            np.arange(n) if order is None else order, points, np.empty((2 * leaves, 3)), np.empty((2 * leaves, 3))
+        )
+        _bound_all(points, tree.low, tree.high)
+        return tree
+
+    def scaled(self, factor: float) -> KdTree:
+        """Return the tree over the points times a positive factor."""
+        return KdTree(self.order, self.points * factor, self.low * factor, self.high * factor)
+
     def positions(self) -> NDArray[np.int64]:
         """Return the position in tree order of each point of the input, (N,)."""
         positions = np.empty(len(self.order), dtype=np.int64)
@@ -153,6 +178,20 @@ def _bound(records, begin, end, low, high):
         d, e, f = max(d, x), max(e, y), max(f, z)
     low[0], low[1], low[2] = a, b, c
     high[0], high[1], high[2] = d, e, f
+
+
+@nb.njit(cache=True, nogil=True)
+def _bound_all(points, low, high):
+    """Measure the boxes of all nodes over points, (3, N), in tree order."""
+    leaves = first_leaf(low)
+    for node in range(2 * leaves - 1, 0, -1):
+        begin, end = leaf_range(points.shape[1], leaves, node)
+        for axis in range(3):
+            if node >= leaves:
+                low[node, axis], high[node, axis] = points[axis, begin:end].min(), points[axis, begin:end].max()
+            else:
+                low[node, axis] = min(low[2 * node, axis], low[2 * node + 1, axis])
+                high[node, axis] = max(high[2 * node, axis], high[2 * node + 1, axis])
 
 
 @nb.njit(cache=True)

@@ -1,4 +1,4 @@
-"""How far points lie off the surface that their neighbours make out, and where on it they belong."""
+"""Noise: how far points lie off the surface that their neighbours span, and where on it they belong."""
 
 from __future__ import annotations
 
@@ -10,104 +10,134 @@ from numpy.typing import NDArray
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.quadrics import fit_quadrics
 
-FEWEST, MOST = 12, 40  # points that a quadric is fitted to: with fewer it goes through them, noise and all
-WIDE = 80  # in place of the most where noise is thick
-THICK = 0.3  # level of the noise, in radii of the neighbourhoods, from which on these must grow
-SAMPLES = 4096  # points by which the level of the noise is judged
-TOLERATED = 0.5  # of the target spacing: noise of that size makes an observation as uncertain as the field's prior
-LARGEST = 2.0  # variance of an observation, in units of the field's prior: no point counts for less
-QUIET = 0.04  # of the target spacing: a level of noise that changes no choice worth the time
+FEWEST = 12  # A quadric has six coefficients. Fitted to fewer points than this it follows their noise.
+NEIGHBOURS = 30  # Points of a fit where the noise is thin beside the neighbourhood.
+WIDEST = 120  # Points of a fit at most. Quadrics of more points cut off detail.
+THICK = 0.25  # If the points are further off than this, in neighbourhood radii, the noise is thick.
+QUIET = 0.04  # Noise below this, in target spacings, changes no choice that matters.
+TOLERATED = 0.5  # Noise of this size, in target spacings, makes an observation as uncertain as the prior.
+LARGEST = 2.0  # Greatest variance of an observation, in units of the prior's, so that lone points still count.
+SAMPLES = 4096  # Points on which noise is measured.
 
 
 @dataclass(frozen=True)
 class Noise:
-    """How far points lie off the surface, by the quadrics fitted to those around them.
+    """The noise of a cloud, for a simplification to a given target spacing.
+
+    Detail about as small as the target spacing lies off the quadrics, too. It cannot be told from thin noise, so thin
+    noise makes observations uncertain, but features stay those of the points.
 
     Attributes
     ----------
     tree : KdTree
         Over the points that quadrics are fitted to.
     neighbours : int
-        How many each is fitted to.
+        Points of each fit.
+    thick : bool
+        Whether the neighbourhoods of `NEIGHBOURS` points lie within the layer of noise rather than across it.
     level : float
-        The root of the mean squared distance of some points from the surface, in their unit; 0 where it cannot be told.
+        Root mean square distance of the points from the surface, in the unit of the tree; 0 where it is not measured.
     spacing : float
-        The target spacing.
-    detail : bool
-        Whether what lies off the quadrics is detail more than noise: its share of the neighbourhoods' radius rises with
-        that, where the share of noise falls.
+        Target spacing, in the same unit.
     """
 
     tree: KdTree
     neighbours: int
+    thick: bool
     level: float
     spacing: float
-    detail: bool = False
 
     @classmethod
     def measure(cls, tree: KdTree, n_points: int, spacing: float) -> Noise:
-        """Measure the noise where M points are to be chosen.
+        """Measure the noise of the points of a tree.
 
-        A quadric is fitted to as many points as there are on average within the target spacing: beyond, detail that is
-        to be kept would pass for noise. Fewer will do, unless they lie within the noise rather than across it.
+        Neighbourhoods never grow beyond the target spacing, as detail of that size is to be kept.
+
+        Parameters
+        ----------
+        tree : KdTree
+        n_points : int
+            M, the number of points to keep.
+        spacing : float
+            Target spacing.
         """
-        count = len(tree.order)
-        within = int(np.pi * count / n_points)
-        neighbours = min(MOST, within)
-        if neighbours < FEWEST:
-            return cls(tree, neighbours, 0.0, spacing)
-        first, radius = level_and_radius(tree, neighbours, 1)
-        if first <= QUIET * spacing:
-            return cls(tree, neighbours, first, spacing)
-        level, wide = level_and_radius(tree, neighbours, 2)
-        if level > THICK * wide:
-            neighbours = min(WIDE, within)
-            return cls(tree, neighbours, level_and_radius(tree, neighbours, 2)[0], spacing)
-        fewer, narrow = level_and_radius(tree, neighbours // 2, 1)
-        if first * narrow > fewer * radius:
-            return cls(tree, neighbours, first, spacing, detail=True)
-        return cls(tree, neighbours, level, spacing)
+        within = int(np.pi * len(tree.order) / n_points)  # points within the target spacing of a point, on average
+        if within < FEWEST:
+            return cls(tree, within, False, 0.0, spacing)
+        enough = neighbours_across_noise(tree)
+        neighbours = min(enough, within)
+        return cls(tree, neighbours, enough > NEIGHBOURS, level_and_radius(tree, neighbours)[0], spacing)
 
     @property
     def quiet(self) -> bool:
-        """Whether there is none to speak of: it is small, or too few points lie near each other to tell."""
+        """Whether there is no noise that matters, or too few points near each other to measure it."""
         return self.level <= QUIET * self.spacing
 
-    def seen(self, places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return where on the surface some points, (n, 3), belong, and the variance of the observation at each.
+    def observe(self, places: KdTree) -> tuple[KdTree, NDArray[np.float64]]:
+        """Return where the features of points are measured, and how uncertain observations at them are.
 
-        Times 1 / h^2, variances are in units of the field's prior at spacing h. They end at `LARGEST` at the target
-        spacing, lest lone points be left out.
+        Parameters
+        ----------
+        places : KdTree
+            Over n points.
+
+        Returns
+        -------
+        feet : KdTree
+            The places on the surface, in the same order, where the noise is thick; otherwise the places themselves.
+        variances : (n,) array
+            Variance of each observation, in the same order. Divided by h^2 it is in units of the prior's variance in
+            a field of spacing h.
         """
         if self.quiet:
-            return places, np.zeros(len(places))
-        feet, _ = projections(self.tree, places, self.neighbours, 1 if self.detail else 2)
-        squared = ((feet - places) ** 2).sum(axis=1)
-        largest = 1.0 if self.detail else LARGEST
-        return (places if self.detail else feet), np.minimum(squared / TOLERATED**2, largest * self.spacing**2)
+            return places, np.zeros(len(places.order))
+        feet, _ = projections(self.tree, places, self.neighbours)
+        squared = ((feet.points - places.points) ** 2).sum(axis=0)
+        variances = np.minimum(squared / TOLERATED**2, LARGEST * self.spacing**2)
+        return (feet if self.thick else places), variances
 
 
-def projections(
-    tree: KdTree, places: NDArray[np.float64], neighbours: int, steps: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the feet of places, (n, 3), on the quadrics fitted to the points around them, and the radii of these.
+def neighbours_across_noise(tree: KdTree) -> int:
+    """Return how many points a quadric must be fitted to, so that they lie across the layer of noise, not within it."""
+    neighbours = NEIGHBOURS
+    while neighbours < WIDEST:
+        level, radius = level_and_radius(tree, neighbours)
+        if level <= THICK * radius:
+            break
+        neighbours *= 2
+    return neighbours
 
-    The second step fits anew around the first's foot: a ball around a place off the surface holds too many points that
-    are displaced alike.
+
+def projections(tree: KdTree, places: KdTree, neighbours: int) -> tuple[KdTree, NDArray[np.float64]]:
+    """Project places onto the quadrics fitted to the points around them.
+
+    Parameters
+    ----------
+    tree : KdTree
+        Over the points that quadrics are fitted to.
+    places : KdTree
+        Over m places.
+    neighbours : int
+        Points of each fit.
+
+    Returns
+    -------
+    feet : KdTree
+        Over the projected places, in the same order.
+    radii : (m,) array
+        Radii of the neighbourhoods.
     """
-    feet = places
-    for _ in range(steps):
-        quadrics = fit_quadrics(tree, feet, neighbours)
-        rise = np.clip(quadrics.heights, -quadrics.reaches, quadrics.reaches)
-        feet = feet + rise[:, None] * quadrics.normals
-    return feet, quadrics.reaches
+    quadrics = fit_quadrics(tree, places, neighbours)
+    rise = np.clip(quadrics.heights, -quadrics.reaches, quadrics.reaches)
+    return KdTree.over(places.points + rise * quadrics.normals, places.order), quadrics.reaches
 
 
-def level_and_radius(tree: KdTree, neighbours: int, steps: int) -> tuple[float, float]:
-    """Return the root mean squares of the distance of a tree's points from the surface and of their balls' radii.
+def level_and_radius(tree: KdTree, neighbours: int) -> tuple[float, float]:
+    """Return the root mean squares of the points' distances from the surface and of their neighbourhoods' radii.
 
-    Some points, evenly spread over the tree, stand for all.
+    They are measured on at most `SAMPLES` points, evenly spread over the tree.
     """
-    some = tree.points.T[:: -(-len(tree.order) // SAMPLES)]
-    feet, radii = projections(tree, some, neighbours, steps)
-    return float(np.sqrt(np.mean(((feet - some) ** 2).sum(axis=1)))), float(np.sqrt(np.mean(radii**2)))
+    some = KdTree.over(np.ascontiguousarray(tree.points[:, :: -(-len(tree.order) // SAMPLES)]))
+    feet, radii = projections(tree, some, neighbours)
+    off = ((feet.points - some.points) ** 2).sum(axis=0)
+    return float(np.sqrt(np.mean(off))), float(np.sqrt(np.mean(radii**2)))

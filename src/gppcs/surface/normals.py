@@ -11,12 +11,9 @@ from gppcs.errors import whole_number
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
-from gppcs.surface.noise import level_and_radius, projections
+from gppcs.surface.noise import NEIGHBOURS, neighbours_across_noise, projections
 from gppcs.surface.quadrics import fit_quadrics
 
-NEIGHBOURS = 30  # points that a quadric is fitted to: enough to take moderate noise out
-WIDEST = 4 * NEIGHBOURS  # where noise is thick
-THICK = 0.25  # level of the noise, in radii of the neighbourhoods, from which on these must grow
 CLOSE = 16  # points of the fits by which signs are found: fewer, since thin parts matter more there than noise
 EDGES = 8  # nearest neighbours that signs are passed to; farther ones lie on the other side of thin parts
 MOST = 1_000_000  # points of the cloud that take part in that
@@ -65,13 +62,15 @@ def estimate_normals(
     points, corner, exponent = normalised(points)
     tree = KdTree.build(points[first_occurrences(points)])
     places = np.ldexp(places - corner, -exponent)
-    neighbours = neighbours or _across_noise(tree)
-    normals = fit_quadrics(tree, places, neighbours).normals
+    neighbours = neighbours or neighbours_across_noise(tree)
+    of_places = KdTree.build(places)
+    normals = np.empty((len(places), 3))
+    normals[of_places.order] = fit_quadrics(tree, of_places, neighbours).normals.T
     widened = max(1, neighbours // NEIGHBOURS)
     every = widened * -(-tree.points.shape[1] // MOST)
-    guides = np.concatenate([places, tree.points.T[::every]])  # in tree order: each part has its share
+    guides = np.concatenate([places, tree.points.T[::every]])  # every n-th in tree order: evenly spread
     if widened > 1:
-        guides = projections(tree, guides, neighbours // 2, 1)[0]
+        guides = _feet(tree, guides, neighbours // 2)
     guide_tree = KdTree.build(guides[first_occurrences(guides)])
     guide_normals = _oriented(guide_tree, (tree, neighbours) if widened > 1 else None)
     nearest = guide_tree.nearest_of(guides[: len(places)], 1)[0][:, 0]
@@ -80,15 +79,12 @@ def estimate_normals(
     return normals
 
 
-def _across_noise(tree: KdTree) -> int:
-    """Return how many points quadrics are to be fitted to, so that these lie across the layer of noise, not within."""
-    neighbours = NEIGHBOURS
-    while neighbours < WIDEST:
-        level, radius = level_and_radius(tree, neighbours, 1)
-        if level <= THICK * radius:
-            break
-        neighbours *= 2
-    return neighbours
+def _feet(tree: KdTree, places: NDArray[np.float64], neighbours: int) -> NDArray[np.float64]:
+    """Return the feet of places, (m, 3), on the quadrics fitted to so many points of a tree around them."""
+    projected, _ = projections(tree, KdTree.build(places), neighbours)
+    feet = np.empty_like(places)
+    feet[projected.order] = projected.points.T
+    return feet
 
 
 def _oriented(tree: KdTree, fits: tuple[KdTree, int] | None) -> NDArray[np.float64]:
@@ -97,9 +93,10 @@ def _oriented(tree: KdTree, fits: tuple[KdTree, int] | None) -> NDArray[np.float
     Quadrics are fitted to so many points of another tree, if one is given, or else to a few of the same.
     """
     points = np.ascontiguousarray(tree.points.T)
-    _, normals, reaches = fit_quadrics(tree, points, CLOSE)
+    _, normals, reaches = fit_quadrics(tree, tree, CLOSE)
     if fits:
-        normals = fit_quadrics(fits[0], points, fits[1]).normals
+        normals = fit_quadrics(fits[0], tree, fits[1]).normals
+    normals = np.ascontiguousarray(normals.T)
     near, _ = tree.neighbours(min(EDGES, len(points) - 1))
     areas = reaches**2
     edges = np.argsort(_doubts(points, normals, near), axis=None, kind="stable")

@@ -20,16 +20,16 @@ STEEPEST = 3.0  # squared slope: more than 60 degrees off the plane, the quadric
 
 
 class Quadrics(NamedTuple):
-    """Quadrics fitted around places.
+    """Quadrics fitted around m places.
 
     Attributes
     ----------
     heights : (m,) array
-        Of the quadric over the place, along its normal.
-    normals : (m, 3) array
-        The quadric's unit normal under the place, without a sign that means anything.
+        Height of the quadric above the place, along the quadric's normal.
+    normals : (3, m) array
+        Unit normal of the quadric under the place; its sign has no meaning.
     reaches : (m,) array
-        Distance from the place to the farthest of the points; one where that is zero.
+        Distance from the place to the farthest of the fitted points; one where that is zero.
     """
 
     heights: NDArray[np.float64]
@@ -37,57 +37,62 @@ class Quadrics(NamedTuple):
     reaches: NDArray[np.float64]
 
 
-def fit_quadrics(tree: KdTree, places: NDArray[np.float64], k: int) -> Quadrics:
-    """Fit z = a + b u + c v + d u^2 + e u v + f v^2 to the k points of a tree nearest each place, (m, 3).
+def fit_quadrics(tree: KdTree, places: KdTree, k: int) -> Quadrics:
+    """Fit z = a + b u + c v + d u^2 + e u v + f v^2 to the k points nearest each place (Cazals and Pouget 2005).
 
-    u and v lie in the plane fitted to the same points, whose weights are Gaussian. With fewer than six points, or where
-    the quadric stands steep, the normal is the plane's.
+    The coordinates u and v lie in the plane fitted to the same points; weights are Gaussian. With fewer than six
+    points, or where the quadric is steep, the normal is the plane's.
+
+    Parameters
+    ----------
+    tree : KdTree
+        Over the points that quadrics are fitted to.
+    places : KdTree
+        Over the m places.
+    k : int
+        Points of each fit, at most all.
+
+    Returns
+    -------
+    Quadrics
+        In the order of the tree of places.
     """
-    k = min(k, len(tree.order))
-    of_places = KdTree.build(places)
-    fitted = Quadrics(np.empty(len(places)), np.empty((len(places), 3)), np.empty(len(places)))
+    m = places.points.shape[1]
+    fitted = Quadrics(np.empty(m), np.empty((3, m)), np.empty(m))
     with nb.parallel_chunksize(1):
         _fit_all(
-            tree.points,
-            tree.low,
-            tree.high,
-            of_places.points,
-            of_places.order,
-            of_places.low,
-            of_places.high,
-            k,
-            fitted,
+            tree.points, tree.low, tree.high, places.points, places.low, places.high, min(k, len(tree.order)), fitted
         )
     return fitted
 
 
 @nb.njit(cache=True, parallel=True, nogil=True, fastmath=False)
-def _fit_all(points, low, high, places, order, places_low, places_high, k, fitted):
+def _fit_all(points, low, high, places, places_low, places_high, k, fitted):
     leaves = first_leaf(places_low)
     tasks = min(leaves, TASKS)
     for task in nb.prange(tasks):
         search = search_for(k, first_leaf(low))
-        squared_radius = 0.0  # each searches by itself; then within a radius that held those of the leaf before
+        squared_radius = 0.0  # the first leaf has no radius to start from; others start from that of the leaf before
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
             count = look_around(points, low, high, places_low[leaf], places_high[leaf], squared_radius, search)
-            begin, end = leaf_range(len(order), leaves, leaf)
-            reached = _fit_leaf(points, low, high, places, order, begin, end, count, squared_radius, search, fitted)
+            begin, end = leaf_range(places.shape[1], leaves, leaf)
+            reached = _fit_leaf(points, low, high, places, begin, end, count, squared_radius, search, fitted)
             squared_radius = WIDER * reached / (end - begin)
 
 
 @nb.njit(cache=True, fastmath=False)
-def _fit_leaf(points, low, high, places, order, begin, end, count, squared_radius, search, fitted):
+def _fit_leaf(points, low, high, places, begin, end, count, squared_radius, search, fitted):
     """Fit quadrics around the places of a leaf; return the sum of their squared reaches."""
     k, full = len(search.gaps), search.local.shape[1]
     moments = np.empty((MOMENTS, 1), dtype=np.float64)
     terms = np.empty((TERMS, full), dtype=np.float64)
     equations = np.empty((COEFFICIENTS, COEFFICIENTS + 1), dtype=np.float64)
+    normal = np.empty(3, dtype=np.float64)
     reached = 0.0
     for i in range(begin, end):
         x, y, z = places[0, i], places[1, i], places[2, i]
         squared = steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search)
         reach = np.sqrt(squared) if squared > 0.0 else 1.0
-        normal = fitted.normals[order[i]]
         moments_in_ball(search.local, full, 0.0, 0.0, 0.0, 2.0 * squared, moments, 0)
         _plane_normal(moments[:, 0], normal)
         height = 0.0
@@ -97,7 +102,8 @@ def _fit_leaf(points, low, high, places, order, begin, end, count, squared_radiu
             _fill_equations(terms, equations)
             _solve(equations)
             height = _turn(equations[:, COEFFICIENTS], u, v, normal)
-        fitted.heights[order[i]], fitted.reaches[order[i]] = height * reach, reach
+        fitted.heights[i], fitted.reaches[i] = height * reach, reach
+        fitted.normals[0, i], fitted.normals[1, i], fitted.normals[2, i] = normal[0], normal[1], normal[2]
         reached += squared
     return reached
 

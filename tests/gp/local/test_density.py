@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gppcs.gp.local.density import TOGETHER, graded, limited
+from gppcs.gp.local.density import TOGETHER, graded, limited, segregation
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree
 
 
@@ -57,3 +57,18 @@ def test_spacings_that_grow_slowly_stay():
     tree = KdTree.build(np.random.default_rng(5).random((3_000, 3)))
     np.testing.assert_allclose(graded(tree, np.full(3_000, 0.7), 0.1), 0.7, rtol=1e-12)
     np.testing.assert_array_equal(limited(tree, 1 + 0.1 * tree.points[0], 0.1), 1 + 0.1 * tree.points[0])
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.lists(st.floats(0, 0.6), min_size=1, max_size=50))
+def test_segregation_is_a_share(roughness):
+    assert 0 <= segregation(np.array(roughness)) <= 1 + 1e-9
+
+
+def test_faces_and_edges_are_segregated_and_round_things_are_not():
+    for edges in (0.1, 0.5, 0.9):
+        of_faces = np.where(np.arange(100) < 100 * edges, 0.29, 0.0)
+        assert segregation(of_faces) == pytest.approx(1)
+        assert segregation(np.where(of_faces > 0, 0.5, 0.0)) == pytest.approx(1)  # what is sharper counts no more
+    assert segregation(np.full(9, 0.29)) == segregation(np.zeros(9)) == 0
+    assert segregation(np.linspace(0, 0.29, 999)) == pytest.approx(1 / 3, rel=0.01)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -10,50 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.spatial.cells import greatest_in_cells
-from gppcs.spatial.kdtree import KdTree
-from gppcs.surface.surface_variation import variation_in_radius
 
 FIRST = 64  # points of the first stage at most; it costs as little as any
 FEWEST = 3  # candidates for each point wanted, below which there is nothing to choose from
 MANY = 3  # times as many candidates as there are cells to the square of the target spacing: more than a surface has
-MOST_SAMPLED = 100_000  # points of the tree by which area and noise are judged, unless more are to be chosen
-DENSE = 26  # of them for each to be chosen: as many as the widest neighbourhoods that tell noise need
-REACH = 1.0  # widths of a cell, by the estimate of the area, within which its points are told apart
-MOST_TOLD = 25  # points of a cell that are told apart, about: more cost their square, and tell little more
 SMALLEST = 1e-200  # area that anything is told apart in
-FLAT = 1e-12  # surface variation, or spread of it, that is nothing but rounding
-
-
-def sampled_tree(points: NDArray[np.float64], n_points: int) -> tuple[KdTree, NDArray[np.int64] | slice]:
-    """Return a tree over all points, or over many that chance takes, and which these are.
-
-    Area and noise at the target spacing are judged by them, and `DENSE` points for each to be chosen tell these as well
-    as more; a tree over many millions would take longer than the choice.
-    """
-    enough = max(MOST_SAMPLED, DENSE * n_points)
-    if len(points) <= 1.5 * enough:
-        return KdTree.build(points), slice(None)
-    draws = round(-len(points) * math.log1p(-enough / len(points)))  # some are of points that were drawn before
-    taken = np.zeros(len(points), dtype=np.bool_)
-    taken[np.random.default_rng(0).integers(0, len(points), draws)] = True
-    indices = np.flatnonzero(taken)
-    return KdTree.build(points[indices]), indices
-
-
-def sharpness_of(tree: KdTree, area: float, cells: float) -> NDArray[np.float64]:
-    """Return the surface variation of the points of a tree within the width of a cell, where so many cover the area.
-
-    Of the points in a cell with a crease through it, those on the crease have the most. What is nothing but rounding
-    counts as none: it would change with where the cloud lies. Of far more points than cells only some are looked at,
-    evenly spread over the tree: balls of the others would hold too many.
-    """
-    n = len(tree.order)
-    some = slice(None, None, max(1, n // math.ceil(MOST_TOLD * cells)))
-    told = tree if some.step == 1 else KdTree.build(tree.points[:, some].T)
-    variation = variation_in_radius(told, REACH * _edge(area, cells))
-    sharpness = np.zeros(n)
-    sharpness[slice(None) if told is tree else tree.order[some]] = np.where(variation > FLAT, variation, 0.0)
-    return sharpness
 
 
 class Candidates(NamedTuple):

@@ -49,8 +49,8 @@ def condition(field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighb
     n = len(field.y)
     conditioning = Conditioning(np.full((n, neighbours), -1, dtype=np.int32), np.full((n, neighbours), np.inf))
     if len(chosen):
-        of_chosen = KdTree.build(np.ascontiguousarray(field.positions[:, chosen].T))
-        indices = chosen[of_chosen.order]
+        indices = np.sort(chosen)  # in the tree's order, neighbours stand near each other
+        of_chosen = KdTree.over(np.ascontiguousarray(field.positions[:, indices]))
         widest = float(field.spacings[chosen].max())
         with nb.parallel_chunksize(1):
             _condition_all(

@@ -12,7 +12,6 @@ TOGETHER = 8  # points whose spacings are graded as one: fewer would take longer
 EVEN = 0.05  # roughness below which a place counts as flat
 EDGE = 0.29  # roughness of a right-angled edge
 SLOPE = 0.1  # by which the spacing grows with the distance, at most
-SPARSEST = 0.7  # of the mean density of the points to be chosen: no place is left with less before grading
 FLAT = 1e-12  # surface variation, or spread of it, that is nothing but rounding
 
 
@@ -26,7 +25,6 @@ def desired_spacings(tree: KdTree, roughness: NDArray[np.float64], power: float)
     it is graded.
     """
     density = np.maximum(roughness, EVEN) ** power
-    density = np.maximum(density, SPARSEST * np.mean(density))
     spacings = graded(tree, np.sqrt(np.mean(density) / density), SLOPE)
     return spacings * np.sqrt(np.mean(spacings**-2.0))
 
@@ -63,10 +61,9 @@ def graded(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArray
     begin, end = n * leaf // leaves, n * (leaf + 1) // leaves
     starts = begin + (end - begin) * part // in_leaf
     counts = np.diff(starts, append=n)
-    centres = KdTree.build((np.add.reduceat(tree.points, starts, axis=1) / counts).T)
+    centres = KdTree.over(np.add.reduceat(tree.points, starts, axis=1) / counts)
     density = np.add.reduceat(spacings**-2.0, starts) / counts
-    limits = np.empty(len(starts))
-    limits[centres.order] = limited(centres, density[centres.order] ** -0.5, slope)
+    limits = limited(centres, density**-0.5, slope)
     return np.minimum(spacings, np.repeat(limits, counts))
 
 

@@ -6,7 +6,7 @@ points are placed as if no more were to come, and every prefix of the result is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,18 +14,15 @@ from numpy.typing import NDArray
 
 from gppcs.engine.stages import Stages
 from gppcs.gp.local.candidates import Candidates
-from gppcs.gp.local.density import desired_spacings, segregation
+from gppcs.gp.local.density import FLAT, desired_spacings, segregation
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
 from gppcs.spatial.kdtree import KdTree
+from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
 
 FEW = 16  # points of a neighbourhood where candidates are not thinned; a ball might hold any number of them
-FLAT = 1e-12  # surface variation, or spread of it, that is nothing but rounding
-NOISE = 1e-4  # variance of an observation without noise, in units of the prior variance: keeps covariances regular
-
-
-Seen = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+NUGGET = 1e-4  # Variance of an observation without noise, in units of the prior's. Keeps covariances regular.
 
 
 @dataclass(frozen=True)
@@ -76,7 +73,7 @@ def rank(
     points: NDArray[np.float64],
     candidates: Sequence[Candidates],
     criterion: Criterion,
-    seen: Seen | None = None,
+    noise: Noise,
     stages: Stages | None = None,
 ) -> Ranking:
     """Choose points, the most important first.
@@ -88,56 +85,69 @@ def rank(
     candidates : sequence of Candidates
         Of all stages, from coarse to fine.
     criterion : Criterion
-    seen : callable, optional
-        Takes some of the points, (n, 3), and returns where on the surface they belong, by which features are measured,
-        and the variance of the observation at each; times 1 / h^2, in units of the prior at spacing h. By default they
-        are where they belong.
+    noise : Noise
     stages : Stages, optional
         Times "noise", "features" and "greedy selection"; the steps of the last are points.
+
+    Returns
+    -------
+    Ranking
+        As many points as the last stage wants.
     """
     clock = stages or Stages()
     chosen = np.empty(0, dtype=np.int64)
     scores, deviations = [], []
-    for target, indices, thinned, area in candidates:
-        spacing = float(np.sqrt(area / target)) or 1.0
-        tree, field = _observed(points[indices], spacing, thinned, criterion, seen, clock)
-        with clock("greedy selection", target - len(chosen)) as advanced:
-            before = tree.positions()[np.searchsorted(indices, chosen)]  # they are candidates here too
+    for stage in candidates:
+        tree, field = _observed(points[stage.indices], stage, criterion, noise, clock)
+        with clock("greedy selection", stage.target - len(chosen)) as advanced:
+            before = tree.positions()[np.searchsorted(stage.indices, chosen)]  # candidates of this stage too
             extended, score, deviation = extend(
-                field, tree, before, target, criterion.neighbours, criterion.error_weight
+                field, tree, before, stage.target, criterion.neighbours, criterion.error_weight
             )
-            advanced(target - len(chosen))
+            advanced(stage.target - len(chosen))
         scores.append(score)
         deviations.append(deviation)
-        chosen = indices[tree.order[extended]]
+        chosen = stage.indices[tree.order[extended]]
     return Ranking(chosen, np.concatenate(scores), np.concatenate(deviations))
 
 
 def _observed(
-    places: NDArray[np.float64], spacing: float, thinned: bool, criterion: Criterion, seen: Seen | None, clock: Stages
+    places: NDArray[np.float64], stage: Candidates, criterion: Criterion, noise: Noise, clock: Stages
 ) -> tuple[KdTree, LocalField]:
-    """Return the tree over the candidates of a stage, in units of its spacing, and the field over that."""
+    """Return the tree over the candidates of a stage, in units of its target spacing, and the field over them."""
+    spacing = float(np.sqrt(stage.area / stage.target)) or 1.0
     with clock("noise"):
-        feet, variances = (places, np.zeros(len(places))) if seen is None else seen(places)
+        tree = KdTree.build(places)
+        feet, variances = noise.observe(tree)
+        tree, on_surface = tree.scaled(1.0 / spacing), feet.scaled(1.0 / spacing)
     with clock("features"):
-        tree = KdTree.build(places / spacing)
-        on_surface = tree if feet is places else KdTree.build(feet / spacing)
-        features = features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(on_surface, FEW)
-        return tree, _field(tree, features, variances / spacing**2, criterion)
+        features = features_in_radius(on_surface, 1.0) if stage.thinned else features_of_nearest(on_surface, FEW)
+        return tree, local_field(tree, features, variances / spacing**2, criterion)
 
 
-def _field(tree: KdTree, features: Features, noise: NDArray[np.float64], criterion: Criterion) -> LocalField:
-    """Return the field over a tree in units of the target spacing; features and noise are in the tree's input order."""
+def local_field(tree: KdTree, features: Features, noise: NDArray[np.float64], criterion: Criterion) -> LocalField:
+    """Return the field over the candidates of a stage.
+
+    Parameters
+    ----------
+    tree : KdTree
+        Over the n candidates, in units of the target spacing.
+    features : Features
+        Of the candidates, in the tree's input order.
+    noise : (n,) array
+        Variance of the observation at each, in units of the prior's, in tree order.
+    criterion : Criterion
+    """
     variation = features.surface_variation[tree.order]
     roughness = np.sqrt(variation)
-    roundness = 1.0 - segregation(roughness) ** 2
+    roundness = (1.0 - segregation(roughness) ** 2) ** 4
     spread = float(np.std(variation))
     return LocalField(
         positions=tree.points,
         normals=np.ascontiguousarray(features.normals[tree.order].T),
-        spacings=desired_spacings(tree, roughness, criterion.density_power * roundness**4),
+        spacings=desired_spacings(tree, roughness, criterion.density_power * roundness),
         y=(variation - np.mean(variation)) / spread if spread > FLAT else np.zeros(len(noise)),
-        noise=NOISE + noise[tree.order],
+        noise=NUGGET + noise,
         lengthscale=criterion.lengthscale,
-        normal_weight=criterion.normal_weight * roundness**2,
+        normal_weight=criterion.normal_weight * roundness,
     )

@@ -1,0 +1,72 @@
+import numpy as np
+import pytest
+
+from gppcs.engine.stages import Stages
+from gppcs.gp.local.survey import PER_CELL, sampled_tree, sharpness_of, survey
+from gppcs.spatial.cells import greatest_in_cells
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.spacing import surface_area
+from gppcs.surface.noise import Noise
+
+RANDOM = np.random.default_rng(0)
+
+
+def test_a_survey_measures_sharpness_or_noise(sphere):
+    """Noisy points would pass for sharp ones."""
+    area, noise, sharpness = survey(sphere, 1_000, 8.0, Stages())
+    assert area == pytest.approx(4 * np.pi, rel=0.1)
+    assert noise.quiet
+    assert (sharpness > 0).all()
+    noisy = sphere + 0.01 * np.random.default_rng(9).standard_normal(sphere.shape)
+    _, noise, sharpness = survey(noisy, 1_000, 8.0, Stages())
+    assert not noise.quiet
+    assert noise.level == pytest.approx(0.01, rel=0.3)
+    assert (sharpness == 0).all()
+
+
+def test_the_sharpest_points_of_cells_are_those_on_the_edge():
+    """Two half-planes meet at a right angle; the first points of cells near the edge lie half a cell off it."""
+    points = RANDOM.random((40_000, 3)) * [1.0, 1.0, 0.0]
+    points[::2] = points[::2, [2, 1, 0]]
+    points[:, 1] -= 0.5
+    tree = KdTree.build(points)
+    edge = np.sqrt(2.0 / 1_000)
+    sharpness = sharpness_of(tree, 2.0, 1_000.0).astype(np.float32)
+    first, sharpest = (
+        greatest_in_cells(points, edge, values) for values in (np.zeros(len(points), dtype=np.float32), sharpness)
+    )
+    off = [np.maximum(points[kept, 0], points[kept, 2]) for kept in (first, sharpest)]
+    by_chance, chosen = (distance[distance < edge].mean() / edge for distance in off)
+    assert by_chance > 0.45
+    assert chosen < 0.2  # found 0.16
+
+
+def test_faces_have_no_sharp_points():
+    """Rounding, which changes with where the cloud lies, would tell points on a face that is along no axis apart."""
+    turn, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))
+    points = RANDOM.random((20_000, 3)) * [1.0, 1.0, 0.0] @ turn
+    np.testing.assert_array_equal(sharpness_of(KdTree.build(points), 1.0, 4_000.0), 0.0)
+
+
+def test_of_far_more_points_than_cells_some_are_looked_at(sphere):
+    """A ball around each of all would hold a share of them that the number of points wanted alone tells."""
+    tree = KdTree.build(sphere)
+    sharpness = sharpness_of(tree, 4 * np.pi, 80.0)
+    told = tree.order[:: len(sphere) // int(PER_CELL * 80)]
+    assert (sharpness[told] > 0).all()
+    assert np.count_nonzero(sharpness) == len(told) < 1.1 * PER_CELL * 80
+
+
+def test_area_and_noise_of_millions_are_judged_by_some(monkeypatch):
+    points = np.column_stack([RANDOM.random((200_000, 2)), 0.002 * RANDOM.standard_normal(200_000)])
+    monkeypatch.setattr("gppcs.gp.local.survey.SAMPLED", 20_000)
+    every, of_all = sampled_tree(points, 5_129)  # 26 for each are two thirds of them
+    some, indices = sampled_tree(points, 500)
+    for tree, taken in ((every, of_all), (some, indices)):
+        np.testing.assert_array_equal(points[taken][tree.order].T, tree.points)
+    assert len(every.order) == 200_000
+    assert len(some.order) == pytest.approx(20_000, rel=0.01)
+    assert len(sampled_tree(points, 5_128)[0].order) == pytest.approx(26 * 5_128, rel=0.01)
+    assert surface_area(some) == pytest.approx(1.0, rel=0.1)
+    levels = [Noise.measure(tree, 500, 0.045).level for tree in (every, some)]
+    assert levels[1] == pytest.approx(levels[0], rel=0.1)
