@@ -78,7 +78,7 @@ def test_the_seconds_are_those_of_the_table():
 def test_lidar_scenes_are_where_fps_is_ahead(scan):
     rows = next(rows for heading, rows in tables("lidar").items() if heading.startswith(scan))
     errors = column(rows, "mean distance to the local surface, 1e-4 diagonals")
-    gp, fps = numbers_in(rf"([\d.]+) against ([\d.]+) on [^\d]*{scan}")
+    gp, fps = numbers_in(rf"([\d.]+) against ([\d.]+) [^\d]*{scan}")
     assert (errors["gp"], errors["fps"]) == (gp, fps)
     assert errors["gp"] > errors["fps"]
 
