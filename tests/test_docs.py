@@ -1,0 +1,198 @@
+"""What README and docs show works, names what exists, and quotes what was measured."""
+
+import importlib
+import re
+import shlex
+import sys
+import tomllib
+from functools import cache
+from pathlib import Path
+
+import pytest
+import typer.main
+
+import gppcs
+from gppcs.app import cli
+from gppcs.io import FORMATS
+
+ROOT = Path(__file__).parents[1]
+PAGES = ["README.md", *sorted(f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md"))]
+SMALLER = {"400000": "2000", "5000": "500"}  # points of the examples, so that they run in seconds
+QUOTED = {"README.md": 1, "docs/results.md": 6, "docs/cost.md": 1, "docs/evaluation.md": 1}  # tables of measurements
+
+
+@cache
+def text(page):
+    return (ROOT / page).read_text()
+
+
+def blocks(page, language):
+    return re.findall(rf"```{language}\n(.*?)```", text(page), re.DOTALL)
+
+
+def console_lines(page):
+    lines = [shlex.split(line, comments=True) for block in blocks(page, "console") for line in block.splitlines()]
+    return [line for line in lines if line]
+
+
+def inline_code(page):
+    return re.findall(r"`([^`\n]+)`", re.sub(r"```.*?```", "", text(page), flags=re.DOTALL))
+
+
+def tables(page):
+    """Return the tables of a page, each as its lines."""
+    return [table.strip().splitlines() for table in re.findall(r"(?:^\|.*\n)+", text(page), re.MULTILINE)]
+
+
+def results():
+    return "".join(path.read_text() for path in (ROOT / "benchmarks" / "results").glob("*.md"))
+
+
+@cache
+def options():
+    """Return the options of each command."""
+    commands = typer.main.get_command(cli.app).commands
+    return {
+        name: {
+            option
+            for parameter in command.params
+            for option in [*parameter.opts, *parameter.secondary_opts]
+            if option.startswith("-")
+        }
+        for name, command in commands.items()
+    }
+
+
+@pytest.fixture
+def workplace(tmp_path, monkeypatch):
+    """A folder with a user's scan and something that was made of it."""
+    cloud = gppcs.sample("medallion", n_points=2000)
+    gppcs.write(tmp_path / "scan.ply", cloud)
+    gppcs.write(tmp_path / "share.ply", gppcs.simplify(cloud, n_points=500, method="random").cloud)
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")])
+def test_python_runs(page, workplace):
+    exec(compile("\n".join(blocks(page, "python")), page, "exec"), {"__name__": "page"})
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/usage.md"])
+def test_commands_run(page, workplace, monkeypatch):
+    commands = [line for line in console_lines(page) if Path(line[0]).name == "gppcs"]
+    assert commands
+    for words in commands:
+        shown = [SMALLER.get(word, word) for word in words[1:]]
+        force = ["--force"] if shown[0] in ("simplify", "sample") else []
+        monkeypatch.setattr(sys, "argv", ["gppcs", *shown, *force])
+        with pytest.raises(SystemExit) as exit_:
+            cli.main()
+        assert exit_.value.code == 0, words
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_targets_and_extras_exist(page):
+    makefile = (ROOT / "Makefile").read_text()
+    targets = [line[1] for line in console_lines(page) if line[0] == "make"]
+    targets += [code.split()[1] for code in inline_code(page) if re.fullmatch(r"make [a-z-]+", code)]
+    for target in targets:
+        assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    for extra in re.findall(r"pip install [^`\n]*'\.\[(\w+)\]'", text(page)):
+        assert extra in extras
+
+
+def test_commands_without_make_are_those_of_make():
+    makefile = (ROOT / "Makefile").read_text()
+    plain = next(line for block in blocks("docs/usage.md", "console") for line in block.splitlines() if "ruff" in line)
+    recipe = re.search(r"\ntest:.*?\n\n", makefile, re.DOTALL).group()
+    for command in plain.split(" && "):
+        assert command.replace(".venv/bin", "$(BIN)") in recipe
+    assert "make test" in (ROOT / ".ci" / "run").read_text().splitlines()
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_options_exist(page):
+    every = set.union(*options().values())
+    code = [code for code in inline_code(page) if not code.startswith(("pip", "uv", ".venv"))]
+    code += [" ".join(line) for line in console_lines(page) if Path(line[0]).name == "gppcs"]
+    for option in re.findall(r"(?<![\w-])--[a-z][a-z-]*", " ".join(code)):
+        assert option in every | {"--help", "--version"}, option
+
+
+def test_the_page_on_usage_lists_every_option_and_format():
+    code = " ".join([*inline_code("docs/usage.md"), *map(" ".join, console_lines("docs/usage.md"))])
+    named = set(re.findall(r"(?<![\w-])--?[a-z][a-z-]*", code))
+    for command, known in options().items():
+        for option in known - {"--help", "--no-scores", "--no-figures", "--no-force", "--no-normals", "--no-json"}:
+            assert option in named, (command, option)
+    for known in FORMATS:
+        for suffix in known.suffixes:
+            assert f"`{suffix}`" in text("docs/usage.md")
+
+
+def test_the_page_on_methods_has_each_and_names_parameters_that_exist():
+    sections = dict(re.findall(r"^## ([\w-]+)\n(.*?)(?=^## |\Z)", text("docs/methods.md"), re.DOTALL | re.MULTILINE))
+    assert list(sections) == [*gppcs.METHODS]
+    for name, section in sections.items():
+        for setting in re.findall(r"`(\w+)=[^`]+`", section):
+            assert setting in gppcs.METHODS[name].parameters(), (name, setting)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_names_of_the_library_exist(page):
+    for name in re.findall(r"`(?:help\()?(gppcs(?:\.\w+)+)", text(page)):
+        head, *rest = name.split(".")
+        thing = importlib.import_module(head)
+        for part in rest:
+            if not hasattr(thing, part):
+                importlib.import_module(f"{thing.__name__}.{part}")
+            thing = getattr(thing, part)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_files_exist(page):
+    places = (ROOT, ROOT / "src" / "gppcs", ROOT / "benchmarks")
+    for code in inline_code(page):
+        if re.fullmatch(r"[\w/.-]+\.py", code) and page != "docs/local-field.md":
+            found = [place for place in places if (place / code).exists() or list(place.rglob(Path(code).name))]
+            assert found, code
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_links_lead_somewhere(page):
+    source = ROOT / page
+    for target in re.findall(r"\]\(([^)]+)\)", text(page)):
+        if re.match(r"https?://", target):
+            continue
+        path, _, anchor = target.partition("#")
+        linked = source.parent / path if path else source
+        assert linked.exists(), target
+        if anchor:
+            headings = re.findall(r"^#+ (.+)$", linked.read_text(), re.MULTILINE)
+            assert anchor in [_slug(heading) for heading in headings], target
+
+
+def _slug(heading):
+    """Return the anchor that the usual forges give a heading."""
+    return re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-")
+
+
+@pytest.mark.parametrize("page", QUOTED)
+def test_tables_are_those_of_the_benchmarks(page):
+    measured = results()
+    quoted = [table for table in tables(page) if table[0].removesuffix(" |") in measured]
+    assert len(quoted) >= QUOTED[page]
+    for table in quoted:
+        assert len(table) > 2
+        for row in [*table[:1], *table[2:]]:
+            assert row.removesuffix(" |") in measured
+
+
+def test_the_page_on_evaluation_defines_each_figure_as_the_code_does():
+    for report in (gppcs.Report, gppcs.Rebuilt):
+        rows = [
+            f"| `{name}` | {figure.unit} | {figure.better or ''} | {figure.definition} |"
+            for name, figure in gppcs.figures_of(report).items()
+        ]
+        assert "\n".join(rows) in text("docs/evaluation.md")
