@@ -25,20 +25,19 @@ def test_a_survey_measures_sharpness_or_noise(sphere):
 
 
 def test_the_sharpest_points_of_cells_are_those_on_the_edge():
-    """Two half-planes meet at a right angle; the first points of cells near the edge lie half a cell off it."""
-    points = RANDOM.random((40_000, 3)) * [1.0, 1.0, 0.0]
-    points[::2] = points[::2, [2, 1, 0]]
-    points[:, 1] -= 0.5
-    tree = KdTree.build(points)
-    edge = np.sqrt(2.0 / 1_000)
-    sharpness = sharpness_of(tree, 2.0, 1_000.0).astype(np.float32)
-    first, sharpest = (
-        greatest_in_cells(points, edge, values) for values in (np.zeros(len(points), dtype=np.float32), sharpness)
-    )
-    off = [np.maximum(points[kept, 0], points[kept, 2]) for kept in (first, sharpest)]
-    by_chance, chosen = (distance[distance < edge].mean() / edge for distance in off)
-    assert by_chance > 0.45
-    assert chosen < 0.2  # found 0.16
+    """Two half-planes meet at a right angle. First points of cells near the edge lie half a cell off it on average."""
+    by_chance, chosen, edge = [], [], np.sqrt(2.0 / 1_000)
+    for seed in range(8):
+        points = np.random.default_rng(seed).random((40_000, 3)) * [1.0, 1.0, 0.0]
+        points[::2] = points[::2, [2, 1, 0]]
+        points[:, 1] -= 0.5
+        sharpness = sharpness_of(KdTree.build(points), 2.0, 1_000.0).astype(np.float32)
+        for off, values in ((by_chance, np.zeros_like(sharpness)), (chosen, sharpness)):
+            kept = greatest_in_cells(points, edge, values)
+            distance = np.maximum(points[kept, 0], points[kept, 2])
+            off.append(distance[distance < edge].mean() / edge)
+    assert np.mean(by_chance) > 0.45
+    assert max(chosen) < 0.2  # found 0.12 to 0.18
 
 
 def test_faces_have_no_sharp_points():
