@@ -145,7 +145,8 @@ def main() -> None:
     rows.sort(key=lambda row: -float(row[1]))
     report.write(
         "perception",
-        f"Rank correlation of figures with the look of the rebuilt mesh, over {len(gppcs.METHODS)} methods",
+        "Rank correlation of figures with the look of the rebuilt mesh, "
+        f"over {len(gppcs.METHODS)} methods, gp among them",
         (
             "figure",
             "structure: mean",
