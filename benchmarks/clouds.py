@@ -1,4 +1,4 @@
-"""The clouds that speed is measured on: files, samples of the Dragon's mesh, and a flat scene of uneven density."""
+"""The clouds of `speed.py`: files, samples of the mesh of the Dragon, and a flat scene of uneven density."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DRAGON = report.DATA / "dragon.ply"
 NOISE = 1e-4  # standard deviation of the samples of the mesh, in diagonals of its box
 BLOCK = 1_000_000  # points sampled at a time
 
-SIDE = 200.0  # metres, of the square that scanners and buildings stand in
+SIDE = 200.0  # metres, of the square with scanners and buildings
 BUILDINGS = 60
 SCANNERS = 4
 MAST = 12.0  # metres, the height of the scanners, above all buildings
@@ -31,7 +31,7 @@ RANGE_NOISE = 0.01  # metres
 
 @dataclass(frozen=True)
 class Cloud:
-    """A cloud, and to what share or number of its points it is simplified."""
+    """A cloud, and the share or the number of its points to keep."""
 
     name: str
     size: int  # points
@@ -41,23 +41,23 @@ class Cloud:
 
     @property
     def n_points(self) -> int:
-        """How many points are to be kept."""
+        """The number of points to keep."""
         return round(self.amount * self.size) if self.amount < 1 else int(self.amount)
 
 
 def of_file(name: str, file: str, size: int, amount: float) -> Cloud:
-    """Return a cloud that is the points of a file."""
+    """Return the points of a file as a cloud."""
     path = report.DATA / f"{file}.ply"
     return Cloud(name, size, amount, lambda: gppcs.read(path).points, (path,))
 
 
 def of_mesh(size: int) -> Cloud:
-    """Return a cloud of points of the Dragon's mesh."""
+    """Return a cloud of points on the mesh of the Dragon."""
     return Cloud("samples of the Dragon's mesh", size, KEPT, partial(mesh_sample, size), (DRAGON,))
 
 
 def mesh_sample(n: int) -> Array:
-    """Return n points of the Dragon's mesh, uniform by area, with Gaussian noise."""
+    """Return n points on the mesh of the Dragon, (n, 3), uniform by area, with Gaussian noise."""
     mesh = gppcs.read_mesh(DRAGON)
     areas = np.cumsum(mesh.face_areas())
     noise = NOISE * np.linalg.norm(np.ptp(mesh.vertices, axis=0))
@@ -74,11 +74,11 @@ def mesh_sample(n: int) -> Array:
 
 
 def scene(n: int) -> Array:
-    """Return n points of a flat scene with buildings, as a few laser scanners on masts see it.
+    """Return n points, (n, 3), of a flat scene with buildings, as a few laser scanners on masts see it.
 
-    On the ground the density around a scanner falls with the squared distance: rays go out at equal steps of azimuth
-    and of the logarithm of the distance at which they would meet the ground. What they meet first is measured. Last,
-    ground and buildings are lifted together by a gentle relief.
+    Rays leave a scanner uniformly in azimuth and in the logarithm of the distance at which they would reach the
+    ground. So the density on the ground falls with the squared distance. Each ray measures the first surface on its
+    way. At the end, a gentle relief lifts ground and buildings together.
     """
     rng = np.random.default_rng(0)
     low = np.zeros((BUILDINGS, 3))
@@ -97,7 +97,7 @@ def scene(n: int) -> Array:
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
 def _first_hits(origins, rays, low, high):
-    """Return the share of each ray, from its origin to the ground, after which it enters a box or the ground."""
+    """Return where each ray, (n, 3), first enters a box or the ground, as a share of its way to the ground, (n,)."""
     shares = np.ones(len(rays))
     for i in nb.prange(len(rays)):
         for box in range(len(low)):
@@ -112,7 +112,7 @@ def _first_hits(origins, rays, low, high):
 
 
 DRAGON_POINTS = 437_645
-SERIES = (  # one shape at more and more points, thinned to the same number
+SERIES = (  # one shape with more and more points, simplified to the same number
     of_file("Dragon", "dragon", DRAGON_POINTS, KEPT),
     of_mesh(1_400_000),
     of_mesh(5_000_000),

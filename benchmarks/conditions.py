@@ -1,37 +1,47 @@
-"""What the benchmarks of the method `gp` share: the clouds, how a run is made and judged, and runs kept in a file.
+"""What the benchmarks of the method `gp` share: clouds, runs, figures, and runs kept in a file.
 
-A script does all conditions, or those named on its command line; only all together are kept in `results/`.
+A script measures all its conditions, or those named on its command line. It writes to `results/` only if it measured
+all of them.
 """
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
-import hashlib
 import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import cache, cached_property
+from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+import code_digest
 import gppcs
 import report
 from gppcs.clouds.cloud import NORMALS
 from gppcs.engine.stages import Stages
+from gppcs.errors import NoSurfaceError
 from gppcs.evaluation.judge import judged
+from gppcs.evaluation.reconstruction import distances_to, estimated_normals, reconstruct
 
 SQUARES = 20  # along the edge of the gridded cube
+REFERENCE = 60_000  # points of a scan, at most, to which the rebuilt surface is compared
+SURFACE_SAMPLE = 50_000  # points without noise that stand for the surface of a sample scan
+OTHER_SEED = 7  # of these points; the sample scan itself has seed 0
 
 Array = NDArray[np.float64]
-Figures = Mapping[str, float]  # by name; lengths in diagonals of the mesh
+Figures = Mapping[str, float]  # by name; lengths in diagonals
+Work = Callable[[], tuple[gppcs.PointCloud, float]]  # returns the points kept and the seconds
+Made = TypeVar("Made")
 
 
 class Column(NamedTuple):
@@ -43,7 +53,7 @@ class Column(NamedTuple):
     digits: int = 2
 
     def cell(self, values: Sequence[float]) -> str:
-        """Return the mean, with the standard deviation where there are several values; nothing for none."""
+        """Return the mean, and the standard deviation if there are several values; nothing for none."""
         if not values:
             return ""
         scaled = self.factor * np.array(values)
@@ -56,18 +66,26 @@ H_MAX = Column("H max, 1e-3 diagonals", "hausdorff_max", 1e3)
 VARIATION = Column("mean surface variation", "mean_surface_variation", digits=4)
 COVER = Column("covering radius, 1e-3 diagonals", "covering_radius", 1e3)
 SURFACE = Column("mean distance to the local surface, 1e-4 diagonals", "surface_mean", 1e4)
+SURFACE_P95 = Column("95th percentile of these distances, 1e-4 diagonals", "surface_p95", 1e4)
 FEATURES = Column("feature error, 1e-5 diagonals", "feature_error", 1e5)
 SECONDS = Column("seconds", "seconds")
-COLUMNS = (H_MEAN, H_MAX, VARIATION, COVER, SURFACE, FEATURES, SECONDS)
-REBUILT = (H_MEAN.figure, H_MAX.figure)  # with normals of their own where the points carry them
+COLUMNS = (H_MEAN, H_MAX, VARIATION, COVER, SURFACE, SURFACE_P95, FEATURES, SECONDS)
+REBUILT = tuple(gppcs.figures_of(gppcs.Rebuilt))
 KNOWN = {**gppcs.figures_of(gppcs.Report), **gppcs.figures_of(gppcs.Rebuilt)}
+
+
+class Reference(NamedTuple):
+    """Points of the original surface and the normals there, both (V, 3); these give other normals their signs."""
+
+    points: Array
+    normals: Array
 
 
 @dataclass(frozen=True)
 class Condition:
-    """A cloud, the mesh that it is judged by, and to what share or number of points it is simplified.
+    """A cloud, the mesh that judges it, and the share or the number of points to keep.
 
-    Without a mesh it is the gridded cube in the box of the cloud.
+    Without a mesh file, the mesh is the gridded cube in the bounding box of the cloud.
     """
 
     file: str
@@ -76,12 +94,12 @@ class Condition:
 
     @property
     def name(self) -> str:
-        """What the tables and the command line call it."""
+        """The name in tables and on the command line."""
         return f"{self.file}:{self.amount:g}"
 
     @property
     def files(self) -> list[Path]:
-        """What is read."""
+        """The files of the cloud and of the mesh."""
         return [report.DATA / f"{name}.ply" for name in (self.file, self.mesh_file) if name]
 
     @cached_property
@@ -90,14 +108,131 @@ class Condition:
         return gppcs.read(self.files[0])
 
     @cached_property
-    def mesh(self) -> gppcs.Mesh:
-        """The surface that it was taken from."""
+    def mesh(self) -> gppcs.Mesh | None:
+        """The surface that the cloud was taken from."""
         return gppcs.read_mesh(self.files[1]) if self.mesh_file else gridded_cube(self.cloud.points)
+
+    @cached_property
+    def reference(self) -> Reference | None:
+        """Where there is no mesh: what the rebuilt surface is compared to."""
+        return None
+
+    @property
+    def diagonal(self) -> float:
+        """The unit of length: of the mesh or the reference if there is one, since noise widens the cloud."""
+        known = self.mesh.vertices if self.mesh else self.reference.points if self.reference else self.cloud.points
+        return float(np.linalg.norm(np.ptp(known, axis=0)))
 
     @property
     def n_points(self) -> int:
-        """How many points are to be kept."""
+        """The number of points to keep."""
         return round(self.amount * len(self.cloud)) if self.amount < 1 else int(self.amount)
+
+
+@dataclass(frozen=True)
+class Scan(Condition):
+    """A scan without a mesh: its own points stand for the surface, with normals of the whole cloud.
+
+    Attributes
+    ----------
+    rebuilt : bool
+        Whether a surface is rebuilt from the points kept. Scenes of LiDAR span no closed surface.
+    """
+
+    rebuilt: bool = True
+
+    @cached_property
+    def mesh(self) -> None:
+        """There is none."""
+
+    @cached_property
+    def reference(self) -> Reference | None:
+        """Some random points of the scan."""
+        if not self.rebuilt:
+            return None
+        points = self.cloud.points
+        some = points[np.sort(np.random.default_rng(0).permutation(len(points))[:REFERENCE])]
+        return Reference(some, gppcs.estimate_normals(points, at=some))
+
+
+@dataclass(frozen=True)
+class Sample(Condition):
+    """A sample scan of gppcs: its surface is known, so a second sample without noise stands for it.
+
+    Attributes
+    ----------
+    size : int
+        Points of the cloud.
+    noise : float
+        Standard deviation of the noise in diagonals.
+    """
+
+    size: int = 100_000
+    noise: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """The name in tables and on the command line."""
+        noise = f"_noise_{self.noise:g}" if self.noise else ""
+        return f"{self.file}_{self.size // 1000}k{noise}:{self.amount:g}"
+
+    @property
+    def files(self) -> list[Path]:
+        """None: the cloud is computed."""
+        return []
+
+    @cached_property
+    def cloud(self) -> gppcs.PointCloud:
+        """The sample, without the exact normals that it carries."""
+        return gppcs.PointCloud.of(gppcs.sample(self.file, self.size, noise=self.noise).points)
+
+    @cached_property
+    def mesh(self) -> None:
+        """There is none."""
+
+    @cached_property
+    def reference(self) -> Reference:
+        """Other points of the same surface, with exact normals."""
+        exact = gppcs.sample(self.file, SURFACE_SAMPLE, seed=OTHER_SEED)
+        normals = exact.normals()
+        assert normals is not None
+        return Reference(exact.points, normals)
+
+
+FOUND_ON = (  # the rules and the constants of gp were chosen by its figures on these
+    Condition("dragon", "dragon", 0.03),
+    Condition("armadillo_50k", "armadillo_50k", 0.05),
+    Condition("nefertiti", "nefertiti", 0.05),
+    Condition("bunny", "bunny", 0.05),
+    Condition("bunny", "bunny", 0.2),
+    Condition("face_rangemap", "face_rangemap", 0.03),
+    Condition("armadillo_173k_resampled", "armadillo_50k", 0.05),
+    Condition("sfm_angel", "sfm_angel", 0.1),
+    Condition("sfm_bird_bath", "sfm_bird_bath", 0.1),
+    Condition("armadillo_100k_noise_2.5e-3", "armadillo_50k", 0.05),
+    Condition("armadillo_100k_noise_5e-3", "armadillo_50k", 0.05),
+    Condition("fandisk_60k_sampled", "fandisk", 1_200),
+    Condition("cube_30k_sampled", None, 600),
+)
+LIDAR = (
+    Scan("kitti_000000", None, 0.03, rebuilt=False),
+    Scan("autzen_airborne", None, 0.03, rebuilt=False),
+    Scan("lidr_topography_airborne", None, 0.03, rebuilt=False),
+)
+HELD_OUT = (  # these took no part in that
+    Condition("turbine", "turbine", 0.1),
+    Condition("blade", "blade", 0.1),
+    Condition("anchor_dense", "anchor_dense", 0.1),
+    Scan("lion_takanawa", None, 0.03),
+    Scan("redwood_fragment", None, 0.05),
+    Scan("tum_desk", None, 0.03),
+    Sample("bracket", None, 800, 40_000),
+    Sample("bracket", None, 4_000, 100_000),
+    Sample("medallion", None, 3_000, 60_000),
+    Sample("medallion", None, 3_000, 100_000, 0.002),
+    Sample("fan", None, 3_000, 40_000),
+    *LIDAR,
+)
 
 
 def gridded_cube(points: Array) -> gppcs.Mesh:
@@ -119,10 +254,10 @@ def gridded_cube(points: Array) -> gppcs.Mesh:
 def simplified(
     condition: Condition, method: gppcs.Method, start: int = 0, n_points: int | None = None, normals: bool = False
 ) -> tuple[gppcs.PointCloud, float]:
-    """Return what a method that moves no points keeps of the cloud turned at random, as it is for the start 0.
+    """Simplify the cloud, turned at random unless the start is 0, by a method that moves no points.
 
-    The points kept are those of the cloud as it is, and so are the normals that they carry, if they are to. Beside
-    them, the wall time in seconds.
+    Returns the points kept, taken from the cloud as it is, and the wall time in seconds. With `normals`, the points
+    carry the normals that were found in the whole cloud, turned back.
     """
     turn = Rotation.random(random_state=start).as_matrix() if start else np.eye(3)
     turned = condition.cloud.points @ turn.T
@@ -151,71 +286,110 @@ def _prepare(method: gppcs.Method) -> None:
 
 
 def figures(condition: Condition, kept: gppcs.PointCloud) -> dict[str, float]:
-    """Return the judge's figures; those of the rebuilt mesh with the normals that the points carry, where they do."""
+    """Return all figures of the points kept, lengths in diagonals.
+
+    If the points carry normals, the surface is rebuilt with these.
+    """
     found, failure = judged(condition.cloud, kept, condition.mesh, Stages())
+    values, wanted = found.figures(), {}
+    carried = kept.normals()
+    for name, known in KNOWN.items():
+        value = values.get(f"carried_{name}" if carried is not None and name in REBUILT else name)
+        if value is not None:
+            scaled = known.relative(value, condition.diagonal)
+            wanted[name] = value if scaled is None else scaled
+    if condition.reference:
+        try:
+            wanted |= distances_from(condition.reference, kept.points, carried)
+        except NoSurfaceError as error:
+            failure = error
     if failure:
         print(f"{condition.name}: {failure}", file=sys.stderr)
-    diagonal = float(np.linalg.norm(np.ptp(condition.mesh.vertices, axis=0)))  # noise widens that of the cloud
-    values, wanted = found.figures(), {}
-    for name in (column.figure for column in COLUMNS):
-        value = values.get(f"carried_{name}" if kept.normals() is not None and name in REBUILT else name)
-        if value is not None:
-            scaled = KNOWN[name].relative(value, diagonal)
-            wanted[name] = value if scaled is None else scaled
     return wanted
 
 
-class Runs:
-    """Figures of runs, kept in a file of JSON lines, so that a call cut short can be taken up again.
+def distances_from(reference: Reference, kept: Array, normals: Array | None) -> dict[str, float]:
+    """Return H mean and H max in diagonals: distances from the reference to the surface rebuilt from points, (M, 3)."""
+    low = reference.points.min(axis=0)
+    diagonal = float(np.linalg.norm(np.ptp(reference.points, axis=0)))
+    places, kept = ((points - low) / diagonal for points in (reference.points, kept))
+    if normals is None:
+        normals = estimated_normals(kept, places, reference.normals)
+    distances = distances_to(reconstruct(kept, normals), places)
+    return {"hausdorff_mean": float(distances.mean()), "hausdorff_max": float(distances.max())}
 
-    Runs of other sources or of another number of threads are not taken for runs of these.
+
+class Runs:
+    """Figures of runs, kept in a file of JSON lines, so that a call that was cut short can go on.
+
+    A run is found again only if nothing that decides its figures has changed: the code of its method, of the judge and
+    of its condition, and the number of threads. So a change of one method leaves the runs of the others valid.
+
+    Attributes
+    ----------
+    path : Path, optional
+        The file.
+    jobs : int
+        The number of processes of `over`.
     """
 
-    def __init__(self, path: Path | None) -> None:
-        self.path = path
+    def __init__(self, path: Path | None, jobs: int = 1) -> None:
+        self.path, self.jobs = path, jobs
         self.known: dict[tuple[str, ...], dict[str, float]] = {}
-        source = hashlib.sha256()
-        for file in sorted(Path(gppcs.__file__).parent.rglob("*.py")):
-            source.update(file.read_bytes())
-        self.by = f"{source.hexdigest()[:16]}, {numba.get_num_threads()} threads"
         for line in path.read_text().splitlines() if path and path.exists() else ():
             try:
                 record = json.loads(line)
-            except json.JSONDecodeError:  # cut short
+            except json.JSONDecodeError:  # an empty line, or one that was cut short
                 continue
-            if record["by"] == self.by:
-                self.known[tuple(record["run"])] = record["figures"]
+            self.known[(record["by"], *record["run"])] = record["figures"]
 
-    def of(
-        self, condition: Condition, label: str, start: int, work: Callable[[], tuple[gppcs.PointCloud, float]]
-    ) -> Figures:
-        """Return the figures of a run, from the file where it has been made; none where it fails."""
+    def of(self, condition: Condition, label: str, start: int, work: Work, by: str = "") -> Figures:
+        """Return the figures of a run, from the file if it is there; none if it fails.
+
+        `by` is a digest of what the run is made by, in place of that of the method `gp`.
+        """
         run = (condition.name, label, str(start))
-        if run not in self.known:
+        judge = code_digest.of_code(figures, type(condition))
+        key = f"{by or code_digest.of_method(gppcs.LocalGP())}, judge {judge}, {numba.get_num_threads()} threads"
+        if (key, *run) not in self.known:
             print(", ".join(run), file=sys.stderr)
             try:
                 kept, seconds = work()
-                self.known[run] = {**figures(condition, kept), "seconds": seconds}
-            except Exception as error:  # a blank cell, so that the other runs are not lost; made again by the next call
+                self.known[key, *run] = {**figures(condition, kept), "seconds": seconds}
+            except Exception as error:  # leaves a blank cell, and other runs go on; the next call tries again
                 print(f"{', '.join(run)}: {type(error).__name__}: {error}", file=sys.stderr)
                 return {}
             if self.path:
                 with open(self.path, "a") as file:
-                    file.write("\n" + json.dumps({"by": self.by, "run": run, "figures": self.known[run]}))
-        return self.known[run]
+                    file.write("\n" + json.dumps({"by": key, "run": run, "figures": self.known[key, *run]}))
+        return self.known[key, *run]
+
+    def over(self, chosen: Sequence[Condition], work: Callable[[Condition, Runs], Made]) -> list[Made]:
+        """Return what some work makes under each condition, by several processes side by side if there are jobs."""
+        if self.jobs == 1:
+            return [work(condition, self) for condition in chosen]
+        with ProcessPoolExecutor(self.jobs, get_context("spawn"), numba.set_num_threads, (1,)) as processes:
+            return list(processes.map(_apart, [(work, condition, self.path) for condition in chosen]))
+
+
+def _apart(task: tuple[Callable[[Condition, Runs], Made], Condition, Path | None]) -> Made:
+    work, condition, path = task
+    return work(condition, Runs(path))
 
 
 def asked(conditions: Sequence[Condition], purpose: str | None) -> tuple[list[Condition], Runs]:
-    """Return the conditions of the command line, or all, and the runs that are known."""
+    """Return the conditions of the command line, or all, and the known runs."""
     parser = argparse.ArgumentParser(description=purpose, formatter_class=argparse.RawDescriptionHelpFormatter)
-    names = [word for condition in conditions for word in (condition.file, condition.name)]
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(dict.fromkeys(names))}; all if none")
-    parser.add_argument("--keep", type=Path, metavar="FILE", help="JSON lines of the runs made, to take up again")
+    names = list(dict.fromkeys(word for condition in conditions for word in (condition.file, condition.name)))
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"one of {', '.join(names)}; all if none is given")
+    parser.add_argument("--keep", type=Path, metavar="FILE", help="file of runs, to go on after a call cut short")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes side by side; 1 by default")
     given = parser.parse_args()
     for word in set(given.names) - set(names):
         parser.error(f"there is no condition {word!r}")
+    numba.set_num_threads(1)  # as many as each of several processes has
     chosen = [each for each in conditions if not given.names or {each.file, each.name} & set(given.names)]
-    return chosen, Runs(given.keep)
+    return chosen, Runs(given.keep, given.jobs)
 
 
 def keep(
@@ -225,10 +399,11 @@ def keep(
     conditions: Sequence[Condition],
     notes: Sequence[str],
     whole: bool,
+    introduction: str = "",
 ) -> None:
-    """Print the tables, and keep them in results/NAME.md if they are of all conditions."""
+    """Print the tables, and write them to results/NAME.md if they are of all conditions."""
     data = list(dict.fromkeys(path for condition in conditions for path in condition.files))
     if whole:
-        report.write_sections(name, title, sections, data, notes)
+        report.write_sections(name, title, sections, data, notes, introduction)
     else:
-        print(report.text(title, sections, data, notes))
+        print(report.text(title, sections, data, notes, introduction))

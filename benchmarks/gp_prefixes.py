@@ -1,4 +1,4 @@
-"""Prefixes of a ranking by the method `gp`, beside runs that ask for so many points directly."""
+"""Compare prefixes of a ranking by the method `gp` with runs that ask for the smaller number of points directly."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ CONDITIONS = (
     Condition("nefertiti", "nefertiti", 0.05),
 )
 STARTS = range(3)  # turns of the cloud
-SHARES = {"M/2": 0.5, "M/4": 0.25, "0.7 M": 0.7}  # the selection doubles its points in stages: 0.7 M is within one
+SHARES = {"M/2": 0.5, "M/4": 0.25, "0.7 M": 0.7}  # each stage doubles the points: 0.7 M lies within a stage
 SHOWN = (H_MEAN, H_MAX, SURFACE, COVER)
 
 
 def direct(condition: Condition, share: float, start: int) -> tuple[gppcs.PointCloud, float]:
-    """Return what a run for a share of M points keeps, and the seconds."""
+    """Return the points that a run for a share of M keeps, and the seconds."""
     return conditions.simplified(condition, gppcs.LocalGP(), start, round(share * condition.n_points))
 
 
 def prefix(condition: Condition, share: float, start: int) -> tuple[gppcs.PointCloud, float]:
-    """Return the first of the points that a run for M points keeps, and the seconds of that run."""
+    """Return the first points of a run for M points, and the seconds of that run."""
     kept, seconds = direct(condition, 1.0, start)
     return kept.take(np.arange(round(share * condition.n_points))), seconds
 
 
 def values(made: Sequence[Figures], column: Column) -> list[float]:
-    """Return a figure of each run that has it."""
+    """Return the values of a figure, for the runs that have it."""
     return [found[column.figure] for found in made if column.figure in found]
 
 
 def compared(made: tuple[Sequence[Figures], Sequence[Figures]], column: Column) -> list[str]:
-    """Return a figure of prefixes and of direct runs, and the one's geometric mean as a multiple of the other's."""
+    """Return the cells of a figure: of prefixes, of direct runs, and the ratio of their geometric means."""
     first, second = (values(runs, column) for runs in made)
     ratio = f"{np.exp(np.mean(np.log(first)) - np.mean(np.log(second))):.3f}" if first and second else ""
     return [column.cell(first), column.cell(second), ratio]
@@ -68,9 +68,9 @@ def main() -> None:
         [report.Section("", ("cloud", "size", "points", *titles), rows)],
         chosen,
         (
-            "M is the share of the points that stands beside the cloud's name.",
-            f"Mean ± standard deviation of {len(STARTS)} runs, the first of the cloud as it is, the others of it "
-            "turned at random; the multiples are of geometric means.",
+            "M is the share of the points that the first column gives after the name of the cloud.",
+            f"Mean ± standard deviation of {len(STARTS)} runs: the first of the cloud as it is, the others of the "
+            "cloud turned at random. The ratios are of geometric means.",
         ),
         whole=len(chosen) == len(CONDITIONS),
     )

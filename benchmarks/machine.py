@@ -1,4 +1,4 @@
-"""What the machine can do at most: copying, fetching lines of memory at random, multiplying and adding."""
+"""Measure the limits of the machine: copies, reads of memory at random, multiplications and additions."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import numpy as np
 
 import report
 
-NUMBERS = 42_000_000  # of eight bytes: 336 MB, as many as 14 million points have
+NUMBERS = 42_000_000  # of eight bytes: 336 MB, the coordinates of 14 million points
 LINE = 8  # numbers in 64 bytes
-LINES = 4_000_000  # fetched
+LINES = 4_000_000  # number of reads
 DEGREE = 16
-VALUES = 1024  # that the first cache holds
+VALUES = 1024  # fit in the first cache
 SWEEPS = 20_000
 
 
@@ -31,9 +31,9 @@ def _fetch(given, lines):
 
 @nb.njit(cache=True, parallel=True, fastmath=True)
 def _polynomials(values, sweeps, made):
-    """Evaluate two polynomials at each value, by Horner's scheme, again and again.
+    """Evaluate two polynomials at each value, by Horner's scheme, many times.
 
-    Two, and several values at a time, keep the units busy while earlier results are on their way.
+    Two polynomials and several values at a time keep the arithmetic units busy: none has to wait for a result.
     """
     for thread in nb.prange(len(made)):
         for sweep in range(sweeps):
@@ -48,20 +48,20 @@ def _polynomials(values, sweeps, made):
 
 
 def copying(threads: int) -> float:
-    """Return the GB/s that are read and written by a copy of memory."""
+    """Return the GB/s that a copy of memory reads and writes."""
     given, made = np.ones(NUMBERS), np.empty(NUMBERS)
     return 2 * given.nbytes / report.least_time(lambda: _copy(given, made)) / 1e9
 
 
 def fetching(threads: int) -> float:
-    """Return the ns for each line of memory that is fetched out of order."""
+    """Return the ns of a read of a line of memory at a random place."""
     given = np.ones(NUMBERS)
     lines = np.random.default_rng(0).integers(0, NUMBERS // LINE, LINES)
     return report.least_time(lambda: _fetch(given, lines)) / LINES * 1e9
 
 
 def multiplying(threads: int) -> float:
-    """Return the GFLOP/s of multiplications and additions of doubles that do not wait for memory."""
+    """Return the GFLOP/s of multiplications and additions of doubles that are in the cache."""
     values, sums = np.linspace(0, 0.5, VALUES), np.zeros((threads, VALUES))
     return 4 * DEGREE * SWEEPS * sums.size / report.least_time(lambda: _polynomials(values, SWEEPS, sums)) / 1e9
 
@@ -74,7 +74,7 @@ WORKS = {
 
 
 def limits() -> report.Section:
-    """Measure them by one thread and by all."""
+    """Return the table of the limits, with one thread and with all."""
     most = nb.get_num_threads()
     rows = {name: [] for name in WORKS}
     for threads in range(1, most + 1):

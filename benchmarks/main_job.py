@@ -1,6 +1,7 @@
-"""What the commands cost on the Dragon (437,645 points to 13,129), beside jakteristics where it does the same work.
+"""Measure the time and the memory of the methods on the Dragon (437,645 points to 13,129), beside jakteristics.
 
-Minima of several warm runs; peak memory is that of a whole process that reads, simplifies and writes.
+Times are the least of several runs with compiled kernels. Peak memory is that of a whole process that reads, simplifies
+and writes a file. jakteristics computes surface variation and normals.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ RATIO = 0.03
 
 
 def peak_memory(path: Path, method: str) -> float:
-    """Return the peak memory in GB of a process of its own that simplifies the file."""
+    """Return the peak memory in GB of a new process that simplifies the file."""
     with get_context("spawn").Pool(1) as pool:
         return pool.apply(_simplify_file, (path, method))
 
@@ -33,7 +34,7 @@ def peak_memory(path: Path, method: str) -> float:
 def _simplify_file(path: Path, method: str) -> float:
     with tempfile.TemporaryDirectory() as folder:
         gppcs.write(Path(folder) / "out.ply", gppcs.simplify(gppcs.read(path), ratio=RATIO, method=method).cloud)
-    # not getrusage: its peak outlives the exec by which this process came about
+    # not getrusage: its peak includes that of the parent before the exec
     status = Path("/proc/self/status").read_text()
     return int(status.split("VmHWM:")[1].split()[0]) * 1024 / 1e9
 

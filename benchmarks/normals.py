@@ -1,7 +1,7 @@
-"""What normals of the whole cloud are worth to the points kept: rebuilt surfaces, signs and seconds.
+"""Compare surfaces rebuilt with normals of the kept points and with normals of the whole cloud.
 
-Points by `fps`; the normals that the points kept show by themselves have the sign of the mesh, those carried along have
-the sign found without it.
+The points are kept by `fps`. Normals estimated from the kept points get their signs from the mesh. Normals of the whole
+cloud have the signs that `gppcs.estimate_normals` finds without the mesh.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ CASES = (("dragon", 0.03), ("armadillo_50k", 0.05), ("bunny", 0.05), ("nefertiti
 
 
 def row(name: str, ratio: float) -> tuple[str, ...]:
-    """Return the line of one cloud."""
+    """Return the row of one cloud."""
     path = report.DATA / f"{name}.ply"
     mesh, cloud = gppcs.read_mesh(path), gppcs.read(path)
     kept = gppcs.simplify(cloud, ratio=ratio, method="fps", normals=True)

@@ -1,9 +1,9 @@
-"""Which figure ranks simplifications as the eye does: rank correlations with the look of the rebuilt meshes.
+"""Find out which figure ranks simplifications as the eye does, by rank correlation with the look of rebuilt meshes.
 
-For want of people, the eye is stood in for by two differences between pictures of the original and of the rebuilt mesh,
-from eight sides: one less the structural similarity of the shaded surfaces (Wang et al. 2004), and the mean angle
-between the surface normals that a pixel shows, 90 degrees where only one of them covers it. Needs the extras `evaluate`
-and `view`.
+No people took part. Two differences between pictures of the original mesh and of the rebuilt mesh stand for the eye.
+The first is one minus the structural similarity of the shaded surfaces (Wang et al. 2004). The second is the mean angle
+between the surface normals at a pixel; it is 90 degrees if only one of the meshes covers the pixel. Both are means over
+eight directions of view. Needs the extras `evaluate` and `view`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ WITHOUT = (
 )  # fmt: skip
 VIEWS, SIZE = 8, 384  # directions, pixels
 LIGHT = np.array([-0.4, 0.5, 0.77]) / np.linalg.norm([-0.4, 0.5, 0.77])
-CREASE = 30.0  # degrees between faces from which on an edge is drawn sharp
+CREASE = 30.0  # if faces meet at more degrees, the edge is drawn sharp
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,10 @@ def directions() -> Array:
 
 
 def normal_maps(mesh: gppcs.Mesh, frame: gppcs.Mesh) -> list[Array]:
-    """Return, for each view of what the frame occupies, the normals in camera axes, (SIZE, SIZE, 3); zero beside it."""
+    """Return the normals that each view shows, in camera axes, (SIZE, SIZE, 3); zero where there is no surface.
+
+    The views show the box of the mesh `frame`.
+    """
     surface = pyvista.PolyData.from_regular_faces(mesh.vertices, mesh.faces).compute_normals(
         cell_normals=False, split_vertices=True, feature_angle=CREASE, consistent_normals=False
     )
@@ -62,7 +65,7 @@ def normal_maps(mesh: gppcs.Mesh, frame: gppcs.Mesh) -> list[Array]:
     radius = np.linalg.norm(frame.vertices - middle, axis=1).max()
     plotter: Any = pyvista.Plotter(off_screen=True, window_size=(SIZE, SIZE))
     plotter.set_background("black")
-    plotter.disable_anti_aliasing()  # which would mix normals with the black beside them
+    plotter.disable_anti_aliasing()  # it would mix normals with the black background
     plotter.add_mesh(surface, scalars="colour", rgb=True, lighting=False)
     plotter.enable_parallel_projection()
     maps = []
@@ -71,7 +74,7 @@ def normal_maps(mesh: gppcs.Mesh, frame: gppcs.Mesh) -> list[Array]:
         plotter.camera.position, plotter.camera.focal_point = middle + 3 * radius * direction, middle
         plotter.camera.up, plotter.camera.parallel_scale = up, 1.02 * radius
         plotter.camera.clipping_range = radius, 5 * radius
-        plotter.render()  # a screenshot alone shows the first view again
+        plotter.render()  # without it, the screenshot shows the first view again
         right = np.cross(up, direction) / np.linalg.norm(np.cross(up, direction))
         maps.append(in_camera(plotter.screenshot(return_img=True), [right, np.cross(direction, right), direction]))
     plotter.close()
@@ -79,7 +82,7 @@ def normal_maps(mesh: gppcs.Mesh, frame: gppcs.Mesh) -> list[Array]:
 
 
 def in_camera(image: NDArray[np.uint8], axes: list[Array]) -> Array:
-    """Return the normals that colours stand for, in the camera's axes; zero where the picture is black."""
+    """Turn the colours of a picture into normals in camera axes; zero where the picture is black."""
     covered = image.any(axis=2)
     normals = (image / 127.5 - 1) @ np.stack(axes, axis=1)
     lengths = np.maximum(np.linalg.norm(normals, axis=2), 1e-9)
@@ -87,11 +90,11 @@ def in_camera(image: NDArray[np.uint8], axes: list[Array]) -> Array:
 
 
 def looks(rebuilt: list[Array], original: list[Array]) -> tuple[float, float]:
-    """Return the two differences: one less structural similarity, and the mean angle in degrees."""
+    """Return the two differences: one minus structural similarity, and the mean angle in degrees."""
     dissimilar, angles = [], []
     for first, second in zip(rebuilt, original, strict=True):
         there = [normals.any(axis=2) for normals in (first, second)]
-        seen = (there[0] | there[1]) & (second[..., 2] >= 0)  # not the insides of an open original
+        seen = (there[0] | there[1]) & (second[..., 2] >= 0)  # without the inner sides of an open original
         cosine = np.einsum("ijk,ijk->ij", first, second)
         dissimilar.append(1 - similarity(shaded(first), shaded(second))[seen])
         angles.append(np.where(there[0] & there[1], np.degrees(np.arccos(np.clip(cosine, -1, 1))), 90.0)[seen])
@@ -99,7 +102,7 @@ def looks(rebuilt: list[Array], original: list[Array]) -> tuple[float, float]:
 
 
 def shaded(normals: Array) -> Array:
-    """Return the brightness of a matt surface, black beside it."""
+    """Return the brightness of a matt surface; zero where there is no surface."""
     return np.where(normals.any(axis=2), 0.1 + 0.9 * np.maximum(normals @ LIGHT, 0), 0.0)
 
 
@@ -145,7 +148,8 @@ def main() -> None:
     rows.sort(key=lambda row: -float(row[1]))
     report.write(
         "perception",
-        f"Rank correlation of figures with the look of the rebuilt mesh, over {len(gppcs.METHODS)} methods",
+        "Rank correlation of figures with the look of the rebuilt mesh, "
+        f"over {len(gppcs.METHODS)} methods, gp among them",
         (
             "figure",
             "structure: mean",

@@ -1,6 +1,6 @@
-"""Time reading and writing of a large PLY file: float32 coordinates, without and with colours.
+"""Time reading and writing of a large PLY file with float32 coordinates, without and with colours.
 
-Run as `python benchmarks/reading.py [--points N] [--repeats R]`; prints the least of the times.
+Run `python benchmarks/reading.py [--points N] [--repeats R]`. It prints the least of the times.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""Rivals of the paper beside the same by CGAL, in one process, on the Dragon; CGAL comes with the extra `cgal`.
+"""Time the rivals of the paper on the Dragon, in one process with the same methods of CGAL.
 
-Minima of several warm runs, taken in turns; CGAL's times are without the making of its point sets. PC-Simp and AIVS are
-not at hand: beside ours stand the seconds that the paper reports for them on an i7-11800H.
+Needs the extra `cgal`. Times are the least of several runs with compiled kernels; both sides take turns. CGAL's times
+are without the making of its point sets. The programs of PC-Simp and AIVS are not available: the table shows the
+seconds that the paper reports for them on an i7-11800H.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ PAPER = {"pc-simp": 245.5, "aivs": 44.6}  # seconds, its Table 1
 
 
 def point_set(points: NDArray[np.float64]) -> Point_set_3:
-    """Return the points as CGAL's."""
+    """Return the points as a point set of CGAL."""
     made = Point_set_3()
     for x, y, z in points.tolist():
         made.insert(Point_3(x, y, z))
@@ -56,7 +57,7 @@ def cgal_wlop(points: NDArray[np.float64], radius: float) -> float:
 
 
 def our_wlop(points: NDArray[np.float64], n_points: int, radius: float) -> float:
-    """Return the seconds of ours, tree and snapping included."""
+    """Return the seconds of our WLOP, with tree and snapping."""
     start = perf_counter()
     tree = KdTree.build(points)
     first = points[np.random.default_rng(0).permutation(len(points))[:n_points]]
@@ -65,14 +66,14 @@ def our_wlop(points: NDArray[np.float64], n_points: int, radius: float) -> float
 
 
 def our_method(points: NDArray[np.float64], n_points: int, name: str) -> float:
-    """Return the seconds of a method of ours, all preparations included."""
+    """Return the seconds of one of our methods, with all preparations."""
     start = perf_counter()
     gppcs.simplify(points, n_points=n_points, method=name)
     return perf_counter() - start
 
 
 def our_clusters(points: NDArray[np.float64], n_points: int | None) -> float:
-    """Return the seconds of ours, for an exact number or the limits."""
+    """Return the seconds of our hierarchical clustering: for an exact number of points, or by the limits."""
     start = perf_counter()
     if n_points is None:
         hierarchical_clusters(points, SIZE, VARIATION)

@@ -1,4 +1,7 @@
-"""Parts and methods beside what others' packages do for the same work, on the Dragon; a missing package is told."""
+"""Time parts and methods of gppcs beside other packages that do the same work, on the Dragon.
+
+The table says which packages are not installed.
+"""
 
 from __future__ import annotations
 
@@ -26,14 +29,14 @@ RATIO = 0.03
 NEIGHBOURS = 25
 REPEATS = 5
 MODULES = ("CGAL", "fpsample", "jakteristics", "open3d", "pgeof", "scipy")
-LONG = 15.0  # seconds of repeats, after which there are no more
+LONG = 15.0  # no more repeats after so many seconds
 
 Work = Callable[[], object]
 
 
 @dataclass(frozen=True)
 class Rival:
-    """What another package does; `prepare` imports it and returns the work to be timed."""
+    """Another package: `prepare` imports it and returns the work to be timed."""
 
     name: str
     prepare: Callable[[Array], Work]
@@ -41,7 +44,7 @@ class Rival:
 
 
 def jakteristics(points: Array) -> Work:
-    """Measure surface variation and normals within a radius."""
+    """Compute surface variation and normals within a radius."""
     from jakteristics import compute_features
 
     return lambda: compute_features(
@@ -53,7 +56,7 @@ def jakteristics(points: Array) -> Work:
 
 
 def pgeof(points: Array) -> Work:
-    """Measure all its features of the nearest points, in single precision."""
+    """Compute all features of pgeof from the nearest points, in single precision."""
     import pgeof
 
     single = points.astype(np.float32)
@@ -85,7 +88,7 @@ def cgal_clusters(points: Array) -> Work:
 
 
 def cgal_wlop(points: Array) -> Work:
-    """Project, with its own radius, which is as ours."""
+    """Project by WLOP with the default radius, which is the same as ours."""
     import rivals
 
     given, moved = rivals.point_set(points), rivals.Point_set_3()
@@ -94,14 +97,14 @@ def cgal_wlop(points: Array) -> Work:
 
 
 def fpsample(points: Array) -> Work:
-    """Choose farthest points, by buckets of a k-d tree of the height that is fastest here."""
+    """Choose farthest points with the buckets of a k-d tree, of the height that is fastest here."""
     from fpsample import bucket_fps_kdline_sampling
 
     return lambda: bucket_fps_kdline_sampling(points, kept(points), h=9, start_idx=0)
 
 
 def open3d_cloud(points: Array) -> object:
-    """Return the points as Open3D's."""
+    """Return the points as a point cloud of Open3D."""
     import open3d
 
     return open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
@@ -120,17 +123,17 @@ def open3d_farthest(points: Array) -> Work:
 
 
 def kept(points: Array) -> int:
-    """Return how many points are chosen."""
+    """Return the number of points to keep."""
     return round(RATIO * len(points))
 
 
 def simplified(method: str, points: Array) -> object:
-    """Choose points by a method of ours, from array to indices."""
+    """Simplify by one of our methods."""
     return gppcs.simplify(points, n_points=kept(points), method=method)
 
 
 def pairs(points: Array) -> Iterator[tuple[str, Work, Rival]]:
-    """Yield each work, how we do it, and who else does."""
+    """Yield the name of each work, our code for it, and the rival."""
     tree = KdTree.build(points)
     cgal_hc = Rival("CGAL hierarchy_simplify_point_set", cgal_clusters, parallel=False)
     cgal = Rival("CGAL wlop_simplify_and_regularize_point_set", cgal_wlop, parallel=True)
@@ -174,14 +177,14 @@ def pairs(points: Array) -> Iterator[tuple[str, Work, Rival]]:
 
 
 def least_times(ours: Work, rival: Rival, points: Array) -> tuple[float, float]:
-    """Return the least seconds of both, in turns; the rival's are NaN where it is not installed."""
+    """Return the least seconds of both sides, which take turns; NaN for a rival that is not installed."""
     least, begin = [np.inf, np.inf], perf_counter()
     ours()  # loads the kernels
     for _ in range(REPEATS):
         for side, prepare in enumerate((lambda: ours, partial(rival.prepare, points))):
             try:
                 work = prepare()
-            except (ImportError, OSError):  # OSError: of a system library that it needs
+            except (ImportError, OSError):  # OSError: a library of the system is missing
                 least[side] = np.nan
                 continue
             start = perf_counter()
@@ -200,9 +203,9 @@ def versions() -> str:
 
 
 def compared() -> report.Section:
-    """Measure all pairs, each with as many threads as the rival can use."""
+    """Return the table of all pairs, each with the number of threads that the rival can use."""
     points = gppcs.read(DRAGON).points
-    most = numba.get_num_threads()  # starts them: later, Numba would meet Open3D's TBB, which is too old for it
+    most = numba.get_num_threads()  # starts the threads: after the import of Open3D, its TBB is too old for Numba
     rows = []
     for work, ours, rival in pairs(points):
         print(f"{work} beside {rival.name}", file=sys.stderr)

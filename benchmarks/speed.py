@@ -1,7 +1,8 @@
-"""What `gp` and its rivals cost from small clouds to 14 million points, and what the machine could do.
+"""Measure the time and the memory of `gp` and its rivals, from small clouds to 14 million points.
 
-Needs the extras `evaluate` and `picture`; jakteristics, pgeof, SciPy, CGAL, fpsample and Open3D are measured where they
-are installed. Linux only.
+The page also has the limits of the machine, and packages that do the same work as parts of gppcs. Needs the extras
+`evaluate` and `picture`. jakteristics, pgeof, SciPy, CGAL, fpsample and Open3D are measured if they are installed. Runs
+on Linux only.
 """
 
 from __future__ import annotations
@@ -10,9 +11,8 @@ import argparse
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
@@ -27,47 +27,28 @@ import report
 import same_work
 from clouds import Array, Cloud
 from gppcs.engine.memory import STATUS, peak_memory
+from measured import Measured, Run
+from speed_plot import draw
 
 GP = "gp"
 METHODS = (GP, "gp-spectral", "fps", "hc", "wlop")
-TOO_LONG, TOO_LARGE = 60.0, 12e9  # expected seconds and bytes of memory, beyond which a method is left out
+TOO_LONG, TOO_LARGE = 60.0, 12e9  # seconds and bytes of memory; if more are expected, a method is left out
 LEFT_OUT = "\N{EN DASH}"
-LONG = 20.0  # seconds of repeats, after which there are no more
+LONG = 20.0  # no more repeats after so many seconds
 NOTES = (
-    "Seconds are wall time from an array in memory to indices in memory, kernels loaded: the least of up to 5 runs, 3 "
-    "from a million points on, 2 from ten million on, and no more runs after 20 seconds of them.",
-    "Peak memory is that of the first run in a process of its own, above what the process held with the cloud in it.",
-    f"{LEFT_OUT}: left out, since the run before made more than 60 seconds or 12 GB likely.",
+    "Seconds are wall time from an array in memory to indices in memory, with compiled kernels: the least of up to 5 "
+    "runs, of 3 from a million points on, of 2 from ten million on. No run starts after 20 seconds of runs.",
+    "Peak memory is that of the first run in its own process, less the memory that the process held before the run.",
+    f"{LEFT_OUT}: left out, since the run on the cloud before made more than 60 seconds or 12 GB likely.",
     "The exponent is the slope of the least-squares line of log seconds over log points.",
-    "The samples are uniform by area, with Gaussian noise of 1e-4 diagonals; the flat scene is what four laser "
-    "scanners on masts see of ground and buildings; on the ground, density falls with the squared distance to each.",
-    "Files are binary PLY with float32 coordinates, in the operating system's cache.",
-    "Beside others, both have the number of threads that the rival can use; runs are taken in turns. Point sets of "
+    "The samples of the mesh are uniform by area, with Gaussian noise of 1e-4 diagonals. The flat scene shows ground "
+    "and buildings as four laser scanners on masts see them. On the ground, the density around a scanner falls with "
+    "the squared distance.",
+    "Files are binary PLY with float32 coordinates, in the cache of the operating system.",
+    "Beside others: both sides have the number of threads that the rival can use, and take turns. The point sets of "
     "CGAL and Open3D are made before. pgeof computes seven more features, in single precision. hc, gp and wlop by CGAL "
     "do not choose the same points.",
 )
-
-
-@dataclass(frozen=True)
-class Run:
-    """The fastest of several runs, and the memory of the first.
-
-    Attributes
-    ----------
-    seconds : float
-        In all.
-    stages : mapping of name to float
-        Seconds.
-    memory : float
-        The peak above the input, in bytes a point.
-    """
-
-    seconds: float
-    stages: Mapping[str, float]
-    memory: float
-
-
-Runs = dict[str, Run]  # by method; those left out are missing
 
 
 def repeats(n: int) -> int:
@@ -76,17 +57,17 @@ def repeats(n: int) -> int:
 
 
 def apart(work: Callable[..., Run], *given: object) -> Run:
-    """Return what a process of its own returns."""
+    """Do some work in its own process."""
     with ProcessPoolExecutor(1, get_context("spawn")) as process:
         return process.submit(work, *given).result()
 
 
 def measure(path: Path, method: str, n_points: int, threads: int) -> Run:
-    """Simplify the points of an NPY file."""
+    """Simplify the points of an NPY file several times; return the fastest run."""
     numba.set_num_threads(threads)
     gppcs.simplify(gppcs.sample("bracket", n_points=6_000), ratio=0.1, method=method)  # loads the kernels
     points = np.load(path)
-    Path("/proc/self/clear_refs").write_text("5")  # the peak of memory begins anew
+    Path("/proc/self/clear_refs").write_text("5")  # resets the peak of memory
     held, peak, runs = resident(), 0, []
     begin = perf_counter()
     while len(runs) < repeats(len(points)) and perf_counter() - begin < LONG:
@@ -98,7 +79,7 @@ def measure(path: Path, method: str, n_points: int, threads: int) -> Run:
 
 
 def resident() -> int:
-    """Return the bytes that this process holds now."""
+    """Return the bytes of memory that this process holds now."""
     return int(STATUS.read_text().split("VmRSS:")[1].split()[0]) * 1024
 
 
@@ -110,22 +91,6 @@ def file_times(points: Array, folder: Path) -> tuple[float, float]:
         report.least_time(lambda: gppcs.write(path, cloud, force=True), most),
         report.least_time(lambda: gppcs.read(path), most),
     )
-
-
-@dataclass(frozen=True)
-class Measured:
-    """All that was measured on a cloud."""
-
-    cloud: Cloud
-    runs: Runs
-    single: Run | None  # of gp by one thread
-    writing: float
-    reading: float
-
-    @property
-    def names(self) -> tuple[str, str, str]:
-        """The first cells of its rows."""
-        return self.cloud.name, f"{self.cloud.size:,}", f"{self.cloud.n_points:,}"
 
 
 def measured(cloud: Cloud, before: Sequence[Measured]) -> Measured:
@@ -148,7 +113,7 @@ def measured(cloud: Cloud, before: Sequence[Measured]) -> Measured:
 
 
 def feasible(method: str, cloud: Cloud, before: Sequence[Measured]) -> bool:
-    """Tell whether a method can be expected to take neither too long nor too much memory."""
+    """Return whether a method is expected to need neither too much time nor too much memory."""
     if method == GP or not before:
         return True
     known = [each for each in before if method in each.runs]
@@ -158,13 +123,13 @@ def feasible(method: str, cloud: Cloud, before: Sequence[Measured]) -> bool:
 
 
 def exponent(series: Sequence[Measured], seconds: Callable[[Run], float]) -> float:
-    """Return the slope of the seconds of gp over the number of points, both as logarithms."""
+    """Return the slope of log seconds of gp over log points."""
     sizes = [each.cloud.size for each in series]
     return float(np.polyfit(np.log(sizes), np.log([seconds(each.runs[GP]) for each in series]), 1)[0])
 
 
 def stage_table(all_measured: Sequence[Measured]) -> report.Section:
-    """Return the seconds of gp by stage, with exponents."""
+    """Return the table of the seconds of each stage of gp, with exponents."""
     stages = list(dict.fromkeys(stage for each in all_measured for stage in each.runs[GP].stages))
     rows = [
         [*each.names, f"{run.seconds:.3f}", *(f"{run.stages.get(stage, 0):.3f}" for stage in stages)]
@@ -181,12 +146,12 @@ def stage_table(all_measured: Sequence[Measured]) -> report.Section:
 
 
 def series_of(all_measured: Sequence[Measured]) -> list[Measured]:
-    """Return what was measured on one shape at more and more points."""
+    """Return what was measured on one shape with more and more points."""
     return [each for each in all_measured if each.cloud in clouds.SERIES]
 
 
 def method_tables(all_measured: Sequence[Measured]) -> list[report.Section]:
-    """Return seconds and memory of all methods."""
+    """Return the tables of seconds and of memory of all methods."""
     header = ["cloud", "points", "kept", *METHODS]
     seconds, memory = [], []
     for each in all_measured:
@@ -201,23 +166,25 @@ def method_tables(all_measured: Sequence[Measured]) -> list[report.Section]:
 
 
 def thread_table(all_measured: Sequence[Measured]) -> report.Section:
-    """Return the seconds of gp by one thread and by all."""
+    """Return the table of the seconds of gp with one thread and with all."""
     rows = [
         [*each.names, f"{each.single.seconds:.3f}", f"{all_:.3f}", f"{each.single.seconds / all_:.2f}"]
         for each in all_measured
         if each.single and (all_ := each.runs[GP].seconds)
     ]
     header = ["cloud", "points", "kept", "1 thread", f"{numba.get_num_threads()} threads", "times as fast"]
-    return report.Section("gp by one thread and by all, seconds", header, rows)
+    return report.Section("gp with one thread and with all, seconds", header, rows)
 
 
 def main() -> None:
     """Print the tables, and write them and the plot."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--largest", type=int, default=14_000_000, metavar="N", help="leave larger clouds out")
-    parser.add_argument("--to", type=Path, default=report.HERE / "results", metavar="FOLDER", help="where results go")
+    parser.add_argument("--largest", type=int, default=14_000_000, metavar="N", help="leave out larger clouds")
+    parser.add_argument(
+        "--to", type=Path, default=report.HERE / "results", metavar="FOLDER", help="folder of the results"
+    )
     given = parser.parse_args()
-    # as many cores as Numba has threads, for those that start a thread for each core
+    # as many cores as Numba has threads: some packages start a thread for each core
     os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: numba.config.NUMBA_NUM_THREADS])
     for method in METHODS:
         gppcs.simplify(gppcs.sample("bracket", n_points=6_000), ratio=0.1, method=method)  # compiles, in this process
@@ -235,8 +202,6 @@ def main() -> None:
     )
     print(page)
     (given.to / "speed.md").write_text(page)
-    from speed_plot import draw
-
     draw(given.to / "speed.png", done, series_of(done))
 
 

@@ -1,29 +1,27 @@
-"""The plot of `speed.py`: seconds over the number of points, of the methods and of the stages of gp."""
+"""The plot of `speed.py`: seconds over the number of points, for the methods and for the stages of gp."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 
+from measured import Measured
+
 mpl.use("Agg")
 from matplotlib import pyplot as plt
 
-if TYPE_CHECKING:
-    from speed import Measured
-
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
-NEAREST = 1.35  # labels stand apart by this factor at least
+NEAREST = 1.35  # labels are at least this factor apart
 
 Line = tuple[Sequence[float], Sequence[float]]  # points, seconds
 
 
 def draw(path: Path, everything: Sequence[Measured], series: Sequence[Measured]) -> None:
-    """Draw what was measured: of all clouds the methods, of the series of one shape the stages of gp."""
+    """Draw the methods on all clouds, and the stages of gp on the series of one shape."""
     scene = [each for each in everything if each not in series and each.cloud.size > 1_000_000]
     rest = [each for each in everything if each not in scene]
     figure, (left, right) = plt.subplots(1, 2, figsize=(12, 5.5), layout="constrained")
@@ -41,19 +39,19 @@ def draw(path: Path, everything: Sequence[Measured], series: Sequence[Measured])
 
 
 def seconds_of(each: Measured, method: str) -> float:
-    """Return the seconds of a method on a cloud, NaN where it was left out."""
+    """Return the seconds of a method on a cloud; NaN if it was left out."""
     return each.runs[method].seconds if method in each.runs else np.nan
 
 
 def line(measured: Sequence[Measured], seconds: Callable[[Measured], float]) -> Line:
-    """Return the points and the seconds of several clouds; of two alike, those of the one of which more are kept."""
+    """Return points and seconds of several clouds. Of two clouds of one size, the one with more kept points counts."""
     kept = {each.cloud.size: each for each in sorted(measured, key=lambda each: each.cloud.n_points)}
     known = sorted((size, value) for size, each in kept.items() if np.isfinite(value := seconds(each)))
     return tuple(zip(*known, strict=True))
 
 
 def draw_lines(axes: Axes, lines: Mapping[str, Line]) -> None:
-    """Draw lines with their names at their ends, and one of slope 1."""
+    """Draw lines with their names at their ends, and a line of slope 1."""
     for (sizes, seconds), colour in zip(lines.values(), COLOURS, strict=False):
         axes.plot(sizes, seconds, "o-", color=colour, markersize=4, linewidth=1.6)
     axes.set(xscale="log", yscale="log", xlabel="points", ylabel="seconds")
@@ -68,9 +66,9 @@ def draw_lines(axes: Axes, lines: Mapping[str, Line]) -> None:
 
 
 def label(axes: Axes, lines: Mapping[str, Line]) -> None:
-    """Write each name beside the end of its line, in its colour; names that would overlap are moved up.
+    """Write each name beside the end of its line, in its colour. Names that would overlap are moved up.
 
-    That of a line that ends early stands above its end, clear of the others.
+    If a line ends early, its name is above its end.
     """
     places: list[tuple[float, float]] = []
     ends = sorted(

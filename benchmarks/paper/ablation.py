@@ -1,10 +1,10 @@
 """The paper's ablations of k_init, k, i and k_opt (supplement, Table 2) on the bunny, by fps-variation and gp-spectral.
 
-With 20,000 random candidates and the surface variation of the whole cloud, farthest points and then the points of
-largest surface variation are enough to explain the columns of k_init and k: all twelve values of fps-variation come out
-within 2 % (median of five seeds). It has no hyperparameters to fit, and so nothing to vary in the columns of i, the
-iterations of the fit, and k_opt, the points it is made on; there the paper's values hardly vary either, nor do those of
-gp-spectral, whose fit has long ended at 50 iterations.
+fps-variation chooses among 20,000 random candidates: first farthest points, then the points of largest surface
+variation, measured in the whole cloud. This explains the columns of k_init and k: all twelve medians of five seeds are
+within 2 % of the paper's values. fps-variation has no hyperparameters, so it has no columns of i (iterations of the
+fit) and k_opt (points of the fit). In these columns the paper's values hardly vary. Those of gp-spectral hardly vary
+either, since its fit ends before 50 iterations.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def chamfer(cloud: gppcs.PointCloud, method: gppcs.Method) -> float:
 
 
 def table(cloud: gppcs.PointCloud, method: gppcs.Method) -> list[tuple[str, int, float, list[float]]]:
-    """Return parameter, value, the paper's figure and ours for each seed, for the parameters that the method has."""
+    """Return rows of parameter, value, the paper's figure and ours for each seed, for parameters of the method."""
     return [
         (name, value, paper, [chamfer(cloud, method.replaced({FIELDS[name]: value, "seed": seed})) for seed in SEEDS])
         for name, column in PAPER.items()
@@ -49,7 +49,7 @@ def table(cloud: gppcs.PointCloud, method: gppcs.Method) -> list[tuple[str, int,
 
 
 def cells(paper: float, ours: list[float]) -> tuple[str, ...]:
-    """Return the median, its share of the paper's figure and the range, as the table shows them."""
+    """Return the cells of a row: median, median divided by the paper's figure, and range."""
     return f"{np.median(ours):.3f}", f"{np.median(ours) / paper:.3f}", f"{min(ours):.3f} to {max(ours):.3f}"
 
 

@@ -1,4 +1,4 @@
-"""What the paper's method does on all points of the Dragon, and on 25,000 random ones as in the paper's experiments."""
+"""Compare the paper's method on all points of the Dragon and on 25,000 random points, as in its experiments."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What the experiments of the paper share: the methods, the runs, and the tables.
+"""What the experiments of the paper share: methods, runs and tables.
 
-A script runs all methods, or those named on its command line; only a run of all methods is kept in `results/`.
+A script runs all methods, or those named on its command line. It writes to `results/` only if it ran all methods.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from gppcs.methods.pc_simp.graph_filter import NeighbourGraph
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 
-CANDIDATES = 25_000  # random points among which the paper's experiments choose
+CANDIDATES = 25_000  # random points that the experiments of the paper choose from
 RELEASED_WEIGHT = 1e-3  # lambda in PC-Simp's released program
-COUNTERPARTS = {  # the paper's name of what a method is put beside
+COUNTERPARTS = {  # the method of the paper that a method is compared with
     "gp": "GP",
     "gp-spectral": "GP",
     "fps-variation": "GP",
@@ -36,16 +36,17 @@ COUNTERPARTS = {  # the paper's name of what a method is put beside
     "aivs": "AIVS",
 }
 RELEASED_NOTE = (
-    "pc-simp, released weight, has the lambda of the released program, 1e-3, for coordinates in the file's unit; so "
-    "how even its choice is hangs on that unit. Like pc-simp, it solves the programme of the whole cloud, not of cells."
+    "pc-simp, released weight, has the lambda of the released program, 1e-3, for coordinates in the file's unit. So "
+    "the unit decides how even its choice is. Like pc-simp, it solves one problem for the whole cloud, not one for "
+    "each cell."
 )
 FIGURES = {**gppcs.figures_of(gppcs.Report), **gppcs.figures_of(gppcs.Rebuilt)}
 
-Methods = Mapping[str, gppcs.Method]  # by the name that the table gives it
+Methods = Mapping[str, gppcs.Method]  # by the name in the table
 
 
 class Column(NamedTuple):
-    """A figure of the report, or "seconds", and how the table shows it; lengths are in diagonals."""
+    """A figure of the report, or "seconds", and how the table shows it. Lengths are in diagonals."""
 
     title: str
     figure: str
@@ -69,7 +70,7 @@ SECONDS = Column("seconds", "seconds", digits=2)
 
 @dataclass(frozen=True)
 class Condition:
-    """A cloud and how far it is simplified; with a mesh, the rebuilt surface is judged by that."""
+    """A cloud and the share of points to keep. If there is a mesh, it judges the rebuilt surface."""
 
     name: str
     cloud: gppcs.PointCloud
@@ -78,13 +79,13 @@ class Condition:
 
     @cached_property
     def diagonal(self) -> float:
-        """Of the mesh, since noise widens a cloud; of the cloud where there is no mesh."""
+        """The diagonal of the mesh, since noise widens a cloud; without a mesh, that of the cloud."""
         points = self.mesh.vertices if self.mesh else self.cloud.points
         return float(np.linalg.norm(np.ptp(points, axis=0)))
 
 
 def paper_settings(n: int) -> dict[str, gppcs.Method]:
-    """Return the methods with settings of the paper that are not our defaults, for a cloud of n points."""
+    """Return methods with the settings of the paper, where these are not our defaults, for a cloud of n points."""
     settings: dict[str, gppcs.Method] = {"wlop, moved": gppcs.WLOP(snap=False)}
     if n > CANDIDATES:
         settings[f"gp-spectral, {CANDIDATES:,} candidates"] = gppcs.SpectralGP(candidates=CANDIDATES)
@@ -93,10 +94,10 @@ def paper_settings(n: int) -> dict[str, gppcs.Method]:
 
 
 def released_weight(cloud: gppcs.PointCloud) -> dict[str, gppcs.Method]:
-    """Return PC-Simp with the weight of evenness that its authors' program has, for coordinates in the file's unit.
+    """Return PC-Simp with the weight of evenness of its authors' program, for coordinates in the file's unit.
 
-    Strengths there are squared lengths; ours are divided by the squared spacing, and so must the weight be. Where
-    the spacing is a small number, it becomes large, and 1000 iterations do not suffice.
+    The strengths of that program are squared lengths. Ours are divided by the squared spacing, so the weight is, too.
+    If the spacing is a small number, the weight is large and 1000 iterations are too few.
     """
     method = gppcs.PCSimp(iterations=10_000)
     distinct = cloud.points[first_occurrences(cloud.points)]
@@ -105,7 +106,7 @@ def released_weight(cloud: gppcs.PointCloud) -> dict[str, gppcs.Method]:
 
 
 def asked(settings: Methods) -> dict[str, gppcs.Method]:
-    """Return the methods of the command line, or all, each followed by those of `settings` that are of its name."""
+    """Return the methods of the command line, or all. After each come those of `settings` with the same name."""
     methods = {}
     for name in sys.argv[1:] or gppcs.METHODS:
         methods[name] = method_named(name)
@@ -114,12 +115,12 @@ def asked(settings: Methods) -> dict[str, gppcs.Method]:
 
 
 def path_of(name: str) -> Path:
-    """Return where a file of the data lies."""
+    """Return the path of a file of the data."""
     return report.DATA / f"{name}.ply"
 
 
 def runs(conditions: Sequence[Condition], methods: Methods) -> dict[str, list[gppcs.Entry]]:
-    """Return what each method made under each condition."""
+    """Return the entries of each method, one for each condition."""
     entries = []
     for condition in conditions:
         print(f"{condition.name}: {len(methods)} methods", file=sys.stderr)
@@ -132,7 +133,7 @@ def runs(conditions: Sequence[Condition], methods: Methods) -> dict[str, list[gp
 def section(
     heading: str, conditions: Sequence[Condition], made: Mapping[str, list[gppcs.Entry]], columns: Sequence[Column]
 ) -> report.Section:
-    """Return a table with a row for each method and, of each column, one for each condition."""
+    """Return a table with a row for each method, and each column once for each condition."""
     suffixes = [f"; {condition.name}" for condition in conditions] if len(conditions) > 1 else [""]
     header = ["method", *(column.title + suffix for column in columns for suffix in suffixes)]
     rows = [
@@ -144,7 +145,7 @@ def section(
 
 
 def shown(entry: gppcs.Entry, column: Column, diagonal: float) -> str:
-    """Return the figure as the table shows it; nothing where there is none, for lack of a surface."""
+    """Return the cell of a figure; empty if no surface could be rebuilt."""
     value = {**entry.report.figures(), "seconds": entry.seconds}.get(column.figure)
     if value is None:
         return ""
@@ -154,7 +155,7 @@ def shown(entry: gppcs.Entry, column: Column, diagonal: float) -> str:
 
 
 def keep(name: str, title: str, sections: Sequence[report.Section], files: Sequence[str], notes: Sequence[str]) -> None:
-    """Print the tables, and keep them in results/NAME.md if they are of all methods."""
+    """Print the tables, and write them to results/NAME.md if they are of all methods."""
     data = [path_of(file) for file in dict.fromkeys(files)]
     if sys.argv[1:]:
         print(report.text(title, sections, data, notes))

@@ -1,6 +1,6 @@
 """The paper's three shapes of 2,048 points from ModelNet40, at ratios 0.25 and 0.5 (section 5.1), by all methods.
 
-The paper shows pictures, and gives no figures since surfaces rebuilt from so few points stay open: so do not rebuild.
+The paper shows pictures without figures, since surfaces rebuilt from so few points stay open. So none are rebuilt here.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ SHAPES = {
     "Glass (stand-in: a cocktail glass)": "drinking_glass_2048",
 }
 NOTES = (
-    "The paper shows pictures of its GP and of APES on three such shapes, without figures. APES, which is learned, is "
-    "missing here; the glass is not from ModelNet40, and which airplane and toilet the paper took is not told.",
-    "2,048 random points on each mesh. One run of each method.",
+    "The paper shows pictures of its GP and of APES on three such shapes, without figures. APES is a learned method "
+    "and is missing here. The glass is not from ModelNet40. The paper does not say which airplane and toilet it used.",
+    "Each cloud has 2,048 random points of a mesh. Each method ran once.",
 )
 
 

@@ -1,11 +1,12 @@
 """Noise: the noisy Armadillo by all methods, and the paper's noise study (supplement, Table 2).
 
-The paper shows the noisy Armadillo (section 5.1, ratio 0.05) in a picture; here the surface rebuilt from what is kept
-is judged by the clean mesh.
+The paper shows the noisy Armadillo (section 5.1, ratio 0.05) in a picture. Here, the clean mesh judges the surface that
+is rebuilt from the kept points.
 
-The noise study is the mean squared distance to the kept points for the paper's GP on an Armadillo with more and more
-noise. By fps-variation its six values come out within 2 % on 172,974 points with 25,000 random candidates, if a point
-is displaced by n diagonals in the root mean square; by the text, that would be each of its coordinates.
+The noise study measures the mean squared distance to the kept points, for the paper's GP on an Armadillo with more and
+more noise. fps-variation on 172,974 points with 25,000 random candidates reproduces its six values within 2 %. For
+this, n diagonals must be the root mean square displacement of a point. By the paper's text, it would be the standard
+deviation of each coordinate.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import report
 from experiment import CANDIDATES, REBUILT, SECONDS, VARIATION, Column, Condition
 
 RATIO = 0.05
-LEVELS = ("2.5e-3", "5e-3", "1e-2", "2e-2")  # diagonals, of each coordinate; the paper's picture is of the first
+LEVELS = ("2.5e-3", "5e-3", "1e-2", "2e-2")  # of each coordinate, in diagonals; the paper shows the first
 COLUMNS = (*REBUILT, Column("mean distance back, 1e-4 diagonals", "back_mean", 1e4), VARIATION, SECONDS)
 
 STUDY_RATIO = 0.04
@@ -30,16 +31,16 @@ SEEDS = range(3)  # of the noise and of the candidates
 PAPER = {1e-4: 1.9456, 5e-4: 1.9532, 1e-3: 1.9148, 5e-3: 2.1729, 1e-2: 3.1361, 2e-2: 4.8644}  # squared units
 STUDIED = (gppcs.FarthestPointVariation(candidates=CANDIDATES), gppcs.SpectralGP(candidates=CANDIDATES))
 NOTES = (
-    "The clouds are random points on a reduced mesh of the Armadillo, 100,000 and 172,974, with independent Gaussian "
-    "noise; PCPNet's own were not at hand.",
-    "First table: distances in diagonals of the clean mesh; normals oriented by it. H from its vertices to the rebuilt "
-    "surface, back from the vertices of that. One run of each method.",
-    "The paper has its noisy Armadillo in a picture only, and of the other methods no figures on noise.",
+    "The clouds are 100,000 and 172,974 random points on a reduced mesh of the Armadillo, with independent Gaussian "
+    "noise. The clouds of PCPNet were not available.",
+    "First table: distances are in diagonals of the clean mesh, which also orients the normals. H is from its vertices "
+    "to the rebuilt surface; back is from the vertices of the rebuilt surface. Each method ran once.",
+    "The paper shows its noisy Armadillo in a picture only. It has no figures on noise for the other methods.",
 )
 
 
 def noisy(clean: np.ndarray, level: float, seed: int) -> np.ndarray:
-    """Return the points, (N, 3), displaced by `level` diagonals in the root mean square."""
+    """Return the points, (N, 3), displaced at random; the root mean square is `level` diagonals."""
     diagonal = np.linalg.norm(np.ptp(clean, axis=0))
     return clean + level * diagonal / np.sqrt(3) * np.random.default_rng(seed).standard_normal(clean.shape)
 

@@ -1,14 +1,14 @@
 """The paper's registration (Table 2): global by RANSAC on FPFH features, then point-to-point ICP, all by Open3D.
 
-The paper registers the Dragon with a moved copy of itself, original and simplified; motion and settings are not told.
-The first scene does that. Real scans are never copies of each other, so the others are two views of one scan each:
-overlapping, of different points, with noise of their own. The true motion is known, so the errors of the one found are
-told too: inlier RMSE leaves out the points that do not fit, and so can be small for a wrong motion. Each run has views
-and a motion of its own, the same for all clouds.
+The paper registers the Dragon with a moved copy of itself, original and simplified. It does not state the motion and
+the settings. The first scene does the same. Real scans are never copies of each other. So each other scene is two
+overlapping views of one scan, with different points and different noise. The true motion is known, so the table also
+has the errors of the motion that was found: inlier RMSE leaves out the points that do not fit, so it can be small for a
+wrong motion. Each run has its own views and motion, the same for all clouds.
 
-All lengths of a scene hang on one, the spacing of as many farthest points of its source as the simplified cloud has.
-Open3D comes with the extra `registration`. Its RANSAC has a seed, but its threads take turns as they like: the global
-figures differ a little from one call to the next.
+All lengths of a scene are multiples of one: the spacing of as many farthest points of its source as the simplified
+cloud has. Open3D comes with the extra `registration`. Its RANSAC has a seed, but the order of its threads is not fixed.
+So the figures of the global step differ a little between calls.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ METHODS = ("hc", "gp-spectral", "gp")
 ORIGINAL, GRID = "original", "original, global step on a voxel grid"
 RUNS = 5
 VIEW_RATIOS = (0.1, 0.03)
-SHARE = 0.75  # of a scan along its longest side that a view sees: two thirds of each view are in the other too
+SHARE = 0.75  # of a scan in each view, along the longest side: two thirds of a view are in the other too
 VIEW_POINTS = 25_000
 NOISE = 0.5  # spacings of the scan
 REGISTERED = 5.0  # degrees at most
@@ -59,7 +59,7 @@ Cloud = open3d.geometry.PointCloud
 
 @dataclass(frozen=True)
 class Scene:
-    """Two clouds and the motion, (4, 4), that takes the source to the target; without a target, a moved copy."""
+    """Two clouds and the motion, (4, 4), from the source to the target. Without a target, it is a moved copy."""
 
     name: str
     source: Array
@@ -69,7 +69,7 @@ class Scene:
 
     @cached_property
     def spacing(self) -> float:
-        """The spacing of an even choice of as many points as are kept."""
+        """The spacing of an even choice with the number of kept points."""
         even = gppcs.simplify(self.source, ratio=self.ratio, method="fps").cloud
         return gppcs.info(even).spacing
 
@@ -79,13 +79,13 @@ class Scene:
         return float(np.linalg.norm(np.ptp(self.source, axis=0)))
 
     def pair(self, thin: Callable[[Array], Array]) -> tuple[Array, Array]:
-        """Return source and target, thinned; a copy is thinned before it is moved, as in the paper."""
+        """Return source and target, simplified. A copy is simplified before it is moved, as in the paper."""
         source = thin(self.source)
         return source, moved(source, self.motion) if self.target is None else thin(self.target)
 
 
 class Run(NamedTuple):
-    """What one registration was like: RMSE in the file's unit, degrees, diagonals, seconds."""
+    """The figures of one registration: RMSE in the file's unit, degrees, diagonals, seconds."""
 
     points: float
     global_rmse: float
@@ -104,7 +104,7 @@ def moved(points: Array, motion: Array) -> Array:
 
 
 def random_motion(size: float, rng: np.random.Generator) -> Array:
-    """Return any rotation and a shift of about the given size, (4, 4)."""
+    """Return a random rotation and a shift of about the given size, (4, 4)."""
     motion = np.eye(4)
     motion[:3, :3] = Rotation.from_quat(rng.standard_normal(4)).as_matrix()
     motion[:3, 3] = size * rng.standard_normal(3)
@@ -118,7 +118,7 @@ def copy_scene(name: str, scan: Array, ratio: float, seed: int) -> Scene:
 
 
 def view_scene(name: str, scan: Array, ratio: float, seed: int) -> Scene:
-    """Return two views of a scan: its low and its high part along the longest side, of different points."""
+    """Return two views of a scan, with different points: its low and its high part along the longest side."""
     rng = np.random.default_rng(seed)
     size, noise = np.ptp(scan, axis=0), NOISE * gppcs.info(scan).spacing
     along = scan[:, np.argmax(size)]
@@ -131,12 +131,12 @@ def view_scene(name: str, scan: Array, ratio: float, seed: int) -> Scene:
 
 
 def as_open3d(points: Array) -> Cloud:
-    """Return the points as Open3D's."""
+    """Return the points as a point cloud of Open3D."""
     return Cloud(open3d.utility.Vector3dVector(points))
 
 
 def features(cloud: Cloud, spacing: float) -> open3d.pipelines.registration.Feature:
-    """Return FPFH features; radii and limits in spacings are those of Open3D's tutorial in voxels."""
+    """Return FPFH features. Radii and limits are those of Open3D's tutorial, with spacings in place of voxels."""
     search = open3d.geometry.KDTreeSearchParamHybrid
     cloud.estimate_normals(search(2 * spacing, 30))
     cloud.orient_normals_towards_camera_location(cloud.get_center())
@@ -166,7 +166,7 @@ def global_registration(
 
 
 def register(scene: Scene, method: str, seed: int) -> Run:
-    """Simplify by a method of gppcs, or not at all, and register."""
+    """Simplify by a method of gppcs, or not at all, then register."""
     spacing = scene.spacing
     clock = [perf_counter()]
 
@@ -191,7 +191,7 @@ def register(scene: Scene, method: str, seed: int) -> Run:
 
 
 def row(name: str, ratio: float, method: str, runs: list[Run]) -> tuple[str, ...]:
-    """Return the figures of several runs: medians of errors, least of times."""
+    """Return the row of several runs: medians of errors, least times."""
     middle, least = (Run(*reduce(runs, axis=0)) for reduce in (np.median, np.min))
     steps = (least.features, least.global_step, least.icp)
     return (
@@ -210,7 +210,7 @@ def row(name: str, ratio: float, method: str, runs: list[Run]) -> tuple[str, ...
 
 
 def paper_rows() -> list[tuple[str, ...]]:
-    """Return the paper's figures under the same header; its total is without features."""
+    """Return the paper's figures as rows. Its total is without features."""
     return [
         ("in the paper: Dragon and a moved copy, motion and settings unknown", "0.03", name, "", f"{rough:.2e}",
          f"{fine:.2e}", "", "", "", "", "", *(f"{time:.3f}" for time in times))

@@ -1,7 +1,7 @@
 """Scans of real objects at several ratios, in place of the paper's own three (supplement, section 2), by all methods.
 
-The paper's angel, human and bike frame were never published. The scans here are other objects: their errors cannot
-stand beside the paper's, but the errors of methods in relation to each other can, and do in the last table.
+The paper's angel, human and bike frame were never published. The scans here are other objects, so their errors cannot
+be compared with the paper's. The last table compares the ratios between the errors of methods.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from experiment import COUNTERPARTS, REBUILT, SECONDS, VARIATION, Column, Condit
 
 
 class Scan(NamedTuple):
-    """A file, the ratios, and the scan of the paper that it stands in for, with the paper's ratio for that."""
+    """A file and its ratios; and the scan of the paper that it replaces, with the ratio in the paper."""
 
     file: str
     ratios: tuple[float, ...]
@@ -30,7 +30,7 @@ SCANS = {
     "Bird bath, photogrammetry": Scan("sfm_bird_bath", (0.04, 0.1, 0.2, 0.6), "bike frame", 0.6),
     "Face, one range map": Scan("face_rangemap", (0.02, 0.05, 0.1, 0.2)),
 }
-PAPER = {  # H mean in a unit not told, and mean surface variation
+PAPER = {  # H mean in an unknown unit, and mean surface variation
     "angel": {
         "GP": (0.000172, 0.0445),
         "HC": (0.000270, 0.0509),
@@ -53,20 +53,21 @@ PAPER = {  # H mean in a unit not told, and mean surface variation
         "AIVS": (0.004217, 0.0760),
     },
 }
-BASE = "wlop, moved"  # in whose error the others are told
+BASE = "wlop, moved"  # the errors of the others are divided by its error
 COLUMNS = (*REBUILT, Column("feature error, 1e-5 diagonals", "feature_error", 1e5), VARIATION, SECONDS)
 NOTES = (
-    "The paper's own scans (an angel at ratio 0.04, a human at 0.05, a bike frame at 0.6) were not published; those "
-    "here are other objects. The paper's picture of the angel is of a range of ratios, without figures.",
-    "The scans are meshes: their vertices are simplified, and judged by the mesh. All but Nefertiti are open; the "
-    "distances are from the vertices of the mesh, so membranes over its borders do not count.",
+    "The paper's own scans (an angel at ratio 0.04, a human at 0.05, a bike frame at 0.6) were not published. The "
+    "scans here are other objects. The paper also shows the angel at several ratios, without figures.",
+    "The scans are meshes. Their vertices are simplified, and the mesh judges the result. All but Nefertiti are open. "
+    "Distances are from the vertices of the mesh, so membranes over its borders do not count.",
     experiment.RELEASED_NOTE,
-    "In the last table H mean is in that of WLOP, moved as in the paper. One run of each method.",
+    "In the last table, H mean is divided by that of WLOP, whose points are moved as in the paper. Each method ran "
+    "once.",
 )
 
 
 def beside_the_paper(scans: Mapping[str, Mapping[str, gppcs.Entry]]) -> report.Section:
-    """Return the errors in WLOP's and the surface variation beside the paper's, each scan at its ratio."""
+    """Return the table of errors, divided by WLOP's, and surface variations beside those of the paper."""
     header = ["method"]
     for name in scans:
         stand_in = f"here, {SCANS[name].file}"
@@ -82,12 +83,12 @@ def beside_the_paper(scans: Mapping[str, Mapping[str, gppcs.Entry]]) -> report.S
 
 
 def counterpart(entry: gppcs.Entry) -> str:
-    """Return the paper's name of the method, empty where it has none."""
+    """Return the name of the method in the paper; empty if it has none."""
     return COUNTERPARTS.get(entry.result.method.name, "")
 
 
 def pairs(paper: Mapping[str, tuple[float, float]], made: Mapping[str, gppcs.Entry], label: str) -> list[str]:
-    """Return the paper's figure and ours, of the error and of the surface variation."""
+    """Return the error of the paper and ours, then the surface variation of the paper and ours."""
     error, variation = paper[counterpart(made[label])]
     return [
         f"{error / paper['WLOP'][0]:.2f}",
@@ -98,7 +99,7 @@ def pairs(paper: Mapping[str, tuple[float, float]], made: Mapping[str, gppcs.Ent
 
 
 def in_base(entry: gppcs.Entry, base: gppcs.Entry) -> str:
-    """Return H mean in that of another run; nothing where either has no surface."""
+    """Return H mean divided by that of another run; empty if either has no surface."""
     if entry.report.rebuilt is None or base.report.rebuilt is None:
         return ""
     return f"{entry.report.rebuilt.hausdorff_mean / base.report.rebuilt.hausdorff_mean:.2f}"

@@ -1,7 +1,7 @@
 """Rooms and desks from depth cameras and a laser at the paper's ratio 0.03 (supplement, section 2), by all methods.
 
-The paper shows one desk of NYU Depth V2 simplified, and judges the rebuilt surface by a mesh that it does not name. The
-scenes here have no mesh; of the paper's figures only the mean surface variation can be measured without one.
+The paper simplifies one desk of NYU Depth V2, and judges the rebuilt surface by a mesh that it does not name. The
+scenes here have no mesh. Of the paper's figures, only the mean surface variation needs no mesh.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ PAPER = {  # mean surface variation of an NYU desk, simplified
     "AIVS": 0.0530,
 }
 NOTES = (
-    "The paper's scene is a desk of NYU Depth V2; which frame is not told, and the one here is another, of the same "
-    "camera. Its Hausdorff distances are to a mesh that is not named, so nothing here stands beside them.",
-    "The other scenes have no counterpart in the paper. One run of each method.",
+    "The paper's scene is a desk of NYU Depth V2, and it does not say which frame. The frame here is another one of "
+    "the same camera. The paper's Hausdorff distances are to a mesh that it does not name, so they cannot be "
+    "compared.",
+    "The other scenes have no counterpart in the paper. Each method ran once.",
 )
 
 

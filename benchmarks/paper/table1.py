@@ -1,9 +1,9 @@
-"""The paper's Table 1: the Dragon and the Armadillo, by all methods, and by the paper's settings where they differ.
+"""The paper's Table 1: the Dragon and the Armadillo, by all methods, and with the paper's settings where they differ.
 
-The paper rebuilt and judged surfaces with MeshLab, and so does the first table of each cloud here, to stand beside the
-paper's figures: MeshLab orients the estimated normals by agreement among neighbours, which goes wrong on some parts of
-a sparse cloud, and there the surface turns inside out. The second table is by `gppcs.evaluate`, which orients them by
-the original mesh and so judges the points alone.
+The first table of each cloud stands beside the paper's figures, so it rebuilds and judges surfaces with MeshLab as the
+paper did. MeshLab orients the estimated normals by agreement among neighbours. On some parts of a sparse cloud this
+goes wrong, and the surface there turns inside out. The second table is by `gppcs.evaluate`, which orients the normals
+by the original mesh and so judges the points alone.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from experiment import COUNTERPARTS, COVER, REBUILT, SECONDS, VARIATION, Conditi
 from gppcs.evaluation.reconstruction import distances_to, estimated_normals, reconstruct
 from gppcs.methods.hc.clustering import hierarchical_clusters
 
-SEEDS = range(3)  # of methods by chance
+SEEDS = range(3)  # of methods that begin at random
 STAND_IN = "Armadillo (stand-in)"
 CLOUDS = {  # cloud, mesh, ratio, and the limits of HC
     "Dragon": ("dragon", "dragon", 0.03, (1000, 0.01)),
@@ -59,22 +59,22 @@ NOTES = (
     "H mean and H max are in the file's unit, from the vertices of the mesh to the screened Poisson mesh of the "
     "simplified cloud. Beside the paper's, normals are oriented by MeshLab alone; in the second table of each cloud by "
     "the original mesh.",
-    f"Methods that begin at random were run with {len(SEEDS)} seeds: medians beside the paper's, with their range; the "
-    "other tables and figures are of the first seed.",
-    "The Armadillo is 172,974 random points on a reduced mesh of 49,990 vertices, judged by that mesh: as many points "
-    "as in the paper, with less fine detail.",
-    "The paper's GP stands beside gp-spectral, its Algorithm 1, and beside fps-variation, which gives its ablation "
-    "table. It chose among 25,000 random points. Within the limits that the paper gave HC, it makes fewer points of "
-    "the stand-in than asked for, since that is smoother.",
+    f"Methods that begin at random ran with {len(SEEDS)} seeds: H mean and H max beside the paper's are medians, with "
+    "their range. All other figures are of the first seed.",
+    "The Armadillo is 172,974 random points on a reduced mesh of 49,990 vertices, judged by that mesh. It has as many "
+    "points as in the paper, but less fine detail.",
+    "The paper's GP is compared with gp, with gp-spectral, which is its Algorithm 1, and with fps-variation, which "
+    "reproduces its ablation table. The paper's GP chose among 25,000 random points. With the limits that the paper "
+    "set for HC, HC keeps fewer points of the stand-in than asked for, since the stand-in is smoother.",
     experiment.RELEASED_NOTE,
-    "Missing: Lucy, whose 14 million points were not at hand, and the learned methods of Potamias et al. and APES, of "
-    "which no weights were.",
-    "The paper's seconds are of an A100 for GP and of an i7-11800H for the others but Potamias et al.",
+    "Missing: Lucy, since its 14 million points were not available, and the learned methods of Potamias et al. and "
+    "APES, since their weights were not available.",
+    "The paper measured GP on an A100 and the others, except Potamias et al., on an i7-11800H.",
 )
 
 
 def limited_clustering(condition: Condition, limits: tuple[int, float]) -> gppcs.Entry:
-    """Return what hierarchical clustering makes until its clusters keep within the paper's limits, repeats included."""
+    """Return the result of hierarchical clustering that stops at the paper's limits; repeated points count."""
     points, seconds = condition.cloud.points, []
     for _ in range(2):  # the first compiles
         start = perf_counter()
@@ -86,7 +86,7 @@ def limited_clustering(condition: Condition, limits: tuple[int, float]) -> gppcs
 
 
 def runs(condition: Condition, limits: tuple[int, float]) -> dict[str, list[gppcs.Entry]]:
-    """Return what each method made, by our settings and by the paper's."""
+    """Return the entries of each method, with our settings and with the paper's."""
     made = {}
     cloud = condition.cloud
     methods = experiment.asked(experiment.paper_settings(len(cloud)) | experiment.released_weight(cloud))
@@ -98,18 +98,18 @@ def runs(condition: Condition, limits: tuple[int, float]) -> dict[str, list[gppc
 
 
 def errors_by_meshlab(cloud: gppcs.PointCloud, mesh: gppcs.Mesh) -> tuple[float, float]:
-    """Return H mean and H max in the file's unit, with normals that MeshLab orients alone."""
+    """Return H mean and H max in the file's unit; MeshLab alone orients the normals."""
     distances = distances_to(reconstruct(cloud.points, estimated_normals(cloud.points)), mesh.vertices)
     return float(distances.mean()), float(distances.max())
 
 
 def begins_at_random(method: gppcs.Method) -> bool:
-    """Return whether the choice hangs on the seed throughout, not only by the points of a fit."""
+    """Return whether the seed decides the whole choice, not only the points of a fit."""
     return hasattr(method, "seed") and getattr(method, "candidates", 0) is not None
 
 
 def errors(condition: Condition, entry: gppcs.Entry) -> list[tuple[float, float]]:
-    """Return H mean and H max for what a method made, and again for other seeds where it begins at random."""
+    """Return H mean and H max of a method, and of its other seeds if it begins at random."""
     assert condition.mesh
     clouds, method = [entry.result.cloud], entry.result.method
     if begins_at_random(method):
@@ -121,7 +121,7 @@ def errors(condition: Condition, entry: gppcs.Entry) -> list[tuple[float, float]
 
 
 def beside_the_paper(condition: Condition, made: Mapping[str, list[gppcs.Entry]]) -> report.Section:
-    """Return the table that has the paper's figures beside ours."""
+    """Return the table of the paper's figures beside ours."""
     paper = PAPER[condition.name]
     rows = []
     for label, (entry,) in made.items():
@@ -136,7 +136,7 @@ def beside_the_paper(condition: Condition, made: Mapping[str, list[gppcs.Entry]]
 
 
 def with_range(values: tuple[float, ...]) -> str:
-    """Return the median, and the range where there are several."""
+    """Return the median, and the range if there are several values."""
     spread = f" ({min(values):.3g} to {max(values):.3g})" if len(values) > 1 else ""
     return f"{median(values):.3g}{spread}"
 

@@ -1,0 +1,95 @@
+"""Make all tables of `results/` again, the most important first.
+
+A script that needs a package that is not installed is skipped. A script that fails does not stop the others. The end is
+a summary; the exit status is 1 if a script failed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+from dataclasses import dataclass
+from importlib.util import find_spec
+from time import perf_counter
+
+import report
+
+
+@dataclass(frozen=True)
+class Script:
+    """A script of the benchmarks.
+
+    Attributes
+    ----------
+    file : str
+        Beside this file.
+    page : str
+        The page of `results/` that it writes.
+    needs : tuple of str
+        Packages that it imports, beside those of gppcs without extras.
+    options : tuple of str
+        Words for its command line.
+    """
+
+    file: str
+    page: str
+    needs: tuple[str, ...] = ()
+    options: tuple[str, ...] = ()
+
+    @property
+    def missing(self) -> list[str]:
+        """The packages that are not installed."""
+        return [name for name in self.needs if not find_spec(name)]
+
+
+SCRIPTS = (
+    Script("quality.py", "quality", ("pymeshlab",), ("--jobs", "2")),
+    Script("main_job.py", "main_job", ("jakteristics",)),
+    Script("speed.py", "speed", ("matplotlib",)),
+    Script("gp_ablation.py", "gp_ablation", ("pymeshlab",)),
+    Script("gp_prefixes.py", "gp_prefixes", ("pymeshlab",)),
+    Script("normals.py", "normals", ("pymeshlab",)),
+    Script("perception.py", "perception", ("pymeshlab", "pyvista")),
+    Script("rivals.py", "rivals", ("CGAL",)),
+    Script("paper/table1.py", "paper_table1", ("pymeshlab",)),
+    Script("paper/ablation.py", "ablation"),
+    Script("paper/all_points.py", "all_points"),
+    Script("paper/noise.py", "paper_noise", ("pymeshlab",)),
+    Script("paper/scans.py", "paper_scans", ("pymeshlab",)),
+    Script("paper/scenes.py", "paper_scenes"),
+    Script("paper/modelnet.py", "paper_modelnet"),
+    Script("paper/registration.py", "paper_registration", ("open3d",)),
+)
+
+
+def main() -> None:
+    """Run the scripts."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    pages = [script.page for script in SCRIPTS]
+    parser.add_argument("pages", nargs="*", metavar="PAGE", help=f"one of {', '.join(pages)}; all if none is given")
+    given = parser.parse_args()
+    for page in set(given.pages) - set(pages):
+        parser.error(f"there is no page {page!r}")
+    if not report.DATA.is_dir():
+        parser.error(f"there are no clouds in {report.DATA}: set GPPCS_DATA to their folder")
+    ends = {script: run(script) for script in SCRIPTS if not given.pages or script.page in given.pages}
+    print("\nSummary", file=sys.stderr)
+    for script, end in ends.items():
+        print(f"  {script.page}: {end}", file=sys.stderr)
+    sys.exit(any(end.startswith("failed") for end in ends.values()))
+
+
+def run(script: Script) -> str:
+    """Run a script, and return how it ended."""
+    if script.missing:
+        return f"skipped: {', '.join(script.missing)} not installed"
+    print(f"{script.file}", file=sys.stderr)
+    start = perf_counter()
+    status = subprocess.run([sys.executable, report.HERE / script.file, *script.options], check=False).returncode
+    minutes = f"{(perf_counter() - start) / 60:.1f} minutes"
+    return f"failed with status {status} after {minutes}" if status else f"made in {minutes}"
+
+
+if __name__ == "__main__":
+    main()
