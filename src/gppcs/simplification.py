@@ -125,7 +125,8 @@ def simplify(
             raise ParameterError(f"method {chosen_method.name!r} gives its points no scores")
         if scores and (taken := sorted(set(chosen_method.attributes) & set(cloud.attributes))):
             raise InputError(
-                f"the cloud has an attribute {taken[0]!r} already, which scores would replace: do without scores"
+                f"the cloud already has an attribute {taken[0]!r}, which the scores would replace: "
+                "rename it, or ask for no scores"
             )
         if seed is not None and any(field.name == "seed" for field in dataclasses.fields(chosen_method)):
             chosen_method = chosen_method.replaced({"seed": seed})
