@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gppcs.engine.stages import Stages
-from gppcs.methods.method import Method, Selection
+from gppcs.methods.method import Method, Selection, parameter
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,35 +17,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LocalGP(Method):
-    """A local, full-rank Gaussian process of the surface variation, and greedy choice by uncertainty plus error.
-
-    Its order is a ranking: each prefix is a simplification of its size. Its attributes are each point's score and the
-    field's standard deviation there when it was chosen, in units of that before any choice. The diagnostic
-    "noise_in_spacings" is the root mean square of how far points lie off the surface, in units of the spacing of the
-    points to be chosen; below 0.04 it is taken for none, and 0 where too few points lie near each other to tell. Detail
-    about as small as that spacing counts too.
-
-    Parameters
-    ----------
-    feature_weight : float
-        From 0, an even cover, to 1, points crowded where the surface is rough.
-    lengthscale : float
-        Of the Matérn kernel, in units of the spacing of the points to be chosen.
-    neighbours : int
-        How many chosen points the field at a point is conditioned on.
-    candidates : float
-        How many cells of the candidates' grid there are to the square of the target spacing.
-    """
+    """A local Gaussian process of the surface variation, and greedy choice by uncertainty plus error."""
 
     name = "gp"
     summary = "a local Gaussian process of full rank: features kept, nothing left bare, a ranking"
+    description = (
+        "Chooses points greedily by uncertainty plus error of a local, full-rank Gaussian process of the surface "
+        "variation. The order is a ranking: its first points are a simplification of their number. The attributes of "
+        'a point are "score", and "deviation": the standard deviation of the field when the point was chosen, relative '
+        'to the prior one. The diagnostic "noise_in_spacings" is the root mean square distance of points from the '
+        "surface, in target spacings. Detail of about that size counts as noise too. A value below 0.04 counts as no "
+        "noise; it is 0 if too few points lie near each other to measure it."
+    )
     source = "the criterion of GP-PCS, Algorithm 1; the field is our own, see docs/local-field.md"
     attributes = ("score", "deviation")
 
-    feature_weight: float = 0.5
-    lengthscale: float = 1.5
-    neighbours: int = 4
-    candidates: float = 8.0
+    feature_weight: float = parameter(
+        0.5, "How much denser points are where the surface is rough, from 0, an even cover, to 1."
+    )
+    lengthscale: float = parameter(1.5, "Lengthscale of the Matérn kernel, in target spacings.")
+    neighbours: int = parameter(4, "Number of chosen points on which the field at a point is conditioned.")
+    candidates: float = parameter(8.0, "Number of cells of the candidates' grid per squared target spacing.")
 
     def __post_init__(self) -> None:
         super().__post_init__()
