@@ -36,8 +36,8 @@ class AIVS(Method):
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose the points; see `Method.__call__`."""
-        from gppcs.methods.aivs.boxes import CLASSES, points_of_boxes
+        from gppcs.methods.aivs.voxels import CLASSES, points_of_voxels
 
         stages = stages or Stages()
-        with stages("boxes", CLASSES) as advanced:
-            return Selection(points_of_boxes(points, n_points, advanced))
+        with stages("voxels", CLASSES) as advanced:
+            return Selection(points_of_voxels(points, n_points, advanced))
