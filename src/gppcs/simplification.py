@@ -81,8 +81,8 @@ def simplify(
     invalid : "error" or "drop"
         What to do with points whose coordinates are NaN or infinite: raise an error, or leave them out.
     normals : bool
-        Whether to add normals as attributes `nx`, `ny` and `nz`, replacing any that exist. They are those of
-        `gppcs.estimate_normals`, estimated in the whole cloud. A surface rebuilt with them lies closer to the
+        Whether to add normals as attributes `nx`, `ny` and `nz`, replacing any that exist. They come from
+        `gppcs.estimate_normals` on the whole cloud. A surface rebuilt with them lies closer to the
         original than a surface rebuilt with normals estimated from the kept points alone.
     scores : bool
         Whether to add the method's own `attributes` of each kept point. They are zero for points that the method did

@@ -11,8 +11,8 @@ from gppcs.spatial.kdtree import KdTree
 def paper_radius(points: NDArray[np.float64], k: int = 25) -> float:
     """Return CloudCompare's radius for about k neighbours, which the paper uses (section 3.1).
 
-    r = sqrt(k V^(2/3) / N), with V the volume of the bounding box. The rule assumes that the area of the surface is
-    that of one side of a cube of volume V.
+    r = sqrt(k V^(2/3) / N), with V the volume of the bounding box. The rule assumes that the surface is as large as
+    one side of a cube of volume V.
 
     Parameters
     ----------

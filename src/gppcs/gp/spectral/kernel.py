@@ -36,7 +36,7 @@ def log_spectrum(eigenvalues: NDArray[np.float64], lengthscale: float, nu: float
     """Return the log of (2 nu / kappa^2 + lambda_n)^(-nu - d/2) in Eq. 6, minus its value at lambda = 0.
 
     The value at lambda = 0 would cancel with C_nu in Eq. 6 anyway. Without subtracting it, the power underflows for
-    nu above about 40. As nu grows, the result tends to -kappa^2 lambda / 2, which is that of the heat kernel.
+    nu above about 40. As nu grows, the result tends to -kappa^2 lambda / 2, the spectrum of the heat kernel.
 
     Parameters
     ----------

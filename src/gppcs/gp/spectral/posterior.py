@@ -1,4 +1,4 @@
-"""The posterior of a Gaussian process with K = Phi Phi^T (paper, Eqs. 3 and 4), stored as that of its L weights."""
+"""The posterior of a Gaussian process with K = Phi Phi^T (paper, Eqs. 3 and 4), computed for its L weights."""
 
 from __future__ import annotations
 

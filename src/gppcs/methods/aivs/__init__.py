@@ -29,8 +29,8 @@ class AIVS(Method):
     summary = "farthest points voxel by voxel, in each voxel as many as its share of the points"
     description = (
         "Divides the bounding box into voxels. In each voxel, farthest point sampling chooses as many points as its "
-        "share of the cloud, away from those of the voxels around it. Distances are Euclidean, as in the program that "
-        "the authors published; their forms that follow curvature and sharp edges are not public."
+        "share of the cloud, away from the points chosen in the voxels around it. Distances are Euclidean, as in the "
+        "program that the authors published; their forms that follow curvature and sharp edges are not public."
     )
     source = "Lv, Lin and Zhao 2021, the isotropic form"
 

@@ -1,4 +1,4 @@
-"""Farthest points voxel by voxel, away from those of the voxels around: the isotropic AIVS (Lv et al. 2021)."""
+"""Farthest points voxel by voxel, away from the choice in the voxels around: isotropic AIVS (Lv et al. 2021)."""
 
 from __future__ import annotations
 
