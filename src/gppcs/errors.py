@@ -9,31 +9,90 @@ from typing import Any
 
 
 class GppcsError(Exception):
-    """Base class of all errors that gppcs raises on purpose."""
+    """Base class of all errors that gppcs raises on purpose.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> try:
+    ...     gppcs.simplify([[0, 0, 0]], ratio=2)
+    ... except gppcs.GppcsError as error:
+    ...     print(error)
+    expected a ratio above 0 and at most 1, found 2
+    """
 
 
 class InputError(GppcsError, ValueError):
-    """A cloud cannot be used: it has a wrong shape, no points, or coordinates that are not finite."""
+    """A cloud cannot be used: it has a wrong shape, no points, or coordinates that are not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gppcs
+    >>> gppcs.simplify(np.empty((0, 3)), n_points=1)
+    Traceback (most recent call last):
+    gppcs.errors.InputError: the cloud is empty: expected at least one point
+    """
 
 
 class NoSurfaceError(InputError):
-    """No surface can be rebuilt from the points, although they are a valid cloud."""
+    """No surface can be rebuilt from the points, although they are a valid cloud.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> issubclass(gppcs.NoSurfaceError, gppcs.InputError)
+    True
+    """
 
 
 class ParameterError(GppcsError, ValueError):
-    """A method, parameter or name does not exist, or a value is outside its range."""
+    """A method, parameter or name does not exist, or a value is outside its range.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> gppcs.sample("braket")
+    Traceback (most recent call last):
+    gppcs.errors.ParameterError: expected the name of a sample scan, found 'braket'; did you mean 'bracket'?
+    """
 
 
 class FileFormatError(GppcsError, ValueError):
-    """The content of a file does not follow its format."""
+    """The format of a file is unknown, or its content does not follow the format.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import gppcs
+    >>> with tempfile.NamedTemporaryFile(suffix=".doc") as file:
+    ...     gppcs.read(file.name)  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    gppcs.errors.FileFormatError: ...: expected one of the formats .ply ..., found '.doc'
+    """
 
 
 class MissingExtraError(GppcsError, ImportError):
-    """An optional dependency is not installed; the message names the extra to install."""
+    """An optional dependency is not installed; the message names the extra to install.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> issubclass(gppcs.MissingExtraError, ImportError)
+    True
+    """
 
 
 class OutputError(GppcsError, OSError):
-    """A file cannot be written: it exists already, its folder is missing, or its format cannot hold the cloud."""
+    """A file cannot be written: it exists already, its folder is missing, or its format cannot hold the cloud.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> gppcs.write("no such folder/cloud.ply", [[0, 0, 0]])  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    gppcs.errors.OutputError: no such folder/cloud.ply: expected a folder ..., found none; make it or choose another
+    """
 
 
 def whole_number(name: str, value: Any, least: int) -> int:

@@ -7,10 +7,12 @@ import sys
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import gppcs
 from gppcs.methods import method_named
-from gppcs.methods.method import Parameter
+from gppcs.methods.method import Parameter, largest
 from gppcs.methods.method import parameter as declared
 
 CLOUD = gppcs.sample("bracket", 600).points
@@ -266,3 +268,10 @@ def test_fewer_candidates_than_points_asked_for_are_made_to_suffice():
 def test_a_smaller_random_choice_starts_a_larger_one():
     small, large = (gppcs.simplify(CLOUD, n_points=n, method="random").indices for n in (20, 200))
     assert small.tolist() == large[:20].tolist()
+
+
+@given(st.lists(st.integers(-3, 3), min_size=1, max_size=50), st.data())
+def test_largest(values, data):
+    values = np.array(values, dtype=float)
+    count = data.draw(st.integers(0, len(values)))
+    np.testing.assert_array_equal(largest(values, count), np.argsort(-values, kind="stable")[:count])

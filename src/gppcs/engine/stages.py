@@ -9,7 +9,25 @@ from typing import Protocol
 
 
 class Listener(Protocol):
-    """The interface of an object that receives the progress of a run, such as a progress bar."""
+    """The interface of an object that receives the progress of a run, such as a progress bar.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> class Printer:
+    ...     def started(self, stage, total):
+    ...         print(f"{stage}: {total} steps")
+    ...     def advanced(self, steps):
+    ...         print(f"{steps} done")
+    ...     def finished(self):
+    ...         print("over")
+    >>> listener: gppcs.Listener = Printer()
+    >>> with gppcs.Stages(listener)("sum", total=2) as advanced:
+    ...     advanced(2)
+    sum: 2 steps
+    2 done
+    over
+    """
 
     def started(self, stage: str, total: int | None) -> None:
         """Receive the start of a stage.
@@ -50,7 +68,8 @@ class Stages:
 
     Examples
     --------
-    >>> stages = Stages()
+    >>> import gppcs
+    >>> stages = gppcs.Stages()
     >>> with stages("sum", total=2) as advanced:
     ...     advanced(2)
     >>> list(stages.seconds)

@@ -31,6 +31,7 @@ from gppcs.methods.pc_simp import PCSimp as PCSimp
 from gppcs.methods.qem import QEM as QEM
 # isort: on
 
+# All methods by name, such as METHODS["fps"].
 METHODS: Mapping[str, type[Method]] = {
     value.name: value
     for value in list(globals().values())

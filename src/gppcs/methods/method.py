@@ -68,6 +68,12 @@ class Parameter:
     default : int, float, bool, str or None
     meaning : str
         What it does, in one or more sentences.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> gppcs.Random.parameters() == {"seed": gppcs.Parameter("int", 0, "Seed of the permutation.")}
+    True
     """
 
     kind: str

@@ -32,6 +32,15 @@ class KdTree:
         Coordinates in tree order; each row is an axis.
     low, high : (nodes, 3) arrays, float64
         Corners of the bounding box of each node; row 0 is unused.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gppcs
+    >>> tree = gppcs.KdTree.build(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [5.0, 0.0, 0.0]]))
+    >>> indices, squared = tree.nearest_of(np.array([[2.0, 0.0, 0.0]]), k=2)
+    >>> indices, squared
+    (array([[1, 0]]), array([[1., 4.]]))
     """
 
     order: NDArray[np.int64]
