@@ -1,4 +1,4 @@
-"""From a cloud as it came to one of exactly the size asked for: what all methods have in common."""
+"""Simplify a cloud to exactly the number of points asked for: the steps that all methods share."""
 
 from __future__ import annotations
 
@@ -18,20 +18,27 @@ from gppcs.methods import DEFAULT, Method, Selection, method_named
 
 @dataclass(frozen=True)
 class Result:
-    """A simplified cloud and how it came about.
+    """A simplified cloud, with the method and the times of the run.
 
     Attributes
     ----------
     indices : (M,) array, int64
-        The rows of the input that were chosen: unique, in the order chosen.
+        The rows of the kept points in the input: unique, in the order chosen.
     cloud : PointCloud
-        Those points, in that order, with every attribute; a method that moves points puts them where it moved them.
+        The kept points in that order, with all their attributes. If the method moves points, these are the moved ones.
     method : Method
         The method with all its parameters.
-    seconds : mapping of stage to float
-        Wall time, in the order the stages were run.
-    diagnostics : mapping of name to float
-        What the method found out on the way.
+    seconds : mapping of str to float
+        Wall time of each stage in seconds, in the order of the run.
+    diagnostics : mapping of str to float
+        Figures that the method reports about its run, such as fitted hyperparameters.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> result = gppcs.simplify(gppcs.sample("sphere", n_points=1000), n_points=100, method="random")
+    >>> result.indices.shape, len(result.cloud), result.method
+    ((100,), 100, Random(seed=0))
     """
 
     indices: NDArray[np.int64]
@@ -61,40 +68,50 @@ def simplify(
     Parameters
     ----------
     cloud : PointCloud or (N, 3) array-like
-        Never changed. Points that repeat an earlier one exactly count as points, but are chosen last.
-    ratio : float
-        M as a share of the points, above 0 and at most 1; M is rounded, and at least 1.
-    n_points : int
-        M itself; where the cloud has no more points, all are returned, in their order. Exactly one of `ratio`
-        and `n_points` must be given.
+        The original points; they are not changed. A point that exactly repeats an earlier one counts as a point, but
+        such points are chosen last.
+    ratio : float, optional
+        M / N, above 0 and at most 1. M is rounded, and is at least 1. Give either `ratio` or `n_points`.
+    n_points : int, optional
+        M, at least 1. If the cloud has no more than M points, all are returned in their order.
     method : str or Method
-        A name from `gppcs.METHODS`, or a method with parameters of its own.
+        A name from `gppcs.METHODS`, or an instance of a method with your own parameters.
     seed : int, optional
-        In place of the method's seed; methods without chance take no notice.
+        Replaces the seed of the method. Methods without a seed ignore it.
     invalid : "error" or "drop"
-        What to do where coordinates are NaN or infinite.
+        What to do with points whose coordinates are NaN or infinite: raise an error, or leave them out.
     normals : bool
-        Whether the points kept are to carry the normals `nx`, `ny`, `nz` that `gppcs.estimate_normals` finds for them
-        in the whole cloud, in place of any that they had. A surface rebuilt with these lies closer to the original
-        than one with normals estimated from the points kept alone.
+        Whether to add normals as attributes `nx`, `ny` and `nz`, replacing any that exist. They come from
+        `gppcs.estimate_normals` on the whole cloud. A surface rebuilt with them lies closer to the
+        original than a surface rebuilt with normals estimated from the kept points alone.
     scores : bool
-        Whether the points kept are to carry what the method found out about each, its `attributes`; zero for points
-        that it did not have to choose, such as repeats.
+        Whether to add the method's own `attributes` of each kept point. They are zero for points that the method did
+        not choose itself, such as repeats.
     stages : Stages, optional
-        Times the stages; one with a listener tells it of their progress.
+        Measures the time of each stage, and reports progress to its listener.
 
     Returns
     -------
     Result
-        The same for the same input, whatever the number of threads, and for points moved or scaled by numbers
-        that leave their differences what they were.
+        The same input gives the same result, for any number of threads. So does a shifted or scaled input, if
+        rounding does not change the differences of its coordinates.
 
     Raises
     ------
     InputError
-        If the cloud is empty, misshapen or has coordinates that are not finite.
+        If the cloud is empty, has a wrong shape or has coordinates that are not finite; or if `scores` would replace
+        an attribute of the cloud.
     ParameterError
-        If a parameter is out of its range.
+        If a parameter is outside its range, the method does not exist, or it has no scores.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> cloud = gppcs.sample("bracket", n_points=2000)
+    >>> gppcs.simplify(cloud, ratio=0.1, method="fps").indices.shape
+    (200,)
+    >>> gppcs.simplify(cloud, n_points=50, method=gppcs.Random(seed=7)).cloud.points.shape
+    (50, 3)
     """
     from gppcs.spatial.scaling import normalised
 
@@ -108,7 +125,8 @@ def simplify(
             raise ParameterError(f"method {chosen_method.name!r} gives its points no scores")
         if scores and (taken := sorted(set(chosen_method.attributes) & set(cloud.attributes))):
             raise InputError(
-                f"the cloud has an attribute {taken[0]!r} already, which scores would replace: do without scores"
+                f"the cloud already has an attribute {taken[0]!r}, which the scores would replace: "
+                "rename it, or ask for no scores"
             )
         if seed is not None and any(field.name == "seed" for field in dataclasses.fields(chosen_method)):
             chosen_method = chosen_method.replaced({"seed": seed})
@@ -129,13 +147,13 @@ def simplify(
 
 
 def _moved(cloud: PointCloud, points: NDArray[np.float64]) -> PointCloud:
-    """Return the cloud with its points elsewhere; whole numbers cannot hold the new coordinates."""
+    """Return the cloud with other coordinates, (M, 3); integer types become float64 to hold them."""
     kept = cloud.coordinate_dtype if np.issubdtype(cloud.coordinate_dtype, np.floating) else np.dtype(np.float64)
     return dataclasses.replace(cloud, points=points, coordinate_dtype=kept)
 
 
 def _with_normals(kept: PointCloud, points: NDArray[np.float64], selection: Selection) -> PointCloud:
-    """Return the points kept with the normals of the whole cloud where they are."""
+    """Return the kept points with normals estimated in the whole cloud, `points`, (N, 3)."""
     from gppcs.surface.normals import estimate_normals
 
     places = points[selection.indices] if selection.points is None else selection.points
@@ -145,7 +163,7 @@ def _with_normals(kept: PointCloud, points: NDArray[np.float64], selection: Sele
 
 
 def _with_scores(kept: PointCloud, method: Method, selection: Selection) -> PointCloud:
-    """Return the points kept with the method's attributes."""
+    """Return the kept points with the method's attributes."""
     carried = {name: np.zeros(len(kept), dtype=np.float32) for name in method.attributes}
     for name, values in selection.attributes.items():
         carried[name][:] = values
@@ -153,7 +171,7 @@ def _with_scores(kept: PointCloud, method: Method, selection: Selection) -> Poin
 
 
 def _choose(points: NDArray[np.float64], count: int, method: Method, stages: Stages) -> Selection:
-    """Let the method choose among points without repeats; add repeats only where these do not suffice."""
+    """Let the method choose among the points without repeats; add repeats only if there are too few others."""
     if count >= len(points):
         return Selection(np.arange(len(points)))
     from gppcs.spatial.cells import first_occurrences
@@ -170,7 +188,7 @@ def _choose(points: NDArray[np.float64], count: int, method: Method, stages: Sta
 
 
 def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64] | None:
-    """Return the rows with finite coordinates, None if all have; refuse the others, unless they are to be dropped."""
+    """Return the rows with finite coordinates, or None if that is all; raise an error for others unless dropped."""
     from gppcs.spatial.scaling import bounds
 
     if invalid not in ("error", "drop"):
@@ -191,7 +209,7 @@ def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64] | None:
 
 
 def _target(n: int, ratio: float | None, n_points: int | None) -> int:
-    """Return M."""
+    """Return M, the number of points to keep of n."""
     if (ratio is None) == (n_points is None):
         found = "neither" if ratio is None else "both"
         raise ParameterError(f"expected either a ratio or a number of points, found {found}")

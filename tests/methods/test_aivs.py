@@ -7,21 +7,21 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 import gppcs
-from gppcs.methods.aivs import boxes
-from gppcs.methods.aivs.boxes import Boxes, points_of_boxes, trimmed
+from gppcs.methods.aivs import voxels
+from gppcs.methods.aivs.voxels import Voxels, points_of_voxels, trimmed
 from gppcs.spatial.farthest_points import farthest_points
 
 
-def plain_boxes(points):
-    """The points of each box by its numbers along the axes, and the edge."""
+def plain_voxels(points):
+    """The points of each voxel by its numbers along the axes, and the edge."""
     n = len(points)
     steps = ((10_000, 10), (50_000, 20), (100_000, 30), (500_000, 40), (1_000_000, 50))
-    along = next((boxes for below, boxes in steps if n < below), round((n / 8) ** (1 / 3)))
+    along = next((voxels for below, voxels in steps if n < below), round((n / 8) ** (1 / 3)))
     local = points - points.min(axis=0)
-    boxes = {}
+    voxels = {}
     for index, cell in enumerate(np.minimum(np.floor(local * along / local.max()), along - 1).astype(int)):
-        boxes.setdefault(tuple(cell.tolist()), []).append(index)
-    return dict(sorted(boxes.items())), local, local.max() / along
+        voxels.setdefault(tuple(cell.tolist()), []).append(index)
+    return dict(sorted(voxels.items())), local, local.max() / along
 
 
 def plain_quota(members, n, n_points):
@@ -30,10 +30,10 @@ def plain_quota(members, n, n_points):
 
 
 def plain_filled(points, n_points):
-    boxes, local, edge = plain_boxes(points)
+    voxels, local, edge = plain_voxels(points)
     chosen = {}
     for parity in product((0, 1), repeat=3):
-        for cell, members in boxes.items():
+        for cell, members in voxels.items():
             if tuple(number % 2 for number in cell) != parity:
                 continue
             centre = (np.array(cell) + 0.5) * edge
@@ -57,15 +57,15 @@ def plain_trimmed(counts, n_points):
     threshold = (counts.max() - counts.min()) // 3
     while counts.sum() > n_points:
         before = counts.sum()
-        for box in [*range(0, len(counts), 2), *range(1, len(counts), 2)]:
-            if counts[box] > threshold and counts.sum() > n_points:
-                counts[box] -= 1
+        for voxel in [*range(0, len(counts), 2), *range(1, len(counts), 2)]:
+            if counts[voxel] > threshold and counts.sum() > n_points:
+                counts[voxel] -= 1
         if counts.sum() == before:
             threshold -= 1
     return counts
 
 
-def plain_points_of_boxes(points, n_points):
+def plain_points_of_voxels(points, n_points):
     chosen = plain_filled(points, n_points)
     cells = sorted(chosen)
     kept = dict(zip(cells, plain_trimmed([len(chosen[cell]) for cell in cells], n_points), strict=True))
@@ -95,14 +95,14 @@ def test_equals_the_plain_algorithm(shape, n, with_trees, seed, data):
     points = SHAPES[shape](np.random.default_rng(seed), n)
     n_points = data.draw(st.integers(1, n - 1))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(boxes, "LARGE", 5 if with_trees else 10**9)
-        assert points_of_boxes(points, n_points).tolist() == plain_points_of_boxes(points, n_points)
+        patch.setattr(voxels, "LARGE", 5 if with_trees else 10**9)
+        assert points_of_voxels(points, n_points).tolist() == plain_points_of_voxels(points, n_points)
 
 
 def test_equals_the_plain_algorithm_on_a_scan(bracket):
-    points = bracket[:12_000]  # in 20 boxes along the longest axis
-    expected = plain_points_of_boxes(points, 900)
-    assert points_of_boxes(points, 900).tolist() == expected
+    points = bracket[:12_000]  # in 20 voxels along the longest axis
+    expected = plain_points_of_voxels(points, 900)
+    assert points_of_voxels(points, 900).tolist() == expected
 
 
 @settings(deadline=None, max_examples=200)
@@ -115,25 +115,25 @@ def test_trimming_equals_the_plain_algorithm(counts, data):
 
 
 @pytest.mark.parametrize(("n", "along"), [(9_999, 10), (10_000, 20), (100_000, 40), (1_000_000, 50), (1_728_000, 60)])
-def test_boxes_part_the_points(n, along):
+def test_voxels_part_the_points(n, along):
     points = np.random.default_rng(0).random((n, 3)) * [1.0, 0.2, 0.3] - 5
-    boxes = Boxes.build(points)
-    assert boxes.along == along
-    assert boxes.edge == pytest.approx(1.0 / along, rel=1e-3)
-    np.testing.assert_array_equal(np.sort(boxes.order), np.arange(n))
-    np.testing.assert_array_equal(boxes.points.T, (points - points.min(axis=0))[boxes.order])
-    assert len(np.unique(boxes.cells, axis=0)) == len(boxes.cells)
-    away = np.abs(boxes.points - (np.repeat(boxes.cells, np.diff(boxes.begins), axis=0).T + 0.5) * boxes.edge)
-    assert away.max() <= 0.5 * boxes.edge * (1 + 1e-9)
+    voxels = Voxels.build(points)
+    assert voxels.along == along
+    assert voxels.edge == pytest.approx(1.0 / along, rel=1e-3)
+    np.testing.assert_array_equal(np.sort(voxels.order), np.arange(n))
+    np.testing.assert_array_equal(voxels.points.T, (points - points.min(axis=0))[voxels.order])
+    assert len(np.unique(voxels.cells, axis=0)) == len(voxels.cells)
+    away = np.abs(voxels.points - (np.repeat(voxels.cells, np.diff(voxels.begins), axis=0).T + 0.5) * voxels.edge)
+    assert away.max() <= 0.5 * voxels.edge * (1 + 1e-9)
 
 
-def test_each_box_gives_its_share(bracket):
+def test_each_voxel_gives_its_share(bracket):
     n, n_points = len(bracket), 2_000
-    boxes = plain_boxes(bracket)[0]
+    voxels = plain_voxels(bracket)[0]
     chosen = np.zeros(n)
-    chosen[points_of_boxes(bracket, n_points)] = 1
+    chosen[points_of_voxels(bracket, n_points)] = 1
     given_up = 0
-    for members in boxes.values():
+    for members in voxels.values():
         quota = plain_quota(len(members), n, n_points)
         assert chosen[members].sum() <= quota
         assert abs(quota - len(members) * n_points / n) < 1
@@ -141,12 +141,12 @@ def test_each_box_gives_its_share(bracket):
     assert given_up > 0  # since more are rounded up than down
 
 
-def test_boxes_keep_away_from_those_around(sphere):
-    """Without them, points crowd where boxes meet."""
+def test_voxels_keep_away_from_those_around(sphere):
+    """Without them, points crowd where voxels meet."""
     n_points = 2_000
-    chosen = sphere[points_of_boxes(sphere, n_points)]
+    chosen = sphere[points_of_voxels(sphere, n_points)]
     alone = []
-    for members in plain_boxes(sphere)[0].values():
+    for members in plain_voxels(sphere)[0].values():
         quota = plain_quota(len(members), len(sphere), n_points)
         if quota:
             alone.append(sphere[members][farthest_points(sphere[members], quota)[0]])
@@ -157,23 +157,23 @@ def test_boxes_keep_away_from_those_around(sphere):
     assert close_pairs(chosen) < 0.5 * close_pairs(np.concatenate(alone))
 
 
-def test_where_no_box_has_a_share_all_are_farthest_points(sphere):
-    np.testing.assert_array_equal(points_of_boxes(sphere, 20), farthest_points(sphere, 20)[0])
+def test_where_no_voxel_has_a_share_all_are_farthest_points(sphere):
+    np.testing.assert_array_equal(points_of_voxels(sphere, 20), farthest_points(sphere, 20)[0])
 
 
 def test_a_far_outlier_costs_no_more_than_a_tree(monkeypatch):
-    """All but one of the points share a box, and are chosen by a tree there."""
+    """All but one of the points share a voxel, and are chosen by a tree there."""
     points = np.vstack([np.random.default_rng(0).random((20_000, 3)), [[1e5, 0.0, 0.0]]])
     filled = []
-    monkeypatch.setattr(boxes, "_fill", lambda *of_boxes: filled.extend(of_boxes[6]))
-    indices = points_of_boxes(points, 2_000)
+    monkeypatch.setattr(voxels, "_fill", lambda *of_voxels: filled.extend(of_voxels[6]))
+    indices = points_of_voxels(points, 2_000)
     assert len(np.unique(indices)) == 2_000
     assert filled == []
 
 
 def test_progress_adds_up(bracket):
     steps = []
-    points_of_boxes(bracket, 1_000, steps.append)
+    points_of_voxels(bracket, 1_000, steps.append)
     assert steps == [1] * 8
 
 

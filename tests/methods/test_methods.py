@@ -2,13 +2,18 @@
 
 import dataclasses
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import gppcs
 from gppcs.methods import method_named
-from gppcs.methods.method import Parameter
+from gppcs.methods.method import Parameter, largest
+from gppcs.methods.method import parameter as declared
 
 CLOUD = gppcs.sample("bracket", 600).points
 
@@ -17,6 +22,7 @@ CLOUD = gppcs.sample("bracket", 600).points
 def test_each_method_says_what_it_is(name, method):
     assert method.name == name
     assert method.summary
+    assert method.description.endswith(".")
     assert method.source
     assert dataclasses.is_dataclass(method())
 
@@ -79,12 +85,67 @@ def test_numbers_of_numpy_become_pythons():
 
 
 @pytest.mark.parametrize("method", gppcs.METHODS.values())
-def test_the_docstring_explains_each_parameter(method):
+def test_each_parameter_is_explained(method):
     assert list(method.parameters()) == [field.name for field in dataclasses.fields(method)]
     for parameter in method.parameters().values():
         assert parameter.meaning.endswith(".")
         assert "\n" not in parameter.meaning
-    assert gppcs.Random.parameters()["seed"] == Parameter("int", 0, "Of the permutation.")
+
+
+def test_the_kind_of_a_parameter_is_its_type():
+    assert gppcs.Random.parameters() == {"seed": Parameter("int", 0, "Seed of the permutation.")}
+    kinds = {name: parameter.kind for name, parameter in gppcs.SpectralGP.parameters().items()}
+    assert (kinds["nu"], kinds["fit_nu"], kinds["k_add"]) == ("float", "bool", "int, optional")
+    assert gppcs.Voxel.parameters()["place"].kind == '"representative" or "mean"'
+
+
+@pytest.mark.parametrize("method", gppcs.METHODS.values())
+def test_the_docstring_holds_description_source_and_parameters(method):
+    text = " ".join(method.__doc__.split())
+    assert f"{method.description} Source: {method.source}." in text
+    assert ("Parameters ----------" in text) == bool(method.parameters())
+    for name, parameter in method.parameters().items():
+        default = "" if parameter.default is None else f", default {parameter.default!r}"
+        assert f" {name} : {parameter.kind}{default} {parameter.meaning}" in text
+
+
+def test_a_method_without_help_can_be_declared():
+    @dataclasses.dataclass(frozen=True)
+    class Few(gppcs.FarthestPoint):
+        """The first paragraph."""
+
+        name = "few"
+        most: int = 3
+
+    assert Few.parameters() == {"most": Parameter("int", 3, "")}
+    assert Few(most=2).replaced({"most": "4"}).most == 4
+
+
+def test_parameters_of_a_base_class_are_explained_first():
+    @dataclasses.dataclass(frozen=True)
+    class Shuffled(gppcs.Random):
+        """The first paragraph."""
+
+        turns: int = declared(1, "Number of turns.")
+
+    assert list(Shuffled.parameters()) == ["seed", "turns"]
+    assert Shuffled.__doc__.endswith(
+        "seed : int, default 0\n    Seed of the permutation.\nturns : int, default 1\n    Number of turns."
+    )
+
+
+@pytest.mark.parametrize("name", gppcs.METHODS)
+def test_the_help_needs_no_docstrings(name):
+    """`python -OO` removes them."""
+    code = "from gppcs.app.cli import main; main()"
+    run = subprocess.run(
+        [sys.executable, "-OO", "-c", code, "methods", name], capture_output=True, text=True, check=True
+    )
+    text = " ".join(run.stdout.split())
+    method = gppcs.METHODS[name]
+    assert method.description in text
+    for parameter in method.parameters().values():
+        assert parameter.meaning in text
 
 
 def test_a_label_names_what_is_not_the_default():
@@ -207,3 +268,10 @@ def test_fewer_candidates_than_points_asked_for_are_made_to_suffice():
 def test_a_smaller_random_choice_starts_a_larger_one():
     small, large = (gppcs.simplify(CLOUD, n_points=n, method="random").indices for n in (20, 200))
     assert small.tolist() == large[:20].tolist()
+
+
+@given(st.lists(st.integers(-3, 3), min_size=1, max_size=50), st.data())
+def test_largest(values, data):
+    values = np.array(values, dtype=float)
+    count = data.draw(st.integers(0, len(values)))
+    np.testing.assert_array_equal(largest(values, count), np.argsort(-values, kind="stable")[:count])

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gppcs.spatial.cells import PART, _mixed, first_occurrences, greatest_in_cells
+from gppcs.spatial.cells import POINTS_PER_PART, _mixed, first_occurrences, greatest_in_cells
 
 
 @settings(deadline=None)
@@ -51,7 +51,7 @@ def test_the_greatest_in_cells_are_those_of_a_dictionary(n, edge, moved, far, ki
 @pytest.mark.parametrize("far", [1.0, 1e12])
 def test_those_of_many_are_the_same_whatever_the_number_of_threads(far):
     """Several parts, of which one holds half the points; a table that has to grow."""
-    points = np.random.default_rng(0).integers(0, 60, (6 * PART, 3)) / 64.0
+    points = np.random.default_rng(0).integers(0, 60, (6 * POINTS_PER_PART, 3)) / 64.0
     points[::2] = points[0]
     points[-1] = far
     values = valued(len(points), 5, 0)
@@ -62,13 +62,13 @@ def test_those_of_many_are_the_same_whatever_the_number_of_threads(far):
 
 
 def test_all_are_found_where_a_table_has_to_grow():
-    points = np.random.default_rng(0).random((PART - 1, 3))
+    points = np.random.default_rng(0).random((POINTS_PER_PART - 1, 3))
     assert first_occurrences(points).all()
     assert len(greatest_in_cells(points, 1e-9, valued(len(points), 1, 0))) == len(points)
 
 
 def test_memory_does_not_grow_with_the_cells_of_the_box():
-    points, values = np.random.default_rng(0).random((6 * PART, 3)), valued(6 * PART, 5, 0)
+    points, values = np.random.default_rng(0).random((6 * POINTS_PER_PART, 3)), valued(6 * POINTS_PER_PART, 5, 0)
     for far in (1.0, 1e12):
         points[0] = far
         tracemalloc.start()

@@ -4,7 +4,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gppcs.spatial.kdtree import KdTree
-from gppcs.surface.moments import LANES, MOMENTS, flattest, flattest_side_by_side, middle, moments_in_ball, node_moments
+from gppcs.surface.moments import (
+    AT_ONCE,
+    MOMENTS,
+    flattest,
+    flattest_side_by_side,
+    middle,
+    moments_in_ball,
+    node_moments,
+)
 
 
 def moments_of(points):
@@ -13,9 +21,9 @@ def moments_of(points):
 
 
 def solved(neighbourhoods):
-    """Variation, normals and whether they are sure, of LANES neighbourhoods side by side."""
+    """Variation, normals and whether they are sure, of AT_ONCE neighbourhoods side by side."""
     moments = np.stack([moments_of(points) for points in neighbourhoods], axis=1)
-    variation, normals, sure = np.empty(LANES), np.empty((3, LANES)), np.empty(LANES)
+    variation, normals, sure = np.empty(AT_ONCE), np.empty((3, AT_ONCE)), np.empty(AT_ONCE)
     flattest_side_by_side(moments, variation, normals, sure)
     return variation, normals, sure
 
@@ -25,7 +33,7 @@ def solved(neighbourhoods):
 def test_side_by_side_equals_one_at_a_time_and_the_eigensolver(seed, flat, thin):
     rng = np.random.default_rng(seed)
     turned = np.linalg.qr(rng.standard_normal((3, 3)))[0]
-    neighbourhoods = (rng.standard_normal((LANES, 20, 3)) * [10**flat, 10**thin, 1.0]) @ turned
+    neighbourhoods = (rng.standard_normal((AT_ONCE, 20, 3)) * [10**flat, 10**thin, 1.0]) @ turned
     variation, normals, sure = solved(neighbourhoods)
     for p, points in enumerate(neighbourhoods):
         covariance = np.cov(points.T, bias=True)
@@ -45,8 +53,8 @@ def test_what_is_not_sure_is_told():
     rng = np.random.default_rng(0)
     ball = np.stack(np.meshgrid(*[np.arange(3.0)] * 3), axis=-1).reshape(-1, 3) - 1.0
     plane = rng.random((9, 3)) * [1.0, 1.0, 0.0]
-    _, _, sure = solved([ball, np.zeros((4, 3)), plane] + [rng.random((9, 3)) for _ in range(LANES - 3)])
-    np.testing.assert_array_equal(sure, [0, 0] + [1] * (LANES - 2))
+    _, _, sure = solved([ball, np.zeros((4, 3)), plane] + [rng.random((9, 3)) for _ in range(AT_ONCE - 3)])
+    np.testing.assert_array_equal(sure, [0, 0] + [1] * (AT_ONCE - 2))
 
 
 @pytest.mark.parametrize("n", [1, 2, 33, 1_000])
@@ -67,7 +75,7 @@ def test_moments_of_nodes_are_those_of_their_points(n):
 def test_moments_in_a_ball(count):
     rng = np.random.default_rng(count)
     packed, centre = rng.random((3, count + 5)), rng.random(3)
-    moments = np.full((MOMENTS, LANES), np.nan)
+    moments = np.full((MOMENTS, AT_ONCE), np.nan)
     moments_in_ball(packed, count, *centre, 0.2, moments, 3)
     local = packed[:, :count].T - centre
     np.testing.assert_allclose(moments[:, 3], moments_of(local[(local**2).sum(axis=1) <= 0.2]), atol=1e-10)

@@ -1,1 +1,1 @@
-"""What all rooms rest on: the kernels' cache, the stages of a run, memory, optional packages."""
+"""Basics that all other rooms use: kernel cache, stages of a run, peak memory, optional packages."""

@@ -1,4 +1,4 @@
-"""Packages that are optional: each is imported where it is used, with an error that names its extra."""
+"""Optional packages: each function checks for one and raises an error that names the extra to install."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any
 
 from gppcs.errors import MissingExtraError
 
-# In a process of its own, since without OpenGL the process ends here, with no chance to say why.
+# This code runs in a separate process: without OpenGL, VTK ends the process instead of raising an error.
 PROBE = "import pyvista; p = pyvista.Plotter(off_screen=True); p.add_mesh(pyvista.Cube()); p.screenshot()"
 
 
 def require_matplotlib() -> None:
-    """Make sure that a picture can be drawn, before long work is done for it.
+    """Check that matplotlib is installed, so that a long run does not fail at its end.
 
     Raises
     ------
@@ -31,14 +31,20 @@ def require_matplotlib() -> None:
 def require_pymeshlab() -> Any:
     """Import PyMeshLab.
 
+    Returns
+    -------
+    module
+        The module `pymeshlab`.
+
     Raises
     ------
     MissingExtraError
-        If it is not installed.
+        If PyMeshLab is not installed.
     """
     import numba
 
-    numba.get_num_threads()  # starts them: later, Numba would meet PyMeshLab's TBB and warn that it is too old
+    # Start Numba's threads first: later, Numba would find the older TBB that PyMeshLab loads, and warn about it.
+    numba.get_num_threads()
     try:
         import pymeshlab
     except ImportError as error:
@@ -49,12 +55,12 @@ def require_pymeshlab() -> Any:
 
 
 def require_pyvista() -> None:
-    """Make sure that meshes can be drawn, before long work is done for it.
+    """Check that PyVista can draw meshes, so that a long run does not fail at its end.
 
     Raises
     ------
     MissingExtraError
-        If PyVista is not installed, or finds no OpenGL.
+        If PyVista is not installed or finds no OpenGL.
     """
     try:
         importlib.import_module("pyvista")
@@ -62,7 +68,7 @@ def require_pyvista() -> None:
         raise MissingExtraError("a picture of meshes needs PyVista: pip install 'gppcs[view]'") from error
     if not _opengl_works():
         raise MissingExtraError(
-            "a picture of meshes needs OpenGL, in software if there is no graphics card, and PyVista found none; "
+            "a picture of meshes needs OpenGL, and PyVista found none; software rendering suffices, "
             "on Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri libx11-6"
         )
 

@@ -1,20 +1,26 @@
-"""How much memory this process has held at most."""
+"""Measure the peak memory of this process."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 
-STATUS = Path("/proc/self/status")  # of Linux
+STATUS = Path("/proc/self/status")  # on Linux, this file holds the peak as VmHWM
 
 
 def peak_memory() -> int | None:
-    """Return the greatest resident size of this process so far, in bytes; None where the platform does not tell."""
+    """Return the peak resident memory of this process.
+
+    Returns
+    -------
+    int or None
+        Bytes; None if the platform does not report it.
+    """
     try:
         status = STATUS.read_text()
     except OSError:
         status = ""
-    if "VmHWM:" in status:  # and not getrusage, whose peak outlives the exec by which a process came about
+    if "VmHWM:" in status:  # preferred to getrusage, which includes the peak of the program that started this one
         return int(status.split("VmHWM:")[1].split()[0]) * 1024
     try:
         import resource

@@ -1,4 +1,4 @@
-"""The stages of a run: how long each took, and word of their progress to whoever listens."""
+"""Time the stages of a run and report their progress to a listener."""
 
 from __future__ import annotations
 
@@ -9,32 +9,102 @@ from typing import Protocol
 
 
 class Listener(Protocol):
-    """Hears of the stages of a run, for instance to draw a progress bar."""
+    """The interface of an object that receives the progress of a run, such as a progress bar.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> class Printer:
+    ...     def started(self, stage, total):
+    ...         print(f"{stage}: {total} steps")
+    ...     def advanced(self, steps):
+    ...         print(f"{steps} done")
+    ...     def finished(self):
+    ...         print("over")
+    >>> listener: gppcs.Listener = Printer()
+    >>> with gppcs.Stages(listener)("sum", total=2) as advanced:
+    ...     advanced(2)
+    sum: 2 steps
+    2 done
+    over
+    """
 
     def started(self, stage: str, total: int | None) -> None:
-        """Hear that a stage began; `total` is its number of steps, None where that is not known."""
+        """Receive the start of a stage.
+
+        Parameters
+        ----------
+        stage : str
+            Name of the stage.
+        total : int or None
+            Its number of steps; None if unknown.
+        """
 
     def advanced(self, steps: int) -> None:
-        """Hear that the current stage has done so many more steps."""
+        """Receive the progress of the current stage.
+
+        Parameters
+        ----------
+        steps : int
+            Number of steps done since the last call.
+        """
 
     def finished(self) -> None:
-        """Hear that the current stage is over."""
+        """Receive the end of the current stage."""
 
 
 class Stages:
-    """Times the stages of one run, by name, in `seconds`; a name that occurs again adds up."""
+    """Measures the wall time of each stage of one run.
+
+    Parameters
+    ----------
+    listener : Listener, optional
+        Receives the progress of the run.
+
+    Attributes
+    ----------
+    seconds : dict of str to float
+        Wall time in seconds by name of the stage, in the order of the run. Stages of the same name add up.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> stages = gppcs.Stages()
+    >>> with stages("sum", total=2) as advanced:
+    ...     advanced(2)
+    >>> list(stages.seconds)
+    ['sum']
+    """
 
     def __init__(self, listener: Listener | None = None) -> None:
         self.seconds: dict[str, float] = {}
         self._listener = listener
 
     def anew(self) -> Stages:
-        """Return stages with the same listener that have taken no time yet."""
+        """Return a `Stages` with the same listener and no times.
+
+        Returns
+        -------
+        Stages
+        """
         return Stages(self._listener)
 
     @contextmanager
     def __call__(self, name: str, total: int | None = None) -> Iterator[Callable[[int], None]]:
-        """Run a block as a stage; what is yielded takes the number of steps done since the last call."""
+        """Run the body of a `with` statement as a stage.
+
+        Parameters
+        ----------
+        name : str
+            Name of the stage.
+        total : int, optional
+            Number of its steps, if known.
+
+        Yields
+        ------
+        callable
+            Call it with the number of steps done since the last call.
+        """
         listener = self._listener
         if listener:
             listener.started(name, total)

@@ -1,1 +1,1 @@
-"""The Gaussian processes: the paper's (`spectral`) and ours (`local`), with the same names for the same steps."""
+"""The two Gaussian processes: the paper's (`spectral`) and our own (`local`); equal steps have equal names."""

@@ -1,4 +1,8 @@
-"""The methods by name. Adding one is adding its file, its import and its place in the list."""
+"""The simplification methods by name. To add one, write its file or folder here and import its class below.
+
+The class is a `Method`, see `methods/method.py`. Its name, parameters and help then appear everywhere: in
+`gppcs.METHODS`, `gppcs.simplify`, `gppcs.compare` and the commands.
+"""
 
 from __future__ import annotations
 
@@ -6,72 +10,55 @@ from collections.abc import Mapping
 from typing import Any
 
 from gppcs.errors import ParameterError, nearest_name
-from gppcs.methods.aivs import AIVS
-from gppcs.methods.fps import FarthestPoint
-from gppcs.methods.fps_variation import FarthestPointVariation
-from gppcs.methods.gp import LocalGP
-from gppcs.methods.gp_spectral import SpectralGP
-from gppcs.methods.hc import HierarchicalClustering
-from gppcs.methods.method import Method, Selection
-from gppcs.methods.pc_simp import PCSimp
-from gppcs.methods.qem import QEM
-from gppcs.methods.random import Random
-from gppcs.methods.sample_elimination import SampleElimination
-from gppcs.methods.top_variation import TopVariation
-from gppcs.methods.voxel import Voxel
-from gppcs.methods.wlop import WLOP
+from gppcs.methods.method import Method as Method
+from gppcs.methods.method import Selection as Selection
+from gppcs.methods.method import parameter as parameter
 
+# One line for each method, in the order in which lists show them. "X as X" makes X public for type checkers.
+# isort: off
+from gppcs.methods.gp import LocalGP as LocalGP
+from gppcs.methods.gp_spectral import SpectralGP as SpectralGP
+from gppcs.methods.fps_variation import FarthestPointVariation as FarthestPointVariation
+from gppcs.methods.top_variation import TopVariation as TopVariation
+from gppcs.methods.fps import FarthestPoint as FarthestPoint
+from gppcs.methods.random import Random as Random
+from gppcs.methods.hc import HierarchicalClustering as HierarchicalClustering
+from gppcs.methods.wlop import WLOP as WLOP
+from gppcs.methods.sample_elimination import SampleElimination as SampleElimination
+from gppcs.methods.voxel import Voxel as Voxel
+from gppcs.methods.aivs import AIVS as AIVS
+from gppcs.methods.pc_simp import PCSimp as PCSimp
+from gppcs.methods.qem import QEM as QEM
+# isort: on
+
+# All methods by name, such as METHODS["fps"].
 METHODS: Mapping[str, type[Method]] = {
-    method.name: method
-    for method in (
-        LocalGP,
-        SpectralGP,
-        FarthestPointVariation,
-        TopVariation,
-        FarthestPoint,
-        Random,
-        HierarchicalClustering,
-        WLOP,
-        SampleElimination,
-        Voxel,
-        AIVS,
-        PCSimp,
-        QEM,
-    )
+    value.name: value
+    for value in list(globals().values())
+    if isinstance(value, type) and issubclass(value, Method) and value is not Method
 }
 DEFAULT = LocalGP.name
 
 
 def method_named(name: str, settings: Mapping[str, Any] | None = None) -> Method:
-    """Return the method of that name, with its defaults replaced by `settings`, which may be text.
+    """Return a method by its name.
+
+    Parameters
+    ----------
+    name : str
+        A key of `METHODS`.
+    settings : mapping of str to value, optional
+        Parameters that replace the defaults, as in `Method.replaced`; the values may be text.
+
+    Returns
+    -------
+    Method
 
     Raises
     ------
     ParameterError
-        If there is no such method or parameter, with the nearest name.
+        If there is no such method or parameter; the message has the most similar name.
     """
     if name not in METHODS:
         raise ParameterError(f"there is no method {name!r}{nearest_name(name, METHODS)}")
     return METHODS[name]().replaced(settings or {})
-
-
-__all__ = [
-    "AIVS",
-    "DEFAULT",
-    "METHODS",
-    "QEM",
-    "WLOP",
-    "FarthestPoint",
-    "FarthestPointVariation",
-    "HierarchicalClustering",
-    "LocalGP",
-    "Method",
-    "PCSimp",
-    "Random",
-    "SampleElimination",
-    "Selection",
-    "SpectralGP",
-    "TopVariation",
-    "Voxel",
-    "method_named",
-]

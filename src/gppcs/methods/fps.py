@@ -1,4 +1,4 @@
-"""Farthest point sampling as a method."""
+"""The method `fps`: farthest point sampling."""
 
 from __future__ import annotations
 
@@ -15,14 +15,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FarthestPoint(Method):
-    """Each point the farthest from those before it, from the point nearest the centroid on; exact."""
+    """Farthest point sampling.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> cloud = gppcs.sample("sphere", n_points=1000)
+    >>> len(gppcs.simplify(cloud, n_points=10, method=gppcs.FarthestPoint()).indices)
+    10
+    """
 
     name = "fps"
     summary = "farthest point sampling: the most even cover"
+    description = (
+        "Starts with the point nearest the centroid. Each further point is the farthest from all points chosen before "
+        "it; this is exact. A smaller selection is the start of a larger one."
+    )
     source = "Eldar, Lindenbaum, Porat and Zeevi 1997"
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
-        """Choose the points; see `Method`."""
+        """Choose the points; see `Method.__call__`."""
         from gppcs.spatial.farthest_points import farthest_points
 
         stages = stages or Stages()

@@ -1,4 +1,4 @@
-"""Farthest points, then the points of largest surface variation: what the paper's published tables come from."""
+"""The method `fps-variation`: farthest points, then the points of largest surface variation."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gppcs.engine.stages import Stages
-from gppcs.methods.method import Method, Selection, largest, random_candidates
+from gppcs.methods.method import Method, Selection, largest, parameter, random_candidates
 
 if TYPE_CHECKING:
     import numpy as np
@@ -15,29 +15,32 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FarthestPointVariation(Method):
-    """Farthest points, then the points of largest surface variation among the rest.
+    """Farthest points, then the points of largest surface variation.
 
-    Parameters
-    ----------
-    k_init : int, optional
-        The number of farthest points; a third of the points asked for where not given.
-    neighbours : int
-        About how many points a neighbourhood holds.
-    candidates : int, optional
-        Choose among so many random points, as the paper does on large clouds; among all where not given. The
-        surface variation is that of the whole cloud either way.
-    seed : int
-        Of that choice.
+    Examples
+    --------
+    >>> import gppcs
+    >>> cloud = gppcs.sample("bracket", n_points=1000)
+    >>> len(gppcs.simplify(cloud, n_points=90, method=gppcs.FarthestPointVariation(k_init=30)).indices)
+    90
     """
 
     name = "fps-variation"
     summary = "farthest points, then the points of largest surface variation"
-    source = "the paper's ablation table is reproduced by it; see benchmarks/paper/ablation.py"
+    description = (
+        "Chooses `k_init` points by farthest point sampling, and then the points of largest surface variation among "
+        "the rest."
+    )
+    source = "reproduces the paper's ablation table; see benchmarks/paper/ablation.py"
 
-    k_init: int | None = None
-    neighbours: int = 25
-    candidates: int | None = None
-    seed: int = 0
+    k_init: int | None = parameter(None, "Number of farthest points; by default, a third of the points asked for.")
+    neighbours: int = parameter(25, "About how many points a neighbourhood holds.")
+    candidates: int | None = parameter(
+        None,
+        "Choose among this many random points, as the paper does on large clouds; by default, among all. The surface "
+        "variation is always measured in the whole cloud.",
+    )
+    seed: int = parameter(0, "Seed of the random candidates.")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -47,7 +50,7 @@ class FarthestPointVariation(Method):
         self.require(self.seed >= 0, "seed", "at least 0")
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
-        """Choose the points; see `Method`."""
+        """Choose the points; see `Method.__call__`."""
         import numpy as np
 
         from gppcs.spatial.farthest_points import farthest_points

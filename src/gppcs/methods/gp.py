@@ -1,4 +1,4 @@
-"""The paper's criterion with a full-rank, local Matérn field: the default."""
+"""The default method: a local, full-rank Gaussian process whose metric follows the surface."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gppcs.engine.stages import Stages
-from gppcs.methods.method import Method, Selection
+from gppcs.methods.method import Method, Selection, parameter
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,35 +17,29 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LocalGP(Method):
-    """A local, full-rank Gaussian process of the surface variation, and greedy choice by uncertainty plus error.
-
-    Its order is a ranking: each prefix is a simplification of its size. Its attributes are each point's score and the
-    field's standard deviation there when it was chosen, in units of that before any choice. The diagnostic
-    "noise_in_spacings" is the root mean square distance of the points from the surface, in target spacings. Noise below
-    0.04 is ignored. It is 0 where too few points lie near each other to measure it. Detail of about the size of the
-    target spacing counts as noise, too.
-
-    Parameters
-    ----------
-    feature_weight : float
-        From 0, an even cover, to 1, points crowded where the surface is rough.
-    lengthscale : float
-        Of the Matérn kernel, in units of the spacing of the points to be chosen.
-    neighbours : int
-        How many chosen points the field at a point is conditioned on.
-    candidates : float
-        How many cells of the candidates' grid there are to the square of the target spacing.
-    """
+    """A local Gaussian process whose metric follows the surface, and greedy choice where it is most uncertain."""
 
     name = "gp"
-    summary = "a local Gaussian process of full rank: features kept, nothing left bare, a ranking"
+    summary = "a local Gaussian process: features kept, nothing left bare, a ranking"
+    description = (
+        "Chooses, one after another, the points where a local, full-rank Gaussian process is most uncertain. Its "
+        "lengthscale is small where the surface is rough, and a change of the normal counts as distance, so points are "
+        "dense on features. From a feature weight of 0.5 on, the error of the predicted surface variation counts, too. "
+        "The order is a ranking: its first points are a simplification of their number. The attributes of "
+        'a point are "score", and "deviation": the standard deviation of the field when the point was chosen, relative '
+        'to the prior one. The diagnostic "noise_in_spacings" is the root mean square distance of points from the '
+        "surface, in target spacings. Detail of about that size counts as noise, too. A value below 0.04 counts as no "
+        "noise; it is 0 if too few points lie near each other to measure it."
+    )
     source = "the criterion of GP-PCS, Algorithm 1; the field is our own, see docs/local-field.md"
     attributes = ("score", "deviation")
 
-    feature_weight: float = 0.5
-    lengthscale: float = 1.5
-    neighbours: int = 4
-    candidates: float = 8.0
+    feature_weight: float = parameter(
+        0.5, "How much denser points are where the surface is rough, from 0, an even cover, to 1."
+    )
+    lengthscale: float = parameter(1.5, "Lengthscale of the Matérn kernel, in target spacings.")
+    neighbours: int = parameter(4, "Number of chosen points on which the field at a point is conditioned.")
+    candidates: float = parameter(8.0, "Number of cells of the candidates' grid per squared target spacing.")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -56,7 +50,11 @@ class LocalGP(Method):
 
     @property
     def criterion(self) -> Criterion:
-        """What the selection weighs at this `feature_weight`."""
+        """The weights of the selection at this `feature_weight`.
+
+        The default weights are those of least error of the rebuilt surface (docs/experiments.md). At a feature weight
+        of 1 the error has the weight that the paper gives it.
+        """
         from gppcs.gp.local.ranking import Criterion
 
         return Criterion(

@@ -1,4 +1,4 @@
-"""The paper's Algorithm 1 as its equations say, on all points."""
+"""The method `gp-spectral`: the paper's Algorithm 1, exact on all points."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 from gppcs.engine.stages import Stages
-from gppcs.methods.method import Method, Selection, random_candidates
+from gppcs.methods.method import Method, Selection, parameter, random_candidates
 
 if TYPE_CHECKING:
     import numpy as np
@@ -16,60 +16,58 @@ if TYPE_CHECKING:
     from gppcs.gp.spectral.kernel import Hyperparameters
     from gppcs.spatial.kdtree import KdTree
 
-UPDATES = 200  # of the posterior in a run, unless k_add says otherwise
+UPDATES = 200  # updates of the posterior in a run, unless k_add is given
 
 
 @dataclass(frozen=True)
 class SpectralGP(Method):
-    """A Gaussian process of the surface variation, and greedy choice by uncertainty plus error.
+    """The paper's Gaussian process of the surface variation on the manifold (Algorithm 1).
 
-    Its diagnostics are the fitted hyperparameters, and "explained": the share of the variance of the surface
-    variation over the candidates that the posterior mean given the chosen points explains (R squared; below zero
-    where it is worse than a constant, as it can be when the chosen points are far from typical).
-
-    Parameters
-    ----------
-    neighbours : int
-        k: about how many points a neighbourhood holds.
-    eigenfunctions : int
-        L: at how many terms the kernel of Eq. 6 is cut off.
-    nu : float
-        Smoothness of the Matérn kernel; inf for the heat kernel.
-    fit_nu : bool
-        Fit nu to the cloud as well, with the value given as the start.
-    k_opt : int
-        How many random points the hyperparameters are fitted on.
-    iterations : int
-        Of the optimiser, at most, from each start of the fit; it seldom takes more than 30.
-    k_init : int, optional
-        The number of farthest points to start from; a third of the points asked for where not given.
-    k_add : int, optional
-        Points added between two updates of the posterior; where not given, as many as make 200 updates. That
-        bounds the time whatever the cloud, and chooses nearly the points that one at a time does.
-    landmarks : int
-        How many farthest points carry the eigenproblem of larger clouds.
-    candidates : int, optional
-        Choose among so many random points, as the paper's experiments do; among all where not given. Surface
-        variation and field are those of the whole cloud either way.
-    seed : int
-        Of the choice of the k_opt points and of the candidates.
+    Examples
+    --------
+    >>> import gppcs
+    >>> cloud = gppcs.sample("bracket", n_points=1000)
+    >>> result = gppcs.simplify(cloud, n_points=90, method=gppcs.SpectralGP(eigenfunctions=10))
+    >>> list(result.diagnostics)
+    ['variance', 'lengthscale', 'nu', 'noise', 'explained']
     """
 
     name = "gp-spectral"
     summary = "the paper's Gaussian process: a truncated Matérn kernel on the manifold, greedy choice"
+    description = (
+        "Models the surface variation as a Gaussian process on the manifold. Starts with farthest points, and then "
+        "chooses points greedily by the process's standard deviation plus its absolute error. The diagnostics are the "
+        'fitted hyperparameters and "explained", the share of the variance of the surface variation over the '
+        "candidates that the posterior mean given the chosen points explains (R squared). It is below zero if the "
+        "mean predicts worse than a constant, which can happen if the chosen points are not typical."
+    )
     source = "Pathak, Baldwin-McDonald, Sels and Penne, GP-PCS, Algorithm 1"
 
-    neighbours: int = 25
-    eigenfunctions: int = 20
-    nu: float = 2.5
-    fit_nu: bool = False
-    k_opt: int = 200
-    iterations: int = 200
-    k_init: int | None = None
-    k_add: int | None = None
-    landmarks: int = 4000
-    candidates: int | None = None
-    seed: int = 0
+    neighbours: int = parameter(25, "k: about how many points a neighbourhood holds.")
+    eigenfunctions: int = parameter(20, "L: the number of eigenfunctions to which the kernel of Eq. 6 is truncated.")
+    nu: float = parameter(2.5, "Smoothness of the Matérn kernel; inf means the heat kernel.")
+    fit_nu: bool = parameter(False, "Fit nu as well; the fit starts from the given nu.")
+    k_opt: int = parameter(200, "Number of random points to which the hyperparameters are fitted.")
+    iterations: int = parameter(
+        200, "Most iterations of the optimiser from each of its starts; it rarely needs more than 30."
+    )
+    k_init: int | None = parameter(
+        None, "Number of farthest points to start from; by default, a third of the points asked for."
+    )
+    k_add: int | None = parameter(
+        None,
+        "Points added between two updates of the posterior. By default, as many as lead to 200 updates. This bounds "
+        "the time for any cloud, and chooses nearly the same points as one at a time.",
+    )
+    landmarks: int = parameter(
+        4000, "Number of farthest points on which the eigenproblem is solved; all points in clouds that have no more."
+    )
+    candidates: int | None = parameter(
+        None,
+        "Choose among this many random points, as the paper's experiments do; by default, among all. Surface variation "
+        "and process are always those of the whole cloud.",
+    )
+    seed: int = parameter(0, "Seed of the random k_opt points and candidates.")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -86,7 +84,7 @@ class SpectralGP(Method):
         self.require(self.seed >= 0, "seed", "at least 0")
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
-        """Choose the points; see `Method`."""
+        """Choose the points; see `Method.__call__`."""
         import numpy as np
 
         from gppcs.gp.spectral import greedy
@@ -115,7 +113,7 @@ class SpectralGP(Method):
     def _fitted_field(
         self, points: NDArray[np.float64], tree: KdTree, stages: Stages
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], Hyperparameters]:
-        """Return the kernel's features, the surface variation, and the hyperparameters that fit them together."""
+        """Return the kernel's features, (N, L), the surface variation, (N,), and the fitted hyperparameters."""
         import numpy as np
 
         from gppcs.gp.spectral import hyperparameters, kernel

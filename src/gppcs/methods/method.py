@@ -1,16 +1,16 @@
-"""What a simplification method is: a frozen dataclass of its parameters that can be called on points."""
+"""The base class of all simplification methods: a frozen dataclass of parameters that can be called on points."""
 
 from __future__ import annotations
 
 import dataclasses
 import inspect
 import numbers
-import re
+import textwrap
 import typing
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 from gppcs.engine.stages import Stages
 from gppcs.errors import ParameterError, nearest_name
@@ -20,23 +20,35 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-_OTHER = object()  # what is no value of a parameter
+Value = TypeVar("Value")
+
+WIDTH = 100  # characters per line of the docstrings that are completed here
+_MEANING = "meaning"  # the key of a field's metadata that holds the help of the parameter
+_INVALID = object()  # stands for a value that a parameter cannot have
 
 
 @dataclass(frozen=True)
 class Selection:
-    """The points a method chose.
+    """The points that a method chose.
 
     Attributes
     ----------
     indices : (M,) array, int64
-        Unique, in the order chosen.
-    diagnostics : mapping of name to float
-        What the method found out on the way, such as fitted hyperparameters.
+        The rows of the chosen points: unique, in the order chosen.
+    diagnostics : mapping of str to float
+        Figures that the method reports about its run, such as fitted hyperparameters.
     points : (M, 3) array, float64, optional
-        Where the method moved the points to; where not given, they stay in their places.
-    attributes : mapping of name to (M,) array
-        What the method found out about each of them.
+        The new positions of the chosen points, if the method moves them.
+    attributes : mapping of str to (M,) array
+        Values that the method reports about each chosen point, such as scores.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> points = gppcs.sample("sphere", n_points=1000).points
+    >>> selection = gppcs.FarthestPoint()(points, 10)
+    >>> isinstance(selection, gppcs.Selection), len(selection.indices)
+    (True, 10)
     """
 
     indices: NDArray[np.int64]
@@ -47,15 +59,21 @@ class Selection:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of a method.
+    """The description of a method's parameter.
 
     Attributes
     ----------
     kind : str
-        What it may be.
+        Its type, or the values that it may have.
     default : int, float, bool, str or None
     meaning : str
-        What it does.
+        What it does, in one or more sentences.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> gppcs.Random.parameters() == {"seed": gppcs.Parameter("int", 0, "Seed of the permutation.")}
+    True
     """
 
     kind: str
@@ -63,69 +81,150 @@ class Parameter:
     meaning: str
 
 
+def parameter(default: Value, meaning: str) -> Value:
+    """Declare a parameter of a method, as a field of its dataclass.
+
+    Parameters
+    ----------
+    default : int, float, bool, str or None
+    meaning : str
+        What the parameter does, in one or more sentences. The help of the command and the docstring show it.
+
+    Returns
+    -------
+    dataclasses.Field
+        Typed as `default`, as type checkers expect of the default of a field.
+    """
+    declared: Any = field(default=default, metadata={_MEANING: meaning})
+    return declared
+
+
 @dataclass(frozen=True)
 class Method(ABC):
-    """A way to choose points; the fields of the subclass are its parameters.
+    """Base class of all methods. A subclass is a frozen dataclass whose fields are its parameters.
 
-    Heavy imports belong into `__call__`, so that listing the methods costs nothing.
+    Import heavy packages and kernels inside `__call__`, so that listing the methods stays fast. The docstring of a
+    subclass is completed with its description and its parameters.
+
+    Attributes
+    ----------
+    name : str
+        The name in `gppcs.METHODS` and on the command line.
+    summary : str
+        One line for lists of methods.
+    description : str
+        What the method does, in a paragraph.
+    source : str
+        The publication.
+    attributes : tuple of str
+        Names of the `Selection.attributes` that the method reports, if any.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> import numpy as np
+    >>> import gppcs
+    >>> @dataclass(frozen=True)
+    ... class EveryNth(gppcs.Method):
+    ...     name, summary, source = "every-nth", "points at equal steps", "an example"
+    ...     description = "Points at equal steps in the order of the input."
+    ...     def __call__(self, points, n_points, stages=None):
+    ...         return gppcs.Selection(np.arange(n_points) * len(points) // n_points)
+    >>> gppcs.simplify(np.random.default_rng(0).random((100, 3)), n_points=4, method=EveryNth()).indices
+    array([ 0, 25, 50, 75])
     """
 
     name: ClassVar[str]
     summary: ClassVar[str]
+    description: ClassVar[str] = ""
     source: ClassVar[str]
-    attributes: ClassVar[tuple[str, ...]] = ()  # of a Selection
+    attributes: ClassVar[tuple[str, ...]] = ()
+
+    def __init_subclass__(cls) -> None:
+        """Complete the docstring, unless `python -OO` has removed it."""
+        super().__init_subclass__()
+        if cls.__doc__:
+            inherited = {each.name: each for each in dataclasses.fields(cls)}
+            own = {name: value for name, value in vars(cls).items() if isinstance(value, dataclasses.Field)}
+            source = f"Source: {cls.source}." if hasattr(cls, "source") else ""
+            texts = [textwrap.fill(text, WIDTH) for text in (cls.description, source) if text]
+            cls.__doc__ = _completed(cls.__doc__, texts, _described(cls, inherited | own))
 
     @abstractmethod
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
-        """Choose `n_points` of `points`, (N, 3), which are finite and without repeats, with n_points below N."""
+        """Choose points of a cloud.
+
+        Parameters
+        ----------
+        points : (N, 3) array, float64
+            Finite and without repeats.
+        n_points : int
+            M, from 1 to N - 1.
+        stages : Stages, optional
+            Measures the time of each stage, and reports progress to its listener.
+
+        Returns
+        -------
+        Selection
+            M points.
+        """
 
     def __post_init__(self) -> None:
-        """Make sure that each parameter has its type; subclasses that check ranges call this first.
+        """Check the types of all parameters. Subclasses that check ranges call this first.
 
         Raises
         ------
         ParameterError
-            If one has not.
+            If a parameter has a wrong type.
         """
         types = typing.get_type_hints(type(self))
-        for parameter in dataclasses.fields(self):
-            alternatives = typing.get_args(types[parameter.name]) or (types[parameter.name],)
-            value = _as_one_of(alternatives, getattr(self, parameter.name))
-            self.require(value is not _OTHER, parameter.name, " or ".join(map(_written, alternatives)))
-            object.__setattr__(self, parameter.name, value)  # numbers of NumPy become Python's
+        for each in dataclasses.fields(self):
+            alternatives = typing.get_args(types[each.name]) or (types[each.name],)
+            value = _as_one_of(alternatives, getattr(self, each.name))
+            self.require(value is not _INVALID, each.name, " or ".join(map(_written, alternatives)))
+            object.__setattr__(self, each.name, value)  # numbers of NumPy become Python's
 
     @property
     def label(self) -> str:
-        """The name and, in brackets, the parameters that are not at their defaults."""
+        """The name and, in brackets, all parameters that differ from their defaults."""
         changed = [
-            f"{parameter.name}={getattr(self, parameter.name)}"
-            for parameter in dataclasses.fields(self)
-            if getattr(self, parameter.name) != parameter.default
+            f"{each.name}={getattr(self, each.name)}"
+            for each in dataclasses.fields(self)
+            if getattr(self, each.name) != each.default
         ]
         return f"{self.name} ({', '.join(changed)})" if changed else self.name
 
     @classmethod
     def parameters(cls) -> dict[str, Parameter]:
-        """Return the parameters by name, with what the docstring of the class says of each."""
-        _, _, section = (inspect.getdoc(cls) or "").partition("\nParameters\n----------\n")
-        said = {name: (kind, text) for name, kind, text in re.findall(r"^(\w+) : (.+)((?:\n    .+)+)", section, re.M)}
-        return {
-            field.name: Parameter(said[field.name][0], field.default, " ".join(said[field.name][1].split()))
-            for field in dataclasses.fields(cls)
-        }
+        """Return the descriptions of all parameters.
+
+        Returns
+        -------
+        dict of str to Parameter
+            By name, in the order of the fields. The texts are those given to `parameter`.
+        """
+        return _described(cls, {each.name: each for each in dataclasses.fields(cls)})
 
     def replaced(self, settings: Mapping[str, Any]) -> Self:
-        """Return a copy with other values for the named parameters.
+        """Return a copy with other values of some parameters.
 
-        Text is read as the parameter's type, with "none" for None.
+        Parameters
+        ----------
+        settings : mapping of str to value
+            The new values by name. A text is converted to the type of the parameter; "none" means None.
+
+        Returns
+        -------
+        Method
+            Of the same class.
 
         Raises
         ------
         ParameterError
-            If there is no such parameter, or its value is not one.
+            If a parameter does not exist, or a value has a wrong type or is outside its range.
         """
         types = typing.get_type_hints(type(self))
-        known = [parameter.name for parameter in dataclasses.fields(self)]
+        known = [each.name for each in dataclasses.fields(self)]
         for key in settings:
             if key not in known:
                 raise ParameterError(
@@ -136,7 +235,21 @@ class Method(ABC):
         return dataclasses.replace(self, **values)
 
     def require(self, condition: bool, parameter: str, expected: str) -> None:
-        """Raise a ParameterError that names the parameter, unless the condition holds."""
+        """Check a condition on a parameter.
+
+        Parameters
+        ----------
+        condition : bool
+        parameter : str
+            Name of the parameter, for the error message.
+        expected : str
+            What the parameter should be, for the error message, such as "at least 1".
+
+        Raises
+        ------
+        ParameterError
+            If the condition is false.
+        """
         if not condition:
             raise ParameterError(
                 f"method {self.name!r}: expected {parameter} to be {expected}, found {getattr(self, parameter)!r}"
@@ -144,7 +257,22 @@ class Method(ABC):
 
 
 def random_candidates(n: int, candidates: int | None, n_points: int, seed: int) -> NDArray[np.int64]:
-    """Return the ascending indices of so many random points of n, at least `n_points` and at most n; None means all."""
+    """Choose a random subset of n points.
+
+    Parameters
+    ----------
+    n : int
+    candidates : int or None
+        Size of the subset; None means all n points.
+    n_points : int
+        Least size of the subset.
+    seed : int
+
+    Returns
+    -------
+    (size,) array, int64
+        Indices, ascending.
+    """
     import numpy as np
 
     if candidates is None:
@@ -153,7 +281,19 @@ def random_candidates(n: int, candidates: int | None, n_points: int, seed: int) 
 
 
 def largest(values: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Return the indices of the `count` largest values, largest first; ties go to the smallest index."""
+    """Return the indices of the largest values.
+
+    Parameters
+    ----------
+    values : (N,) array, float64
+    count : int
+        From 0 to N.
+
+    Returns
+    -------
+    (count,) array, int64
+        Largest value first; ties go to the smallest index.
+    """
     import numpy as np
 
     if count == 0:
@@ -164,25 +304,25 @@ def largest(values: NDArray[np.float64], count: int) -> NDArray[np.int64]:
 
 
 def _as_one_of(alternatives: tuple[Any, ...], value: Any) -> Any:
-    """Return a value as one of some types and literal texts, or `_OTHER` where it is none of them."""
+    """Return a value as one of the types or literal texts, or `_INVALID` if it is none of them."""
     if isinstance(value, str | bool | None):
-        return value if value in alternatives or type(value) in alternatives else _OTHER
+        return value if value in alternatives or type(value) in alternatives else _INVALID
     families: tuple[tuple[Any, type], ...] = ((int, numbers.Integral), (float, numbers.Real))
     for kind, family in families:
         if kind in alternatives and isinstance(value, family):
             return kind(value)
-    return _OTHER
+    return _INVALID
 
 
 def _written(alternative: Any) -> str:
-    """Return a type or a literal text as people write it."""
+    """Return a type or a literal text as messages show it."""
     if isinstance(alternative, str):
         return repr(alternative)
     return "none" if alternative is type(None) else alternative.__name__
 
 
 def _read(value: Any, expected: Any) -> Any:
-    """Read text as one of the types of an annotation; leave it as it is where it is none of them."""
+    """Convert a text to one of the types of an annotation; return it unchanged if that fails."""
     if not isinstance(value, str):
         return value
     alternatives = typing.get_args(expected) or (expected,)
@@ -197,3 +337,29 @@ def _read(value: Any, expected: Any) -> Any:
             except ValueError:
                 continue
     return value
+
+
+def _described(cls: type[Method], fields: Mapping[str, dataclasses.Field[Any]]) -> dict[str, Parameter]:
+    """Return the descriptions of the parameters that some fields of a method declare."""
+    types = typing.get_type_hints(cls)
+    return {
+        name: Parameter(_kind(types[name]), declared.default, declared.metadata.get(_MEANING, ""))
+        for name, declared in fields.items()
+    }
+
+
+def _kind(annotation: Any) -> str:
+    """Return a type annotation as docstrings write it: "int", "int, optional", '"mean" or "median"'."""
+    alternatives = typing.get_args(annotation) or (annotation,)
+    kinds = [f'"{each}"' if isinstance(each, str) else each.__name__ for each in alternatives if each is not type(None)]
+    return " or ".join(kinds) + (", optional" if type(None) in alternatives else "")
+
+
+def _completed(docstring: str, texts: list[str], parameters: Mapping[str, Parameter]) -> str:
+    """Return a docstring with texts and a section of parameters inserted after its first paragraph."""
+    first, _, rest = inspect.cleandoc(docstring).partition("\n\n")
+    section = ["Parameters", "----------"] if parameters else []
+    for name, each in parameters.items():
+        section.append(f"{name} : {each.kind}" + ("" if each.default is None else f", default {each.default!r}"))
+        section.append(textwrap.fill(each.meaning, WIDTH, initial_indent="    ", subsequent_indent="    "))
+    return "\n\n".join(filter(None, [first, *texts, "\n".join(section), rest]))

@@ -1,4 +1,4 @@
-"""Random choice."""
+"""The method `random`: random sampling."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gppcs.engine.stages import Stages
-from gppcs.methods.method import Method, Selection
+from gppcs.methods.method import Method, Selection, parameter
 
 if TYPE_CHECKING:
     import numpy as np
@@ -15,26 +15,31 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Random(Method):
-    """The first points of a random permutation, so that a smaller choice is the start of a larger one.
+    """Random sampling.
 
-    Parameters
-    ----------
-    seed : int
-        Of the permutation.
+    Examples
+    --------
+    >>> import gppcs
+    >>> cloud = gppcs.sample("sphere", n_points=1000)
+    >>> len(gppcs.simplify(cloud, n_points=10, method=gppcs.Random(seed=1)).indices)
+    10
     """
 
     name = "random"
-    summary = "points drawn at random, all alike"
+    summary = "random points, all equally likely"
+    description = (
+        "Chooses the first points of a random permutation, so a smaller selection is the start of a larger one."
+    )
     source = "baseline"
 
-    seed: int = 0
+    seed: int = parameter(0, "Seed of the permutation.")
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self.require(self.seed >= 0, "seed", "at least 0")
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
-        """Choose the points; see `Method`."""
+        """Choose the points; see `Method.__call__`."""
         import numpy as np
 
         stages = stages or Stages()

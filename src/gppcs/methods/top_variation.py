@@ -1,4 +1,4 @@
-"""The points of largest surface variation."""
+"""The method `top-variation`: the points of largest surface variation."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gppcs.engine.stages import Stages
-from gppcs.methods.method import Method, Selection, largest
+from gppcs.methods.method import Method, Selection, largest, parameter
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,24 +17,27 @@ if TYPE_CHECKING:
 class TopVariation(Method):
     """The points of largest surface variation.
 
-    Parameters
-    ----------
-    neighbours : int
-        About how many points a neighbourhood holds.
+    Examples
+    --------
+    >>> import gppcs
+    >>> cloud = gppcs.sample("bracket", n_points=1000)
+    >>> len(gppcs.simplify(cloud, n_points=90, method=gppcs.TopVariation(neighbours=15)).indices)
+    90
     """
 
     name = "top-variation"
     summary = "the points of largest surface variation, and no others"
+    description = "Chooses the points of largest surface variation. Flat parts of the surface keep no points."
     source = "baseline; surface variation: Pauly, Gross and Kobbelt 2002"
 
-    neighbours: int = 25
+    neighbours: int = parameter(25, "About how many points a neighbourhood holds.")
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self.require(self.neighbours >= 3, "neighbours", "at least 3")
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
-        """Choose the points; see `Method`."""
+        """Choose the points; see `Method.__call__`."""
         from gppcs.surface.surface_variation import estimate_features
 
         stages = stages or Stages()

@@ -1,4 +1,4 @@
-"""Synthetic sample scans whose surface, normals and curvature are known exactly."""
+"""Synthetic sample scans whose surfaces, normals and curvatures are known exactly."""
 
 from __future__ import annotations
 
@@ -17,10 +17,9 @@ __all__ = ["SCANS", "Patch", "Scan", "SurfacePoints", "sample"]
 
 SCANS: dict[str, Scan] = {"medallion": MEDALLION, "bracket": BRACKET, "fan": FAN, "sphere": SPHERE}
 
-# Small enough that the jets of a batch stay in the cache, and that many millions of points fit in memory.
-BATCH = 32_768
-OUTLIER_BOX = 1.5
-OUTLIER_GREY = 128
+BATCH = 32_768  # points drawn at once: few enough for their derivatives to stay in the CPU cache
+OUTLIER_BOX = 1.5  # edge lengths of the box of outliers, relative to those of the scan's bounding box
+OUTLIER_GREY = 128  # red, green and blue of outliers
 
 Sampled = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8]]
 
@@ -33,39 +32,45 @@ def sample(
     uneven: float = 0.0,
     seed: int = 0,
 ) -> PointCloud:
-    """Return a synthetic scan: random points on a surface of about 100 mm, in no particular order.
+    """Return a synthetic scan: random points on a surface of about 100 mm, in random order.
 
     Parameters
     ----------
     name : str
-        One of `SCANS`.
+        "medallion", "bracket", "fan" or "sphere".
     n_points : int
-        Number of points, outliers included.
+        Number of points, outliers included; at least 1.
     noise : float
-        Standard deviation of Gaussian noise on each coordinate, as a share of the diagonal of `Scan.box`.
-    outliers : float, 0 to below 1
-        Share of the points, rounded to a whole number of them, that lie anywhere in the box, enlarged
-        1.5 times about its centre.
-    uneven : float, 0 to below 1
-        How much density the scan loses from the low end of x to the high end. The density is proportional to
-        1 / distance², as for a scanner that stands so far before the low end that the highest x gets
-        1 - uneven times the density of the lowest. With 0, uniform by area.
+        Standard deviation of the Gaussian noise on each coordinate, as a share of the bounding box's diagonal.
+    outliers : float
+        Share of the points that are outliers, from 0 to below 1. Outliers are uniform in the bounding box, enlarged
+        1.5 times about its centre. Their number is rounded.
+    uneven : float
+        Loss of density along x, from 0 to below 1: at the highest x, the density is 1 - `uneven` times that at the
+        lowest x. It falls as 1 / distance², as if from a scanner in front of the low end. With 0, points are uniform
+        by area.
     seed : int
-        The same arguments and seed give the same cloud.
+        The same arguments and seed give the same cloud. At least 0.
 
     Returns
     -------
     PointCloud
-        Points in millimetres, exact in float32, with the attributes `nx`, `ny`, `nz` (outward unit normal,
-        float32), `curvature` (mean curvature in 1/mm, float32, positive where the surface bulges outward:
-        1/r on a sphere of radius r), `red`, `green`, `blue` (uint8) and, where outliers are asked for,
-        `outlier` (uint8, 0 or 1). A noisy point keeps normal and curvature of the place that it comes from;
-        an outlier has zeros.
+        Points in millimetres, exact in float32, with these attributes: `nx`, `ny`, `nz`, the outward unit normal
+        (float32); `curvature`, the mean curvature in 1/mm (float32), positive where the surface bulges outward: 1/r
+        on a sphere of radius r; `red`, `green`, `blue` (uint8); and, if there are outliers, `outlier` (uint8, 0 or
+        1). A noisy point keeps the normal and the curvature of its place on the surface. Both are zero for outliers.
 
     Raises
     ------
     ParameterError
-        If the name is unknown or a number is out of its range.
+        If the name is unknown or a number is outside its range.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> cloud = gppcs.sample("bracket", n_points=1000, noise=0.001, seed=3)
+    >>> cloud.points.shape
+    (1000, 3)
     """
     scan = _checked(name, n_points, noise, outliers, uneven, seed)
     rng = np.random.default_rng(seed)
@@ -88,6 +93,7 @@ def sample(
 
 
 def _checked(name: str, n_points: int, noise: float, outliers: float, uneven: float, seed: int) -> Scan:
+    """Return the scan of that name, or raise a ParameterError that names the wrong argument."""
     if name not in SCANS:
         raise ParameterError(f"expected the name of a sample scan, found {name!r}{nearest_name(name, SCANS)}")
     whole_number("the number of points", n_points, 1)
@@ -105,12 +111,12 @@ def _checked(name: str, n_points: int, noise: float, outliers: float, uneven: fl
 
 
 def _on_surface(scan: Scan, n_points: int, uneven: float, rng: np.random.Generator) -> Sampled:
-    """Draw points by rejection, until there are enough, as (points, normals, curvature, colours)."""
+    """Draw points by rejection sampling: points (N, 3), normals (N, 3), curvature (N,), colours (N, 3)."""
     points = np.empty((n_points, 3), np.float32)
     normals = np.empty((n_points, 3), np.float32)
     curvature = np.empty(n_points, np.float32)
     colours = np.empty((n_points, 3), np.uint8)
-    # Proposals in proportion to the bounds make what is kept uniform over all patches, whatever their areas.
+    # Proposals in proportion to the upper bounds of the areas make the accepted points uniform over all patches.
     weights = np.array([patch.weight for patch in scan.patches])
     filled = 0
     while filled < n_points:
@@ -131,16 +137,16 @@ def _on_surface(scan: Scan, n_points: int, uneven: float, rng: np.random.Generat
 
 
 def _density(scan: Scan, x: NDArray[np.float64], uneven: float) -> NDArray[np.float64]:
-    """Return the density at x, relative to the highest, for a scanner at the low end of x."""
+    """Return the density at x, (n,), relative to the highest, for a scanner at the low end of x."""
     low, high = scan.box[0][0], scan.box[1][0]
-    # The scanner stands so far off that the density at the far end is 1 - uneven.
+    # This distance of the scanner makes the density at the far end 1 - uneven.
     growth = 1.0 / np.sqrt(1.0 - uneven) - 1.0
     density: NDArray[np.float64] = (1.0 + growth * (x - low) / (high - low)) ** -2.0
     return density
 
 
 def _patinated(colours: NDArray[np.int64], curvature: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Darken hollows and brighten ridges, as handling does."""
+    """Darken colours, (n, 3), in hollows and brighten them on ridges, like the patina of a used object."""
     lightness = 1.0 + 0.3 * np.tanh(2.0 * curvature)
     patinated: NDArray[np.uint8] = np.clip(colours * lightness[:, None], 0.0, 255.0).astype(np.uint8)
     return patinated

@@ -1,6 +1,7 @@
-"""The bracket: a machine part with sharp edges, holes, a boss and a fillet; a closed solid.
+"""The bracket: a closed machine part with sharp edges, holes, a boss and a fillet.
 
-A plate lies on the table with its front to -y; a wall with a round top and a bored boss stands at its back.
+A horizontal plate has its front at -y. A vertical wall with a round top and a bored boss stands at its back. All
+lengths are in millimetres.
 """
 
 import numpy as np
@@ -12,19 +13,19 @@ Values = NDArray[np.float64]
 
 PLATE_X, PLATE_Y, PLATE_Z = 50.0, 30.0, 10.0  # half width, half depth, height
 CORNER = 10.0  # radius of the two front corners
-HOLES = ((-40.0, -20.0), (40.0, -20.0), (-40.0, 18.0), (40.0, 18.0))
-HOLE, SINK, SINK_DEPTH = 4.0, 8.0, 4.0  # countersunk: radius below, radius at the top, depth of the cone
-WALL_X, WALL_FRONT, WALL_BACK = 30.0, 18.0, 30.0
-EYE = 40.0  # height of the centre of bore, boss and round top
-BOSS, BOSS_FRONT, BORE = 21.0, 8.0, 13.0
-FILLET = 8.0  # radius of the hollow between plate and wall
+HOLES = ((-40.0, -20.0), (40.0, -20.0), (-40.0, 18.0), (40.0, 18.0))  # centres of the holes
+HOLE, SINK, SINK_DEPTH = 4.0, 8.0, 4.0  # countersunk holes: lower radius, radius at the top, depth of the cone
+WALL_X, WALL_FRONT, WALL_BACK = 30.0, 18.0, 30.0  # half width, y of the front face, y of the back face
+EYE = 40.0  # height of the common centre of bore, boss and round top
+BOSS, BOSS_FRONT, BORE = 21.0, 8.0, 13.0  # radius of the boss, y of its front face, radius of the bore
+FILLET = 8.0  # radius of the concave fillet between plate and wall
 
 STEEL = (150, 164, 180)
 MACHINED = (214, 178, 108)
 
 
 def _in_corner_cut(x: Values, y: Values) -> NDArray[np.bool_]:
-    """Return where the rounding of the front corners has taken the plate away."""
+    """Return where, at (n,) x and y, the rounding of the front corners removes the plate."""
     over_x, over_y = np.abs(x) - (PLATE_X - CORNER), -y - (PLATE_Y - CORNER)
     return (over_x > 0.0) & (over_y > 0.0) & (np.hypot(over_x, over_y) > CORNER)
 
@@ -105,7 +106,10 @@ def _wall() -> list[Patch]:
 
 
 def _residual(points: Values) -> Values:
-    """Build the solid from blocks that overlap, since a shared face would be a zero inside it."""
+    """Return the signed residuals, (N,), of points, (N, 3).
+
+    The blocks of the solid overlap: on a shared face, the residual would be zero inside the solid.
+    """
     x, y, z = points.T
     across, from_eye = np.abs(x), np.hypot(x, z - EYE)
 

@@ -1,7 +1,7 @@
-"""The ducted fan: thin swept blades between a hub and a thin ring; a closed solid.
+"""The ducted fan: a closed solid of thin swept blades between a hub and a thin ring.
 
-A blade is a helicoid-like sheet z = camber(φ) ± half a thickness, where φ is the angle around the axis,
-turned back by the sweep.
+A blade is a sheet like a helicoid, z = camber(φ) ± half its thickness. Here φ is the angle around the axis minus the
+sweep, which grows with the radius. Lengths are in millimetres.
 """
 
 import numpy as np
@@ -13,13 +13,13 @@ from gppcs.scans.patch import Patch, Scan, turned
 Values = NDArray[np.float64]
 
 BLADES = 7
-SPACING = 2.0 * np.pi / BLADES
-HUB, HUB_HALF, BORE, BORE_TOP = 14.0, 10.0, 5.0, 4.0
-DUCT_INNER, DUCT_OUTER, DUCT_HALF = 47.5, 50.0, 9.0
-HALF_CHORD = 0.33  # radians on either side of the middle of a blade
-HALF_THICKNESS = 1.0
+BLADE_STEP = 2.0 * np.pi / BLADES  # radians from one blade to the next
+HUB, HUB_HALF, BORE, BORE_TOP = 14.0, 10.0, 5.0, 4.0  # radius and half height of the hub, radius and top of its bore
+DUCT_INNER, DUCT_OUTER, DUCT_HALF = 47.5, 50.0, 9.0  # radii and half height of the ring
+HALF_CHORD = 0.33  # half the angle that a blade covers, in radians
+HALF_THICKNESS = 1.0  # half the thickness of a blade
 PITCH, CAMBER = 18.0, 10.0  # mm per radian, mm per radian²
-SWEEP = 0.45  # radians by which the tip trails the root
+SWEEP = 0.45  # angle in radians by which the tip of a blade lags behind its root
 
 BRASS, GRAPHITE, TEAL = (205, 165, 85), (88, 96, 108), (70, 146, 150)
 
@@ -33,7 +33,7 @@ def _camber(phi: Jet) -> Jet:
 
 
 def _blade(number: int) -> list[Patch]:
-    turn = number * SPACING
+    turn = number * BLADE_STEP
 
     def sheet(offset: float, side: int) -> Patch:
         def surface(r: Jet, phi: Jet) -> tuple[Jet, Jet, Jet]:
@@ -51,7 +51,7 @@ def _blade(number: int) -> list[Patch]:
 
         return Patch(surface, (HUB, DUCT_INNER), (0.0, 2.0 * HALF_THICKNESS), edge_stretch, TEAL, side)
 
-    # All three grow with the radius, so that the area elements are largest at the tip.
+    # These slopes grow with the radius, so the area elements are largest at the tip of the blade.
     steepest_sweep = 2.0 * SWEEP / (DUCT_INNER - HUB)
     steepest_camber = PITCH + 2.0 * CAMBER * HALF_CHORD
     skew = 1.0 + (DUCT_INNER * steepest_sweep) ** 2
@@ -61,8 +61,8 @@ def _blade(number: int) -> list[Patch]:
 
 
 def _nearest_blade(angle: Values) -> Values:
-    """Return angles around the axis as angles from the middle of the nearest blade."""
-    return angle - np.round(angle / SPACING) * SPACING
+    """Convert angles around the axis, (n,), to angles from the middle of the nearest blade."""
+    return angle - np.round(angle / BLADE_STEP) * BLADE_STEP
 
 
 def _hub_free(share: Values, angle: Values) -> NDArray[np.bool_]:
@@ -99,7 +99,10 @@ def _hub_and_duct() -> list[Patch]:
 
 
 def _residual(points: Values) -> Values:
-    """Build the solid from blocks that overlap, since a shared face would be a zero inside it."""
+    """Return the signed residuals, (N,), of points, (N, 3).
+
+    The blocks of the solid overlap: on a shared face, the residual would be zero inside the solid.
+    """
     x, y, z = points.T
     r = np.hypot(x, y)
     share = (r - HUB) / (DUCT_INNER - HUB)

@@ -1,4 +1,4 @@
-"""Second-order jets: arithmetic that carries the exact derivatives along two surface parameters."""
+"""Second-order jets: functions of two parameters with their exact derivatives (forward differentiation)."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from numpy.typing import NDArray
 
 
 class Jet:
-    """A function of the parameters (u, v) at N places, with its derivatives up to order two.
+    """Values of a function of (u, v) at N places, with all derivatives up to order two.
+
+    Jets support +, - and * with jets, numbers and (N,) arrays, which count as constants.
 
     Parameters
     ----------
-    parts : (6, N) array
-        Rows f, f_u, f_v, f_uu, f_uv, f_vv.
+    parts : (6, N) array, float64
+        The rows are f, f_u, f_v, f_uu, f_uv and f_vv.
     """
 
     def __init__(self, parts: NDArray[np.float64]) -> None:
@@ -20,7 +22,16 @@ class Jet:
 
     @classmethod
     def variables(cls, u: NDArray[np.float64], v: NDArray[np.float64]) -> tuple[Jet, Jet]:
-        """Return the two parameters themselves, of shape (N,) each, as jets."""
+        """Return the two parameters as jets.
+
+        Parameters
+        ----------
+        u, v : (N,) arrays, float64
+
+        Returns
+        -------
+        u, v : Jet
+        """
         parts = np.zeros((2, 6, len(u)))
         parts[0, 0], parts[0, 1] = u, 1.0
         parts[1, 0], parts[1, 2] = v, 1.0
@@ -28,11 +39,12 @@ class Jet:
 
     @property
     def value(self) -> NDArray[np.float64]:
-        """The function itself, (N,)."""
+        """Values of the function, (N,), float64."""
         value: NDArray[np.float64] = self.parts[0]
         return value
 
     def _shifted(self, offset: float | NDArray[np.float64], sign: float) -> Jet:
+        """Return sign * f + offset."""
         parts = sign * self.parts
         parts[0] += offset
         return Jet(parts)
@@ -67,7 +79,7 @@ class Jet:
     __rmul__ = __mul__
 
     def _chain(self, h: NDArray[np.float64], h1: NDArray[np.float64], h2: NDArray[np.float64]) -> Jet:
-        """Return h(f), given the values of h, h' and h'' at f."""
+        """Return h(f), given the values of h, h' and h'' at f, (N,) each."""
         _, fu, fv, fuu, fuv, fvv = self.parts
         parts = np.empty_like(self.parts)
         parts[0] = h
@@ -79,46 +91,114 @@ class Jet:
         return Jet(parts)
 
     def squared(self) -> Jet:
-        """Return f²."""
+        """Return f².
+
+        Returns
+        -------
+        Jet
+        """
         f = self.value
         return self._chain(f * f, 2.0 * f, np.full_like(f, 2.0))
 
     def sqrt(self) -> Jet:
-        """Return √f, for f > 0."""
+        """Return √f, for f > 0.
+
+        Returns
+        -------
+        Jet
+        """
         root = np.sqrt(self.value)
         return self._chain(root, 0.5 / root, -0.25 / (root * self.value))
 
     def exp(self) -> Jet:
-        """Return e^f."""
+        """Return e^f.
+
+        Returns
+        -------
+        Jet
+        """
         power = np.exp(self.value)
         return self._chain(power, power, power)
 
     def sin(self) -> Jet:
-        """Return sin f."""
+        """Return sin f.
+
+        Returns
+        -------
+        Jet
+        """
         sine = np.sin(self.value)
         return self._chain(sine, np.cos(self.value), -sine)
 
     def cos(self) -> Jet:
-        """Return cos f."""
+        """Return cos f.
+
+        Returns
+        -------
+        Jet
+        """
         cosine = np.cos(self.value)
         return self._chain(cosine, -np.sin(self.value), -cosine)
 
     def clipped(self, low: float, high: float) -> Jet:
-        """Return f held within [low, high]; constant, so without derivatives, beyond."""
+        """Return f clipped to [low, high]; where it is clipped, its derivatives are zero.
+
+        Parameters
+        ----------
+        low, high : float
+
+        Returns
+        -------
+        Jet
+        """
         parts = np.where((self.value > low) & (self.value < high), self.parts, 0.0)
         parts[0] = np.clip(self.value, low, high)
         return Jet(parts)
 
     def where_higher(self, other: Jet) -> Jet:
-        """Return the higher of two functions at each place: they meet in a sharp edge."""
+        """Return the greater of two functions at each place; they meet in a sharp edge.
+
+        Parameters
+        ----------
+        other : Jet
+            At the same N places.
+
+        Returns
+        -------
+        Jet
+        """
         return Jet(np.where(self.value > other.value, self.parts, other.parts))
 
     def at(self, places: NDArray[np.bool_]) -> Jet:
-        """Return the jet at some of its places."""
+        """Return the jet at some of its places.
+
+        Parameters
+        ----------
+        places : (N,) array, bool
+            True at n places.
+
+        Returns
+        -------
+        Jet
+            At n places.
+        """
         return Jet(self.parts[:, places])
 
     def raised_at(self, places: NDArray[np.bool_], amount: Jet) -> Jet:
-        """Return f with an amount added at some of its places."""
+        """Return f with an amount added at some of its places.
+
+        Parameters
+        ----------
+        places : (N,) array, bool
+            True at n places.
+        amount : Jet
+            At these n places.
+
+        Returns
+        -------
+        Jet
+            At all N places.
+        """
         parts = self.parts.copy()
         parts[:, places] += amount.parts
         return Jet(parts)

@@ -1,4 +1,4 @@
-"""The medallion: fine relief (letters, pearls, a rope, a cut star) on a smooth dome; one side, open below."""
+"""The medallion: fine relief (letters, pearls, a rope, a cut star) on a smooth dome; one side only, in millimetres."""
 
 from itertools import pairwise
 
@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 from gppcs.scans.jets import Jet
 from gppcs.scans.patch import Patch, Scan
 
-RADIUS = 50.0
-BRONZE = (198, 146, 78)
+RADIUS = 50.0  # of the medallion
+BRONZE = (198, 146, 78)  # red, green, blue
 
-TEXT = "FEWER.POINTS.SAME.SHAPE."
-LETTER_RADIUS = 36.0
-LETTER_SIZE = (4.8, 6.4)
-# Polylines through the nodes of a grid of 5 by 9, each node two digits: x, then y.
+INSCRIPTION = "FEWER.POINTS.SAME.SHAPE."
+LETTER_RADIUS = 36.0  # of the circle through the middles of the letters
+LETTER_SIZE = (4.8, 6.4)  # width, height
+# The polylines of each letter, on a grid of 5 by 9 nodes. Two digits are a node: x, then y.
 GLYPHS = {
     "A": ["003840", "1333"],
     "E": ["48080040", "0434"],
@@ -34,7 +34,7 @@ GLYPHS = {
 
 
 def _strokes(glyph: str) -> list[tuple[float, float, float, float]]:
-    """Return the segments of a glyph as (x0, y0, x1, y1), mm from the middle of its cell."""
+    """Return the segments of a glyph as (x0, y0, x1, y1), in mm from the middle of its cell."""
     width, height = LETTER_SIZE
     segments = []
     for polyline in GLYPHS[glyph]:
@@ -47,8 +47,8 @@ def _strokes(glyph: str) -> list[tuple[float, float, float, float]]:
 
 
 def _stroke_table() -> NDArray[np.float64]:
-    """Return the segments of the text, (cells, strokes, 4); short letters are filled up with far strokes."""
-    letters = [_strokes(glyph) for glyph in TEXT]
+    """Return the segments of the inscription, (letters, strokes, 4); short letters are padded with far strokes."""
+    letters = [_strokes(glyph) for glyph in INSCRIPTION]
     table = np.full((len(letters), max(map(len, letters)), 4), 1e3)
     for row, segments in zip(table, letters, strict=True):
         row[: len(segments)] = segments
@@ -59,14 +59,15 @@ STROKES = _stroke_table()
 
 
 def _plateau(distance_squared: Jet, width: float) -> Jet:
-    """Return a bump of height 1, flat on top, that has fallen to 1/e at the width."""
+    """Return a bump of height 1 with a flat top; at a distance of `width`, its height is 1/e."""
     return (-(distance_squared * width**-2).squared()).exp()
 
 
 def _letters(r: Jet, angle: Jet) -> Jet:
-    cell = 2.0 * np.pi / len(TEXT)
-    # The text runs clockwise from the left, feet towards the centre.
-    number = np.floor((np.pi - angle.value) / cell).astype(np.int64) % len(TEXT)
+    """Return the relief of the inscription, from 0 to 1, in polar coordinates."""
+    cell = 2.0 * np.pi / len(INSCRIPTION)
+    # The inscription runs clockwise from the left; the feet of the letters point to the centre.
+    number = np.floor((np.pi - angle.value) / cell).astype(np.int64) % len(INSCRIPTION)
     middle = np.asarray(np.pi - (number + 0.5) * cell, np.float64)
     x = (angle - middle) * -LETTER_RADIUS
     y = r - LETTER_RADIUS
@@ -81,14 +82,14 @@ def _letters(r: Jet, angle: Jet) -> Jet:
 
 
 def _star(r: Jet, angle: Jet) -> Jet:
-    """Return the height above the field of a five-pointed star cut in ten plane facets."""
+    """Return the height of a five-pointed star of ten plane facets above the field, in mm."""
     tip, notch, peak = 19.0, 8.0, 5.0
     fifth = 2.0 * np.pi / 5.0
     turned = angle - np.pi / 2.0
     nearest_tip = np.round(turned.value / fifth) * fifth
     fold = turned - nearest_tip
     fold = fold * np.sign(fold.value)
-    # The outline between a tip (at fold 0) and a notch (at fold π/5) is a line n · p = c.
+    # Between a tip (fold 0) and a notch (fold π/5), the outline is a straight line n · p = c.
     notch_x, notch_y = notch * np.cos(fifth / 2.0), notch * np.sin(fifth / 2.0)
     nx, ny = notch_y, tip - notch_x
     share = r * (fold.cos() * nx + fold.sin() * ny) * (1.0 / (nx * tip))
@@ -96,7 +97,7 @@ def _star(r: Jet, angle: Jet) -> Jet:
 
 
 def _height(s: Jet, angle: Jet) -> Jet:
-    """Return the height in mm over the parameters s = r² and angle."""
+    """Return the height in mm as a function of s = r² and the angle."""
     r = s.sqrt()
     rope = _plateau((r - 24.5).squared(), 2.6) * ((angle * 48.0 + r * 1.4).cos() * 0.3 + 0.5)
     pearl_spacing = LETTER_RADIUS + 7.5
@@ -116,7 +117,7 @@ def _surface(s: Jet, angle: Jet) -> tuple[Jet, Jet, Jet]:
 
 def _residual(points: NDArray[np.float64]) -> NDArray[np.float64]:
     x, y, z = points.T
-    s = np.maximum(x * x + y * y, 1e-12)  # the polar formulas have no value on the axis itself
+    s = np.maximum(x * x + y * y, 1e-12)  # polar coordinates are undefined on the axis
     height = _height(*Jet.variables(s, np.arctan2(y, x)))
     _, along_s, along_angle = height.parts[:3]
     slope_squared = 4.0 * s * along_s**2 + along_angle**2 / s

@@ -1,4 +1,4 @@
-"""Patches: pieces of a surface given by formulas, with exact normals and curvature."""
+"""Patches: pieces of a surface given by formulas, with exact normals and curvatures; scans consist of patches."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ Trim = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """Points of a surface and what is known of it there.
+    """Points of a surface, with its exact normals and curvatures.
 
     Attributes
     ----------
-    points : (N, 3) array
-        Millimetres.
-    normals : (N, 3) array
-        Unit normals, outward.
-    curvature : (N,) array
+    points : (N, 3) array, float64
+        Coordinates in mm.
+    normals : (N, 3) array, float64
+        Outward unit normals.
+    curvature : (N,) array, float64
         Mean curvature in 1/mm, positive where the surface bulges outward: 1/r on a sphere of radius r.
-    area_element : (N,) array
-        Area on the surface per unit of parameter area.
+    area_element : (N,) array, float64
+        Area on the surface per unit of area in the parameters (u, v).
     """
 
     points: NDArray[np.float64]
@@ -39,22 +39,22 @@ class SurfacePoints:
 
 @dataclass(frozen=True)
 class Patch:
-    """A piece of surface, the image of a rectangle of parameters.
+    """A piece of a surface S(u, v): the image of a rectangle of the parameters u and v.
 
     Parameters
     ----------
-    surface : function
-        Takes the parameters (u, v) as jets; returns x, y and z as jets, in millimetres.
+    surface : callable
+        Takes u and v as jets, and returns x, y and z as jets, in mm.
     u, v : (low, high)
-        The rectangle.
+        Ranges of the parameters.
     stretch : float
-        Upper bound of the area element over the patch.
+        Upper bound of the area element of the patch.
     colour : (red, green, blue)
-        0 to 255.
+        From 0 to 255.
     side : 1 or -1
-        Whether ∂S/∂u x ∂S/∂v points outward or inward.
-    trim : function, optional
-        Takes (N,) parameters u and v; true where the patch exists. Without it, everywhere.
+        1 if ∂S/∂u x ∂S/∂v points outward, -1 if it points inward.
+    trim : callable, optional
+        Takes u and v, (N,) each; returns (N,) booleans, false where the patch is cut away.
     """
 
     surface: Callable[[Jet, Jet], tuple[Jet, Jet, Jet]]
@@ -67,11 +67,20 @@ class Patch:
 
     @property
     def weight(self) -> float:
-        """Upper bound of the area of the patch, mm²."""
+        """Upper bound of the area of the patch in mm²."""
         return self.stretch * (self.u[1] - self.u[0]) * (self.v[1] - self.v[0])
 
     def at(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> SurfacePoints:
-        """Evaluate the patch at (N,) parameters, from its first and second fundamental forms."""
+        """Evaluate the patch by its first and second fundamental forms.
+
+        Parameters
+        ----------
+        u, v : (N,) arrays, float64
+
+        Returns
+        -------
+        SurfacePoints
+        """
         position = np.stack([jet.parts for jet in self.surface(*Jet.variables(u, v))], axis=2)
         points, along_u, along_v, *second = position
         cross = np.cross(along_u, along_v)
@@ -83,7 +92,19 @@ class Patch:
         return SurfacePoints(points, normals, curvature, area_element)
 
     def draw(self, count: int, rng: np.random.Generator) -> SurfacePoints:
-        """Propose `count` parameters uniformly; keep points so that they are uniform by area."""
+        """Draw points that are uniform by area, by rejection sampling.
+
+        Parameters
+        ----------
+        count : int
+            Number of proposals; fewer points are accepted.
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        SurfacePoints
+            The accepted points.
+        """
         u = rng.uniform(*self.u, count)
         v = rng.uniform(*self.v, count)
         threshold = rng.uniform(0.0, self.stretch, count)
@@ -97,19 +118,19 @@ class Patch:
 
 @dataclass(frozen=True)
 class Scan:
-    """A sample scan: a surface known exactly.
+    """A sample scan, whose surface is known exactly.
 
     Attributes
     ----------
     description : str
         One line.
     patches : tuple of Patch
-        Together the surface, without overlap.
+        The whole surface, without overlaps.
     box : ((x, y, z), (x, y, z))
-        Lowest and highest corner of the bounding box, mm.
-    residual : function
-        Takes (N, 3) points; returns (N,) signed residuals in mm from a second description of the same
-        surface, an implicit one: zero on the surface, positive outside, the distance to first order near smooth parts.
+        Lowest and highest corner of the bounding box, in mm.
+    residual : callable
+        Takes points, (N, 3), and returns signed residuals, (N,), in mm. It is a second, implicit description of the
+        same surface: zero on the surface and positive outside. Near smooth parts it is the distance, to first order.
     """
 
     description: str
@@ -119,20 +140,24 @@ class Scan:
 
 
 def flat(axis: int, at: float, u: Range, v: Range, side: int, colour: Colour, trim: Trim | None = None) -> Patch:
-    """Return a plane face across a coordinate axis; (u, v) are the next two coordinates in cyclic order.
+    """Return a plane face orthogonal to a coordinate axis.
 
     Parameters
     ----------
     axis : 0, 1 or 2
-        The axis that the face is normal to.
+        The axis, x, y or z.
     at : float
-        Coordinate on that axis, mm.
+        Coordinate of the face on that axis, in mm.
     u, v : (low, high)
-        Extent along the next axis and the one after it, mm.
+        Ranges along the next two axes in cyclic order, in mm; these are the parameters of the patch.
     side : 1 or -1
-        Whether the outward normal points along the axis or against it.
+        Whether the outward normal points in the direction of the axis or against it.
     colour, trim
         As in `Patch`.
+
+    Returns
+    -------
+    Patch
     """
 
     def surface(u: Jet, v: Jet) -> tuple[Jet, Jet, Jet]:
@@ -150,21 +175,25 @@ def turned(
     angle: Range = (0.0, 2.0 * np.pi),
     trim: Trim | None = None,
 ) -> Patch:
-    """Return the surface that a segment sweeps around an axis: cylinder, cone, disc or ring.
+    """Return the surface of revolution of a line segment: a cylinder, cone, disc or ring.
 
     Parameters
     ----------
     axis : 0, 1 or 2
-        The coordinate axis that the axis of rotation is parallel to.
+        The axis of rotation is parallel to this coordinate axis.
     centre : (float, float)
-        Where the axis of rotation stands, in the next two coordinates in cyclic order, mm.
+        Position of the axis of rotation along the next two axes in cyclic order, in mm.
     start, end : (radius, height)
-        The segment, mm. Outward is to its left when the radius points right and the height up: the profile of
-        a solid runs from the top of its axis out, down and back in.
+        Ends of the segment, in mm. The outward side is on its left if the radius points right and the height up. So
+        the profile of a solid runs from the top of the axis outward, down, and back to the axis.
     colour, trim
-        As in `Patch`; parameters of the trim are the share of the segment, 0 to 1, and the angle.
+        As in `Patch`. The parameters u and v are the position along the segment, from 0 to 1, and the angle.
     angle : (low, high)
-        Radians, from the first coordinate of `centre` to the second.
+        Range of the angle in radians, from the first axis of `centre` to the second.
+
+    Returns
+    -------
+    Patch
     """
 
     def surface(t: Jet, angle: Jet) -> tuple[Jet, Jet, Jet]:
@@ -177,5 +206,6 @@ def turned(
 
 
 def _in_order(axis: int, along: Jet, first: Jet, second: Jet) -> tuple[Jet, Jet, Jet]:
+    """Return x, y and z, given the coordinate along an axis and those along the next two in cyclic order."""
     coordinates = {axis: along, (axis + 1) % 3: first, (axis + 2) % 3: second}
     return coordinates[0], coordinates[1], coordinates[2]

@@ -1,4 +1,4 @@
-"""The sphere: smooth everywhere, the plain oracle."""
+"""The sphere: smooth everywhere, with the same curvature everywhere; in millimetres."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ RADIUS = 50.0
 
 
 def _surface(t: Jet, angle: Jet) -> tuple[Jet, Jet, Jet]:
-    # Archimedes: area is uniform in height and angle.
+    # The area is uniform in height and angle (Archimedes).
     ring = (1.0 - t.squared()).sqrt() * RADIUS
     return ring * angle.cos(), ring * angle.sin(), t * RADIUS
 
@@ -27,7 +27,7 @@ SPHERE = Scan(
             _surface,
             (-1.0, 1.0),
             (-np.pi, np.pi),
-            # Rounding lifts the constant area element a hair above R².
+            # The area element is R²; rounding can lift it slightly above.
             RADIUS**2 * (1.0 + 1e-9),
             (120, 160, 190),
             -1,

@@ -1,1 +1,1 @@
-"""What knows of points only: k-d tree, nearest neighbours, cells of grids, scaling, spacing, farthest points."""
+"""Geometry of points alone: k-d tree, nearest neighbours, grid cells, scaling, spacing, farthest points."""

@@ -1,4 +1,4 @@
-"""One point of each cell of a grid, and the first at each place: one pass over all points, by hashing."""
+"""Choose one point per grid cell, or the first point at each position, in O(N) by hashing."""
 
 from __future__ import annotations
 
@@ -8,16 +8,26 @@ from numpy.typing import NDArray
 
 from gppcs.spatial.scaling import bounds
 
-EXACT = 53  # bits of a whole number that a float can hold
-PART = 1 << 14  # points whose hashes are looked up at a time: few enough for their table to stay in the cache
-FEW = 1 << 10  # slots of a table at first
-EMPTY = np.uint64(2**64 - 1)  # no hash with an index: no cloud has an index of ones alone
-NO_GRID = np.zeros(6)
-NO_VALUES = np.empty(0, dtype=np.float32)
+MANTISSA_BITS = 53  # a float64 holds whole numbers of up to 53 bits exactly
+POINTS_PER_PART = 1 << 14  # hashes are looked up in parts of this size, so that a part's table stays in the CPU cache
+FIRST_SLOTS = 1 << 10  # a hash table starts with this many slots, and doubles when it is half full
+EMPTY = np.uint64(2**64 - 1)  # an empty slot; entries end in a point's index, which is never all ones
+NO_GRID = np.zeros(6)  # tells the kernels to compare coordinates instead of cells
+NO_VALUES = np.empty(0, dtype=np.float32)  # tells the kernels to keep the first point instead of the greatest
 
 
 def first_occurrences(points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell of each point, (N, 3), whether no earlier one has exactly its coordinates; O(N) by hashing."""
+    """Mark the points that do not repeat an earlier point, in O(N) by hashing.
+
+    Parameters
+    ----------
+    points : (N, 3) array, float64
+
+    Returns
+    -------
+    (N,) array, bool
+        True where no earlier point has exactly the same coordinates.
+    """
     marks = np.ones(len(points), dtype=np.bool_)
     if len(points):
         _mark(np.ascontiguousarray(points), NO_GRID, NO_VALUES, marks)
@@ -25,10 +35,23 @@ def first_occurrences(points: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def greatest_in_cells(points: NDArray[np.float64], edge: float, values: NDArray[np.float32]) -> NDArray[np.int64]:
-    """Return the ascending indices of the points, (N, 3), of the greatest value in their cell of a grid of that edge.
+    """Choose the point of greatest value in each occupied cell of a cubic grid.
 
-    Of several the first counts. The grid begins at the origin. By hashing, in O(N); memory, 9 bytes a point and 8 a
-    cell that holds points, does not grow with the grid's extent.
+    The cells are hashed. This takes O(N) time, and memory of 9 bytes per point and 8 bytes per occupied cell,
+    however large the grid is.
+
+    Parameters
+    ----------
+    points : (N, 3) array, float64
+    edge : float
+        Edge length of the cells, in the unit of the points. The grid starts at the origin.
+    values : (N,) array, float32
+        Of equal values in a cell, the first counts.
+
+    Returns
+    -------
+    (cells,) array, int64
+        Indices of the chosen points, ascending.
     """
     marks = np.zeros(len(points), dtype=np.bool_)
     if len(points):
@@ -38,32 +61,34 @@ def greatest_in_cells(points: NDArray[np.float64], edge: float, values: NDArray[
 
 
 def _spare_bits(n: int) -> int:
-    """Return how many bits of 64 an index of n points leaves."""
+    """Return how many of 64 bits are free beside the index of one of n points."""
     return 64 - n.bit_length()
 
 
 def _grid(points: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
-    """Return what the number of a point's cell is computed by.
+    """Return the six numbers from which kernels compute the cell of a point.
 
-    One over the edge; the least number of a cell along each axis; and how many cells there are along the second and
-    the third, or zeros where the bits of a hash that are looked at cannot number all.
+    They are: one over the edge length; the lowest cell along x, y and z; the number of cells along y and z. The last
+    two are zero if there are too many cells to give each its own number in the free bits of a hash.
     """
     low, high = (np.floor(bound * scale) for bound in bounds(points))
-    counts = np.minimum(high - low + 1.0, 2.0**64)  # lest their product overflow
-    numbered = np.prod(counts) <= 2.0 ** min(_spare_bits(len(points)), EXACT)
+    counts = np.minimum(high - low + 1.0, 2.0**64)  # so that their product does not overflow
+    numbered = np.prod(counts) <= 2.0 ** min(_spare_bits(len(points)), MANTISSA_BITS)
     return np.array([scale, *low, *(counts[1:] if numbered else (0.0, 0.0))])
 
 
 def _mark(
     points: NDArray[np.float64], grid: NDArray[np.float64], values: NDArray[np.float32], marks: NDArray[np.bool_]
 ) -> None:
-    """Mark one of each kind, that of the greatest value; without values, unmark all but the first.
+    """Fill `marks`, (N,): the point of greatest value in each cell becomes true.
 
-    Hashes, their last bits replaced by the point's index, are sorted by their first bits into parts, of which each
-    fits a small table; within a part, points stay in their order.
+    Without values, all points of a cell (or position) but the first become false.
+
+    The hash of each point is stored with its last bits replaced by the point's index. These entries are sorted by
+    their first bits into parts, each small enough for a small hash table. Within a part, points keep their order.
     """
     n = len(points)
-    bits = (n // PART).bit_length()
+    bits = (n // POINTS_PER_PART).bit_length()
     chunks = 4 * nb.get_num_threads() if bits else 1
     entries = np.empty(n, dtype=np.uint64)
     starts = _sort_by_hash(points, grid, _spare_bits(n), bits, chunks, entries)
@@ -72,7 +97,7 @@ def _mark(
 
 @nb.njit(cache=True, parallel=True, nogil=True)
 def _sort_by_hash(points, grid, spare, bits, chunks, entries):
-    """Fill `entries` by parts, each in input order, and return where the parts begin."""
+    """Fill `entries`, (N,), part by part in input order; return where the parts start, (2^bits + 1,)."""
     n, parts = len(points), 1 << bits
     places = np.zeros((chunks, parts), dtype=np.int64)
     for c in nb.prange(chunks):
@@ -89,12 +114,14 @@ def _sort_by_hash(points, grid, spare, bits, chunks, entries):
 
 @nb.njit(cache=True)
 def _count_hashes(points, begin, end, grid, spare, bits, counts):
+    """Add the number of points begin..end of each part to `counts`, (2^bits,); `points` is (N, 3)."""
     for i in range(begin, end):
         counts[_part(_hash(points, i, grid, spare), bits)] += 1
 
 
 @nb.njit(cache=True)
 def _place_hashes(points, begin, end, grid, spare, bits, places, entries):
+    """Write the entries of the points begin..end into `entries`, (N,), from `places`, (2^bits,), on."""
     indices = np.uint64((1 << (64 - spare)) - 1)
     for i in range(begin, end):
         h = _hash(points, i, grid, spare)
@@ -105,22 +132,23 @@ def _place_hashes(points, begin, end, grid, spare, bits, places, entries):
 
 @nb.njit(cache=True, inline="always")
 def _part(h, bits):
-    """Return the number that the first bits of a hash are."""
+    """Return the first `bits` bits of a hash as a number."""
     return (h >> np.uint64(1)) >> np.uint64(63 - bits)
 
 
 @nb.njit(cache=True, parallel=True, nogil=True)
 def _mark_parts(points, grid, values, spare, entries, starts, chunks, marks):
+    """Fill `marks`, (N,), part by part; `values` is (N,) or empty, `entries` (N,), `starts` (parts + 1,)."""
     parts = len(starts) - 1
     for c in nb.prange(chunks):
-        table = np.empty(FEW, dtype=np.uint64)
+        table = np.empty(FIRST_SLOTS, dtype=np.uint64)
         for part in range(parts * c // chunks, parts * (c + 1) // chunks):
             table = _mark_part(points, grid, values, spare, entries[starts[part] : starts[part + 1]], table, marks)
 
 
 @nb.njit(cache=True, nogil=True)
 def _mark_part(points, grid, values, spare, entries, table, marks):
-    """Mark or unmark points of a part; return the table, which had to grow if more than half of it were taken."""
+    """Fill `marks`, (N,), for the entries of one part; return the table, which grows when it is half full."""
     indices, shift = np.uint64((1 << (64 - spare)) - 1), np.uint64(64 - spare)
     numbered = grid[4] > 0.0
     table[:] = EMPTY
@@ -151,7 +179,7 @@ def _mark_part(points, grid, values, spare, entries, table, marks):
 
 @nb.njit(cache=True, nogil=True)
 def _grown(table, shift):
-    """Return a table twice as large with the same entries."""
+    """Return a table, (2 slots,), with the same entries as `table`, (slots,)."""
     larger = np.full(2 * len(table), EMPTY)
     mask = np.uint64(len(larger) - 1)
     for entry in table:
@@ -165,7 +193,7 @@ def _grown(table, shift):
 
 @nb.njit(cache=True, inline="always")
 def _same(points, i, j, grid):
-    """Tell whether two points are in the same cell, or have the same coordinates."""
+    """Return whether two of the points, (N, 3), are in the same cell or, without a grid, at the same position."""
     for axis in range(3):
         a, b = points[i, axis], points[j, axis]
         if grid[0] > 0.0:
@@ -177,7 +205,7 @@ def _same(points, i, j, grid):
 
 @nb.njit(cache=True, inline="always")
 def _hash(points, i, grid, spare):
-    """Return a hash of 64 bits, of which the first `spare` are told apart."""
+    """Return a 64-bit hash of one of the points, (N, 3); only its first `spare` bits are used."""
     x, y, z = points[i, 0], points[i, 1], points[i, 2]
     if grid[0] > 0.0:
         x, y, z = np.floor(x * grid[0]), np.floor(y * grid[0]), np.floor(z * grid[0])
@@ -189,7 +217,7 @@ def _hash(points, i, grid, spare):
 
 @nb.njit(cache=True)
 def _scrambled(number, bits):
-    """Return another number of so many bits for each number of so many bits."""
+    """Permute the numbers of `bits` bits: distinct numbers have distinct results."""
     mask, half = (np.uint64(1) << bits) - np.uint64(1), bits >> np.uint64(1)
     h = (number * np.uint64(0x9E3779B97F4A7C15)) & mask
     h = ((h ^ (h >> half)) * np.uint64(0xBF58476D1CE4E5B9)) & mask
@@ -198,7 +226,7 @@ def _scrambled(number, bits):
 
 @nb.njit(cache=True)
 def _mixed(x, y, z):
-    """Return a hash of three numbers; zero and minus zero are the same."""
+    """Return a 64-bit hash of three floats; zero and minus zero have the same hash."""
     a, b, c = (
         np.float64(x + 0.0).view(np.uint64),
         np.float64(y + 0.0).view(np.uint64),
@@ -206,7 +234,7 @@ def _mixed(x, y, z):
     )
     h = a * np.uint64(0x9E3779B97F4A7C15)
     h = (h ^ (h >> np.uint64(29)) ^ b) * np.uint64(0xBF58476D1CE4E5B9)
-    h ^= c ^ ((h ^ c) >> np.uint64(32))  # what whole numbers differ in lies in their first bits
+    h ^= c ^ ((h ^ c) >> np.uint64(32))  # whole numbers differ only in the first bits of their floats
     h = (h ^ (h >> np.uint64(30))) * np.uint64(0x94D049BB133111EB)
     h = (h ^ (h >> np.uint64(29))) * np.uint64(0x9E3779B97F4A7C15)
     return h ^ (h >> np.uint64(32))

@@ -1,4 +1,4 @@
-"""Farthest point sampling: exact, deterministic, pruned by a k-d tree (Eldar et al. 1997; buckets: Han et al. 2023)."""
+"""Farthest point sampling, exact and pruned by a k-d tree (Eldar et al. 1997; buckets: Han et al. 2023)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gppcs.spatial.kdtree import (
     squared_distance_to_box,
 )
 
-PICKS_PER_CALL = 4096  # between two words of progress
+PICKS_PER_CALL = 4096  # progress is reported after each call of the kernel, so after this many points
 
 
 def farthest_points(
@@ -30,33 +30,35 @@ def farthest_points(
     first: int | None = None,
     others: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Choose points one by one, each the farthest from those chosen before it.
+    """Choose points one by one; each is the farthest from all points chosen before it.
 
-    Ties go to the smallest index. The result is that of the plain O(N M) algorithm: a box of the tree is passed
-    over only where no point in it can come nearer to a chosen one.
+    Ties go to the smallest index. The result is that of the plain O(N M) algorithm (Eldar, Lindenbaum, Porat and
+    Zeevi 1997). A k-d tree saves time: a step skips every box that lies farther from the new point than all of the
+    box's points lie from earlier ones (Han et al. 2023).
 
     Parameters
     ----------
-    points : (N, 3) array
+    points : (N, 3) array, float64
     n_points : int
         M, from 1 to N.
     tree : KdTree, optional
-        The tree over `points`, where it is there already.
+        A tree over `points`, if one exists; otherwise one is built.
     advanced : callable, optional
-        Told of the number of points chosen since the last call.
+        Called with the number of points chosen since the last call.
     first : int, optional
-        The point to begin with; where not given, the farthest from `others`, without these that nearest the centroid.
-    others : (K, 3) array, optional
-        Points chosen elsewhere, to keep away from as well.
+        Index of the first point. By default, it is the point farthest from `others`; without `others`, it is the
+        point nearest the centroid.
+    others : (K, 3) array, float64, optional
+        Points chosen elsewhere; distances to them count as well.
 
     Returns
     -------
     indices : (M,) array, int64
-        In the order chosen.
+        The chosen points, in the order chosen.
     distances : (M,) array, float64
-        Distance of each to those chosen before it and to `others`, infinite for the first without others; never
-        rising, but after `first`, and zero once only repeats are left. The last is at least the covering radius of
-        the M points.
+        Distance of each point to the nearest point chosen before it or in `others`, in the unit of the points. It is
+        infinite for the first point without `others`. After a given `first`, the distances never increase; they are
+        zero once only repeats are left. The last one is at least the covering radius of the M points.
     """
     tree = tree or KdTree.build(points)
     squared = np.full(len(points), np.inf)
@@ -88,6 +90,7 @@ def farthest_points(
 
 @nb.njit(cache=True, nogil=True)
 def _choose(points, order, low, high, position, squared, farthest, candidate, chosen, distances, begin, end):
+    """Fill `chosen` and `distances`, (M,), from `begin` to `end`; `squared` is (N,) in tree order."""
     leaves = first_leaf(low)
     n = points.shape[1]
     stack = np.empty(64, dtype=np.int64)
@@ -97,7 +100,7 @@ def _choose(points, order, low, high, position, squared, farthest, candidate, ch
         chosen[m] = index
         distances[m] = farthest[1]
         x, y, z = points[:, position[index]]
-        squared[position[index]] = -1.0  # below every distance: chosen points are never candidates again
+        squared[position[index]] = -1.0  # below every distance, so that a chosen point is no candidate again
         stack[0] = 1
         height = 1
         inner = 0
@@ -124,6 +127,16 @@ def _choose(points, order, low, high, position, squared, farthest, candidate, ch
 
 @nb.njit(cache=True)
 def approach(xs, ys, zs, squared, x, y, z):
-    """Lower the squared distances of some points to those from (x, y, z)."""
+    """Lower the squared distances of n points where (x, y, z) is nearer.
+
+    Parameters
+    ----------
+    xs, ys, zs : (n,) arrays
+        Coordinates of the points.
+    squared : (n,) array
+        Squared distances, changed in place.
+    x, y, z : float
+        The new point.
+    """
     for j in range(len(squared)):
         squared[j] = min(squared[j], (xs[j] - x) ** 2 + (ys[j] - y) ** 2 + (zs[j] - z) ** 2)

@@ -1,4 +1,4 @@
-"""A balanced k-d tree over the points: boxes to prune with, whatever the density of the cloud."""
+"""A balanced k-d tree over points, and the kernels that search it."""
 
 from __future__ import annotations
 
@@ -8,30 +8,39 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-LEAF_SIZE = 32  # points in a leaf at most: few enough to prune well, enough to fill vector registers
-TOP = 5  # levels that are split one after another, each by all threads; below, each thread has subtrees of its own
-FEW_KEYS = 256  # keys below which the median of three is a good enough pivot
-SAMPLE = 64  # keys that tell the pivot of more
-MULTIPLIER = np.uint64(6364136223846793005)  # of the linear congruence that tells which (Knuth)
-BEYOND = 2  # places in that sample by which the pivot lies beyond the middle, so that this is in the smaller part
+LEAF_SIZE = 32  # most points in a leaf: few enough to prune well, enough to fill vector registers
+SHARED_LEVELS = 5  # all threads split these levels together; below them, each thread splits its own subtrees
+FEW_KEYS = 256  # for fewer keys than this, the median of three keys is a good enough pivot
+SAMPLED = 64  # for more keys, the pivot comes from a random sample of this many
+LCG_MULTIPLIER = np.uint64(6364136223846793005)  # of the linear congruential generator of that sample (Knuth)
+PAST_MIDDLE = 2  # the pivot lies this many sample ranks past the wanted one, so that the part to keep is small
 
 
 @dataclass(frozen=True)
 class KdTree:
-    """Points in tree order, with the boxes of a perfect binary tree above them.
+    """A perfect binary tree of bounding boxes over N points (Bentley 1975).
 
-    Node 1 is the root and node n has the children 2n and 2n + 1. The nodes of a level share the points evenly:
-    the j-th of the L nodes of a level holds the points from N j // L up to N (j + 1) // L, so no node stores
-    its range.
+    The points are sorted so that each node holds a contiguous range; this order is called tree order. Node 1 is the
+    root, and node n has the children 2n and 2n + 1. The nodes of a level share the points evenly: of L nodes, the
+    j-th (from 0) holds the points from N j // L to N (j + 1) // L. Ranges are therefore computed, not stored.
 
     Attributes
     ----------
     order : (N,) array, int64
-        The index that each point in tree order had in the input.
+        Index in the input of each point in tree order.
     points : (3, N) array, float64
-        Coordinates in tree order, an axis a row.
+        Coordinates in tree order; each row is an axis.
     low, high : (nodes, 3) arrays, float64
-        Corners of each node's box.
+        Corners of the bounding box of each node; row 0 is unused.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gppcs
+    >>> tree = gppcs.KdTree.build(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [5.0, 0.0, 0.0]]))
+    >>> indices, squared = tree.nearest_of(np.array([[2.0, 0.0, 0.0]]), k=2)
+    >>> indices, squared
+    (array([[1, 0]]), array([[1., 4.]]))
     """
 
     order: NDArray[np.int64]
@@ -41,7 +50,17 @@ class KdTree:
 
     @classmethod
     def build(cls, points: NDArray[np.float64]) -> KdTree:
-        """Build the tree over `points`, (N, 3), N at least 1, in O(N log N)."""
+        """Build the tree in O(N log N).
+
+        Parameters
+        ----------
+        points : (N, 3) array, float64
+            At least one point; repeats are allowed.
+
+        Returns
+        -------
+        KdTree
+        """
         n, depth = len(points), 0
         while n > LEAF_SIZE << depth:
             depth += 1
@@ -78,15 +97,32 @@ class KdTree:
         return KdTree(self.order, self.points * factor, self.low * factor, self.high * factor)
 
     def positions(self) -> NDArray[np.int64]:
-        """Return the position in tree order of each point of the input, (N,)."""
+        """Return the position in tree order of each point of the input.
+
+        Returns
+        -------
+        (N,) array, int64
+            The inverse permutation of `order`.
+        """
         positions = np.empty(len(self.order), dtype=np.int64)
         positions[self.order] = np.arange(len(self.order))
         return positions
 
     def nearest_of(self, queries: NDArray[np.float64], k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Return the input indices and squared distances of the k points nearest each query, nearest first.
+        """Find the k points nearest to each query.
 
-        Both are (len(queries), k), k at most N; kernels that need no such table call `nearest_in_tree`.
+        Parameters
+        ----------
+        queries : (Q, 3) array, float64
+        k : int
+            From 1 to N.
+
+        Returns
+        -------
+        indices : (Q, k) array, int64
+            Indices in the input, nearest first.
+        squared : (Q, k) array, float64
+            Squared distances.
         """
         indices = np.empty((len(queries), k), dtype=np.int64)
         squared = np.empty((len(queries), k), dtype=np.float64)
@@ -94,9 +130,19 @@ class KdTree:
         return self.order[indices], squared
 
     def neighbours(self, k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Return the k other points nearest each point, (N, k), nearest first, and their squared distances.
+        """Find the k other points nearest to each point of the tree, which must have no repeats.
 
-        All in tree order, where neighbours stand near each other; points must be without repeats, and k below N.
+        Parameters
+        ----------
+        k : int
+            From 1 to N - 1.
+
+        Returns
+        -------
+        positions : (N, k) array, int64
+            Positions in tree order, nearest first; rows are in tree order as well.
+        squared : (N, k) array, float64
+            Squared distances.
         """
         positions = np.empty((len(self.order), k + 1), dtype=np.int64)
         squared = np.empty((len(self.order), k + 1), dtype=np.float64)
@@ -106,20 +152,44 @@ class KdTree:
 
 @nb.njit(cache=True, inline="always")
 def first_leaf(low):
-    """Return the number of the first leaf, which is also the number of leaves."""
+    """Return the node number of the first leaf, which is also the number of leaves.
+
+    Parameters
+    ----------
+    low : (nodes, ...) array
+        Any array with a row for each node.
+
+    Returns
+    -------
+    int
+    """
     return low.shape[0] // 2
 
 
 @nb.njit(cache=True, fastmath=False)
 def leaf_range(n, leaves, leaf):
-    """Return where in tree order the points of a leaf begin and end, of n points in so many leaves."""
+    """Return the start and the end of a leaf's points in tree order.
+
+    Parameters
+    ----------
+    n : int
+        Number of points in the tree.
+    leaves : int
+        Number of leaves.
+    leaf : int
+        Node number of the leaf, from `leaves` on.
+
+    Returns
+    -------
+    begin, end : int
+    """
     j = leaf - leaves
     return n * j // leaves, n * (j + 1) // leaves
 
 
 @nb.njit(cache=True, parallel=True, nogil=True)
 def _record(points, records, numbers):
-    """Fill the records, a row a point: its coordinates, and its index, as the bits of a whole number."""
+    """Fill `records`, (N, 4): coordinates of the points, (N, 3), and the index, written as int64 via `numbers`."""
     for i in nb.prange(len(points)):
         records[i, 0], records[i, 1], records[i, 2] = points[i, 0], points[i, 1], points[i, 2]
         numbers[i, 3] = i
@@ -127,12 +197,12 @@ def _record(points, records, numbers):
 
 @nb.njit(cache=True, parallel=True, nogil=True)
 def _grow(records, numbers, depth, order, points, low, high):
-    """Sort the records into the tree, and fill what is kept of it."""
-    top = min(TOP, depth)
+    """Sort the records, (N, 4), and fill `order` (N,), `points` (3, N), `low` and `high` (nodes, 3)."""
+    top = min(SHARED_LEVELS, depth)
     for level in range(top):
         for node in nb.prange(1 << level, 2 << level):
             _split(records, node, level, low, high)
-    for node in nb.prange(1 << top, 2 << top):  # below, a node at a time fits into the cache
+    for node in nb.prange(1 << top, 2 << top):  # the records of one such node fit into the CPU cache
         for level in range(depth - top):
             for below in range(node << level, (node + 1) << level):
                 _split(records, below, top + level, low, high)
@@ -142,6 +212,7 @@ def _grow(records, numbers, depth, order, points, low, high):
 
 @nb.njit(cache=True)
 def _fill_leaf(records, numbers, leaf, depth, order, points, low, high):
+    """Copy a leaf's records, (N, 4), to `order` (N,) and `points` (3, N), and fill its box in `low` and `high`."""
     begin, end = _range(len(records), leaf, depth)
     _bound(records, begin, end, low[leaf], high[leaf])
     for i in range(begin, end):
@@ -152,13 +223,14 @@ def _fill_leaf(records, numbers, leaf, depth, order, points, low, high):
 
 @nb.njit(cache=True)
 def _range(n, node, level):
+    """Return the start and the end in tree order of a node of a level, of n points."""
     j = node - (1 << level)
     return n * j >> level, n * (j + 1) >> level
 
 
 @nb.njit(cache=True)
 def _split(records, node, level, low, high):
-    """Measure a node's box, and part its points at the median of the longest side."""
+    """Fill a node's box in `low` and `high`, (nodes, 3); split its records, (N, 4), at the longest side's median."""
     begin, end = _range(len(records), node, level)
     _bound(records, begin, end, low[node], high[node])
     axis, longest = 0, -1.0
@@ -170,6 +242,7 @@ def _split(records, node, level, low, high):
 
 @nb.njit(cache=True, fastmath={"nnan", "nsz"})
 def _bound(records, begin, end, low, high):
+    """Fill `low` and `high`, (3,), with the bounds of the records begin..end of (N, 4)."""
     a = b = c = np.inf
     d = e = f = -np.inf
     for i in range(begin, end):
@@ -196,45 +269,46 @@ def _bound_all(points, low, high):
 
 @nb.njit(cache=True)
 def _part(records, axis, begin, middle, end):
-    """Permute begin..end so that keys before `middle` are at most, and those from it on at least, its key."""
-    sample = np.empty(SAMPLE, dtype=np.float64)
+    """Permute the records begin..end of (N, 4): keys before `middle` are at most its key, later ones at least."""
+    sample = np.empty(SAMPLED, dtype=np.float64)
     while begin < middle < end:
         pivot = _pivot(records, axis, begin, middle, end, sample)
         parted = _move_forward(records, axis, begin, end, pivot, False)
         if parted > begin:
             begin, end = (begin, parted) if middle < parted else (parted, end)
-        else:  # the pivot is the least key
+        else:  # the pivot is the lowest key
             parted = _move_forward(records, axis, begin, end, pivot, True)
-            if parted == begin:  # or no number
+            if parted == begin:  # the pivot is NaN
                 return
             begin = parted
 
 
 @nb.njit(cache=True)
 def _pivot(records, axis, begin, middle, end, sample):
-    """Return a key that is likely to leave the middle in a small part (Floyd and Rivest 1975)."""
+    """Return a key of the records, (N, 4), that probably leaves `middle` in a small part (Floyd and Rivest 1975)."""
     count = end - begin
     if count < FEW_KEYS:
         a, b, c = records[begin, axis], records[(begin + end) // 2, axis], records[end - 1, axis]
         return max(min(a, b), min(max(a, b), c))
-    state = np.uint64(begin + 1) * MULTIPLIER ^ np.uint64(count)
-    for s in range(SAMPLE):
-        state = state * MULTIPLIER + np.uint64(1)  # at random: places at equal steps fall in with the rows of a scan
+    state = np.uint64(begin + 1) * LCG_MULTIPLIER ^ np.uint64(count)
+    for s in range(SAMPLED):
+        state = state * LCG_MULTIPLIER + np.uint64(1)  # random, since equal steps could match the rows of a scan
         key = records[begin + np.int64((state >> np.uint64(33)) % np.uint64(count)), axis]
         slot = s
         while slot > 0 and sample[slot - 1] > key:
             sample[slot] = sample[slot - 1]
             slot -= 1
         sample[slot] = key
-    below = SAMPLE * (middle - begin) // count
-    return sample[min(below + BEYOND, SAMPLE - 1)] if 2 * below < SAMPLE else sample[max(below - BEYOND, 0)]
+    below = SAMPLED * (middle - begin) // count
+    return sample[min(below + PAST_MIDDLE, SAMPLED - 1)] if 2 * below < SAMPLED else sample[max(below - PAST_MIDDLE, 0)]
 
 
 @nb.njit(cache=True)
 def _move_forward(records, axis, begin, end, pivot, equal):
-    """Move the records of keys below the pivot, or equal to it too, before the others; return where these begin.
+    """Move records, (N, 4), with keys below the pivot to the front of begin..end; return where the others start.
 
-    Every record is swapped, needed or not: a branch would be guessed wrong half of the time (Lomuto's scheme).
+    With `equal`, keys equal to the pivot move as well. Every record is swapped, needed or not (Lomuto's scheme): a
+    branch would be mispredicted half of the time.
     """
     free = begin
     for i in range(begin, end):
@@ -249,7 +323,20 @@ def _move_forward(records, axis, begin, end, pivot, equal):
 
 @nb.njit(cache=True, fastmath=False)
 def squared_distance_to_box(low, high, x, y, z):
-    """Return the squared distance of (x, y, z) to a box; never more than that computed to a point in it."""
+    """Return the squared distance of (x, y, z) to a box, zero inside.
+
+    Rounding never makes it larger than the computed squared distance to a point in the box.
+
+    Parameters
+    ----------
+    low, high : (3,) arrays
+        Corners of the box.
+    x, y, z : float
+
+    Returns
+    -------
+    float
+    """
     dx = max(low[0] - x, x - high[0], 0.0)
     dy = max(low[1] - y, y - high[1], 0.0)
     dz = max(low[2] - z, z - high[2], 0.0)
@@ -258,7 +345,18 @@ def squared_distance_to_box(low, high, x, y, z):
 
 @nb.njit(cache=True)
 def nearest_in_tree(points, low, high, x, y, z, found, squared):
-    """Fill `found` (positions in tree order) and `squared` with the nearest points of (x, y, z), nearest first."""
+    """Find the k points of a tree nearest to (x, y, z).
+
+    Parameters
+    ----------
+    points, low, high
+        As in `KdTree`.
+    x, y, z : float
+    found : (k,) array, int64
+        Filled with positions in tree order, nearest first.
+    squared : (k,) array, float64
+        Filled with the squared distances.
+    """
     leaves = first_leaf(low)
     n = points.shape[1]
     squared[:] = np.inf
@@ -291,6 +389,7 @@ def nearest_in_tree(points, low, high, x, y, z, found, squared):
 
 @nb.njit(cache=True, parallel=True, nogil=True)
 def _nearest_of_all(points, low, high, queries, found, squared):
+    """Fill `found` and `squared`, (Q, k), with `nearest_in_tree` of each of the queries, (Q, 3)."""
     for q in nb.prange(len(queries)):
         x, y, z = queries[q]
         nearest_in_tree(points, low, high, x, y, z, found[q], squared[q])
@@ -298,9 +397,22 @@ def _nearest_of_all(points, low, high, queries, found, squared):
 
 @nb.njit(cache=True, fastmath=False)
 def leaves_near(low, high, box_low, box_high, squared_radius, found):
-    """Fill `found` with the nodes of leaves that come within the radius of a box, as many as it has room for.
+    """Find the leaves within a radius of a box.
 
-    Return their number.
+    Parameters
+    ----------
+    low, high : (nodes, 3) arrays
+        As in `KdTree`.
+    box_low, box_high : (3,) arrays
+        Corners of the box.
+    squared_radius : float
+    found : (m,) array, int64
+        Filled with the node numbers of the leaves; the search stops when it is full.
+
+    Returns
+    -------
+    int
+        Number of leaves found.
     """
     leaves = first_leaf(low)
     count = 0
@@ -323,7 +435,19 @@ def leaves_near(low, high, box_low, box_high, squared_radius, found):
 
 @nb.njit(cache=True, fastmath=False)
 def squared_distance_of_boxes(low, high, other_low, other_high):
-    """Return the squared distance between two boxes; never more than that computed between points in them."""
+    """Return the squared distance between two boxes, zero if they overlap.
+
+    Rounding never makes it larger than the computed squared distance between two points in them.
+
+    Parameters
+    ----------
+    low, high, other_low, other_high : (3,) arrays
+        Corners of the boxes.
+
+    Returns
+    -------
+    float
+    """
     dx = max(low[0] - other_high[0], other_low[0] - high[0], 0.0)
     dy = max(low[1] - other_high[1], other_low[1] - high[1], 0.0)
     dz = max(low[2] - other_high[2], other_low[2] - high[2], 0.0)
@@ -332,9 +456,24 @@ def squared_distance_of_boxes(low, high, other_low, other_high):
 
 @nb.njit(cache=True, fastmath=False)
 def points_near(points, low, high, leaves, box_low, box_high, squared_radius, found):
-    """Fill `found` with the positions of the points in some leaves that come within the radius of a box.
+    """Find the points of some leaves within a radius of a box.
 
-    There must be room for LEAF_SIZE to a leaf. Return their number.
+    Parameters
+    ----------
+    points, low, high
+        As in `KdTree`.
+    leaves : (m,) array, int64
+        Node numbers of the leaves.
+    box_low, box_high : (3,) arrays
+        Corners of the box.
+    squared_radius : float
+    found : array, int64
+        Filled with positions in tree order; it must have room for LEAF_SIZE points per leaf.
+
+    Returns
+    -------
+    int
+        Number of points found.
     """
     n, first = points.shape[1], first_leaf(low)
     count = 0
@@ -342,7 +481,7 @@ def points_near(points, low, high, leaves, box_low, box_high, squared_radius, fo
         if squared_distance_of_boxes(low[leaf], high[leaf], box_low, box_high) > squared_radius:
             continue
         for j in range(*leaf_range(n, first, leaf)):
-            found[count] = j  # kept or not: a branch would be guessed wrong too often
+            found[count] = j  # always written and then counted or not: a branch would be mispredicted often
             near = squared_distance_to_box(box_low, box_high, points[0, j], points[1, j], points[2, j])
             count += 1 if near <= squared_radius else 0
     return count
@@ -350,7 +489,19 @@ def points_near(points, low, high, leaves, box_low, box_high, squared_radius, fo
 
 @nb.njit(cache=True)
 def greatest_of_all(order, values, greatest, holder):
-    """Fill every node with the greatest of its points' values, in tree order, and the index of the point with it."""
+    """Fill each node with the greatest value among its points, and with the index of that point.
+
+    Parameters
+    ----------
+    order : (N,) array, int64
+        As in `KdTree`.
+    values : (N,) array, float64
+        A value of each point, in tree order.
+    greatest : (nodes,) array, float64
+        Filled with the greatest values.
+    holder : (nodes,) array, int64
+        Filled with the input indices; of equal values, the smallest index.
+    """
     leaves = first_leaf(greatest)
     for node in range(2 * leaves - 1, 0, -1):
         if node >= leaves:
@@ -361,11 +512,19 @@ def greatest_of_all(order, values, greatest, holder):
 
 @nb.njit(cache=True, fastmath={"nnan", "nsz"})
 def greatest_in_leaf(node, order, values, greatest, holder):
-    """Fill a leaf with the greatest of its points' values and the index of the point with it, of several the least."""
+    """Update the greatest value of one leaf, and the index of its point.
+
+    Parameters
+    ----------
+    node : int
+        Node number of the leaf.
+    order, values, greatest, holder
+        As in `greatest_of_all`.
+    """
     n = len(values)
     leaves = first_leaf(greatest)
     begin, end = leaf_range(n, leaves, node)
-    of_leaf, indices = values[begin:end], order[begin:end]  # slices: loops over them go by vectors
+    of_leaf, indices = values[begin:end], order[begin:end]  # loops over slices are vectorised
     best = -np.inf
     for j in range(len(of_leaf)):
         best = max(best, of_leaf[j])
@@ -378,7 +537,15 @@ def greatest_in_leaf(node, order, values, greatest, holder):
 
 @nb.njit(cache=True)
 def greater_child(node, greatest, holder):
-    """Fill a node with what the child of the greater value holds, of equal ones that of the smaller index."""
+    """Update the greatest value of one inner node from its two children.
+
+    Parameters
+    ----------
+    node : int
+        Number of the inner node.
+    greatest, holder
+        As in `greatest_of_all`.
+    """
     a, b = 2 * node, 2 * node + 1
     if greatest[b] > greatest[a] or (greatest[b] == greatest[a] and holder[b] < holder[a]):
         a = b

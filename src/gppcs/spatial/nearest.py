@@ -1,4 +1,4 @@
-"""The k nearest points of many places: those of a leaf share a search, and vectors go through what it finds."""
+"""Find the k nearest points of many positions; all positions in one leaf of the tree share a vectorised search."""
 
 from __future__ import annotations
 
@@ -10,15 +10,23 @@ from numpy.typing import NDArray
 
 from gppcs.spatial.kdtree import LEAF_SIZE, leaves_near, nearest_in_tree, points_near
 
-STRIDE = 16  # points that a loop goes through at a time: two of the widest vectors
-FAR = 1e150  # a coordinate that is within no radius, and whose square is a number
-MANY_LEAVES = 32  # with k more: a search that comes near so many leaves is left to each place
-WIDER = 2.5  # times the mean squared distance to the k-th neighbour in one leaf are looked at in the next
-TRIALS = 24  # of a radius that holds just k
+STRIDE = 16  # arrays are padded to multiples of this length: two of the widest vector registers
+FAR_COORDINATE = 1e150  # padding that lies outside every radius; its square does not overflow
+MANY_LEAVES = 32  # if a shared search finds this many leaves plus k, each position searches the tree by itself
+WIDER = 2.5  # squared search radius of a leaf: this times the mean squared distance to the k-th point in the last leaf
+TRIALS = 24  # steps of regula falsi for a radius that holds exactly k points
 
 
 class Room(NamedTuple):
-    """Room for the positions of points found, and their coordinates, an axis a row."""
+    """Buffers for the points that a search finds.
+
+    Attributes
+    ----------
+    found : (m,) array, int64
+        Positions in tree order.
+    packed : (3, m + STRIDE) array, float64
+        Coordinates; each row is an axis.
+    """
 
     found: NDArray[np.int64]
     packed: NDArray[np.float64]
@@ -26,7 +34,17 @@ class Room(NamedTuple):
 
 @nb.njit(cache=True)
 def room_for(leaves):
-    """Return room for the points of so many leaves."""
+    """Allocate buffers for the points of some leaves.
+
+    Parameters
+    ----------
+    leaves : int
+        Number of leaves.
+
+    Returns
+    -------
+    Room
+    """
     return Room(
         np.empty(leaves * LEAF_SIZE, dtype=np.int64), np.empty((3, leaves * LEAF_SIZE + STRIDE), dtype=np.float64)
     )
@@ -34,31 +52,46 @@ def room_for(leaves):
 
 @nb.njit(cache=True)
 def pack(points, room, count):
-    """Copy the coordinates of the points found together, add far ones until vectors are full; return their number."""
+    """Copy the coordinates of the found points into `room.packed`, and pad them with far points.
+
+    Parameters
+    ----------
+    points : (3, N) array
+        As in `KdTree`.
+    room : Room
+        Its `found` holds the positions.
+    count : int
+        Number of points found.
+
+    Returns
+    -------
+    int
+        `count` rounded up to a multiple of STRIDE.
+    """
     full = -(-count // STRIDE) * STRIDE
     for axis in range(3):
         row, packed = points[axis], room.packed[axis]
         for slot in range(count):
             packed[slot] = row[room.found[slot]]
-        packed[count:full] = FAR
+        packed[count:full] = FAR_COORDINATE
     return full
 
 
 class Search(NamedTuple):
-    """Room for a search of the k nearest points of each place of a leaf.
+    """Buffers for searches of the k nearest points.
 
     Attributes
     ----------
     near : (leaves,) array, int64
-        Leaves that the search comes near.
+        Node numbers of the leaves near the box of the shared search.
     room : Room
-        What it finds there.
-    squared : array
-        Squared distances of these from a place.
-    positions, gaps : (k,) arrays
-        Positions and squared distances of the nearest, where a place searches by itself.
-    local : (3, k or a little more) array
-        The steps from a place to its k nearest points, then far ones.
+        The points found in these leaves.
+    squared : (m + STRIDE,) array, float64
+        Squared distances of these points from a position.
+    positions, gaps : (k,) arrays, int64 and float64
+        Positions and squared distances of the nearest points, if a position searches the tree by itself.
+    local : (3, k rounded up to STRIDE) array, float64
+        Vectors from a position to its k nearest points, then padding.
     """
 
     near: NDArray[np.int64]
@@ -71,18 +104,46 @@ class Search(NamedTuple):
 
 @nb.njit(cache=True)
 def search_for(k, leaves):
-    """Return room for searches of k points of a tree with so many leaves."""
+    """Allocate buffers for searches of k points.
+
+    Parameters
+    ----------
+    k : int
+    leaves : int
+        Number of leaves of the tree.
+
+    Returns
+    -------
+    Search
+    """
     most = min(MANY_LEAVES + k, leaves + 1)
     room = room_for(most)
     return Search(
         np.empty(most, dtype=np.int64), room, np.empty(room.packed.shape[1], dtype=np.float64),
-        np.empty(k, dtype=np.int64), np.empty(k, dtype=np.float64), np.full((3, -(-k // STRIDE) * STRIDE), FAR),
+        np.empty(k, dtype=np.int64), np.empty(k, dtype=np.float64),
+        np.full((3, -(-k // STRIDE) * STRIDE), FAR_COORDINATE),
     )  # fmt: skip
 
 
 @nb.njit(cache=True)
 def look_around(points, low, high, box_low, box_high, squared_radius, search):
-    """Pack the points within the radius of a box, none if there are too many; return their number, far ones counted."""
+    """Find and pack all points within a radius of a box.
+
+    Parameters
+    ----------
+    points, low, high
+        As in `KdTree`.
+    box_low, box_high : (3,) arrays
+        Corners of the box.
+    squared_radius : float
+    search : Search
+        Its `room` is filled.
+
+    Returns
+    -------
+    int
+        Number of points packed, padding included; zero if there are too many leaves to search.
+    """
     count = leaves_near(low, high, box_low, box_high, squared_radius, search.near)
     if count == len(search.near):
         return 0
@@ -93,14 +154,30 @@ def look_around(points, low, high, box_low, box_high, squared_radius, search):
 
 @nb.njit(cache=True, fastmath=False)
 def steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search):
-    """Fill `search.local` with the steps from (x, y, z) to its k nearest points; return the k-th squared distance."""
+    """Find the k points nearest to (x, y, z), from the shared search if it reaches far enough.
+
+    Parameters
+    ----------
+    points, low, high
+        As in `KdTree`.
+    x, y, z : float
+    count, squared_radius
+        Result and radius of `look_around`.
+    search : Search
+        Its `local` is filled with the vectors to the k points, in no particular order.
+
+    Returns
+    -------
+    float
+        Squared distance to the k-th nearest point.
+    """
     k, packed, found = len(search.gaps), search.room.packed, search.room.found
     reach = reach_of_nearest(packed, count, x, y, z, k, squared_radius, search.squared)
     if reach < 0.0:
         return steps_by_itself(points, low, high, x, y, z, search)
     slot = 0
     for j in range(count):
-        found[slot] = j  # within reach or not: a branch would be guessed wrong too often
+        found[slot] = j  # always written and then counted or not: a branch would be mispredicted often
         slot += 1 if search.squared[j] <= reach else 0
     farthest = 0.0
     for slot in range(k):
@@ -113,7 +190,21 @@ def steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search):
 
 @nb.njit(cache=True, fastmath=False)
 def steps_by_itself(points, low, high, x, y, z, search):
-    """Do the same as `steps_to_nearest` by a search of the tree, for a place that a leaf's search does not do for."""
+    """Find the k points nearest to (x, y, z) by a search of the tree; otherwise like `steps_to_nearest`.
+
+    Parameters
+    ----------
+    points, low, high
+        As in `KdTree`.
+    x, y, z : float
+    search : Search
+        Its `local` is filled with the vectors to the k points, nearest first.
+
+    Returns
+    -------
+    float
+        Squared distance to the k-th nearest point.
+    """
     nearest_in_tree(points, low, high, x, y, z, search.positions, search.gaps)
     for slot in range(len(search.gaps)):
         j = search.positions[slot]
@@ -124,10 +215,27 @@ def steps_by_itself(points, low, high, x, y, z, search):
 
 @nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
 def reach_of_nearest(packed, count, x, y, z, k, squared_radius, squared):
-    """Return a squared distance from (x, y, z) within which just k of the packed points lie; their own into `squared`.
+    """Return a squared distance from (x, y, z) within which exactly k packed points lie.
 
-    That is -1 if the radius does not hold k, or ties leave no ball with just k. By regula falsi: on a surface the
-    number of points within a distance goes about as its square.
+    The search is by regula falsi: on a surface, the number of points within a distance grows about as its square.
+
+    Parameters
+    ----------
+    packed : (3, m) array
+        Coordinates of the points; each row is an axis.
+    count : int
+        Number of packed points.
+    x, y, z : float
+    k : int
+    squared_radius : float
+        Largest squared distance to consider.
+    squared : (m,) array
+        Filled with the squared distances of the packed points.
+
+    Returns
+    -------
+    float
+        -1 if fewer than k points lie within the radius, or if ties leave no distance with exactly k.
     """
     along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
     squared = squared[:count]
@@ -154,6 +262,7 @@ def reach_of_nearest(packed, count, x, y, z, k, squared_radius, squared):
 
 @nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _within(squared, limit):
+    """Return how many of the squared distances, (m,), are at most `limit`."""
     count = 0.0
     for j in range(len(squared)):
         count += 1.0 if squared[j] <= limit else 0.0

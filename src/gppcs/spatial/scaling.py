@@ -1,4 +1,4 @@
-"""The bounds of a cloud, and its points shifted and scaled to about unit size."""
+"""Find the bounds of a cloud, and shift and scale it to about unit size."""
 
 from __future__ import annotations
 
@@ -10,26 +10,50 @@ from numpy.typing import NDArray
 
 from gppcs.errors import InputError
 
-NEGLIGIBLE = 1e-100  # of the size: squares of less would vanish
-BLOCK = 1 << 10  # points that the nearest cache holds
+LEAST_OFFSET = 1e-100  # smaller offsets, as a share of the size, become zero: their squares would underflow
+CACHED_POINTS = 1 << 10  # points that fit into the level-1 cache of a CPU core
 
 
 def bounds(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the least and the greatest coordinates, (3,), of points, (N, 3), N at least 1; NaN where any is NaN."""
+    """Return the corners of the bounding box.
+
+    Parameters
+    ----------
+    points : (N, 3) array
+        At least one point.
+
+    Returns
+    -------
+    low, high : (3,) arrays, float64
+        Lowest and highest coordinate along each axis; NaN if any coordinate on that axis is NaN.
+    """
     low, high = _bounds_of_chunks(points, min(len(points), 4 * nb.get_num_threads()))
     return low.min(axis=0), high.max(axis=0)
 
 
 def normalised(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
-    """Shift the corner of the bounding box to the origin, and scale by a power of two to about unit size.
+    """Shift the lower corner of the bounding box to the origin and scale the points to about unit size.
 
-    What differs by less than 1e-100 of the size becomes the same, since squares of that would vanish. The corner
-    and the exponent of that power, which lead back, are returned as well.
+    The scale is a power of two, so that scaling does not round. Coordinates within 1e-100 of the corner, as a share
+    of the size, become zero, since their squares would underflow.
+
+    Parameters
+    ----------
+    points : (N, 3) array, float64
+        Finite, at least one point.
+
+    Returns
+    -------
+    local : (N, 3) array, float64
+        The shifted and scaled points; `local * 2**exponent + corner` gives the input, but for rounding.
+    corner : (3,) array, float64
+        Lower corner of the bounding box of the input.
+    exponent : int
 
     Raises
     ------
     InputError
-        If the range of the coordinates overflows.
+        If the size of the bounding box overflows.
     """
     low, high = bounds(points)
     with np.errstate(over="ignore"):
@@ -38,29 +62,31 @@ def normalised(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
         raise InputError("expected coordinates whose differences are finite, found a range that overflows")
     exponent = math.frexp(size)[1]  # zero for a size of zero
     half = -exponent // 2
-    local = np.empty(points.shape)  # not in the kernel: NumPy asks for large pages
+    local = np.empty(points.shape)  # allocated here because NumPy, unlike Numba, asks for large memory pages
     _shift_and_scale(points, low, math.ldexp(1.0, half), math.ldexp(1.0, -exponent - half), local)
     return local, low, exponent
 
 
 @nb.njit(cache=True, parallel=True, nogil=True)
 def _bounds_of_chunks(points, chunks):
+    """Return the lowest and highest coordinates, (chunks, 3) each, of equal parts of the points, (N, 3)."""
     n = len(points)
     low, high = np.full((chunks, 3), np.inf), np.full((chunks, 3), -np.inf)
     for c in nb.prange(chunks):
         end = n * (c + 1) // chunks
-        for begin in range(n * c // chunks, end, BLOCK):
-            _widen(points[begin : min(begin + BLOCK, end)], low[c], high[c])
+        for begin in range(n * c // chunks, end, CACHED_POINTS):
+            _widen(points[begin : min(begin + CACHED_POINTS, end)], low[c], high[c])
     return low, high
 
 
 @nb.njit(cache=True)
 def _widen(points, low, high):
+    """Extend the bounds `low` and `high`, (3,), so that they hold the points, (n, 3)."""
     for axis in range(3):
         least, greatest = low[axis], high[axis]
         for i in range(len(points)):
             value = points[i, axis]
-            if value < least or value != value:  # NaN, once there, stays
+            if value < least or value != value:  # once a bound is NaN, it stays NaN
                 least = value
             if value > greatest or value != value:
                 greatest = value
@@ -69,8 +95,8 @@ def _widen(points, low, high):
 
 @nb.njit(cache=True, parallel=True, nogil=True)
 def _shift_and_scale(points, corner, scale, again, local):
-    """Multiply by two powers of two, since one alone could overflow."""
+    """Fill `local`, (N, 3), with (points - corner) * scale * again; one power of two alone could overflow."""
     for i in nb.prange(len(points)):
         for axis in range(3):
             value = (points[i, axis] - corner[axis]) * scale * again
-            local[i, axis] = value if value >= NEGLIGIBLE else 0.0
+            local[i, axis] = value if value >= LEAST_OFFSET else 0.0

@@ -1,4 +1,4 @@
-"""How near points are: the radius of a neighbourhood, the spacing and the area of a cloud."""
+"""Estimate the spacing of points, the area of their surface and the radius of a neighbourhood."""
 
 from __future__ import annotations
 
@@ -9,21 +9,45 @@ from gppcs.spatial.kdtree import KdTree
 
 
 def paper_radius(points: NDArray[np.float64], k: int = 25) -> float:
-    """Return CloudCompare's radius for about k neighbours, the paper's choice (its section 3.1).
+    """Return CloudCompare's radius for about k neighbours, which the paper uses (section 3.1).
 
-    r = sqrt(k V^(2/3) / N), with V the volume of the bounding box: the surface is taken to be as large as a side
-    of the cube of that volume. A box of no volume gives zero.
+    r = sqrt(k V^(2/3) / N), with V the volume of the bounding box. The rule assumes that the surface is as large as
+    one side of a cube of volume V.
+
+    Parameters
+    ----------
+    points : (N, 3) array, float64
+    k : int
+        Number of points that a neighbourhood should hold.
+
+    Returns
+    -------
+    float
+        r, in the unit of the points; zero if the bounding box has no volume.
     """
     volume = np.prod(np.ptp(points, axis=0))
     return float(np.sqrt(k * np.cbrt(volume) ** 2 / len(points)))
 
 
 def nearest_distances(tree: KdTree, k: int, most: int = 4096) -> NDArray[np.float64]:
-    """Return the distance of up to `most` points of the tree to their k-th nearest neighbour, in tree order.
+    """Return the distances of a sample of the points to their k-th nearest neighbours.
 
-    They are evenly spread over the order of the tree, so that each part of the cloud has its share of them; that of a
-    file can have a rhythm, as where several scanners take turns. The point itself does not count; where fewer than k
-    others exist, the farthest takes the k-th's place.
+    The sample takes points at equal steps in tree order, so that all parts of the cloud are represented. Equal steps
+    in the order of the file would not do: it can be periodic, for example if several scanners take turns.
+
+    Parameters
+    ----------
+    tree : KdTree
+        The tree over N points.
+    k : int
+        The point itself does not count. If there are fewer than k others, the farthest counts as the k-th.
+    most : int
+        Size of the sample at most.
+
+    Returns
+    -------
+    (n,) array, float64
+        Distances in the unit of the points, in tree order.
     """
     n = tree.points.shape[1]
     chosen = np.ascontiguousarray(tree.points.T[:: max(1, -(-n // most))])
@@ -32,16 +56,39 @@ def nearest_distances(tree: KdTree, k: int, most: int = 4096) -> NDArray[np.floa
 
 
 def spacing(tree: KdTree) -> float:
-    """Return the median distance of a point to its nearest neighbour; there must be no repeats."""
+    """Return the spacing: the median distance of a point to its nearest neighbour.
+
+    Parameters
+    ----------
+    tree : KdTree
+        The tree over points without repeats.
+
+    Returns
+    -------
+    float
+        In the unit of the points.
+    """
     return float(np.median(nearest_distances(tree, 1)))
 
 
 def surface_area(tree: KdTree, k: int = 8) -> float:
-    """Return an estimate of the area of the surface that the points lie on, whatever their density.
+    """Estimate the area of the surface on which the points lie, also if their density varies.
 
-    A disc around a point to its k-th neighbour holds k others, so the point stands for a k-th of it. The hundredth of
-    the points with the largest discs stand for no more than the next, lest a few strays count as much as all others.
-    There must be no repeats; a single point has no area.
+    The disc around a point that reaches to its k-th neighbour holds k other points, so the point represents one k-th
+    of the disc's area. The largest 1 % of the discs are cut to the 99 % quantile; otherwise a few outliers could
+    count as much as all other points.
+
+    Parameters
+    ----------
+    tree : KdTree
+        The tree over points without repeats.
+    k : int
+        Number of neighbours; fewer if there are not that many.
+
+    Returns
+    -------
+    float
+        In the squared unit of the points; zero for a single point.
     """
     n = tree.points.shape[1]
     k = min(k, n - 1)
@@ -52,11 +99,25 @@ def surface_area(tree: KdTree, k: int = 8) -> float:
 
 
 def neighbourhood_radius(points: NDArray[np.float64], tree: KdTree, k: int = 25) -> float:
-    """Return the radius that holds about k points, the point itself counted: the paper's, where it can be used.
+    """Return a radius within which a point has about k points, itself included.
 
-    The paper's rule sees only the bounding box. Where that is flat, or stretched by far points, it can be off
-    without bound, so a radius more than three times the median distance to the k-th point, or less than a
-    third of it, is replaced by that distance.
+    This is `paper_radius` where that is plausible. It depends on the bounding box alone, so it can be far off if the
+    box is flat or stretched by outliers. A radius above three times the median distance to the k-th point, or below
+    a third of it, is replaced by that distance.
+
+    Parameters
+    ----------
+    points : (N, 3) array, float64
+        Without repeats.
+    tree : KdTree
+        The tree over `points`.
+    k : int
+        Number of points that a neighbourhood should hold.
+
+    Returns
+    -------
+    float
+        In the unit of the points.
     """
     radius, robust = paper_radius(points, k), float(np.median(nearest_distances(tree, k - 1)))
     return radius if robust / 3 <= radius <= 3 * robust else robust

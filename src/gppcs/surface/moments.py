@@ -1,4 +1,8 @@
-"""Moments of neighbourhoods, and their flattest direction: the smallest eigenvalue of the covariance and its vector."""
+"""Moments of neighbourhoods, and the smallest eigenvalue of their covariance with its eigenvector.
+
+The moments of a neighbourhood are ten numbers: the number of its points, the sums of x, y and z, and the sums of xx,
+xy, xz, yy, yz and zz, all relative to an origin.
+"""
 
 from __future__ import annotations
 
@@ -7,17 +11,29 @@ import numpy as np
 
 from gppcs.spatial.kdtree import first_leaf, leaf_range
 
-MOMENTS = 10  # of a neighbourhood, about any origin: count, sums of x, y, z, and of xx, xy, xz, yy, yz, zz
-LANES = 32  # neighbourhoods whose eigenvalues are found side by side: a whole leaf of the tree
+MOMENTS = 10  # numbers per neighbourhood, see above
+AT_ONCE = 32  # neighbourhoods that one vectorised loop handles: those of all points in a leaf of the tree
 
-# -cos(2/3 arccos((1 + x) / 2)) for x from -1 to 1 as a polynomial, highest power first; good to a few roundings
+# The polynomial -cos(2/3 arccos((1 + x) / 2)) for x from -1 to 1, highest power first, exact to a few roundings.
 _CHEBYSHEV = np.polynomial.Chebyshev.interpolate(lambda x: -np.cos(2 / 3 * np.arccos((1 + x) / 2)), 18)
 SMALLEST_ROOT = np.polynomial.chebyshev.cheb2poly(_CHEBYSHEV.coef)[::-1].copy()
 
 
 @nb.njit(cache=True, nogil=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
 def moments_in_ball(packed, count, x, y, z, squared_radius, moments, p):
-    """Put the moments of the packed points within the radius of (x, y, z), about that, into column p."""
+    """Compute the moments of the packed points within a radius of (x, y, z), relative to (x, y, z).
+
+    Parameters
+    ----------
+    packed : (3, m) array
+        Coordinates of points; each row is an axis.
+    count : int
+        Number of packed points.
+    x, y, z, squared_radius : float
+    moments : (10, n) array
+    p : int
+        Column of `moments` to fill.
+    """
     along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
     n = sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = 0.0
     for j in range(len(along_x)):
@@ -41,7 +57,15 @@ def moments_in_ball(packed, count, x, y, z, squared_radius, moments, p):
 
 @nb.njit(cache=True, nogil=True)
 def node_moments(points, low, high, moments):
-    """Fill the rows with the moments of each node's points about the middle of its box."""
+    """Compute the moments of each node of a tree, relative to the middle of its box.
+
+    Parameters
+    ----------
+    points, low, high
+        As in `KdTree`.
+    moments : (nodes, 10) array
+        Filled; row 0 is unused.
+    """
     n, leaves = points.shape[1], first_leaf(low)
     point = np.zeros(MOMENTS, dtype=np.float64)
     point[0] = 1.0
@@ -59,13 +83,33 @@ def node_moments(points, low, high, moments):
 
 @nb.njit(cache=True, fastmath=False)
 def middle(low, high):
-    """Return the middle of a box."""
+    """Return the middle of a box.
+
+    Parameters
+    ----------
+    low, high : (3,) arrays
+        Corners of the box.
+
+    Returns
+    -------
+    x, y, z : float
+    """
     return 0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2])
 
 
 @nb.njit(cache=True, fastmath=False)
 def add_shifted(moments, x, y, z, total):
-    """Add moments about a place to those about another one, from which the step to the former is (x, y, z)."""
+    """Add moments relative to one origin to moments relative to another origin.
+
+    Parameters
+    ----------
+    moments : (10,) array
+        The moments to add.
+    x, y, z : float
+        Vector from the origin of `total` to the origin of `moments`.
+    total : (10,) array
+        Changed in place.
+    """
     n, sx, sy, sz = moments[0], moments[1], moments[2], moments[3]
     total[0] += n
     total[1] += sx + n * x
@@ -81,10 +125,23 @@ def add_shifted(moments, x, y, z, total):
 
 @nb.njit(cache=True, fastmath=False)
 def flattest(xx, xy, xz, yy, yz, zz, normal):
-    """Return lambda_0 / trace of a symmetric 3 x 3 matrix, and put the eigenvector of lambda_0 into `normal`.
+    """Find the smallest eigenvalue lambda_0 of a symmetric 3 x 3 matrix C, and its eigenvector.
 
-    Closed form (Smith 1961). The eigenvector is the longest cross product of two rows of C - lambda_0 I; where
-    all three vanish, lambda_0 is repeated and any direction across the remaining one is an answer.
+    The closed form is that of Smith (1961). The eigenvector is the longest cross product of two rows of
+    C - lambda_0 I. If all three cross products vanish, lambda_0 is repeated, and any direction orthogonal to the
+    remaining eigenvector is correct.
+
+    Parameters
+    ----------
+    xx, xy, xz, yy, yz, zz : float
+        Elements of C, which must be positive semi-definite.
+    normal : (3,) array
+        Filled with the unit eigenvector of lambda_0; with (0, 0, 1) if the trace is zero.
+
+    Returns
+    -------
+    float
+        lambda_0 / trace, from 0 to 1/3; zero if the trace is zero.
     """
     trace = xx + yy + zz
     normal[0], normal[1], normal[2] = 0.0, 0.0, 1.0
@@ -105,6 +162,7 @@ def flattest(xx, xy, xz, yy, yz, zz, normal):
 
 @nb.njit(cache=True)
 def _null_vector(xx, xy, xz, yy, yz, zz, normal):
+    """Fill `normal`, (3,), with a unit vector that a singular symmetric matrix maps to zero."""
     crosses = (
         (xy * yz - xz * yy, xz * xy - xx * yz, xx * yy - xy * xy),
         (xy * zz - xz * yz, xz * xz - xx * zz, xx * yz - xy * xz),
@@ -118,7 +176,7 @@ def _null_vector(xx, xy, xz, yy, yz, zz, normal):
             length = np.sqrt(squared)
             normal[0], normal[1], normal[2] = x / length, y / length, z / length
     if longest == 1e-20:
-        # the matrix has rank one: its largest row is the one direction to stay across of
+        # The matrix has rank one: any vector orthogonal to its largest row is a null vector.
         x, y, z = xx, xy, xz
         if yy > xx and yy >= zz:
             x, y, z = xy, yy, yz
@@ -135,23 +193,22 @@ def _null_vector(xx, xy, xz, yy, yz, zz, normal):
 
 @nb.njit(cache=True, error_model="numpy", fastmath={"nsz", "arcp", "contract", "reassoc"})
 def flattest_side_by_side(moments, variation, normals, sure):
-    """Find what `flattest` does for LANES neighbourhoods at a time, without a branch, so that vectors are made of it.
+    """Find what `flattest` finds, for the covariances of AT_ONCE neighbourhoods in one vectorised loop.
 
-    With 3 angles = arccos r, its cosine is that of 2/3 arccos sqrt((1 - r) / 2), which is smooth where a
-    neighbourhood is flat.
+    The loop has no branches. Smith's closed form has the smallest eigenvalue as the cosine of a third of arccos r;
+    here that is rewritten with arccos sqrt((1 - r) / 2), which is smooth where a neighbourhood is flat.
 
     Parameters
     ----------
-    moments : (10, LANES) array
-    variation : (LANES,) array
+    moments : (10, AT_ONCE) array
+    variation : (AT_ONCE,) array
         Filled with lambda_0 / trace.
-    normals : (3, LANES) array
-        Filled with the eigenvectors of lambda_0.
-    sure : (LANES,) array
-        Filled with ones, and with zeros where an eigenvalue is repeated or all points coincide, so that variation and
-        normal have to be found by `flattest`.
+    normals : (3, AT_ONCE) array
+        Filled with the unit eigenvectors of lambda_0.
+    sure : (AT_ONCE,) array
+        Filled with 1; with 0 where an eigenvalue is repeated or all points coincide. There, call `flattest` instead.
     """
-    for p in range(LANES):
+    for p in range(AT_ONCE):
         share = 1.0 / moments[0, p]
         x, y, z = moments[1, p] * share, moments[2, p] * share, moments[3, p] * share
         xx, xy, xz = moments[4, p] * share - x * x, moments[5, p] * share - x * y, moments[6, p] * share - x * z
@@ -186,7 +243,17 @@ def flattest_side_by_side(moments, variation, normals, sure):
 
 @nb.njit(cache=True, fastmath=False)
 def tangents(x, y, z):
-    """Return two unit vectors at right angles to a unit vector and each other."""
+    """Return two unit vectors that are orthogonal to a unit vector and to each other.
+
+    Parameters
+    ----------
+    x, y, z : float
+        The unit vector.
+
+    Returns
+    -------
+    u, v : tuples of three floats
+    """
     if abs(x) <= abs(y) and abs(x) <= abs(z):
         length = np.sqrt(y * y + z * z)
         u = 0.0, -z / length, y / length

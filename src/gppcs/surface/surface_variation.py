@@ -1,4 +1,4 @@
-"""Surface variation and normals, from the covariance of each point's neighbourhood (paper, section 3.1)."""
+"""Surface variation and normals from the covariance of each point's neighbourhood (paper, section 3.1)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gppcs.spatial.nearest import WIDER, look_around, pack, reach_of_nearest, ro
 from gppcs.spatial.scaling import normalised
 from gppcs.spatial.spacing import neighbourhood_radius
 from gppcs.surface.moments import (
-    LANES,
+    AT_ONCE,
     MOMENTS,
     add_shifted,
     flattest,
@@ -27,22 +27,31 @@ from gppcs.surface.moments import (
     node_moments,
 )
 
-GROUP = 8  # leaves whose points share one search of the tree
-TASKS = 256  # parts of the work that threads take in turn
+LEAVES_PER_GROUP = 8  # the points of this many leaves share one search of the tree
+PARALLEL_TASKS = 256  # the work is split into this many parts, which the threads take in turn
 
 
 @dataclass(frozen=True)
 class Features:
-    """What the neighbourhood of each point says of the surface there.
+    """Local properties of the surface at each point.
 
     Attributes
     ----------
     surface_variation : (N,) array, float64
-        lambda_0 / (lambda_0 + lambda_1 + lambda_2), from 0 (flat) to 1/3; 0 for fewer than three neighbours.
+        lambda_0 / (lambda_0 + lambda_1 + lambda_2), with lambda_0 <= lambda_1 <= lambda_2 the eigenvalues of the
+        covariance of the neighbourhood (Pauly, Gross and Kobbelt 2002). It lies between 0 (flat) and 1/3, and is 0
+        for neighbourhoods of fewer than three points.
     normals : (N, 3) array, float64
-        Unit eigenvectors of lambda_0, without a sign that means anything.
+        Unit eigenvectors of lambda_0. Their signs are arbitrary; `gppcs.estimate_normals` orients normals.
     neighbours : (N,) array, int32
-        The number of points in the neighbourhood, the point itself counted.
+        Number of points in the neighbourhood, the point itself included.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> features = gppcs.estimate_features(gppcs.sample("sphere", n_points=1000))
+    >>> isinstance(features, gppcs.Features), features.surface_variation.shape
+    (True, (1000,))
     """
 
     surface_variation: NDArray[np.float64]
@@ -51,7 +60,16 @@ class Features:
 
     @classmethod
     def empty(cls, n: int) -> Features:
-        """Make room for the features of n points."""
+        """Allocate the features of n points, without values.
+
+        Parameters
+        ----------
+        n : int
+
+        Returns
+        -------
+        Features
+        """
         return cls(np.empty(n), np.empty((n, 3)), np.empty(n, dtype=np.int32))
 
 
@@ -67,18 +85,33 @@ def estimate_features(
     ----------
     cloud : PointCloud or (N, 3) array-like
     neighbours : int
-        k, the number of points that a neighbourhood holds: about so many with `search` "radius", where all
-        neighbourhoods are balls of the one radius that `neighbourhood_radius` gives; exactly so many, the point
-        itself among them, with "nearest".
+        k, the number of points in a neighbourhood, the point itself included.
+    search : "radius" or "nearest"
+        With "radius", all neighbourhoods are balls of the same radius, which is chosen so that they hold about k
+        points. With "nearest", a neighbourhood is the k nearest points.
     tree : KdTree, optional
-        The tree over the points, where it is there already and they are known to be without repeats.
+        A tree over the points, if one exists; the points must then be without repeats.
+
+    Returns
+    -------
+    Features
 
     Raises
     ------
     InputError
-        If the cloud is empty, misshapen or not finite.
+        If the cloud is empty, has a wrong shape or has coordinates that are not finite.
     ParameterError
-        If there is no such search, or there are no neighbours.
+        If `search` is unknown or `neighbours` is below 1.
+
+    Examples
+    --------
+    A bracket has flat faces and sharp edges, so its surface variation is close to zero at most points:
+
+    >>> import numpy as np
+    >>> import gppcs
+    >>> variation = gppcs.estimate_features(gppcs.sample("bracket", n_points=20_000)).surface_variation
+    >>> bool(np.median(variation) < 0.01 < variation.max())
+    True
     """
     neighbours = whole_number("the number of neighbours", neighbours, 1)
     points = PointCloud.of(cloud).usable("cloud")
@@ -98,10 +131,22 @@ def estimate_features(
 
 
 def features_in_radius(tree: KdTree, radius: float) -> Features:
-    """Measure each point's neighbourhood of all points within the radius (the paper's way).
+    """Measure each point's neighbourhood of all points within a radius, as the paper does.
 
-    The points of a group of leaves share one search of the tree. Nodes that lie within the radius of all of them count
-    as a whole, so that points that crowd together cost little more than others.
+    The points of a group of leaves share one search of the tree. A node that lies within the radius of all of them
+    counts as a whole, so that dense parts of a cloud cost little more than others.
+
+    Parameters
+    ----------
+    tree : KdTree
+        The tree over N points.
+    radius : float
+        In the unit of the points.
+
+    Returns
+    -------
+    Features
+        In the order of the input.
     """
     features = Features.empty(len(tree.order))
     _measure_in_radius(tree, radius, features)
@@ -109,7 +154,20 @@ def features_in_radius(tree: KdTree, radius: float) -> Features:
 
 
 def variation_in_radius(tree: KdTree, radius: float) -> NDArray[np.float64]:
-    """Measure the surface variation alone, (N,), as `features_in_radius` does; a fifth of the memory for the result."""
+    """Measure the surface variation as `features_in_radius` does, without the memory for the other features.
+
+    Parameters
+    ----------
+    tree : KdTree
+        The tree over N points.
+    radius : float
+        In the unit of the points.
+
+    Returns
+    -------
+    (N,) array, float64
+        In the order of the input.
+    """
     unwanted = Features.empty(0)
     variation = np.empty(len(tree.order), dtype=np.float64)
     _measure_in_radius(tree, radius, Features(variation, unwanted.normals, unwanted.neighbours))
@@ -117,11 +175,12 @@ def variation_in_radius(tree: KdTree, radius: float) -> NDArray[np.float64]:
 
 
 def _measure_in_radius(tree: KdTree, radius: float, features: Features) -> None:
-    """Fill the features; normals and numbers of neighbours only where there is room for them."""
+    """Fill the features; normals and numbers of neighbours only if their arrays are not empty."""
     moments = np.empty((0, MOMENTS))
-    groups = max(1, len(tree.low) // 2 // GROUP)
+    groups = max(1, len(tree.low) // 2 // LEAVES_PER_GROUP)
     level = slice(groups, 2 * groups)
-    if (tree.high[level] - tree.low[level]).max(axis=1).min() <= 2.0 * radius:  # else no node is so small
+    # Nodes count as a whole only if some group of leaves is smaller than the balls.
+    if (tree.high[level] - tree.low[level]).max(axis=1).min() <= 2.0 * radius:
         moments = np.empty((len(tree.low), MOMENTS))
         node_moments(tree.points, tree.low, tree.high, moments)
     with nb.parallel_chunksize(1):
@@ -133,15 +192,16 @@ def _measure_in_radius(tree: KdTree, radius: float, features: Features) -> None:
 
 @nb.njit(cache=True, parallel=True, nogil=True)
 def _features_in_balls(points, order, low, high, moments, squared_radius, groups, variation, normals, neighbours):
+    """Fill `variation` and `neighbours`, (N,), and `normals`, (N, 3); `moments` is (nodes, 10) or empty."""
     n, leaves = points.shape[1], first_leaf(low)
-    tasks = min(groups, TASKS)
+    tasks = min(groups, PARALLEL_TASKS)
     for task in nb.prange(tasks):
-        near, room = np.empty(leaves, dtype=np.int64), room_for(GROUP * GROUP)
-        of_points, shared = np.ones((MOMENTS, LANES), dtype=np.float64), np.empty(MOMENTS, dtype=np.float64)
+        near, room = np.empty(leaves, dtype=np.int64), room_for(LEAVES_PER_GROUP * LEAVES_PER_GROUP)
+        of_points, shared = np.ones((MOMENTS, AT_ONCE), dtype=np.float64), np.empty(MOMENTS, dtype=np.float64)
         for group in range(groups + groups * task // tasks, groups + groups * (task + 1) // tasks):
             count = _around(group, low, high, moments, squared_radius, near, shared)
             if count * LEAF_SIZE > len(room.found):
-                room = room_for(count + GROUP)
+                room = room_for(count + LEAVES_PER_GROUP)
             in_group = leaves // groups
             for leaf in range(group * in_group, (group + 1) * in_group):
                 begin, end = leaf_range(n, leaves, leaf)
@@ -158,9 +218,9 @@ def _features_in_balls(points, order, low, high, moments, squared_radius, groups
 
 @nb.njit(cache=True)
 def _finish(moments, indices, variation, normals, neighbours):
-    """Find the features of the points of a leaf, whose indices are given, from the moments of each."""
-    flat, normal = np.empty(LANES, dtype=np.float64), np.empty((3, LANES), dtype=np.float64)
-    sure, direction = np.empty(LANES, dtype=np.float64), np.empty(3, dtype=np.float64)
+    """Fill the features of a leaf's points, (n,) `indices`, from the moments of their neighbourhoods, (10, AT_ONCE)."""
+    flat, normal = np.empty(AT_ONCE, dtype=np.float64), np.empty((3, AT_ONCE), dtype=np.float64)
+    sure, direction = np.empty(AT_ONCE, dtype=np.float64), np.empty(3, dtype=np.float64)
     flattest_side_by_side(moments, flat, normal, sure)
     for p in range(len(indices)):
         index = indices[p]
@@ -175,16 +235,17 @@ def _finish(moments, indices, variation, normals, neighbours):
                 moments[7, p] / n - y * y, moments[8, p] / n - y * z, moments[9, p] / n - z * z,
                 direction,
             )  # fmt: skip
-        if len(normals):  # else the surface variation alone is wanted
+        if len(normals):  # otherwise, only the surface variation is wanted
             neighbours[index] = n
             normals[index, 0], normals[index, 1], normals[index, 2] = direction[0], direction[1], direction[2]
 
 
 @nb.njit(cache=True, nogil=True)
 def _around(group, low, high, moments, squared_radius, near, shared):
-    """Fill `near` with the leaves that come within the radius of a node, and return their number.
+    """Fill `near`, (leaves,), with the leaves within the radius of the node `group`, and return their number.
 
-    But for those within the radius of all of it: their moments, about its middle, go into `shared`.
+    Nodes within the radius of every point of `group` are left out of `near`. Their moments, relative to the middle
+    of `group`, are added up in `shared`, (10,); `moments` is (nodes, 10), or empty to leave out no node.
     """
     leaves = first_leaf(low)
     x, y, z = middle(low[group], high[group])
@@ -212,7 +273,7 @@ def _around(group, low, high, moments, squared_radius, near, shared):
 
 @nb.njit(cache=True, fastmath=False)
 def _farthest(low, high, other_low, other_high):
-    """Return the squared distance of the points of two boxes that are farthest from each other."""
+    """Return the largest squared distance between a point of one box and a point of another; corners are (3,)."""
     dx = max(high[0] - other_low[0], other_high[0] - low[0])
     dy = max(high[1] - other_low[1], other_high[1] - low[1])
     dz = max(high[2] - other_low[2], other_high[2] - low[2])
@@ -220,7 +281,20 @@ def _farthest(low, high, other_low, other_high):
 
 
 def features_of_nearest(tree: KdTree, k: int) -> Features:
-    """Measure each point's neighbourhood of its k nearest points, itself among them."""
+    """Measure each point's neighbourhood of its k nearest points, itself included.
+
+    Parameters
+    ----------
+    tree : KdTree
+        The tree over N points.
+    k : int
+        All points if there are fewer than k.
+
+    Returns
+    -------
+    Features
+        In the order of the input.
+    """
     features = Features.empty(len(tree.order))
     with nb.parallel_chunksize(1):
         _features_of_nearest(
@@ -232,11 +306,12 @@ def features_of_nearest(tree: KdTree, k: int) -> Features:
 
 @nb.njit(cache=True, parallel=True, nogil=True)
 def _features_of_nearest(points, order, low, high, k, variation, normals, neighbours):
+    """Fill `variation` and `neighbours`, (N,), and `normals`, (N, 3), from the k nearest points of each."""
     n, leaves = points.shape[1], first_leaf(low)
-    tasks = min(leaves, TASKS)
+    tasks = min(leaves, PARALLEL_TASKS)
     for task in nb.prange(tasks):
-        search, moments = search_for(k, leaves), np.ones((MOMENTS, LANES), dtype=np.float64)
-        squared_radius = 0.0  # each searches by itself; then within a radius that held those of the leaf before
+        search, moments = search_for(k, leaves), np.ones((MOMENTS, AT_ONCE), dtype=np.float64)
+        squared_radius = 0.0  # in the first leaf, each point searches by itself; later leaves use the last one's radius
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
             begin, end = leaf_range(n, leaves, leaf)
             count = look_around(points, low, high, low[leaf], high[leaf], squared_radius, search)

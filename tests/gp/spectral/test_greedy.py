@@ -67,13 +67,6 @@ def test_ties_go_to_the_smallest_index():
     np.testing.assert_array_equal(indices[1:], np.delete(np.arange(50), 30))
 
 
-@given(st.lists(st.integers(-3, 3), min_size=1, max_size=50), st.data())
-def test_largest(values, data):
-    values = np.array(values, dtype=float)
-    count = data.draw(st.integers(0, len(values)))
-    np.testing.assert_array_equal(greedy.largest(values, count), np.argsort(-values, kind="stable")[:count])
-
-
 def test_progress_adds_up(bracket):
     phi, y, noise = problem(bracket[:3_000], 10)
     steps = []

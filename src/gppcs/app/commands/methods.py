@@ -1,9 +1,8 @@
-"""`gppcs methods`."""
+"""The command `gppcs methods`: list the methods, or explain one."""
 
 from __future__ import annotations
 
 import dataclasses
-import inspect
 from typing import Annotated, Any
 
 import typer
@@ -16,11 +15,11 @@ EPILOG = "[bold]Examples[/bold]\n\ngppcs methods\n\ngppcs methods wlop"
 
 def methods(
     name: Annotated[
-        str | None, typer.Argument(metavar="NAME", help="The one to explain in full.", show_default=False)
+        str | None, typer.Argument(metavar="NAME", help="A method to explain in full.", show_default=False)
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """List the methods with their sources and parameters, or explain one and what each of its parameters does."""
+    """List all methods with their sources and parameters, or explain one method and each of its parameters."""
     chosen = list(METHODS.values()) if name is None else [type(method_named(name))]
     if as_json:
         for method in chosen:
@@ -32,10 +31,11 @@ def methods(
 
 
 def _record(method: type[Method]) -> dict[str, Any]:
-    """Return a method for machines."""
+    """Return the JSON record of a method."""
     return {
         "name": method.name,
         "summary": method.summary,
+        "description": method.description,
         "source": method.source,
         "parameters": dataclasses.asdict(method()),
         "meanings": {key: parameter.meaning for key, parameter in method.parameters().items()},
@@ -43,7 +43,7 @@ def _record(method: type[Method]) -> dict[str, Any]:
 
 
 def _list(chosen: list[type[Method]]) -> None:
-    """Print what there is."""
+    """Print a table for each method."""
     from gppcs.app.console import print_table
 
     for method in chosen:
@@ -51,15 +51,15 @@ def _list(chosen: list[type[Method]]) -> None:
         if parameters := method.parameters():
             rows["parameters"] = ", ".join(f"{key}={parameter.default}" for key, parameter in parameters.items())
         print_table(f"{method.name}: {method.summary}", rows)
-    typer.echo("\ngppcs methods NAME explains the parameters of one.")
+    typer.echo("\ngppcs methods NAME explains a method and its parameters.")
 
 
 def _explain(method: type[Method]) -> None:
-    """Print the docstring of a method."""
+    """Print the description of a method and the meaning of each of its parameters."""
     from gppcs.app.console import print_paragraphs
 
-    description, _, _ = (inspect.getdoc(method) or "").partition("\nParameters\n---")
-    paragraphs = [(f"{method.name}: {method.summary}", f"{description}\n\nSource: {method.source}")]
+    text = "\n\n".join(filter(None, [method.description, f"Source: {method.source}"]))
+    paragraphs = [(f"{method.name}: {method.summary}", text)]
     for key, parameter in method.parameters().items():
         paragraphs.append((f"{key} ({parameter.kind}, default {parameter.default})", parameter.meaning))
     if len(paragraphs) == 1:

@@ -1,1 +1,1 @@
-"""The paper's Algorithm 1: laplacian, kernel, hyperparameters, posterior, greedy."""
+"""The steps of the paper's Algorithm 1, in order: laplacian, kernel, hyperparameters, posterior, greedy."""

@@ -1,4 +1,4 @@
-"""Greedy selection by uncertainty plus error (paper, Algorithm 1; Lalchand and Faul 2018), exact on all points."""
+"""Greedy selection by uncertainty plus error, exact on all points (paper, Algorithm 1; Lalchand and Faul 2018)."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from gppcs.gp.spectral.posterior import Posterior
 
-BUCKETS = 4096  # a step looks at all buckets and into few; beyond that, looking at all costs more
-SLACK = 1e-12  # of a bound, for rounding: many times what a step can gather
+BUCKETS = 4096  # most buckets of points: each step reads all bounds but rescans few buckets; more would be slower
+SLACK = 1e-12  # relative margin of a bound, well above the rounding errors of a step
 
 
 def select(
@@ -25,38 +25,40 @@ def select(
     order: NDArray[np.int64] | None = None,
     advanced: Callable[[int], None] | None = None,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Add to the active set, `k_add` at a time, the points of largest s = sqrt(diag Sigma) + |mu - y|.
+    """Add points to the active set, each time the `k_add` of largest score s = sqrt(diag Sigma) + |mu - y|.
 
-    The result is Algorithm 1's, but a step looks into few points. Points are kept in buckets, each with the box
-    of its features and the largest s when it was last looked into. Since then variances can only have fallen,
-    and when the weights move by dw, the mean of any point in the bucket moves by phi dw, which the box bounds.
-    Only buckets whose bound is not below the best score that is known are looked into.
+    The result is exactly that of the paper's Algorithm 1, but each step evaluates few points. The points are divided
+    into buckets. Each bucket stores the bounding box of its features phi and its largest score when it was last
+    scanned. Since then, variances can only have decreased. If the weights' mean has moved by dw, the mean at a point
+    has moved by phi dw, which the box bounds. So each bucket has an upper bound of its scores, and a step scans only
+    the buckets whose bound is not below the best score known.
 
     Parameters
     ----------
-    phi : (N, L) array
+    phi : (N, L) array, float64
         Features of the kernel, K = Phi Phi^T.
-    y : (N,) array
+    y : (N,) array, float64
+        Observations: the surface variation.
     noise : float
-        sigma_y^2, positive.
-    initial : (k_init,) array
-        The active set to start from.
+        sigma_y^2, positive, in squared units of y.
+    initial : (k_init,) array, int64
+        Indices of the first active set.
     n_points : int
-        M.
+        M, the number of points at the end.
     k_add : int
         Points added between two updates of the posterior.
-    order : (N,) array, optional
-        A permutation in which neighbours stand near each other, such as a tree's: it makes the boxes small. It
-        has no influence on the result.
+    order : (N,) array, int64, optional
+        A permutation that puts neighbours near each other, such as tree order. It makes the boxes small, and does
+        not change the result.
     advanced : callable, optional
-        Told of the number of points added since the last call.
+        Called with the number of points added since the last call.
 
     Returns
     -------
-    indices : (M,) array
-        `initial`, then the others in the order chosen; ties go to the smallest index.
-    scores : (M,) array
-        s of each when it was chosen, infinite for the initial ones.
+    indices : (M,) array, int64
+        `initial`, then the other points in the order chosen. Ties go to the smallest index.
+    scores : (M,) array, float64
+        s of each point when it was chosen; infinite for the initial points.
     """
     order = np.arange(len(y)) if order is None else order
     chosen = np.empty(n_points, dtype=np.int64)
@@ -79,9 +81,13 @@ def select(
 
 
 class _Points(NamedTuple):
-    """The points, neighbours near each other; `score` is s when the point's bucket was last looked into."""
+    """The points in an order that puts neighbours near each other.
 
-    phi: NDArray[np.float64]  # (L, N), so that loops over points run along memory
+    `phi` is (L, N), all others are (N,). `order` holds the indices in the input, `free` is false for chosen points,
+    and `score` is s when the point's bucket was last scanned.
+    """
+
+    phi: NDArray[np.float64]  # transposed, so that loops over points read contiguous memory
     y: NDArray[np.float64]
     order: NDArray[np.int64]
     free: NDArray[np.bool_]
@@ -89,16 +95,17 @@ class _Points(NamedTuple):
 
 
 class _Buckets(NamedTuple):
-    """Runs of points of equal length; the g-th of G is N g // G to N (g + 1) // G.
+    """G runs of consecutive points of equal length: the g-th holds the points from N g // G to N (g + 1) // G.
 
-    `low` and `high` are the box of the features. When `looked` points had been chosen, the bucket was last
-    looked into: `mean` was the weights' mean then, and `above` and `below` the largest sd + y - mu and sd + mu - y.
-    `bound` is the largest s that a free point can have now; where looked into now, that of `best`.
+    `low` and `high`, (G, L), are the bounding boxes of the features. `scanned`, (G,), is the number of chosen points
+    when the bucket was last scanned. At that time, `mean`, (G, L), was the mean of the weights; `above` and `below`,
+    (G,), were the largest sd + y - mu and sd + mu - y of its free points. `bound`, (G,), is an upper bound of the
+    scores of its free points now. Right after a scan, it is the score of the point `best`, (G,).
     """
 
     low: NDArray[np.float64]
     high: NDArray[np.float64]
-    looked: NDArray[np.int64]
+    scanned: NDArray[np.int64]
     mean: NDArray[np.float64]
     above: NDArray[np.float64]
     below: NDArray[np.float64]
@@ -107,12 +114,12 @@ class _Buckets(NamedTuple):
 
 
 def _buckets(count: int, phi: NDArray[np.float64]) -> _Buckets:
-    """Return buckets that have not been looked into."""
+    """Return `count` buckets of the features, (L, N), that have not been scanned."""
     starts = np.arange(count) * phi.shape[1] // count
     return _Buckets(
         low=np.ascontiguousarray(np.minimum.reduceat(phi, starts, axis=1).T),
         high=np.ascontiguousarray(np.maximum.reduceat(phi, starts, axis=1).T),
-        looked=np.full(count, -1),
+        scanned=np.full(count, -1),
         mean=np.zeros((count, len(phi))),
         above=np.full(count, np.inf),
         below=np.full(count, np.inf),
@@ -123,7 +130,7 @@ def _buckets(count: int, phi: NDArray[np.float64]) -> _Buckets:
 
 @nb.njit(cache=True, nogil=True)
 def _choose(points, buckets, mean, covariance, noise, k_add, chosen, scores, begin):
-    """Fill `chosen` and `scores` from `begin` on."""
+    """Fill `chosen` and `scores`, (M,), from `begin` on; `mean` is (L,), `covariance` (L, L); both are updated."""
     batch = np.empty(k_add, dtype=np.int64)
     for now in range(begin, len(chosen), k_add):
         due = min(k_add, len(chosen) - now)
@@ -145,23 +152,23 @@ def _choose(points, buckets, mean, covariance, noise, k_add, chosen, scores, beg
 
 @nb.njit(cache=True)
 def _bucket_of_best(points, buckets, mean, covariance, now):
-    """Return the bucket that holds the best point, looking into each that might."""
-    bound, looked, best, order = buckets.bound, buckets.looked, buckets.best, points.order
+    """Scan each bucket that might hold the best point; return the one that does. `mean` (L,), `covariance` (L, L)."""
+    bound, scanned, best, order = buckets.bound, buckets.scanned, buckets.best, points.order
     highest = int(np.argmax(bound))
-    if looked[highest] != now:
-        _look_into(highest, points, buckets, mean, covariance, now)
+    if scanned[highest] != now:
+        _scan(highest, points, buckets, mean, covariance, now)
     for g in range(len(bound)):
         if bound[g] >= bound[highest]:
-            if looked[g] != now:
-                _look_into(g, points, buckets, mean, covariance, now)
+            if scanned[g] != now:
+                _scan(g, points, buckets, mean, covariance, now)
             if bound[g] > bound[highest] or (bound[g] == bound[highest] and order[best[g]] < order[best[highest]]):
                 highest = g
     return highest
 
 
 @nb.njit(cache=True, fastmath={"contract", "reassoc", "nsz"})
-def _look_into(g, points, buckets, mean, covariance, now):
-    """Bring the scores of a bucket's points up to date, and find the best."""
+def _scan(g, points, buckets, mean, covariance, now):
+    """Compute the scores of a bucket's points and find the best; `mean` is (L,), `covariance` (L, L)."""
     count = len(buckets.bound)
     begin, end = len(points.y) * g // count, len(points.y) * (g + 1) // count
     phi, free, score = points.phi[:, begin:end], points.free[begin:end], points.score[begin:end]
@@ -183,13 +190,13 @@ def _look_into(g, points, buckets, mean, covariance, now):
             below = max(below, sd + error[i])
     buckets.above[g], buckets.below[g] = above, below
     buckets.mean[g] = mean
-    buckets.looked[g] = now
+    buckets.scanned[g] = now
     _find_best(g, points, buckets)
 
 
 @nb.njit(cache=True, fastmath=False)
 def _find_best(g, points, buckets):
-    """Find the free point of largest score in a bucket that is up to date; of several, the smallest index."""
+    """Find the free point of largest score in a bucket that was just scanned; ties go to the smallest index."""
     n, count, order = len(points.y), len(buckets.bound), points.order
     best, highest = -1, -np.inf
     for i in range(n * g // count, n * (g + 1) // count):
@@ -201,7 +208,7 @@ def _find_best(g, points, buckets):
 
 @nb.njit(cache=True, fastmath={"contract", "reassoc", "nsz"})
 def _bound_all(buckets, mean):
-    """Bound what the step of the weights since each bucket was last looked into can have made of its scores."""
+    """Update the upper bounds of all buckets' scores from the change of the weights' mean, (L,), since their scans."""
     low, high, seen, bound = buckets.low, buckets.high, buckets.mean, buckets.bound
     for g in range(len(bound)):
         fall = rise = 0.0

@@ -1,4 +1,4 @@
-"""Hyperparameters by maximum marginal likelihood (paper, Eq. 5), for a kernel of L features."""
+"""Fit the hyperparameters by maximum marginal likelihood (paper, Eq. 5), for a kernel of L features."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from gppcs.gp.spectral.kernel import Hyperparameters, log_spectrum_slopes, spectral_weights
 
-STARTS = (0.03, 0.1, 0.3, 1.0)  # lengthscales; the likelihood has more than one maximum
-LEAST_NOISE = 1e-6  # of the mean square of y, so that the posterior stays well conditioned
+STARTS = (0.03, 0.1, 0.3, 1.0)  # lengthscales to start from, since the likelihood has several maxima
+LEAST_NOISE = 1e-6  # lower bound of the noise, as a share of the mean square of y: keeps the posterior well conditioned
 
 
 def log_marginal_likelihood(
@@ -20,30 +20,33 @@ def log_marginal_likelihood(
     mean_squares: NDArray[np.float64],
     theta: Hyperparameters,
 ) -> tuple[float, NDArray[np.float64]]:
-    """Return log p(y | theta, sigma_y^2) and its gradient, in O(n L^2) for n points.
+    """Return log p(y | theta, sigma_y^2) (paper, Eq. 5) and its gradient, in O(n L^2) for n points.
 
     Parameters
     ----------
-    eigenvalues : (L,) array
-    eigenfunctions : (n, L) array
-        F, at the n points observed.
-    y : (n,) array
-    mean_squares : (L,) array
-        As `spectral_weights` takes them.
+    eigenvalues : (L,) array, float64
+        Of the Laplace-Beltrami operator, as in `Eigenpairs`.
+    eigenfunctions : (n, L) array, float64
+        Values of the eigenfunctions at the n observed points.
+    y : (n,) array, float64
+        Observations.
+    mean_squares : (L,) array, float64
+        Mean of each squared eigenfunction over the whole cloud.
     theta : Hyperparameters
 
     Returns
     -------
     value : float
-    gradient : (4,) array
-        By log variance, log lengthscale, log nu and log noise.
+        The log marginal likelihood.
+    gradient : (4,) array, float64
+        Derivatives by log variance, log lengthscale, log nu and log noise.
     """
     n, count = eigenfunctions.shape
     noise = theta.noise
     weights = spectral_weights(eigenvalues, mean_squares, theta)
     phi = eigenfunctions * np.sqrt(weights)
     inner = scipy.linalg.cho_factor(noise * np.eye(count) + phi.T @ phi)
-    # alpha = (K + sigma_y^2 I)^-1 y, and the trace of that inverse, by the matrix inversion lemma
+    # alpha = (K + sigma_y^2 I)^-1 y, and the trace of that inverse, both by the matrix inversion lemma
     alpha = (y - phi @ scipy.linalg.cho_solve(inner, phi.T @ y)) / noise
     trace = (n - count) / noise + np.trace(scipy.linalg.cho_solve(inner, np.eye(count)))
     log_determinant = (n - count) * np.log(noise) + 2 * np.log(np.diag(inner[0])).sum()
@@ -70,10 +73,24 @@ def fit(
     fit_nu: bool = False,
     iterations: int = 200,
 ) -> Hyperparameters:
-    """Maximise the marginal likelihood over variance, lengthscale and noise, and over nu where `fit_nu` says so.
+    """Maximise the marginal likelihood (paper, Eq. 5) over variance, lengthscale and noise, and optionally nu.
 
-    L-BFGS on the logarithms, from four lengthscales, at most so many iterations from each; the best end is taken.
-    Arrays are as `log_marginal_likelihood` takes them; `nu` is the value kept, or the start.
+    L-BFGS-B optimises the logarithms. It starts from four lengthscales, and the best result is returned.
+
+    Parameters
+    ----------
+    eigenvalues, eigenfunctions, y, mean_squares
+        As in `log_marginal_likelihood`.
+    nu : float
+        The smoothness; with `fit_nu`, the value to start from.
+    fit_nu : bool
+        Whether to optimise nu as well.
+    iterations : int
+        Most iterations from each start.
+
+    Returns
+    -------
+    Hyperparameters
     """
     scale = float(np.mean(y**2)) or 1.0
     free = [0, 1, 3] if not fit_nu else [0, 1, 2, 3]

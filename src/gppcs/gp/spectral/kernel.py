@@ -1,4 +1,4 @@
-"""The Matérn kernel on a manifold, truncated to the eigenfunctions at hand (paper, Eq. 6; Borovitskiy et al. 2020)."""
+"""The Matérn kernel on a manifold, truncated to L eigenfunctions (paper, Eq. 6; Borovitskiy et al. 2020)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-DIMENSION = 2  # of the manifold: d in Eq. 6
+DIMENSION = 2  # d in Eq. 6: the manifold is a surface
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Hyperparameters:
     lengthscale : float
         kappa, in units of the square root of the surface's area.
     nu : float
-        Smoothness; infinity gives the heat kernel.
+        Smoothness of the kernel; infinity means the heat kernel.
     noise : float
         sigma_y^2, in squared units of the modelled function.
     """
@@ -33,10 +33,23 @@ class Hyperparameters:
 
 
 def log_spectrum(eigenvalues: NDArray[np.float64], lengthscale: float, nu: float) -> NDArray[np.float64]:
-    """Return log of (2 nu / kappa^2 + lambda_n)^(-nu - d/2), relative to its value at lambda = 0.
+    """Return the log of (2 nu / kappa^2 + lambda_n)^(-nu - d/2) in Eq. 6, minus its value at lambda = 0.
 
-    The constant left out is one that C_nu takes away again; with it, the power underflows from nu of about 40.
-    As nu grows this tends to -kappa^2 lambda / 2, the heat kernel's.
+    The value at lambda = 0 would cancel with C_nu in Eq. 6 anyway. Without subtracting it, the power underflows for
+    nu above about 40. As nu grows, the result tends to -kappa^2 lambda / 2, the spectrum of the heat kernel.
+
+    Parameters
+    ----------
+    eigenvalues : (L,) array, float64
+        lambda_n.
+    lengthscale : float
+        kappa.
+    nu : float
+        Positive, may be infinite.
+
+    Returns
+    -------
+    (L,) array, float64
     """
     if np.isinf(nu):
         return -0.5 * lengthscale**2 * eigenvalues
@@ -46,7 +59,18 @@ def log_spectrum(eigenvalues: NDArray[np.float64], lengthscale: float, nu: float
 def log_spectrum_slopes(
     eigenvalues: NDArray[np.float64], lengthscale: float, nu: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the derivatives of `log_spectrum` by log kappa and by log nu."""
+    """Return the derivatives of `log_spectrum`.
+
+    Parameters
+    ----------
+    eigenvalues, lengthscale, nu
+        As in `log_spectrum`.
+
+    Returns
+    -------
+    by_lengthscale, by_nu : (L,) arrays, float64
+        Derivatives by log kappa and by log nu.
+    """
     if np.isinf(nu):
         return -(lengthscale**2) * eigenvalues, np.zeros_like(eigenvalues)
     x = lengthscale**2 * eigenvalues / (2 * nu)
@@ -58,19 +82,36 @@ def log_spectrum_slopes(
 def spectral_weights(
     eigenvalues: NDArray[np.float64], mean_squares: NDArray[np.float64], theta: Hyperparameters
 ) -> NDArray[np.float64]:
-    """Return w_n such that k(x, x') = sum_n w_n f_n(x) f_n(x'), with sigma^2 as the mean prior variance.
+    """Return the weights w_n of the kernel k(x, x') = sum_n w_n f_n(x) f_n(x') (paper, Eq. 6).
+
+    They are scaled by C_nu so that the mean prior variance over the cloud is sigma^2.
 
     Parameters
     ----------
-    eigenvalues : (L,) array
-    mean_squares : (L,) array
-        Mean of f_n^2 over the cloud; it makes C_nu exact for functions that are only nearly orthonormal.
+    eigenvalues : (L,) array, float64
+    mean_squares : (L,) array, float64
+        Mean of f_n^2 over the cloud. It makes C_nu exact, although the eigenfunctions are only nearly orthonormal.
     theta : Hyperparameters
+
+    Returns
+    -------
+    (L,) array, float64
     """
     weights = np.exp(log_spectrum(eigenvalues, theta.lengthscale, theta.nu))
     return theta.variance * weights / (weights @ mean_squares)
 
 
 def kernel_features(eigenfunctions: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return Phi of shape (N, L) with K = Phi Phi^T."""
+    """Return the feature matrix Phi of the kernel, so that K = Phi Phi^T.
+
+    Parameters
+    ----------
+    eigenfunctions : (N, L) array, float64
+    weights : (L,) array, float64
+        As returned by `spectral_weights`.
+
+    Returns
+    -------
+    (N, L) array, float64
+    """
     return eigenfunctions * np.sqrt(weights)

@@ -1,4 +1,4 @@
-"""Eigenpairs of the cloud's Laplace-Beltrami operator (paper, Eq. 6), on landmarks where the cloud is large."""
+"""Eigenpairs of the cloud's Laplace-Beltrami operator (paper, Eq. 6); large clouds are represented by landmarks."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree, nearest_in_tree
 from gppcs.spatial.spacing import nearest_distances
 
-LEAST_AREA_SHARE = 0.75  # of the area that the spacing tells; whole surfaces measure .83 to 1.9
-FEWEST_LANDMARKS = 500  # below this, halving the landmarks helps no more
-LIFTING_LANDMARKS = 8  # nearest landmarks whose partition of unity carries a function to a point
-DENSE_SIZE = 400  # up to this many landmarks a dense eigensolver is as fast and needs no start
+LEAST_AREA_SHARE = 0.75  # least lumped area, relative to that estimated from spacing; whole surfaces have 0.83 to 1.9
+FEWEST_LANDMARKS = 500  # with fewer landmarks, halving their number again does not help
+LIFTING_LANDMARKS = 8  # nearest landmarks from which a function is interpolated at a point
+DENSE_SIZE = 400  # up to this many landmarks, a dense eigensolver is as fast, and needs no start vector
 
 
 @dataclass(frozen=True)
 class Eigenpairs:
-    """The lowest eigenvalues and eigenfunctions of the Laplace-Beltrami operator of a surface of unit area.
+    """The lowest eigenvalues and eigenfunctions of the Laplace-Beltrami operator, with the surface scaled to area 1.
 
     Attributes
     ----------
     eigenvalues : (L,) array, float64
-        Ascending, the first zero; those of the cloud as it is are these divided by its area.
+        Ascending; the first is zero. Divide by the area of the surface for its own eigenvalues.
     eigenfunctions : (N, L) array, float64
-        Values at the points; their squares have mean one over the surface.
+        Values at the points. The mean of each squared function over the surface is one.
     """
 
     eigenvalues: NDArray[np.float64]
@@ -41,21 +41,27 @@ class Eigenpairs:
 def eigenpairs(
     points: NDArray[np.float64], count: int, landmarks: int = 4000, tree: KdTree | None = None
 ) -> Eigenpairs:
-    """Compute the `count` lowest eigenpairs at all points.
+    """Compute the L lowest eigenpairs of the Laplace-Beltrami operator (paper, Eq. 6) at all points.
 
-    Clouds of more than `landmarks` points are represented by so many farthest points; the functions found there
-    are carried to all points by a smooth partition of unity (Nasikun et al. 2018). The tufted Laplacian
-    (Sharp and Crane 2020) loses area where points lie too irregularly for their density: its lumped area is
-    compared with what the spacing tells, and the landmarks are halved until it agrees.
+    A cloud of more than `landmarks` points is represented by that many farthest points. The functions found there
+    are interpolated at all points by a smooth partition of unity (Nasikun et al. 2018). The tufted Laplacian (Sharp
+    and Crane 2020) loses area where points are too irregular for their density. Its lumped area is therefore compared
+    with an estimate from the spacing of the points, and the landmarks are halved until the two agree.
 
     Parameters
     ----------
-    points : (N, 3) array
+    points : (N, 3) array, float64
         Without repeats.
     count : int
-        L; at most the number of landmarks, the pairs beyond do not exist and are left out.
+        L. If there are fewer landmarks, there are only that many pairs.
+    landmarks : int
+        Most points for which the eigenproblem is solved.
     tree : KdTree, optional
-        The tree over `points`, where it is there already.
+        A tree over `points`, if one exists; otherwise one is built.
+
+    Returns
+    -------
+    Eigenpairs
     """
     number = min(landmarks, len(points))
     while True:
@@ -75,32 +81,47 @@ def eigenpairs(
 def surface_laplacian(
     points: NDArray[np.float64],
 ) -> tuple[scipy.sparse.csr_matrix, NDArray[np.float64], bool]:
-    """Return the Laplacian (N, N), positive semi-definite, the lumped mass (N,), and whether the area is whole.
+    """Return the tufted Laplacian of a cloud (Sharp and Crane 2020).
 
-    Points that span no surface (on a line, or fewer than four) get the Laplacian of their neighbourhood graph.
+    Points that span no surface, because they are fewer than four or lie on a line, get the Laplacian of their
+    neighbour graph instead.
+
+    Parameters
+    ----------
+    points : (N, 3) array, float64
+        Without repeats.
+
+    Returns
+    -------
+    operator : (N, N) sparse matrix, float64
+        Positive semi-definite.
+    mass : (N,) array, float64
+        Lumped mass: the area that each point represents, in the squared size of the cloud.
+    is_whole : bool
+        Whether the lumped area agrees with an estimate from the spacing of the points.
     """
     size = np.ptp(points, axis=0).max()
     if len(points) < 4 or not size > 0:
         return *_graph_laplacian(points), True
-    scaled = points / size  # mollification is relative to the edges, but the library's guards are not
+    scaled = points / size  # the library has absolute thresholds, so it needs points of unit size
     try:
         operator, mass = robust_laplacian.point_cloud_laplacian(scaled, n_neighbors=min(30, len(points) - 1))
-    except RuntimeError:  # its triangulation came out empty
+    except RuntimeError:  # the library found no triangles
         return *_graph_laplacian(points), True
     masses = mass.diagonal()
     is_whole = bool(np.median(masses) >= LEAST_AREA_SHARE * _disc_area(scaled))
-    masses = np.maximum(masses, 1e-6 * masses.mean())  # so that no point is without area
+    masses = np.maximum(masses, 1e-6 * masses.mean())  # every point needs a positive area
     return operator, masses, is_whole
 
 
 def _disc_area(points: NDArray[np.float64]) -> float:
-    """Return the area of a point's share of the surface that its spacing tells: the median over the points."""
+    """Estimate the area that a point represents from the spacing of the points, as a median over them."""
     k = min(16, len(points) - 1)
     return float(np.pi / k * np.median(nearest_distances(KdTree.build(points), k)) ** 2)
 
 
 def _graph_laplacian(points: NDArray[np.float64]) -> tuple[scipy.sparse.csr_matrix, NDArray[np.float64]]:
-    """Return the Laplacian of the graph of nearest neighbours, with Gaussian weights, and uniform mass."""
+    """Return the Laplacian, (N, N), of the nearest-neighbour graph with Gaussian weights, and equal masses, (N,)."""
     n = len(points)
     indices, squared = KdTree.build(points).nearest_of(points, min(9, n))
     scale = np.median(squared[:, -1]) or 1.0  # zero for a single point
@@ -113,7 +134,7 @@ def _graph_laplacian(points: NDArray[np.float64]) -> tuple[scipy.sparse.csr_matr
 def _lowest(
     operator: scipy.sparse.csr_matrix, mass: NDArray[np.float64], count: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Solve L f = lambda M f for the lowest pairs, M-orthonormal."""
+    """Solve L f = lambda M f for the `count` lowest pairs: values (count,) and M-orthonormal functions (N, count)."""
     if len(mass) <= max(DENSE_SIZE, 2 * count):
         return scipy.linalg.eigh(operator.toarray(), np.diag(mass), subset_by_index=(0, count - 1))
     start = np.random.default_rng(0).standard_normal(len(mass))  # the same on every run
@@ -127,9 +148,10 @@ def _lowest(
 def _lift(
     landmarks: NDArray[np.float64], functions: NDArray[np.float64], points: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Carry functions from landmarks to points, by weights 1 - 3 x^2 + 2 x^3 of the distance that add up to one.
+    """Interpolate functions, (landmarks, L), from landmarks at points, (N, 3); return (N, L).
 
-    The distance x is relative to that of the farthest of the landmarks used, and a little.
+    The weight of a landmark at distance x is 1 - 3 x^2 + 2 x^3, and weights are divided by their sum. Distances are
+    relative to slightly more than that of the farthest landmark used.
     """
     tree = KdTree.build(landmarks)
     lifted = np.empty((len(points), functions.shape[1]), dtype=np.float64)
@@ -140,12 +162,13 @@ def _lift(
 
 @nb.njit(cache=True, parallel=True, nogil=True)
 def _weigh_nearest(landmarks, low, high, functions, points, count, lifted):
+    """Fill `lifted`, (N, L), with weighted means of `functions`, (landmarks, L), at `points`, (N, 3)."""
     for i in nb.prange(len(points)):
         found = np.empty(count, dtype=np.int64)
         squared = np.empty(count, dtype=np.float64)
         x, y, z = points[i]
         nearest_in_tree(landmarks, low, high, x, y, z, found, squared)
-        reach = 1.001 * np.sqrt(squared[-1])  # so that landmarks that are all equally far have weight
+        reach = 1.001 * np.sqrt(squared[-1])  # slightly more, since equally far landmarks would all have weight zero
         total = 0.0
         lifted[i] = 0.0
         for slot in range(count):

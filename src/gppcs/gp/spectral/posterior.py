@@ -1,4 +1,4 @@
-"""The posterior of a Gaussian process with K = Phi Phi^T (paper, Eqs. 3 and 4), held as that of its L weights."""
+"""The posterior of a Gaussian process with K = Phi Phi^T (paper, Eqs. 3 and 4), computed for its L weights."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Posterior:
-    """The Gaussian posterior of the weights w in f = Phi w, w ~ N(0, I) before the data.
+    """The Gaussian posterior of the weights w in f = Phi w; the prior is w ~ N(0, I).
 
     Attributes
     ----------
-    mean : (L,) array
-    covariance : (L, L) array
+    mean : (L,) array, float64
+    covariance : (L, L) array, float64
     """
 
     mean: NDArray[np.float64]
@@ -25,14 +25,38 @@ class Posterior:
 
     @classmethod
     def given(cls, phi: NDArray[np.float64], y: NDArray[np.float64], noise: float) -> Posterior:
-        """Condition on observations `y`, (n,), at points with features `phi`, (n, L), of noise variance `noise`."""
+        """Return the posterior given n observations.
+
+        Parameters
+        ----------
+        phi : (n, L) array, float64
+            Features at the observed points.
+        y : (n,) array, float64
+            Observations.
+        noise : float
+            Their noise variance, sigma_y^2, positive.
+
+        Returns
+        -------
+        Posterior
+        """
         precision = np.eye(phi.shape[1]) + phi.T @ phi / noise
         factor = scipy.linalg.cho_factor(precision)
         covariance = scipy.linalg.cho_solve(factor, np.eye(phi.shape[1]))
         return cls(scipy.linalg.cho_solve(factor, phi.T @ y / noise), covariance)
 
     def predict(self, phi: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the mean (Eq. 3) and the variance (diagonal of Eq. 4) at points with features `phi`, (N, L)."""
+        """Return the posterior mean (Eq. 3) and variance (diagonal of Eq. 4) of f.
+
+        Parameters
+        ----------
+        phi : (N, L) array, float64
+            Features at the points.
+
+        Returns
+        -------
+        mean, variance : (N,) arrays, float64
+        """
         mean, variance = np.empty(len(phi)), np.empty(len(phi))
         _predict(phi, self.mean, np.linalg.cholesky(self.covariance), mean, variance)
         return mean, variance
@@ -40,6 +64,7 @@ class Posterior:
 
 @nb.njit(cache=True, parallel=True, fastmath={"contract", "reassoc", "nsz"})
 def _predict(phi, weight_mean, factor, mean, variance):
+    """Fill `mean` and `variance`, (N,), from `phi` (N, L), `weight_mean` (L,) and a Cholesky factor (L, L)."""
     count = phi.shape[1]
     for i in nb.prange(len(phi)):
         total = 0.0

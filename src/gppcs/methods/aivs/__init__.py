@@ -1,4 +1,4 @@
-"""The isotropic form of AIVS as a method."""
+"""The method `aivs`: farthest points voxel by voxel (approximate intrinsic voxel structure)."""
 
 from __future__ import annotations
 
@@ -15,20 +15,29 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class AIVS(Method):
-    """Farthest points in each box of a grid, in number by its share of the points, apart from those around.
+    """Farthest points voxel by voxel: the isotropic form of AIVS.
 
-    As in the program that its authors published, distances are Euclidean. Their forms that follow curvature and
-    sharp edges are not public.
+    Examples
+    --------
+    >>> import gppcs
+    >>> cloud = gppcs.sample("sphere", n_points=1000)
+    >>> len(gppcs.simplify(cloud, n_points=100, method=gppcs.AIVS()).indices)
+    100
     """
 
     name = "aivs"
-    summary = "farthest points box by box, as many of each as its share of the points"
+    summary = "farthest points voxel by voxel, in each voxel as many as its share of the points"
+    description = (
+        "Divides the bounding box into voxels. In each voxel, farthest point sampling chooses as many points as its "
+        "share of the cloud, away from the points chosen in the voxels around it. Distances are Euclidean, as in the "
+        "program that the authors published; their forms that follow curvature and sharp edges are not public."
+    )
     source = "Lv, Lin and Zhao 2021, the isotropic form"
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
-        """Choose the points; see `Method`."""
-        from gppcs.methods.aivs.boxes import CLASSES, points_of_boxes
+        """Choose the points; see `Method.__call__`."""
+        from gppcs.methods.aivs.voxels import CLASSES, points_of_voxels
 
         stages = stages or Stages()
-        with stages("boxes", CLASSES) as advanced:
-            return Selection(points_of_boxes(points, n_points, advanced))
+        with stages("voxels", CLASSES) as advanced:
+            return Selection(points_of_voxels(points, n_points, advanced))

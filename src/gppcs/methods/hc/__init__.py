@@ -1,4 +1,4 @@
-"""Hierarchical clustering as a method."""
+"""The method `hc`: hierarchical clustering."""
 
 from __future__ import annotations
 
@@ -15,18 +15,29 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class HierarchicalClustering(Method):
-    """Clusters of little variation, one point of each: large ones where the surface is flat, small where it bends.
+    """Hierarchical clustering.
 
-    The most varied cluster is parted until there are as many as points asked for. The form with limits for size
-    and variation, in which the number comes out as it does, is `gppcs.methods.hc.clustering.hierarchical_clusters`.
+    Examples
+    --------
+    >>> import gppcs
+    >>> cloud = gppcs.sample("bracket", n_points=1000)
+    >>> len(gppcs.simplify(cloud, n_points=90, method=gppcs.HierarchicalClustering()).indices)
+    90
     """
 
     name = "hc"
-    summary = "hierarchical clustering: the central point of each cluster of little variation"
+    summary = "hierarchical clustering: the central point of each cluster of low surface variation"
+    description = (
+        "Splits the cloud into as many clusters as points asked for, and keeps the most central point of each. The "
+        "cluster with the largest product of surface variation and number of points is split next, so clusters are "
+        "large where the surface is flat and small where it bends. The form of the publication has limits for size "
+        "and variation, and does not fix the number of points; it is "
+        "gppcs.methods.hc.clustering.hierarchical_clusters."
+    )
     source = "Pauly, Gross and Kobbelt 2002"
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
-        """Choose the points; see `Method`."""
+        """Choose the points; see `Method.__call__`."""
         from gppcs.methods.hc.clustering import clusters_by_variation
 
         stages = stages or Stages()

@@ -1,4 +1,4 @@
-"""Hierarchical clustering: a cloud is parted by planes until its clusters are flat or small (Pauly et al. 2002)."""
+"""Hierarchical clustering: split a cloud by planes until its clusters are flat or small (Pauly et al. 2002)."""
 
 from __future__ import annotations
 
@@ -8,41 +8,42 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-FLAT = 1e-12  # surface variation below it is rounding
+FLAT = 1e-12  # a surface variation below this is rounding, and counts as zero
 
 
 def hierarchical_clusters(points: NDArray[np.float64], size: int, variation: float) -> NDArray[np.int64]:
-    """Choose one point for each cluster of at most `size` points that vary by at most `variation`.
+    """Choose one point from each cluster of limited size and surface variation.
 
-    A cluster above either limit is parted by the plane through its centroid across its principal axis. Points at
-    one place, and any others that the plane does not part, stay together. This is the form that the paper's
-    experiments use; how many points come out is not known beforehand.
+    A cluster above either limit is split by the plane through its centroid that is orthogonal to its principal axis
+    (Pauly, Gross and Kobbelt 2002). Points that the plane does not separate, such as repeats, stay together. The
+    paper's experiments use this form. The number of points is not known beforehand.
 
     Parameters
     ----------
     points : (N, 3) array, float64
         N at least 1; repeats are allowed.
     size : int
-        The number of points that a cluster may have, at least 1.
+        Most points of a cluster, at least 1.
     variation : float
-        The surface variation that a cluster may have, lambda_0 / (lambda_0 + lambda_1 + lambda_2), from 0 to 1/3.
+        Largest surface variation of a cluster, lambda_0 / (lambda_0 + lambda_1 + lambda_2), from 0 to 1/3.
 
     Returns
     -------
     (M,) array, int64
-        Of each cluster the point nearest its centroid, ties to the smallest index; clusters in the order in which
-        the planes part them, the negative side first.
+        Index of the point nearest the centroid of each cluster; ties go to the smallest index. Clusters are in the
+        order of a depth-first traversal of the splits, with the negative side of each plane first.
     """
     rows, order, chosen = _in_columns(points, len(points))
     return chosen[: _part_to_limits(rows, order, size, variation, chosen)]
 
 
 def clusters_by_variation(points: NDArray[np.float64], n_points: int) -> NDArray[np.int64]:
-    """Choose exactly `n_points` points, one for each cluster, parting the most varied cluster again and again.
+    """Choose exactly M points, one from each of M clusters.
 
-    Of all clusters, that of the largest number of points times surface variation is parted next, ties to the one
-    of more points and then to that of the smallest index. What the plane does not part is parted into halves by
-    index, so that the number always comes out.
+    The cluster with the largest product of number of points and surface variation is split next, by the plane of
+    `hierarchical_clusters`. Ties go to the cluster with more points, and then to the one whose first point has the
+    smallest index. If the plane does not separate any points, the cluster is split into halves by order, so that the
+    result always has M points.
 
     Parameters
     ----------
@@ -54,7 +55,7 @@ def clusters_by_variation(points: NDArray[np.float64], n_points: int) -> NDArray
     Returns
     -------
     (M,) array, int64
-        Of each cluster the point nearest its centroid, ties to the smallest index.
+        Index of the point nearest the centroid of each cluster; ties go to the smallest index.
     """
     rows, order, chosen = _in_columns(points, n_points)
     _part_most_varied(rows, order, chosen)
@@ -64,13 +65,13 @@ def clusters_by_variation(points: NDArray[np.float64], n_points: int) -> NDArray
 def _in_columns(
     points: NDArray[np.float64], n_clusters: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return the coordinates, an axis a row, the index of each, and room for the choice."""
+    """Return the coordinates, (3, N), the indices, (N,), and an empty array for the choice, (clusters,)."""
     return points.T.copy(), np.arange(len(points)), np.empty(n_clusters, dtype=np.int64)
 
 
 @nb.njit(cache=True)
 def _part_to_limits(rows, order, size, variation, chosen):
-    """Fill `chosen` with the representatives, and return how many there are."""
+    """Fill `chosen`, (N,), with the representatives and return their number; `rows` is (3, N), `order` (N,)."""
     n = len(order)
     room_rows, room_order = np.empty((3, n), dtype=np.float64), np.empty(n, dtype=np.int64)
     centroid, axis = np.empty(3, dtype=np.float64), np.empty(3, dtype=np.float64)
@@ -92,7 +93,7 @@ def _part_to_limits(rows, order, size, variation, chosen):
 
 @nb.njit(cache=True)
 def _part_most_varied(rows, order, chosen):
-    """Part the most varied cluster until there are as many as `chosen` has room for."""
+    """Split clusters until there is one for each place in `chosen`, (M,); `rows` is (3, N), `order` (N,)."""
     n, wanted = len(order), len(chosen)
     room_rows, room_order = np.empty((3, n), dtype=np.float64), np.empty(n, dtype=np.int64)
     begins, ends = np.zeros(wanted, dtype=np.int64), np.full(wanted, n, dtype=np.int64)
@@ -116,7 +117,7 @@ def _part_most_varied(rows, order, chosen):
 
 @nb.njit(cache=True)
 def _rank(rows, order, begin, end, centroid, axis, cluster):
-    """Measure a cluster, and return what the heap orders it by, least first, with its number."""
+    """Fill `centroid` and `axis`, (3,), of a cluster; return its key in the heap, which pops the smallest first."""
     varies = _spread(rows, begin, end, centroid, axis)
     members = end - begin
     return -members * varies, -members, order[begin], cluster
@@ -124,7 +125,7 @@ def _rank(rows, order, begin, end, centroid, axis, cluster):
 
 @nb.njit(cache=True, fastmath={"nsz", "contract", "reassoc"})
 def _spread(rows, begin, end, centroid, axis):
-    """Fill centroid and principal axis of the points begin..end, and return their surface variation."""
+    """Fill `centroid` and principal `axis`, (3,), of the points begin..end, (3, N); return their surface variation."""
     n = end - begin
     x, y, z = rows[0, begin], rows[1, begin], rows[2, begin]
     sx = sy = sz = 0.0
@@ -148,9 +149,9 @@ def _spread(rows, begin, end, centroid, axis):
 
 @nb.njit(cache=True)
 def _principal_axis(xx, xy, xz, yy, yz, zz, axis):
-    """Fill the unit eigenvector of the largest eigenvalue, and return lambda_0 over the trace (Jacobi's rotations).
+    """Fill `axis`, (3,), with the unit eigenvector of the largest eigenvalue; return lambda_0 / trace, 0 if that is 0.
 
-    A matrix of zeros has the variation zero.
+    The method is Jacobi's rotations.
     """
     trace = xx + yy + zz
     if not trace > 0.0:
@@ -173,7 +174,7 @@ def _principal_axis(xx, xy, xz, yy, yz, zz, axis):
 
 @nb.njit(cache=True)
 def _rotate(a, vectors, p, q):
-    """Rotate the axes p and q so that a[p, q] becomes zero."""
+    """Rotate the axes p and q of `a` and `vectors`, (3, 3), so that a[p, q] becomes zero."""
     theta = (a[q, q] - a[p, p]) / (2 * a[p, q])
     t = (1.0 if theta >= 0 else -1.0) / (abs(theta) + np.hypot(theta, 1.0))
     c = 1 / np.sqrt(t * t + 1)
@@ -189,12 +190,15 @@ def _rotate(a, vectors, p, q):
 
 @nb.njit(cache=True)
 def _part(rows, order, begin, end, centroid, axis, room_rows, room_order):
-    """Bring the points strictly on the negative side to the front, each side in its old order; return their end."""
+    """Move the points of begin..end, (3, N), below the plane to the front, and return where the others start.
+
+    Both sides keep their order. The last two arguments are buffers, (3, N) and (N,).
+    """
     front, back = begin, 0
     for i in range(begin, end):
         x, y, z, index = rows[0, i], rows[1, i], rows[2, i], order[i]
         along = (x - centroid[0]) * axis[0] + (y - centroid[1]) * axis[1] + (z - centroid[2]) * axis[2]
-        # written to both sides, and kept on one: no branch to guess wrong; `front` never passes i
+        # Each point is written to both sides and kept on one, without a branch that could be mispredicted.
         rows[0, front], rows[1, front], rows[2, front], order[front] = x, y, z, index
         room_rows[0, back], room_rows[1, back], room_rows[2, back], room_order[back] = x, y, z, index
         negative = int(along < 0.0)
@@ -207,7 +211,7 @@ def _part(rows, order, begin, end, centroid, axis, room_rows, room_order):
 
 @nb.njit(cache=True)
 def _most_central(rows, begin, end, centroid):
-    """Return the position of the point nearest the centroid, the first of several."""
+    """Return the position of the point of begin..end, (3, N), nearest the centroid, (3,); ties go to the first."""
     best, nearest = begin, np.inf
     for i in range(begin, end):
         squared = (rows[0, i] - centroid[0]) ** 2 + (rows[1, i] - centroid[1]) ** 2 + (rows[2, i] - centroid[2]) ** 2

@@ -1,4 +1,4 @@
-"""Selection by a filter on the neighbour graph as a method."""
+"""The method `pc-simp`: selection by a high-pass filter on the neighbour graph."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gppcs.engine.stages import Stages
-from gppcs.methods.method import Method, Selection, largest
+from gppcs.methods.method import Method, Selection, largest, parameter
 
 if TYPE_CHECKING:
     import numpy as np
@@ -15,33 +15,39 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PCSimp(Method):
-    """Points that differ from the mean of their neighbours, and about as many in every neighbourhood.
+    """Selection by a high-pass filter on the neighbour graph (PC-Simp).
 
-    The quadratic programme of the source, but on the whole cloud in place of cells, and for exactly M points. Its
-    diagnostics are "gap", by how much the value may lie above the least, relative, and "iterations".
-
-    Parameters
-    ----------
-    neighbours : int
-        k: how many nearest points are a neighbourhood; fewer in clouds that have no more.
-    uniformity : float
-        Weight of an even choice against the loss of features, lambda in the source. There it depends on the unit of
-        length; here strengths are in units of the squared spacing, the median over the points of the mean squared
-        distance to their neighbours. From about 10 on, 1000 iterations may not suffice; "gap" tells.
-    tolerance : float
-        Relative duality gap at which the programme is taken as solved.
-    iterations : int
-        The number of steps after which it is in any case.
+    Examples
+    --------
+    >>> import gppcs
+    >>> cloud = gppcs.sample("bracket", n_points=1000)
+    >>> result = gppcs.simplify(cloud, n_points=90, method=gppcs.PCSimp(uniformity=0.2))
+    >>> list(result.diagnostics)
+    ['gap', 'iterations']
     """
 
     name = "pc-simp"
-    summary = "graph filter: what differs from the mean of its neighbours, balanced with an even choice"
+    summary = "graph filter: points that differ from the mean of their neighbours, balanced with an even choice"
+    description = (
+        "Prefers points that lie far from the mean of their neighbours, and keeps about as many points in every "
+        "neighbourhood. It solves the quadratic programme of the publication, but on the whole cloud instead of cells, "
+        'and for exactly M points. The diagnostics are "iterations" and "gap", an upper bound of how far the solution '
+        "is from the optimum, relative to its value."
+    )
     source = "Qi, Hu and Guo 2019"
 
-    neighbours: int = 15
-    uniformity: float = 0.1
-    tolerance: float = 1e-4
-    iterations: int = 1000
+    neighbours: int = parameter(
+        15, "k: the number of nearest points in a neighbourhood; fewer in clouds that have no more."
+    )
+    uniformity: float = parameter(
+        0.1,
+        "Weight of an even choice against the loss of features, lambda in the publication. There it depends on the "
+        "unit of length. Here feature strengths are divided by the squared spacing: the median over all points of the "
+        "mean squared distance to their neighbours. With values above about 10, 1000 iterations may not be enough; "
+        'check "gap".',
+    )
+    tolerance: float = parameter(1e-4, "The relative duality gap at which the programme counts as solved.")
+    iterations: int = parameter(1000, "Most iterations.")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -51,7 +57,7 @@ class PCSimp(Method):
         self.require(self.iterations >= 1, "iterations", "at least 1")
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
-        """Choose the points; see `Method`."""
+        """Choose the points; see `Method.__call__`."""
         import numpy as np
 
         from gppcs.methods.pc_simp.graph_filter import NeighbourGraph, Programme, high_pass_strength, solve

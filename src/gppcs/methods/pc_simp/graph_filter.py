@@ -1,4 +1,4 @@
-"""Selection on the neighbour graph: strong high-pass response kept, evenly spread (PC-Simp; Qi, Hu and Guo 2019)."""
+"""PC-Simp: keep points with a strong high-pass response on the neighbour graph, evenly spread (Qi et al. 2019)."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from numpy.typing import NDArray
 
 from gppcs.spatial.kdtree import KdTree
 
-ROUNDING = 1e-14  # times N: as near as the sum of the selection comes to M
-BOUND_STEPS = 10  # products with the adjacency, after which its bound is within a few per cent
-CHECK_EVERY = 10  # steps between two looks at the duality gap, which costs as much as a step
+ROUNDING = 1e-14  # times N: tolerance of the constraint that the selection sums to M
+BOUND_STEPS = 10  # power iterations; the bound of the largest eigenvalue is then within a few per cent
+CHECK_EVERY = 10  # steps between two computations of the duality gap, each of which costs as much as a step
 
 
 @dataclass(frozen=True)
 class NeighbourGraph:
-    """The graph of nearest neighbours, points in the order of the tree.
+    """The graph of nearest neighbours of N points, in tree order.
 
-    Both matrices are means of that of the neighbours and its transpose, so entries are halved where only one of
-    two points is a neighbour of the other.
+    Both matrices are symmetric: each is the mean of a directed matrix and its transpose. So entries are halved if
+    only one of two points is a neighbour of the other.
 
     Attributes
     ----------
     adjacency : (N, N) sparse array, float64
-        One for each neighbour.
+        The directed entries are 1 for each neighbour.
     weights : (N, N) sparse array, float64
-        exp(-d^2 / sigma), with sigma the largest squared distance d^2 of any point to a neighbour.
+        The directed entries are exp(-d^2 / sigma) for each neighbour at distance d; sigma is the largest d^2.
     squared_spacing : float
-        The median over the points of the mean squared distance to the neighbours. Where more than half of the points
-        lie in a dot, it jumps to that of the dot, and what is measured in it grows as much.
+        The median over the points of the mean squared distance to their neighbours. If more than half of the points
+        lie in one tiny cluster, this is the spacing of the cluster, and feature strengths relative to it are large.
     """
 
     adjacency: scipy.sparse.csr_array
@@ -40,7 +40,19 @@ class NeighbourGraph:
 
     @classmethod
     def build(cls, tree: KdTree, neighbours: int) -> NeighbourGraph:
-        """Link each point to its nearest ones; there must be more points than `neighbours`, without repeats."""
+        """Connect each point with its nearest neighbours.
+
+        Parameters
+        ----------
+        tree : KdTree
+            The tree over N points without repeats.
+        neighbours : int
+            From 1 to N - 1.
+
+        Returns
+        -------
+        NeighbourGraph
+        """
         indices, squared = tree.neighbours(neighbours)
         starts = np.arange(len(indices) + 1) * neighbours
 
@@ -53,9 +65,21 @@ class NeighbourGraph:
 
 
 def high_pass_strength(points: NDArray[np.float64], graph: NeighbourGraph) -> NDArray[np.float64]:
-    """Return the squared distance of each point, (N, 3) in the graph's order, to the weighted mean of its neighbours.
+    """Return the squared distance of each point to the weighted mean of its neighbours.
 
-    That is the squared response to the high-pass filter I - D^-1 W, with W the weights and D their sums.
+    This is the squared response of the high-pass filter I - D^-1 W, with the weights W and the diagonal matrix D of
+    their row sums (Qi, Hu and Guo 2019).
+
+    Parameters
+    ----------
+    points : (N, 3) array, float64
+        In the order of the graph.
+    graph : NeighbourGraph
+
+    Returns
+    -------
+    (N,) array, float64
+        In the squared unit of the points.
     """
     smoothed = (graph.weights @ points) / graph.weights.sum(axis=1)[:, None]
     return ((points - smoothed) ** 2).sum(axis=1)
@@ -63,21 +87,22 @@ def high_pass_strength(points: NDArray[np.float64], graph: NeighbourGraph) -> ND
 
 @dataclass(frozen=True)
 class Programme:
-    r"""The least of sum_i f_i (s_i - 1)^2 + uniformity \|A s - alpha k\|^2 over 0 <= s <= 1 with sum s = M.
+    r"""The quadratic programme of PC-Simp (Qi, Hu and Guo 2019), for the whole cloud.
 
-    The first term is paid for features that are lost; the second where a neighbourhood of k points keeps more or
-    fewer than alpha k of them, alpha = M / N.
+    Minimise sum_i f_i (s_i - 1)^2 + uniformity \|A s - alpha k\|^2 over 0 <= s <= 1 with sum s = M and alpha = M / N.
+    The first term penalises the loss of features. The second penalises neighbourhoods of k points that keep more or
+    fewer than alpha k of them.
 
     Attributes
     ----------
     strength : (N,) array, float64
-        f, not negative.
+        f, feature strengths, not negative.
     adjacency : (N, N) sparse array, float64
         A, symmetric and not negative, with a positive entry in each row.
     neighbours : int
         k.
     uniformity : float
-        Positive.
+        Weight of the second term, positive.
     n_points : int
         M, from 1 to N - 1.
     """
@@ -89,18 +114,48 @@ class Programme:
     n_points: int
 
     def excess(self, s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return A s - alpha k."""
+        """Return A s - alpha k.
+
+        Parameters
+        ----------
+        s : (N,) array, float64
+
+        Returns
+        -------
+        (N,) array, float64
+        """
         return self.adjacency @ s - self.n_points / len(s) * self.neighbours
 
     def value(self, s: NDArray[np.float64]) -> float:
-        """Return what is to be made least."""
-        # no dot products here and below: those of BLAS depend on the number of threads
+        """Return the objective, which is to be minimised.
+
+        Parameters
+        ----------
+        s : (N,) array, float64
+
+        Returns
+        -------
+        float
+        """
+        # Here and below, sums of products replace BLAS dot products, whose rounding depends on the number of threads.
         return float((self.strength * (s - 1) ** 2).sum() + self.uniformity * (self.excess(s) ** 2).sum())
 
     def gap(self, s: NDArray[np.float64], multiplier: float) -> float:
-        """Return a bound on the value of a feasible s above the least: the duality gap for a multiplier of sum s = M.
+        """Return the duality gap: an upper bound of the objective at s minus its minimum.
 
-        The second term is not below its tangent at s, and with that in its place each point has its own least, at v.
+        The second term of the objective is convex, so it is at least its tangent at s. With the tangent in its place,
+        the minimum v is found for each point separately.
+
+        Parameters
+        ----------
+        s : (N,) array, float64
+            A feasible point.
+        multiplier : float
+            Lagrange multiplier of the constraint sum s = M.
+
+        Returns
+        -------
+        float
         """
         f = self.strength
         slope = 2 * self.uniformity * (self.adjacency @ self.excess(s)) + multiplier
@@ -111,18 +166,18 @@ class Programme:
 
 @dataclass(frozen=True)
 class Solution:
-    """How much of each point is kept.
+    """A solution of the quadratic programme.
 
     Attributes
     ----------
     selection : (N,) array, float64
-        s, from 0 to 1; its sum is M to rounding.
+        s, from 0 to 1; its sum is M, to rounding.
     multiplier : float
-        Of the constraint on the sum; its negative parts the derivatives of what is kept and what is not.
+        Lagrange multiplier of the constraint on the sum.
     gap : float
-        The duality gap, relative to the value: so far above the least it is at most.
+        The duality gap relative to the objective: an upper bound of the relative distance to the minimum.
     iterations : int
-        Steps made.
+        Number of steps.
     """
 
     selection: NDArray[np.float64]
@@ -132,12 +187,24 @@ class Solution:
 
 
 def solve(programme: Programme, tolerance: float = 1e-4, iterations: int = 1000) -> Solution:
-    """Solve the programme by accelerated proximal gradient steps, until its relative duality gap is small enough.
+    """Solve the programme by accelerated proximal gradient steps (Beck and Teboulle 2009).
 
-    The gradient is that of the second term; the first is separable, and goes with the constraints into the
-    proximal step, which is solved exactly. So the length of the step depends on A alone, however much the
-    strengths differ. The momentum starts anew where it leads uphill (Beck and Teboulle 2009; O'Donoghue and
-    Candes 2015). All sums are made in one thread.
+    The gradient is that of the second term. The first term is separable, so it belongs to the proximal step together
+    with the constraints; that step is solved exactly. The step length therefore depends on A alone, however much the
+    strengths differ. The momentum restarts when it points uphill (O'Donoghue and Candes 2015). Sums are computed in
+    one thread, so that the result does not depend on the number of threads.
+
+    Parameters
+    ----------
+    programme : Programme
+    tolerance : float
+        Stop when the duality gap, relative to the objective, is at most this.
+    iterations : int
+        Most steps.
+
+    Returns
+    -------
+    Solution
     """
     curvature = 2 * programme.uniformity * eigenvalue_bound(programme.adjacency) ** 2
     inverse = 1 / (2 * programme.strength + curvature)
@@ -161,7 +228,17 @@ def solve(programme: Programme, tolerance: float = 1e-4, iterations: int = 1000)
 
 
 def eigenvalue_bound(adjacency: scipy.sparse.csr_array) -> float:
-    """Bound the largest eigenvalue of a matrix that is not negative by max (A x)_i / x_i (Collatz and Wielandt)."""
+    """Return an upper bound of the largest eigenvalue, max (A x)_i / x_i for a positive x (Collatz and Wielandt).
+
+    Parameters
+    ----------
+    adjacency : (N, N) sparse array, float64
+        A, not negative, with a positive entry in each row.
+
+    Returns
+    -------
+    float
+    """
     x = np.ones(adjacency.shape[0])
     for _ in range(BOUND_STEPS):
         product = adjacency @ x
@@ -173,16 +250,21 @@ def eigenvalue_bound(adjacency: scipy.sparse.csr_array) -> float:
 def share_out(
     numerator: NDArray[np.float64], inverse: NDArray[np.float64], total: float, multiplier: float = 0.0
 ) -> tuple[NDArray[np.float64], float]:
-    """Return s = clip((numerator - multiplier) * inverse, 0, 1) and the multiplier for which its sum is `total`.
+    """Find the multiplier for which s = clip((numerator - multiplier) * inverse, 0, 1) has a given sum.
 
     Parameters
     ----------
     numerator, inverse : (N,) arrays, float64
-        The latter positive.
+        `inverse` must be positive.
     total : float
-        From 0 to N.
+        The sum, from 0 to N.
     multiplier : float
-        Where to start looking, such as that of a step before.
+        Start of the search, such as the multiplier of the previous step.
+
+    Returns
+    -------
+    s : (N,) array, float64
+    multiplier : float
     """
     s = np.empty_like(numerator)
     return s, _share_out(numerator, inverse, total, multiplier, s)
@@ -190,7 +272,7 @@ def share_out(
 
 @nb.njit(cache=True, nogil=True, fastmath={"nsz", "contract", "reassoc"})
 def _share_out(numerator, inverse, total, multiplier, s):
-    """Find the multiplier by Newton's method, halving the bracket where that leaves it."""
+    """Return the multiplier, and fill `s`, (N,): Newton's method, with bisection if a step leaves the bracket."""
     low, high = np.inf, -np.inf
     for i in range(len(s)):
         low, high = min(low, numerator[i] - 1 / inverse[i]), max(high, numerator[i])

@@ -1,4 +1,4 @@
-"""Simplification by the quadric error metric, for points (Pauly, Gross and Kobbelt 2002; Garland and Heckbert 1997)."""
+"""Point pair contraction by the quadric error metric (Pauly, Gross and Kobbelt 2002; Garland and Heckbert 1997)."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.surface_variation import features_of_nearest
 
-FLAT = 1e-14  # squared sine of the angle to a plane below which a point is in it but for rounding
-CONTRACTIONS_PER_CALL = 16384  # between two words of progress
+IN_PLANE = 1e-14  # a point counts as in a plane if the squared sine of its angle to the plane is below this
+CONTRACTIONS_PER_CALL = 16384  # progress is reported after each call of the kernel, so after this many contractions
 
 
 def contraction_order(
@@ -22,29 +22,30 @@ def contraction_order(
     tree: KdTree | None = None,
     advanced: Callable[[int], None] | None = None,
 ) -> NDArray[np.int64]:
-    """Contract pairs of neighbours, the cheapest first, until one point is left; return the points, last to go first.
+    """Contract pairs of neighbours, the cheapest first, until one point is left.
 
-    A point starts with a quadric for each neighbour: the squared distance to the plane through both that is
-    nearest to the tangent plane, times their squared distance. Contracting one point into another adds up their
-    quadrics, and costs what the sum measures at the point that stays, which is the one of the two that costs less.
-    The next pair is always the one of least cost, ties to the shorter and then to that of smallest indices. Its
-    neighbours are then the nearest of those that both had.
+    The quadric of a point is a sum over its neighbours. Each term is the squared distance to the plane that contains
+    both points and is closest to the tangent plane, times the squared distance of the two points. A contraction
+    replaces two neighbours by one of them, and adds up their quadrics. Its cost is the value of the sum at the point
+    that stays, which is the cheaper choice of the two. The pair of least cost is contracted next. Ties go to the
+    shorter pair, and then to the smallest indices. The neighbours of the point that stays are the nearest ones among
+    the neighbours of both.
 
     Parameters
     ----------
     points : (N, 3) array, float64
         Without repeats.
     neighbours : int
-        How many neighbours a point has, at least 1; fewer in clouds that have no more.
+        Number of neighbours of a point, at least 1; fewer in clouds that have no more.
     tree : KdTree, optional
-        The tree over `points`, where it is there already.
+        A tree over `points`, if one exists; otherwise one is built.
     advanced : callable, optional
-        Told of the number of contractions since the last call.
+        Called with the number of contractions since the last call.
 
     Returns
     -------
     (N,) array, int64
-        The first M are the simplification to M points, for every M.
+        Indices of the points, in reverse order of removal. The first M are the simplification to M points, for any M.
     """
     tree = tree or KdTree.build(points)
     n = len(points)
@@ -62,7 +63,7 @@ def contraction_order(
             if advanced:
                 advanced(reached - count)
             stuck, count = reached < end, reached
-        # one point of each part of the graph that was not linked to others is left, and these are linked now
+        # Each connected component of the graph has one point left; these points are connected next.
         members = np.flatnonzero(alive)
         rest = KdTree.build(cloud.points[members])
         nearest = np.empty((len(members), min(neighbours, len(members) - 1)), dtype=np.int64)
@@ -72,10 +73,10 @@ def contraction_order(
 
 
 class _Cloud(NamedTuple):
-    """The points in tree order, so that neighbours stand near each other, and the input's index of each.
+    """The points, (N, 3), in tree order, with their indices in the input, (N,), and their quadrics, (N, 10).
 
-    A point p has the quadric q(v) = (v - p) A (v - p) + 2 b (v - p) + c, about itself so that little cancels; the
-    columns are A's xx, xy, xz, yy, yz and zz, then b, then c.
+    The quadric of a point p is q(v) = (v - p) A (v - p) + 2 b (v - p) + c. It is relative to p, so that little
+    precision is lost. The columns are xx, xy, xz, yy, yz and zz of A, the three elements of b, and c.
     """
 
     points: NDArray[np.float64]
@@ -84,6 +85,7 @@ class _Cloud(NamedTuple):
 
     @classmethod
     def build(cls, tree: KdTree, nearest: NDArray[np.int64]) -> Self:
+        """Compute the quadrics of the points from their neighbours, `nearest`, (N, k)."""
         points = np.ascontiguousarray(tree.points.T)
         quadrics = np.zeros((len(points), 10), dtype=np.float64)
         normals = features_of_nearest(tree, nearest.shape[1] + 1).normals[tree.order]
@@ -93,14 +95,14 @@ class _Cloud(NamedTuple):
 
 @nb.njit(cache=True, nogil=True)
 def _add_planes(points, neighbours, normals, quadrics):
-    """Add up the planes of each point and its neighbours."""
+    """Add the planes to `quadrics`, (N, 10); `points` and `normals` are (N, 3), `neighbours` (N, k)."""
     for i in range(len(points)):
         for j in neighbours[i]:
             edge = points[j] - points[i]
             squared = (edge * edge).sum()
             across = normals[i] - edge * ((normals[i] * edge).sum() / squared)
             sine = (across * across).sum()
-            if sine > FLAT:  # else the edge stands upright, and no plane is nearest
+            if sine > IN_PLANE:  # otherwise, the edge is parallel to the normal, and no plane is closest
                 weight = squared / sine
                 quadrics[i, 0] += weight * across[0] * across[0]
                 quadrics[i, 1] += weight * across[0] * across[1]
@@ -111,11 +113,12 @@ def _add_planes(points, neighbours, normals, quadrics):
 
 
 class _Graph(NamedTuple):
-    """Who is a neighbour of whom, and the cheapest contraction of each point with one of its neighbours.
+    """The neighbours of each point, and its cheapest contraction with one of them.
 
-    Point i has the slots from k i to k (i + 1), each with the position of a neighbour or -1. The slots that hold a
-    point form a list: `first` of the point, then `following` and `previous` of the slots. `winner` is the tree of a
-    tournament, with point i at N + i and the one whose contraction is next at 1.
+    Point i has the k slots from k i on; each holds the position of a neighbour or -1. All slots that hold the same
+    point form a linked list: `first`, (N,), starts it, and `following` and `previous`, (k N,), connect it. `cost`,
+    `squared` (length) and `partner`, (N,), describe the cheapest contraction of each point. `winner`, (2 N,), is a
+    tournament tree: point i is at N + i, and the point of the next contraction at 1.
     """
 
     slots: NDArray[np.int64]
@@ -129,7 +132,7 @@ class _Graph(NamedTuple):
 
     @classmethod
     def build(cls, cloud: _Cloud, members: NDArray[np.int64], nearest: NDArray[np.int64]) -> Self:
-        """Link some of the points to the nearest of them, a row of `nearest` each."""
+        """Connect the points `members`, (m,), with their neighbours, the rows of `nearest`, (m, k)."""
         n, k = len(cloud.points), nearest.shape[1]
         slots = np.full((n, k), -1)
         slots[members] = nearest
@@ -143,7 +146,7 @@ class _Graph(NamedTuple):
 
 @nb.njit(cache=True, nogil=True)
 def _start(cloud, graph, members):
-    """List the slots by the points they hold, find the partners, and play the tournament."""
+    """Build the linked lists, the cheapest contractions and the tournament tree of the points `members`, (m,)."""
     for slot in range(len(graph.slots)):
         if graph.slots[slot] >= 0:
             _link(graph, slot, graph.slots[slot])
@@ -178,26 +181,26 @@ def _unlink(graph, slot):
 
 @nb.njit(cache=True)
 def _cost(cloud, gone, kept):
-    """Return what the quadrics of two points measure where one of them is."""
+    """Return the sum of the quadrics of two points, evaluated at the point `kept`."""
     q = cloud.quadrics
     x, y, z = _step(cloud, gone, kept)
     cost = x * (q[gone, 0] * x + 2 * (q[gone, 1] * y + q[gone, 2] * z + q[gone, 6]))
     cost += y * (q[gone, 3] * y + 2 * (q[gone, 4] * z + q[gone, 7]))
     cost += z * (q[gone, 5] * z + 2 * q[gone, 8]) + q[gone, 9] + q[kept, 9]
     weight = q[gone, 0] + q[gone, 3] + q[gone, 5] + q[kept, 0] + q[kept, 3] + q[kept, 5]
-    return cost if cost > FLAT * weight * (x * x + y * y + z * z) else 0.0
+    return cost if cost > IN_PLANE * weight * (x * x + y * y + z * z) else 0.0
 
 
 @nb.njit(cache=True)
 def _step(cloud, begin, end):
-    """Return the way from one point to another."""
+    """Return the vector from one point to another."""
     p = cloud.points
     return p[end, 0] - p[begin, 0], p[end, 1] - p[begin, 1], p[end, 2] - p[begin, 2]
 
 
 @nb.njit(cache=True)
 def _consider(cloud, graph, i, j):
-    """Make j the partner of i, if that is better than the one it has."""
+    """Make j the partner of i if that contraction is cheaper; return whether it is."""
     cost = min(_cost(cloud, i, j), _cost(cloud, j, i))
     x, y, z = _step(cloud, i, j)
     squared = x * x + y * y + z * z
@@ -211,7 +214,7 @@ def _consider(cloud, graph, i, j):
 
 @nb.njit(cache=True)
 def _find_partner(cloud, graph, i):
-    """Find the neighbour that it is cheapest to contract a point with; infinite cost where there is none."""
+    """Find the cheapest contraction of point i with a neighbour; its cost is infinite if there is none."""
     k = len(graph.slots) // len(graph.cost)
     graph.cost[i] = graph.squared[i] = np.inf
     for slot in range(k * i, k * (i + 1)):
@@ -221,7 +224,7 @@ def _find_partner(cloud, graph, i):
 
 @nb.njit(cache=True)
 def _better(cloud, graph, i, j):
-    """Return which of two points has its contraction first."""
+    """Return the one of two points whose contraction comes first."""
     if graph.cost[i] != graph.cost[j]:
         return i if graph.cost[i] < graph.cost[j] else j
     if graph.squared[i] != graph.squared[j]:
@@ -231,7 +234,7 @@ def _better(cloud, graph, i, j):
 
 @nb.njit(cache=True)
 def _play(cloud, graph, i):
-    """Play a point's matches again after its contraction has changed."""
+    """Update the tournament tree after the contraction of point i has changed."""
     winner = graph.winner
     node = (len(graph.cost) + i) // 2
     while node:
@@ -244,7 +247,7 @@ def _play(cloud, graph, i):
 
 @nb.njit(cache=True, nogil=True)
 def _contract(cloud, graph, alive, removed, begin, end):
-    """Fill `removed` from `begin` to `end`, and return how far that went before no pairs were left."""
+    """Fill `removed`, (N,), from `begin` to `end`; return where it stopped, because no pairs were left or at `end`."""
     k = len(graph.slots) // len(graph.cost)
     nearest, squared = np.empty(k, dtype=np.int64), np.empty(k, dtype=np.float64)
     for count in range(begin, end):
@@ -268,9 +271,9 @@ def _contract(cloud, graph, alive, removed, begin, end):
 
 @nb.njit(cache=True)
 def _merge_neighbours(cloud, graph, gone, kept, nearest, squared):
-    """Let a point take another's place among neighbours, and have the nearest of the neighbours of both.
+    """Replace the point `gone` by `kept` in all slots, and give `kept` the nearest of the neighbours of both.
 
-    `nearest` and `squared` are room for as many as a point can have.
+    `nearest` and `squared`, (k,), are buffers.
     """
     k = len(nearest)
     found = 0
@@ -294,7 +297,7 @@ def _merge_neighbours(cloud, graph, gone, kept, nearest, squared):
 
 @nb.njit(cache=True)
 def _knows(graph, point, other):
-    """Tell whether a point has another for a neighbour."""
+    """Return whether a point has another as a neighbour."""
     k = len(graph.slots) // len(graph.cost)
     for slot in range(k * point, k * (point + 1)):  # noqa: SIM110 (Numba has no generators)
         if graph.slots[slot] == other:
@@ -304,9 +307,9 @@ def _knows(graph, point, other):
 
 @nb.njit(cache=True)
 def _insert(cloud, point, other, nearest, squared, found):
-    """Insert another point among those found nearest, unless it is there already; return how many there are.
+    """Insert a point into the sorted list of the nearest, (k,), unless it is there; return the length of the list.
 
-    Ties go to the smallest index, and only as many are kept as there is room for.
+    Ties go to the smallest index. The list holds at most k points.
     """
     x, y, z = _step(cloud, point, other)
     distance = x * x + y * y + z * z
@@ -327,7 +330,7 @@ def _insert(cloud, point, other, nearest, squared, found):
 
 @nb.njit(cache=True)
 def _merge_quadrics(cloud, gone, kept):
-    """Add the quadric of one point to that of another."""
+    """Add the quadric of the point `gone` to that of `kept`."""
     q = cloud.quadrics
     x, y, z = _step(cloud, gone, kept)
     ax = q[gone, 0] * x + q[gone, 1] * y + q[gone, 2] * z
@@ -343,7 +346,7 @@ def _merge_quadrics(cloud, gone, kept):
 
 @nb.njit(cache=True)
 def _tell_neighbours(cloud, graph, gone, kept):
-    """Bring the contractions of those up to date whose neighbour a point is."""
+    """Update the cheapest contraction of each point that has `kept` as a neighbour."""
     k = len(graph.slots) // len(graph.cost)
     slot = graph.first[kept]
     while slot >= 0:

@@ -1,4 +1,4 @@
-"""Weighted sample elimination as a method."""
+"""The method `sample-elimination`: weighted sample elimination."""
 
 from __future__ import annotations
 
@@ -15,14 +15,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SampleElimination(Method):
-    """The point with the nearest neighbours removed, again and again; the order of the rest is progressive."""
+    """Weighted sample elimination.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> cloud = gppcs.sample("sphere", n_points=1000)
+    >>> len(gppcs.simplify(cloud, n_points=100, method=gppcs.SampleElimination()).indices)
+    100
+    """
 
     name = "sample-elimination"
-    summary = "the most crowded point removed, again and again: blue noise"
+    summary = "removes the most crowded point again and again: an even cover with blue noise"
+    description = (
+        "Removes the most crowded point, the one with the nearest neighbours, again and again. The order is "
+        "progressive: the first half of the kept points is evenly spread too, so is the first quarter, and so on."
+    )
     source = "Yuksel 2015"
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
-        """Choose the points; see `Method`."""
+        """Choose the points; see `Method.__call__`."""
         from gppcs.methods.sample_elimination.elimination import eliminate
 
         stages = stages or Stages()

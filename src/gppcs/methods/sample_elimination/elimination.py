@@ -1,4 +1,4 @@
-"""Weighted sample elimination for Poisson disc sets (Yuksel 2015): blue noise of exactly the size asked for."""
+"""Weighted sample elimination (Yuksel 2015): a Poisson disc set of exactly the size asked for."""
 
 from __future__ import annotations
 
@@ -19,34 +19,34 @@ from gppcs.spatial.kdtree import (
 )
 from gppcs.spatial.spacing import surface_area
 
-BETA, GAMMA = 0.65, 1.5  # of the limit to weights, as Yuksel has them
-WHOLE = 2.0**28  # units in the greatest term: sums of whole numbers are the same in whatever order they are added
-REMOVED = -(2.0**60)  # in place of a weight: far below any, whatever is taken from it
-LAST_RATIO = 40  # of points before to points after the last stage: a disc then holds some 145 of an even surface
-EARLIER_RATIO = 10  # of the stages before it
-REMOVALS_PER_CALL = 16384  # between two words of progress
+BETA, GAMMA = 0.65, 1.5  # Yuksel's constants of weight limiting
+WHOLE = 2.0**28  # the largest term of a weight; terms are whole numbers, so that sums do not depend on their order
+REMOVED = -(2.0**60)  # the weight of a removed point: far below all others, even after subtractions
+LAST_RATIO = 40  # the last stage removes at most this factor of points; a disc then holds about 145 points
+EARLIER_RATIO = 10  # earlier stages remove at most this factor
+REMOVALS_PER_CALL = 16384  # progress is reported after each call of the kernel, so after this many removals
 
 
 def eliminate(
     points: NDArray[np.float64], n_points: int, advanced: Callable[[int], None] | None = None
 ) -> NDArray[np.int64]:
-    """Remove points as `thin` does until `n_points` are left, and order these.
+    """Remove points as `thin` does until M are left, and put these into a progressive order.
 
-    For the order, the elimination goes on by halves, as Yuksel proposes for progressive sets.
+    For the order, elimination continues, each time to half the number of points (Yuksel 2015, progressive sets).
 
     Parameters
     ----------
-    points : (N, 3) array
+    points : (N, 3) array, float64
         Without repeats.
     n_points : int
         M, from 1 to N.
     advanced : callable, optional
-        Told of the number of points removed since the last call, N - M in all.
+        Called with the number of points removed since the last call, N - M in all.
 
     Returns
     -------
     (M,) array, int64
-        The first M/2, M/4, ... of them are well spread as well.
+        Indices. The first M/2, M/4, ... points are evenly spread as well.
     """
     kept, area = thin(points, n_points, advanced)
     later: list[NDArray[np.int64]] = []
@@ -60,30 +60,30 @@ def eliminate(
 def thin(
     points: NDArray[np.float64], n_points: int, advanced: Callable[[int], None] | None = None
 ) -> tuple[NDArray[np.int64], float]:
-    """Remove the point whose neighbours are nearest, again and again, until `n_points` are left.
+    """Remove the most crowded point, again and again, until M are left (Yuksel 2015).
 
-    A point weighs the sum of (1 - max(d, 2 r_min) / (2 r_max))^8 over the others at distances d below 2 r_max, with
-    r_max = sqrt(A / (2 sqrt(3) M)) the radius of the densest packing of M discs on the surface's area A. The
-    heaviest is removed, of several the one of smallest index, and the others lose what it added to them.
+    The weight of a point is the sum of (1 - max(d, 2 r_min) / (2 r_max))^8 over all other points at distances d below
+    2 r_max. Here r_max = sqrt(A / (2 sqrt(3) M)) is the radius of the densest packing of M discs on a surface of area
+    A. The heaviest point is removed; ties go to the smallest index. The weights of the others decrease by its terms.
 
-    The limit r_min = beta r_max (1 - (M / N)^gamma), with beta = 0.65 and gamma = 1.5, is Yuksel's weight limiting:
-    without it, a pair that happens to be very near outweighs a crowd.
+    The limit r_min = beta r_max (1 - (M / N)^gamma), with beta = 0.65 and gamma = 1.5, is Yuksel's weight limiting.
+    Without it, two points that happen to be very close would outweigh a dense region.
 
-    Beyond a ratio of 40, stages of at most a factor 10 go before the last one, each with the N, M, r_max and r_min of
-    its own: with those of a small M, discs would hold many points. Where the densest places hid most of the area,
-    so that no point weighs anything any more, the area is estimated again.
+    If N / M is above 40, earlier stages each remove at most a factor of 10. Every stage has its own N, M, r_max and
+    r_min: with those of a small M, the discs would hold many points. If no point has any weight left before a stage
+    ends, the estimated area was too small, and it is estimated again.
 
     Parameters
     ----------
     points, n_points, advanced
-        As of `eliminate`.
+        As in `eliminate`.
 
     Returns
     -------
     kept : (M,) array, int64
-        Ascending.
+        Indices, ascending.
     area : float
-        A, as last estimated.
+        The last estimate of A, in the squared unit of the points.
     """
     kept = np.arange(len(points))
     area = surface_area(KdTree.build(points))
@@ -98,9 +98,9 @@ def thin(
 def _stage(
     points: NDArray[np.float64], n_points: int, area: float, advanced: Callable[[int], None] | None = None
 ) -> tuple[NDArray[np.int64], float]:
-    """Return what one stage removes, in that order, N - `n_points` or all that weigh anything; and the area after it.
+    """Return the points that one stage removes, in order, (N - M,), and the area.
 
-    The area is larger where nothing weighed anything.
+    The stage ends early if no point has any weight left. Then the returned area is a larger estimate.
     """
     reach = 2.0 * float(np.sqrt(area / (2.0 * np.sqrt(3.0) * n_points)))
     limit = reach * BETA * (1.0 - (n_points / len(points)) ** GAMMA)
@@ -129,7 +129,7 @@ def _stage(
 
 @nb.njit(cache=True, fastmath=False)
 def _term(dx, dy, dz, reach, limit):
-    """Return what two points add to each other's weight, in units, by their difference; the same both ways."""
+    """Return the term that two points add to each other's weight, given their difference (dx, dy, dz)."""
     distance = max(np.sqrt(dx * dx + dy * dy + dz * dz), limit)
     term = max(1.0 - distance / reach, 0.0)
     term *= term
@@ -140,7 +140,7 @@ def _term(dx, dy, dz, reach, limit):
 
 @nb.njit(cache=True, fastmath=False)
 def _squared_distances(low, high, box_low, box_high):
-    """Return the squares of the least and the greatest distance between points of two boxes."""
+    """Return the squares of the smallest and the largest distance between points of two boxes; corners are (3,)."""
     least = greatest = 0.0
     for axis in range(3):
         least += max(low[axis] - box_high[axis], box_low[axis] - high[axis], 0.0) ** 2
@@ -150,6 +150,7 @@ def _squared_distances(low, high, box_low, box_high):
 
 @nb.njit(cache=True, parallel=True, nogil=True, fastmath={"reassoc"})
 def _weigh(points, low, high, reach, limit, weights):
+    """Fill `weights`, (N,), in tree order; `points` is (3, N), `low` and `high` (nodes, 3)."""
     leaves = first_leaf(low)
     n = points.shape[1]
     of_near = _term(0.0, 0.0, 0.0, reach, limit)
@@ -170,7 +171,10 @@ def _weigh(points, low, high, reach, limit, weights):
 
 @nb.njit(cache=True)
 def _within_reach(low, high, n, leaf, reach, limit):
-    """Return the leaves within reach of one, and how many points are in other nodes, wholly within the limit of it."""
+    """Return the leaves within reach of a leaf, and the number of points in nodes that lie within its limit.
+
+    These nodes are not among the leaves. `low` and `high` are (nodes, 3).
+    """
     around, near = [], 0
     remaining = [(1, 0, 1)]
     while remaining:
@@ -189,10 +193,11 @@ def _within_reach(low, high, n, leaf, reach, limit):
 
 @nb.njit(cache=True, nogil=True)
 def _remove(points, order, low, high, position, reach, limit, weights, heaviest, candidate, pending, removed):
-    """Fill `removed` with the heaviest points, as long as any weighs something, and return how many there are.
+    """Fill `removed`, (n,), with the heaviest points, as long as any has weight; return their number.
 
-    What a node wholly within the limit loses is left pending there: `heaviest` is less that of the node and of those
-    below it, but not of those above, and the order within the node stays as it was.
+    If a node lies within the limit, all its points lose the same weight. This is stored in `pending`, (nodes,),
+    instead of changing each weight. `heaviest`, (nodes,), includes what is pending at its node and below, but not
+    above.
     """
     leaves = first_leaf(low)
     of_near = _term(0.0, 0.0, 0.0, reach, limit)
@@ -233,7 +238,7 @@ def _remove(points, order, low, high, position, reach, limit, weights, heaviest,
 
 @nb.njit(cache=True)
 def _lighten(node, points, leaves, weights, place, reach, limit):
-    """Take from the weights of a leaf's points what the one at `place` added to them."""
+    """Subtract from the weights, (N,), of a leaf's points the terms of the point at `place`, (3,)."""
     n = points.shape[1]
     begin, end = leaf_range(n, leaves, node)
     xs, ys, zs = points[0, begin:end], points[1, begin:end], points[2, begin:end]

@@ -1,4 +1,4 @@
-"""A point for each cell of a grid, as a method."""
+"""The method `voxel`: one point for each occupied cell of a grid."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from gppcs.engine.stages import Stages
-from gppcs.methods.method import Method, Selection
+from gppcs.methods.method import Method, Selection, parameter
 
 if TYPE_CHECKING:
     import numpy as np
@@ -15,26 +15,33 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Voxel(Method):
-    """One point for each occupied cell of a grid, with cells of the edge that gives the number.
+    """Voxel grid: one point for each occupied cell.
 
-    Where no edge gives just that number, the most crowded of somewhat too many points go by sample elimination. What
-    is left is in the order of the input.
-
-    Parameters
-    ----------
-    place : "representative" or "mean"
-        Keep of each cell the point nearest the mean of its points; or the mean itself, with the attributes of that
-        point.
+    Examples
+    --------
+    >>> import gppcs
+    >>> cloud = gppcs.sample("sphere", n_points=1000)
+    >>> len(gppcs.simplify(cloud, n_points=100, method=gppcs.Voxel(place="mean")).cloud)
+    100
     """
 
     name = "voxel"
-    summary = "one point for each occupied cell of a grid: that nearest the mean of its points, or the mean"
-    source = "baseline; the edge of the cells is found by bisection"
+    summary = "one point for each occupied cell of a grid: the point nearest the mean of the cell's points, or the mean"
+    description = (
+        "Keeps one point for each occupied cell of a cubic grid. The edge length of the cells is chosen so that about "
+        "the right number of cells is occupied, and not too few; sample elimination then removes the most crowded of "
+        "the surplus points. The kept points are in the order of the input."
+    )
+    source = "baseline; the edge length of the cells is found by bisection"
 
-    place: Literal["representative", "mean"] = "representative"
+    place: Literal["representative", "mean"] = parameter(
+        "representative",
+        'What to keep of each cell: with "representative", the point nearest the mean of its points; with "mean", the '
+        "mean itself, with the attributes of that point.",
+    )
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
-        """Choose the points; see `Method`."""
+        """Choose the points; see `Method.__call__`."""
         from gppcs.methods.sample_elimination.elimination import thin
         from gppcs.methods.voxel.grid import cell_edge, representatives
 

@@ -1,4 +1,4 @@
-"""One point for each occupied cell of a cubic grid, with cells of the size that gives the number asked for."""
+"""Find a cubic grid with the right number of occupied cells, and one point for each cell."""
 
 from __future__ import annotations
 
@@ -9,34 +9,40 @@ from numpy.typing import NDArray
 
 from gppcs.spatial.cells import first_occurrences
 
-BISECTIONS = 30  # of the cell's edge: to a billionth, where counts of real clouds no longer change
-EMPTIEST = 2.0**-12  # share of the points too many at which a finer edge is not worth its time
-FINEST = 2.0**-40  # of the cloud's size: below it, cells are about as small as the rounding of coordinates
+BISECTIONS = 30  # bisections of the edge length, to a billionth: there, the counts of real clouds no longer change
+SURPLUS = 2.0**-12  # the search stops when the surplus of cells is at most this share of the number wanted
+FINEST = 2.0**-40  # edge length as a share of the cloud's size, below which cells approach the rounding of coordinates
 
 
 def cell_edge(points: NDArray[np.float64], n_points: int) -> float:
-    """Return an edge for which no fewer cells than asked for are occupied, and hardly more.
+    """Return an edge length for which at least M cells are occupied, and few more.
 
-    The number of occupied cells jumps as their edge shrinks, most where flat faces lie along the axes, and does not
-    only grow. The edge is halved until there are cells enough, and the last step bisected.
+    As the edge length decreases, the number of occupied cells does not grow steadily: it jumps, most of all for flat
+    faces parallel to the axes, and it can fall. The edge length is halved until there are enough cells; then the last
+    step is bisected.
 
     Parameters
     ----------
     points : (N, 3) array, float64
-        Without repeats, in the first octant and not all at the origin.
+        Without repeats, with no negative coordinate, and not all at the origin.
     n_points : int
-        From 1 to N.
+        M, from 1 to N.
+
+    Returns
+    -------
+    float
+        In the unit of the points.
     """
     edge = float(points.max())
     too_long = 2.0 * edge
     finest = FINEST * edge
     while (fewest := occupied(points, edge)) < n_points:
         too_long, edge = edge, edge / 2.0
-        if edge < finest:  # a power of two: the division by it rounds nothing, and distinct points part at last
+        if edge < finest:  # division by a power of two does not round, so distinct points end in distinct cells
             edge = math.ldexp(0.5, math.frexp(edge)[1])
     best = edge
     for _ in range(BISECTIONS):
-        if fewest - n_points <= EMPTIEST * n_points:
+        if fewest - n_points <= SURPLUS * n_points:
             break
         middle = (edge + too_long) / 2.0
         count = occupied(points, middle)
@@ -50,24 +56,36 @@ def cell_edge(points: NDArray[np.float64], n_points: int) -> float:
 
 
 def occupied(points: NDArray[np.float64], edge: float) -> int:
-    """Return the number of cells with a point in them; cells begin at the origin."""
-    return int(np.count_nonzero(first_occurrences(np.floor(points / edge))))
-
-
-def representatives(points: NDArray[np.float64], edge: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the point of each occupied cell nearest the mean of its points, and that mean.
+    """Return the number of occupied cells of a grid that starts at the origin.
 
     Parameters
     ----------
     points : (N, 3) array, float64
     edge : float
-        Of the cells.
+        Edge length of the cells, in the unit of the points.
+
+    Returns
+    -------
+    int
+    """
+    return int(np.count_nonzero(first_occurrences(np.floor(points / edge))))
+
+
+def representatives(points: NDArray[np.float64], edge: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the mean of the points in each occupied cell, and the point nearest to it.
+
+    Parameters
+    ----------
+    points : (N, 3) array, float64
+    edge : float
+        Edge length of the cells, in the unit of the points. The grid starts at the origin.
 
     Returns
     -------
     indices : (cells,) array, int64
-        Ascending; of several points as near, that of the smallest index.
+        Indices of the nearest points, ascending; ties within a cell go to the smallest index.
     means : (cells, 3) array, float64
+        In the order of `indices`.
     """
     cells = np.floor(points / edge).T
     order = np.lexsort(cells)
@@ -75,8 +93,8 @@ def representatives(points: NDArray[np.float64], edge: float) -> tuple[NDArray[n
     sizes = np.diff(np.append(begins, len(points)))
     means = np.add.reduceat(points[order], begins) / sizes[:, None]
     squared = ((points[order] - np.repeat(means, sizes, axis=0)) ** 2).sum(axis=1)
-    # the two points of a pair are equally near their mean, but for rounding
+    # Two points are equally near their mean; the factor makes up for rounding.
     nearest = np.flatnonzero(squared <= np.repeat((1 + 1e-9) * np.minimum.reduceat(squared, begins), sizes))
-    indices = order[nearest[np.searchsorted(nearest, begins)]]  # the first of each cell; the order is stable
+    indices = order[nearest[np.searchsorted(nearest, begins)]]  # the first in each cell, since the sort is stable
     ascending = np.argsort(indices)
     return indices[ascending], means[ascending]

@@ -1,4 +1,4 @@
-"""Weighted locally optimal projection as a method."""
+"""The method `wlop`: weighted locally optimal projection."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gppcs.engine.stages import Stages
-from gppcs.methods.method import Method, Selection
+from gppcs.methods.method import Method, Selection, parameter
 
 if TYPE_CHECKING:
     import numpy as np
@@ -15,36 +15,41 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class WLOP(Method):
-    """Random points, moved to the middle of the points around them and away from each other.
+    """Weighted locally optimal projection (WLOP).
 
-    Parameters
-    ----------
-    radius : float
-        How far points act, in average spacings of the input; 8 as in CGAL. Larger ones smooth: with four spacings of
-        the output, 21 to 26 of the input at ratios of 3 to 5 %, the mean distance to a kept point grows by a third.
-    iterations : int
-        How often all samples are moved.
-    mu : float
-        Weight of the repulsion, from 0 to 0.5.
-    require_uniform : bool
-        Even out the density of the input.
-    snap : bool
-        Keep the original point nearest each sample that none before it took; else the samples themselves, with the
-        attributes of that point.
-    seed : int
-        Of the random points.
+    Examples
+    --------
+    >>> import gppcs
+    >>> cloud = gppcs.sample("sphere", n_points=1000)
+    >>> len(gppcs.simplify(cloud, n_points=100, method=gppcs.WLOP(mu=0.3, snap=False)).cloud)
+    100
     """
 
     name = "wlop"
-    summary = "weighted locally optimal projection: samples pulled onto the surface and apart, moved or snapped"
+    summary = "weighted locally optimal projection: samples pulled onto the surface and pushed apart"
+    description = (
+        "Starts with random points as samples. Each iteration moves them to the weighted mean of the points around "
+        "them, and away from each other."
+    )
     source = "Huang, Li, Zhang, Ascher and Cohen-Or 2009"
 
-    radius: float = 8.0
-    iterations: int = 35
-    mu: float = 0.45
-    require_uniform: bool = False
-    snap: bool = True
-    seed: int = 0
+    radius: float = parameter(
+        8.0,
+        "Radius within which points attract and samples repel each other, in average spacings of the input; 8 as in "
+        "CGAL. Larger values smooth more: with four spacings of the output, which are 21 to 26 of the input at ratios "
+        "of 3 to 5 %, the mean distance to a kept point grows by a third.",
+    )
+    iterations: int = parameter(35, "Number of iterations.")
+    mu: float = parameter(0.45, "Weight of the repulsion, from 0 to 0.5.")
+    require_uniform: bool = parameter(
+        False, "Weight the points so that dense parts of the input attract no more than others."
+    )
+    snap: bool = parameter(
+        True,
+        "Replace each sample by the nearest original point that no earlier sample took. Otherwise keep the samples, "
+        "with the attributes of these points.",
+    )
+    seed: int = parameter(0, "Seed of the random points.")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -54,7 +59,7 @@ class WLOP(Method):
         self.require(self.seed >= 0, "seed", "at least 0")
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
-        """Choose the points; see `Method`."""
+        """Choose the points; see `Method.__call__`."""
         import numpy as np
 
         from gppcs.methods.wlop import projection

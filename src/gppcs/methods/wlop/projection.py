@@ -1,4 +1,4 @@
-"""Weighted locally optimal projection: samples drawn onto the surface and apart (Huang et al. 2009)."""
+"""Weighted locally optimal projection: samples pulled onto the surface and pushed apart (Huang et al. 2009)."""
 
 from __future__ import annotations
 
@@ -11,13 +11,23 @@ from numpy.typing import NDArray
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, leaves_near, squared_distance_to_box
 from gppcs.spatial.spacing import nearest_distances
 
-NEAR = 1e-10  # of the squared radius: nearer than that, two points are one, and neither attracts nor repels
+SAME_PLACE = 1e-10  # points whose squared distance is below this share of the squared radius ignore each other
 
 
 def average_spacing(tree: KdTree) -> float:
-    """Return the mean distance to the seven nearest points, the point itself counted as in CGAL, of the median point.
+    """Return the median over the points of the mean distance to the seven nearest points, itself included.
 
-    CGAL takes the mean over all points in place of the median.
+    This follows CGAL's `compute_average_spacing` for six neighbours, which takes the mean over the points instead.
+
+    Parameters
+    ----------
+    tree : KdTree
+        The tree over points without repeats.
+
+    Returns
+    -------
+    float
+        In the unit of the points.
     """
     return float(np.median(np.mean([nearest_distances(tree, k) for k in range(7)], axis=0)))
 
@@ -32,48 +42,51 @@ def project(
     tree: KdTree | None = None,
     advanced: Callable[[int], None] | None = None,
 ) -> NDArray[np.float64]:
-    r"""Move samples to the middle of the points around them and away from each other, many times.
+    r"""Move samples to the weighted mean of the points around them and away from each other, repeatedly.
 
-    With theta(r) = exp(-4 r^2 / h^2) up to r = h, and beyond it zero, all samples x move at once to
+    Let theta(r) = exp(-4 r^2 / h^2) for r up to h, and zero beyond. In each iteration, every sample x moves to
 
-        x + sum_j alpha_j (p_j - x) / sum_j alpha_j + mu sum_k beta_k (x - x_k) / sum_k beta_k,
+        x + sum_j alpha_j (p_j - x) / sum_j alpha_j + mu sum_k beta_k (x - x_k) / sum_k beta_k.
 
-    alpha_j = theta(\|x - p_j\|) w_j over the points, beta_k = omega_k theta(r_k) / r_k^2, r_k = \|x - x_k\|, over
-    the other samples. These are CGAL's weights, so that results compare; in the paper theta is exp(-16 r^2 / h^2),
-    alpha is divided by r, and beta by r in place of r^2. As in CGAL, samples with fewer than two others in reach
-    are not repelled, and points at the very place of a sample do not attract it.
+    The first sum is over the points p_j, with alpha_j = theta(\|x - p_j\|) w_j. The second is over the other samples
+    x_k, with beta_k = omega_k theta(r_k) / r_k^2 and r_k = \|x - x_k\|. These are CGAL's weights, so that results can
+    be compared. In the paper (Huang et al. 2009), theta is exp(-16 r^2 / h^2), alpha is divided by r, and beta is
+    divided by r instead of r^2. As in CGAL, a sample with fewer than two others within h is not repelled, and a point
+    at the position of a sample does not attract it.
 
     Parameters
     ----------
     points : (N, 3) array, float64
     samples : (M, 3) array, float64
-        Where the samples start.
+        The first positions of the samples.
     radius : float
         h, in the unit of the points.
     iterations : int
+        Number of iterations.
     mu : float
         Weight of the repulsion, from 0 to 0.5.
     require_uniform : bool
-        Weigh points by w_j = 1 / (1 + sum theta) over the other points, which evens out their density; w_j = 1
-        otherwise.
+        If true, w_j = 1 / (1 + sum theta) with the sum over the other points, which evens out their density. If
+        false, w_j = 1.
     tree : KdTree, optional
-        The tree over `points`, where it is there already.
+        A tree over `points`, if one exists; otherwise one is built.
     advanced : callable, optional
-        Told of the number of iterations done since the last call.
+        Called with the number of iterations done since the last call.
 
     Returns
     -------
     (M, 3) array, float64
+        The last positions of the samples.
     """
     tree = tree or KdTree.build(points)
     weights = np.ones(len(points), dtype=np.float64)
     if require_uniform:
         weights /= _crowding(tree.points, tree.low, tree.high, radius)
-    # samples move little, so that their first tree stays a good one, once its boxes are measured again
+    # Samples move little, so their tree stays good if only its boxes are updated.
     now = KdTree.build(samples)
     positions, low, high = now.points, now.low, now.high
     for _ in range(iterations):
-        # CGAL's density of a sample counts the sample itself twice
+        # Like CGAL, the density of a sample counts the sample itself twice.
         omega = 1 + _crowding(positions, low, high, radius)
         positions = _moved(tree.points, tree.low, tree.high, weights, positions, low, high, omega, radius, mu)
         _measure_boxes(positions, low, high)
@@ -86,7 +99,7 @@ def project(
 
 @nb.njit(cache=True)
 def _measure_boxes(points, low, high):
-    """Fit the boxes of a tree to points that have moved."""
+    """Update the boxes of a tree, `low` and `high`, (nodes, 3), after its points, (3, N), have moved."""
     n = points.shape[1]
     leaves = first_leaf(low)
     for node in range(2 * leaves - 1, 0, -1):
@@ -101,7 +114,7 @@ def _measure_boxes(points, low, high):
 
 @nb.njit(cache=True, inline="always")
 def _theta(t):
-    """Return exp(-4 t) for t from 0 to 1, to eleven digits, and zero beyond; without a call, to be vectorised."""
+    """Return exp(-4 t) for t from 0 to 1, to eleven digits, and zero beyond; it has no calls, so it is vectorised."""
     s = 0.25 - 0.5 * t
     e = 1 + s / 8 * (1 + s / 9)
     e = 1 + s / 4 * (1 + s / 5 * (1 + s / 6 * (1 + s / 7 * e)))
@@ -114,7 +127,7 @@ def _theta(t):
 
 @nb.njit(cache=True, parallel=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _crowding(points, low, high, radius):
-    """Return 1 + sum theta over the other points, in tree order."""
+    """Return 1 + sum theta over the other points, (N,), for each of the points, (3, N)."""
     n = points.shape[1]
     leaves = first_leaf(low)
     crowding = np.empty(n, dtype=np.float64)
@@ -130,15 +143,16 @@ def _crowding(points, low, high, radius):
                 for j in range(*leaf_range(n, leaves, node)):
                     dx, dy, dz = points[0, j] - x, points[1, j] - y, points[2, j] - z
                     total += _theta((dx * dx + dy * dy + dz * dz) / (radius * radius))
-            crowding[i] = total  # the point itself is the one
+            crowding[i] = total  # the sum includes the point itself, whose theta is 1
     return crowding
 
 
 @nb.njit(cache=True, parallel=True)
 def _moved(points, low, high, weights, samples, sample_low, sample_high, omega, radius, mu):
-    """Return the samples after one iteration, in the order of their tree as they are.
+    """Return the samples, (3, M), in the order of their tree, after one iteration.
 
-    The samples of a leaf lie near each other and share one search for the leaves in reach.
+    All samples in a leaf share one search for the leaves within the radius. `points` is (3, N), `weights` (N,), and
+    `omega` (M,).
     """
     leaves = first_leaf(sample_low)
     m = samples.shape[1]
@@ -159,7 +173,7 @@ def _moved(points, low, high, weights, samples, sample_low, sample_high, omega, 
 
 @nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _attraction(points, low, high, weights, near, radius, x, y, z):
-    """Return the step to the weighted mean of the points around (x, y, z), none where there are no points."""
+    """Return the vector to the weighted mean of the points, (3, N), around (x, y, z); zero if there are none."""
     leaves = first_leaf(low)
     n = points.shape[1]
     total = sx = sy = sz = 0.0
@@ -169,7 +183,7 @@ def _attraction(points, low, high, weights, near, radius, x, y, z):
         for j in range(*leaf_range(n, leaves, node)):
             dx, dy, dz = points[0, j] - x, points[1, j] - y, points[2, j] - z
             t = (dx * dx + dy * dy + dz * dz) / (radius * radius)
-            alpha = _theta(t) * weights[j] if t >= NEAR else 0.0
+            alpha = _theta(t) * weights[j] if t >= SAME_PLACE else 0.0
             total += alpha
             sx += alpha * dx
             sy += alpha * dy
@@ -181,7 +195,7 @@ def _attraction(points, low, high, weights, near, radius, x, y, z):
 
 @nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _repulsion(samples, low, high, omega, near, radius, x, y, z):
-    """Return the mean step away from the samples around (x, y, z), none where fewer than two others are in reach."""
+    """Return the weighted mean vector away from the samples, (3, M), around (x, y, z); zero for fewer than two."""
     leaves = first_leaf(low)
     m = samples.shape[1]
     within = 0
@@ -193,7 +207,7 @@ def _repulsion(samples, low, high, omega, near, radius, x, y, z):
             dx, dy, dz = x - samples[0, k], y - samples[1, k], z - samples[2, k]
             t = (dx * dx + dy * dy + dz * dz) / (radius * radius)
             within += int(t <= 1.0)
-            beta = omega[k] * _theta(t) / max(t, NEAR) if t >= NEAR else 0.0
+            beta = omega[k] * _theta(t) / max(t, SAME_PLACE) if t >= SAME_PLACE else 0.0
             total += beta
             sx += beta * dx
             sy += beta * dy
@@ -204,17 +218,18 @@ def _repulsion(samples, low, high, omega, near, radius, x, y, z):
 
 
 def nearest_unused(positions: NDArray[np.float64], tree: KdTree) -> NDArray[np.int64]:
-    """Return for each position in turn the index of the nearest point that none before it took.
+    """Assign to each position, one after the other, the nearest point that is not assigned yet.
 
     Parameters
     ----------
     positions : (M, 3) array, float64
-        M at most the number of points in the tree.
+    tree : KdTree
+        The tree over at least M points.
 
     Returns
     -------
     (M,) array, int64
-        Unique; ties go to the smallest index.
+        Indices of the points, unique. Ties go to the smallest index.
     """
     taken = np.zeros(len(tree.order), dtype=np.bool_)
     leaves = len(tree.low) // 2
@@ -229,13 +244,14 @@ def nearest_unused(positions: NDArray[np.float64], tree: KdTree) -> NDArray[np.i
 
 @nb.njit(cache=True)
 def _take_nearest(positions, points, order, low, high, taken, unused, indices):
+    """Fill `indices`, (M,), for `positions`, (M, 3); `taken`, (N,), and `unused`, (nodes,), are updated."""
     leaves = first_leaf(low)
     for p in range(len(positions)):
         x, y, z = positions[p]
         best = _nearest_untaken(points, order, low, high, taken, unused, x, y, z)
         indices[p] = order[best]
         taken[best] = True
-        # the leaf whose range holds the position: the inverse of floor(n leaf / leaves)
+        # The leaf that holds the position `best`: the inverse of the formula in `leaf_range`.
         node = leaves + ((best + 1) * leaves - 1) // points.shape[1]
         while node:
             unused[node] -= 1
@@ -244,7 +260,7 @@ def _take_nearest(positions, points, order, low, high, taken, unused, indices):
 
 @nb.njit(cache=True)
 def _nearest_untaken(points, order, low, high, taken, unused, x, y, z):
-    """Return the position in tree order of the nearest point not taken, ties to the smallest index."""
+    """Return the position of the point nearest (x, y, z) that is not `taken`, (N,); ties go to the smallest index."""
     leaves = first_leaf(low)
     n = points.shape[1]
     best, nearest = -1, np.inf

@@ -1,0 +1,274 @@
+"""Farthest points voxel by voxel, away from the choice in the voxels around: isotropic AIVS (Lv et al. 2021)."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.spatial.farthest_points import approach, farthest_points
+
+# Upper limits of the number of points, and how many voxels the longest axis then has.
+VOXELS_ALONG = ((10_000, 10), (50_000, 20), (100_000, 30), (500_000, 40), (1_000_000, 50))
+ROUNDED_UP = 5  # a quota is rounded up if its fraction is above one fifth
+REACH_IN_EDGES = 0.75  # points of other voxels count up to this many edge lengths from the centre, along each axis
+LARGE = 1 << 20  # if a voxel needs more distances than this, a tree is faster
+CLASSES = 8  # voxels are classed by the parity of their numbers along the three axes
+
+
+@dataclass(frozen=True)
+class Voxels:
+    """The points sorted by the occupied voxels of a cubic grid; empty voxels need no memory.
+
+    Attributes
+    ----------
+    order : (N,) array, int64
+        Index in the input of each point, sorted by voxel; ascending within a voxel.
+    points : (3, N) array, float64
+        Coordinates in this order, relative to the corner of the bounding box; each row is an axis.
+    cells : (voxels, 3) array, int64
+        Numbers of each voxel along the three axes, in ascending order.
+    begins : (voxels + 1,) array, int64
+        Start of each voxel's points in this order.
+    edge : float
+        Edge length of the voxels, in the unit of the points.
+    along : int
+        Number of voxels along the longest axis.
+    """
+
+    order: NDArray[np.int64]
+    points: NDArray[np.float64]
+    cells: NDArray[np.int64]
+    begins: NDArray[np.int64]
+    edge: float
+    along: int
+
+    @classmethod
+    def build(cls, points: NDArray[np.float64]) -> Voxels:
+        """Sort points into voxels.
+
+        Parameters
+        ----------
+        points : (N, 3) array, float64
+            Not all at one position.
+
+        Returns
+        -------
+        Voxels
+        """
+        n = len(points)
+        along = next((voxels for below, voxels in VOXELS_ALONG if n < below), round(np.cbrt(n / 8)))
+        local = points - points.min(axis=0)
+        size = float(local.max())
+        # Multiplying first makes the borders of the voxels the same in any unit.
+        cells = np.minimum((local * along / size).astype(np.int64), along - 1)
+        keys = voxel_keys(cells, along)
+        order = np.argsort(keys, kind="stable")
+        begins = np.flatnonzero(np.diff(keys[order], prepend=-1, append=-1))
+        return cls(order, local[order].T.copy(), cells[order[begins[:-1]]], begins, size / along, along)
+
+    def quotas(self, n_points: int) -> NDArray[np.int64]:
+        """Return how many points to choose in each voxel: its share of M, rounded up if the fraction is above 1/5.
+
+        Parameters
+        ----------
+        n_points : int
+            M.
+
+        Returns
+        -------
+        (voxels,) array, int64
+        """
+        whole, rest = np.divmod(np.diff(self.begins) * n_points, len(self.order))
+        return whole + (ROUNDED_UP * rest > len(self.order))
+
+    def parity(self) -> NDArray[np.int64]:
+        """Return the class of each voxel, from the parity of its numbers; no two voxels of a class touch.
+
+        Returns
+        -------
+        (voxels,) array, int64
+            From 0 to 7.
+        """
+        return self.cells % 2 @ np.array([4, 2, 1])
+
+
+def voxel_keys(cells: NDArray[np.int64], along: int) -> NDArray[np.int64]:
+    """Return a unique number for each voxel, in ascending order of the cells.
+
+    Parameters
+    ----------
+    cells : (voxels, 3) array, int64
+        As in `Voxels`. Cells next to the grid, with numbers -1 and `along`, have unique numbers as well.
+    along : int
+
+    Returns
+    -------
+    (voxels,) array, int64
+    """
+    i, j, k = (cells + 1).T
+    return (i * (along + 2) + j) * (along + 2) + k
+
+
+def points_of_voxels(
+    points: NDArray[np.float64], n_points: int, advanced: Callable[[int], None] | None = None
+) -> NDArray[np.int64]:
+    """Choose farthest points in each voxel, in proportion to its number of points, and trim them to M (Lv et al. 2021).
+
+    The first point of a voxel is the one nearest its centre. Each further point is the farthest from those chosen
+    before it in this voxel and in the voxels around it; of the latter, points count that lie within 0.75 edge lengths
+    of the centre along each axis. The voxels are processed in eight classes, by the parity of their numbers along the
+    axes. Voxels of a class do not touch, and are processed in parallel. If the quotas add up to more than M, `trimmed`
+    reduces them; if they add up to less, the farthest points of the whole cloud are added.
+
+    Parameters
+    ----------
+    points : (N, 3) array, float64
+        Without repeats.
+    n_points : int
+        M, from 1 to N - 1.
+    advanced : callable, optional
+        Called with 1 after each of the eight classes.
+
+    Returns
+    -------
+    (M,) array, int64
+        Indices: by class, within a class by voxel, within a voxel in the order chosen; then the added points.
+    """
+    voxels = Voxels.build(points)
+    quotas = voxels.quotas(n_points)
+    chosen = _filled(voxels, quotas, advanced)
+    voxel = np.repeat(np.arange(len(quotas)), quotas)
+    rank = np.arange(len(voxel)) - np.repeat(np.cumsum(quotas) - quotas, quotas)
+    kept = np.flatnonzero(rank < trimmed(quotas, n_points)[voxel])
+    kept = kept[np.argsort(voxels.parity()[voxel[kept]], kind="stable")]
+    indices = voxels.order[chosen[kept]]
+    if len(indices) < n_points:
+        rest = np.delete(np.arange(len(points)), indices)
+        more, _ = farthest_points(points[rest], n_points - len(indices), others=points[indices])
+        indices = np.concatenate([indices, rest[more]])
+    return indices
+
+
+def trimmed(counts: NDArray[np.int64], n_points: int) -> NDArray[np.int64]:
+    """Reduce the counts of points of all voxels until their sum is at most M.
+
+    In a round, first all even voxels and then all odd voxels lose one point each, if they have more points than a
+    threshold. The threshold starts at a third of the range of the counts, and decreases by one after a round in which
+    no voxel loses a point (Lv et al. 2021). Here many rounds are computed at once.
+
+    Parameters
+    ----------
+    counts : (voxels,) array, int64
+    n_points : int
+        M.
+
+    Returns
+    -------
+    (voxels,) array, int64
+        The reduced counts.
+    """
+    if counts.sum() <= n_points:
+        return counts
+    threshold = int(counts.max() - counts.min()) // 3
+    if np.minimum(counts, threshold).sum() >= n_points:  # the threshold decreases, and all voxels that reach it follow
+        threshold = _most_each(counts, n_points - 1)
+        counts = np.minimum(counts, threshold + 1)
+    else:
+        above = np.maximum(counts - threshold, 0)
+        counts = counts - np.minimum(above, _most_each(above, int(counts.sum()) - n_points))
+    turns = np.flatnonzero(counts > threshold)
+    turns = turns[np.argsort(turns % 2, kind="stable")]
+    counts[turns[: counts.sum() - n_points]] -= 1
+    return counts
+
+
+def _most_each(counts: NDArray[np.int64], total: int) -> int:
+    """Return the largest number c for which the sum of min(counts, c) is at most the total."""
+    most = int(counts.max())
+    return bisect_right(range(most + 1), total, key=lambda each: int(np.minimum(counts, each).sum())) - 1
+
+
+def _filled(voxels: Voxels, quotas: NDArray[np.int64], advanced: Callable[[int], None] | None) -> NDArray[np.int64]:
+    """Return the positions of the points chosen in each voxel, voxel after voxel, (sum of quotas,)."""
+    keys = voxel_keys(voxels.cells, voxels.along)
+    starts = np.append(0, np.cumsum(quotas))
+    chosen = np.full(starts[-1], -1, dtype=np.int64)
+    parity = voxels.parity()
+    large = np.diff(voxels.begins) * quotas > LARGE
+    for number in range(CLASSES):
+        of_class = (parity == number) & (quotas > 0)
+        _fill(
+            voxels.points, voxels.begins, voxels.cells, keys, voxels.along, voxels.edge,
+            np.flatnonzero(of_class & ~large), starts, chosen,
+        )  # fmt: skip
+        for voxel in np.flatnonzero(of_class & large):
+            _fill_large(voxels, keys, int(voxel), starts, chosen)
+        if advanced:
+            advanced(1)
+    return chosen
+
+
+def _fill_large(
+    voxels: Voxels, keys: NDArray[np.int64], voxel: int, starts: NDArray[np.int64], chosen: NDArray[np.int64]
+) -> None:
+    """Choose the points of one large voxel as `_fill` does, but with a tree."""
+    begin, end = voxels.begins[voxel], voxels.begins[voxel + 1]
+    near = _chosen_near(voxels.points, voxels.cells, keys, voxels.along, voxels.edge, voxel, starts, chosen)
+    first = _nearest_to_centre(voxels.points, begin, end, voxels.cells[voxel], voxels.edge)
+    own = chosen[starts[voxel] : starts[voxel + 1]]
+    members, others = voxels.points[:, begin:end].T, voxels.points[:, near].T
+    own[:] = begin + farthest_points(members, len(own), first=first, others=others)[0]
+
+
+@nb.njit(cache=True, parallel=True, nogil=True)
+def _fill(points, begins, cells, keys, along, edge, some, starts, chosen):
+    """Fill `chosen`, (sum of quotas,), for the voxels `some`, (m,), which do not touch; `points` is (3, N)."""
+    for s in nb.prange(len(some)):
+        voxel = some[s]
+        begin, end = begins[voxel], begins[voxel + 1]
+        xs, ys, zs = points[0, begin:end], points[1, begin:end], points[2, begin:end]
+        squared = np.full(end - begin, np.inf)
+        for other in _chosen_near(points, cells, keys, along, edge, voxel, starts, chosen):
+            approach(xs, ys, zs, squared, points[0, other], points[1, other], points[2, other])
+        pick = _nearest_to_centre(points, begin, end, cells[voxel], edge)
+        for slot in range(starts[voxel], starts[voxel + 1]):
+            chosen[slot] = begin + pick
+            approach(xs, ys, zs, squared, xs[pick], ys[pick], zs[pick])
+            squared[pick] = -1.0
+            pick = np.argmax(squared)
+
+
+@nb.njit(cache=True)
+def _nearest_to_centre(points, begin, end, cell, edge):
+    """Return which of the points begin..end, (3, N), is nearest the centre of the voxel; ties go to the first."""
+    best, nearest = 0, np.inf
+    for i in range(begin, end):
+        squared = 0.0
+        for axis in range(3):
+            squared += (points[axis, i] - (cell[axis] + 0.5) * edge) ** 2
+        if squared < nearest:
+            best, nearest = i - begin, squared
+    return best
+
+
+@nb.njit(cache=True)
+def _chosen_near(points, cells, keys, along, edge, voxel, starts, chosen):
+    """Return the positions of the points chosen in the 26 voxels around that are near enough to the centre, (n,)."""
+    near = []
+    for step in range(27):
+        key = keys[voxel] + ((step // 9 - 1) * (along + 2) + step // 3 % 3 - 1) * (along + 2) + step % 3 - 1
+        other = np.searchsorted(keys, key)
+        if other == voxel or other == len(keys) or keys[other] != key:
+            continue
+        for i in chosen[starts[other] : starts[other + 1]]:
+            apart = 0.0
+            for axis in range(3):
+                apart = max(apart, abs(points[axis, i] - (cells[voxel, axis] + 0.5) * edge))
+            if i >= 0 and apart <= REACH_IN_EDGES * edge:
+                near.append(i)
+    return np.array(near, dtype=np.int64)
