@@ -1,4 +1,4 @@
-"""What each fixed number of the method `gp` is worth: one changed at a time, beside the default."""
+"""What the parts of the method `gp` are worth: one part changed or left out at a time, beside the default."""
 
 from __future__ import annotations
 
@@ -15,33 +15,28 @@ import numpy as np
 import conditions
 import gppcs
 import report
-from conditions import H_MAX, H_MEAN, SURFACE, Column, Condition, Figures
-from gppcs.gp.local import candidates, density
+from conditions import FOUND_ON, H_MAX, H_MEAN, HELD_OUT, LIDAR, SURFACE, Column, Condition, Figures
+from gppcs.gp.local import density, ranking, survey
 from gppcs.gp.local.ranking import Criterion
 from gppcs.surface import noise
 
-CONDITIONS = (
-    Condition("bunny", "bunny", 0.05),
-    Condition("nefertiti", "nefertiti", 0.05),
-    Condition("fandisk_60k_sampled", "fandisk", 1_200),
-    Condition("armadillo_100k_noise_2.5e-3", "armadillo_50k", 0.05),
-    Condition("armadillo_100k_noise_5e-3", "armadillo_50k", 0.05),
-)
+OTHERS = tuple(each for each in HELD_OUT if each not in LIDAR)  # H mean needs a rebuilt surface
+CONDITIONS = (*FOUND_ON, *OTHERS)
 STARTS = range(2)  # turns of the cloud
-OTHERS = range(2, 4)
+CONTROL_STARTS = range(2, 4)
 SHOWN = (H_MEAN, H_MAX, SURFACE)
 USUAL = gppcs.LocalGP()
 DEFAULT = "default"
-CONTROL = "default, from other turns"
+CONTROL = "default, other turns"
 
 
 @dataclass(frozen=True)
 class Weighted(gppcs.LocalGP):
-    """The method with the three weights of its criterion multiplied."""
+    """The method with other weights in its criterion."""
 
     density: float = 1.0
     normal: float = 1.0
-    error: float = 1.0
+    error: float = 0.0
 
     @property
     def criterion(self) -> Criterion:
@@ -51,122 +46,143 @@ class Weighted(gppcs.LocalGP):
             usual,
             density_power=self.density * usual.density_power,
             normal_weight=self.normal * usual.normal_weight,
-            error_weight=self.error * usual.error_weight,
+            error_weight=self.error,
         )
 
 
 @dataclass(frozen=True)
 class Change:
-    """A method, and numbers of modules that are no parameters, as they are to be meanwhile."""
+    """A method, and attributes of modules that are replaced while it runs."""
 
     method: gppcs.LocalGP = USUAL
     replaced: Sequence[tuple[Any, str, Any]] = ()  # module, name, value
 
 
+def not_graded(tree: Any, spacings: Any, slope: float) -> Any:
+    """Leave spacings as they are, in place of `density.graded`."""
+    return spacings
+
+
+def no_segregation(roughness: Any) -> float:
+    """Take every cloud for one that is alike everywhere, in place of `density.segregation`."""
+    return 0.0
+
+
+def nowhere_sharp(tree: Any, area: float, cells: float) -> Any:
+    """Take no place for sharp, in place of `survey.sharpness_of`."""
+    return np.zeros(len(tree.order))
+
+
 def changes() -> dict[str, Change]:
-    """Return the changes, by what the table calls them."""
-    fields = {
-        "neighbours": (2, 3, 6, 8), "lengthscale": (0.75, 1.0, 2.0, 3.0), "candidates": (5.0, 12.0, 24.0),
-        "feature_weight": (0.0, 0.25, 0.75, 1.0),
-    }  # fmt: skip
-    weights = {"density": (0.0, 0.5, 1.5), "normal": (0.0, 0.5, 1.5), "error": (0.0, 4.0, 10.0)}
-    names = {"density": "density_power", "normal": "normal_weight", "error": "error_weight"}
-    found = {DEFAULT: Change(), CONTROL: Change()}
-    for field, values in fields.items():
-        for value in values:
-            found[f"{field} {value:g} for {getattr(USUAL, field):g}"] = Change(USUAL.replaced({field: value}))
-    for field, values in weights.items():
-        found |= {f"{names[field]} x {value:g}": Change(Weighted(**{field: value})) for value in values}
-    found["noise off"] = Change(replaced=[(noise, "QUIET", np.inf), (candidates, "REACH", 0.0)])
-    for value in (0.25, 1.0):
-        found[f"noise tolerated {value:g} for {noise.TOLERATED:g}"] = Change(replaced=[(noise, "TOLERATED", value)])
-    for value in (1.0, 4.0):
-        found[f"largest variance {value:g} for {noise.LARGEST:g}"] = Change(replaced=[(noise, "LARGEST", value)])
-    for value in (25, 60):
-        found[f"points of the noise's quadrics {value} for {noise.MOST}"] = Change(replaced=[(noise, "MOST", value)])
-    for value in (40, 160):
-        found[f"where noise is thick {value} for {noise.WIDE}"] = Change(replaced=[(noise, "WIDE", value)])
-    for value in (0.2, 0.5):
-        found[f"thick from {value:g} for {noise.THICK:g}"] = Change(replaced=[(noise, "THICK", value)])
-    for value in (0.0, 0.5):
-        found[f"least density {value:g} for {density.SPARSEST:g}"] = Change(replaced=[(density, "SPARSEST", value)])
-    for value in (0.03, 0.1):
-        found[f"even below {value:g} for {density.EVEN:g}"] = Change(replaced=[(density, "EVEN", value)])
-    for value in (0.2, 1 / 3):
-        found[f"roughness of an edge {value:.2g} for {density.EDGE:g}"] = Change(replaced=[(density, "EDGE", value)])
-    for value in (0.0, 0.5, 1.5):
-        found[f"sharpness within {value:g} for {candidates.REACH:g} cells"] = Change(
-            replaced=[(candidates, "REACH", value)]
-        )
-    for value in (0.05, 0.2, 100.0):
-        found[f"slope {value:g} for {density.SLOPE:g}"] = Change(replaced=[(density, "SLOPE", value)])
-    return found
+    """Return the changes by their names in the table."""
+    gradation_off, segregation_off = (density, "graded", not_graded), (ranking, "segregation", no_segregation)
+    sharpness_off, noise_off = (survey, "sharpness_of", nowhere_sharp), (noise, "QUIET", np.inf)
+    return {
+        DEFAULT: Change(),
+        CONTROL: Change(),
+        "posterior conditioned on 1 point (farthest points in the metric)": Change(USUAL.replaced({"neighbours": 1})),
+        "posterior conditioned on 2 points": Change(USUAL.replaced({"neighbours": 2})),
+        "posterior conditioned on 8 points": Change(USUAL.replaced({"neighbours": 8})),
+        "error term, weight 0.1": Change(Weighted(error=0.1)),
+        "error term, weight 1 (the paper's)": Change(Weighted(error=1.0)),
+        "normals off": Change(Weighted(normal=0.0)),
+        "density off": Change(Weighted(density=0.0)),
+        "normals and density off": Change(USUAL.replaced({"feature_weight": 0.0})),
+        "gradation off": Change(replaced=[gradation_off]),
+        "segregation off": Change(replaced=[segregation_off]),
+        "sharpness off": Change(replaced=[sharpness_off]),
+        "floor of the roughness 0.02 for 0.05": Change(replaced=[(density, "EVEN", 0.02)]),
+        "noise off": Change(replaced=[noise_off]),
+        "wide neighbourhoods off": Change(replaced=[(noise, "THICK", np.inf)]),
+        "largest variance off": Change(replaced=[(noise, "LARGEST", np.inf)]),
+        "lengthscale 1 for 1.5": Change(USUAL.replaced({"lengthscale": 1.0})),
+        "lengthscale 2.5 for 1.5": Change(USUAL.replaced({"lengthscale": 2.5})),
+        "candidates 5 for 8": Change(USUAL.replaced({"candidates": 5.0})),
+        "candidates 16 for 8": Change(USUAL.replaced({"candidates": 16.0})),
+    }
 
 
 def kept_by(condition: Condition, change: Change, start: int) -> tuple[gppcs.PointCloud, float]:
-    """Return what the method makes of the cloud turned, with the change, and the seconds."""
+    """Return the points that the changed method keeps of the turned cloud, and the seconds."""
     with ExitStack() as stack:
         for module, name, value in change.replaced:
             stack.enter_context(patch.object(module, name, value))
         return conditions.simplified(condition, change.method, start)
 
 
-def ratios(changed: Sequence[Figures], usual: Sequence[Figures], column: Column) -> list[float]:
-    """Return the logarithms of a figure over the default's, of the runs where both have it."""
+def measured(condition: Condition, runs: conditions.Runs) -> dict[str, list[Figures]]:
+    """Return the figures of all runs under a condition, by the names of the changes."""
+    return {
+        label: [
+            runs.of(condition, label, start, partial(kept_by, condition, change, start))
+            for start in (CONTROL_STARTS if label == CONTROL else STARTS)
+        ]
+        for label, change in changes().items()
+    }
+
+
+def ratio(changed: Sequence[Figures], usual: Sequence[Figures], column: Column) -> float | None:
+    """Return the geometric mean of a figure over the default's, of the runs where both have it."""
     pairs = [(one.get(column.figure), other.get(column.figure)) for one, other in zip(changed, usual, strict=True)]
-    return [float(np.log(one / other)) for one, other in pairs if one is not None and other is not None]
+    logarithms = [np.log(one / other) for one, other in pairs if one is not None and other is not None]
+    return float(np.exp(np.mean(logarithms))) if logarithms else None
 
 
-def cell(logarithms: Sequence[float]) -> str:
-    """Return the geometric mean."""
-    return f"{np.exp(np.mean(logarithms)):.3f}" if logarithms else ""
+def ratios(made: Mapping[str, Mapping[str, Sequence[Figures]]], label: str, column: Column) -> dict[str, float]:
+    """Return the ratios of a change under each condition that has them."""
+    found = {name: ratio(of[label], of[DEFAULT], column) for name, of in made.items()}
+    return {name: value for name, value in found.items() if value is not None}
 
 
-def rows(made: Mapping[str, Sequence[Sequence[Figures]]], column: Column | None = None) -> list[list[str]]:
-    """Return, of each change, the geometric means over all conditions, or of one figure under each condition."""
-    found = []
-    for label, changed in made.items():
-        pairs = list(zip(changed, made[DEFAULT], strict=True))
-        if column:
-            cells = [cell(ratios(one, other, column)) for one, other in pairs]
-        else:
-            cells = [cell([value for pair in pairs for value in ratios(*pair, shown)]) for shown in SHOWN]
+def summary(made: Mapping[str, Mapping[str, Sequence[Figures]]]) -> list[list[str]]:
+    """Return a row for each change: geometric means, and the best and the worst cloud in H mean."""
+    rows = []
+    for label in changes():
         if label != DEFAULT:
-            found.append([label, *cells])
-    return found
+            means = [np.exp(np.mean(np.log(list(ratios(made, label, column).values())))) for column in SHOWN]
+            by_cloud = ratios(made, label, H_MEAN)
+            best, worst = min(by_cloud, key=by_cloud.__getitem__), max(by_cloud, key=by_cloud.__getitem__)
+            ends = [f"{by_cloud[name]:.3f} ({name.split(':')[0]})" for name in (best, worst)]
+            rows.append([label, *(f"{value:.3f}" for value in means), *ends])
+    return rows
+
+
+def by_cloud(made: Mapping[str, Mapping[str, Sequence[Figures]]], column: Column) -> list[list[str]]:
+    """Return a row for each condition, with the ratio of each change."""
+    labels = [label for label in changes() if label != DEFAULT]
+    of_each = {label: ratios(made, label, column) for label in labels}
+    return [
+        [name, *(f"{of_each[label][name]:.3f}" if name in of_each[label] else "" for label in labels)] for name in made
+    ]
 
 
 def main() -> None:
     """Print the tables, and write them if they are of all conditions."""
     chosen, runs = conditions.asked(CONDITIONS, __doc__)
-    made: dict[str, list[list[Figures]]] = {label: [] for label in changes()}
-    for condition in chosen:
-        for label, change in changes().items():
-            starts = OTHERS if label == CONTROL else STARTS
-            made[label].append(
-                [runs.of(condition, label, start, partial(kept_by, condition, change, start)) for start in starts]
-            )
-    titles = [column.title.split(",")[0] for column in SHOWN]
-    names = [condition.name for condition in chosen]
+    made = dict(zip([each.name for each in chosen], runs.over(chosen, measured), strict=True))
+    groups = {
+        "All clouds": list(made),
+        "Clouds that took part in finding the rules": [each.name for each in FOUND_ON if each.name in made],
+        "Clouds that did not": [each.name for each in OTHERS if each.name in made],
+    }
+    header = ["change", *(column.title.split(",")[0] for column in SHOWN), "best cloud, H mean", "worst cloud, H mean"]
+    sections = [
+        report.Section(title, header, summary({name: made[name] for name in names}))
+        for title, names in groups.items() if names
+    ]  # fmt: skip
+    labels = [label for label in changes() if label != DEFAULT]
+    sections.append(report.Section("H mean, each cloud", ["cloud", *labels], by_cloud(made, H_MEAN)))
     conditions.keep(
         "gp_ablation",
-        "What the fixed numbers of gp are worth",
-        [
-            report.Section("All clouds", ["change", *titles], rows(made)),
-            *(
-                report.Section(f"{title}, each cloud", ["change", *names], rows(made, column))
-                for title, column in zip(titles, SHOWN, strict=True)
-            ),
-        ],
+        "What the parts of gp are worth",
+        sections,
         chosen,
         (
-            f"Figures as multiples of the default's: geometric means over {len(STARTS)} runs on each cloud, the first "
-            "of the cloud as it is, the others of the cloud turned at random; below 1, the change is for the better.",
-            f"{CONTROL}: the same method on the cloud turned in {len(OTHERS)} other ways. It says how far from 1 "
-            "chance alone leads.",
-            "feature_weight moves density_power, normal_weight and error_weight together. Where the noise is "
-            "judged too small to matter, the numbers that treat it change nothing. Without it (noise off) candidates "
-            "are the first points of their cells, as where it is noticed.",
+            f"Figures are multiples of the default's: geometric means over {len(STARTS)} runs on each cloud, the first "
+            "of the cloud as it is, the other of the cloud turned at random. Below 1, the change is an improvement.",
+            f"{CONTROL}: the same method on the cloud turned in {len(CONTROL_STARTS)} other ways. It shows how far "
+            "from 1 chance alone leads.",
+            "The default has no error term: the score is the uncertainty alone.",
         ),
         whole=len(chosen) == len(CONDITIONS),
     )

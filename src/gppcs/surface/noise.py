@@ -64,9 +64,11 @@ class Noise:
         within = int(np.pi * len(tree.order) / n_points)  # points within the target spacing of a point, on average
         if within < FEWEST:
             return cls(tree, within, False, 0.0, spacing)
-        enough = neighbours_across_noise(tree)
-        neighbours = min(enough, within)
-        return cls(tree, neighbours, enough > NEIGHBOURS, level_and_radius(tree, neighbours)[0], spacing)
+        neighbours, level = neighbours_across_noise(tree)
+        thick = neighbours > NEIGHBOURS
+        if neighbours > within:
+            neighbours, level = within, level_and_radius(tree, within)[0]
+        return cls(tree, neighbours, thick, level, spacing)
 
     @property
     def quiet(self) -> bool:
@@ -97,15 +99,26 @@ class Noise:
         return (feet if self.thick else places), variances
 
 
-def neighbours_across_noise(tree: KdTree) -> int:
-    """Return how many points a quadric must be fitted to, so that they lie across the layer of noise, not within it."""
+def neighbours_across_noise(tree: KdTree) -> tuple[int, float]:
+    """Grow neighbourhoods until they lie across the layer of noise, not within it.
+
+    Parameters
+    ----------
+    tree : KdTree
+
+    Returns
+    -------
+    neighbours : int
+        Points of each fit.
+    level : float
+        Root mean square distance of the points from the quadrics fitted to so many.
+    """
     neighbours = NEIGHBOURS
-    while neighbours < WIDEST:
-        level, radius = level_and_radius(tree, neighbours)
-        if level <= THICK * radius:
-            break
+    level, radius = level_and_radius(tree, neighbours)
+    while level > THICK * radius and neighbours < WIDEST:
         neighbours *= 2
-    return neighbours
+        level, radius = level_and_radius(tree, neighbours)
+    return neighbours, level
 
 
 def projections(tree: KdTree, places: KdTree, neighbours: int) -> tuple[KdTree, NDArray[np.float64]]:

@@ -62,7 +62,7 @@ def estimate_normals(
     points, corner, exponent = normalised(points)
     tree = KdTree.build(points[first_occurrences(points)])
     places = np.ldexp(places - corner, -exponent)
-    neighbours = neighbours or neighbours_across_noise(tree)
+    neighbours = neighbours or neighbours_across_noise(tree)[0]
     of_places = KdTree.build(places)
     normals = np.empty((len(places), 3))
     normals[of_places.order] = fit_quadrics(tree, of_places, neighbours).normals.T
