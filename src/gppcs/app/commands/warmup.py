@@ -28,8 +28,8 @@ def warmup(as_json: Json = False) -> None:
 
     if not kernel_cache.are_kept():
         raise OutputError(
-            "expected a folder to keep compiled kernels in, but neither the folder of gppcs nor the user's cache folder "
-            "can be written; set NUMBA_CACHE_DIR to a folder that can"
+            "expected a folder to keep compiled kernels in, but neither that of gppcs nor the user's cache folder can "
+            "be written; set NUMBA_CACHE_DIR to a folder that can"
         )
     start = perf_counter()
     with compilation_noticed(), Stages(ProgressBar())("compiling kernels", len(METHODS)) as advanced:
