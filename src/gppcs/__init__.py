@@ -6,8 +6,14 @@
 >>> result.cloud
 PointCloud(1,000 points, each with nx, ny, nz, curvature, red, green, blue)
 >>> gppcs.write("small.ply", result.cloud)
+>>> gppcs.estimate_normals(cloud, at=result.cloud).shape
+(1000, 3)
+>>> gppcs.simplify(cloud, n_points=500, method=gppcs.LocalGP(feature_weight=0.8)).cloud.points.shape
+(500, 3)
+>>> list(gppcs.METHODS)[:3]
+['gp', 'gp-spectral', 'fps-variation']
 
-`help(gppcs.simplify)` explains one name. The command `gppcs --help` does the same work on files.
+`help(gppcs.simplify)` explains one name. The command `gppcs` does the same work on files; see `gppcs --help`.
 
 Get a cloud
     read                     read a point cloud file: PLY, XYZ, CSV, PTS, NPY, NPZ, OFF, OBJ or STL
@@ -71,7 +77,9 @@ Errors
     OutputError              a file cannot be written
     MissingExtraError        an optional package is not installed
 
-`gppcs.__version__` is the version. Each name is imported when it is first used.
+Each name is imported when it is first used. The version is a string:
+
+>>> version = gppcs.__version__
 """
 
 from __future__ import annotations
