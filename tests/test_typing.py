@@ -71,3 +71,18 @@ def test_each_class_in_a_public_signature_is_public():
     }
     assert {"PointCloud", "Stages", "Method"} <= shown & ours
     assert shown & ours <= set(gppcs.__all__)
+
+
+def test_only_kernels_lack_annotations():
+    lacking = []
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef) and not any(
+                "njit" in ast.unparse(each) for each in node.decorator_list
+            ):
+                given = node.args
+                arguments = [*given.posonlyargs, *given.args, *given.kwonlyargs, given.vararg, given.kwarg]
+                untyped = {each.arg for each in arguments if each and each.annotation is None} - {"self", "cls"}
+                if untyped or node.returns is None:
+                    lacking.append(f"{path.name}: {node.name}")
+    assert lacking == []
