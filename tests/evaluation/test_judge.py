@@ -474,8 +474,8 @@ def test_every_figure_has_a_definition():
     for report in (gppcs.Report, gppcs.Rebuilt):
         fields = {field.name for field in dataclasses.fields(report)} - {"rebuilt", "rebuilt_carried", "mesh"}
         assert set(gppcs.figures_of(report)) == fields
-    assert judge.ROUGH == 0.9  # as the definitions say
-    assert judge.STRAY == 1 / 20
+    assert judge.FEATURE_QUANTILE == 0.9  # as the definitions say
+    assert judge.STRAY_DISTANCE == 1 / 20
 
 
 @pytest.mark.parametrize("far", [10, 1e6, 1e12])

@@ -14,7 +14,7 @@ from gppcs.app.commands import compare, evaluate, info, methods, sample, simplif
 from gppcs.app.printing import BAD_INPUT, FAILURES, print_error, tell
 
 INTERRUPTED = 130
-GARBAGE = 1_000_000  # objects between two garbage collections; Python's default of 700 slows imports
+GC_THRESHOLD = 1_000_000  # objects between two garbage collections; Python's default of 700 slows imports
 
 app = typer.Typer(
     name="gppcs",
@@ -57,7 +57,7 @@ def main() -> None:
     SystemExit
         Always. Code 0 for success, 2 after an error, which is printed as one line on stderr, and 130 after Ctrl-C.
     """
-    gc.set_threshold(GARBAGE)
+    gc.set_threshold(GC_THRESHOLD)
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may not show all characters of file names
     try:

@@ -61,11 +61,11 @@ def compile_method(name: str) -> tuple[PointCloud, PointCloud]:
     scan, simplified : PointCloud
         The scan that the method was run on, and its result.
     """
-    from gppcs.evaluation.comparison import PREPARATION
+    from gppcs.evaluation.comparison import PREPARATION_POINTS
     from gppcs.scans import sample
     from gppcs.simplification import simplify
 
-    scan = sample("medallion", PREPARATION, noise=0.002)  # noise needs additional kernels
+    scan = sample("medallion", PREPARATION_POINTS, noise=0.002)  # noise needs additional kernels
     return scan, simplify(scan, ratio=0.1, method=name).cloud
 
 

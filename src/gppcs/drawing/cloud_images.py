@@ -19,11 +19,11 @@ Array = NDArray[np.float64]
 
 LIGHT = np.array([-0.35, 0.45, 0.82])  # direction to the light (right, up, to the viewer): from the upper left
 AMBIENT, DIFFUSE = 0.52, 0.63  # brightness without light, and what light from the front adds
-STEEPEST = 0.1  # discs do not tilt further than to this component of the normal towards the viewer
+MIN_FACING = 0.1  # discs do not tilt further than to this component of the normal towards the viewer
 MAX_SURFACE_RADIUS = 28  # supersampled pixels; more in close-ups
 MIN_POINT_RADIUS = 2.4  # supersampled pixels
-GHOST = 0.35  # opacity of the original behind single points
-NEIGHBOURS = 12  # points that a normal is estimated from
+GHOST_OPACITY = 0.35  # opacity of the original behind single points
+NORMAL_NEIGHBOURS = 12  # points that a normal is estimated from
 BLOCK = 1 << 18  # pixels of discs drawn at once, to bound the memory
 
 
@@ -207,7 +207,7 @@ class View:
         radii = np.clip(radii, MIN_POINT_RADIUS, max_radius)[front]
         nearest, _ = _splat(place[front], depth[front], radii, None, self.camera.shape)
         grey = np.full((len(self.shown), 3), 0.8)
-        ghost = 1.0 - GHOST * (1.0 - _lit(self.nearest, grey, self.normals, np.ones(3)))
+        ghost = 1.0 - GHOST_OPACITY * (1.0 - _lit(self.nearest, grey, self.normals, np.ones(3)))
         return averaged(_lit(nearest, colours[front], self._facing(cloud, front), ghost))
 
     def _facing(self, cloud: ColouredCloud, indices: NDArray[np.int64]) -> Array:
@@ -264,7 +264,7 @@ def _splat(
         x, y, z = place[members, 0], place[members, 1], depth[members] - nearest_depth
         slope = np.zeros((len(members), 2))
         if normals is not None:
-            slope = normals[members, :2] * (1.0, -1.0) / np.maximum(normals[members, 2:], STEEPEST)
+            slope = normals[members, :2] * (1.0, -1.0) / np.maximum(normals[members, 2:], MIN_FACING)
         offsets = _disc(size)
         for part in np.array_split(offsets, math.ceil(len(offsets) * len(members) / BLOCK)):
             dx, dy = part.T
@@ -290,7 +290,7 @@ def _disc(size: int) -> NDArray[np.int64]:
 
 def _estimated_normals(tree: cKDTree, points: Array) -> Array:
     """Return for each point (K, 3) the direction (K, 3) in which its neighbourhood in the tree is thinnest."""
-    _, neighbours = tree.query(points, k=range(1, min(NEIGHBOURS, tree.n) + 1), workers=-1)
+    _, neighbours = tree.query(points, k=range(1, min(NORMAL_NEIGHBOURS, tree.n) + 1), workers=-1)
     patches = tree.data[neighbours]
     patches = patches - patches.mean(axis=1, keepdims=True)
     _, directions = np.linalg.eigh(np.einsum("nki,nkj->nij", patches, patches))

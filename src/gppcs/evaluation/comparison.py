@@ -18,7 +18,7 @@ from gppcs.evaluation.report import Report
 from gppcs.methods import METHODS, Method
 from gppcs.simplification import Result, simplify
 
-PREPARATION = 6_000  # least number of points of the run that compiles kernels: enough to reach each stage of a method
+PREPARATION_POINTS = 6_000  # least number of points of the run that compiles kernels, so that it reaches each stage
 
 
 @dataclass(frozen=True)
@@ -193,4 +193,4 @@ def rebuilt_mesh(cloud: PointCloud, original: PointCloud) -> Mesh | None:
 
 def _prepare_kernels(original: PointCloud, method: Method) -> None:
     """Run the method on a part of the cloud, so that its kernels are compiled before it is timed."""
-    simplify(original.points[:: max(1, len(original) // PREPARATION)], ratio=0.1, method=method)
+    simplify(original.points[:: max(1, len(original) // PREPARATION_POINTS)], ratio=0.1, method=method)

@@ -20,14 +20,14 @@ from gppcs.evaluation.report import Rebuilt, Report, figures_of
 if TYPE_CHECKING:
     from gppcs.spatial.kdtree import KdTree
 
-ROUGH = 0.9  # points above this quantile of surface variation are features
-FLAT = 1e-12  # smaller surface variation is rounding error
-FAR = 0.1  # two clouds whose median distance is above this, in diagonals of the original, do not show the same object
-SMALL = 0.5  # a cloud below this share of the original's size must be closer, to detect another unit:
-CLOSE = 0.05  # its median distance must be at most this share of its own size
+FEATURE_QUANTILE = 0.9  # points above this quantile of surface variation are features
+ROUNDING = 1e-12  # smaller surface variation is rounding error
+MAX_DISTANCE = 0.1  # clouds with a larger median distance, in diagonals of the original, show different objects
+SMALL_SIZE = 0.5  # a cloud below this share of the original's size must be closer, to detect another unit:
+MAX_DISTANCE_OF_SMALL = 0.05  # its median distance must be at most this share of its own size
 MEASURABLE = 1e-70, 1e70  # range of sizes whose squared ratios neither overflow nor vanish
-STRAY = 0.05  # parts of the rebuilt mesh farther than this from the original mesh, in diagonals, are stray
-VARIATION = 25  # points in the neighbourhoods of surface variation: k in the paper
+STRAY_DISTANCE = 0.05  # parts of the rebuilt mesh farther than this from the original mesh, in diagonals, are stray
+VARIATION_NEIGHBOURS = 25  # points in the neighbourhoods of surface variation: k in the paper
 
 Points = NDArray[np.float64]
 ReportPart = TypeVar("ReportPart", Report, Rebuilt)
@@ -209,7 +209,7 @@ def _carried_normals(cloud: PointCloud) -> Points | None:
 
 def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[int, int]) -> Report:
     """Return the figures that need no mesh, in the frame's unit, for clouds (N, 3) and (M, 3) without repeats."""
-    from gppcs.evaluation.local_surface import PLANE, LocalSurface
+    from gppcs.evaluation.local_surface import PLANE_NEIGHBOURS, LocalSurface
     from gppcs.spatial.kdtree import KdTree
     from gppcs.spatial.spacing import surface_area
     from gppcs.surface.surface_variation import features_of_nearest
@@ -220,8 +220,8 @@ def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[in
     surface = LocalSurface.of(after)
     nearest, to_kept = surface.tree.nearest_of(before, 1)
     to_surface, surface_normals = surface.nearest_to(before)
-    variation = features_of_nearest(tree, VARIATION).surface_variation
-    normals = features_of_nearest(tree, PLANE).normals
+    variation = features_of_nearest(tree, VARIATION_NEIGHBOURS).surface_variation
+    normals = features_of_nearest(tree, PLANE_NEIGHBOURS).normals
     kept_normals = np.empty_like(after)
     kept_normals[surface.tree.order] = surface.normals
     spacing = np.sqrt(surface_area(tree) / len(after))
@@ -248,9 +248,9 @@ def _rough(variation: Points) -> NDArray[np.bool_]:
 
     On lattices many points have the same surface variation up to rounding. The tolerance treats these alike.
     """
-    if variation.max() <= FLAT:
+    if variation.max() <= ROUNDING:
         return np.ones(len(variation), dtype=np.bool_)
-    return variation >= max(np.quantile(variation, ROUGH) * (1.0 - 1e-9), FLAT)
+    return variation >= max(np.quantile(variation, FEATURE_QUANTILE) * (1.0 - 1e-9), ROUNDING)
 
 
 def _angles(first: Points, second: Points) -> Points:
@@ -270,7 +270,7 @@ def _mean_surface_variation(tree: KdTree, spacing: float) -> float:
     from gppcs.spatial.spacing import paper_radius
     from gppcs.surface.surface_variation import features_in_radius
 
-    radius, robust = paper_radius(tree.points.T, VARIATION), spacing * np.sqrt(VARIATION / np.pi)
+    radius, robust = paper_radius(tree.points.T, VARIATION_NEIGHBOURS), spacing * np.sqrt(VARIATION_NEIGHBOURS / np.pi)
     if not robust / 3 <= radius <= 3 * robust:
         radius = robust
     return float(features_in_radius(tree, radius).surface_variation.mean())
@@ -285,7 +285,7 @@ def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, frame: _Frame) 
     rebuilt = reconstruct(points, normals)
     forth, back = distances_to(rebuilt, mesh.vertices), distances_to(mesh, rebuilt.vertices)
     areas = rebuilt.face_areas()
-    astray = (back[rebuilt.faces] > STRAY * frame.diagonal).any(axis=1)
+    astray = (back[rebuilt.faces] > STRAY_DISTANCE * frame.diagonal).any(axis=1)
     figures = Rebuilt(
         mesh=Mesh(frame.corner + frame.unit * rebuilt.vertices, rebuilt.faces),
         hausdorff_mean=float(forth.mean()),
@@ -314,11 +314,11 @@ def _require_mesh_near(mesh: Mesh, before: Points, after: Points, frame: _Frame)
 
 def _require_near(distances: Points, name: str, points: Points, original: Points, frame: _Frame) -> None:
     """Raise an error if the median of the distances (K,) of points (K, 3) to the original is too large."""
-    middle, limit = float(np.median(distances)), FAR * frame.diagonal
+    middle, limit = float(np.median(distances)), MAX_DISTANCE * frame.diagonal
     if frame.diagonal == 0.0:
         limit = float(np.finfo(np.float32).eps * np.abs(frame.corner).max())  # rounding to float32 may move a point
-    elif len(points) >= 10 and _spread(points) < SMALL * _spread(original):
-        limit = min(limit, CLOSE * _spread(points))
+    elif len(points) >= 10 and _spread(points) < SMALL_SIZE * _spread(original):
+        limit = min(limit, MAX_DISTANCE_OF_SMALL * _spread(points))
     if middle <= limit:
         return
     size = np.linalg.norm(np.ptp(points, axis=0))

@@ -12,11 +12,11 @@ from gppcs.spatial.kdtree import KdTree, nearest_in_tree
 from gppcs.surface.moments import tangents
 from gppcs.surface.surface_variation import features_of_nearest
 
-PLANE = 12  # points that a tangent plane is fitted to, with the point itself
-NEIGHBOURS = 30, 240  # neighbours searched for corners: first and last number, doubled while another could be a corner
-MOST = 16  # most triangles of a fan; the mean is six
-FANS = 5  # nearest points whose fans are searched for the nearest triangle; fewer leave gaps
-STEEPEST = np.sin(np.radians(60.0))  # a neighbour steeper above the tangent plane lies on another sheet
+PLANE_NEIGHBOURS = 12  # points that a tangent plane is fitted to, with the point itself
+CORNER_NEIGHBOURS = 30, 240  # neighbours searched for corners: first number, doubled up to the second if necessary
+MAX_TRIANGLES = 16  # most triangles of a fan; the mean is six
+SEARCHED_FANS = 5  # nearest points whose fans are searched for the nearest triangle; fewer leave gaps
+SIN_MAX_SLOPE = np.sin(np.radians(60.0))  # a neighbour steeper above the tangent plane lies on another sheet
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class LocalSurface:
         The tree over the points, which are distinct.
     normals : (M, 3) array, float64
         Unit normals of the tangent planes, in tree order.
-    corners : (M, MOST, 2) array, int32
+    corners : (M, MAX_TRIANGLES, 2) array, int32
         The two other corners of each triangle around a point, in tree order; -1 after the last triangle.
     """
 
@@ -58,8 +58,8 @@ class LocalSurface:
         LocalSurface
         """
         tree = KdTree.build(points)
-        normals = features_of_nearest(tree, PLANE).normals[tree.order]
-        corners = np.full((len(points), MOST, 2), -1, dtype=np.int32)
+        normals = features_of_nearest(tree, PLANE_NEIGHBOURS).normals[tree.order]
+        corners = np.full((len(points), MAX_TRIANGLES, 2), -1, dtype=np.int32)
         _build_fans(tree.points, tree.low, tree.high, normals, corners)
         return cls(tree, normals, corners)
 
@@ -90,16 +90,16 @@ class LocalSurface:
 
 @nb.njit(cache=True, parallel=True, nogil=True)
 def _build_fans(points, low, high, normals, corners):
-    """Fill corners (M, MOST, 2) for points (3, M) with boxes low, high (nodes, 3) and normals (M, 3), in tree order."""
+    """Fill corners (M, MAX_TRIANGLES, 2) for points (3, M), boxes (nodes, 3) and normals (M, 3), in tree order."""
     for i in nb.prange(points.shape[1]):
         _build_fan(points, low, high, i, normals[i], corners[i])
 
 
 @nb.njit(cache=True)
 def _build_fan(points, low, high, i, normal, corners):
-    """Fill the corners (MOST, 2) around point i of points (3, M), with as many neighbours as necessary."""
+    """Fill the corners (MAX_TRIANGLES, 2) around point i of points (3, M), with as many neighbours as necessary."""
     n = points.shape[1]
-    neighbours, most = NEIGHBOURS
+    neighbours, most = CORNER_NEIGHBOURS
     while True:
         k = min(neighbours + 1, n)
         found = np.empty(k, dtype=np.int64)
@@ -129,7 +129,7 @@ def _lay_out(points, i, normal, found, squared, inverse, index):
         away = _from(points, j, points[0, i], points[1, i], points[2, i])
         a, b = _dot(away, u), _dot(away, v)
         in_plane, distance = np.sqrt(a * a + b * b), np.sqrt(squared[slot])
-        if in_plane * in_plane < (1.0 - STEEPEST * STEEPEST) * squared[slot]:
+        if in_plane * in_plane < (1.0 - SIN_MAX_SLOPE * SIN_MAX_SLOPE) * squared[slot]:
             continue
         inverse[count, 0], inverse[count, 1] = a / (in_plane * distance), b / (in_plane * distance)
         index[count] = j
@@ -139,7 +139,7 @@ def _lay_out(points, i, normal, found, squared, inverse, index):
 
 @nb.njit(cache=True)
 def _fan(inverse, index, corners):
-    """Fill corners (MOST, 2) with the triangles at the origin, and return the diameter of their widest circumcircle.
+    """Fill corners (MAX_TRIANGLES, 2) with the triangles at the origin; return the diameter of the widest circumcircle.
 
     The diameter is infinite for an open fan. Input are the inverted neighbours (n, 2) and their indices (n,).
 
@@ -163,7 +163,7 @@ def _fan(inverse, index, corners):
     triangles, widest = 0, 0.0 if hull[0] < n else np.inf
     for edge in range(height - 1):
         a, b = hull[edge], hull[edge + 1]
-        if a < n and b < n and triangles < MOST and _turns_left(inverse, n, a, b):
+        if a < n and b < n and triangles < MAX_TRIANGLES and _turns_left(inverse, n, a, b):
             corners[triangles, 0], corners[triangles, 1] = index[a], index[b]
             triangles += 1
             widest = max(widest, _diameter(inverse[a], inverse[b]))
@@ -214,7 +214,7 @@ def _turns_left(points, a, b, c):
 @nb.njit(cache=True, parallel=True, nogil=True)
 def _search(points, low, high, normals, corners, queries, distances, nearest_normals):
     """Fill distances (Q,) and nearest_normals (Q, 3) of queries (Q, 3); other arrays are those of `LocalSurface`."""
-    k = min(FANS, points.shape[1])
+    k = min(SEARCHED_FANS, points.shape[1])
     for q in nb.prange(len(queries)):
         found = np.empty(k, dtype=np.int64)
         squared = np.empty(k, dtype=np.float64)
@@ -223,7 +223,7 @@ def _search(points, low, high, normals, corners, queries, distances, nearest_nor
         least, first, second, third, v, w = squared[0], found[0], found[0], found[0], 0.0, 0.0
         for i in found:
             a = _from(points, i, x, y, z)
-            for slot in range(MOST):
+            for slot in range(MAX_TRIANGLES):
                 j, m = corners[i, slot]
                 if j < 0:
                     break

@@ -17,8 +17,8 @@ from gppcs.engine.extras import require_pymeshlab
 from gppcs.errors import InputError, NoSurfaceError
 from gppcs.spatial.kdtree import KdTree
 
-DEPTH = 8  # depth of the octree
-NEIGHBOURS = 10  # points that a plane is fitted to
+OCTREE_DEPTH = 8  # depth of the octree
+NORMAL_NEIGHBOURS = 10  # points that a plane is fitted to
 
 
 def estimated_normals(
@@ -49,7 +49,7 @@ def estimated_normals(
         If PyMeshLab is not installed.
     """
     meshes = _mesh_set(points)
-    meshes.compute_normal_for_point_clouds(k=NEIGHBOURS)
+    meshes.compute_normal_for_point_clouds(k=NORMAL_NEIGHBOURS)
     normals: NDArray[np.float64] = meshes.current_mesh().vertex_normal_matrix()
     if places is None or guides is None:
         return normals
@@ -84,7 +84,7 @@ def reconstruct(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Me
     meshes = _mesh_set(points, v_normals_matrix=normals)
     try:
         # One thread: several threads on few cores wait actively for each other, which takes minutes instead of seconds.
-        meshes.generate_surface_reconstruction_screened_poisson(depth=DEPTH, preclean=True, threads=1)
+        meshes.generate_surface_reconstruction_screened_poisson(depth=OCTREE_DEPTH, preclean=True, threads=1)
         rebuilt = meshes.current_mesh()
         mesh = Mesh(rebuilt.vertex_matrix(), rebuilt.face_matrix())
         mesh.require_area("rebuilt mesh")
