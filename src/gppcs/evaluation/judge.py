@@ -201,8 +201,8 @@ def _carried_normals(cloud: PointCloud) -> Points | None:
         return None
     if len(bad):
         raise InputError(
-            f"expected finite normals above zero length in the simplified cloud (nx, ny, nz), found {len(bad)} of "
-            f"{len(cloud)} that are zero or not finite, the first at index {bad[0]}: drop these points or attributes"
+            f"expected finite normals of the simplified cloud that are not zero (nx, ny, nz), found {len(bad)} of the "
+            f"{len(cloud)} normals zero or not finite, the first at index {bad[0]}: drop these points or attributes"
         )
     return normals
 
