@@ -123,5 +123,6 @@ def test_compare_names_the_missing_extra_before_any_work(gppcs_command, scan, mo
     extra = {"pymeshlab": "evaluate", "pyvista": "view"}[module]
     code, _, err = gppcs_command("compare", "scan.ply", "--ratio", 0.1, "-o", "side")
     assert code == 2
-    assert f"pip install 'gppcs[{extra}]'" in err
+    assert f"(the extra {extra}): pip install '" in err
+    assert f"'{module}>=" in err
     assert files() == ["scan.ply"]

@@ -131,7 +131,7 @@ def test_a_picture_shows_one_input(gppcs_command, scan):
 def test_a_missing_extra_is_told_before_any_work(gppcs_command, scan, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     result = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 9, "--picture", "p.png")
-    assert_one_line(result, "pip install 'gppcs[picture]'")
+    assert_one_line(result, "the extra picture", "pip install 'matplotlib>=")
     assert files() == ["scan.ply"]
 
 

@@ -36,7 +36,7 @@ def check_writable(path: str | os.PathLike[str], force: bool = False) -> None:
             f"{target}: expected a new file, found one; choose another name, or overwrite with --force (force=True)"
         )
     if not folder.is_dir():
-        raise OutputError(f"{target}: expected a folder {folder}, found none; create it or choose another")
+        raise OutputError(f"{target}: expected a folder {folder}, found none; make it or choose another")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise OutputError(f"{target}: expected a writable folder {folder}, found no permission; choose another")
 
