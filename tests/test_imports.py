@@ -1,6 +1,7 @@
 """What `import gppcs` offers, and what it leaves unloaded."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -25,6 +26,33 @@ def test_type_checkers_see_the_names_that_are_there():
     assert imported == {f"gppcs.{home}.{name}" for home, names in gppcs._HOMES.items() for name in names}
 
 
+def run_python(code):
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+
+
+def test_help_is_an_overview_of_a_few_screens_that_names_everything():
+    lines = run_python("import gppcs; help(gppcs)").splitlines()
+    assert len(lines) < 250
+    listed = [match[1] for line in lines if (match := re.fullmatch(r" {8}(\w+) +\S.*", line))]
+    assert sorted([*listed, "__version__"]) == sorted(gppcs.__all__)
+    assert any("gppcs.__version__" in line for line in lines)
+
+
+def test_tab_completion_offers_every_name_and_loads_none():
+    code = "import gppcs, rlcompleter, sys; print(*rlcompleter.Completer({'gppcs': gppcs}).attr_matches('gppcs.'))"
+    offered, loaded = run_python(f"{code}; print(*sys.modules)").splitlines()
+    assert {f"gppcs.{name}" for name in gppcs.__all__ if not name.startswith("_")} <= set(offered.split())
+    assert not {"numba", "gppcs.simplification"} & set(loaded.split())
+
+
+def test_a_public_name_can_be_replaced(monkeypatch):
+    before = gppcs.simplify
+    monkeypatch.setattr(gppcs, "simplify", None)
+    assert gppcs.simplify is None
+    monkeypatch.undo()
+    assert gppcs.simplify is before
+
+
 def test_an_unknown_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="no attribute 'simplfy'"):
         gppcs.simplfy  # noqa: B018
@@ -40,7 +68,6 @@ def test_an_unknown_name_is_an_attribute_error():
 )
 def test_heavy_packages_are_not_loaded_before_they_are_used(use):
     code = f"import atexit, sys\natexit.register(lambda: print('loaded:', *sys.modules))\n{use}"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    loaded = run.stdout.rpartition("loaded:")[2].split()
+    loaded = run_python(code).rpartition("loaded:")[2].split()
     assert "gppcs" in loaded
     assert not {name.split(".")[0] for name in loaded} & set(HEAVY)

@@ -1,26 +1,102 @@
 """Thin a point cloud to exactly the number of points asked for, and keep its features.
 
 >>> import gppcs
->>> cloud = gppcs.sample("bracket", n_points=20_000)
+>>> cloud = gppcs.sample("bracket", n_points=20_000)  # or gppcs.read("scan.ply"), or any (N, 3) array
 >>> result = gppcs.simplify(cloud, ratio=0.05)
->>> len(result.indices)
-1000
+>>> result.cloud
+PointCloud(1,000 points, each with nx, ny, nz, curvature, red, green, blue)
+>>> gppcs.write("small.ply", result.cloud)
+>>> gppcs.estimate_normals(cloud, at=result.cloud).shape
+(1000, 3)
+>>> gppcs.simplify(cloud, n_points=500, method=gppcs.LocalGP(feature_weight=0.8)).cloud.points.shape
+(500, 3)
+>>> list(gppcs.METHODS)[:3]
+['gp', 'gp-spectral', 'fps-variation']
 
-What takes long to import is imported when it is first used.
+`help(gppcs.simplify)` explains one name. The command `gppcs` does the same work on files; see `gppcs --help`.
+
+Get a cloud
+    read                     read a point cloud file: PLY, XYZ, CSV, PTS, NPY, NPZ, OFF, OBJ or STL
+    sample                   make a synthetic scan of a surface that is known exactly
+    from_depth               make a cloud of the image of a depth camera
+    PointCloud               N points, each with the same attributes
+
+Simplify it
+    simplify                 choose exactly M points of a cloud
+    Result                   the simplified cloud, the rows chosen, and the time it took
+    write                    write a cloud to a file
+
+Measure a cloud
+    info                     bounding box, spacing, attributes, repeats and invalid points
+    Summary                  what `info` returns
+    estimate_features        surface variation and normal of each point
+    Features                 what `estimate_features` returns
+    estimate_normals         normals with consistent signs, at the points or elsewhere on the surface
+
+Judge a simplification
+    evaluate                 compare a simplified cloud with the original
+    Report                   what `evaluate` returns: distances, errors and angles
+    Rebuilt                  the part of a report that compares rebuilt meshes
+    figures_of               unit and definition of each figure of a report
+    Figure                   unit and definition of one figure
+    compare                  run several methods on one cloud and evaluate each result
+    Entry                    what `compare` returns for one method
+    Mesh                     triangles between vertices
+    read_mesh                read a mesh file; needs PyMeshLab
+
+Methods of simplification
+    METHODS                  every method by the name that `simplify` takes, such as "gp"
+    LocalGP                  "gp", the default: a local Gaussian process of the surface variation
+    SpectralGP               "gp-spectral": Algorithm 1 of the GP-PCS paper
+    FarthestPointVariation   "fps-variation": farthest points, then the largest surface variation
+    TopVariation             "top-variation": the points of largest surface variation
+    FarthestPoint            "fps": farthest point sampling
+    Random                   "random": a random choice
+    HierarchicalClustering   "hc": hierarchical clustering
+    WLOP                     "wlop": weighted locally optimal projection
+    SampleElimination        "sample-elimination": blue noise by removing the most crowded points
+    Voxel                    "voxel": one point for each cell of a grid
+    AIVS                     "aivs": farthest points in each box of a grid
+    PCSimp                   "pc-simp": a graph filter
+    QEM                      "qem": quadric error metrics
+
+Write a method, follow a run
+    Method                   the base class of all methods
+    Parameter                type, default and meaning of one parameter of a method
+    Selection                what a method returns
+    Stages                   the stages of a run and the time that each took
+    Listener                 hears of each stage, for instance to draw a progress bar
+    KdTree                   a k-d tree, to search for neighbours
+
+Errors
+    GppcsError               the base class of all errors of gppcs
+    InputError               the cloud or mesh cannot be used
+    NoSurfaceError           no surface could be rebuilt from the points
+    ParameterError           a parameter, method or name is wrong
+    FileFormatError          the content of a file is not what its format promises
+    OutputError              a file cannot be written
+    MissingExtraError        an optional package is not installed
+
+Each name is imported when it is first used. The version is a string:
+
+>>> version = gppcs.__version__
 """
 
 from __future__ import annotations
 
 import importlib
+import sys
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from gppcs.engine import kernel_cache as _kernel_cache
+from gppcs.engine.kernel_cache import provide_folder as _provide_folder
 
 if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
     from gppcs.clouds.depth_camera import from_depth
     from gppcs.clouds.mesh import Mesh
     from gppcs.clouds.summary import Summary, info
+    from gppcs.engine.stages import Listener, Stages
     from gppcs.errors import (
         FileFormatError,
         GppcsError,
@@ -53,19 +129,21 @@ if TYPE_CHECKING:
         TopVariation,
         Voxel,
     )
+    from gppcs.methods.method import Parameter
     from gppcs.scans import sample
     from gppcs.simplification import Result, simplify
+    from gppcs.spatial.kdtree import KdTree
     from gppcs.surface.normals import estimate_normals
     from gppcs.surface.surface_variation import Features, estimate_features
 
 __version__ = "0.1.0"
 
-_kernel_cache.provide_folder()
-
-_HOMES = {
+_HOMES = {  # the module that defines each public name
     "clouds.cloud": ("PointCloud",),
-    "evaluation.comparison": ("Entry", "compare"),
     "clouds.depth_camera": ("from_depth",),
+    "clouds.mesh": ("Mesh",),
+    "clouds.summary": ("Summary", "info"),
+    "engine.stages": ("Listener", "Stages"),
     "errors": (
         "FileFormatError",
         "GppcsError",
@@ -75,11 +153,10 @@ _HOMES = {
         "OutputError",
         "ParameterError",
     ),
+    "evaluation.comparison": ("Entry", "compare"),
     "evaluation.judge": ("evaluate",),
     "evaluation.report": ("Figure", "Rebuilt", "Report", "figures_of"),
-    "surface.surface_variation": ("Features", "estimate_features"),
     "io": ("read", "write"),
-    "clouds.mesh": ("Mesh",),
     "io.mesh_files": ("read_mesh",),
     "methods": (
         "AIVS",
@@ -99,23 +176,87 @@ _HOMES = {
         "TopVariation",
         "Voxel",
     ),
-    "surface.normals": ("estimate_normals",),
+    "methods.method": ("Parameter",),
     "scans": ("sample",),
     "simplification": ("Result", "simplify"),
-    "clouds.summary": ("Summary", "info"),
+    "spatial.kdtree": ("KdTree",),
+    "surface.normals": ("estimate_normals",),
+    "surface.surface_variation": ("Features", "estimate_features"),
 }
-_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
-__all__ = ["__version__", *_HOME_OF]
+__all__ = [
+    "AIVS",
+    "METHODS",
+    "QEM",
+    "WLOP",
+    "Entry",
+    "FarthestPoint",
+    "FarthestPointVariation",
+    "Features",
+    "Figure",
+    "FileFormatError",
+    "GppcsError",
+    "HierarchicalClustering",
+    "InputError",
+    "KdTree",
+    "Listener",
+    "LocalGP",
+    "Mesh",
+    "Method",
+    "MissingExtraError",
+    "NoSurfaceError",
+    "OutputError",
+    "PCSimp",
+    "Parameter",
+    "ParameterError",
+    "PointCloud",
+    "Random",
+    "Rebuilt",
+    "Report",
+    "Result",
+    "SampleElimination",
+    "Selection",
+    "SpectralGP",
+    "Stages",
+    "Summary",
+    "TopVariation",
+    "Voxel",
+    "__version__",
+    "compare",
+    "estimate_features",
+    "estimate_normals",
+    "evaluate",
+    "figures_of",
+    "from_depth",
+    "info",
+    "read",
+    "read_mesh",
+    "sample",
+    "simplify",
+    "write",
+]
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOME_OF:
-        raise AttributeError(f"module 'gppcs' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"gppcs.{_HOME_OF[name]}"), name)
-    globals()[name] = value
-    return value
+def _imported_when_used(name: str, home: str) -> property:
+    """Return a property that imports a public name when it is first used."""
+
+    def get(module: ModuleType) -> Any:
+        if name not in vars(module):
+            vars(module)[name] = getattr(importlib.import_module(f"gppcs.{home}"), name)
+        return vars(module)[name]
+
+    def replace(module: ModuleType, value: Any) -> None:
+        vars(module)[name] = value
+
+    return property(get, replace)
 
 
-def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOME_OF})
+# Tab completion offers the properties of a module's class without running them. `help(gppcs)` prints in full only what
+# `dir(gppcs)` lists, which are the names used so far; so it stays short.
+sys.modules[__name__].__class__ = type(
+    "_Package",
+    (ModuleType,),
+    {name: _imported_when_used(name, home) for home, names in _HOMES.items() for name in names},
+)
+
+_provide_folder()

@@ -37,6 +37,8 @@ class Result:
     --------
     >>> import gppcs
     >>> result = gppcs.simplify(gppcs.sample("sphere", n_points=1000), n_points=100, method="random")
+    >>> isinstance(result, gppcs.Result)
+    True
     >>> result.indices.shape, len(result.cloud), result.method
     ((100,), 100, Random(seed=0))
     """

@@ -29,7 +29,7 @@ def test_pieces_are_counted_without_unused_vertices():
         (np.zeros((3, 2)), [[0, 1, 2]], "shape"),
         (np.zeros((3, 3)), [[0, 1, 2, 0]], "shape"),
         (np.zeros((3, 3)), np.empty((0, 3)), "3 points and no triangle"),
-        (np.zeros((3, 3)), [[0, 1, 3]], "vertices 0 to 2, found 0, 3"),
+        (np.zeros((3, 3)), [[0, 1, 3]], "vertices 0 to 2 in faces, found 0 to 3"),
         (np.full((3, 3), np.inf), [[0, 1, 2]], "NaN or infinite"),
         (np.zeros((3, 3)), [[0, 1, 1.5]], "whole numbers as faces.*float64"),
         (np.zeros((3, 3)), [[0, 1, 2], [0, 1]], "faces of shape .* rows of different lengths"),
@@ -155,7 +155,7 @@ def test_a_file_of_several_meshes_is_refused(tmp_path):
 
 def test_a_missing_extra_is_named(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "pymeshlab", None)
-    with pytest.raises(gppcs.MissingExtraError, match=r"pip install 'gppcs\[evaluate\]'"):
+    with pytest.raises(gppcs.MissingExtraError, match=r"the extra evaluate.*: pip install 'pymeshlab>="):
         gppcs.read_mesh(tmp_path / "mesh.ply")
 
 

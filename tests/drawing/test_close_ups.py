@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from gppcs.drawing.close_ups import APART, feature_squares
+from gppcs.drawing.close_ups import MIN_SEPARATION, feature_squares
 
 
 def total(picture, square):
@@ -33,7 +33,7 @@ def test_the_first_square_is_the_best_of_all_and_squares_keep_apart(picture, sid
         assert one.column + side <= 20
         assert one.row + side <= 15
         for other in squares[:rank]:
-            assert max(abs(one.column - other.column), abs(one.row - other.row)) >= APART * side
+            assert max(abs(one.column - other.column), abs(one.row - other.row)) >= MIN_SEPARATION * side
 
 
 def test_where_there_is_nothing_there_is_no_close_up():

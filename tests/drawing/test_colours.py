@@ -37,5 +37,5 @@ def test_a_value_that_is_not_a_number_is_grey():
 
 def test_without_matplotlib_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(MissingExtraError, match=r"needs matplotlib: pip install 'gppcs\[picture\]'"):
+    with pytest.raises(MissingExtraError, match=r"needs matplotlib.*the extra picture.*: pip install 'matplotlib>="):
         require_matplotlib()

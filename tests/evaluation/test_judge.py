@@ -204,7 +204,7 @@ def test_what_cannot_be_compared_is_refused(cloud, message, place):
 @pytest.mark.parametrize(
     ("move", "parts"),
     [
-        (lambda points: 1000 * points, ["diagonal of 1", "e+05, the original's one of 1", "same unit"]),
+        (lambda points: 1000 * points, ["diagonal of 1", "e+05, that of the original 1", "same unit"]),
         (lambda points: points + np.array([0, 0, 5e5]), ["low corners are (", ") apart", "unit and origin"]),
     ],
 )
@@ -313,7 +313,7 @@ def test_a_stray_piece_is_told(ball, sphere):
 def test_a_mesh_elsewhere_is_refused(ball, sphere):
     mesh, points, _ = ball
     with pytest.raises(
-        gppcs.InputError, match=r"the mesh does not lie on the original.*of 3.4.e.03, the original's one of 3.4"
+        gppcs.InputError, match=r"the mesh does not lie on the original.*of 3.4.e.03, that of the original 3.4"
     ):
         gppcs.evaluate(sphere, points, dataclasses.replace(mesh, vertices=1000 * mesh.vertices))
 
@@ -474,8 +474,8 @@ def test_every_figure_has_a_definition():
     for report in (gppcs.Report, gppcs.Rebuilt):
         fields = {field.name for field in dataclasses.fields(report)} - {"rebuilt", "rebuilt_carried", "mesh"}
         assert set(gppcs.figures_of(report)) == fields
-    assert judge.ROUGH == 0.9  # as the definitions say
-    assert judge.STRAY == 1 / 20
+    assert judge.FEATURE_QUANTILE == 0.9  # as the definitions say
+    assert judge.STRAY_DISTANCE == 1 / 20
 
 
 @pytest.mark.parametrize("far", [10, 1e6, 1e12])

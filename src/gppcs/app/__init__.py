@@ -1,1 +1,1 @@
-"""The command `gppcs`: its commands, and what they print."""
+"""The command-line program `gppcs`: its commands and their output."""

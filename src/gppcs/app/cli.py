@@ -1,4 +1,4 @@
-"""The command `gppcs`: results to stdout, progress and errors to stderr."""
+"""The command-line program `gppcs`: results go to stdout, progress and errors to stderr."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gppcs.app.commands import compare, evaluate, info, methods, sample, simplif
 from gppcs.app.printing import BAD_INPUT, FAILURES, print_error, tell
 
 INTERRUPTED = 130
-GARBAGE = 1_000_000  # objects between two searches for garbage; with Python's 700 these slow the loading of modules
+GC_THRESHOLD = 1_000_000  # objects between two garbage collections; Python's default of 700 slows imports
 
 app = typer.Typer(
     name="gppcs",
@@ -27,13 +27,13 @@ app = typer.Typer(
     "gppcs simplify scan.ply -o small.ply --ratio 0.03 --picture small.png\n\n"
     "gppcs compare scan.ply --points 5000 --methods gp-spectral,fps,hc -o comparison\n\n"
     "gppcs info small.ply\n\n"
-    "gppcs COMMAND --help says more of each command.",
+    "gppcs COMMAND --help explains a command.",
 )
 
 
 @app.callback(invoke_without_command=True)
 def _root(
-    version: Annotated[bool, typer.Option("--version", help="Print the version and stop.")] = False,
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
 ) -> None:
     if version:
         typer.echo(__version__)
@@ -50,10 +50,16 @@ app.command(epilog=warmup.EPILOG)(warmup.warmup)
 
 
 def main() -> None:
-    """Run the command; what goes wrong becomes one line on stderr and exit code 2."""
-    gc.set_threshold(GARBAGE)
+    """Run the program with the arguments in `sys.argv`.
+
+    Raises
+    ------
+    SystemExit
+        Always. Code 0 for success, 2 after an error, which is printed as one line on stderr, and 130 after Ctrl-C.
+    """
+    gc.set_threshold(GC_THRESHOLD)
     if isinstance(sys.stdout, TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # file names may hold anything, terminals may not
+        sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may not show all characters of file names
     try:
         code = app(sys.argv[1:] or ["--help"], standalone_mode=False)
     except FAILURES as error:
@@ -62,7 +68,7 @@ def main() -> None:
     except KeyboardInterrupt:
         code = INTERRUPTED
     except Exception as error:
-        if not hasattr(error, "format_message"):  # Typer's own complaints about the command line
+        if not hasattr(error, "format_message"):  # errors of Typer about the command line have it
             raise
         print_error(error.format_message())
         code = BAD_INPUT

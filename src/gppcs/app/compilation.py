@@ -1,4 +1,4 @@
-"""Compiling all kernels at once, by work on a small scan."""
+"""Compiles all kernels at once, by running every method on a small scan."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ if TYPE_CHECKING:
 
 
 def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
-    """Compile every kernel for the arrays that the package gives it, by work on a small scan.
+    """Compile every kernel for all types of arrays that the package passes to it.
 
     Parameters
     ----------
-    advanced : callable
-        Told of the number of methods, of `gppcs.METHODS`, whose kernels were compiled since the last call.
+    advanced : callable(int)
+        Called with the number of methods whose kernels were compiled since the last call.
 
     Returns
     -------
     compiled : int
-        How many there were to compile; a kernel that takes several types of arrays counts once for each.
+        The number of kernels that were compiled now and not loaded from the cache. A kernel for several types of arrays
+        counts once for each.
     folders : list of str
-        Where all are kept.
+        The cache folders of all kernels.
     """
     from gppcs.clouds.cloud import PointCloud
     from gppcs.clouds.summary import info
@@ -40,7 +41,7 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
     evaluate(original, kept)
     estimate_normals(original, kept)
     hierarchical_clusters(original.points, size=10, variation=0.1)
-    original.points.flags.writeable = False  # as those are that `numpy.load` maps: another type to Numba
+    original.points.flags.writeable = False  # like memory-mapped arrays; another type for Numba
     info(PointCloud(original.points))
     simplify(original.points, ratio=0.5, method="random")
     folders = {kernel.stats.cache_path for kernel in _loaded()}
@@ -48,17 +49,28 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
 
 
 def compile_method(name: str) -> tuple[PointCloud, PointCloud]:
-    """Compile the kernels of a method; return the scan that it had to simplify, and what it made of it."""
-    from gppcs.evaluation.comparison import PREPARATION
+    """Compile the kernels of one method.
+
+    Parameters
+    ----------
+    name : str
+        A name from `gppcs.METHODS`.
+
+    Returns
+    -------
+    scan, simplified : PointCloud
+        The scan that the method was run on, and its result.
+    """
+    from gppcs.evaluation.comparison import PREPARATION_POINTS
     from gppcs.scans import sample
     from gppcs.simplification import simplify
 
-    scan = sample("medallion", PREPARATION, noise=0.002)  # noise has kernels of its own
+    scan = sample("medallion", PREPARATION_POINTS, noise=0.002)  # noise needs additional kernels
     return scan, simplify(scan, ratio=0.1, method=name).cloud
 
 
 def _loaded() -> list[Any]:
-    """Return the kernels of all modules of the package that are loaded."""
+    """Return the kernels in all loaded modules of the package."""
     from numba.core.dispatcher import Dispatcher
 
     modules = [module for name, module in sys.modules.items() if name.startswith("gppcs.")]

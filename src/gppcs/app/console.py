@@ -1,4 +1,4 @@
-"""What a person at a terminal sees while the command works: progress on stderr, tables on stdout."""
+"""Output for people at a terminal: progress on stderr, tables on stdout."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 NOTICE = "gppcs: compiling its kernels, once on this machine"
 PASSING_NOTICE = (
-    "gppcs: compiling its kernels, for this run only: neither its folder nor the user's cache folder can be written; "
-    "set NUMBA_CACHE_DIR to one that can"
+    "gppcs: compiling its kernels, for this run only, since neither its folder nor the user's cache folder can be "
+    "written; set NUMBA_CACHE_DIR to a folder that can"
 )
-PATIENCE = 1.0  # seconds that a stage may take before a bar appears
+PATIENCE = 1.0  # seconds after which a stage shows a bar
 
 
 class ProgressBar:
-    """A listener that draws a bar on stderr for each stage of over a second, if that is a terminal."""
+    """A `Listener` that draws a progress bar for each stage of over a second, if stderr is a terminal."""
 
     def __init__(self) -> None:
         self._progress: Progress | None = None
@@ -38,7 +38,15 @@ class ProgressBar:
         self._timer: threading.Timer | None = None
 
     def started(self, stage: str, total: int | None) -> None:
-        """Prepare a bar, and show it if the stage takes long."""
+        """Prepare a bar, which appears if the stage takes over a second.
+
+        Parameters
+        ----------
+        stage : str
+            The name of the stage.
+        total : int or None
+            The number of its steps, if known.
+        """
         console = Console(stderr=True)
         if not sys.stderr.isatty() or console.is_dumb_terminal:
             return
@@ -50,12 +58,18 @@ class ProgressBar:
         self._timer.start()
 
     def advanced(self, steps: int) -> None:
-        """Move the bar."""
+        """Move the bar.
+
+        Parameters
+        ----------
+        steps : int
+            Steps done since the last call.
+        """
         if self._progress is not None and self._task is not None:
             self._progress.advance(self._task, steps)
 
     def finished(self) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         if self._progress is not None and self._timer is not None:
             self._timer.cancel()
             self._timer.join()
@@ -64,7 +78,13 @@ class ProgressBar:
 
 
 class Compilation:
-    """Says on stderr, once, that kernels are being compiled, and adds up the seconds that it takes."""
+    """Prints a notice on stderr when the first kernel is compiled, and adds up the time of all compilations.
+
+    Attributes
+    ----------
+    seconds : float
+        Wall time of all compilations so far.
+    """
 
     def __init__(self) -> None:
         self.seconds = 0.0
@@ -72,7 +92,13 @@ class Compilation:
         self._start = 0.0
 
     def on_start(self, event: object) -> None:
-        """Hear that a kernel is about to be compiled; one may need another."""
+        """Handle Numba's event that a compilation starts. Compilations nest: one kernel may need another.
+
+        Parameters
+        ----------
+        event : numba.core.event.Event
+            Not used.
+        """
         if self.seconds == 0.0 and self._depth == 0:
             print(NOTICE if kernel_cache.are_kept() else PASSING_NOTICE, file=sys.stderr)  # noqa: T201
         if self._depth == 0:
@@ -80,7 +106,13 @@ class Compilation:
         self._depth += 1
 
     def on_end(self, event: object) -> None:
-        """Hear that it is done."""
+        """Handle Numba's event that a compilation has ended.
+
+        Parameters
+        ----------
+        event : numba.core.event.Event
+            Not used.
+        """
         self._depth -= 1
         if self._depth == 0:
             self.seconds += perf_counter() - self._start
@@ -88,7 +120,13 @@ class Compilation:
 
 @contextmanager
 def compilation_noticed() -> Iterator[Compilation]:
-    """Watch for kernels that are compiled, rather than loaded from the cache, while the block runs."""
+    """Measure the compilation of kernels while the block runs. Kernels loaded from the cache do not count.
+
+    Yields
+    ------
+    Compilation
+        With the time so far.
+    """
     from numba.core import event
 
     compilation = Compilation()
@@ -98,7 +136,13 @@ def compilation_noticed() -> Iterator[Compilation]:
 
 
 def print_comparison(entries: Sequence[Entry]) -> None:
-    """Print a row for each method, the best of each column in bold."""
+    """Print a table with a row for each method. The best value of each column is bold.
+
+    Parameters
+    ----------
+    entries : sequence of Entry
+        At least one.
+    """
     columns = columns_of(entries)
     names = [entry.result.method.label for entry in entries]
     widths = [max(map(len, [*column.title.split(), *map(shown, column.values)])) for column in columns]
@@ -110,13 +154,19 @@ def print_comparison(entries: Sequence[Entry]) -> None:
         cells = (Text(shown(column.values[row]), style="bold" if column.is_best(row) else "") for column in columns)
         table.add_row(Text(name), *cells)
     needed = longest + sum(widths) + 2 * len(columns)
-    console = Console(width=max(Console().width, needed), highlight=False)  # rather over the edge than cut short
+    console = Console(width=max(Console().width, needed), highlight=False)  # wider than the terminal rather than cut
     console.print(table)
     console.print(UNITS, style="dim")
 
 
 def print_paragraphs(paragraphs: Sequence[tuple[str, str]]) -> None:
-    """Print texts, indented, each under its title; an empty line parts a text."""
+    """Print texts, each indented below its title.
+
+    Parameters
+    ----------
+    paragraphs : sequence of (title, text)
+        Empty lines separate the paragraphs of a text.
+    """
     console = Console(markup=False, emoji=False, highlight=False)
     for title, text in paragraphs:
         console.print(title, style="bold")
@@ -125,7 +175,15 @@ def print_paragraphs(paragraphs: Sequence[tuple[str, str]]) -> None:
 
 
 def print_table(title: str, rows: Mapping[str, str]) -> None:
-    """Print names and values under a title."""
+    """Print names and values below a title.
+
+    Parameters
+    ----------
+    title : str
+        The first line.
+    rows : mapping of str to str
+        Values by name.
+    """
     console = Console(markup=False, emoji=False, highlight=False, soft_wrap=True)
     console.print(title, style="bold")
     width = max(map(len, rows))

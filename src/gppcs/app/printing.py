@@ -1,4 +1,4 @@
-"""What all commands print: results as tables or as JSON on stdout, what went wrong as one line on stderr."""
+"""Output and options that all commands share: JSON and tables on stdout, an error as one line on stderr."""
 
 from __future__ import annotations
 
@@ -13,16 +13,25 @@ from gppcs.errors import GppcsError, InputError, OutputError
 from gppcs.evaluation.report import Report
 
 BAD_INPUT = 2
-FAILURES = (GppcsError, OSError, MemoryError)  # told in one line
+FAILURES = (GppcsError, OSError, MemoryError)  # printed as one line, without a traceback
 
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object a line, for machines.")]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite files that exist; never an input.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON, one object per line.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files, but never an input.")]
 
-Invalid = Annotated[Literal["error", "drop"], typer.Option(help="What to do with NaN and infinite coordinates.")]
+Invalid = Annotated[
+    Literal["error", "drop"],
+    typer.Option(help="For NaN and infinite coordinates: stop with an error, or drop these points."),
+]
 
 
 def print_json(record: dict[str, Any]) -> None:
-    """Print one line of strict JSON; what is not a number becomes null."""
+    """Print a record as one line of strict JSON.
+
+    Parameters
+    ----------
+    record : dict
+        Values that JSON can store. NaN and infinity become null.
+    """
 
     def strict(value: Any) -> Any:
         if isinstance(value, dict):
@@ -37,7 +46,18 @@ def print_json(record: dict[str, Any]) -> None:
 
 
 def figure_rows(report: Report) -> dict[str, str]:
-    """Return the figures as rows of a table with their units, lengths in diagonals of the original as well."""
+    """Return the figures of a report as rows of a table, with units.
+
+    Parameters
+    ----------
+    report : Report
+        The figures.
+
+    Returns
+    -------
+    dict of str to str
+        Formatted values by name. Lengths are also given in diagonals of the original.
+    """
     raw, relative = report.figures(), report.figures(relative=True)
     rows = {}
     for name, value in raw.items():
@@ -56,13 +76,32 @@ def figure_rows(report: Report) -> dict[str, str]:
 
 
 def refuse_input(target: Path, source: Path) -> None:
-    """Raise an OutputError if the file to write is the one to read."""
+    """Raise an error if the file to write is the file to read.
+
+    Parameters
+    ----------
+    target, source : path
+        The file to write and the file to read.
+
+    Raises
+    ------
+    OutputError
+        If both are the same file, also by a link.
+    """
     if target.exists() and source.exists() and target.samefile(source):
         raise OutputError(f"{target}: expected a file other than the input, found the same; choose another name")
 
 
 def tell(error: BaseException, source: Path | None = None) -> None:
-    """Print what went wrong; errors about a cloud do not know which file it came from."""
+    """Print an error as one line on stderr.
+
+    Parameters
+    ----------
+    error : BaseException
+        One of `FAILURES`.
+    source : path, optional
+        The input. It is added to errors about a cloud, which do not name the file.
+    """
     if isinstance(error, InputError) and source:
         print_error(f"{source}: {error}")
     elif isinstance(error, OSError) and error.filename:
@@ -72,5 +111,11 @@ def tell(error: BaseException, source: Path | None = None) -> None:
 
 
 def print_error(message: str) -> None:
-    """Print a line on stderr."""
+    """Print a message as one line on stderr.
+
+    Parameters
+    ----------
+    message : str
+        Line breaks become spaces.
+    """
     typer.echo(f"gppcs: {' '.join(message.split())}", err=True)

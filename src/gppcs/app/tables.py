@@ -1,4 +1,4 @@
-"""A comparison as a table: for the terminal and Markdown with a choice of columns, as CSV with all there is."""
+"""Tables of a comparison: a selection of columns for terminal and Markdown, and CSV with all figures."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 FIGURES = {**figures_of(Report), **figures_of(Rebuilt)}
 FACTORS = {"length": 1e4, "squared length": 1e6}
-UNITS = "Lengths in 1e-4 diagonals of the original's box, Chamfer in 1e-6 squared diagonals, angles in degrees"
+UNITS = "Lengths in 1e-4 diagonals of the original's bounding box, Chamfer in 1e-6 squared diagonals, angles in degrees"
 SHOWN = (
     "hausdorff_mean", "hausdorff_max", "carried_hausdorff_mean", "carried_hausdorff_max", "stray_share",
     "surface_mean", "surface_max", "feature_error", "feature_recall", "normal_deviation", "mean_surface_variation",
@@ -26,16 +26,16 @@ SHOWN = (
 
 @dataclass(frozen=True)
 class Column:
-    """A figure of each method.
+    """One column of a table: a figure of each method.
 
     Attributes
     ----------
     title : str
-        Name of the figure, whose unit `UNITS` says.
-    values : tuple of float or None
-        None where a method lacks the figure.
-    better : str, optional
-        Whether "less" or "more" is better.
+        The name of the figure.
+    values : tuple of (float or None)
+        The value of each method, in the unit that `UNITS` gives; None if a method has no such value.
+    better : "less", "more" or None
+        Which values are better; None if neither are.
     """
 
     title: str
@@ -43,7 +43,18 @@ class Column:
     better: Literal["less", "more"] | None
 
     def is_best(self, row: int) -> bool:
-        """Tell whether a row has the best value, where one is better than others."""
+        """Return whether a row has the best value.
+
+        Parameters
+        ----------
+        row : int
+            Index of the method.
+
+        Returns
+        -------
+        bool
+            False for all rows if all known values are equal or neither are better.
+        """
         known = [value for value in self.values if value is not None]
         if self.better is None or len(set(known)) < 2:
             return False
@@ -51,7 +62,18 @@ class Column:
 
 
 def columns_of(entries: Sequence[Entry]) -> list[Column]:
-    """Return the columns that people look at, lengths in parts of the diagonal, without those that no method has."""
+    """Return the columns for terminal and Markdown.
+
+    Parameters
+    ----------
+    entries : sequence of Entry
+        One for each method.
+
+    Returns
+    -------
+    list of Column
+        Lengths are in the units of `UNITS`. Figures that no method has are left out.
+    """
     columns = [
         Column("points", tuple(entry.report.points_out for entry in entries), None),
         Column("seconds", tuple(entry.seconds for entry in entries), "less"),
@@ -67,7 +89,17 @@ def columns_of(entries: Sequence[Entry]) -> list[Column]:
 
 
 def shown(value: float | None) -> str:
-    """Return three digits of a number, whole ones in full, a hyphen for none."""
+    """Return a number with three significant digits.
+
+    Parameters
+    ----------
+    value : float, int or None
+        An int is shown in full, and None as a hyphen.
+
+    Returns
+    -------
+    str
+    """
     if value is None:
         return "-"
     if isinstance(value, int):
@@ -77,7 +109,18 @@ def shown(value: float | None) -> str:
 
 
 def as_markdown(entries: Sequence[Entry]) -> str:
-    """Return a Markdown table, a row for each method, the best of each column in bold."""
+    """Return a comparison as a Markdown table, with a row for each method.
+
+    Parameters
+    ----------
+    entries : sequence of Entry
+        One for each method.
+
+    Returns
+    -------
+    str
+        The best value of each column is bold.
+    """
     columns = columns_of(entries)
     lines = [["method", *(column.title for column in columns)], ["---"] * (len(columns) + 1)]
     for row, entry in enumerate(entries):
@@ -90,9 +133,18 @@ def as_markdown(entries: Sequence[Entry]) -> str:
 
 
 def as_csv(entries: Sequence[Entry]) -> str:
-    """Return as CSV each method with its parameters, all figures, raw and, of lengths, relative, and its failure.
+    """Return a comparison as CSV, with a row for each method.
 
-    Parameters are written as `gppcs simplify --set` takes them, with spaces between.
+    Parameters
+    ----------
+    entries : sequence of Entry
+        One for each method.
+
+    Returns
+    -------
+    str
+        Method, parameters (in the form of `gppcs simplify --set`, separated by spaces), all figures, lengths also
+        relative to the diagonal, and why a surface could not be rebuilt.
     """
     rows = []
     for entry in entries:

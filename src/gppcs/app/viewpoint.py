@@ -1,4 +1,4 @@
-"""The options that say from where pictures are drawn."""
+"""The options `--view` and `--up`, which set the viewpoint of pictures."""
 
 from __future__ import annotations
 
@@ -15,23 +15,42 @@ View = Annotated[
     str | None,
     typer.Option(
         metavar="AZIMUTH,ELEVATION",
-        help="From where the picture looks, in degrees: at 0,0 level, with x to the right (y with --up x or -x); "
-        "a larger azimuth goes to the right around the cloud, a larger elevation up. Guessed where not given.",
+        help="Direction of the view, in degrees. At 0,0 it is horizontal with x to the right (y with --up x or -x). "
+        "A larger azimuth moves the viewer to the right around the cloud, a larger elevation up. Guessed by default.",
     ),
 ]
 Up = Annotated[
     Literal["x", "y", "z", "-x", "-y", "-z"] | None,
-    typer.Option(help="The axis that points upwards in the picture. Guessed where not given."),
+    typer.Option(help="The axis that points up in the picture. Guessed by default."),
 ]
 
 
 def viewpoint_of(view: str | None, up: str | None, picture: bool) -> Viewpoint:
-    """Return the viewpoint that the options say; they say nothing where there is no picture."""
+    """Return the viewpoint that the options set.
+
+    Parameters
+    ----------
+    view : str or None
+        Azimuth and elevation in degrees, separated by a comma; None to guess.
+    up : str or None
+        The axis that points up; None to guess.
+    picture : bool
+        Whether a picture is drawn. If not, both options must be None.
+
+    Returns
+    -------
+    Viewpoint
+
+    Raises
+    ------
+    ParameterError
+        If `view` is malformed or out of range, or an option is given without a picture.
+    """
     from gppcs.drawing.camera import Viewpoint
 
     if not picture and (view or up):
         raise ParameterError(
-            "expected a picture to turn with --view and --up, found none; ask for one or leave them out"
+            "expected a picture to turn with --view and --up, found none; request a picture or omit these options"
         )
     if view is None:
         return Viewpoint(up)

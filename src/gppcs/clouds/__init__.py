@@ -1,1 +1,1 @@
-"""Clouds and meshes as data, and where they come from other than files."""
+"""Point clouds and meshes as data, their summary, and clouds from depth images."""

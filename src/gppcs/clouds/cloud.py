@@ -1,4 +1,4 @@
-"""The cloud itself: points and whatever else each of them carries."""
+"""The class `PointCloud`: points and their attributes."""
 
 from __future__ import annotations
 
@@ -10,27 +10,38 @@ from numpy.typing import ArrayLike, NDArray
 
 from gppcs.errors import InputError
 
-NORMALS = ("nx", "ny", "nz")  # the attributes that hold the coordinates of a normal
+NORMALS = ("nx", "ny", "nz")  # attributes that hold the components of a point's normal
 
 
 @dataclass(frozen=True)
 class PointCloud:
-    """N points with attributes.
+    """N points, each with the same attributes.
 
     Parameters
     ----------
     points : (N, 3) array, float64
-        Coordinates, in the unit of the file.
-    attributes : mapping of name to (N, ...) array
-        Everything else a point carries (colour, intensity, label, normal), each with its own type, in file order.
+        Coordinates, in any unit. They may be NaN or infinite.
+    attributes : mapping of str to (N, ...) array
+        Other values of each point by name, such as colour, intensity, label or normal. Each array keeps its own type.
     coordinate_dtype : numpy dtype
-        The type that the coordinates had where they came from; writers use it again, so that a point that was
-        kept comes back bit for bit.
+        The type of the coordinates in the source of the cloud. Files are written in this type, so a kept point has
+        the same bits in the output as in the input.
 
     Raises
     ------
     InputError
-        If the shapes do not fit.
+        If `points` is not a numeric (N, 3) array, or an attribute does not have N rows.
+
+    Examples
+    --------
+    >>> cloud = gppcs.PointCloud([[0, 0, 0], [1, 0, 0]], {"intensity": [7, 9]})
+    >>> cloud
+    PointCloud(2 points, each with intensity)
+    >>> cloud.points
+    array([[0., 0., 0.],
+           [1., 0., 0.]])
+    >>> cloud.take([1]).attributes["intensity"]
+    array([9])
     """
 
     points: NDArray[np.float64]
@@ -55,7 +66,23 @@ class PointCloud:
 
     @classmethod
     def of(cls, cloud: PointCloud | ArrayLike) -> PointCloud:
-        """Take a cloud as it is, or make one of an (N, 3) array-like."""
+        """Return a cloud unchanged, or make one of an array.
+
+        Parameters
+        ----------
+        cloud : PointCloud or (N, 3) array-like
+            A cloud, or coordinates.
+
+        Returns
+        -------
+        PointCloud
+            For an array of floating-point numbers, `coordinate_dtype` is the array's type; otherwise float64.
+
+        Raises
+        ------
+        InputError
+            If the array is not a numeric (N, 3) array.
+        """
         if isinstance(cloud, PointCloud):
             return cloud
         try:
@@ -73,7 +100,18 @@ class PointCloud:
         return len(self.points)
 
     def take(self, indices: NDArray[np.int64]) -> PointCloud:
-        """Return the points of the given indices, in their order, with every attribute."""
+        """Return the points with the given indices, in that order, with all attributes.
+
+        Parameters
+        ----------
+        indices : (M,) array, int64
+            Rows of the cloud.
+
+        Returns
+        -------
+        PointCloud
+            A copy of M points.
+        """
         return PointCloud(
             self.points[indices],
             {name: values[indices] for name, values in self.attributes.items()},
@@ -81,26 +119,59 @@ class PointCloud:
         )
 
     def non_finite(self) -> NDArray[np.int64]:
-        """Return the indices of points with a coordinate that is NaN or infinite."""
+        """Return the indices of the points that have a NaN or infinite coordinate.
+
+        Returns
+        -------
+        (K,) array, int64
+            Ascending.
+        """
         return np.flatnonzero(~np.isfinite(self.points).all(axis=1))
 
     def finite_rows(self) -> NDArray[np.int64]:
-        """Return the indices of the other points."""
+        """Return the indices of the points whose coordinates are all finite.
+
+        Returns
+        -------
+        (N - K,) array, int64
+            Ascending.
+        """
         return np.delete(np.arange(len(self)), self.non_finite())
 
     def normals(self) -> NDArray[np.float64] | None:
-        """Return the normals that the points carry as nx, ny, nz, (N, 3), or None if they carry none."""
+        """Return the normals in the attributes `nx`, `ny` and `nz`.
+
+        Returns
+        -------
+        (N, 3) array, float64, or None
+            None if one of the three attributes is missing.
+        """
         if not set(NORMALS) <= set(self.attributes):
             return None
         return np.stack([self.attributes[name] for name in NORMALS], axis=1).astype(np.float64)
 
     def usable(self, name: str) -> NDArray[np.float64]:
-        """Return the points; raise an InputError that calls the cloud `name` if there are none or not all finite."""
+        """Return the coordinates if there is at least one point and all coordinates are finite.
+
+        Parameters
+        ----------
+        name : str
+            What the error message calls the cloud.
+
+        Returns
+        -------
+        (N, 3) array, float64
+
+        Raises
+        ------
+        InputError
+            If the cloud is empty, or a coordinate is NaN or infinite.
+        """
         if len(self) == 0:
             raise InputError(f"the {name} is empty: expected at least one point")
         if len(bad := self.non_finite()):
             raise InputError(
-                f"the {name} has {len(bad)} points with coordinates that are NaN or infinite, the first at index "
-                f"{bad[0]}: drop them first"
+                f"expected finite coordinates in the {name}, found {len(bad)} points with NaN or infinite ones, the "
+                f"first at index {bad[0]}: drop them first"
             )
         return self.points

@@ -1,4 +1,4 @@
-"""From the image of a depth camera to a cloud, by the pinhole model."""
+"""Makes a cloud of the image of a depth camera, by the pinhole model."""
 
 from __future__ import annotations
 
@@ -23,66 +23,72 @@ def from_depth(
     nearest: float = 0.0,
     farthest: float = math.inf,
 ) -> PointCloud:
-    """Return the cloud that a depth camera saw: one point for each pixel with a measurement.
+    """Make a cloud of a depth image: one point for each pixel with a measurement.
 
-    The pixel in column u and row v, whose depth times `scale` is z, becomes the point (x, y, z) with
-    (u, v, 1) z = K (x, y, z), where K is the camera's matrix (Hartley and Zisserman, Multiple View Geometry,
-    section 6.1). Lens distortion is not modelled: undistort both images first where it matters.
+    The pixel in column u and row v with depth z (after `scale`) becomes the point (x, y, z) that satisfies
+    z (u, v, 1) = K (x, y, z). K is the camera matrix (Hartley and Zisserman, Multiple View Geometry, section 6.1).
+    Lens distortion is not modelled. If it matters, undistort both images first.
 
     Parameters
     ----------
     depth : (H, W) array-like of real numbers
-        Distance from the plane of the camera along its axis, not along the ray. Zero, negative, infinite and NaN
-        mean that nothing was measured; those pixels are left out.
+        Distance of each pixel from the camera plane, measured along the camera axis and not along the ray. Zero,
+        negative, infinite and NaN values and masked pixels mean "not measured"; these pixels give no point.
     intrinsics : (3, 3) array-like, or (fx, fy, cx, cy)
-        K = [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in pixels, for images whose upper left pixel has its centre at
+        Camera matrix K = [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in pixels. The centre of the upper left pixel is at
         (0, 0).
     colour : (H, W, 3) array-like of uint8, optional
-        Red, green and blue of the same pixels: an image from a second camera must be registered to the depth
-        image first.
+        Red, green and blue of the same pixels. If it comes from another camera, register it to the depth image first.
     scale : float
-        The unit of `depth` in the unit that the cloud is to have, such as 0.001 for millimetres to metres.
+        Factor from the unit of `depth` to the unit of the cloud, such as 0.001 from millimetres to metres.
     nearest, farthest : float
-        Depths outside this range, in the cloud's unit, are left out too; `farthest` takes away what stands for
-        "beyond reach", such as 65535 in images of 16 bits.
+        Range of valid depths in the unit of the cloud. Pixels outside it give no point. Use `farthest` to remove a
+        value that means "too far", such as 65535 in 16-bit images.
 
     Returns
     -------
     PointCloud
-        Points in the order of the pixels, row by row, with x to the right, y down and z away from the camera;
-        attributes `red`, `green` and `blue` (uint8) where `colour` is given. Coordinates are exact in float32,
-        which holds depths of 16 bits, or in float64 where the type of `depth` needs it.
+        Points in the order of the pixels, row by row. The x axis points right, y down and z away from the camera. With
+        `colour`, the points have the attributes `red`, `green` and `blue` (uint8). Coordinates are rounded to float32,
+        or to float64 if the type of `depth` needs it (such as float64 or int32).
 
     Raises
     ------
     InputError
-        If an image has the wrong shape or type, or no pixel has a measurement in the range.
+        If an image has the wrong shape or type, no pixel has a valid depth, or coordinates overflow.
     ParameterError
-        If the matrix is not that of a pinhole camera, the scale is not above 0, or the range holds nothing.
+        If `intrinsics` is not the matrix of a pinhole camera, `scale` is not finite and above 0, or `nearest` is above
+        `farthest`.
 
     Examples
     --------
-    Images are read by whatever you have, as long as it leaves their numbers alone:
+    >>> depth = [[0, 1500, 1510], [1490, 1505, 1520]]  # in millimetres; 0 means not measured
+    >>> cloud = gppcs.from_depth(depth, intrinsics=(525, 525, 1.0, 0.5), scale=0.001)
+    >>> len(cloud)
+    5
 
-    >>> from imageio.v3 import imread
-    >>> depth, colour = imread("depth.png"), imread("colour.png")[..., :3]
-    >>> cloud = gppcs.from_depth(depth, (525, 525, 319.5, 239.5), colour, scale=0.001)
+    Read images with any package that keeps their values. imageio does::
 
-    OpenCV needs a flag to keep 16 bits, and its colours are blue, green and red:
+        from imageio.v3 import imread
+        depth, colour = imread("depth.png"), imread("colour.png")[..., :3]
 
-    >>> depth = cv2.imread("depth.png", cv2.IMREAD_UNCHANGED)
-    >>> colour = cv2.imread("colour.png")[..., ::-1]
+    OpenCV needs a flag to keep 16 bits, and its colours are blue, green, red::
 
-    Matplotlib makes 0 to 1 of all that a PNG file can hold:
+        depth = cv2.imread("depth.png", cv2.IMREAD_UNCHANGED)
+        colour = cv2.imread("colour.png")[..., ::-1]
 
-    >>> depth = matplotlib.image.imread("depth.png") * 65535
-    >>> colour = (matplotlib.image.imread("colour.png")[..., :3] * 255).round().astype("uint8")
+    Matplotlib scales the values of PNG files to 0..1::
+
+        depth = matplotlib.image.imread("depth.png") * 65535
+        colour = (matplotlib.image.imread("colour.png")[..., :3] * 255).round().astype("uint8")
     """
     image = _depth_image(depth)
     focal, skew, centre = _pinhole(intrinsics)
     painted = None if colour is None else _colour_image(colour, image.shape)
     if not 0.0 < scale < math.inf:
-        raise ParameterError(f"expected a finite scale above 0, found {scale}; 0.001 makes metres of millimetres")
+        raise ParameterError(
+            f"expected a finite scale above 0, found {scale}; use 0.001 to convert millimetres to metres"
+        )
     if not nearest <= farthest:
         raise ParameterError(f"expected nearest to be at most farthest, found {nearest} and {farthest}; swap them")
 
@@ -96,11 +102,11 @@ def from_depth(
     y = (rows - centre[1]) / focal[1]
     x = (columns - centre[0] - skew * y) / focal[0]
     kept = np.dtype(np.float32 if np.result_type(image.dtype, np.float32) == np.float32 else np.float64)
-    with np.errstate(over="ignore"):  # told below
+    with np.errstate(over="ignore"):  # an error below reports overflow
         points = (z[rows, columns, None] * np.column_stack([x, y, np.ones(len(rows))])).astype(kept)
     if not np.isfinite(points).all():
         raise InputError(
-            f"expected coordinates that {kept} holds, found some that overflow; check scale and intrinsics"
+            f"expected coordinates within the range of {kept}, found some that overflow; check scale and intrinsics"
         )
     attributes = {}
     if painted is not None:
@@ -109,8 +115,9 @@ def from_depth(
 
 
 def _depth_image(depth: ArrayLike) -> NDArray[Any]:
+    """Return the depth image as an array, (H, W), with 0 for masked pixels."""
     try:
-        image: NDArray[Any] = np.ma.filled(np.ma.asarray(depth), 0)  # what is masked was not measured
+        image: NDArray[Any] = np.ma.filled(np.ma.asarray(depth), 0)
     except ValueError as error:
         raise InputError("expected a depth image of shape (H, W), found rows of different lengths") from error
     if image.ndim != 2:
@@ -121,6 +128,7 @@ def _depth_image(depth: ArrayLike) -> NDArray[Any]:
 
 
 def _colour_image(colour: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.uint8]:
+    """Return the colour image as an array, (H, W, 3), for a depth image of the given shape."""
     image = np.asarray(colour)
     if image.shape != (*shape, 3):
         raise InputError(
@@ -133,11 +141,11 @@ def _colour_image(colour: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.uint8
 
 
 def _pinhole(intrinsics: ArrayLike) -> tuple[Array, float, Array]:
-    """Return focal lengths, skew and centre, all in pixels."""
+    """Return focal lengths (2,), skew and principal point (2,), all in pixels."""
     try:
         given = np.asarray(intrinsics, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise ParameterError("expected numbers as intrinsics: a 3 x 3 matrix or (fx, fy, cx, cy)") from error
+        raise ParameterError("expected numbers as intrinsics: (fx, fy, cx, cy) or a 3 x 3 matrix") from error
     if given.shape == (4,):
         given = np.array([[given[0], 0.0, given[2]], [0.0, given[1], given[3]], [0.0, 0.0, 1.0]])
     if given.shape != (3, 3):

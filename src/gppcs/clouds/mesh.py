@@ -1,4 +1,4 @@
-"""A triangle mesh, to judge a simplification by."""
+"""The class `Mesh`: triangles between vertices, used to judge a simplification."""
 
 from __future__ import annotations
 
@@ -18,14 +18,23 @@ class Mesh:
     Parameters
     ----------
     vertices : (V, 3) array, float64
-        Coordinates, in the unit of the file.
+        Finite coordinates, in any unit.
     faces : (F, 3) array, int64
-        The three vertices of each triangle, counter-clockwise as seen from outside.
+        Indices of the three vertices of each triangle, counter-clockwise as seen from outside.
 
     Raises
     ------
     InputError
-        If there are no triangles, or what is given is not a mesh.
+        If the arrays have other shapes or types, there is no triangle, an index is out of range, or a coordinate is
+        not finite.
+
+    Examples
+    --------
+    >>> mesh = gppcs.Mesh([[0, 0, 0], [2, 0, 0], [0, 2, 0]], [[0, 1, 2]])
+    >>> mesh.face_areas()
+    array([2.])
+    >>> mesh.count_pieces()
+    1
     """
 
     vertices: NDArray[np.float64]
@@ -41,30 +50,66 @@ class Mesh:
             raise InputError(f"expected a mesh with triangles, found {len(vertices)} points and no triangle")
         if not np.issubdtype(faces.dtype, np.integer):
             raise InputError(
-                f"expected whole numbers as faces, the indices of vertices, found an array of {faces.dtype}"
+                f"expected whole numbers as faces (the indices of vertices), found an array of {faces.dtype}"
             )
         if faces.min() < 0 or faces.max() >= len(vertices):
-            raise InputError(f"expected faces of vertices 0 to {len(vertices) - 1}, found {faces.min()}, {faces.max()}")
+            raise InputError(
+                f"expected indices of vertices 0 to {len(vertices) - 1} in faces, found {faces.min()} to {faces.max()}"
+            )
         if not np.isfinite(vertices).all():
             raise InputError("expected finite coordinates of the mesh's vertices, found NaN or infinite ones")
         object.__setattr__(self, "vertices", np.ascontiguousarray(vertices, dtype=np.float64))
         object.__setattr__(self, "faces", np.ascontiguousarray(faces, dtype=np.int64))
 
     def shifted(self, offset: NDArray[np.float64]) -> Mesh:
-        """Return the mesh elsewhere, moved by an offset, (3,)."""
+        """Return the mesh moved by an offset.
+
+        Parameters
+        ----------
+        offset : (3,) array, float64
+            Added to each vertex.
+
+        Returns
+        -------
+        Mesh
+            A copy with the same faces.
+        """
         return Mesh(self.vertices + offset, self.faces)
 
     def face_areas(self) -> NDArray[np.float64]:
-        """Return the area of each triangle, (F,)."""
+        """Return the area of each triangle.
+
+        Returns
+        -------
+        (F,) array, float64
+            In squared units of the coordinates.
+        """
         return np.linalg.norm(self._cross_products(), axis=1) / 2
 
     def require_area(self, name: str) -> None:
-        """Raise an InputError that calls the mesh `name` if none of its triangles has an area."""
+        """Raise an error if no triangle has an area above zero.
+
+        Parameters
+        ----------
+        name : str
+            What the error message calls the mesh.
+
+        Raises
+        ------
+        InputError
+            If the area of each triangle is zero.
+        """
         if not self.face_areas().any():
             raise InputError(f"the {name} has no area: expected triangles whose corners do not lie on a line")
 
     def vertex_normals(self) -> NDArray[np.float64]:
-        """Return the sum of the normals of the triangles at each vertex, weighted by their areas, (V, 3)."""
+        """Return the normal of each vertex: the area-weighted sum of the normals of its triangles.
+
+        Returns
+        -------
+        (V, 3) array, float64
+            Not of unit length; zero for a vertex without triangles.
+        """
         products = self._cross_products()
         return np.stack(
             [
@@ -75,7 +120,13 @@ class Mesh:
         )  # fmt: skip
 
     def count_pieces(self) -> int:
-        """Return the number of connected pieces that the triangles make."""
+        """Return the number of connected pieces of the mesh.
+
+        Returns
+        -------
+        int
+            Triangles that share a vertex are connected. Vertices without triangles do not count.
+        """
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
 
@@ -91,7 +142,7 @@ class Mesh:
 
 
 def _table(rows: ArrayLike, name: str) -> NDArray[Any]:
-    """Return an array of numbers."""
+    """Return rows as an array; raise an InputError unless they are real numbers."""
     try:
         table = np.asarray(rows)
     except ValueError as error:

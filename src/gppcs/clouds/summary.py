@@ -1,4 +1,4 @@
-"""What a cloud is like, before anything is done to it."""
+"""The summary of a cloud: size, spacing, attributes, repeats and invalid points."""
 
 from __future__ import annotations
 
@@ -13,26 +13,35 @@ from gppcs.clouds.cloud import PointCloud
 
 @dataclass(frozen=True)
 class Summary:
-    """The facts of a cloud; lengths in the unit of its coordinates, over the points that are finite.
+    """Facts about a cloud. Lengths are in the unit of the coordinates and use the finite points only.
 
     Attributes
     ----------
     points : int
-        N.
+        The number of points, N.
     low, high : tuple of three float
-        Corners of the bounding box; NaN where no point is finite.
+        Corners of the bounding box; NaN if no point is finite.
     diagonal : float
-        Of the bounding box.
+        Length of the diagonal of the bounding box.
     spacing : float
-        Median distance of a point to the nearest other one; NaN for fewer than two distinct points.
+        Median distance from a point to its nearest neighbour; NaN for fewer than two distinct points.
     repeats : int
-        Points that have exactly the coordinates of an earlier one.
+        The number of points that have exactly the coordinates of an earlier point.
     non_finite : int
-        Points with a coordinate that is NaN or infinite.
+        The number of points with a NaN or infinite coordinate.
     coordinate_type : str
-        The type of the coordinates where they came from.
-    attributes : mapping of name to str
-        The type of each attribute, with its shape beyond N where it has one.
+        The type of the coordinates in the source of the cloud, such as "float32".
+    attributes : mapping of str to str
+        The type of each attribute by name. For an attribute with several numbers per point, their number follows, as
+        in "uint8 x 3".
+
+    Examples
+    --------
+    >>> summary = gppcs.info([[0, 0, 0], [3, 0, 0], [3, 4, 0]])
+    >>> isinstance(summary, gppcs.Summary)
+    True
+    >>> summary.diagonal
+    5.0
     """
 
     points: int
@@ -47,7 +56,29 @@ class Summary:
 
 
 def info(cloud: PointCloud | ArrayLike) -> Summary:
-    """Return the facts of a cloud; it may be empty or hold coordinates that are not finite."""
+    """Return the size, spacing, attributes, repeats and invalid points of a cloud.
+
+    Parameters
+    ----------
+    cloud : PointCloud or (N, 3) array-like
+        It may be empty, and coordinates may be NaN or infinite.
+
+    Returns
+    -------
+    Summary
+        Lengths in the unit of the coordinates.
+
+    Raises
+    ------
+    InputError
+        If `cloud` is not a numeric (N, 3) array.
+
+    Examples
+    --------
+    >>> summary = gppcs.info([[0, 0, 0], [0, 0, 0], [3, 0, 0], [3, 4, 0]])
+    >>> summary.points, summary.repeats, summary.spacing
+    (4, 1, 3.0)
+    """
     from gppcs.spatial.cells import first_occurrences
     from gppcs.spatial.kdtree import KdTree
     from gppcs.spatial.spacing import spacing

@@ -1,4 +1,4 @@
-"""Which parts of a picture deserve a closer look."""
+"""Selects the parts of a picture that close-ups show."""
 
 from __future__ import annotations
 
@@ -11,32 +11,37 @@ from gppcs.drawing.camera import Square
 
 Array = NDArray[np.float64]
 
-APART = 1.5  # least distance between two squares' corners along one axis, in sides
-FEATURELESS = 1e-3  # of the best square's sum: what has less is no feature
+MIN_SEPARATION = 1.5  # least distance between the corners of two squares along one axis, in edge lengths
+MIN_SHARE = 1e-3  # a square below this share of the largest sum shows no feature
 
 
 def feature_squares(variation: Array, side: int, count: int) -> list[Square]:
-    """Return the squares of a picture in which the mean of a quantity is largest, well apart from each other.
+    """Return the squares of a picture in which the mean of a quantity is largest, at a distance from each other.
 
     Parameters
     ----------
-    variation : (height, width) array
-        Non-negative; 0 where there is nothing.
+    variation : (height, width) array, float64
+        The quantity in each pixel, not negative; 0 for pixels without a value.
     side : int
-        Of the squares, in pixels; at most the height and the width.
+        Edge length of the squares in pixels, at most the height and the width.
     count : int
-        How many squares are wanted. There are fewer where nothing else is left.
+        The number of squares wanted.
+
+    Returns
+    -------
+    list of Square
+        At most `count`, largest mean first; fewer if no other part shows features.
     """
-    # The sum over a square from sums over all that lies above and to the left of its corners.
+    # The sum over a square, from cumulative sums at its corners.
     corner = np.pad(variation.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
     sums = corner[side:, side:] - corner[:-side, side:] - corner[side:, :-side] + corner[:-side, :-side]
     squares: list[Square] = []
-    least = FEATURELESS * sums.max()
+    least = MIN_SHARE * sums.max()
     while len(squares) < count:
         row, column = np.unravel_index(sums.argmax(), sums.shape)
         if sums[row, column] <= least:
             break
         squares.append(Square(int(column), int(row), side))
-        near = math.ceil(APART * side)
+        near = math.ceil(MIN_SEPARATION * side)
         sums[max(row - near, 0) : row + near, max(column - near, 0) : column + near] = 0.0
     return squares

@@ -1,4 +1,4 @@
-"""Clouds as pictures: the original as a closed surface, others as single points on the side that one sees."""
+"""Draws clouds: the original as a closed surface, others as single points on the visible side."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from gppcs.surface.surface_variation import estimate_features
 
 Array = NDArray[np.float64]
 
-LIGHT = np.array([-0.35, 0.45, 0.82])  # to the right, up, towards the viewer: over the left shoulder
-AMBIENT, DIFFUSE = 0.52, 0.63
-STEEPEST = 0.1  # least share of a normal that points to the viewer: discs do not tilt more
+LIGHT = np.array([-0.35, 0.45, 0.82])  # direction to the light (right, up, to the viewer): from the upper left
+AMBIENT, DIFFUSE = 0.52, 0.63  # brightness without light, and what light from the front adds
+MIN_FACING = 0.1  # discs do not tilt further than to this component of the normal towards the viewer
 MAX_SURFACE_RADIUS = 28  # supersampled pixels; more in close-ups
 MIN_POINT_RADIUS = 2.4  # supersampled pixels
-GHOST = 0.35
-NEIGHBOURS = 12
-BLOCK = 1 << 18  # pixels of discs drawn at once
+GHOST_OPACITY = 0.35  # opacity of the original behind single points
+NORMAL_NEIGHBOURS = 12  # points that a normal is estimated from
+BLOCK = 1 << 18  # pixels of discs drawn at once, to bound the memory
 
 
 @dataclass(frozen=True)
@@ -36,14 +36,14 @@ class ColouredCloud:
     points : (N, 3) array
         Finite coordinates, N >= 1.
     values : (N,) array
-        What the colour shows, such as surface variation; NaN is drawn grey.
+        The quantity that the colour shows, such as surface variation. NaN is drawn grey.
     normals : (N, 3) array, optional
-        Unit normals of either sign, for the shading. Without them they are estimated from the original.
+        Unit normals of either sign, for the shading. By default, they are estimated from the original.
 
     Raises
     ------
     InputError
-        If the shapes do not fit, or a coordinate is not finite.
+        If the shapes are others, or a coordinate is not finite.
     """
 
     points: Array
@@ -56,7 +56,7 @@ class ColouredCloud:
         if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
             raise InputError(f"expected points of shape (N, 3) with N >= 1 to draw, found {points.shape}")
         if not np.isfinite(points).all():
-            raise InputError("expected finite coordinates to draw, found NaN or infinity; leave those points out")
+            raise InputError("expected finite coordinates to draw, found NaN or infinity; drop those points")
         if values.shape != (len(points),):
             raise InputError(f"expected one value for each of {len(points)} points, found shape {values.shape}")
         object.__setattr__(self, "points", points)
@@ -69,7 +69,18 @@ class ColouredCloud:
 
     @classmethod
     def by_surface_variation(cls, points: Array) -> ColouredCloud:
-        """Return a cloud, (N, 3), coloured by its surface variation; repeats of a point count once."""
+        """Return a cloud coloured by its own surface variation.
+
+        Parameters
+        ----------
+        points : (N, 3) array, float64
+            Finite coordinates. Points that repeat another exactly count once.
+
+        Returns
+        -------
+        ColouredCloud
+            With normals.
+        """
         local = points - points.min(axis=0)
         distinct = local[first_occurrences(local)]
         tree = KdTree.build(distinct)
@@ -79,7 +90,13 @@ class ColouredCloud:
 
 
 class Original:
-    """The original cloud, made ready to be looked at: it lends the others its normals and hides their far side."""
+    """The original cloud with a search tree. Other clouds take their normals from it.
+
+    Parameters
+    ----------
+    cloud : ColouredCloud
+        The original.
+    """
 
     def __init__(self, cloud: ColouredCloud) -> None:
         self.cloud = cloud
@@ -87,27 +104,48 @@ class Original:
         self.spacing = _sixth_neighbour(self.tree, cloud.points)
 
     def normals(self, cloud: ColouredCloud, indices: NDArray[np.int64]) -> Array:
-        """Return normals of some points of a cloud, its own or else those of the original around them."""
+        """Return normals of some points of a cloud.
+
+        Parameters
+        ----------
+        cloud : ColouredCloud
+            Any cloud on the same surface.
+        indices : (K,) array, int64
+            Its points.
+
+        Returns
+        -------
+        (K, 3) array, float64
+            The cloud's own normals if it has some; otherwise estimated from the original around each point.
+        """
         if cloud.normals is None:
             return _estimated_normals(self.tree, cloud.points[indices])
         return cloud.normals[indices]
 
 
 class View:
-    """The original cloud before a camera."""
+    """The original cloud as a camera sees it.
+
+    Parameters
+    ----------
+    original : Original
+        The cloud that is drawn as a closed surface, and hides points of other clouds on its far side.
+    camera : Camera
+        The camera.
+    """
 
     def __init__(self, original: Original, camera: Camera) -> None:
         self.original, self.camera = original, camera
-        # The sixth neighbour lies 1.4 mean spacings away: discs a little larger leave next to no gaps.
+        # The sixth neighbour is 1.4 mean spacings away. Discs a little larger than that leave almost no gaps.
         radii = 1.2 * camera.scale * original.spacing
-        # Strays, which have no near neighbours, must not become large plates.
+        # Outliers have no near neighbours, but must not become large discs.
         largest = np.clip(4.0 * np.median(radii), 1.0, MAX_SURFACE_RADIUS * camera.enlargement)
         radii = np.clip(radii, 1.0, largest)
         place, depth = camera.pixels(original.cloud.points)
         margin = math.ceil(largest)
         inside = np.flatnonzero(((place >= -margin) & (place < np.array(camera.shape) + margin)).all(axis=1))
         place, depth, radii = place[inside], depth[inside], radii[inside]
-        # Small flat discs first, to spare most of the far side the normals; then discs in the surface.
+        # First draw small discs that face the viewer. They remove most of the far side, which then needs no normals.
         nearest, _ = _splat(place, depth, 0.4 * radii, None, camera.shape)
         covering = np.maximum(nearest[camera.clipped(place)], 0)
         front = depth <= depth[covering] + 4.0 * radii[covering]
@@ -119,20 +157,49 @@ class View:
         self.depth[covered] += 1.0 + 0.8 * radii[self.nearest[covered]]
 
     def surface(self, colours: Array) -> Array:
-        """Return the picture of the original, closed, (height, width, 3), given (N, 3) colours, 0 to 1."""
+        """Return the picture of the original as a closed surface.
+
+        Parameters
+        ----------
+        colours : (N, 3) array, float64
+            Red, green and blue of each point, from 0 to 1.
+
+        Returns
+        -------
+        (height, width, 3) array, float64
+            Colours from 0 to 1.
+        """
         return averaged(_lit(self.nearest, colours[self.shown], self.normals, np.ones(3)))
 
     def values(self) -> Array:
-        """Return the original's value in each supersampled pixel, (height, width); 0 where there is none."""
+        """Return the value of the original in each pixel.
+
+        Returns
+        -------
+        (height, width) array, float64
+            For each supersampled pixel; 0 for pixels without a point and for NaN.
+        """
         values = np.nan_to_num(self.original.cloud.values[self.shown])
         seen = np.zeros(self.nearest.shape)
         seen[self.nearest >= 0] = values[self.nearest[self.nearest >= 0]]
         return seen
 
     def points(self, cloud: ColouredCloud, colours: Array, max_radius: float) -> Array:
-        """Return the picture of another cloud: single points before a faint shade of the original.
+        """Return the picture of another cloud: single points in front of a faint grey original.
 
-        Points are drawn as large as their spacing allows, up to a radius in supersampled pixels.
+        Parameters
+        ----------
+        cloud : ColouredCloud
+            M points on the surface of the original. Those on the far side are hidden.
+        colours : (M, 3) array, float64
+            Red, green and blue of each point, from 0 to 1.
+        max_radius : float
+            Largest radius of a point in supersampled pixels. Points are drawn as large as their spacing allows.
+
+        Returns
+        -------
+        (height, width, 3) array, float64
+            Colours from 0 to 1.
         """
         place, depth = self.camera.pixels(cloud.points)
         front = np.flatnonzero(depth <= self.depth[self.camera.clipped(place)])
@@ -140,18 +207,18 @@ class View:
         radii = np.clip(radii, MIN_POINT_RADIUS, max_radius)[front]
         nearest, _ = _splat(place[front], depth[front], radii, None, self.camera.shape)
         grey = np.full((len(self.shown), 3), 0.8)
-        ghost = 1.0 - GHOST * (1.0 - _lit(self.nearest, grey, self.normals, np.ones(3)))
+        ghost = 1.0 - GHOST_OPACITY * (1.0 - _lit(self.nearest, grey, self.normals, np.ones(3)))
         return averaged(_lit(nearest, colours[front], self._facing(cloud, front), ghost))
 
     def _facing(self, cloud: ColouredCloud, indices: NDArray[np.int64]) -> Array:
-        """Return normals in camera axes, turned to the viewer, as is all that one sees."""
+        """Return normals (K, 3) in the axes of the camera, with the sign that points to the viewer."""
         seen = self.original.normals(cloud, indices) @ self.camera.axes.T
         turned: Array = seen * np.where(seen[:, 2:] < 0.0, -1.0, 1.0)
         return turned
 
 
 def _lit(nearest: NDArray[np.int64], colours: Array, normals: Array, background: Array) -> Array:
-    """Return a picture, (height, width, 3), of the points that `nearest` names, lit from the upper left."""
+    """Return the shaded picture (height, width, 3) of the points with the indices `nearest` (height, width)."""
     facing = np.clip(normals @ (LIGHT / np.linalg.norm(LIGHT)), 0.0, 1.0)
     lit = np.clip(colours * (AMBIENT + DIFFUSE * facing)[:, None], 0.0, 1.0)
     image = np.empty((*nearest.shape, 3))
@@ -161,12 +228,12 @@ def _lit(nearest: NDArray[np.int64], colours: Array, normals: Array, background:
 
 
 def _tree(points: Array) -> cKDTree:
-    """Return a tree over the points without repeats, on which its searches would take quadratic time."""
+    """Return a tree over the distinct points (N, 3); repeats would make its searches take quadratic time."""
     return cKDTree(points[first_occurrences(points)], balanced_tree=False, compact_nodes=False)
 
 
 def _sixth_neighbour(tree: cKDTree, points: Array) -> Array:
-    """Return the distance from each point to its sixth neighbour in a tree, or to the last where there are fewer."""
+    """Return the distance (N,) from each point (N, 3) to its sixth neighbour in a tree, or to the last of fewer."""
     distances, _ = tree.query(points, k=[min(7, tree.n)], workers=-1)
     sixth: Array = distances[:, 0]
     return sixth
@@ -175,21 +242,21 @@ def _sixth_neighbour(tree: cKDTree, points: Array) -> Array:
 def _splat(
     place: NDArray[np.int64], depth: Array, radii: Array, normals: Array | None, shape: tuple[int, int]
 ) -> tuple[NDArray[np.int64], Array]:
-    """Draw points as discs that face the viewer or, where normals are given, lie in the surface.
+    """Draw points as discs that face the viewer or, with normals, lie in the surface.
 
     Returns
     -------
-    nearest : (height, width) array
-        Index of the point nearest the viewer in each pixel; -1 where there is none.
-    depth : (height, width) array
-        Depth of the surface there; infinite where there is none.
+    nearest : (height, width) array, int64
+        Index of the point nearest to the viewer in each pixel; -1 for empty pixels.
+    depth : (height, width) array, float64
+        Depth of the disc there; infinite for empty pixels.
     """
     width, height = shape
     empty = np.iinfo(np.int64).max
     buffer = np.full(height * width, empty)
     widest = radii.max(initial=0.0)
     nearest_depth = depth.min(initial=np.inf) - 2.0 * widest
-    # Depth in the upper half and index in the lower half of one integer: the least is the nearest point.
+    # One integer holds the depth in its upper half and the index in its lower half; its minimum is the nearest point.
     step = max(depth.max(initial=-np.inf) - nearest_depth, 1.0) + 4.0 * widest
     sizes = np.round(2.0 * radii).astype(np.int64)
     for size in np.unique(sizes):
@@ -197,7 +264,7 @@ def _splat(
         x, y, z = place[members, 0], place[members, 1], depth[members] - nearest_depth
         slope = np.zeros((len(members), 2))
         if normals is not None:
-            slope = normals[members, :2] * (1.0, -1.0) / np.maximum(normals[members, 2:], STEEPEST)
+            slope = normals[members, :2] * (1.0, -1.0) / np.maximum(normals[members, 2:], MIN_FACING)
         offsets = _disc(size)
         for part in np.array_split(offsets, math.ceil(len(offsets) * len(members) / BLOCK)):
             dx, dy = part.T
@@ -215,15 +282,15 @@ def _splat(
 
 
 def _disc(size: int) -> NDArray[np.int64]:
-    """Return the pixels of a disc around its middle one, (K, 2), given its diameter."""
+    """Return the pixels (K, 2) of a disc relative to its centre, given its diameter."""
     reach = np.arange(-(size // 2), size // 2 + 1)
     offsets = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)
     return offsets[4 * (offsets * offsets).sum(axis=1) <= size * size]
 
 
 def _estimated_normals(tree: cKDTree, points: Array) -> Array:
-    """Return the direction in which the neighbourhood of each point in the reference is thinnest."""
-    _, neighbours = tree.query(points, k=range(1, min(NEIGHBOURS, tree.n) + 1), workers=-1)
+    """Return for each point (K, 3) the direction (K, 3) in which its neighbourhood in the tree is thinnest."""
+    _, neighbours = tree.query(points, k=range(1, min(NORMAL_NEIGHBOURS, tree.n) + 1), workers=-1)
     patches = tree.data[neighbours]
     patches = patches - patches.mean(axis=1, keepdims=True)
     _, directions = np.linalg.eigh(np.einsum("nki,nkj->nij", patches, patches))

@@ -1,4 +1,4 @@
-"""The scale from values to colours, and the bar that shows it."""
+"""Converts values to colours, and draws the colour bar."""
 
 from __future__ import annotations
 
@@ -14,15 +14,23 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-COLOURS, DARKEST = "viridis", 0.22  # without its darkest part, on which no shading is seen
-NO_VALUE = 0.6  # grey
+COLOURS, DARKEST = "viridis", 0.22  # a colour map, from this place on: darker colours would hide the shading
+NO_VALUE = 0.6  # grey level of NaN
 
 
 def colour_scale(clouds: Sequence[Array]) -> ScalarMappable:
-    """Return one scale for the values of several clouds.
+    """Return one colour scale for the values of several clouds.
 
-    It goes from 0, or the least value if that is less, to the largest of the clouds' 98th percentiles; colours
-    follow the square root, since most values are small.
+    Parameters
+    ----------
+    clouds : sequence of (N,) arrays
+        The values of each cloud; NaN and infinite ones are ignored.
+
+    Returns
+    -------
+    matplotlib.cm.ScalarMappable
+        From 0, or the least value if that is negative, to the largest of the clouds' 98th percentiles. Colours follow
+        the square root of the value, since most values are small.
     """
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
@@ -34,14 +42,39 @@ def colour_scale(clouds: Sequence[Array]) -> ScalarMappable:
 
 
 def colours_of(scale: ScalarMappable, values: Array) -> Array:
-    """Return the colours of values, (N, 3), 0 to 1; NaN is grey."""
+    """Return the colours of values.
+
+    Parameters
+    ----------
+    scale : matplotlib.cm.ScalarMappable
+        The colour scale.
+    values : (N,) array, float64
+        Values beyond the ends of the scale get the colours of the ends.
+
+    Returns
+    -------
+    (N, 3) array, float64
+        Red, green and blue, from 0 to 1; grey for NaN.
+    """
     colours: Array = scale.to_rgba(values)[:, :3]
     colours[np.isnan(values)] = NO_VALUE
     return colours
 
 
 def add_bar(figure: Figure, place: tuple[float, float, float, float], scale: ScalarMappable, size: float) -> None:
-    """Add a colour bar to a figure at left, bottom, width, height in shares of it, with writing of a size."""
+    """Add a colour bar for surface variation to a figure.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure.
+    place : (left, bottom, width, height)
+        In shares of the figure's size.
+    scale : matplotlib.cm.ScalarMappable
+        The colour scale.
+    size : float
+        Size of the label in typographic points.
+    """
     from matplotlib.ticker import MaxNLocator
 
     low, high = scale.get_clim()
@@ -54,6 +87,7 @@ def add_bar(figure: Figure, place: tuple[float, float, float, float], scale: Sca
 
 
 def _limits(values: Array) -> tuple[float, float]:
+    """Return the ends of the colour scale for the values (N,) of one cloud."""
     finite = values[np.isfinite(values)]
     if len(finite) == 0:
         return 0.0, 1.0

@@ -1,4 +1,4 @@
-"""Meshes as pictures, by PyVista."""
+"""Draws meshes, by PyVista."""
 
 from __future__ import annotations
 
@@ -16,32 +16,43 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Towards a key light high on the left, the viewer, and a weak fill light on the right; with their intensities.
+# Direction and intensity of each light: a key light on the upper left, one at the viewer, a fill light on the right.
 LIGHTS = (((-0.35, 0.7, 0.62), 0.62), ((0.0, 0.0, 1.0), 0.25), ((0.8, -0.1, 0.6), 0.15))
 MATERIAL = {"color": "#ebebe9", "ambient": 0.2, "diffuse": 1.0, "specular": 0.05, "specular_power": 15.0}
-FEATURE_ANGLE = 40.0  # degrees: an edge as sharp as this is not smoothed away
+FEATURE_ANGLE = 40.0  # degrees; shading is not smoothed across sharper edges
 
 
 def mesh_images(mesh: Mesh, cameras: Sequence[Camera]) -> list[Array]:
-    """Return pictures of a mesh, each (height, width, 3) and 0 to 1, by cameras with the same axes.
+    """Draw a mesh with several cameras.
 
-    The mesh has at least one face.
+    Parameters
+    ----------
+    mesh : Mesh
+        The mesh.
+    cameras : sequence of Camera
+        Cameras with the same axes; the first shows the whole mesh.
+
+    Returns
+    -------
+    list of (height, width, 3) arrays, float64
+        One picture for each camera, with colours from 0 to 1.
     """
     import pyvista
 
     whole = cameras[0]
     seen = mesh.vertices @ whole.axes.T
-    # In pixels of the first camera, around its centre and behind it, since the vertices become single precision.
+    # Use pixels of the first camera around its centre, since PyVista stores vertices in single precision.
     seen = (seen - [*whole.centre, seen[:, 2].max()]) * whole.scale
     surface = pyvista.PolyData.from_regular_faces(seen.astype(np.float32), mesh.faces)
     surface = surface.compute_normals(
         cell_normals=False, split_vertices=True, feature_angle=FEATURE_ANGLE, consistent_normals=False
     )
-    with pyvista.vtk_verbosity("off"):  # it says on stderr that there is no display
+    with pyvista.vtk_verbosity("off"):  # it would report on stderr that there is no display
         return [_photograph(surface, camera, whole) for camera in cameras]
 
 
 def _photograph(surface: pyvista.PolyData, camera: Camera, whole: Camera) -> Array:
+    """Return the picture of a surface in pixels of the camera `whole`, seen by another camera."""
     import pyvista
 
     plotter = pyvista.Plotter(off_screen=True, window_size=list(camera.shape), lighting="none")

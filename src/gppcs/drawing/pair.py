@@ -1,4 +1,4 @@
-"""The picture of one simplification: the original cloud beside what was kept of it."""
+"""Draws the picture of one simplification: the original beside the simplified cloud."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gppcs.drawing.colours import add_bar, colour_scale, colours_of
 from gppcs.engine.extras import require_matplotlib
 
 WIDTH, HEIGHT = 1600, 800  # pixels
-GAP, ABOVE, BELOW = 12, 68, 74  # around the panels
+GAP, ABOVE, BELOW = 12, 68, 74  # pixels beside, above and below the panels
 MAX_POINT_RADIUS = 5.2  # supersampled pixels
 
 
@@ -21,22 +21,22 @@ def draw_pair(
     simplified: ColouredCloud,
     viewpoint: Viewpoint = GUESSED,
 ) -> None:
-    """Write a PNG of the original cloud and its simplification, seen by one camera and coloured on one scale.
+    """Write a PNG of the original and the simplified cloud, with the same camera and colour scale.
 
-    The original is drawn as a closed surface, sets the camera and the limits of the colours, and hides the
-    points of the other that lie on its far side. Those are drawn one by one before a faint grey shade of the
-    original. Above each stands its number of points.
+    The original is drawn as a closed surface, and sets the camera and the colour scale. Of the simplified cloud, single
+    points are drawn in front of a faint grey original, without those on the far side. The number of points stands above
+    each cloud.
 
     Parameters
     ----------
     file : binary file
-        Where the PNG goes.
+        Open for writing.
     title : str
-        What made the simplified cloud.
+        Title of the simplified cloud, such as the name of the method.
     original, simplified : ColouredCloud
-        The clouds; values are shown as surface variation.
+        The clouds. Their values are labelled as surface variation.
     viewpoint : Viewpoint
-        From where one looks.
+        The direction of the view.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The picture of a comparison of methods: a row of clouds over a row of the meshes rebuilt from them."""
+"""Draws the picture of a comparison: a row of clouds above a row of the meshes rebuilt from them."""
 
 from __future__ import annotations
 
@@ -22,32 +22,32 @@ from gppcs.errors import ParameterError
 Array = NDArray[np.float64]
 
 MAX_WIDTH, MAX_COLUMNS, MAX_COLUMN_WIDTH = 2400, 6, 560  # pixels, columns in a row, pixels
-FLATTEST, TALLEST = 0.6, 1.3  # height of a panel by its width
+FLATTEST, TALLEST = 0.6, 1.3  # height of a panel, divided by its width
 GAP, BETWEEN = 28, 8  # pixels between columns, and between a panel and its close-ups
-TITLE, TEXT, BAR = 32, 25, 120  # pixels: size of letters, and the room for the colour bar
-LETTER = 0.66  # width of a letter by its size
+TITLE, TEXT, BAR = 32, 25, 120  # pixels: letters of titles, letters of other text, height for the colour bar
+LETTER = 0.66  # mean width of a letter, divided by its size
 MAX_POINT_RADIUS = 6.5  # supersampled pixels
 CLOSE_UPS = 2
-CLOSE_UP_SHARE = 0.18  # side of a close-up's square by the longer side of the panel
+CLOSE_UP_SHARE = 0.18  # edge length of a close-up's square, divided by the longer edge of the panel
 FRAMES, FRAME_WIDTH = ("#d1495b", "#e8871e"), 3
 
 
 @dataclass(frozen=True)
 class Column:
-    """One cloud of a comparison, and the mesh rebuilt from it.
+    """One column of the picture: a cloud and the mesh rebuilt from it.
 
     Parameters
     ----------
     title : str
-        What made the cloud.
+        Title of the column, such as the name of the method.
     points : (M, 3) array
         Finite coordinates, M >= 1.
     surface_variation : (M,) array
         Shown by colour; NaN is drawn grey.
     caption : str
-        Stands at the foot of the column; may have several lines.
-    mesh : Mesh, optional
-        Rebuilt from the points.
+        Text below the column; may have several lines.
+    mesh : Mesh or None
+        The mesh rebuilt from the points.
     """
 
     title: str
@@ -58,29 +58,29 @@ class Column:
 
 
 def draw_comparison(file: BinaryIO, columns: Sequence[Column], viewpoint: Viewpoint = GUESSED) -> None:
-    """Write a PNG of clouds and, under each, its mesh, seen by one camera and coloured on one scale.
+    """Write a PNG of clouds and, below each, its mesh, with the same camera and colour scale.
 
-    The first column is the original: it is drawn as a closed surface, sets the camera, and hides the points of
-    the others that lie on its far side. Under each cloud and mesh stand close-ups of two squares: those in which
-    the original's mean surface variation is largest. Where no column has a mesh, there are clouds only.
+    The first column is the original. It is drawn as a closed surface, sets the camera, and hides points of the others
+    on its far side. Below each cloud and mesh are close-ups of two squares, in which the original's mean surface
+    variation is largest. If no column has a mesh, only clouds are drawn.
 
     Parameters
     ----------
     file : binary file
-        Where the PNG goes.
+        Open for writing.
     columns : sequence of Column
-        The original first. From seven on they stand in several rows.
+        The original first. More than six columns are placed in several rows.
     viewpoint : Viewpoint
-        From where one looks.
+        The direction of the view.
 
     Raises
     ------
     MissingExtraError
-        If matplotlib is not installed or, where there is a mesh, PyVista.
+        If matplotlib is not installed, or a column has a mesh and PyVista is not installed or finds no OpenGL.
     ParameterError
         If there is no column.
     InputError
-        If the arrays of a column do not fit, or a coordinate is not finite.
+        If an array of a column has another shape, or a coordinate is not finite.
     """
     if not columns:
         raise ParameterError("expected at least one column to draw, found none; pass the original first")
@@ -114,7 +114,7 @@ def draw_comparison(file: BinaryIO, columns: Sequence[Column], viewpoint: Viewpo
 
 
 def _views(original: Original, width: int, viewpoint: Viewpoint) -> tuple[list[View], list[Square]]:
-    """Return the view of the whole original and those of its close-ups, and the squares that these show."""
+    """Return the view of the whole original, those of its close-ups, and the squares that the close-ups show."""
     heights = int(FLATTEST * width), int(TALLEST * width)
     camera = Camera.towards(original.cloud.points, width, heights, viewpoint)
     whole = View(original, camera)
@@ -124,7 +124,7 @@ def _views(original: Original, width: int, viewpoint: Viewpoint) -> tuple[list[V
 
 
 class _Sheet:
-    """A figure with columns of panels and their close-ups; places in pixels from the upper left."""
+    """A matplotlib figure with columns of panels and their close-ups. Places are in pixels from the upper left."""
 
     def __init__(
         self,
@@ -146,12 +146,12 @@ class _Sheet:
         self.figure = Figure(figsize=(self.width / 100, self.height / 100), dpi=100, facecolor="white")
 
     def corner(self, number: int) -> tuple[int, int]:
-        """Return left and top of a column."""
+        """Return the left and top of a column, given its number."""
         row, place = divmod(number, self.per_row)
         return GAP + place * (self.sizes[0][0] + GAP), row * self.row_height
 
     def write(self, number: int, column: Column) -> None:
-        """Write what stands over and under the panels of a column."""
+        """Write the title, the number of points and the caption of a column."""
         counted = f"{len(column.points):,} points"
         self._text(number, round(1.6 * TITLE), column.title, TITLE, color="0.1", weight="bold")
         self._text(number, round(1.6 * TITLE + 1.4 * TEXT), counted, TEXT, color="0.35")
@@ -159,7 +159,7 @@ class _Sheet:
             self._text(number, self.foot + round((0.9 + 1.35 * line) * TEXT), text, TEXT, color="0.1")
 
     def leave_empty(self, number: int, reason: str) -> None:
-        """Say why a column has no mesh."""
+        """Write in place of a mesh why there is none."""
         below = self._panel_top(1) + self.sizes[0][1] // 2
         self._text(number, below, reason, TEXT, color="0.5", style="italic")
 
@@ -174,7 +174,7 @@ class _Sheet:
         self.figure.text(x, y, text, ha="center", size=_points(size), **style)
 
     def place(self, number: int, row: int, images: list[Array]) -> None:
-        """Place a panel and its close-ups, the clouds in row 0 and the meshes in row 1."""
+        """Place a panel and its close-ups: of a cloud in row 0, of a mesh in row 1."""
         left, top = self.corner(number)
         top += self._panel_top(row)
         self._image(left, top, images[0])
@@ -201,5 +201,5 @@ class _Sheet:
 
 
 def _points(pixels: float) -> float:
-    """Return a length in the printer's points in which matplotlib measures letters and lines."""
+    """Return pixels in typographic points, the unit of matplotlib for letters and lines."""
     return 0.72 * pixels

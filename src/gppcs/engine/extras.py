@@ -10,6 +10,13 @@ from typing import Any
 
 from gppcs.errors import MissingExtraError
 
+# What `pip install 'gppcs[extra]'` would install. That line works only if gppcs is on a package index.
+EXTRAS = {
+    "picture": ("matplotlib>=3.8",),
+    "evaluate": ("pymeshlab>=2023.12",),
+    "view": ("matplotlib>=3.8", "pyvista>=0.45"),
+}
+
 # This code runs in a separate process: without OpenGL, VTK ends the process instead of raising an error.
 PROBE = "import pyvista; p = pyvista.Plotter(off_screen=True); p.add_mesh(pyvista.Cube()); p.screenshot()"
 
@@ -25,7 +32,7 @@ def require_matplotlib() -> None:
     try:
         importlib.import_module("matplotlib")
     except ImportError as error:
-        raise MissingExtraError("a picture needs matplotlib: pip install 'gppcs[picture]'") from error
+        raise _missing("a picture needs matplotlib", "picture") from error
 
 
 def require_pymeshlab() -> Any:
@@ -48,9 +55,7 @@ def require_pymeshlab() -> Any:
     try:
         import pymeshlab
     except ImportError as error:
-        raise MissingExtraError(
-            "meshes need PyMeshLab, which is not installed: pip install 'gppcs[evaluate]'"
-        ) from error
+        raise _missing("meshes need PyMeshLab", "evaluate") from error
     return pymeshlab
 
 
@@ -65,12 +70,18 @@ def require_pyvista() -> None:
     try:
         importlib.import_module("pyvista")
     except ImportError as error:
-        raise MissingExtraError("a picture of meshes needs PyVista: pip install 'gppcs[view]'") from error
+        raise _missing("a picture of meshes needs PyVista", "view") from error
     if not _opengl_works():
         raise MissingExtraError(
             "a picture of meshes needs OpenGL, and PyVista found none; software rendering suffices, "
             "on Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri libx11-6"
         )
+
+
+def _missing(need: str, extra: str) -> MissingExtraError:
+    """Return the error for a missing extra, with the line that installs its packages."""
+    packages = " ".join(f"'{requirement}'" for requirement in EXTRAS[extra])
+    return MissingExtraError(f"{need}, which is not installed (the extra {extra}): pip install {packages}")
 
 
 @functools.cache

@@ -1,1 +1,1 @@
-"""How good a simplification is: one set of figures, with fixed conventions, for all methods alike."""
+"""Judges simplifications: the same figures, with the same conventions, for every method."""

@@ -1,4 +1,4 @@
-"""Several methods on one cloud, each simplified to the same number of points and judged alike."""
+"""Runs several methods on one cloud and evaluates each result in the same way."""
 
 from __future__ import annotations
 
@@ -18,23 +18,32 @@ from gppcs.evaluation.report import Report
 from gppcs.methods import METHODS, Method
 from gppcs.simplification import Result, simplify
 
-PREPARATION = 6_000  # points, at least, of the run that compiles kernels: enough for all stages of any method
+PREPARATION_POINTS = 6_000  # least number of points of the run that compiles kernels, so that it reaches each stage
 
 
 @dataclass(frozen=True)
 class Entry:
-    """What one method made of the cloud.
+    """The result of one method in a comparison.
 
     Attributes
     ----------
     result : Result
         The simplified cloud and the method.
     report : Report
-        Its figures.
+        The figures of that cloud.
     seconds : float
-        Wall time of the simplification, without the compilation of its kernels.
-    failure : str, optional
-        Why the report lacks figures of the rebuilt mesh, where no surface could be rebuilt.
+        Wall time of the simplification, without the compilation of kernels.
+    failure : str or None
+        Why no surface could be rebuilt; None if it could, or if there was no mesh to compare with.
+
+    Examples
+    --------
+    >>> cloud = gppcs.sample("bracket", n_points=2000)
+    >>> (entry,) = gppcs.compare(cloud, ["fps"], ratio=0.1)
+    >>> isinstance(entry, gppcs.Entry)
+    True
+    >>> entry.result.method, entry.report.points_out
+    (FarthestPoint(), 200)
     """
 
     result: Result
@@ -54,35 +63,52 @@ def compare(
     invalid: Literal["error", "drop"] = "error",
     stages: Stages | None = None,
 ) -> list[Entry]:
-    """Simplify a cloud by several methods and evaluate what each made of it.
+    """Simplify a cloud by several methods and evaluate each result.
 
     Parameters
     ----------
     cloud : PointCloud or (N, 3) array-like
         The original.
     methods : iterable of str or Method
-        Names, or methods with parameters of their own.
-    ratio, n_points, seed, invalid
-        As for `gppcs.simplify`.
+        Names from `gppcs.METHODS`, or methods with other parameters. By default all.
+    ratio : float
+        Share of the points to keep, above 0 and at most 1. Give exactly one of `ratio` and `n_points`.
+    n_points : int
+        The number of points to keep.
     mesh : Mesh, optional
-        As for `gppcs.evaluate`.
+        The original surface, to which a surface rebuilt from each result is compared. This needs PyMeshLab.
+    seed : int, optional
+        Replaces the seed of each method that has one.
+    invalid : "error" or "drop"
+        Whether NaN and infinite coordinates raise an error, or their points are dropped.
     stages : Stages, optional
-        One with a listener tells it of the progress; each result has the times of its own stages.
+        Its listener hears of the progress. The times of each run are in its own result.
 
     Returns
     -------
     list of Entry
-        One for each method, in their order.
+        One for each method, in the order of `methods`. If no surface can be rebuilt, the entry says why.
 
     Raises
     ------
-    InputError, ParameterError, MissingExtraError
-        As `gppcs.simplify` and `gppcs.evaluate` do, parameters before any work; but a surface that cannot be rebuilt
-        is told in the entry.
+    InputError
+        If the cloud is empty, malformed or not finite, or `mesh` does not lie on it.
+    ParameterError
+        If a parameter is out of its range, or a method does not exist. Parameters are checked before any work.
+    MissingExtraError
+        If `mesh` is given and PyMeshLab is not installed.
+
+    Examples
+    --------
+    >>> cloud = gppcs.sample("bracket", n_points=2000)
+    >>> entries = gppcs.compare(cloud, ["fps", gppcs.Random(seed=3)], ratio=0.1)
+    >>> fps, random = entries
+    >>> fps.report.covering_radius < random.report.covering_radius
+    True
     """
     chosen = checked_methods(methods, ratio, n_points, seed)
     cloud, stages = PointCloud.of(cloud), stages or Stages()
-    original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without the points that are dropped
+    original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without dropped points
     entries = []
     for method in chosen:
         _prepare_kernels(original, method)
@@ -99,8 +125,30 @@ def compare(
 def checked_methods(
     methods: Iterable[str | Method], ratio: float | None, n_points: int | None, seed: int | None
 ) -> list[Method]:
-    """Return the methods with all their parameters; raise a ParameterError unless everything is in its range."""
-    point = [[0.0, 0.0, 0.0]]  # on which no method has work to do
+    """Return methods with all their parameters, after checking that these are in their ranges.
+
+    Parameters
+    ----------
+    methods : iterable of str or Method
+        Names or methods.
+    ratio : float or None
+        Share of the points to keep.
+    n_points : int or None
+        The number of points to keep; exactly one of the two must be given.
+    seed : int or None
+        Replaces the seed of each method that has one.
+
+    Returns
+    -------
+    list of Method
+        At least one.
+
+    Raises
+    ------
+    ParameterError
+        If there is no method, a name is unknown, or a parameter is out of its range.
+    """
+    point = [[0.0, 0.0, 0.0]]  # the checks of `simplify` run, but no method has work to do
     chosen = [
         simplify(point, ratio=ratio, n_points=n_points, method=method, seed=seed).method for method in methods
     ]  # fmt: skip
@@ -110,10 +158,20 @@ def checked_methods(
 
 
 def rebuilt_mesh(cloud: PointCloud, original: PointCloud) -> Mesh | None:
-    """Return the surface rebuilt from a cloud, to be looked at, or None where none comes out.
+    """Return the surface rebuilt from a cloud, for a picture.
 
-    Its normals have the sign of those that the original carries nearest by; where it carries none, they agree with
-    their neighbours.
+    Parameters
+    ----------
+    cloud : PointCloud
+        Finite points; normals are estimated from these.
+    original : PointCloud
+        If it has normals (`nx`, `ny`, `nz`), each estimated normal gets the sign of the nearest of them. Otherwise
+        neighbouring normals get the same sign.
+
+    Returns
+    -------
+    Mesh or None
+        A screened Poisson mesh in the unit of the cloud; None if the reconstruction fails.
 
     Raises
     ------
@@ -134,5 +192,5 @@ def rebuilt_mesh(cloud: PointCloud, original: PointCloud) -> Mesh | None:
 
 
 def _prepare_kernels(original: PointCloud, method: Method) -> None:
-    """Run the method on a part of the cloud, so that its kernels are there when it is timed."""
-    simplify(original.points[:: max(1, len(original) // PREPARATION)], ratio=0.1, method=method)
+    """Run the method on a part of the cloud, so that its kernels are compiled before it is timed."""
+    simplify(original.points[:: max(1, len(original) // PREPARATION_POINTS)], ratio=0.1, method=method)

@@ -1,4 +1,4 @@
-"""The judge: all figures of a simplification, from the two clouds and, where there is one, the original mesh."""
+"""Computes the figures of a simplification from two clouds and, if there is one, the original mesh."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from gppcs.evaluation.report import Rebuilt, Report, figures_of
 if TYPE_CHECKING:
     from gppcs.spatial.kdtree import KdTree
 
-ROUGH = 0.9  # quantile of the surface variation from which on a point counts as feature
-FLAT = 1e-12  # surface variation that is no more than rounding
-FAR = 0.1  # diagonals between two clouds from which on they cannot be of one thing
-SMALL = 0.5  # of the original's size; what is smaller must lie closer to it,
-CLOSE = 0.05  # to that part of its own size, lest a cloud in another unit pass that lies inside the original
-MEASURABLE = 1e-70, 1e70  # sizes whose ratios can be squared within the range of numbers
-STRAY = 0.05  # diagonals from the mesh, from which on a part of the rebuilt surface is astray
-VARIATION = 25  # points of the neighbourhoods in which surface variation is measured, the paper's k
+FEATURE_QUANTILE = 0.9  # points above this quantile of surface variation are features
+ROUNDING = 1e-12  # smaller surface variation is rounding error
+MAX_DISTANCE = 0.1  # clouds with a larger median distance, in diagonals of the original, show different objects
+SMALL_SIZE = 0.5  # a cloud below this share of the original's size must be closer, to detect another unit:
+MAX_DISTANCE_OF_SMALL = 0.05  # its median distance must be at most this share of its own size
+MEASURABLE = 1e-70, 1e70  # range of sizes whose squared ratios neither overflow nor vanish
+STRAY_DISTANCE = 0.05  # parts of the rebuilt mesh farther than this from the original mesh, in diagonals, are stray
+VARIATION_NEIGHBOURS = 25  # points in the neighbourhoods of surface variation: k in the paper
 
 Points = NDArray[np.float64]
 ReportPart = TypeVar("ReportPart", Report, Rebuilt)
@@ -39,28 +39,47 @@ def evaluate(
     mesh: Mesh | None = None,
     stages: Stages | None = None,
 ) -> Report:
-    """Compare a simplified cloud with the original; points that repeat another exactly count once.
+    """Compare a simplified cloud with the original.
+
+    Points that repeat another point exactly count once.
 
     Parameters
     ----------
-    original, simplified : PointCloud or (N, 3) and (M, 3) array-likes
-        With finite coordinates, in the same unit and place.
+    original : PointCloud or (N, 3) array-like
+        Finite coordinates.
+    simplified : PointCloud or (M, 3) array-like
+        Finite coordinates, in the unit and frame of the original.
     mesh : Mesh, optional
-        The surface that the original was taken from, to which the rebuilt one is compared; needs PyMeshLab, which
-        comes with the extra `evaluate`.
+        The surface that the original was sampled from. With it, a surface is rebuilt from the simplified cloud and
+        compared with `mesh`, which needs PyMeshLab.
     stages : Stages, optional
-        Times the stages; one with a listener tells it of their progress.
+        Records the time of each stage. Its listener, if any, hears of the progress.
+
+    Returns
+    -------
+    Report
+        Lengths in the unit of the clouds. `gppcs.figures_of(gppcs.Report)` defines each figure.
 
     Raises
     ------
     InputError
-        If either cloud is empty, misshapen or not finite, if a size is beyond 1e-70 to 1e70, if simplified cloud or
-        mesh are elsewhere than the original, if the mesh has no area, or if some, but not all, of the normals that the
-        simplified cloud carries are zero or not finite.
+        If a cloud is empty, malformed or not finite, or its size is outside 1e-70 to 1e70. If the simplified cloud or
+        the mesh does not lie on the original, or the mesh has no area. If some, but not all, normals of the simplified
+        cloud are zero or not finite.
     NoSurfaceError
         If no surface can be rebuilt with estimated normals.
     MissingExtraError
-        If a mesh is given and PyMeshLab is not installed.
+        If `mesh` is given and PyMeshLab is not installed.
+
+    Examples
+    --------
+    >>> cloud = gppcs.sample("bracket", n_points=2000)
+    >>> kept = gppcs.simplify(cloud, ratio=0.1, method="fps").cloud
+    >>> report = gppcs.evaluate(cloud, kept)
+    >>> report.points_in, report.points_out
+    (2000, 200)
+    >>> gppcs.evaluate(cloud, cloud).covering_radius
+    0.0
     """
     report, failure = judged(original, simplified, mesh, stages or Stages())
     if failure:
@@ -71,7 +90,31 @@ def evaluate(
 def judged(
     original: PointCloud | ArrayLike, simplified: PointCloud | ArrayLike, mesh: Mesh | None, stages: Stages
 ) -> tuple[Report, NoSurfaceError | None]:
-    """Return what `evaluate` does; where no surface can be rebuilt, the other figures and why."""
+    """Return the report of `evaluate`, also if no surface can be rebuilt.
+
+    Parameters
+    ----------
+    original : PointCloud or (N, 3) array-like
+        Finite coordinates.
+    simplified : PointCloud or (M, 3) array-like
+        Finite coordinates, in the unit and frame of the original.
+    mesh : Mesh or None
+        The surface that the original was sampled from.
+    stages : Stages
+        Records the time of each stage.
+
+    Returns
+    -------
+    report : Report
+        Without `rebuilt` if no surface can be rebuilt with estimated normals.
+    failure : NoSurfaceError or None
+        Why not.
+
+    Raises
+    ------
+    InputError, MissingExtraError
+        In the cases that `evaluate` lists.
+    """
     from gppcs.spatial.cells import first_occurrences
 
     clouds = [PointCloud.of(cloud) for cloud in (original, simplified)]
@@ -107,14 +150,14 @@ def judged(
 
 @dataclass(frozen=True)
 class _Frame:
-    """Where the figures are measured: the original's corner at the origin, its size about one.
+    """The coordinates in which figures are computed: the original's low corner at the origin, its size about 1.
 
-    The unit is a power of two, so that nothing is rounded.
+    The unit is a power of two, so that scaling does not round.
     """
 
     corner: Points
     unit: float
-    diagonal: float  # of the original's box, in that unit
+    diagonal: float  # of the original's bounding box, in `unit`
 
     @classmethod
     def of(cls, points: Points) -> _Frame:
@@ -123,11 +166,11 @@ class _Frame:
         return cls(points.min(axis=0), unit, float(np.linalg.norm(extent / unit)))
 
     def inside(self, points: Points) -> Points:
-        """Return points, (N, 3), in the frame."""
+        """Return points (N, 3) in the coordinates of the frame."""
         return (points - self.corner) / self.unit
 
     def outside(self, part: ReportPart) -> ReportPart:
-        """Return figures that were measured in the frame in the unit of the clouds."""
+        """Return figures in the unit of the clouds, given the same figures in the unit of the frame."""
         values: dict[str, Any] = {
             name: known.relative(getattr(part, name), 1.0 / self.unit) for name, known in figures_of(type(part)).items()
         }
@@ -135,19 +178,19 @@ class _Frame:
 
 
 def _require_measurable(points: Points, name: str) -> None:
-    """Refuse what is so large or so small that squared distances would overflow or vanish."""
+    """Raise an error if the points (N, 3) are so large or so small that squared distances overflow or vanish."""
     least, most = MEASURABLE
     largest = float(np.abs(points).max())
     size = float(np.ptp(points, axis=0).max()) if largest <= most else np.inf
     if size > most or 0 < size < least:
         found = f"coordinates up to {largest:.3g}" if largest > most else f"a size of {size:.3g}"
         raise InputError(
-            f"expected the {name} to have a size of {least:g} to {most:g}, found {found}: bring all to another unit"
+            f"expected the {name} to have a size of {least:g} to {most:g}, found {found}: change the unit of all inputs"
         )
 
 
 def _carried_normals(cloud: PointCloud) -> Points | None:
-    """Return the normals that the cloud carries, or None if it carries none or none has a direction."""
+    """Return the normals of the cloud, (M, 3), or None if it has none or all are zero or not finite."""
     normals = cloud.normals()
     if normals is None:
         return None
@@ -158,15 +201,15 @@ def _carried_normals(cloud: PointCloud) -> Points | None:
         return None
     if len(bad):
         raise InputError(
-            f"{len(bad)} of the {len(cloud)} normals that the simplified cloud carries (nx, ny, nz) are zero or not "
-            f"finite, the first at index {bad[0]}: drop these points, or the three attributes"
+            f"expected finite normals of the simplified cloud that are not zero (nx, ny, nz), found {len(bad)} of the "
+            f"{len(cloud)} normals zero or not finite, the first at index {bad[0]}: drop these points or attributes"
         )
     return normals
 
 
 def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[int, int]) -> Report:
-    """Return the figures that two clouds without repeats give by themselves."""
-    from gppcs.evaluation.local_surface import PLANE, LocalSurface
+    """Return the figures that need no mesh, in the frame's unit, for clouds (N, 3) and (M, 3) without repeats."""
+    from gppcs.evaluation.local_surface import PLANE_NEIGHBOURS, LocalSurface
     from gppcs.spatial.kdtree import KdTree
     from gppcs.spatial.spacing import surface_area
     from gppcs.surface.surface_variation import features_of_nearest
@@ -177,8 +220,8 @@ def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[in
     surface = LocalSurface.of(after)
     nearest, to_kept = surface.tree.nearest_of(before, 1)
     to_surface, surface_normals = surface.nearest_to(before)
-    variation = features_of_nearest(tree, VARIATION).surface_variation
-    normals = features_of_nearest(tree, PLANE).normals
+    variation = features_of_nearest(tree, VARIATION_NEIGHBOURS).surface_variation
+    normals = features_of_nearest(tree, PLANE_NEIGHBOURS).normals
     kept_normals = np.empty_like(after)
     kept_normals[surface.tree.order] = surface.normals
     spacing = np.sqrt(surface_area(tree) / len(after))
@@ -201,39 +244,40 @@ def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[in
 
 
 def _rough(variation: Points) -> NDArray[np.bool_]:
-    """Tell which points count as feature: all, where there is no variation but rounding, or the roughest tenth.
+    """Return which points (N,) are features: the tenth with the largest surface variation, or all if the cloud is flat.
 
-    On lattices many points have the same variation but for rounding; whether these count must not depend on that.
+    On lattices many points have the same surface variation up to rounding. The tolerance treats these alike.
     """
-    if variation.max() <= FLAT:
+    if variation.max() <= ROUNDING:
         return np.ones(len(variation), dtype=np.bool_)
-    return variation >= max(np.quantile(variation, ROUGH) * (1.0 - 1e-9), FLAT)
+    return variation >= max(np.quantile(variation, FEATURE_QUANTILE) * (1.0 - 1e-9), ROUNDING)
 
 
 def _angles(first: Points, second: Points) -> Points:
-    """Return the angles between directions without sign, in degrees; exactly zero for equal ones."""
+    """Return the angles (N,) between directions (N, 3) without sign, in degrees; exactly 0 for equal directions."""
     sine = np.linalg.norm(np.cross(first, second), axis=1)
     angles: Points = np.degrees(np.arctan2(sine, np.abs(np.einsum("ij,ij->i", first, second))))
     return angles
 
 
 def _mean_surface_variation(tree: KdTree, spacing: float) -> float:
-    """Return the mean with the paper's radius, even where points crowd together, since its tables use that.
+    """Return the mean surface variation with the paper's radius, to be comparable with the paper's tables.
 
-    The paper's rule sees only the bounding box. Where that is flat, or stretched by far points, the radius can be off
-    without bound; then it is that of a disc for the same number of points at the target spacing.
+    The paper's rule uses only the bounding box. If the box is flat, or stretched by distant points, that radius can be
+    arbitrarily wrong. If it differs more than three times from the radius of a disc that holds as many points at the
+    target spacing, the latter is used.
     """
     from gppcs.spatial.spacing import paper_radius
     from gppcs.surface.surface_variation import features_in_radius
 
-    radius, robust = paper_radius(tree.points.T, VARIATION), spacing * np.sqrt(VARIATION / np.pi)
+    radius, robust = paper_radius(tree.points.T, VARIATION_NEIGHBOURS), spacing * np.sqrt(VARIATION_NEIGHBOURS / np.pi)
     if not robust / 3 <= radius <= 3 * robust:
         radius = robust
     return float(features_in_radius(tree, radius).surface_variation.mean())
 
 
 def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, frame: _Frame) -> Rebuilt:
-    """Return the surface rebuilt from points with the normals given, or with estimated ones, and its figures."""
+    """Return the mesh rebuilt from points (M, 3) and its figures. Normals (M, 3) are estimated if not given."""
     from gppcs.evaluation.reconstruction import distances_to, estimated_normals, reconstruct
 
     if normals is None:
@@ -241,7 +285,7 @@ def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, frame: _Frame) 
     rebuilt = reconstruct(points, normals)
     forth, back = distances_to(rebuilt, mesh.vertices), distances_to(mesh, rebuilt.vertices)
     areas = rebuilt.face_areas()
-    astray = (back[rebuilt.faces] > STRAY * frame.diagonal).any(axis=1)
+    astray = (back[rebuilt.faces] > STRAY_DISTANCE * frame.diagonal).any(axis=1)
     figures = Rebuilt(
         mesh=Mesh(frame.corner + frame.unit * rebuilt.vertices, rebuilt.faces),
         hausdorff_mean=float(forth.mean()),
@@ -255,7 +299,10 @@ def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, frame: _Frame) 
 
 
 def _require_mesh_near(mesh: Mesh, before: Points, after: Points, frame: _Frame) -> None:
-    """Refuse a mesh without area or elsewhere; by the boxes first, for PyMeshLab takes for ever over long distances."""
+    """Raise an error if the mesh has no area or does not lie on the original.
+
+    The bounding boxes are compared first, since PyMeshLab takes extremely long for distant meshes.
+    """
     from gppcs.evaluation.reconstruction import distances_to
 
     mesh.require_area("mesh")
@@ -266,24 +313,24 @@ def _require_mesh_near(mesh: Mesh, before: Points, after: Points, frame: _Frame)
 
 
 def _require_near(distances: Points, name: str, points: Points, original: Points, frame: _Frame) -> None:
-    """Refuse what lies mostly far from the original, and tell by how much."""
-    middle, limit = float(np.median(distances)), FAR * frame.diagonal
+    """Raise an error if the median of the distances (K,) of points (K, 3) to the original is too large."""
+    middle, limit = float(np.median(distances)), MAX_DISTANCE * frame.diagonal
     if frame.diagonal == 0.0:
-        limit = float(np.finfo(np.float32).eps * np.abs(frame.corner).max())  # rounding may move a point
-    elif len(points) >= 10 and _spread(points) < SMALL * _spread(original):
-        limit = min(limit, CLOSE * _spread(points))
+        limit = float(np.finfo(np.float32).eps * np.abs(frame.corner).max())  # rounding to float32 may move a point
+    elif len(points) >= 10 and _spread(points) < SMALL_SIZE * _spread(original):
+        limit = min(limit, MAX_DISTANCE_OF_SMALL * _spread(points))
     if middle <= limit:
         return
     size = np.linalg.norm(np.ptp(points, axis=0))
     found, of, whole = (f"{frame.unit * value:.3g}" for value in (middle, size, frame.diagonal))
     low = ", ".join(f"{frame.unit * value:.6g}" for value in points.min(axis=0))
     raise InputError(
-        f"the {name} does not lie on the original: expected distances between them of a few spacings, found half of "
-        f"them above {found}; the {name}'s box has a diagonal of {of}, the original's one of {whole}, and the low "
-        f"corners are ({low}) apart: bring both to the same unit and origin"
+        f"the {name} does not lie on the original: expected distances of a few spacings between them, found a median "
+        f"of {found}; the bounding box of the {name} has a diagonal of {of}, that of the original {whole}, and the low "
+        f"corners are ({low}) apart: use the same unit and origin for both"
     )
 
 
 def _spread(points: Points) -> float:
-    """Return the diagonal of the box without a twentieth of the points at each side."""
+    """Return the diagonal of the box from the 5th to the 95th percentile of the points (N, 3) along each axis."""
     return float(np.linalg.norm(np.diff(np.quantile(points, (0.05, 0.95), axis=0), axis=0)))

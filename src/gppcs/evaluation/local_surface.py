@@ -1,4 +1,4 @@
-"""The surface that a cloud spans by itself: around each point, the triangles of its local Delaunay triangulation."""
+"""The local surface of a cloud: around each point, the triangles of a local Delaunay triangulation."""
 
 from __future__ import annotations
 
@@ -12,34 +12,32 @@ from gppcs.spatial.kdtree import KdTree, nearest_in_tree
 from gppcs.surface.moments import tangents
 from gppcs.surface.surface_variation import features_of_nearest
 
-PLANE = 12  # points that the tangent plane is fitted to, the point itself among them
-NEIGHBOURS = 30, 240  # of which the corners are found: twice as many as before, until no other could be one
-MOST = 16  # triangles of a fan; there are six on average
-FANS = 5  # of the nearest points, searched for the nearest triangle; with fewer, a gap here and there
-STEEPEST = np.sin(np.radians(60.0))  # a neighbour further out of the tangent plane lies on another sheet
+PLANE_NEIGHBOURS = 12  # points that a tangent plane is fitted to, with the point itself
+CORNER_NEIGHBOURS = 30, 240  # neighbours searched for corners: first number, doubled up to the second if necessary
+MAX_TRIANGLES = 16  # most triangles of a fan; the mean is six
+SEARCHED_FANS = 5  # nearest points whose fans are searched for the nearest triangle; fewer leave gaps
+SIN_MAX_SLOPE = np.sin(np.radians(60.0))  # a neighbour steeper above the tangent plane lies on another sheet
 
 
 @dataclass(frozen=True)
 class LocalSurface:
-    """The points and, around each, a fan of triangles to its neighbours.
+    """The points of a cloud and, around each, a fan of triangles to its neighbours.
 
-    A point's neighbours are laid out in its tangent plane, each in its direction and at its true distance; the
-    corners of the fan are the point's neighbours in the Delaunay triangulation there. The fans of different
-    points need not agree, as in the Laplacian of a cloud; where they do, they are the triangulation of a surface
-    that passes through all points.
+    The neighbours of a point are laid out in its tangent plane, each in its direction and at its true distance. The
+    corners of the fan are the point's neighbours in the Delaunay triangulation of that layout. The fans of different
+    points need not agree, as in the Laplacian of a cloud. If they do, they triangulate a surface through all points.
 
-    The neighbours searched are the 30 nearest or, where the fan is open or a circle through its corners reaches beyond
-    these, twice as many, up to 240. Where even these all lie to one side, the fan stays open as on a border.
+    The 30 nearest neighbours are searched first. Their number is doubled, up to 240, while the fan is open or a circle
+    through its corners reaches beyond them. If all neighbours lie to one side, the fan stays open, as on a border.
 
     Attributes
     ----------
     tree : KdTree
-        Over the points, which hold no repeats.
+        The tree over the points, which are distinct.
     normals : (M, 3) array, float64
-        Of the tangent planes, in tree order.
-    corners : (M, MOST, 2) array, int32
-        Of each triangle around a point, the two corners beside the point itself; -1 from the end of the fan on.
-        Points and corners in tree order.
+        Unit normals of the tangent planes, in tree order.
+    corners : (M, MAX_TRIANGLES, 2) array, int32
+        The two other corners of each triangle around a point, in tree order; -1 after the last triangle.
     """
 
     tree: KdTree
@@ -48,18 +46,40 @@ class LocalSurface:
 
     @classmethod
     def of(cls, points: NDArray[np.float64]) -> LocalSurface:
-        """Build the surface of `points`, (M, 3), without repeats."""
+        """Build the surface of a cloud.
+
+        Parameters
+        ----------
+        points : (M, 3) array, float64
+            Distinct points.
+
+        Returns
+        -------
+        LocalSurface
+        """
         tree = KdTree.build(points)
-        normals = features_of_nearest(tree, PLANE).normals[tree.order]
-        corners = np.full((len(points), MOST, 2), -1, dtype=np.int32)
+        normals = features_of_nearest(tree, PLANE_NEIGHBOURS).normals[tree.order]
+        corners = np.full((len(points), MAX_TRIANGLES, 2), -1, dtype=np.int32)
         _build_fans(tree.points, tree.low, tree.high, normals, corners)
         return cls(tree, normals, corners)
 
     def nearest_to(self, queries: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return how far each query, (Q, 3), is from the surface, (Q,), and the surface's normal nearest to it, (Q, 3).
+        """Return distance and normal of the surface for each query point.
 
-        Searched are the triangles of the nearest points and, where these have none, the nearest point itself. Normals
-        are interpolated between the corners of the triangle; they have no sign that means anything.
+        The fans of the nearest points are searched, and the nearest point itself.
+
+        Parameters
+        ----------
+        queries : (Q, 3) array, float64
+            Any points.
+
+        Returns
+        -------
+        distances : (Q,) array, float64
+            Distances to the surface.
+        normals : (Q, 3) array, float64
+            Normals at the nearest places, interpolated between the corners of the triangle. Their signs and lengths
+            have no meaning.
         """
         distances, normals = np.empty(len(queries)), np.empty((len(queries), 3))
         _search(
@@ -70,15 +90,16 @@ class LocalSurface:
 
 @nb.njit(cache=True, parallel=True, nogil=True)
 def _build_fans(points, low, high, normals, corners):
+    """Fill corners (M, MAX_TRIANGLES, 2) for points (3, M), boxes (nodes, 3) and normals (M, 3), in tree order."""
     for i in nb.prange(points.shape[1]):
         _build_fan(points, low, high, i, normals[i], corners[i])
 
 
 @nb.njit(cache=True)
 def _build_fan(points, low, high, i, normal, corners):
-    """Fill the corners around point i, of as many neighbours as it takes."""
+    """Fill the corners (MAX_TRIANGLES, 2) around point i of points (3, M), with as many neighbours as necessary."""
     n = points.shape[1]
-    neighbours, most = NEIGHBOURS
+    neighbours, most = CORNER_NEIGHBOURS
     while True:
         k = min(neighbours + 1, n)
         found = np.empty(k, dtype=np.int64)
@@ -95,7 +116,10 @@ def _build_fan(points, low, high, i, normal, corners):
 
 @nb.njit(cache=True)
 def _lay_out(points, i, normal, found, squared, inverse, index):
-    """Lay the neighbours out in the tangent plane, each divided by its squared distance; return how many there are."""
+    """Fill inverse (k, 2) and index (k,) with the layout of k neighbours, and return the number of rows filled.
+
+    The layout is in the tangent plane. Each neighbour is divided by its squared distance.
+    """
     u, v = tangents(normal[0], normal[1], normal[2])
     count = 0
     for slot in range(len(found)):
@@ -105,7 +129,7 @@ def _lay_out(points, i, normal, found, squared, inverse, index):
         away = _from(points, j, points[0, i], points[1, i], points[2, i])
         a, b = _dot(away, u), _dot(away, v)
         in_plane, distance = np.sqrt(a * a + b * b), np.sqrt(squared[slot])
-        if in_plane * in_plane < (1.0 - STEEPEST * STEEPEST) * squared[slot]:
+        if in_plane * in_plane < (1.0 - SIN_MAX_SLOPE * SIN_MAX_SLOPE) * squared[slot]:
             continue
         inverse[count, 0], inverse[count, 1] = a / (in_plane * distance), b / (in_plane * distance)
         index[count] = j
@@ -115,13 +139,14 @@ def _lay_out(points, i, normal, found, squared, inverse, index):
 
 @nb.njit(cache=True)
 def _fan(inverse, index, corners):
-    """Find the triangles at the origin and the diameter of the widest circle around one, infinite for an open fan.
+    """Fill corners (MAX_TRIANGLES, 2) with the triangles at the origin; return the diameter of the widest circumcircle.
 
-    They are edges of the hull of the inverted neighbours and the origin itself. A circle through the origin is inverted
-    to a line, as far from the origin as the inverse of its diameter.
+    The diameter is infinite for an open fan. Input are the inverted neighbours (n, 2) and their indices (n,).
 
-    The bisector between the origin and a neighbour is dual to the neighbour divided by its squared distance, so the
-    origin's Voronoi cell is dual to the hull of these. On a border the origin is a corner of the hull.
+    The bisector between the origin and a neighbour is dual to the neighbour divided by its squared distance. So the
+    Voronoi cell of the origin is dual to the convex hull of the inverted neighbours, and each edge of this hull is a
+    triangle. On a border, the origin itself is a corner of the hull. Inversion maps a circle through the origin to a
+    line whose distance to the origin is the inverse of the diameter.
     """
     n = len(inverse)
     corners[:] = -1
@@ -138,7 +163,7 @@ def _fan(inverse, index, corners):
     triangles, widest = 0, 0.0 if hull[0] < n else np.inf
     for edge in range(height - 1):
         a, b = hull[edge], hull[edge + 1]
-        if a < n and b < n and triangles < MOST and _turns_left(inverse, n, a, b):
+        if a < n and b < n and triangles < MAX_TRIANGLES and _turns_left(inverse, n, a, b):
             corners[triangles, 0], corners[triangles, 1] = index[a], index[b]
             triangles += 1
             widest = max(widest, _diameter(inverse[a], inverse[b]))
@@ -147,16 +172,17 @@ def _fan(inverse, index, corners):
 
 @nb.njit(cache=True)
 def _diameter(a, b):
-    """Return the diameter of the circle through the origin whose inverse is the line through a and b."""
+    """Return the diameter of the circle through the origin whose inverse is the line through a and b, both (2,)."""
     doubled_area = abs(a[0] * b[1] - a[1] * b[0])
     return np.hypot(b[0] - a[0], b[1] - a[1]) / doubled_area if doubled_area > 0.0 else np.inf
 
 
 @nb.njit(cache=True)
 def _around(inverse):
-    """Return the neighbours in the order of their directions, from one corner of the hull back to the same.
+    """Return the inverted neighbours (n, 2) sorted by direction, from a corner of the hull around to the same corner.
 
-    That is the origin, numbered n, where half of all directions or more are free; else the nearest neighbour.
+    This corner is the origin, with the index n, if half of all directions or more are free. Otherwise it is the
+    nearest neighbour.
     """
     n = len(inverse)
     angles = np.arctan2(inverse[:, 1], inverse[:, 0])
@@ -178,7 +204,7 @@ def _around(inverse):
 
 @nb.njit(cache=True)
 def _turns_left(points, a, b, c):
-    """Tell whether the way from a over b to c turns left; the number beyond the last point means the origin."""
+    """Return whether the path from a via b to c turns left, for indices into points (n, 2); n means the origin."""
     ax, ay = (points[a, 0], points[a, 1]) if a < len(points) else (0.0, 0.0)
     bx, by = (points[b, 0], points[b, 1]) if b < len(points) else (0.0, 0.0)
     cx, cy = (points[c, 0], points[c, 1]) if c < len(points) else (0.0, 0.0)
@@ -187,7 +213,8 @@ def _turns_left(points, a, b, c):
 
 @nb.njit(cache=True, parallel=True, nogil=True)
 def _search(points, low, high, normals, corners, queries, distances, nearest_normals):
-    k = min(FANS, points.shape[1])
+    """Fill distances (Q,) and nearest_normals (Q, 3) of queries (Q, 3); other arrays are those of `LocalSurface`."""
+    k = min(SEARCHED_FANS, points.shape[1])
     for q in nb.prange(len(queries)):
         found = np.empty(k, dtype=np.int64)
         squared = np.empty(k, dtype=np.float64)
@@ -196,7 +223,7 @@ def _search(points, low, high, normals, corners, queries, distances, nearest_nor
         least, first, second, third, v, w = squared[0], found[0], found[0], found[0], 0.0, 0.0
         for i in found:
             a = _from(points, i, x, y, z)
-            for slot in range(MOST):
+            for slot in range(MAX_TRIANGLES):
                 j, m = corners[i, slot]
                 if j < 0:
                     break
@@ -211,12 +238,13 @@ def _search(points, low, high, normals, corners, queries, distances, nearest_nor
 
 @nb.njit(cache=True)
 def _from(points, i, x, y, z):
+    """Return the vector from (x, y, z) to point i of points (3, M)."""
     return points[0, i] - x, points[1, i] - y, points[2, i] - z
 
 
 @nb.njit(cache=True)
 def _squared(a, b, c, v, w):
-    """Return the squared length of a + v (b - a) + w (c - a)."""
+    """Return the squared length of a + v (b - a) + w (c - a), for vectors of three numbers."""
     x = a[0] + v * (b[0] - a[0]) + w * (c[0] - a[0])
     y = a[1] + v * (b[1] - a[1]) + w * (c[1] - a[1])
     z = a[2] + v * (b[2] - a[2]) + w * (c[2] - a[2])
@@ -225,7 +253,7 @@ def _squared(a, b, c, v, w):
 
 @nb.njit(cache=True)
 def _interpolate(normals, first, second, third, v, w, normal):
-    """Put the weighted mean of three normals, turned so that it is longest, into `normal`."""
+    """Fill normal (3,) with the weighted mean of three rows of normals (M, 3), with the signs that make it longest."""
     a, b, c = normals[first], normals[second], normals[third]
     longest = -1.0
     for turned_v in (v, -v):
@@ -242,9 +270,10 @@ def _interpolate(normals, first, second, third, v, w, normal):
 
 @nb.njit(cache=True)
 def nearest_in_triangle(a, b, c):
-    """Return v and w for which a + v (b - a) + w (c - a) is the point of a triangle that is nearest to the origin.
+    """Return v and w such that a + v (b - a) + w (c - a) is the point of the triangle nearest to the origin.
 
-    By regions: a corner, a side, or the inside (Ericson, Real-Time Collision Detection, section 5.1.5).
+    The corners a, b and c have three coordinates each. The nearest point is at a corner, on an edge, or inside
+    (Ericson, Real-Time Collision Detection, section 5.1.5).
     """
     ab, ac = _minus(b, a), _minus(c, a)
     ab_a, ac_a, ab_b, ac_b, ab_c, ac_c = _dot(ab, a), _dot(ac, a), _dot(ab, b), _dot(ac, b), _dot(ab, c), _dot(ac, c)

@@ -1,7 +1,8 @@
-"""The paper's judge: the screened Poisson mesh of a simplified cloud beside the original mesh.
+"""Rebuilds a surface from a simplified cloud and measures distances between meshes, by PyMeshLab, as the paper does.
 
-The conventions: depth 8; normals of a plane fit to ten neighbours in the simplified cloud, with the sign of the
-original's normal nearest by; distances from the vertices of one mesh to the surface of the other.
+The conventions: screened Poisson reconstruction of depth 8; normals from planes fitted to ten neighbours in the
+simplified cloud, each with the sign of the nearest normal of the original; distances from the vertices of one mesh to
+the surface of the other.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from gppcs.engine.extras import require_pymeshlab
 from gppcs.errors import InputError, NoSurfaceError
 from gppcs.spatial.kdtree import KdTree
 
-DEPTH = 8  # of the octree
-NEIGHBOURS = 10  # of the plane fit
+OCTREE_DEPTH = 8  # depth of the octree
+NORMAL_NEIGHBOURS = 10  # points that a plane is fitted to
 
 
 def estimated_normals(
@@ -25,13 +26,30 @@ def estimated_normals(
     places: NDArray[np.float64] | None = None,
     guides: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """Return normals of plane fits to the nearest points, (M, 3), by PyMeshLab.
+    """Return normals from planes fitted to the nearest points.
 
-    Each has the sign of the guide, (V, 3), at the nearest place, (V, 3); without guides, or where the guide is zero, as
-    at a vertex without triangles, neighbours agree.
+    Parameters
+    ----------
+    points : (M, 3) array, float64
+        The cloud.
+    places : (V, 3) array, float64, optional
+        Where the signs of normals are known.
+    guides : (V, 3) array, float64, optional
+        Normals at `places`. Each result has the sign of the guide at the nearest place. Without guides, or if that
+        guide is zero, neighbouring normals get the same sign.
+
+    Returns
+    -------
+    (M, 3) array, float64
+        Unit normals.
+
+    Raises
+    ------
+    MissingExtraError
+        If PyMeshLab is not installed.
     """
     meshes = _mesh_set(points)
-    meshes.compute_normal_for_point_clouds(k=NEIGHBOURS)
+    meshes.compute_normal_for_point_clouds(k=NORMAL_NEIGHBOURS)
     normals: NDArray[np.float64] = meshes.current_mesh().vertex_normal_matrix()
     if places is None or guides is None:
         return normals
@@ -41,18 +59,32 @@ def estimated_normals(
 
 
 def reconstruct(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
-    """Return the screened Poisson mesh (Kazhdan and Hoppe 2013) of points with normals, both (M, 3), by PyMeshLab.
+    """Return the screened Poisson mesh of points with normals (Kazhdan and Hoppe 2013).
+
+    Parameters
+    ----------
+    points : (M, 3) array, float64
+        The cloud.
+    normals : (M, 3) array, float64
+        Normals that point outward.
+
+    Returns
+    -------
+    Mesh
+        In the unit of the points.
 
     Raises
     ------
     NoSurfaceError
-        If no surface comes out.
+        If the reconstruction gives no surface.
+    MissingExtraError
+        If PyMeshLab is not installed.
     """
     pymeshlab = require_pymeshlab()
     meshes = _mesh_set(points, v_normals_matrix=normals)
     try:
-        # a single thread: with several on few cores they spin, and it takes minutes instead of seconds
-        meshes.generate_surface_reconstruction_screened_poisson(depth=DEPTH, preclean=True, threads=1)
+        # One thread: several threads on few cores wait actively for each other, which takes minutes instead of seconds.
+        meshes.generate_surface_reconstruction_screened_poisson(depth=OCTREE_DEPTH, preclean=True, threads=1)
         rebuilt = meshes.current_mesh()
         mesh = Mesh(rebuilt.vertex_matrix(), rebuilt.face_matrix())
         mesh.require_area("rebuilt mesh")
@@ -60,18 +92,35 @@ def reconstruct(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Me
     except (pymeshlab.PyMeshLabException, InputError) as error:
         raise NoSurfaceError(
             f"the screened Poisson reconstruction of the {len(points)} points gave no surface ({error}): expected "
-            "points, with normals, that lie on one"
+            "points on a surface, with normals"
         ) from error
 
 
 def distances_to(mesh: Mesh, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the distance of each point, (M, 3), to the surface of a mesh, by PyMeshLab."""
+    """Return the distance of each point to the surface of a mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The surface.
+    points : (M, 3) array, float64
+        In the unit and frame of the mesh.
+
+    Returns
+    -------
+    (M,) array, float64
+
+    Raises
+    ------
+    MissingExtraError
+        If PyMeshLab is not installed.
+    """
     pymeshlab = require_pymeshlab()
     meshes = _mesh_set(points)
-    used, faces = np.unique(mesh.faces, return_inverse=True)  # others would only stretch PyMeshLab's grid
+    used, faces = np.unique(mesh.faces, return_inverse=True)  # unused vertices would enlarge PyMeshLab's grid
     meshes.add_mesh(pymeshlab.Mesh(mesh.vertices[used], faces.reshape(mesh.faces.shape)))
     corners = np.concatenate([points, mesh.vertices[used]])
-    reach = 2.0 * float(np.linalg.norm(np.ptp(corners, axis=0)))  # beyond it, PyMeshLab would cut distances off
+    reach = 2.0 * float(np.linalg.norm(np.ptp(corners, axis=0)))  # PyMeshLab clips larger distances
     meshes.compute_scalar_by_distance_from_another_mesh_per_vertex(
         measuremesh=0, refmesh=1, signeddist=False, maxdist=pymeshlab.PureValue(reach)
     )
@@ -80,6 +129,7 @@ def distances_to(mesh: Mesh, points: NDArray[np.float64]) -> NDArray[np.float64]
 
 
 def _mesh_set(points: NDArray[np.float64], **columns: NDArray[np.float64]) -> Any:
+    """Return a PyMeshLab MeshSet with one mesh of points (M, 3) and no faces."""
     pymeshlab = require_pymeshlab()
     meshes = pymeshlab.MeshSet(verbose=False)
     meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=points, **columns))

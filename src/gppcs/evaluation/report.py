@@ -1,4 +1,4 @@
-"""The figures of a simplification: the unit and the definition of each, which the help and the docs print."""
+"""The figures of a simplification, with the unit and the definition of each, which help and docs print."""
 
 from __future__ import annotations
 
@@ -15,16 +15,27 @@ Unit = Literal["count", "length", "squared length", "degrees", "share", "ratio"]
 
 @dataclass(frozen=True)
 class Figure:
-    """The unit and the definition of a figure.
+    """The unit and the definition of one figure.
 
     Attributes
     ----------
     unit : str
-        Lengths are in the unit of the coordinates.
+        One of "count", "length", "squared length", "degrees", "share" and "ratio". Lengths are in the unit of the
+        coordinates.
     definition : str
-        One sentence.
-    better : str, optional
-        Whether "less" or "more" is better; of some neither is.
+        What the figure measures.
+    better : "less", "more" or None
+        Which values are better; None if neither are.
+
+    Examples
+    --------
+    >>> figure = gppcs.figures_of(gppcs.Report)["covering_radius"]
+    >>> isinstance(figure, gppcs.Figure)
+    True
+    >>> figure.unit, figure.better
+    ('length', 'less')
+    >>> figure.relative(0.5, diagonal=10.0)
+    0.05
     """
 
     unit: Unit
@@ -32,31 +43,96 @@ class Figure:
     better: Literal["less", "more"] | None = None
 
     def relative(self, value: float, diagonal: float) -> float | None:
-        """Return a length in diagonals, a squared length in squared diagonals; None for what has no length."""
+        """Return a value of this figure relative to the diagonal of the original's bounding box.
+
+        Parameters
+        ----------
+        value : float
+            A value of the figure.
+        diagonal : float
+            Length of the diagonal, in the unit of the coordinates.
+
+        Returns
+        -------
+        float or None
+            A length divided by the diagonal, or a squared length divided by its square. None for other units, or if the
+            diagonal is not above 0.
+        """
         power = {"length": 1, "squared length": 2}.get(self.unit)
         return None if power is None or not diagonal > 0 else value / diagonal**power
 
 
 def figure(unit: Unit, definition: str, better: Literal["less", "more"] | None = "less") -> Any:
-    """Return the field of a dataclass that holds a figure."""
+    """Return a dataclass field that holds a figure.
+
+    Parameters
+    ----------
+    unit : str
+        The unit, as in `Figure`.
+    definition : str
+        What the figure measures.
+    better : "less", "more" or None
+        Which values are better.
+
+    Returns
+    -------
+    dataclasses.Field
+        With a `Figure` in its metadata.
+    """
     return dataclasses.field(metadata={"figure": Figure(unit, definition, better)})
 
 
 def figures_of(report: type) -> Mapping[str, Figure]:
-    """Return the figures of a dataclass by name, in order."""
+    """Return unit and definition of each figure of a report.
+
+    Parameters
+    ----------
+    report : type
+        `gppcs.Report` or `gppcs.Rebuilt`.
+
+    Returns
+    -------
+    dict of str to Figure
+        By the name of the field, in the order of the fields.
+
+    Examples
+    --------
+    >>> gppcs.figures_of(gppcs.Report)["covering_radius"].definition
+    'largest distance from an original point to the nearest kept point'
+    """
     return {field.name: field.metadata["figure"] for field in dataclasses.fields(report) if "figure" in field.metadata}
 
 
 @dataclass(frozen=True)
 class Rebuilt:
-    """The screened Poisson mesh of a simplified cloud, and its figures beside the original mesh.
+    """The mesh rebuilt from a simplified cloud by screened Poisson reconstruction, compared with the original mesh.
 
-    `gppcs.figures_of(Rebuilt)` gives the definition of each figure.
+    Lengths are in the unit of the cloud. `gppcs.figures_of(gppcs.Rebuilt)` defines each figure.
 
     Attributes
     ----------
     mesh : Mesh
-        The rebuilt mesh, where the simplified cloud lies.
+        The rebuilt mesh, in the unit and frame of the simplified cloud.
+    hausdorff_mean, hausdorff_max : float
+        Mean and largest distance from the vertices of the original mesh to the rebuilt mesh.
+    back_mean, back_max : float
+        Mean and largest distance from the vertices of the rebuilt mesh to the original mesh.
+    pieces : int
+        The number of connected pieces of the rebuilt mesh.
+    stray_share : float
+        Share of its area that lies far from the original mesh.
+
+    Examples
+    --------
+    >>> ball = gppcs.sample("sphere", n_points=3000)
+    >>> from scipy.spatial import ConvexHull
+    >>> surface = gppcs.Mesh(ball.points, ConvexHull(ball.points).simplices)
+    >>> kept = gppcs.simplify(ball, ratio=0.2, method="fps").cloud
+    >>> rebuilt = gppcs.evaluate(ball, kept, mesh=surface).rebuilt
+    >>> isinstance(rebuilt, gppcs.Rebuilt)
+    True
+    >>> rebuilt.pieces
+    1
     """
 
     mesh: Mesh = dataclasses.field(repr=False, compare=False)
@@ -69,32 +145,64 @@ class Rebuilt:
     pieces: int = figure("count", "connected pieces of the rebuilt mesh", None)
     stray_share: float = figure(
         "share",
-        "share of the rebuilt mesh's area with a corner farther from the original mesh than a twentieth of the "
-        "diagonal: stray pieces, and membranes over open borders",
+        "share of the rebuilt mesh's area in triangles with a corner farther from the original mesh than a twentieth "
+        "of the diagonal, such as stray pieces and membranes over open borders",
     )
 
 
 @dataclass(frozen=True)
 class Report:
-    """The figures of a simplification; `gppcs.figures_of(Report)` gives the definition of each.
+    """The figures of a simplification.
 
-    Lengths are in the unit of the coordinates; `figures` can put them in relation to the diagonal.
+    Lengths are in the unit of the coordinates; `figures(relative=True)` divides them by the diagonal.
+    `gppcs.figures_of(gppcs.Report)` defines each figure.
 
     Attributes
     ----------
-    rebuilt : Rebuilt, optional
-        Where there was a mesh: its figures with normals estimated on the simplified cloud, the paper's way.
-    rebuilt_carried : Rebuilt, optional
-        Where the simplified cloud carries normals (nx, ny, nz) too: its figures with these.
+    points_in, points_out : int
+        The number of original points, N, and of kept points, M.
+    diagonal : float
+        Length of the diagonal of the original's bounding box.
+    covering_radius, mean_distance : float
+        Largest and mean distance from an original point to the nearest kept point.
+    chamfer : float
+        Chamfer distance: the mean squared distance to the nearest point, in both directions, added. A squared length.
+    surface_mean, surface_rms, surface_p95, surface_max : float
+        Mean, root mean square, 95th percentile and maximum of the distances from the original points to the local
+        surface of the simplified cloud.
+    feature_error : float
+        Mean of these distances, each multiplied by the angle between the normals there.
+    feature_recall : float
+        Share of the original points of largest surface variation that have a kept point nearby.
+    normal_deviation : float
+        Mean angle between the normals at an original point and at the nearest kept point, in degrees.
+    mean_surface_variation : float
+        Mean surface variation of the simplified cloud.
+    rebuilt : Rebuilt or None
+        The figures of the mesh rebuilt with normals estimated on the simplified cloud, as in the paper. None if
+        `evaluate` got no mesh.
+    rebuilt_carried : Rebuilt or None
+        The figures of the mesh rebuilt with the normals that the simplified cloud carries (`nx`, `ny`, `nz`). None if
+        it carries none, `evaluate` got no mesh, or no surface could be rebuilt.
+
+    Examples
+    --------
+    >>> cloud = gppcs.sample("bracket", n_points=2000)
+    >>> report = gppcs.evaluate(cloud, gppcs.simplify(cloud, ratio=0.1, method="fps").cloud)
+    >>> isinstance(report, gppcs.Report)
+    True
+    >>> relative = report.figures(relative=True)
+    >>> relative["surface_mean"] == report.surface_mean / report.diagonal
+    True
     """
 
     points_in: int = figure("count", "points of the original, N", None)
     points_out: int = figure("count", "points of the simplified cloud, M", None)
     diagonal: float = figure("length", "diagonal of the original's bounding box", None)
-    covering_radius: float = figure("length", "largest distance from an original point to the nearest kept one")
+    covering_radius: float = figure("length", "largest distance from an original point to the nearest kept point")
     mean_distance: float = figure("length", "mean of those distances")
     chamfer: float = figure(
-        "squared length", "mean squared distance to the nearest point, both ways, summed (the paper's CD)"
+        "squared length", "mean squared distance to the nearest point, in both directions, added (the paper's CD)"
     )
     surface_mean: float = figure(
         "length", "mean distance from the original points to the local surface of the simplified cloud"
@@ -104,35 +212,40 @@ class Report:
     surface_max: float = figure("length", "largest of those distances")
     feature_error: float = figure(
         "length",
-        "mean of those distances, each times the angle, in radians, between the normals of the original and of the "
-        "local surface there",
+        "mean of those distances, each multiplied by the angle, in radians, between the normals of the original and of "
+        "the local surface there",
     )
     feature_recall: float = figure(
         "share",
         "share of the tenth of the original points with the largest surface variation that have a kept point within "
-        "the target spacing, the root of the surface's area over M",
+        "the target spacing, sqrt(area of the surface / M)",
         "more",
     )
     normal_deviation: float = figure(
-        "degrees", "mean angle between the normals estimated at an original point and at the nearest kept one"
+        "degrees", "mean angle between the normals estimated at an original point and at the nearest kept point"
     )
     mean_surface_variation: float = figure(
         "ratio",
-        "mean surface variation of the simplified cloud, measured on it with the paper's radius for 25 neighbours, "
-        "which depends on the bounding box and so on how the cloud is turned, or, where that is more than three times "
-        "off the radius of a disc of 25 squared target spacings, with the latter",
+        "mean surface variation of the simplified cloud, in balls of the paper's radius for 25 neighbours, which "
+        "depends on the bounding box and so on the orientation of the cloud; if that radius differs more than three "
+        "times from the radius of a disc of 25 squared target spacings, in balls of the latter",
         "more",
     )
     rebuilt: Rebuilt | None = None
     rebuilt_carried: Rebuilt | None = None
 
     def figures(self, relative: bool = False) -> dict[str, float]:
-        """Return all figures by name, those with carried normals prefixed "carried_".
+        """Return all figures by name.
 
         Parameters
         ----------
         relative : bool
-            Whether lengths are to be in diagonals, and squared lengths in squared diagonals.
+            Whether to divide lengths by the diagonal, and squared lengths by its square. The diagonal itself stays.
+
+        Returns
+        -------
+        dict of str to float
+            The figures of this report and of `rebuilt`, and those of `rebuilt_carried` with the prefix "carried_".
         """
         values = {}
         for prefix, part in (("", self), ("", self.rebuilt), ("carried_", self.rebuilt_carried)):

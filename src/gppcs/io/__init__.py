@@ -1,4 +1,4 @@
-"""Reading and writing of point cloud files."""
+"""Reads and writes point cloud files."""
 
 from gppcs.io.files import FORMATS, format_to_write, read, write
 from gppcs.io.format import Format

@@ -1,4 +1,4 @@
-"""NumPy's own files: NPY and NPZ. Neither is ever allowed to run code (pickles are refused)."""
+"""Reads and writes NumPy's files, NPY and NPZ. Pickled objects, which could run code, are refused."""
 
 from __future__ import annotations
 
@@ -18,18 +18,51 @@ from gppcs.io.format import Format
 
 _POINTS = "points"
 
-# what NumPy and zipfile raise at the many ways to be damaged
+# Errors that NumPy and zipfile raise for damaged files.
 _DAMAGED_ARRAY = (ValueError, TypeError, SyntaxError, OverflowError, TokenError)
 _DAMAGED_ZIP = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, OSError, UnicodeDecodeError)
 
 
 def read_npy(file: BufferedReader) -> PointCloud:
-    """Read an (N, >=3) array, its further columns as column_4, ..., or a structured one of x, y, z."""
+    """Read an NPY file: an array of at least three columns, or a structured array with fields x, y and z.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Returns
+    -------
+    PointCloud
+        Columns after the third become attributes `column_4`, `column_5` and so on. Other fields of a structured array
+        become attributes of their names.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is damaged or holds another kind of array.
+    """
     return cloud_of_columns(_columns(_array(file)))
 
 
 def read_npz(file: BufferedReader) -> PointCloud:
-    """Read the array `points`, as `read_npy` would, and all others as attributes."""
+    """Read an NPZ file: the array `points`, as `read_npy` reads it, and all other arrays as attributes.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Returns
+    -------
+    PointCloud
+        With an attribute for each array but `points`.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is damaged, has no array `points`, has two columns of one name, or an array does not fit the points.
+    """
     try:
         with zipfile.ZipFile(file) as archive:
             arrays = {}
@@ -46,7 +79,7 @@ def read_npz(file: BufferedReader) -> PointCloud:
         if name in columns:
             raise FileFormatError(f"expected arrays of different names, found {name!r} twice; rename one")
         if values.ndim == 0:
-            raise FileFormatError(f"expected a value for each point in {name!r}, found a single one; leave it out")
+            raise FileFormatError(f"expected one value for each point in {name!r}, found a single value; remove it")
     return cloud_of_columns({**columns, **arrays})
 
 
@@ -55,7 +88,7 @@ def _array(file: IO[bytes]) -> Column:
         array: Column = npy.read_array(file, allow_pickle=False)
     except _DAMAGED_ARRAY as error:
         reason = str(error).partition("\n")[0]
-        raise FileFormatError(f"expected a whole array of numbers, but numpy says: {reason}") from error
+        raise FileFormatError(f"expected a whole array of numbers, but numpy reports: {reason}") from error
     return array
 
 
@@ -65,12 +98,25 @@ def _columns(array: Column) -> dict[str, Column]:
             raise FileFormatError(f"expected a structured array of shape (N,), found {array.shape}")
         return {name: array[name] for name in array.dtype.names}
     if array.ndim != 2 or array.shape[1] < 3:
-        raise FileFormatError(f"expected an array of shape (N, 3) or with more columns, found {array.shape}")
+        raise FileFormatError(f"expected an array of shape (N, 3) or more columns, found {array.shape}")
     return dict(zip(default_names(array.shape[1]), array.T, strict=True))
 
 
 def write_npy(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write an (N, 3) array, or a structured one with x, y, z and the attributes if there are any."""
+    """Write an NPY file: an (N, 3) array or, for a cloud with attributes, a structured array.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for writing.
+    cloud : PointCloud
+        The structured array has the fields x, y, z and one for each attribute.
+
+    Raises
+    ------
+    OutputError
+        If an attribute holds Python objects or is called x, y or z.
+    """
     kept = coordinate_type(cloud)
     if not cloud.attributes:
         npy.write_array(file, cloud.points.astype(kept, copy=False), allow_pickle=False)
@@ -88,7 +134,20 @@ def write_npy(file: BinaryIO, cloud: PointCloud) -> None:
 
 
 def write_npz(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write the array `points` and one array for each attribute, uncompressed."""
+    """Write an NPZ file: the array `points` and one array for each attribute, not compressed.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for writing.
+    cloud : PointCloud
+        The points and their attributes.
+
+    Raises
+    ------
+    OutputError
+        If an attribute holds Python objects or is called points, x, y or z.
+    """
     points = cloud.points.astype(coordinate_type(cloud), copy=False)
     with zipfile.ZipFile(file, "w") as archive:
         for name, values in [(_POINTS, points), *cloud.attributes.items()]:
@@ -101,7 +160,7 @@ def write_npz(file: BinaryIO, cloud: PointCloud) -> None:
 
 def _check_type(name: str, values: Column) -> None:
     if values.dtype.hasobject:
-        raise OutputError(f"expected numbers in attribute {name!r}, found Python objects; leave it out")
+        raise OutputError(f"expected numbers in attribute {name!r}, found Python objects; remove the attribute")
 
 
 FORMATS = (

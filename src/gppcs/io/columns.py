@@ -1,4 +1,4 @@
-"""Named columns of numbers, as files hold them, and the cloud that they make."""
+"""Converts between the named columns of a file and a cloud."""
 
 from __future__ import annotations
 
@@ -15,37 +15,70 @@ from gppcs.errors import FileFormatError, OutputError
 
 Column = NDArray[Any]
 
-EXACT = 2**53  # up to here float64 holds every whole number
+EXACT = 2**53  # float64 represents every whole number up to here
 
 
 def default_names(width: int) -> list[str]:
-    """Name the columns of a table without names: x, y, z, column_4, column_5 and so on."""
+    """Return names for the columns of a table without names: x, y, z, column_4, column_5 and so on.
+
+    Parameters
+    ----------
+    width : int
+        The number of columns.
+
+    Returns
+    -------
+    list of str
+        At least x, y and z.
+    """
     return ["x", "y", "z", *(f"column_{i}" for i in range(4, width + 1))]
 
 
 def coordinate_names(names: Iterable[str]) -> tuple[str, str, str]:
-    """Find x, y and z among names, in lower case or else in capitals.
+    """Return which names are the coordinates: x, y and z, or X, Y and Z.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Names of columns. Lower case goes first if both occur.
+
+    Returns
+    -------
+    tuple of three str
 
     Raises
     ------
     FileFormatError
-        If one is missing; the message lists what was found.
+        If one is missing. The message lists the names found.
     """
     found = list(names)
     x, y, z = (next((name for name in (axis, axis.upper()) if name in found), None) for axis in ("x", "y", "z"))
     if x is None or y is None or z is None:
         listed = ", ".join(map(repr, found)) or "nothing"
-        raise FileFormatError(f"expected x, y and z for each point, found {listed}; rename what holds them")
+        raise FileFormatError(
+            f"expected x, y and z for each point, found {listed}; rename the columns that hold the coordinates"
+        )
     return x, y, z
 
 
 def cloud_of_columns(columns: Mapping[str, Column]) -> PointCloud:
-    """Make a cloud of columns of equal length, of which three are x, y and z and the others attributes.
+    """Make a cloud of columns: x, y and z are the coordinates, the others become attributes.
+
+    Parameters
+    ----------
+    columns : mapping of str to (N, ...) array
+        Columns of equal length by name.
+
+    Returns
+    -------
+    PointCloud
+        `coordinate_dtype` is the common type of x, y and z.
 
     Raises
     ------
     FileFormatError
-        If a coordinate is missing, is no number, or is a whole number that float64 cannot hold.
+        If a coordinate is missing, is not a single real number, or is a whole number of 2^53 or more, which float64
+        may not represent.
     """
     axes = coordinate_names(columns)
     points = np.empty((len(columns[axes[0]]), 3))
@@ -70,12 +103,21 @@ def cloud_of_columns(columns: Mapping[str, Column]) -> PointCloud:
 
 
 def coordinate_type(cloud: PointCloud) -> np.dtype[Any]:
-    """Return the type to write coordinates in: the one that they came with.
+    """Return the type to write coordinates in, which is the cloud's `coordinate_dtype`.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The cloud to be written.
+
+    Returns
+    -------
+    numpy dtype
 
     Raises
     ------
     OutputError
-        If that is a type of whole numbers and the coordinates are not such numbers, or lie outside its range.
+        If that is an integer type and the coordinates are not whole numbers in its range.
     """
     kept = cloud.coordinate_dtype
     if np.issubdtype(kept, np.integer):
@@ -90,21 +132,30 @@ def coordinate_type(cloud: PointCloud) -> np.dtype[Any]:
 
 
 def attribute_columns(cloud: PointCloud) -> dict[str, Column]:
-    """Spread the attributes over columns of one number per point.
+    """Return the attributes as columns of one number per point.
 
-    An attribute of k numbers per point becomes k columns, name_0 and so on; whitespace, separators and quotes
-    in names become underscores.
+    Parameters
+    ----------
+    cloud : PointCloud
+        An attribute with k numbers per point becomes k columns, called name_0, name_1 and so on. Whitespace,
+        separators and quotes in names become underscores.
+
+    Returns
+    -------
+    dict of str to (N,) array
 
     Raises
     ------
     OutputError
-        If an attribute is not made of real numbers or booleans, or two columns would have the same name.
+        If an attribute holds anything but real numbers or booleans, or two columns would have the same name.
     """
     columns: dict[str, Column] = {}
     for attribute, values in cloud.attributes.items():
         name = re.sub(r"[\s,;\"']+", "_", attribute) or "_"
         if values.dtype.kind not in "biuf":
-            raise OutputError(f"expected numbers in attribute {attribute!r}, found {values.dtype}; leave it out")
+            raise OutputError(
+                f"expected numbers in attribute {attribute!r}, found {values.dtype}; remove the attribute"
+            )
         flat = values.reshape(len(values), math.prod(values.shape[1:]))
         names = [name] if values.ndim == 1 else [f"{name}_{i}" for i in range(flat.shape[1])]
         for column, part in zip(names, flat.T, strict=True):
@@ -114,6 +165,19 @@ def attribute_columns(cloud: PointCloud) -> dict[str, Column]:
 
 
 def check_unused(name: str, names: Iterable[str]) -> None:
-    """Raise OutputError if a column of this name is among `names` or would be taken for a coordinate."""
+    """Raise an error if a column name is taken.
+
+    Parameters
+    ----------
+    name : str
+        The name of a column to be written.
+    names : iterable of str
+        Names that are taken, besides x, y and z.
+
+    Raises
+    ------
+    OutputError
+        If `name` is among them.
+    """
     if name in names or name in ("x", "y", "z"):
         raise OutputError(f"expected columns of different names, found {name!r} twice; rename the attribute")

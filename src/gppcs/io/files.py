@@ -1,6 +1,6 @@
-"""Files by name: which format one has, reading it, writing it.
+"""Reads and writes cloud files: chooses the format by content or suffix.
 
-A new format is one module with a `Format` and one line in `FORMATS`.
+To add a format, write a module with a `Format` and add it to `FORMATS`.
 """
 
 from __future__ import annotations
@@ -27,29 +27,36 @@ FORMATS: tuple[Format, ...] = (
 
 
 def read(path: str | os.PathLike[str], format: str | None = None) -> PointCloud:  # noqa: A002 - as numpy, pandas say
-    """Read a point cloud.
+    """Read a point cloud file: PLY, XYZ, TXT, ASC, CSV, PTS, NPY, NPZ, OFF, OBJ or STL.
 
-    The content decides what format the file has, where it carries a mark (PLY, NPY, NPZ, OFF, STL); otherwise
-    the suffix of its name does.
+    The format is found by a signature in the content (PLY, NPY, NPZ, OFF, STL), otherwise by the suffix of the name. Of
+    mesh files, only the vertices are read.
 
     Parameters
     ----------
-    path : path
+    path : str or path
         The file.
     format : str, optional
-        Suffix of the format, as "ply" or ".ply", to be used whatever content and name say.
+        Suffix of the format, such as "ply" or ".ply". It overrides content and name.
 
     Returns
     -------
     PointCloud
-        N points with their attributes in file order. Coordinates that are not finite are kept as they are.
+        N points with their attributes, both in file order. NaN and infinite coordinates are kept.
 
     Raises
     ------
     FileFormatError
-        If the format is unknown, or the content is not what it promises.
+        If the format is unknown, or the content does not follow it.
     OSError
-        If there is no such file, or it cannot be read.
+        If the file does not exist or cannot be read.
+
+    Examples
+    --------
+    >>> gppcs.write("scan.csv", gppcs.PointCloud([[0, 0, 0], [1, 2, 3]], {"intensity": [7, 9]}))
+    >>> cloud = gppcs.read("scan.csv")
+    >>> cloud
+    PointCloud(2 points, each with intensity)
     """
     source = Path(path)
     if source.exists() and not source.is_file():
@@ -59,7 +66,7 @@ def read(path: str | os.PathLike[str], format: str | None = None) -> PointCloud:
         file.seek(0)
         chosen = _of_suffix(format) if format else _of_content(head, source.stat().st_size) or _of_path(source)
         try:
-            with np.errstate(invalid="ignore"):  # a signalling NaN is as good as any
+            with np.errstate(invalid="ignore"):  # converting a signalling NaN is no error
                 return chosen.read(file)
         except (FileFormatError, InputError) as error:
             raise FileFormatError(f"{source}: {error}") from error
@@ -71,29 +78,36 @@ def write(
     format: str | None = None,  # noqa: A002
     force: bool = False,
 ) -> None:
-    """Write a point cloud; the file appears under its name only when it is whole.
+    """Write a point cloud file: PLY, XYZ, TXT, ASC, CSV, PTS, NPY, NPZ, OFF or OBJ.
 
-    Coordinates are written in the cloud's `coordinate_dtype`, attributes in their own types as far as the
-    format has these. OFF and OBJ files hold the points only.
+    The file appears under its name only when it is complete. Coordinates are written in the cloud's
+    `coordinate_dtype`, attributes in their own types if the format has these. OFF and OBJ files store no attributes.
 
     Parameters
     ----------
-    path : path
-        The file; the suffix gives the format.
+    path : str or path
+        The file. Its suffix selects the format.
     cloud : PointCloud
         The points and their attributes.
     format : str, optional
-        Suffix of the format, as "ply" or ".ply", to be used whatever the name says.
+        Suffix of the format, such as "ply" or ".ply". It overrides the suffix of `path`.
     force : bool
-        Whether a file that exists may be overwritten.
+        Whether to overwrite an existing file.
 
     Raises
     ------
     FileFormatError
-        If the format is unknown or cannot hold points.
+        If the format is unknown, or gppcs only reads it (STL).
     OutputError
-        If the file exists and `force` is not given, its folder is missing, or the format cannot hold the
+        If the file exists and `force` is False, the folder is missing or not writable, or the format cannot store the
         cloud.
+
+    Examples
+    --------
+    >>> cloud = gppcs.sample("sphere", n_points=100)
+    >>> gppcs.write("sphere.ply", cloud)
+    >>> len(gppcs.read("sphere.ply"))
+    100
     """
     chosen = format_to_write(path, format)
     with whole_file(path, force) as file:
@@ -102,19 +116,24 @@ def write(
 
 
 def format_to_write(path: str | os.PathLike[str], format: str | None = None) -> Format:  # noqa: A002
-    """Return the format that `write` would use, so that a bad choice shows before any work is done.
+    """Return the format that `write` would use. Call it before long work, to find a bad choice early.
 
     Parameters
     ----------
-    path : path
+    path : str or path
         The file to be written.
     format : str, optional
-        Suffix of the format, to be used whatever the name says.
+        Suffix of the format. It overrides the suffix of `path`.
+
+    Returns
+    -------
+    Format
+        A format with a `write` function.
 
     Raises
     ------
     FileFormatError
-        If the format is unknown or cannot hold points.
+        If the format is unknown, or gppcs only reads it.
     """
     chosen = _of_suffix(format) if format else _of_path(Path(path))
     if chosen.write is None:

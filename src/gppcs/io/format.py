@@ -1,4 +1,4 @@
-"""What a file format is to this package."""
+"""The class `Format`: how one file format is recognised, read and written."""
 
 from __future__ import annotations
 
@@ -16,20 +16,23 @@ def _never(head: bytes, size: int) -> bool:
 
 @dataclass(frozen=True)
 class Format:
-    """A file format: its names, and how to recognise, read and write it.
+    """A file format: its names and the functions that recognise, read and write it.
 
     Parameters
     ----------
     name : str
-        What messages call it.
+        The name in messages.
     suffixes : tuple of str
         Suffixes of file names, in lower case, with the dot.
-    read : function of an open file
-        Returns the cloud. Raises FileFormatError, without the file's name, if the content is not as expected.
-    write : function of an open file and a cloud, optional
-        Missing if the format cannot hold points. Raises OutputError if it cannot hold this cloud.
-    recognises : function of the first 1024 bytes and the file's size in bytes, optional
-        Tells whether the content is of this format; formats without a mark of their own leave it out.
+    read : callable(file) -> PointCloud
+        Reads a binary file from its start. It raises FileFormatError, without the name of the file, if the content is
+        not as expected.
+    write : callable(file, cloud), optional
+        Writes a cloud to a binary file. It raises OutputError if the format cannot store this cloud. None if gppcs
+        does not write the format.
+    recognises : callable(head, size) -> bool, optional
+        Whether a file is of this format, given its first 1024 bytes and its size in bytes. By default False, for
+        formats without a signature.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Meshes with their triangles, read by PyMeshLab, which comes with the extra `evaluate`."""
+"""Reads mesh files with their triangles, by PyMeshLab."""
 
 from __future__ import annotations
 
@@ -13,22 +13,40 @@ from gppcs.io.meshes import FACE_CHECKS
 
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
-    """Read a mesh of triangles or polygons, which are cut into triangles: PLY, OBJ, OFF, STL and more.
+    r"""Read a mesh file: PLY, OBJ, OFF, STL and whatever else PyMeshLab reads.
+
+    Parameters
+    ----------
+    path : str or path
+        The file. Polygons are split into triangles.
+
+    Returns
+    -------
+    Mesh
+        Vertices in the unit of the file.
 
     Raises
     ------
     MissingExtraError
         If PyMeshLab is not installed.
     FileFormatError
-        If the file is not a mesh of finite vertices, or holds several.
+        If the file is not one mesh with finite vertices, or a face refers to a vertex that does not exist.
     OSError
-        If there is no such file, or it cannot be read.
+        If the file does not exist or cannot be read.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> _ = Path("square.off").write_text("OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n")
+    >>> mesh = gppcs.read_mesh("square.off")
+    >>> len(mesh.vertices), len(mesh.faces)
+    (4, 2)
     """
     pymeshlab = require_pymeshlab()
     source = Path(path)
     if source.is_dir():
         raise FileFormatError(f"{source}: expected a file, found a folder; name a file")
-    with open(source, "rb"):  # for the operating system's own words, if it cannot be read
+    with open(source, "rb"):  # raises the operating system's own error if the file cannot be read
         pass
     try:
         _require_sound(source)
@@ -40,16 +58,18 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     except pymeshlab.PyMeshLabException as error:
         raise FileFormatError(f"{source}: expected a mesh; {str(error).strip()}") from error
     if len(meshes) > 1:
-        raise FileFormatError(f"{source}: expected one mesh, found {len(meshes)}; join them, or name a file of one")
-    read = meshes.current_mesh()
+        raise FileFormatError(
+            f"{source}: expected one mesh, found {len(meshes)}; merge them, or name a file with one mesh"
+        )
+    loaded = meshes.current_mesh()
     try:
-        return Mesh(read.vertex_matrix(), read.face_matrix())
+        return Mesh(loaded.vertex_matrix(), loaded.face_matrix())
     except InputError as error:
         raise FileFormatError(f"{source}: {error}") from error
 
 
 def _require_sound(source: Path) -> None:
-    """Refuse what PyMeshLab would leave out in silence, or crash on: vertices not finite, faces of missing vertices."""
+    """Raise an error for invalid vertices or faces, which PyMeshLab would drop silently or crash on."""
     suffix = source.suffix.lower()
     if suffix in FACE_CHECKS:
         with open(source, "rb") as file:
@@ -57,10 +77,10 @@ def _require_sound(source: Path) -> None:
     if suffix in (".ply", ".off", ".obj", ".stl"):
         try:
             cloud = read(source, suffix)
-        except FileFormatError:  # PyMeshLab may know more dialects
+        except FileFormatError:  # PyMeshLab may read more variants of the format
             return
         if len(bad := cloud.non_finite()):
             raise FileFormatError(
                 f"expected finite vertices, found {len(bad)} that are not, the first at index {bad[0]}: "
-                "leave them out, with their faces"
+                "remove them and their faces"
             )

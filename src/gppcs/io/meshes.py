@@ -1,4 +1,4 @@
-"""Vertices of triangle meshes: OFF, OBJ and STL. Faces are only checked for their indices, their normals passed by."""
+"""Reads and writes the vertices of OFF and OBJ files, reads those of STL files, and checks the indices of faces."""
 
 from __future__ import annotations
 
@@ -30,11 +30,26 @@ _OFF_HEADER = re.compile(r"\s*(ST)?(C)?(N)?OFF(?![A-Za-z])(.*)", re.DOTALL)
 _OFF_LOOK = re.compile(rb"\s*(ST)?C?N?4?n?OFF(?![A-Za-z])")
 _COLOUR = ["red", "green", "blue", "alpha"]
 _STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("extra", "<u2")])
-_STL_START = 84  # 80 bytes of anything, then the number of facets
+_STL_START = 84  # a comment of 80 bytes, then the number of facets
 
 
 def read_off(file: BufferedReader) -> PointCloud:
-    """Read an OFF file; normals, colours and texture coordinates (NOFF, COFF, STOFF) become attributes."""
+    """Read the vertices of an OFF file. Normals, colours and texture coordinates (NOFF, COFF, STOFF) become attributes.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Returns
+    -------
+    PointCloud
+
+    Raises
+    ------
+    FileFormatError
+        If the header or a vertex is malformed, or the file ends early.
+    """
     lines = lines_of(file)
     numbered = ((i, text) for i, text in enumerate(map(_off_numbers, lines), 1) if text)
     header, number, (count, *_) = _off_header(numbered)
@@ -46,7 +61,7 @@ def read_off(file: BufferedReader) -> PointCloud:
 
 
 def _off_header(numbered: Iterator[tuple[int, str]]) -> tuple[re.Match[str], int, list[int]]:
-    """Return the mark, the line of the counts, and the counts, of which the first is that of the vertices."""
+    """Return the keyword, the number of the line with the counts, and the counts: vertices first, then faces."""
     number, line = next(numbered, (1, ""))
     header = _OFF_HEADER.match(line)
     if header is None or "BINARY" in line:
@@ -62,20 +77,42 @@ def _off_header(numbered: Iterator[tuple[int, str]]) -> tuple[re.Match[str], int
 
 
 def check_off_faces(file: BufferedReader) -> None:
-    """Refuse an OFF file with a face of a vertex that it does not hold."""
+    """Check that the faces of an OFF file refer to vertices of the file.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Raises
+    ------
+    FileFormatError
+        If a face is malformed or has an index out of range.
+    """
     numbered = ((i, text) for i, text in enumerate(map(_off_numbers, lines_of(file)), 1) if text)
     _, _, (vertices, *rest) = _off_header(numbered)
     for number, text in islice(numbered, vertices, vertices + sum(rest)):
         count, *corners = _indices(number, text.split())
         if count != len(corners[:count]) or not all(0 <= corner < vertices for corner in corners[:count]):
             raise FileFormatError(
-                f"line {number}: expected a number of corners and as many indices from 0 to {vertices - 1}, "
+                f"line {number}: expected a number of corners and then as many indices from 0 to {vertices - 1}, "
                 f"found {shown(text)}"
             )
 
 
 def check_obj_faces(file: BufferedReader) -> None:
-    """Refuse an OBJ file with a face of a vertex that does not stand before it."""
+    """Check that the faces of an OBJ file refer to vertices on earlier lines.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Raises
+    ------
+    FileFormatError
+        If a face has an index that is out of range or not a whole number.
+    """
     vertices = 0
     for number, text in enumerate(lines_of(file), 1):
         keyword, *words = text.split() or [""]
@@ -84,7 +121,7 @@ def check_obj_faces(file: BufferedReader) -> None:
             corners = _indices(number, [word.partition("/")[0] for word in words if word != "\\"])
             if not all(1 <= abs(corner) <= vertices for corner in corners):
                 raise FileFormatError(
-                    f"line {number}: expected indices of vertices before it, 1 to {vertices} or -1 to {-vertices}, "
+                    f"line {number}: expected indices of earlier vertices, 1 to {vertices} or -1 to {-vertices}, "
                     f"found {shown(text)}"
                 )
 
@@ -101,7 +138,7 @@ def _off_numbers(line: str) -> str:
 
 
 def _off_names(width: int, *, texture: bool, colour: bool, normal: bool) -> list[str]:
-    """Name the columns of a vertex as OFF orders them."""
+    """Return the names of the columns of a vertex, in the order of OFF files."""
     names = default_names(3)
     if normal:
         names += ["nx", "ny", "nz"]
@@ -115,7 +152,23 @@ def _off_names(width: int, *, texture: bool, colour: bool, normal: bool) -> list
 
 
 def read_obj(file: BufferedReader) -> PointCloud:
-    """Read the `v` lines of an OBJ file: x y z, then w, or red green blue, or both."""
+    """Read the `v` lines of an OBJ file: x y z, then w, or red green blue, or both.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Returns
+    -------
+    PointCloud
+        Attributes `w`, `red`, `green` and `blue`, as far as the file has them.
+
+    Raises
+    ------
+    FileFormatError
+        If the lines do not have 3, 4, 6 or 7 numbers each.
+    """
     table = _table(_prefixed(file, "v"))
     extras = {3: [], 4: ["w"], 6: _COLOUR[:3], 7: ["w", *_COLOUR[:3]]}.get(len(table))
     if extras is None:
@@ -124,7 +177,7 @@ def read_obj(file: BufferedReader) -> PointCloud:
 
 
 def _prefixed(file: BufferedReader, keyword: str, width: int | None = None) -> Iterator[Block]:
-    """Read the numbers in lines that begin with a keyword."""
+    """Yield blocks of the numbers in lines that start with a keyword."""
 
     def numbers(line: str) -> str:
         words = line.split(None, 1)
@@ -134,7 +187,10 @@ def _prefixed(file: BufferedReader, keyword: str, width: int | None = None) -> I
 
 
 def _table(blocks: Iterator[Block]) -> list[Column]:
-    """Join blocks to columns: float64 coordinates (and no more if there are no rows), others as they come."""
+    """Join blocks to columns: float64 coordinates, and others of the type that `typed_columns` finds.
+
+    Without any row there are only three empty columns.
+    """
     parts = [[*values.T[:3], *typed_columns(texts, values, None)[3:]] for texts, values in blocks]
     if not parts:
         return [np.empty(0)] * 3
@@ -144,7 +200,23 @@ def _table(blocks: Iterator[Block]) -> list[Column]:
 
 
 def read_stl(file: BufferedReader) -> PointCloud:
-    """Read the corners of an STL file's facets, each of several equal ones once, in order of appearance."""
+    """Read the distinct corners of the facets of an STL file, text or binary, in order of first appearance.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Returns
+    -------
+    PointCloud
+        Without attributes; normals of facets are ignored.
+
+    Raises
+    ------
+    FileFormatError
+        If the file ends early, or a corner is malformed.
+    """
     data = file.read()
     if _is_text_stl(data[:1024], len(data)):
         file.seek(0)
@@ -175,8 +247,8 @@ def _text_corners(file: BufferedReader, data: bytes) -> Column:
 
 
 def _first_of_equal(rows: Column) -> NDArray[np.intp]:
-    """Return where each distinct row stands first, in order."""
-    order = np.lexsort(rows.T)  # stable: equal rows stay in order
+    """Return the index of the first occurrence of each distinct row, ascending."""
+    order = np.lexsort(rows.T)  # stable, so equal rows keep their order
     ordered = rows[order]
     begins = np.ones(len(rows), dtype=bool)
     begins[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
@@ -197,13 +269,39 @@ def _looks_like_stl(head: bytes, size: int) -> bool:
 
 
 def write_off(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write the points as vertices; attributes are left out."""
+    """Write the points as the vertices of an OFF file, without attributes.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for writing.
+    cloud : PointCloud
+        The points.
+
+    Raises
+    ------
+    OutputError
+        If the coordinates do not fit the cloud's `coordinate_dtype`.
+    """
     file.write(f"OFF\n{len(cloud)} 0 0\n".encode())
     write_rows(file, list(cloud.points.astype(coordinate_type(cloud), copy=False).T))
 
 
 def write_obj(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write the points as `v` lines; attributes are left out."""
+    """Write the points as the `v` lines of an OBJ file, without attributes.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for writing.
+    cloud : PointCloud
+        The points.
+
+    Raises
+    ------
+    OutputError
+        If the coordinates do not fit the cloud's `coordinate_dtype`.
+    """
     write_rows(file, list(cloud.points.astype(coordinate_type(cloud), copy=False).T), prefix="v ")
 
 

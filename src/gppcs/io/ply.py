@@ -1,4 +1,4 @@
-"""PLY: text, and binary of either byte order."""
+"""Reads PLY files, text and binary of both byte orders, and writes binary ones."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _TYPES: dict[str, np.dtype[Any]] = {
     **{name: np.dtype("f4") for name in ("float", "float32")},
     **{name: np.dtype("f8") for name in ("double", "float64")},
 }
-_NAMES = {dtype: name for name, dtype in reversed(_TYPES.items())}  # the first, older name of each
+_NAMES = {dtype: name for name, dtype in reversed(_TYPES.items())}  # of two names of a type, the older one
 _Order = Literal["<", ">"]
 _ORDERS: dict[str, _Order] = {"binary_little_endian": "<", "binary_big_endian": ">"}
 
@@ -46,7 +46,7 @@ _ORDERS: dict[str, _Order] = {"binary_little_endian": "<", "binary_big_endian": 
 class _Property:
     name: str
     dtype: np.dtype[Any]
-    length: np.dtype[Any] | None = None  # of the count before a list
+    length: np.dtype[Any] | None = None  # for a list, the type of the count before its items
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class _Element:
         return [each for each in self.properties if each.length is None]
 
     def record(self, order: _Order) -> np.dtype[Any]:
-        """Return the type of the scalar properties, one after the other."""
+        """Return the structured type of the scalar properties, packed."""
         return np.dtype([(each.name, each.dtype.newbyteorder(order)) for each in self.scalars])
 
 
@@ -76,7 +76,23 @@ class _Header:
 
 
 def read_ply(file: BufferedReader) -> PointCloud:
-    """Read the vertices with each scalar property; lists and other elements are passed by."""
+    """Read the vertices of a PLY file with their scalar properties. Lists and other elements are skipped.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Returns
+    -------
+    PointCloud
+        An attribute for each scalar property but x, y and z, in file order and of the property's type.
+
+    Raises
+    ------
+    FileFormatError
+        If the header is malformed, x, y or z is missing, a number is malformed, or the file ends early.
+    """
     header = _read_header(file)
     before: list[_Element] = []
     for element in header.elements:
@@ -91,7 +107,7 @@ def read_ply(file: BufferedReader) -> PointCloud:
         return _read_text(file, header.lines, before, element)
     order = _ORDERS[header.encoding]
     for each in before:
-        _pass_by(file, each, order)
+        _skip(file, each, order)
     if element.has_lists:
         return _read_with_lists(file, element, order)
     return _read_records(file, element, order)
@@ -141,7 +157,7 @@ def _add_property(header: _Header, new: _Property) -> None:
 
 
 def _read_records(file: BufferedReader, element: _Element, order: _Order) -> PointCloud:
-    """Read vertices of fixed size, a block at a time, so that their bytes stay in the cache meanwhile."""
+    """Read vertices of fixed size, block by block, so that each block stays in the processor's cache."""
     record, count = element.record(order), element.count
     whole = _bytes_left(file) // record.itemsize
     if whole < count:
@@ -160,8 +176,8 @@ def _read_records(file: BufferedReader, element: _Element, order: _Order) -> Poi
     return PointCloud(points, attributes, kept)
 
 
-def _pass_by(file: BufferedReader, element: _Element, order: _Order) -> None:
-    """Move the file on to the next element."""
+def _skip(file: BufferedReader, element: _Element, order: _Order) -> None:
+    """Move the position in the file to the end of an element."""
     if element.has_lists:
         start = file.tell()
         file.seek(start + _walk(file.read(), element, order)[-1])
@@ -178,8 +194,8 @@ def _bytes_left(file: BufferedReader) -> int:
 
 
 def _walk(data: bytes, element: _Element, order: _Order) -> NDArray[np.int64]:
-    """Return where each record begins and goes on after each of its lists, and last the element's end."""
-    lists = []  # bytes of scalars before the list, its count, its items' size
+    """Return the offsets, in bytes, of each record and of the end of each of its lists, and last the element's end."""
+    lists = []  # of each list: bytes of scalars before it, its count, size of its items
     scalars = 0
     for each in element.properties:
         if each.length is not None:
@@ -237,7 +253,7 @@ def _read_text(file: BufferedReader, first_line: int, before: list[_Element], el
 
 
 def _text_without_lists(element: _Element) -> Callable[[str], str]:
-    """Return a function that takes the scalars out of a line of text."""
+    """Return a function that returns the scalars of a line of text."""
 
     def scalars(line: str) -> str:
         words = iter(line.split())
@@ -264,15 +280,28 @@ def _cast(values: Column, to: _Property) -> Column:
             raise FileFormatError(
                 f"expected a {_NAMES[to.dtype]} as {to.name} of vertex {wrong + 1}, found {values[wrong]:g}"
             )
-    with np.errstate(over="ignore"):  # beyond float32 lies infinity
+    with np.errstate(over="ignore"):  # values beyond the range of float32 become infinite
         return values.astype(to.dtype)
 
 
 def write_ply(file: BinaryIO, cloud: PointCloud) -> None:
     """Write a binary little-endian PLY file with the attributes as scalar properties.
 
-    Booleans become uchar, half floats float. Whole numbers of 64 bit, which PLY has not, become int, uint or
-    double, whichever first holds all of them exactly.
+    Booleans are written as uchar and half-precision numbers as float. PLY has no 64-bit integers: they are written as
+    int, uint or double, the first that represents all values exactly.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for writing.
+    cloud : PointCloud
+        The points and their attributes.
+
+    Raises
+    ------
+    OutputError
+        If no PLY type represents the values of an attribute exactly, or the coordinates do not fit the cloud's
+        `coordinate_dtype`.
     """
     columns: dict[str, Column] = dict(zip("xyz", cloud.points.T, strict=True))
     types = dict.fromkeys(columns, _type_of_coordinates(cloud))
@@ -300,7 +329,7 @@ def _type_of_coordinates(cloud: PointCloud) -> np.dtype[Any]:
 
 
 def _type_of(values: Column, name: str) -> np.dtype[Any]:
-    """Return the PLY type that holds all these numbers exactly."""
+    """Return the PLY type that represents all values exactly."""
     dtype = values.dtype.newbyteorder("=")
     if dtype in _NAMES:
         return dtype
@@ -315,7 +344,8 @@ def _type_of(values: Column, name: str) -> np.dtype[Any]:
                 return narrow
     if not _exact_as_double(values):
         raise OutputError(
-            f"expected numbers that a PLY file can hold in {name!r}, found {dtype} beyond double; write .npz"
+            f"expected numbers that a PLY file can store in {name!r}, found {dtype} beyond the precision of double; "
+            "write .npz instead"
         )
     return np.dtype("f8")
 
@@ -325,7 +355,7 @@ def _exact_as_double(values: Column) -> bool:
         wide = values.astype(np.float64)
     if values.dtype.kind == "f":
         return bool(np.array_equal(wide, values, equal_nan=True))
-    beyond = float(np.iinfo(values.dtype).max)  # rounds up to the power of two
+    beyond = float(np.iinfo(values.dtype).max)  # rounds up to a power of two
     return bool((wide < beyond).all() and (wide.astype(values.dtype) == values).all())
 
 

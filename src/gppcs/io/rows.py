@@ -1,4 +1,4 @@
-"""Lines of numbers in text files."""
+"""Reads and writes rows of numbers in text files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import EXACT, Column
 
-BLOCK = 1 << 16  # rows at a time: what numpy does per call is then small, and so is the memory
+BLOCK = 1 << 16  # rows per block: large enough that NumPy's cost per call does not count, small enough for memory
 
 Block = tuple[list[str], NDArray[np.float64]]
 
@@ -22,28 +22,74 @@ _WHOLE = re.compile(r"\s*[+-]?\d+\s*")
 
 
 def lines_of(file: BufferedReader) -> Iterator[str]:
-    """Yield the rest of a file as lines of text, whatever their ends; bytes that are not UTF-8 are lost."""
+    """Yield the rest of a file as lines of text.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading. It stays open.
+
+    Yields
+    ------
+    str
+        A line with its end, a single newline character. Bytes that are not UTF-8 become replacement characters.
+    """
     text = TextIOWrapper(file, encoding="utf-8-sig", errors="replace")
     try:
         yield from text
     finally:
-        if not file.closed:  # the file is the caller's to close
+        if not file.closed:  # the caller closes the file
             text.detach()
 
 
 def shown(line: str) -> str:
-    """Quote a line for a message, cut where it is long."""
+    """Return a line in quotes for a message, shortened to 60 characters.
+
+    Parameters
+    ----------
+    line : str
+        Any text.
+
+    Returns
+    -------
+    str
+    """
     text = line.strip()
     return repr(text if len(text) <= 60 else text[:57] + "...")
 
 
 def as_count(text: str) -> int | None:
-    """Return the whole number that a text is, or None if it is none or has more than 18 digits."""
+    """Return the value of a text of decimal digits.
+
+    Parameters
+    ----------
+    text : str
+        Any text.
+
+    Returns
+    -------
+    int or None
+        None if the text has other characters or more than 18 digits.
+    """
     return int(text) if text.isdecimal() and len(text) <= 18 else None
 
 
 def ends_early(what: str, index: int, count: int) -> FileFormatError:
-    """Say that a file ends within item `index` (from 0) of `count` promised ones."""
+    """Return the error for a file that ends early.
+
+    Parameters
+    ----------
+    what : str
+        What the items are, such as "vertex".
+    index : int
+        The item that is incomplete or missing, counted from 0.
+    count : int
+        The number of items that the file announces.
+
+    Returns
+    -------
+    FileFormatError
+    """
     return FileFormatError(f"the file ends in {what} {index + 1} of {count}; get the whole file again")
 
 
@@ -62,30 +108,31 @@ def number_blocks(
     Parameters
     ----------
     lines : iterator of str
-        Lines with their ends. With `count`, no line after the last row is taken.
+        Lines with their ends. With `count`, no line after the last row is consumed.
     first_line : int
-        The number that the first of them has in the file, from 1, for messages.
-    numbers_of : function of a line
-        Returns the part of it that holds numbers, or an empty string if the line is to be passed by.
+        The number of the first of these lines in the file, counted from 1, for messages.
+    numbers_of : callable(line) -> str
+        Returns the part of a line that holds numbers, or an empty string to skip the line.
     delimiter : str, optional
-        Separator of numbers; whitespace if not given.
+        Separator of numbers; whitespace by default.
     width : int, optional
-        How many numbers a row has; as many as the first one if not given.
+        The number of numbers in each row; by default that of the first row.
     count : int, optional
-        How many rows there must be.
+        The number of rows that the file must have; any number by default.
     what : str
         What a row is, for messages.
 
     Yields
     ------
     texts : list of n str
-        The numbers of each row, as they stand in the file.
+        The numbers of each row, as text.
     values : (n, width) array, float64
+        The same numbers.
 
     Raises
     ------
     FileFormatError
-        If a line is not such a row, or lines are missing.
+        If a row is malformed or has another number of numbers, or rows are missing.
     """
     done = 0
     while batch := list(islice(lines, BLOCK if count is None else min(BLOCK, count - done))):
@@ -111,7 +158,7 @@ def number_blocks(
 def _first_bad_line(
     batch: list[str], numbers_of: Callable[[str], str], delimiter: str | None, width: int
 ) -> tuple[int, int, str]:
-    """Return which line of the batch is the first that is no row, its row, and what was expected there."""
+    """Return the first malformed line of a batch, its row, and a description of what was expected there."""
     row = 0
     for i, text in enumerate(map(numbers_of, batch)):
         if text:
@@ -123,13 +170,25 @@ def _first_bad_line(
             if not found or found != width:
                 return i, row, f"{width} numbers" if width else "numbers"
             row += 1
-    raise AssertionError("numpy refused lines that it takes one by one")
+    raise AssertionError("NumPy refused a batch of lines but accepted each of them")
 
 
 def typed_columns(texts: Sequence[str], values: Column, delimiter: str | None) -> list[Column]:
-    """Split a block of `number_blocks` into columns, int64 where the file has whole numbers, else float64.
+    """Split a block of `number_blocks` into columns of whole numbers and of floating-point numbers.
 
-    A column counts as whole numbers if its first one is written without a point and all of them are whole.
+    Parameters
+    ----------
+    texts : sequence of n str
+        The rows as text.
+    values : (n, width) array, float64
+        The same rows.
+    delimiter : str or None
+        Separator of numbers; None for whitespace.
+
+    Returns
+    -------
+    list of width (n,) arrays
+        int64 if the first number of the column is written without a decimal point and all are whole, else float64.
     """
     first = texts[0].split(delimiter)
     return [
@@ -143,14 +202,26 @@ def _typed(values: Column, texts: Sequence[str], index: int, delimiter: str | No
         return values
     if np.abs(values).max() < EXACT:
         return values.astype(np.int64)
-    try:  # float64 may have rounded: take the digits themselves
+    try:  # float64 may have rounded these, so read the digits again
         return np.array([int(text.split(delimiter)[index]) for text in texts], dtype=np.int64)
     except (ValueError, OverflowError):
         return values
 
 
 def write_rows(file: BinaryIO, columns: Sequence[Column], separator: str = " ", prefix: str = "") -> None:
-    """Write columns as lines of text, each number as the shortest text that gives it back in its own type."""
+    """Write columns as lines of text.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for writing.
+    columns : sequence of (N,) arrays
+        Each number is written as the shortest text that reads back as the same number of the same type.
+    separator : str
+        Text between two numbers.
+    prefix : str
+        Text at the start of each line.
+    """
     for start in range(0, len(columns[0]), BLOCK):
         fields = (_texts(column[start : start + BLOCK]) for column in columns)
         file.writelines(f"{prefix}{separator.join(row)}\n".encode() for row in zip(*fields, strict=True))
@@ -160,5 +231,5 @@ def _texts(values: Column) -> list[str]:
     if values.dtype.kind == "b":
         values = values.astype(np.uint8)
     if values.dtype.kind == "f" and values.dtype != np.float64:
-        return list(map(str, values))  # the shortest in that type, which Python's floats do not know
+        return list(map(str, values))  # str of a NumPy number is the shortest text for its own type
     return list(map(repr, values.tolist()))

@@ -1,11 +1,12 @@
-"""Tables of numbers as text: XYZ, TXT, ASC, CSV and PTS.
+"""Reads and writes tables of numbers as text: XYZ, TXT, ASC, CSV and PTS.
 
-The delimiter (comma, semicolon, whitespace) is that of the first row of numbers. Names come from a header
-line, or from a comment line (`#` or `//`) that has x, y and z and as many names as there are columns.
-Without names the first three columns are the coordinates and the others become `column_4`, `column_5` and
-so on; in PTS files they are `intensity` and `red green blue`, as is customary, if their number fits. A
-single whole number before the first row is the number of points. Columns of whole numbers become int64, the
-others float64.
+- The first row of numbers sets the delimiter: comma, semicolon or whitespace.
+- Names of columns come from a header line, or from a comment line (`#` or `//`) that contains x, y and z and has one
+  name for each column.
+- Without names, the first three columns are the coordinates, and the others become `column_4`, `column_5` and so on. In
+  PTS files with 4, 6 or 7 columns they become `intensity`, `red green blue`, or all four.
+- A single whole number before the first row is the number of points.
+- Columns of whole numbers become int64, others float64.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ _PTS_EXTRAS = {4: ["intensity"], 6: ["red", "green", "blue"], 7: ["intensity", "
 
 @dataclass
 class _Layout:
-    """What stands before the first row, and what that row tells."""
+    """What the lines before the first row say, and the layout of that row."""
 
     names: list[str] | None = None
     names_line: int = 0
@@ -48,12 +49,42 @@ class _Layout:
 
 
 def read_xyz(file: BufferedReader) -> PointCloud:
-    """Read a table whose columns, where it has no names, are x, y, z, column_4, ..."""
+    """Read a table. Columns without names are x, y, z, column_4 and so on.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Returns
+    -------
+    PointCloud
+
+    Raises
+    ------
+    FileFormatError
+        If a row is malformed, names do not fit the columns, or the number of points is not the one announced.
+    """
     return _read(file, default_names)
 
 
 def read_pts(file: BufferedReader) -> PointCloud:
-    """Read a table whose columns, where it has no names, are those customary in PTS files."""
+    """Read a table. Columns without names are those usual in PTS files: x, y, z, intensity, red, green, blue.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Returns
+    -------
+    PointCloud
+
+    Raises
+    ------
+    FileFormatError
+        If a row is malformed, names do not fit the columns, or the number of points is not the one announced.
+    """
     return _read(file, lambda width: [*default_names(3), *_PTS_EXTRAS.get(width, default_names(width)[3:])])
 
 
@@ -87,7 +118,7 @@ def _numbers(line: str) -> str:
 
 
 def _layout(lines: Iterator[str]) -> _Layout:
-    """Read up to the first row of numbers."""
+    """Read the lines up to the first row of numbers."""
     layout = _Layout()
     commented: list[str] = []
     for number, line in enumerate(lines, 1):
@@ -119,7 +150,7 @@ def _check_width(layout: _Layout) -> None:
     if layout.names is not None and len(layout.names) != layout.width:
         raise FileFormatError(
             f"line {layout.names_line} names {len(layout.names)} columns, "
-            f"but line {layout.first_line} has {layout.width} numbers; give each column a name"
+            f"but line {layout.first_line} has {layout.width} numbers; write one name for each column"
         )
 
 
@@ -154,7 +185,20 @@ def _is_number(field: str) -> bool:
 
 
 def write_xyz(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write rows separated by blanks, after a comment with the names if there are attributes."""
+    """Write numbers separated by spaces, after a comment with the names if the cloud has attributes.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for writing.
+    cloud : PointCloud
+        The points and their attributes.
+
+    Raises
+    ------
+    OutputError
+        If the cloud does not fit into columns of numbers with different names.
+    """
     columns = _columns(cloud)
     if cloud.attributes:
         file.write(f"# {' '.join(columns)}\n".encode())
@@ -162,19 +206,45 @@ def write_xyz(file: BinaryIO, cloud: PointCloud) -> None:
 
 
 def write_csv(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write rows separated by commas after a line with the names."""
+    """Write a line with the names, then numbers separated by commas.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for writing.
+    cloud : PointCloud
+        The points and their attributes.
+
+    Raises
+    ------
+    OutputError
+        If the cloud does not fit into columns of numbers with different names.
+    """
     columns = _columns(cloud)
     file.write(f"{','.join(columns)}\n".encode())
     write_rows(file, list(columns.values()), ",")
 
 
 def write_pts(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write the number of points, then rows; the format has no names, so attributes must be the customary ones."""
+    """Write the number of points, then one row for each point.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for writing.
+    cloud : PointCloud
+        Its attributes must be none, intensity, or red, green, blue, or all four: PTS files have no names.
+
+    Raises
+    ------
+    OutputError
+        If the attributes are others, or the coordinates do not fit the cloud's `coordinate_dtype`.
+    """
     columns = _columns(cloud)
     extras = list(columns)[3:]
     if extras and extras not in _PTS_EXTRAS.values():
         raise OutputError(
-            f"expected the attributes of a PTS file, intensity and red green blue or one of the two, "
+            f"expected the attributes of a PTS file (intensity, or red green blue, or both), "
             f"found {', '.join(extras)}; choose a format with names, such as PLY or CSV"
         )
     file.write(f"{len(cloud)}\n".encode())

@@ -1,4 +1,4 @@
-"""Files that are either whole or not there."""
+"""Writes files that appear only when they are complete."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from gppcs.errors import OutputError
 
 
 def check_writable(path: str | os.PathLike[str], force: bool = False) -> None:
-    """Check, before any work is done, that a file can be written.
+    """Check that a file can be written. Call it before long work.
 
     Parameters
     ----------
-    path : path
+    path : str or path
         The file to be written.
     force : bool
-        Whether it may take the place of a file that exists.
+        Whether an existing file may be overwritten.
 
     Raises
     ------
     OutputError
-        If the file exists and `force` is not given, or is no file, or its folder is missing or not writable.
+        If the file exists and `force` is False, `path` is a folder or device, or its folder is missing or not writable.
     """
     target = Path(path)
     folder = Path(os.path.realpath(target)).parent
@@ -33,42 +33,43 @@ def check_writable(path: str | os.PathLike[str], force: bool = False) -> None:
         raise OutputError(f"{target}: expected a file, found a folder or device; choose another name")
     if target.exists() and not force:
         raise OutputError(
-            f"{target}: expected a new file, found one; choose another name or overwrite it with --force (force=True)"
+            f"{target}: expected a new file, found one; choose another name, or overwrite with --force (force=True)"
         )
     if not folder.is_dir():
         raise OutputError(f"{target}: expected a folder {folder}, found none; make it or choose another")
     if not os.access(folder, os.W_OK | os.X_OK):
-        raise OutputError(f"{target}: no permission to write into the folder {folder}; choose another")
+        raise OutputError(f"{target}: expected a writable folder {folder}, found no permission; choose another")
 
 
 @contextmanager
 def whole_file(path: str | os.PathLike[str], force: bool = False) -> Iterator[BinaryIO]:
-    """Open a file for writing that appears under its name only once it is whole.
+    """Open a file for writing that appears under its name only when it is complete.
 
-    The bytes go to a temporary file in the same folder, which takes the target's place when the block ends
-    without an exception, and is removed otherwise.
+    The content goes to a temporary file in the same folder. If the block ends without an exception, that file is
+    renamed to the target; otherwise it is removed.
 
     Parameters
     ----------
-    path : path
+    path : str or path
         The file to be written.
     force : bool
-        Whether it may take the place of a file that exists.
+        Whether an existing file may be overwritten.
 
     Yields
     ------
-    binary file, open for writing
+    binary file
+        Open for writing.
 
     Raises
     ------
     OutputError
-        As `check_writable` does.
+        If the file exists and `force` is False, `path` is a folder or device, or its folder is missing or not writable.
     """
     check_writable(path, force)
-    target = Path(os.path.realpath(path))  # a link stays a link
+    target = Path(os.path.realpath(path))  # so that a symbolic link stays one
     temporary = target.with_name(f".gppcs-{secrets.token_hex(8)}.part")
     try:
-        with open(temporary, "xb") as file:  # unlike tempfile's, these permissions follow the umask
+        with open(temporary, "xb") as file:  # permissions follow the umask, unlike those of tempfile
             yield file
         os.replace(temporary, target)
     except BaseException:

@@ -17,7 +17,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LocalGP(Method):
-    """A local Gaussian process whose metric follows the surface, and greedy choice where it is most uncertain."""
+    """A local Gaussian process whose metric follows the surface, and greedy choice where it is most uncertain.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> cloud = gppcs.sample("bracket", n_points=2000)
+    >>> result = gppcs.simplify(cloud, n_points=100, method=gppcs.LocalGP(feature_weight=0.8))
+    >>> len(result.cloud)
+    100
+    """
 
     name = "gp"
     summary = "a local Gaussian process: features kept, nothing left bare, a ranking"

@@ -82,6 +82,10 @@ class KdTree:
             searches are slow, though still right.
         order : (N,) array, int64, optional
             The tree's `order`; 0 to N - 1 by default.
+
+        Returns
+        -------
+        KdTree
         """
         n, leaves = points.shape[1], 1
         while n > LEAF_SIZE * leaves:
@@ -93,7 +97,17 @@ class KdTree:
         return tree
 
     def scaled(self, factor: float) -> KdTree:
-        """Return the tree over the points times a positive factor."""
+        """Return the tree over scaled points.
+
+        Parameters
+        ----------
+        factor : float
+            Above 0; multiplies all coordinates.
+
+        Returns
+        -------
+        KdTree
+        """
         return KdTree(self.order, self.points * factor, self.low * factor, self.high * factor)
 
     def positions(self) -> NDArray[np.int64]:

@@ -54,6 +54,14 @@ def estimate_normals(
         If the cloud or the places are empty, misshapen or not finite.
     ParameterError
         If there are fewer than 3 neighbours.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> ball = gppcs.sample("sphere", n_points=1000)
+    >>> normals = gppcs.estimate_normals(ball)
+    >>> bool(((normals * ball.normals()).sum(axis=1) > 0.99).all())
+    True
     """
     if neighbours is not None:
         neighbours = whole_number("the number of neighbours", neighbours, 3)

@@ -1,1 +1,1 @@
-"""The commands, one module each; `gppcs.app.cli` puts them together."""
+"""The commands of the program `gppcs`, one module each. `gppcs.app.cli` combines them."""

@@ -1,4 +1,4 @@
-"""`gppcs compare`."""
+"""The command `gppcs compare`: several methods on one cloud, as tables and a picture."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from gppcs.drawing.camera import Viewpoint
     from gppcs.evaluation.comparison import Entry
 
-MOST_TO_REBUILD = 1_000_000  # points of an original without a mesh: beyond, the picture would take minutes
+MOST_TO_REBUILD = 1_000_000  # of a larger original no mesh is rebuilt for the picture, which would take minutes
 EPILOG = (
     "[bold]Examples[/bold]\n\n"
     "gppcs compare scan.ply --ratio 0.03 -o comparison\n\n"
     "gppcs compare scan.ply --points 5000 --methods fps,hc,wlop --mesh surface.ply -o comparison\n\n"
-    "The figures are those of gppcs evaluate, whose help defines them."
+    "gppcs evaluate --help defines the figures of the tables."
 )
 
 
@@ -38,35 +38,38 @@ def compare(
             "--output",
             "-o",
             metavar="DIR",
-            help="The folder for table.csv, table.md, picture.png; made where it is missing.",
+            help="The folder for table.csv, table.md and picture.png. It is created if it does not exist.",
         ),
     ],
     ratio: Annotated[
-        float | None, typer.Option(help="Share of the points to keep, above 0, at most 1; or give --points.")
+        float | None, typer.Option(help="Share of the points to keep, above 0 and at most 1. Or give --points.")
     ] = None,
-    points: Annotated[int | None, typer.Option(help="Number of points to keep; or give --ratio.")] = None,
+    points: Annotated[int | None, typer.Option(help="Number of points to keep. Or give --ratio.")] = None,
     methods: Annotated[
         str,
         typer.Option(
             metavar="NAME,...",
-            help="Names of the methods with commas between, in the order of the table; see gppcs methods.",
+            help="Names of the methods, separated by commas, in the order of the table. See gppcs methods.",
             show_default="all",
         ),
     ] = ",".join(METHODS),
-    mesh: Annotated[Path | None, typer.Option(help="The surface of IN as a mesh, to judge rebuilt ones by.")] = None,
+    mesh: Annotated[
+        Path | None, typer.Option(help="The surface of IN as a mesh file, to compare rebuilt surfaces with.")
+    ] = None,
     seed: Annotated[
-        int | None, typer.Option(help="Of all that a method draws at random; those without chance ignore it.")
+        int | None, typer.Option(help="Seed of random numbers. Methods without random numbers ignore it.")
     ] = None,
     invalid: Invalid = "error",
     picture: Annotated[
-        bool, typer.Option(help="Draw the clouds and the meshes rebuilt from them; needs the extras view, evaluate.")
+        bool,
+        typer.Option(help="Draw the clouds and the meshes rebuilt from them. Needs the extras view and evaluate."),
     ] = True,
     view: View = None,
     up: Up = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Simplify a cloud by several methods, judge all alike, and lay the results side by side."""
+    """Simplify a cloud by several methods, evaluate each result, and write tables and a picture."""
     from gppcs import io
     from gppcs.app.console import ProgressBar, compilation_noticed
     from gppcs.engine.stages import Stages
@@ -98,7 +101,7 @@ def compare(
 def _contents(
     original: PointCloud, entries: Sequence[Entry], mesh: Mesh | None, viewpoint: Viewpoint | None
 ) -> dict[str, bytes]:
-    """Return what is to be written, by the name of the file; no viewpoint, no picture."""
+    """Return the content of each output file by name; without a viewpoint there is no picture."""
     from gppcs.app.tables import as_csv, as_markdown
 
     contents = {"table.csv": as_csv(entries).encode(), "table.md": as_markdown(entries).encode()}
@@ -108,7 +111,7 @@ def _contents(
 
 
 def _drawn(original: PointCloud, entries: Sequence[Entry], mesh: Mesh | None, viewpoint: Viewpoint) -> bytes:
-    """Return a PNG of the original and of what each method made of it, with the meshes rebuilt."""
+    """Return a PNG of the original and each simplified cloud, with the meshes rebuilt from them."""
     import numpy as np
 
     from gppcs.drawing.cloud_images import ColouredCloud
@@ -132,27 +135,27 @@ def _drawn(original: PointCloud, entries: Sequence[Entry], mesh: Mesh | None, vi
 
 
 def _caption(entry: Entry) -> str:
-    """Return the mean error of a method, in diagonals of the box of the original."""
+    """Return the mean error of a method, in diagonals of the original's bounding box."""
     figures = entry.report.figures(relative=True)
     name = "hausdorff_mean" if "hausdorff_mean" in figures else "surface_mean"
     return f"{name.replace('_', ' ')}\n{figures[name]:.2e} diagonals"
 
 
 def _rebuilt_original(original: PointCloud) -> Mesh | None:
-    """Return a surface rebuilt from the original where it is not too large for that, or None."""
+    """Return a surface rebuilt from the original, or None if the original is too large."""
     from gppcs.evaluation.comparison import rebuilt_mesh
 
     if len(original) > MOST_TO_REBUILD:
         print_error(
-            f"note: the picture shows no mesh of the original: it has {len(original):,} points, and from more than "
-            f"{MOST_TO_REBUILD:,} none is rebuilt; give one with --mesh"
+            f"note: the picture shows no mesh of the original: it has {len(original):,} points, and a mesh is rebuilt "
+            f"from at most {MOST_TO_REBUILD:,}; give a mesh with --mesh"
         )
         return None
     return rebuilt_mesh(original, original)
 
 
 def _print(entries: Sequence[Entry], as_json: bool) -> None:
-    """Print the comparison, and why figures are missing."""
+    """Print the comparison on stdout, and on stderr why figures are missing."""
     from gppcs.app.console import print_comparison
 
     if as_json:
@@ -169,14 +172,14 @@ def _print(entries: Sequence[Entry], as_json: bool) -> None:
 
 
 def _targets(source: Path, folder: Path, picture: bool, force: bool) -> dict[str, Path]:
-    """Return the files to write by name, after making sure that they can be written."""
+    """Return the paths of the output files by name, after checking that each can be written."""
     from gppcs.engine.extras import require_pymeshlab, require_pyvista
     from gppcs.io import check_writable
 
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder}: expected a folder, found a file; name a folder")
     if not folder.absolute().parent.is_dir():
-        raise OutputError(f"{folder}: expected a folder to make this one in, found none; make it first")
+        raise OutputError(f"{folder}: expected an existing parent folder, found none; make it first")
     names = ["table.csv", "table.md"]
     if picture:
         require_pymeshlab()

@@ -1,4 +1,4 @@
-"""`gppcs evaluate`."""
+"""The command `gppcs evaluate`: how good a simplified cloud is."""
 
 from __future__ import annotations
 
@@ -24,21 +24,23 @@ EPILOG = (
     "gppcs evaluate scan.ply small.ply --mesh surface.ply --json\n\n"
     f"[bold]Figures[/bold] (lengths in the unit of the clouds)\n\n{_defined(Report)}\n\n"
     f"[bold]With a mesh[/bold] (needs the extra evaluate)\n\n{_defined(Rebuilt)}\n\n"
-    "Those are measured with normals estimated on the simplified cloud and, where it carries normals (nx, ny, nz), "
-    "with these once more (carried)."
+    "The surface is rebuilt with normals estimated on the simplified cloud. If this cloud carries normals (nx, ny, "
+    "nz), the surface is rebuilt a second time with these, and the names of its figures start with carried."
 )
 
 
 def evaluate(
-    original: Annotated[Path, typer.Argument(metavar="ORIGINAL", help="The dense cloud.", show_default=False)],
-    simplified: Annotated[Path, typer.Argument(metavar="SIMPLIFIED", help="What was made of it.", show_default=False)],
+    original: Annotated[Path, typer.Argument(metavar="ORIGINAL", help="The original cloud.", show_default=False)],
+    simplified: Annotated[Path, typer.Argument(metavar="SIMPLIFIED", help="The simplified cloud.", show_default=False)],
     mesh: Annotated[
         Path | None,
-        typer.Option(help="The surface of the original as a mesh, to compare the one rebuilt from SIMPLIFIED with."),
+        typer.Option(
+            help="The surface of ORIGINAL as a mesh file, to compare the surface rebuilt from SIMPLIFIED with."
+        ),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Measure how good a simplified cloud is; points whose coordinates are not finite are left out."""
+    """Measure how good a simplified cloud is. Points with NaN or infinite coordinates are left out."""
     from gppcs import io
     from gppcs.app.console import ProgressBar, compilation_noticed, print_table
     from gppcs.engine.stages import Stages

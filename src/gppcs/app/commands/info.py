@@ -1,4 +1,4 @@
-"""`gppcs info`."""
+"""The command `gppcs info`: facts about a cloud."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def info(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A point cloud file.", show_default=False)],
     as_json: Json = False,
 ) -> None:
-    """Print points, bounds, spacing, attributes, repeats and coordinates that are not finite."""
+    """Print the number of points, bounding box, spacing, attributes, repeats and invalid points."""
     from gppcs import io
     from gppcs.app.console import compilation_noticed, print_table
     from gppcs.clouds.summary import info as summarise

@@ -1,4 +1,4 @@
-"""`gppcs sample`."""
+"""The command `gppcs sample`: a synthetic scan."""
 
 from __future__ import annotations
 
@@ -16,17 +16,21 @@ EPILOG = "[bold]Example[/bold]\n\ngppcs sample fan -o fan.ply --points 50000 --n
 def sample(
     name: Annotated[str, typer.Argument(metavar="NAME", help="medallion, bracket, fan or sphere.", show_default=False)],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT", help="The file to write.")],
-    points: Annotated[int, typer.Option(help="Number of points, outliers among them.")] = 200_000,
+    points: Annotated[int, typer.Option(help="Number of points, outliers included.")] = 200_000,
     noise: Annotated[
-        float, typer.Option(help="Standard deviation of each coordinate, as a share of the diagonal.")
+        float, typer.Option(help="Standard deviation of the noise on each coordinate, as a share of the diagonal.")
     ] = 0.0,
-    outliers: Annotated[float, typer.Option(help="Share of points that lie anywhere in the box.")] = 0.0,
-    uneven: Annotated[float, typer.Option(help="Share of its density lost over the scan, 0 to below 1.")] = 0.0,
-    seed: Annotated[int, typer.Option(help="Of all that is drawn at random: the same seed gives the same scan.")] = 0,
+    outliers: Annotated[
+        float, typer.Option(help="Share of the points that are outliers, anywhere in the enlarged bounding box.")
+    ] = 0.0,
+    uneven: Annotated[
+        float, typer.Option(help="Share of the density that is lost from one end to the other, from 0 to below 1.")
+    ] = 0.0,
+    seed: Annotated[int, typer.Option(help="Seed of random numbers. The same seed gives the same scan.")] = 0,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Make a scan of a surface that is known exactly, with its normals and curvature."""
+    """Make a synthetic scan of a surface that is known exactly, with its normals and curvature."""
     from gppcs import io, scans
 
     io.format_to_write(output)

@@ -1,4 +1,4 @@
-"""`gppcs simplify`."""
+"""The command `gppcs simplify`: clouds to files of fewer points."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ EPILOG = (
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --set feature_weight=0.8\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --normals\n\n"
     "gppcs simplify a.ply b.ply -o folder --ratio 0.1 --json\n\n"
-    "[bold]What --json tells[/bold]\n\n"
-    "Beside input, output, method and figures: [cyan]seconds[/cyan] of each stage, [cyan]seconds_compiling[/cyan] of "
-    "these, which only a first run takes, and [cyan]peak_memory[/cyan], the most bytes that the process has held so "
-    "far, null where the system does not tell.\n\n"
+    "[bold]Output of --json[/bold]\n\n"
+    "Besides input, output, method and figures: [cyan]seconds[/cyan], the time of each stage; "
+    "[cyan]seconds_compiling[/cyan], the part of it that only a first run takes; and [cyan]peak_memory[/cyan], the "
+    "most bytes that the process has held so far, or null if the system does not report it.\n\n"
     "[bold]Methods[/bold] (their parameters: gppcs methods NAME)\n\n"
     + "\n\n".join(
         f"[cyan]{method.name}[/cyan]: {method.summary} [dim]({method.source})[/dim]" for method in METHODS.values()
@@ -45,37 +45,45 @@ def simplify(
     inputs: Annotated[list[Path], typer.Argument(metavar="IN...", help="Point cloud files.", show_default=False)],
     output: Annotated[
         Path,
-        typer.Option("--output", "-o", metavar="OUT", help="The file to write; for several inputs, a folder."),
+        typer.Option(
+            "--output", "-o", metavar="OUT", help="The file to write. For several inputs, an existing folder."
+        ),
     ],
     ratio: Annotated[
-        float | None, typer.Option(help="Share of the points to keep, above 0, at most 1; or give --points.")
+        float | None, typer.Option(help="Share of the points to keep, above 0 and at most 1. Or give --points.")
     ] = None,
-    points: Annotated[int | None, typer.Option(help="Number of points to keep; or give --ratio.")] = None,
-    method: Annotated[str, typer.Option(help="Name of the method; see below.")] = DEFAULT,
+    points: Annotated[int | None, typer.Option(help="Number of points to keep. Or give --ratio.")] = None,
+    method: Annotated[str, typer.Option(help="Name of the method, from the list below.")] = DEFAULT,
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="A parameter of the method; may be repeated."),
+        typer.Option("--set", metavar="KEY=VALUE", help="Set a parameter of the method. Can be repeated."),
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(help="Of all that a method draws at random; those without chance ignore it.")
+        int | None, typer.Option(help="Seed of random numbers. Methods without random numbers ignore it.")
     ] = None,
     invalid: Invalid = "error",
     normals: Annotated[
         bool,
         typer.Option(
             "--normals",
-            help="Give each point kept the normal that all points of the input show there, for rebuilding a surface; "
-            "it replaces one that the input has. Neighbours agree; closed pieces point outward, flat ones up.",
+            help="Add to each kept point a normal estimated from all points of the input, to rebuild a surface. It "
+            "replaces a normal of the input. Normals of closed pieces point outward, of flat pieces up.",
         ),
     ] = False,
     scores: Annotated[
         bool,
-        typer.Option("--scores", help="Give each point kept the method's score and deviation (gp) when it was chosen."),
+        typer.Option(
+            "--scores", help="Add to each kept point its score and standard deviation when it was chosen (method gp)."
+        ),
     ] = False,
-    figures: Annotated[bool, typer.Option("--figures", help="Measure how good the result is.")] = False,
+    figures: Annotated[
+        bool, typer.Option("--figures", help="Measure how good the result is, as gppcs evaluate does.")
+    ] = False,
     picture: Annotated[
         Path | None,
-        typer.Option(metavar="PNG", help="Draw original and result, coloured by surface variation."),
+        typer.Option(
+            metavar="PNG", help="Draw the original and the result, coloured by surface variation, to a PNG file."
+        ),
     ] = None,
     view: View = None,
     up: Up = None,
@@ -84,7 +92,7 @@ def simplify(
 ) -> None:
     """Keep exactly the number of points asked for, each with all its attributes.
 
-    Of several inputs, those that can be used are simplified even if others cannot.
+    If one of several inputs cannot be used, the others are still simplified.
     """
     from gppcs.simplification import simplify as simplified
 
@@ -98,7 +106,7 @@ def simplify(
         "scores": scores,
     }
     viewpoint = viewpoint_of(view, up, picture is not None)
-    simplified([[0.0, 0.0, 0.0]], **options)  # tells what is out of range, before long work
+    simplified([[0.0, 0.0, 0.0]], **options)  # checks the options before long work
     targets = _targets(inputs, output)
     if picture:
         _check_picture(picture, inputs, force)
@@ -119,7 +127,7 @@ def simplify(
 
 
 def _parsed(settings: list[str]) -> dict[str, str]:
-    """Split KEY=VALUE."""
+    """Return settings of the form KEY=VALUE as a dictionary."""
     for setting in settings:
         if "=" not in setting:
             raise ParameterError(f"expected --set KEY=VALUE, found {setting!r}")
@@ -127,7 +135,7 @@ def _parsed(settings: list[str]) -> dict[str, str]:
 
 
 def _targets(inputs: list[Path], output: Path) -> dict[Path, Path]:
-    """Return the file to write for each input."""
+    """Return the output file of each input."""
     if output.is_dir():
         targets = {source: output / source.name for source in inputs}
     elif len(inputs) == 1:
@@ -137,12 +145,12 @@ def _targets(inputs: list[Path], output: Path) -> dict[Path, Path]:
             f"{output}: expected a folder for the results of {len(inputs)} inputs, found none; make it first"
         )
     if len(set(targets.values())) < len(inputs):
-        raise OutputError(f"{output}: expected inputs with different names, found two that would write one file")
+        raise OutputError(f"{output}: expected inputs with different names, found two with one output file; rename one")
     return targets
 
 
 def _check_picture(picture: Path, inputs: list[Path], force: bool) -> None:
-    """Make sure that the picture can be drawn and written."""
+    """Check that the picture can be drawn and written."""
     from gppcs.engine.extras import require_matplotlib
     from gppcs.io import check_writable
 
@@ -163,7 +171,7 @@ def _simplify_file(
     force: bool,
     options: dict[str, Any],
 ) -> _Run:
-    """Simplify one file, with `options` for `simplify`."""
+    """Simplify one file; `options` are the arguments of `gppcs.simplify`."""
     from gppcs import io
     from gppcs.app.console import ProgressBar, compilation_noticed
     from gppcs.engine.stages import Stages
@@ -194,7 +202,7 @@ def _simplify_file(
 
 
 def _drawn(cloud: PointCloud, result: Result, viewpoint: Viewpoint) -> bytes:
-    """Return a PNG of the cloud and of what was made of it."""
+    """Return a PNG of the original and the simplified cloud."""
     import numpy as np
 
     from gppcs.drawing.cloud_images import ColouredCloud
@@ -203,7 +211,9 @@ def _drawn(cloud: PointCloud, result: Result, viewpoint: Viewpoint) -> bytes:
     rows = cloud.finite_rows()
     original = ColouredCloud.by_surface_variation(cloud.points[rows])
     kept = np.searchsorted(rows, result.indices)
-    simplified = ColouredCloud(result.cloud.points, original.values[kept])  # where the method put them
+    simplified = ColouredCloud(
+        result.cloud.points, original.values[kept]
+    )  # at the places to which the method moved them
     image = BytesIO()
     draw_pair(image, result.method.label, original, simplified, viewpoint)
     return image.getvalue()
@@ -211,7 +221,7 @@ def _drawn(cloud: PointCloud, result: Result, viewpoint: Viewpoint) -> bytes:
 
 @dataclass(frozen=True)
 class _Run:
-    """What was done to one file."""
+    """The simplification of one file."""
 
     source: Path
     target: Path
@@ -221,7 +231,7 @@ class _Run:
     compiling: float
 
     def record(self) -> dict[str, Any]:
-        """Return it for machines."""
+        """Return the run as the record that `--json` prints."""
         return {
             "input": str(self.source),
             "output": str(self.target),
@@ -238,7 +248,7 @@ class _Run:
         }
 
     def print(self) -> None:
-        """Print it for people."""
+        """Print the run as a table."""
         from gppcs.app.console import print_table
 
         seconds = {f"{stage}, s": f"{value:.2f}" for stage, value in self.result.seconds.items()}
@@ -259,6 +269,6 @@ class _Run:
 
 
 def _written(method: Method) -> str:
-    """Return the method with its parameters, as one line."""
+    """Return the method with all its parameters as one line."""
     parameters = ", ".join(f"{name}={value}" for name, value in dataclasses.asdict(method).items())
     return f"{method.name} ({parameters})" if parameters else method.name

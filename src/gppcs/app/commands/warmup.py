@@ -1,4 +1,4 @@
-"""`gppcs warmup`."""
+"""The command `gppcs warmup`: compiles all kernels."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ EPILOG = "[bold]Example[/bold]\n\ngppcs warmup"
 
 
 def warmup(as_json: Json = False) -> None:
-    """Compile all kernels now, which takes a minute or two, so that no later run has to.
+    """Compile all kernels now, in a minute or two. Later runs then start at once.
 
-    They are kept in the folder that NUMBA_CACHE_DIR names, else beside the installed package, else in the user's cache
-    folder: the first that can be written. A new version of gppcs or Numba, and another kind of processor, need it anew.
+    Compiled kernels are stored in the first of these folders that can be written: the one that NUMBA_CACHE_DIR names,
+    that of the installed package, the user's cache folder. Run this again after an update of gppcs or Numba, or on
+    another kind of processor.
     """
     from gppcs.app.compilation import compile_all
     from gppcs.app.console import ProgressBar, compilation_noticed
@@ -28,7 +29,7 @@ def warmup(as_json: Json = False) -> None:
     if not kernel_cache.are_kept():
         raise OutputError(
             "expected a folder to keep compiled kernels in, but neither that of gppcs nor the user's cache folder can "
-            "be written; set NUMBA_CACHE_DIR to one that can"
+            "be written; set NUMBA_CACHE_DIR to a folder that can"
         )
     start = perf_counter()
     with compilation_noticed(), Stages(ProgressBar())("compiling kernels", len(METHODS)) as advanced:

@@ -1,0 +1,46 @@
+"""Fixtures of the tests of the command."""
+
+import sys
+
+import pytest
+
+import gppcs
+from gppcs.app import cli, console
+
+
+@pytest.fixture(scope="session")
+def kernels():
+    """Compile the kernels, so that the command does not print the notice of a first run."""
+    cloud = gppcs.sample("bracket", 5000)  # more than there are landmarks
+    for method in gppcs.METHODS:
+        gppcs.evaluate(cloud, gppcs.simplify(cloud, ratio=0.1, method=method).cloud)
+    gppcs.info(cloud)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Run the test in an empty folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def scan(folder):
+    """The cloud in the file scan.ply."""
+    cloud = gppcs.sample("bracket", 400)
+    gppcs.write("scan.ply", cloud)
+    return cloud
+
+
+@pytest.fixture
+def gppcs_command(kernels, folder, monkeypatch, capsys):
+    """Run the command in this process; return its exit code, stdout and stderr, less the notice of a first run."""
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["gppcs", *map(str, arguments)])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        out, err = capsys.readouterr()
+        return stop.value.code, out, err.replace(f"{console.NOTICE}\n", "")
+
+    return run

@@ -1,0 +1,128 @@
+"""`gppcs compare`."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gppcs
+from command_line import files
+
+
+def test_compare_writes_tables_and_prints_one(gppcs_command, scan):
+    code, out, err = gppcs_command(
+        "compare", "scan.ply", "--ratio", 0.1, "--methods", "fps, random", "-o", "side", "--no-picture"
+    )
+    assert (code, err) == (0, "")
+    assert sorted(path.name for path in Path("side").iterdir()) == ["table.csv", "table.md"]
+    titles, *rows = Path("side/table.csv").read_text().splitlines()
+    assert titles.startswith("method,parameters,seconds,points_in,points_out,")
+    assert titles.endswith(",failure")
+    assert rows[1].startswith("random,seed=0,")
+    assert [row.split(",")[0] for row in rows] == ["fps", "random"]
+    assert "| fps | 40 |" in Path("side/table.md").read_text()
+    first = [line.split()[:2] for line in out.splitlines() if line]
+    assert ["fps", "40"] in first
+    assert ["random", "40"] in first
+    assert out.endswith("side: table.csv, table.md\n")
+
+
+def test_compare_json_is_one_object_a_method(gppcs_command, scan):
+    code, out, _ = gppcs_command(
+        "compare",
+        "scan.ply",
+        "--points",
+        40,
+        "--methods",
+        "fps,random",
+        "--seed",
+        3,
+        "-o",
+        "side",
+        "--no-picture",
+        "--json",
+    )
+    records = [json.loads(line) for line in out.splitlines()]
+    assert code == 0
+    assert [(record["method"], record["parameters"]) for record in records] == [("fps", {}), ("random", {"seed": 3})]
+    assert records[0]["figures"] == gppcs.compare(gppcs.read("scan.ply"), ["fps"], n_points=40)[0].report.figures()
+
+
+def test_compare_drops_invalid_points_when_asked_to(gppcs_command, scan):
+    scan.points[9] = np.nan
+    gppcs.write("broken.ply", scan)
+    options = ("--points", 40, "--methods", "fps", "-o", "side", "--no-picture", "--invalid", "drop", "--json")
+    code, out, err = gppcs_command("compare", "broken.ply", *options)
+    assert (code, err) == (0, "")
+    assert json.loads(out)["figures"]["points_in"] == 399
+
+
+def test_compare_draws_clouds_and_meshes(gppcs_command, monkeypatch):
+    for module in ("pymeshlab", "pyvista", "matplotlib"):
+        pytest.importorskip(module)
+    columns = []
+    monkeypatch.setattr("gppcs.drawing.side_by_side.draw_comparison", lambda file, given, _: columns.extend(given))
+    ball = gppcs.sample("sphere", 2000)
+    ball.points[7] = np.nan
+    gppcs.write("ball.ply", ball)
+    options = ("--points", 200, "--methods", "fps,random", "-o", "side", "--invalid", "drop")
+    assert gppcs_command("compare", "ball.ply", *options)[::2] == (0, "")
+    assert [column.title for column in columns] == ["original", "fps", "random"]
+    assert [len(column.points) for column in columns] == [1999, 200, 200]
+    assert all(column.mesh for column in columns)
+
+
+def test_compare_rebuilds_no_mesh_of_an_original_too_large_for_it(gppcs_command, monkeypatch):
+    for module in ("pymeshlab", "pyvista", "matplotlib"):
+        pytest.importorskip(module)
+    monkeypatch.setattr("gppcs.app.commands.compare.MOST_TO_REBUILD", 1000)
+    gppcs.write("ball.ply", gppcs.sample("sphere", 1999))
+    code, _, err = gppcs_command("compare", "ball.ply", "--points", 200, "--methods", "random", "-o", "side")
+    assert code == 0
+    assert "no mesh of the original: it has 1,999 points" in err
+    assert err.count("\n") == 1
+    assert Path("side/picture.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        (["scan.ply", "--ratio", "0.1", "-o", "side", "--methods", "fps,fsp"], "no method 'fsp'"),
+        (["scan.ply", "-o", "side", "--methods", "fps"], "found neither"),
+        (["missing.ply", "--ratio", "5", "-o", "side", "--methods", "fps"], "at most 1, found 5"),
+        (["scan.ply", "--ratio", "0.1", "-o", "side", "--methods", ""], "no method ''"),
+        (["broken.ply", "--ratio", "0.1", "-o", "side", "--methods", "fps"], "1 of 400 points"),
+        (["in/table.csv", "--ratio", "0.1", "-o", "in", "--force"], "expected a file other than the input"),
+        (["missing.ply", "--ratio", "0.1", "-o", "side"], "missing.ply"),
+        (["scan.ply", "--ratio", "0.1", "-o", "scan.ply"], "expected a folder, found a file"),
+        (["scan.ply", "--ratio", "0.1", "-o", "no/side"], "make it first"),
+        (["scan.ply", "--ratio", "0.1", "-o", "old"], "--force"),
+    ],
+)
+def test_what_compare_refuses_leaves_nothing(gppcs_command, scan, arguments, part):
+    Path("old").mkdir()
+    Path("old/table.md").write_text("mine")
+    Path("in").mkdir()
+    gppcs.write("in/table.csv", scan)
+    scan.points[9] = np.nan
+    gppcs.write("broken.ply", scan)
+    code, out, err = gppcs_command("compare", *arguments, "--no-picture")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert part in err
+    assert files() == ["broken.ply", "in", "old", "scan.ply"]
+    assert len(gppcs.read("in/table.csv")) == 400
+    assert Path("old/table.md").read_text() == "mine"
+
+
+@pytest.mark.parametrize("module", ["pymeshlab", "pyvista"])
+def test_compare_names_the_missing_extra_before_any_work(gppcs_command, scan, monkeypatch, module):
+    pytest.importorskip("pymeshlab")
+    monkeypatch.setitem(sys.modules, module, None)
+    extra = {"pymeshlab": "evaluate", "pyvista": "view"}[module]
+    code, _, err = gppcs_command("compare", "scan.ply", "--ratio", 0.1, "-o", "side")
+    assert code == 2
+    assert f"(the extra {extra}): pip install '" in err
+    assert f"'{module}>=" in err
+    assert files() == ["scan.ply"]

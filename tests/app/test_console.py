@@ -1,0 +1,85 @@
+"""Progress and the notice about compilation, on stderr."""
+
+import os
+import pty
+import subprocess
+import sys
+import time
+
+import pytest
+
+from gppcs.app import console
+
+
+def in_terminal(code, term="xterm"):
+    """Return what Python code prints to stderr where that is a terminal, and its exit code."""
+    master, slave = pty.openpty()
+    environment = os.environ | {"TERM": term}
+    with subprocess.Popen([sys.executable, "-c", code], stderr=slave, env=environment) as run:
+        os.close(slave)
+        shown = b""
+        try:
+            while part := os.read(master, 4096):
+                shown += part
+        except OSError:  # how Linux says that the other end is closed
+            pass
+        os.close(master)
+    return shown.decode(), run.returncode
+
+
+STAGE = """
+import time
+from gppcs.app import console
+from gppcs.engine.stages import Stages
+console.PATIENCE = 0.2
+with Stages(console.ProgressBar())("slow stage", 4) as advanced:
+    for _ in range(4):
+        time.sleep({seconds})
+        advanced(1)
+    {end}
+"""
+
+
+SHOW_CURSOR, ERASE_LINE = "\x1b[?25h", "\x1b[2K"
+
+
+def test_a_bar_shows_for_a_slow_stage_and_goes_away():
+    shown, code = in_terminal(STAGE.format(seconds=0.2, end="pass"))
+    assert code == 0
+    assert "slow stage" in shown
+    assert shown.rindex(ERASE_LINE) > shown.rindex("slow stage")
+    assert SHOW_CURSOR in shown
+
+
+def test_a_bar_goes_away_when_the_stage_fails():
+    shown, code = in_terminal(STAGE.format(seconds=0.2, end="raise SystemExit(7)"))
+    assert code == 7
+    assert shown.rindex(ERASE_LINE) > shown.rindex("slow stage")
+    assert SHOW_CURSOR in shown
+
+
+@pytest.mark.parametrize(("seconds", "term"), [(0, "xterm"), (0.2, "dumb")])
+def test_no_bar_for_quick_stages_and_plain_terminals(seconds, term):
+    assert in_terminal(STAGE.format(seconds=seconds, end="pass"), term) == ("", 0)
+
+
+def test_no_bar_where_stderr_is_no_terminal(capsys, monkeypatch):
+    monkeypatch.setattr(console, "PATIENCE", 0)
+    bar = console.ProgressBar()
+    bar.started("stage", 10)
+    time.sleep(0.05)
+    bar.advanced(5)
+    bar.finished()
+    assert capsys.readouterr() == ("", "")
+
+
+def test_compiling_is_told_once_and_timed(capsys):
+    compilation = console.Compilation()
+    for _ in range(2):  # one kernel needs another
+        compilation.on_start(None)
+        compilation.on_start(None)
+        time.sleep(0.01)
+        compilation.on_end(None)
+        compilation.on_end(None)
+    assert capsys.readouterr().err == "gppcs: compiling its kernels, once on this machine\n"
+    assert 0.02 <= compilation.seconds < 1

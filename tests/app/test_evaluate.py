@@ -1,0 +1,86 @@
+"""`gppcs evaluate`."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gppcs
+from command_line import FAST, write_scan_with
+from meshes import hull_mesh
+
+
+def test_evaluate_prints_each_figure_with_its_unit(gppcs_command, scan):
+    gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 40, *FAST)
+    code, out, err = gppcs_command("evaluate", "scan.ply", "out.ply")
+    assert (code, err) == (0, "")
+    assert "scan.ply → out.ply" in out
+    assert "400 in, 40 out" in out
+    for name in set(gppcs.figures_of(gppcs.Report)) - {"points_in", "points_out"}:
+        assert name.replace("_", " ") in out
+    assert "of the diagonal)" in out
+    assert "of the squared diagonal)" in out
+    assert " degrees" in out
+    assert "in the unit of the coordinates" in out
+    recall = gppcs.evaluate(scan, gppcs.read("out.ply")).feature_recall
+    assert f"feature recall {100 * recall:.4g} %" in " ".join(out.split())
+
+
+def test_evaluate_json_holds_raw_and_relative_figures(gppcs_command, scan):
+    gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 40, *FAST)
+    code, out, _ = gppcs_command("evaluate", "scan.ply", "out.ply", "--json")
+    report = gppcs.evaluate(gppcs.read("scan.ply"), gppcs.read("out.ply"))
+    assert code == 0
+    assert json.loads(out) == {
+        "original": "scan.ply", "simplified": "out.ply", "mesh": None,
+        "figures": report.figures(), "relative": report.figures(relative=True),
+    }  # fmt: skip
+
+
+def test_evaluate_leaves_out_points_that_are_not_finite(gppcs_command):
+    def spoil(points):
+        points[3, 1] = np.nan
+
+    write_scan_with(spoil)
+    code, out, _ = gppcs_command("evaluate", "scan.ply", "scan.ply")
+    assert (code, "399 in, 399 out" in out) == (0, True)
+
+
+def test_evaluate_with_a_mesh(gppcs_command):
+    pytest.importorskip("pymeshlab")
+    ball = gppcs.sample("sphere", 3000)
+    gppcs.write("scan.ply", ball)
+    faces = "\n".join(f"3 {a} {b} {c}" for a, b, c in hull_mesh(ball.points).faces)
+    rows = "\n".join(f"{x} {y} {z}" for x, y, z in ball.points)
+    Path("mesh.off").write_text(f"OFF\n3000 {faces.count(chr(10)) + 1} 0\n{rows}\n{faces}\n")
+    code, out, err = gppcs_command("evaluate", "scan.ply", "scan.ply", "--mesh", "mesh.off")
+    assert (code, err) == (0, "")
+    assert "hausdorff mean" in out
+    assert "carried hausdorff max" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        (["scan.ply", "missing.ply"], ["missing.ply", "No such file"]),
+        (["scan.ply", "far.ply"], ["does not lie on the original", "same unit"]),
+        (["scan.ply", "scan.ply", "--mesh", "scan.ply"], ["scan.ply", "400 points and no triangle"]),
+        (["scan.ply", "empty.ply"], ["simplified cloud is empty"]),
+    ],
+)
+def test_what_evaluate_refuses(gppcs_command, scan, arguments, parts):
+    if "--mesh" in arguments:
+        pytest.importorskip("pymeshlab")
+    gppcs.write("far.ply", gppcs.PointCloud(scan.points[:9] + 1e5))
+    gppcs.write("empty.ply", gppcs.PointCloud(np.empty((0, 3))))
+    code, out, err = gppcs_command("evaluate", *arguments)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert all(part in err for part in parts)
+
+
+def test_the_help_of_evaluate_defines_every_figure(gppcs_command):
+    out = " ".join(gppcs_command("evaluate", "--help")[1].split())
+    for report in (gppcs.Report, gppcs.Rebuilt):
+        for name in gppcs.figures_of(report):
+            assert f"{name.replace('_', ' ')} (" in out

@@ -1,0 +1,179 @@
+"""`gppcs simplify`: what it writes and prints."""
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gppcs
+from command_line import FAST, files, write_scan_with
+
+
+@pytest.mark.parametrize("method", gppcs.METHODS)
+def test_simplify_writes_the_points_asked_for_with_all_they_carry(gppcs_command, scan, method):
+    code, out, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--ratio", 0.1, "--method", method)
+    assert (code, err) == (0, "")
+    assert "400 in, 40 out" in out
+    assert files() == ["out.ply", "scan.ply"]
+    expected = scan.take(gppcs.simplify(scan, ratio=0.1, method=method).indices)
+    written = gppcs.read("out.ply")
+    assert written.points.tobytes() == expected.points.tobytes()
+    assert written.coordinate_dtype == np.float32
+    assert list(written.attributes) == list(expected.attributes)
+    for name, values in expected.attributes.items():
+        assert written.attributes[name].dtype == values.dtype
+        assert written.attributes[name].tobytes() == values.tobytes()
+
+
+@pytest.mark.parametrize("method", gppcs.METHODS)
+def test_the_dragon_is_thinned_to_its_own_vertices(gppcs_command, shared_data, method):
+    source = shared_data / "dragon.ply"
+    code, _, err = gppcs_command("simplify", source, "-o", "out.ply", "--ratio", 0.03, "--method", method)
+    assert (code, err) == (0, "")
+    original, kept = (_vertices(path) for path in (source, "out.ply"))
+    assert len(original) == 437_645
+    assert len(kept) == len(np.unique(kept)) == 13_129
+    assert np.isin(kept, original).all()
+
+
+def _vertices(path):
+    """Return the bytes of each vertex of a binary PLY file of x, y, z and faces."""
+    header, _, body = Path(path).read_bytes().partition(b"end_header\n")
+    count = int(header.partition(b"element vertex ")[2].split()[0])
+    return np.frombuffer(body[: 12 * count], "V12")
+
+
+def test_parameters_seed_and_number_of_points_reach_the_method(gppcs_command, scan):
+    options = ("--points", 30, "--method", "gp-spectral", "--set", "k_add=5", "--set", "nu=inf", "--seed", 3)
+    assert gppcs_command("simplify", "scan.ply", "-o", "out.npy", *options)[0] == 0
+    method = gppcs.SpectralGP(k_add=5, nu=math.inf, seed=3)
+    expected = gppcs.simplify(scan, n_points=30, method=method).cloud.points
+    assert gppcs.read("out.npy").points.tobytes() == expected.tobytes()
+
+
+def test_scores_go_into_the_file(gppcs_command, scan):
+    code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 40, "--scores")
+    assert (code, err) == (0, "")
+    kept = gppcs.read("out.ply")
+    expected = gppcs.simplify(scan, n_points=40, scores=True).cloud
+    assert list(kept.attributes) == [*scan.attributes, "score", "deviation"]
+    for name in ("score", "deviation"):
+        np.testing.assert_array_equal(kept.attributes[name], expected.attributes[name])
+
+
+def test_scores_of_a_method_without_are_refused(gppcs_command, scan):
+    code, out, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 40, "--scores", *FAST)
+    assert code != 0
+    assert out == ""
+    assert "method 'fps' gives its points no scores" in err
+    assert not Path("out.ply").exists()
+
+
+def test_normals_of_the_whole_cloud_are_written(gppcs_command, scan):
+    bare = gppcs.PointCloud(scan.points, {"red": scan.attributes["red"]}, scan.coordinate_dtype)
+    gppcs.write("scan.ply", bare, force=True)
+    code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 40, "--normals", *FAST)
+    assert (code, err) == (0, "")
+    written = gppcs.read("out.ply")
+    assert list(written.attributes) == ["red", "nx", "ny", "nz"]
+    assert written.attributes["nx"].dtype == np.float32
+    np.testing.assert_allclose(written.normals(), gppcs.estimate_normals(scan, written), atol=1e-5)
+
+
+def test_several_inputs_go_to_a_folder(gppcs_command, scan):
+    gppcs.write("more.ply", gppcs.sample("fan", 200))
+    Path("results").mkdir()
+    code, out, err = gppcs_command("simplify", "scan.ply", "more.ply", "-o", "results", "--ratio", 0.1, "--json", *FAST)
+    assert (code, err) == (0, "")
+    assert [json.loads(line)["points_out"] for line in out.splitlines()] == [40, 20]
+    assert [len(gppcs.read(f"results/{name}.ply")) for name in ("scan", "more")] == [40, 20]
+
+
+def test_force_overwrites(gppcs_command, scan):
+    Path("out.ply").write_text("old")
+    code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 7, "--force", *FAST)
+    assert (code, err) == (0, "")
+    assert len(gppcs.read("out.ply")) == 7
+
+
+def test_invalid_points_are_dropped_when_asked_to(gppcs_command):
+    def spoil(points):
+        points[[3, 8], 0] = np.nan
+
+    points = write_scan_with(spoil)
+    arguments = ("simplify", "scan.ply", "-o", "out.ply", "--ratio", 1, "--invalid", "drop", "--figures", "--json")
+    code, out, err = gppcs_command(*arguments)
+    assert (code, err) == (0, "")
+    assert gppcs.read("out.ply").points.tobytes() == np.delete(points, [3, 8], axis=0).tobytes()
+    record = json.loads(out)
+    assert (record["points_in"], record["points_out"], record["figures"]["chamfer"]) == (400, 398, 0)
+
+
+def test_a_picture_is_drawn(gppcs_command, scan):
+    pytest.importorskip("matplotlib")
+    code, _, err = gppcs_command(
+        "simplify", "scan.ply", "-o", "out.ply", "--points", 40, "--picture", "picture.png", *FAST
+    )
+    assert (code, err) == (0, "")
+    assert Path("picture.png").read_bytes().startswith(b"\x89PNG\r\n")
+    assert len(gppcs.read("out.ply")) == 40
+
+
+@pytest.mark.parametrize("settings", ["voxel place=mean", "wlop snap=false"])
+def test_points_that_a_method_moved_are_drawn_where_it_moved_them(gppcs_command, scan, monkeypatch, settings):
+    pytest.importorskip("matplotlib")
+    drawn = []
+    monkeypatch.setattr("gppcs.drawing.pair.draw_pair", lambda file, *given: drawn.extend(given))
+    method, setting = settings.split()
+    options = ("--points", 40, "--method", method, "--set", setting, "--picture", "picture.png")
+    gppcs_command("simplify", "scan.ply", "-o", "out.npy", *options)
+    moved = gppcs.read("out.npy").points
+    assert np.linalg.norm(moved[:, None] - scan.points, axis=2).min(axis=1).max() > 0.1
+    np.testing.assert_allclose(drawn[2].points, moved, atol=1e-4)  # the file has single precision
+
+
+def test_simplify_json_is_one_strict_object_a_line(gppcs_command, scan):
+    options = ("--points", 40, "--method", "gp-spectral", "--set", "nu=inf", "--figures", "--json")
+    code, out, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", *options)
+    assert (code, err, out.count("\n")) == (0, "", 1)
+    record = json.loads(out, parse_constant=pytest.fail)
+    assert (record["input"], record["output"]) == ("scan.ply", "out.ply")
+    assert (record["points_in"], record["points_out"], record["method"]) == (400, 40, "gp-spectral")
+    defaults = dataclasses.asdict(gppcs.SpectralGP())
+    assert record["parameters"] == defaults | {"nu": None}  # JSON has no infinity
+    assert {"reading", "eigenfunctions", "greedy selection", "writing", "figures"} <= set(record["seconds"])
+    assert all(seconds >= 0 for seconds in record["seconds"].values())
+    assert record["seconds_compiling"] >= 0
+    assert record["peak_memory"] > 1e7  # an interpreter with NumPy takes more
+    assert record["figures"] == gppcs.evaluate(gppcs.read("scan.ply"), gppcs.read("out.ply")).figures()
+    assert record["version"] == gppcs.__version__
+
+
+def test_simplify_prints_times_parameters_and_figures(gppcs_command, scan):
+    _, out, _ = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 40, "--figures")
+    title, *rows = out.splitlines()
+    assert title == "scan.ply → out.ply"
+    for name in (
+        "points",
+        "method",
+        "noise_in_spacings",
+        "reading, s",
+        "greedy selection, s",
+        "all, s",
+        "covering radius",
+    ):
+        assert sum(row.startswith(f"{name} ") for row in rows) == 1
+    assert "gp (feature_weight=0.5, lengthscale=1.5, neighbours=4," in out
+
+
+def test_help_shows_examples_and_each_method_with_its_source(gppcs_command):
+    code, out, err = gppcs_command("simplify", "--help")
+    assert (code, err) == (0, "")
+    text = " ".join(out.split())
+    assert "gppcs simplify scan.ply -o small.ply --ratio 0.03" in text
+    assert "peak_memory, the most bytes that the process has held so far" in text
+    for name, method in gppcs.METHODS.items():
+        assert f"{name}: {method.summary} ({method.source})" in text

@@ -1,0 +1,154 @@
+"""`gppcs simplify`: how it fails, and what it leaves alone."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gppcs
+from command_line import FAST, assert_one_line, files, write_scan_with
+
+
+def truncate(path):
+    path.write_bytes(path.read_bytes()[:-10])
+
+
+def without_x(path):
+    path.write_bytes(path.read_bytes().replace(b"float x", b"float u"))
+
+
+def empty(path):
+    gppcs.write(path, gppcs.PointCloud(np.empty((0, 3))), force=True)
+
+
+def not_finite(path):
+    def spoil(points):
+        points[7, 1], points[9, 0] = np.nan, np.inf
+
+    write_scan_with(spoil)
+
+
+def as_folder(path):
+    path.unlink()
+    path.mkdir()
+
+
+@pytest.mark.parametrize(
+    ("damage", "parts"),
+    [
+        (Path.unlink, ["scan.ply: No such file"]),
+        (as_folder, ["scan.ply: expected a file, found a folder"]),
+        (truncate, ["scan.ply: the file ends in vertex 400 of 400"]),
+        (without_x, ["scan.ply: expected x, y and z", "'u', 'y', 'z'"]),
+        (empty, ["scan.ply: the cloud is empty"]),
+        (not_finite, ["scan.ply: 2 of 400 points", "first at index 7", "--invalid drop"]),
+        (lambda path: path.write_bytes(b""), ["scan.ply: expected"]),
+        (lambda path: path.write_bytes(bytes(range(256))), ["scan.ply: expected 'ply'"]),
+    ],
+)
+def test_input_that_cannot_be_used(gppcs_command, scan, damage, parts):
+    damage(Path("scan.ply"))
+    before = files()
+    assert_one_line(gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--ratio", 0.1), *parts)
+    assert files() == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        (["--ratio", 0], ["a ratio above 0 and at most 1, found 0"]),
+        (["--ratio", -1], ["found -1"]),
+        (["--ratio", 1.5], ["found 1.5"]),
+        (["--ratio", "nan"], ["found nan"]),
+        (["--ratio", "abc"], ["'--ratio'", "number"]),
+        (["--points", 0], ["whole number from 1 on, found 0"]),
+        (["--points", -3], ["found -3"]),
+        (["--points", "abc"], ["'--points'", "integer"]),
+        (["--points", 2.5], ["'--points'", "integer"]),
+        ([], ["either a ratio or a number of points, found neither"]),
+        (["--points", 5, "--ratio", 0.5], ["found both"]),
+        (["--points", 5, "--method", "gp-spektral"], ["did you mean 'gp-spectral'?"]),
+        (["--points", 5, "--set", "neighbors=9"], ["did you mean 'neighbours'?"]),
+        (["--points", 5, "--set", "neighbours=0"], ["neighbours to be from 1 to 64, found 0"]),
+        (["--points", 5, "--set", "neighbours=few"], ["neighbours to be int, found 'few'"]),
+        (["--points", 5, "--set", "neighbours"], ["--set KEY=VALUE, found 'neighbours'"]),
+        (["--points", 5, "--method", "random", "--seed", -1], ["seed to be at least 0, found -1"]),
+        (["--points", 5, "--invalid", "ignore"], ["'ignore' is not one of 'error', 'drop'"]),
+        (["--points", 5, "--picture", "picture.jpg"], ["picture.jpg: expected a name that ends in .png"]),
+        (["--points", 5, "--picture", "none/picture.png"], ["none/picture.png: expected a folder"]),
+        (["--points", 5, "--picture", "p.png", "--view", "30"], ["--view AZIMUTH,ELEVATION", "found '30'"]),
+        (["--points", 5, "--picture", "p.png", "--view", "30,99"], ["-90 to 90", "found 30 and 99"]),
+        (["--points", 5, "--picture", "p.png", "--up", "w"], ["'--up'", "'w' is not one of"]),
+        (["--points", 5, "--view", "30,20"], ["expected a picture to turn with --view and --up"]),
+        (["--points", 5, "--rato", 1], ["No such option: --rato", "--ratio"]),
+        (["--points", 5, "-o", "none/out.ply"], ["none/out.ply: expected a folder"]),
+        (["--points", 5, "-o", "scan.ply"], ["scan.ply: expected a new file, found one"]),
+        (["--points", 5, "-o", "out.foo"], ["out.foo: expected one of the formats .ply", "found '.foo'"]),
+        (["--points", 5, "missing.ply"], ["out.ply: expected a folder for the results of 2 inputs"]),
+        (["--points", 5, "sub/scan.ply", "-o", "."], ["inputs with different names"]),
+    ],
+)
+def test_options_that_cannot_be_used(gppcs_command, scan, arguments, parts):
+    before = Path("scan.ply").read_bytes()
+    assert_one_line(gppcs_command("simplify", "scan.ply", "-o", "out.ply", *arguments), *parts)
+    assert files() == ["scan.ply"]
+    assert Path("scan.ply").read_bytes() == before
+
+
+def test_one_bad_file_does_not_cost_the_others(gppcs_command, scan):
+    gppcs.write("broken.ply", scan)
+    truncate(Path("broken.ply"))
+    empty("empty.ply")
+    gppcs.write("done.ply", scan)
+    Path("results").mkdir()
+    Path("results/done.ply").write_text("old")
+    inputs = ["broken.ply", "missing.ply", "empty.ply", "done.ply", "scan.ply"]
+    code, out, err = gppcs_command("simplify", *inputs, "-o", "results", "--points", 9, "--json", *FAST)
+    assert code == 2
+    assert [json.loads(line)["input"] for line in out.splitlines()] == ["scan.ply"]
+    named = ["broken.ply", "missing.ply", "empty.ply", "results/done.ply"]
+    assert [line.split(": ")[1] for line in err.splitlines()] == named
+    assert len(gppcs.read("results/scan.ply")) == 9
+    assert sorted(path.name for path in Path("results").iterdir()) == ["done.ply", "scan.ply"]
+    assert Path("results/done.ply").read_text() == "old"
+
+
+def test_a_bad_parameter_is_told_once_for_all_files(gppcs_command, scan):
+    gppcs.write("more.ply", scan)
+    Path("results").mkdir()
+    result = gppcs_command("simplify", "scan.ply", "more.ply", "-o", "results", "--ratio", 2)
+    assert_one_line(result, "a ratio above 0 and at most 1, found 2")
+    assert not any(Path("results").iterdir())
+
+
+def test_a_picture_shows_one_input(gppcs_command, scan):
+    result = gppcs_command("simplify", "scan.ply", "b.ply", "-o", ".", "--points", 9, "--picture", "p.png")
+    assert_one_line(result, "expected one input with --picture, found 2")
+
+
+def test_a_missing_extra_is_told_before_any_work(gppcs_command, scan, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    result = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 9, "--picture", "p.png")
+    assert_one_line(result, "the extra picture", "pip install 'matplotlib>=")
+    assert files() == ["scan.ply"]
+
+
+def test_an_interrupted_command_leaves_nothing(gppcs_command, scan, monkeypatch):
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("gppcs.io.ply._type_of_coordinates", interrupted)  # while the result is written
+    code, out, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 9)
+    assert (code, out, err.strip()) == (130, "", "")
+    assert files() == ["scan.ply"]
+
+
+@pytest.mark.parametrize("output", ["scan.ply", "link.ply", "."])
+def test_an_input_is_never_overwritten(gppcs_command, scan, output):
+    Path("link.ply").symlink_to("scan.ply")
+    before = Path("scan.ply").read_bytes()
+    result = gppcs_command("simplify", "scan.ply", "-o", output, "--points", 5, "--force")
+    assert_one_line(result, "expected a file other than the input")
+    assert Path("scan.ply").read_bytes() == before

@@ -1,0 +1,33 @@
+"""Constants and checks that the tests of the command share."""
+
+import sys
+from pathlib import Path
+
+import gppcs
+
+COMMAND = Path(sys.executable).with_name("gppcs")
+FAST = ("--method", "fps")  # for tests in which the method makes no difference
+
+
+def write_scan_with(points_of):
+    """Write scan.ply after a function has changed its points; return these."""
+    cloud = gppcs.sample("bracket", 400)
+    points = cloud.points.copy()
+    points_of(points)
+    gppcs.write("scan.ply", gppcs.PointCloud(points, cloud.attributes, cloud.coordinate_dtype), force=True)
+    return points
+
+
+def files():
+    """Return the names in the folder of the test."""
+    return sorted(path.name for path in Path().iterdir())
+
+
+def assert_one_line(result, *parts):
+    """Check that a command failed with one line on stderr that contains all parts."""
+    code, out, err = result
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith("gppcs: ")
+    assert err.endswith("\n")
+    for part in parts:
+        assert part in err

@@ -1,0 +1,88 @@
+"""Type checkers see every public name, and every class in a public signature is public."""
+
+import ast
+import importlib.util
+import inspect
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import gppcs
+
+PACKAGE = Path(gppcs.__file__).parent
+
+USER = """
+import gppcs
+from gppcs import no_such_name  # type: ignore[attr-defined]
+
+class Bar:
+    def started(self, stage: str, total: int | None) -> None: ...
+    def advanced(self, steps: int) -> None: ...
+    def finished(self) -> None: ...
+
+listener: gppcs.Listener = Bar()
+stages = gppcs.Stages(listener)
+cloud: gppcs.PointCloud = gppcs.sample("bracket", n_points=2000)
+result: gppcs.Result = gppcs.simplify(cloud, ratio=0.1, method=gppcs.LocalGP(neighbours=5), stages=stages)
+parameter: gppcs.Parameter = result.method.parameters()["neighbours"]
+gppcs.simplify(cloud, ratio="a tenth")  # type: ignore[arg-type]
+"""
+
+
+@pytest.mark.skipif(importlib.util.find_spec("mypy") is None, reason="mypy is not installed")
+def test_a_users_file_passes_mypy_strict(tmp_path, pytestconfig):
+    (tmp_path / "user.py").write_text(USER + "\n".join(f"gppcs.{name}" for name in gppcs.__all__))
+    cache = pytestconfig.cache.mkdir("mypy_of_users_file")
+    run = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", "--cache-dir", cache, "user.py"],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(PACKAGE.parent)},  # as if this copy of the package were installed
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stdout + run.stderr
+
+
+def signatures_of(value):
+    """Yield the annotations of a function, or of the fields and public methods of a class, as text."""
+    if inspect.isfunction(value):
+        yield from map(str, inspect.get_annotations(value).values())
+    elif inspect.isclass(value):
+        yield from map(str, inspect.get_annotations(value).values())
+        for name, member in vars(value).items():
+            member = getattr(member, "__func__", member)
+            if inspect.isfunction(member) and (not name.startswith("_") or name in ("__init__", "__call__")):
+                yield from map(str, inspect.get_annotations(member).values())
+
+
+def test_each_class_in_a_public_signature_is_public():
+    trees = [ast.parse(path.read_text()) for path in PACKAGE.rglob("*.py")]
+    ours = {node.name for tree in trees for node in tree.body if isinstance(node, ast.ClassDef)}
+    shown = {
+        name
+        for public in gppcs.__all__
+        for annotation in signatures_of(getattr(gppcs, public))
+        for name in re.findall(r"\w+", annotation)
+    }
+    assert {"PointCloud", "Stages", "Method"} <= shown & ours
+    assert shown & ours <= set(gppcs.__all__)
+
+
+def test_only_kernels_lack_annotations():
+    lacking = []
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef) and not any(
+                "njit" in ast.unparse(each) for each in node.decorator_list
+            ):
+                given = node.args
+                arguments = [*given.posonlyargs, *given.args, *given.kwonlyargs, given.vararg, given.kwarg]
+                untyped = {each.arg for each in arguments if each and each.annotation is None} - {"self", "cls"}
+                if untyped or node.returns is None:
+                    lacking.append(f"{path.name}: {node.name}")
+    assert lacking == []
