@@ -75,7 +75,7 @@ class LocalGP(Method):
         )
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
-        """Choose the points; see `Method`."""
+        """Choose the points; see `Method.__call__`."""
         from gppcs.gp.local.candidates import nested_candidates
         from gppcs.gp.local.ranking import rank
         from gppcs.gp.local.survey import survey

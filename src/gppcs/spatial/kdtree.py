@@ -73,15 +73,15 @@ class KdTree:
 
     @classmethod
     def over(cls, points: NDArray[np.float64], order: NDArray[np.int64] | None = None) -> KdTree:
-        """Return the tree over points that are sorted already: only the boxes are measured, in O(N).
+        """Build a tree over points that are already sorted: only the boxes are computed, in O(N).
 
         Parameters
         ----------
-        points : (3, N) array
-            N at least 1. Neighbours must stand near each other, as they do in the order of another tree; otherwise
-            searches are slow, though still right.
+        points : (3, N) array, float64
+            At least one point; each row is an axis. Neighbours must be near each other in this order, as in the order
+            of another tree. Otherwise searches are correct but slow.
         order : (N,) array, int64, optional
-            The tree's `order`; 0 to N - 1 by default.
+            The `order` of the tree; by default, 0 to N - 1.
 
         Returns
         -------
@@ -97,12 +97,12 @@ class KdTree:
         return tree
 
     def scaled(self, factor: float) -> KdTree:
-        """Return the tree over scaled points.
+        """Return the tree over the points multiplied by a factor.
 
         Parameters
         ----------
         factor : float
-            Above 0; multiplies all coordinates.
+            Positive.
 
         Returns
         -------
@@ -269,7 +269,7 @@ def _bound(records, begin, end, low, high):
 
 @nb.njit(cache=True, nogil=True)
 def _bound_all(points, low, high):
-    """Measure the boxes of all nodes over points, (3, N), in tree order."""
+    """Fill the boxes of all nodes, `low` and `high`, (nodes, 3), from the points, (3, N), in tree order."""
     leaves = first_leaf(low)
     for node in range(2 * leaves - 1, 0, -1):
         begin, end = leaf_range(points.shape[1], leaves, node)
