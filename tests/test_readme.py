@@ -45,7 +45,7 @@ def test_test_commands_are_those_of_make():
     recipe = re.search(r"\ntest:.*?\n\n", makefile, re.DOTALL).group()
     for command in plain.split(" && "):
         assert command.replace(".venv/bin", "$(BIN)") in recipe
-    assert (ROOT / ".ci" / "run").read_text().splitlines()[-1] == "make test"
+    assert (ROOT / ".ci" / "run").read_text().splitlines()[-1] == "make test test-all"
 
 
 def test_tables_are_those_of_the_benchmarks():
