@@ -24,6 +24,7 @@ def test_python_runs(tmp_path, monkeypatch):
     exec(compile(code, "README.md", "exec"), {})
 
 
+@pytest.mark.slow
 def test_commands_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     lines = [shlex.split(line, comments=True) for block in blocks("console") for line in block.splitlines()]

@@ -91,6 +91,7 @@ def test_simplify_writes_the_points_asked_for_with_all_they_carry(gppcs_command,
         assert written.attributes[name].tobytes() == values.tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", gppcs.METHODS)
 def test_the_dragon_is_thinned_to_its_own_vertices(gppcs_command, shared_data, method):
     source = shared_data / "dragon.ply"
@@ -342,6 +343,7 @@ def test_help_shows_examples_and_each_method_with_its_source(gppcs_command):
         assert f"{name}: {method.summary} ({method.source})" in text
 
 
+@pytest.mark.slow
 def test_warmup_says_how_many_kernels_it_compiled_and_where_they_are(gppcs_command):
     code, out, err = gppcs_command("warmup")
     assert (code, err) == (0, "")
@@ -568,6 +570,7 @@ def test_an_interrupted_command_leaves_nothing(gppcs_command, scan, monkeypatch)
 # as a program
 
 
+@pytest.mark.slow
 def test_exit_codes_and_streams_of_the_installed_command(scan):
     def run(*arguments):
         done = subprocess.run([COMMAND, *arguments], capture_output=True, text=True, check=False)
@@ -798,6 +801,7 @@ def test_compare_drops_invalid_points_when_asked_to(gppcs_command, scan):
     assert json.loads(out)["figures"]["points_in"] == 399
 
 
+@pytest.mark.slow
 def test_compare_draws_clouds_and_meshes(gppcs_command, monkeypatch):
     for module in ("pymeshlab", "pyvista", "matplotlib"):
         pytest.importorskip(module)
@@ -813,6 +817,7 @@ def test_compare_draws_clouds_and_meshes(gppcs_command, monkeypatch):
     assert all(column.mesh for column in columns)
 
 
+@pytest.mark.slow
 def test_compare_rebuilds_no_mesh_of_an_original_too_large_for_it(gppcs_command, monkeypatch):
     for module in ("pymeshlab", "pyvista", "matplotlib"):
         pytest.importorskip(module)
