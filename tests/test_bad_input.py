@@ -104,6 +104,7 @@ def test_memory_does_not_grow_with_the_extent():
     assert max(far, farthest) < 1.1 * near
 
 
+@pytest.mark.slow
 def test_time_is_that_of_a_well_spread_cloud():
     """Least processor time of several runs taken in turns, of clouds alike in noise.
 

@@ -31,6 +31,7 @@ def test_help_comes_at_once():
     assert min(seconds() for _ in range(5)) < 0.6  # 0.3 s where nothing else runs
 
 
+@pytest.mark.slow
 def test_exit_codes_and_streams_of_the_installed_command(kernels, scan):
     def run(*arguments):
         done = subprocess.run([COMMAND, *arguments], capture_output=True, text=True, check=False)

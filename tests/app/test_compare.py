@@ -59,6 +59,7 @@ def test_compare_drops_invalid_points_when_asked_to(gppcs_command, scan):
     assert json.loads(out)["figures"]["points_in"] == 399
 
 
+@pytest.mark.slow
 def test_compare_draws_clouds_and_meshes(gppcs_command, monkeypatch):
     for module in ("pymeshlab", "pyvista", "matplotlib"):
         pytest.importorskip(module)
@@ -74,6 +75,7 @@ def test_compare_draws_clouds_and_meshes(gppcs_command, monkeypatch):
     assert all(column.mesh for column in columns)
 
 
+@pytest.mark.slow
 def test_compare_rebuilds_no_mesh_of_an_original_too_large_for_it(gppcs_command, monkeypatch):
     for module in ("pymeshlab", "pyvista", "matplotlib"):
         pytest.importorskip(module)

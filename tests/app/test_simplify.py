@@ -28,6 +28,7 @@ def test_simplify_writes_the_points_asked_for_with_all_they_carry(gppcs_command,
         assert written.attributes[name].tobytes() == values.tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", gppcs.METHODS)
 def test_the_dragon_is_thinned_to_its_own_vertices(gppcs_command, shared_data, method):
     source = shared_data / "dragon.ply"

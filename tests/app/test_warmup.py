@@ -7,6 +7,7 @@ from pathlib import Path
 import gppcs
 
 
+@pytest.mark.slow
 def test_warmup_says_how_many_kernels_it_compiled_and_where_they_are(gppcs_command):
     code, out, err = gppcs_command("warmup")
     assert (code, err) == (0, "")

@@ -23,6 +23,7 @@ def benchmark(name):
     return module
 
 
+@pytest.mark.slow
 def test_ablation_table_within_two_percent(shared_data):
     ablation = benchmark("ablation")
     rows = ablation.table(gppcs.read(shared_data / "bunny.ply"), ablation.FPS_VARIATION)
@@ -31,6 +32,7 @@ def test_ablation_table_within_two_percent(shared_data):
         assert np.median(ours) == pytest.approx(paper, rel=0.02)
 
 
+@pytest.mark.slow
 def test_noise_study_within_five_percent(shared_data):
     noise = benchmark("noise")
     clean = gppcs.read(shared_data / f"{noise.STUDY_CLOUD}.ply").points
@@ -41,6 +43,7 @@ def test_noise_study_within_five_percent(shared_data):
         assert np.mean(distances**2) == pytest.approx(paper, rel=0.05)
 
 
+@pytest.mark.slow
 def test_surfaces_rebuilt_from_the_dragon_within_five_percent(shared_data):
     """One seed each, where the benchmark takes the median of three: now and then MeshLab turns a part inside out."""
     pytest.importorskip("pymeshlab")
@@ -54,6 +57,7 @@ def test_surfaces_rebuilt_from_the_dragon_within_five_percent(shared_data):
         assert table1.errors_by_meshlab(cloud, mesh)[0] == pytest.approx(paper, rel=0.05)
 
 
+@pytest.mark.slow
 def test_all_points_of_the_dragon_take_little_memory(shared_data):
     """No matrix of N x N or M x M numbers: those would be 1,500 and 1.4 GB; the whole process stays below 2 GB."""
     code = (
@@ -67,6 +71,7 @@ def test_all_points_of_the_dragon_take_little_memory(shared_data):
     assert int(done.stdout) * 1024 < 2e9
 
 
+@pytest.mark.oracle
 def test_registration_finds_the_motion_between_two_views(shared_data):
     pytest.importorskip("open3d")
     registration = benchmark("registration")
@@ -79,6 +84,7 @@ def test_registration_finds_the_motion_between_two_views(shared_data):
         assert run.points == (round(0.1 * len(scene.source)) if method == "hc" else len(scene.source))
 
 
+@pytest.mark.oracle
 def test_registration_of_a_copy_is_exact():
     pytest.importorskip("open3d")
     registration = benchmark("registration")

@@ -123,6 +123,7 @@ def test_the_dragon_gives_as_many_points_as_in_the_paper(shared_data):
     assert len(hierarchical_clusters(points, 1000, 0.01)) == 12_544
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize(
     ("name", "size", "variation"),
     [("bunny", 100, 0.001), ("bunny", 10, 1 / 3), ("armadillo_50k", 1000, 0.008), ("dragon", 1000, 0.01)],

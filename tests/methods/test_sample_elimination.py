@@ -60,6 +60,7 @@ def spacings(points):
     return cKDTree(points).query(points, 2)[0][:, 1]
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(st.integers(1, 250), st.sampled_from(["solid", "lattice", "clump", "dot"]), st.integers(0, 99), st.data())
 def test_equals_the_plain_algorithm(n, shape, seed, data):

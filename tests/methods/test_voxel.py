@@ -102,6 +102,7 @@ def test_the_place_may_be_text_and_no_other_is_known():
         gppcs.Voxel(place="centre")
 
 
+@pytest.mark.slow
 def test_covers_the_dragon(shared_data):
     dragon = gppcs.read(shared_data / "dragon.ply").points
     edge = cell_edge(dragon - dragon.min(axis=0), round(0.03 * len(dragon)))

@@ -140,6 +140,7 @@ def test_samples_are_more_even_than_where_they_started(sphere):
     assert nearest.min() > 5 * cKDTree(start).query(start, 2)[0][:, 1].min()
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize("require_uniform", [False, True])
 @pytest.mark.parametrize(("n", "radius"), [(12, 0.35), (60, 0.3), (60, 0.6), (500, 0.2)])
 def test_equals_cgal_where_all_points_are_samples(n, radius, require_uniform):
@@ -151,6 +152,7 @@ def test_equals_cgal_where_all_points_are_samples(n, radius, require_uniform):
     assert cKDTree(theirs).query(ours)[0].max() < 1e-10
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize(("name", "ratio"), [("bunny", 0.1), ("armadillo_50k", 0.05)])
 def test_is_as_near_to_cgal_as_cgal_to_itself(shared_data, name, ratio):
     """CGAL's start depends on the order of the points, so that another order gives another start."""

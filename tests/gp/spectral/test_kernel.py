@@ -57,6 +57,7 @@ def test_the_kernel_is_positive_with_the_variance_asked_for(bracket, nu):
     np.linalg.cholesky(kernel + 1e-10 * np.eye(300))
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize("nu", [0.5, 1.5, 2.5, np.inf])
 def test_equals_geometric_kernels(nu):
     """Their Karhunen-Loève Matérn kernel on a mesh, given that mesh's own eigenpairs."""
