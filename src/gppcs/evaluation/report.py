@@ -124,9 +124,12 @@ class Rebuilt:
 
     Examples
     --------
-    >>> ball = gppcs.sample("sphere", n_points=3000)
+    >>> import numpy as np
     >>> from scipy.spatial import ConvexHull
-    >>> surface = gppcs.Mesh(ball.points, ConvexHull(ball.points).simplices)
+    >>> ball = gppcs.sample("sphere", n_points=3000)
+    >>> faces = ConvexHull(ball.points).simplices
+    >>> inward = np.linalg.det(ball.points[faces]) < 0
+    >>> surface = gppcs.Mesh(ball.points, np.where(inward[:, None], faces[:, ::-1], faces))
     >>> kept = gppcs.simplify(ball, ratio=0.2, method="fps").cloud
     >>> rebuilt = gppcs.evaluate(ball, kept, mesh=surface).rebuilt
     >>> isinstance(rebuilt, gppcs.Rebuilt)
