@@ -72,6 +72,7 @@ def simplified(unwritable, output, code=COMMAND, **environment):
     return out, err
 
 
+@pytest.mark.slow
 def test_kernels_go_to_the_users_folder_where_that_of_the_package_cannot_be_written(unwritable, tmp_path):
     cache = tmp_path / "cache"
     out, err = simplified(unwritable, "first.ply", XDG_CACHE_HOME=str(cache))
@@ -83,6 +84,7 @@ def test_kernels_go_to_the_users_folder_where_that_of_the_package_cannot_be_writ
     assert "compiling" not in out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("before", ["", "import numba; "])
 def test_kernels_are_compiled_for_one_run_where_nothing_can_be_written(unwritable, tmp_path, before):
     temporary = tmp_path / "temporary"
