@@ -11,6 +11,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import importlib.util
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -38,6 +39,10 @@ class Place:
     name: str = ""
 
 
+Uses = frozenset[Place]
+Token = str | Uses
+
+
 @dataclass(frozen=True)
 class Module:
     """The definitions of a module and its imports from this project, by name."""
@@ -63,10 +68,15 @@ def of_code(*roots: Root, parameters: str = "") -> str:
     digests = dict.fromkeys(tokens, "")
     for _ in range(DEEPEST):
         digests = {
-            place: hashed(*(digests[token] if isinstance(token, Place) else token for token in of_place))
+            place: hashed(*(token if isinstance(token, str) else used_digests(token, digests) for token in of_place))
             for place, of_place in tokens.items()
         }
     return hashed(parameters, *(digests[place] for place in places))[:DIGITS]
+
+
+def used_digests(uses: Uses, digests: Mapping[Place, str]) -> str:
+    """Return the digests of definitions that are used, in an order that does not depend on their names."""
+    return " ".join(sorted(digests[place] for place in uses))
 
 
 def hashed(*words: str) -> str:
@@ -74,38 +84,35 @@ def hashed(*words: str) -> str:
     return hashlib.sha256("\n".join(words).encode()).hexdigest()
 
 
-def tokens_of(roots: list[Place]) -> dict[Place, list[str | Place]]:
-    """Return the code of all definitions that are used, as words and uses of other definitions."""
+def tokens_of(roots: list[Place]) -> dict[Place, list[Token]]:
+    """Return the code of all definitions that are used, as words and uses of other definitions.
+
+    A function of a class counts if any of this code uses its name.
+    """
     found: dict[Place, Code] = {}
-    waiting = list(roots)
+    waiting, names = list(roots), set[str]()
     while waiting:
         place = waiting.pop()
-        if place not in found:
-            found[place] = code_of(place)
-            waiting += found[place].uses
-    members = members_of(found)
-    return {place: list(joined(code.tokens(members))) for place, code in found.items()}
+        found[place] = code_of(place)
+        names |= found[place].attributes
+        functions = (each for code in found.values() for name, each in code.functions.items() if name in names)
+        waiting = list({*waiting, *found[place].uses, *functions} - set(found))
+    fields, functions_of = defaultdict[str, set[str]](set), defaultdict[str, set[Place]](set)
+    for code in found.values():
+        for number, name in enumerate(code.fields):
+            fields[name].add(f"{number} of {len(code.fields)}")
+        for name in names & set(code.functions):
+            functions_of[name].add(code.functions[name])
+    known: dict[str, Token] = {name: " ".join(sorted(places)) for name, places in fields.items()}
+    known |= {name: frozenset(places) for name, places in functions_of.items()}
+    return {place: list(joined(code.tokens(known))) for place, code in found.items()}
 
 
-def joined(tokens: Iterable[str | Place]) -> Iterator[str | Place]:
+def joined(tokens: Iterable[Token]) -> Iterator[Token]:
     """Yield the same with one word in place of several in a row."""
     for word, group in groupby(tokens, lambda token: isinstance(token, str)):
         part = list(group)
         yield from [hashed(*part)] if word else part
-
-
-def members_of(places: Iterable[Place]) -> dict[str, str]:
-    """Return what stands for the name of a field or of a function of a class: its number among those of the class."""
-    members: dict[str, str] = {}
-    for place in sorted(places, key=lambda place: (place.module, place.name)):
-        definition = module_of(place.module).definitions[place.name]
-        body = definition.body if isinstance(definition, ast.ClassDef) else []
-        fields = [each.target.id for each in body if isinstance(each, ast.AnnAssign)]
-        functions = [each.name for each in body if isinstance(each, ast.FunctionDef) and not each.name.startswith("__")]
-        for names in (fields, functions):
-            for number, name in enumerate(names):
-                members[name] = f"{number} of {len(names)}"
-    return members
 
 
 @cache
@@ -171,36 +178,63 @@ def code_of(place: Place) -> Code:
 
 
 class Code:
-    """The code of a definition."""
+    """The code of a definition: of a constant, a function, a class without its functions, or a function of a class.
+
+    Attributes
+    ----------
+    uses : set of Place
+        The definitions that it names.
+    attributes : set of str
+        The names after a dot.
+    fields : list of str
+        Of a dataclass or a named tuple, in order.
+    functions : mapping of name to Place
+        Those of a class, but for the special ones such as `__call__`, which are part of its code.
+    """
 
     def __init__(self, place: Place) -> None:
         self.place, known = place, module_of(place.module)
-        self.definitions, definition = known.definitions, known.definitions[place.name]
+        outer, _, inner = place.name.partition(".")
+        self.definitions, definition = known.definitions, known.definitions[outer]
         self.imports = known.imports | imports_in(definition)
         self.bare = Bare().visit(ast.parse(ast.unparse(definition))).body[0]
+        self.fields, self.functions = [], {}
+        if isinstance(definition, ast.ClassDef):
+            self.fields = [each.target.id for each in definition.body if isinstance(each, ast.AnnAssign)]
+            own = {
+                each.name: each
+                for each in self.bare.body
+                if isinstance(each, ast.FunctionDef) and not each.name.startswith("__")
+            }
+            if inner:
+                self.bare = own[inner]
+            else:
+                self.functions = {name: Place(place.module, f"{outer}.{name}") for name in own}
+                self.bare.body = [each for each in self.bare.body if each not in own.values()]
         self.own = {name: number for number, name in enumerate(assigned(self.bare))}
-        self.uses = [token for token in self.tokens({}) if isinstance(token, Place)]
+        self.attributes = {node.attr for node in ast.walk(self.bare) if isinstance(node, ast.Attribute)}
+        self.uses = {used for token in self.tokens({}) if not isinstance(token, str) for used in token}
 
-    def tokens(self, members: Mapping[str, str]) -> Iterator[str | Place]:
-        """Yield words, and the places of definitions that are used."""
+    def tokens(self, known: Mapping[str, Token]) -> Iterator[Token]:
+        """Yield words and uses; `known` has what stands for the names of fields and functions of classes."""
         if isinstance(self.bare, ast.Assign):  # which of several names
             yield str(self.own[self.place.name])
-        yield from self._of(self.bare, members)
+        yield from self._of(self.bare, known)
 
-    def _of(self, node: ast.AST, members: Mapping[str, str]) -> Iterator[str | Place]:
+    def _of(self, node: ast.AST, known: Mapping[str, Token]) -> Iterator[Token]:
         """Yield the tokens of a part; what is empty is left out, since it differs between versions of Python."""
         used = self._use(node)
         if used:
-            yield used
+            yield frozenset([used])
             return
         yield type(node).__name__
         for field, value in ast.iter_fields(node):
             if isinstance(value, str) and not isinstance(node, ast.Constant):
-                yield self._anonymous(node, value, members)
+                yield self._anonymous(node, value, known)
             elif isinstance(value, ast.AST | list):
                 parts = value if isinstance(value, list) else [value]
                 for part in parts if field != "ctx" else ():
-                    yield from self._of(part, members) if isinstance(part, ast.AST) else (repr(part),)
+                    yield from self._of(part, known) if isinstance(part, ast.AST) else (repr(part),)
                 yield f"end of {field}" if parts else ""
             elif value is not None or isinstance(node, ast.Constant):
                 yield repr(value)
@@ -216,12 +250,15 @@ class Code:
             return definition_at(Place(home.module, node.attr)) if home and not home.name else None
         return None
 
-    def _anonymous(self, node: ast.AST, name: str, members: Mapping[str, str]) -> str:
-        """Return what stands for a name: the number of a variable or of a member; other names stand for themselves."""
+    def _anonymous(self, node: ast.AST, name: str, known: Mapping[str, Token]) -> Token:
+        """Return what stands for a name: the number of a variable or a field, or the functions of that name.
+
+        Other names, such as those of NumPy, stand for themselves.
+        """
         if isinstance(node, ast.Name | ast.arg) and name in self.own:
             return f"variable {self.own[name]}"
-        if isinstance(node, ast.Attribute | ast.keyword | ast.FunctionDef) and name in members:
-            return members[name]
+        if isinstance(node, ast.Attribute | ast.keyword) and name in known:
+            return known[name]
         return "" if isinstance(node, ast.FunctionDef | ast.ClassDef) and not name.startswith("__") else name
 
 

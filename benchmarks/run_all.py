@@ -47,6 +47,8 @@ SCRIPTS = (
     Script("quality.py", "quality", ("pymeshlab",), ("--jobs", "2")),
     Script("main_job.py", "main_job", ("jakteristics",)),
     Script("speed.py", "speed", ("matplotlib",)),
+    Script("lidar.py", "lidar"),
+    Script("why_not_voxels.py", "why_not_voxels", ("pymeshlab", "matplotlib", "pyvista")),
     Script("gp_ablation.py", "gp_ablation", ("pymeshlab",)),
     Script("gp_prefixes.py", "gp_prefixes", ("pymeshlab",)),
     Script("normals.py", "normals", ("pymeshlab",)),
