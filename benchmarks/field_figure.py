@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import gppcs
-from gppcs.drawing.camera import Camera, Viewpoint
+from gppcs.drawing.camera import Camera, Square, Viewpoint
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
 from gppcs.gp.local import ranking
 from gppcs.gp.local.conditioning import condition
@@ -32,9 +32,10 @@ METHOD = gppcs.LocalGP()
 
 VIEW = Viewpoint("z", (-45.0, 75.0))  # the word POINTS stands upright
 PANEL = 520  # pixels
+DETAIL = Square(280, 130, 560)  # the part that is drawn, in a view of the whole medallion
 GAP, ABOVE, BELOW = 16, 40, 54  # pixels
 SHOWN = (2.0, 98.0)  # percentiles at the ends of a colour scale
-MAX_POINT_RADIUS = 5.0  # supersampled pixels
+MAX_POINT_RADIUS = 7.0  # supersampled pixels
 
 Values = NDArray[np.float64]
 
@@ -49,14 +50,17 @@ class LastStage(NamedTuple):
     roughness, spacings, deviations : (n,) arrays
         Roughness; desired spacing, in target spacings; posterior standard deviation, in units of the prior's, given
         the points that the stages before chose.
+    chosen : (M / 2,) array, int64
+        Rows of these points.
     kept : (M,) array, int64
-        Rows of the kept points.
+        Rows of all kept points.
     """
 
     points: Values
     roughness: Values
     spacings: Values
     deviations: Values
+    chosen: NDArray[np.int64]
     kept: NDArray[np.int64]
 
 
@@ -70,7 +74,7 @@ def last_stage(cloud: gppcs.PointCloud) -> LastStage:
     given_chosen = condition(field, tree, chosen, neighbours)
     variances = posterior(field, sites_of(field), given_chosen, error_weight).variances
     roughness = np.sqrt(features.surface_variation[tree.order])
-    return LastStage(tree.points.T.copy(), roughness, field.spacings, np.sqrt(variances), kept)
+    return LastStage(tree.points.T.copy(), roughness, field.spacings, np.sqrt(variances), chosen, kept)
 
 
 class Recorded:
@@ -87,29 +91,34 @@ class Recorded:
 
 
 def draw(stage: LastStage) -> None:
-    """Draw the four panels, with a colour bar below each that has colours."""
+    """Draw the four panels, with a colour bar below each that has colours, and the points chosen half way."""
     everything = ColouredCloud(stage.points, stage.roughness)
-    camera = Camera.towards(stage.points, PANEL, (PANEL, PANEL), VIEW)
+    camera = Camera.towards(stage.points, PANEL, (PANEL, PANEL), VIEW).close_up(DETAIL, PANEL)
     view = View(Original(everything), camera)
     width, height = 2 * (PANEL + GAP) + GAP, 2 * (PANEL + ABOVE + BELOW)
     figure = Figure(figsize=(width / 100, height / 100), dpi=100, facecolor="white")
-    coloured = {
-        "roughness": stage.roughness,
-        "desired spacing, in target spacings": stage.spacings,
-        f"posterior standard deviation, given {KEPT // 2:,} points": stage.deviations,
-    }
-    for number, (title, values) in enumerate(coloured.items()):
+    nothing = np.ones((PANEL, PANEL, 3))
+    coloured = (
+        ("roughness", stage.roughness, nothing),
+        ("desired spacing, in target spacings", stage.spacings, nothing),
+        ("posterior standard deviation, half way", stage.deviations, dots(view, stage, stage.chosen)),
+    )
+    for number, (title, values, shade) in enumerate(coloured):
         scale = ScalarMappable(Normalize(*np.percentile(values, SHOWN), clip=True), colormaps["viridis"])
         left, bottom = place(number, height)
-        put(figure, title, view.surface(scale.to_rgba(values)[:, :3]), left, bottom)
+        put(figure, title, shade * view.surface(scale.to_rgba(values)[:, :3]), left, bottom)
         axes = figure.add_axes(
             ((left + 0.2 * PANEL) / width, (bottom - 0.4 * BELOW) / height, 0.6 * PANEL / width, 12 / height)
         )
         figure.colorbar(scale, cax=axes, orientation="horizontal").outline.set_visible(False)
-    kept = ColouredCloud(stage.points[stage.kept], stage.roughness[stage.kept])
-    dots = view.points(kept, np.full((KEPT, 3), 0.1), MAX_POINT_RADIUS)
-    put(figure, f"the {KEPT:,} kept points", dots, *place(3, height))
+    put(figure, "kept points", dots(view, stage, stage.kept), *place(3, height))
     figure.savefig(PICTURE, dpi=100)
+
+
+def dots(view: View, stage: LastStage, rows: NDArray[np.int64]) -> Values:
+    """Return a picture of some candidates as black points."""
+    cloud = ColouredCloud(stage.points[rows], stage.roughness[rows])
+    return view.points(cloud, np.full((len(rows), 3), 0.1), MAX_POINT_RADIUS)
 
 
 def place(number: int, height: int) -> tuple[int, int]:

@@ -1,7 +1,7 @@
 """The desired spacing at each place: small where the surface is rough, and changing slowly from place to place.
 
-Rows of the ablation (benchmarks/results/gp_ablation.md) show what the parts are worth: "density off", "gradation off",
-"segregation off", "floor of the roughness".
+The rows "density off", "gradation off" and "segregation off" of the ablation (benchmarks/results/gp_ablation.md) show
+what the parts are worth.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, squared_distance_of_boxes, squared_distance_to_box
 
 TOGETHER = 8  # Points with one limit of the gradation. Limits for each point take eight times as long and gain 0.5 %.
-EVEN = 0.05  # Least roughness, so that flat places are not left bare. Ablation: "floor of the roughness".
+EVEN = 0.05  # Least roughness, so that flat places are not left bare. 0.03 and 0.1 are no better (docs/experiments.md).
 EDGE = 0.29  # Roughness on a right-angled edge: 0.292 at any radius (docs/experiments.md).
 SLOPE = 0.1  # Growth of the spacing for each unit of distance, at most. 0.05 and 0.2 are worse (docs/experiments.md).
 FLAT = 1e-12  # Surface variation, or its standard deviation, below this is only rounding.
