@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LocalGP(Method):
-    """A local Gaussian process whose metric follows the surface, and greedy choice where it is most uncertain.
+    """Greedy choice where a local Gaussian process, whose metric follows the surface, is most uncertain.
 
     Examples
     --------
@@ -33,14 +33,14 @@ class LocalGP(Method):
     description = (
         "Chooses, one after another, the points where a local, full-rank Gaussian process is most uncertain. Its "
         "lengthscale is small where the surface is rough, and a change of the normal counts as distance, so points are "
-        "dense on features. From a feature weight of 0.5 on, the error of the predicted surface variation counts, too. "
+        "dense on features. Above a feature weight of 0.5, the error of the predicted surface variation counts, too. "
         "The order is a ranking: its first points are a simplification of their number. The attributes of "
         'a point are "score", and "deviation": the standard deviation of the field when the point was chosen, relative '
         'to the prior one. The diagnostic "noise_in_spacings" is the root mean square distance of points from the '
         "surface, in target spacings. Detail of about that size counts as noise, too. A value below 0.04 counts as no "
         "noise; it is 0 if too few points lie near each other to measure it."
     )
-    source = "the criterion of GP-PCS, Algorithm 1; the field is our own, see docs/local-field.md"
+    source = "after GP-PCS, Algorithm 1; the field is our own, see docs/local-field.md"
     attributes = ("score", "deviation")
 
     feature_weight: float = parameter(
@@ -61,8 +61,12 @@ class LocalGP(Method):
     def criterion(self) -> Criterion:
         """The weights of the selection at this `feature_weight`.
 
-        The default weights are those of least error of the rebuilt surface (docs/experiments.md). At a feature weight
-        of 1 the error has the weight that the paper gives it.
+        At the default, 0.5, surfaces rebuilt from the kept points have the smallest error (docs/experiments.md), and
+        the error of the prediction has no weight. At 1 it has the weight that the paper gives it.
+
+        Returns
+        -------
+        Criterion
         """
         from gppcs.gp.local.ranking import Criterion
 
@@ -75,7 +79,7 @@ class LocalGP(Method):
         )
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
-        """Choose the points; see `Method.__call__`."""
+        """Choose the points: survey, candidates, then the ranking in stages; see `Method.__call__`."""
         from gppcs.gp.local.candidates import nested_candidates
         from gppcs.gp.local.ranking import rank
         from gppcs.gp.local.survey import survey

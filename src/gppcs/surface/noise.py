@@ -1,4 +1,8 @@
-"""Noise: how far points lie off the surface that their neighbours span, and where on it they belong."""
+"""Noise: how far points lie off the surface that their neighbours span, and where on that surface they belong.
+
+The rows "noise off", "wide neighbourhoods off" and "largest variance off" of the ablation
+(benchmarks/results/gp_ablation.md) show what the parts are worth.
+"""
 
 from __future__ import annotations
 
@@ -11,30 +15,30 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.quadrics import fit_quadrics
 
 FEWEST = 12  # A quadric has six coefficients. Fitted to fewer points than this it follows their noise.
-NEIGHBOURS = 30  # Points of a fit where the noise is thin beside the neighbourhood.
-WIDEST = 120  # Points of a fit at most. Quadrics of more points cut off detail.
-THICK = 0.25  # If the points are further off than this, in neighbourhood radii, the noise is thick.
+NEIGHBOURS = 30  # Points of a fit if the noise is thin compared with the neighbourhood: five for each coefficient.
+WIDEST = 120  # Points of a fit at most. Quadrics of more points cut off detail and take long.
+THICK = 0.25  # Noise above this, in neighbourhood radii, is thick. 32 clouds without added noise have at most 0.22.
 QUIET = 0.04  # Noise below this, in target spacings, changes no choice that matters.
 TOLERATED = 0.5  # Noise of this size, in target spacings, makes an observation as uncertain as the prior.
 LARGEST = 2.0  # Greatest variance of an observation, in units of the prior's, so that lone points still count.
-SAMPLES = 4096  # Points on which noise is measured.
+SAMPLES = 4096  # Points on which the noise level is measured: its error is then about one per cent.
 
 
 @dataclass(frozen=True)
 class Noise:
     """The noise of a cloud, for a simplification to a given target spacing.
 
-    Detail about as small as the target spacing lies off the quadrics, too. It cannot be told from thin noise, so thin
-    noise makes observations uncertain, but features stay those of the points.
+    Detail of about the target spacing lies off the quadrics, too, and looks like thin noise. So thin noise makes
+    observations uncertain, but features stay those of the points. Thick noise moves the features to the surface.
 
     Attributes
     ----------
     tree : KdTree
-        Over the points that quadrics are fitted to.
+        Over the points to which quadrics are fitted.
     neighbours : int
         Points of each fit.
     thick : bool
-        Whether the neighbourhoods of `NEIGHBOURS` points lie within the layer of noise rather than across it.
+        Whether neighbourhoods of `NEIGHBOURS` points lie within the layer of noise instead of across it.
     level : float
         Root mean square distance of the points from the surface, in the unit of the tree; 0 where it is not measured.
     spacing : float
@@ -51,15 +55,21 @@ class Noise:
     def measure(cls, tree: KdTree, n_points: int, spacing: float) -> Noise:
         """Measure the noise of the points of a tree.
 
-        Neighbourhoods never grow beyond the target spacing, as detail of that size is to be kept.
+        Neighbourhoods never grow beyond the target spacing, since detail of that size should be kept.
 
         Parameters
         ----------
         tree : KdTree
+            Over N points: the cloud or a sample of it.
         n_points : int
             M, the number of points to keep.
         spacing : float
-            Target spacing.
+            Target spacing, in the unit of the tree.
+
+        Returns
+        -------
+        Noise
+            Its level is 0 if fewer than `FEWEST` points lie within the target spacing of a point.
         """
         within = int(np.pi * len(tree.order) / n_points)  # points within the target spacing of a point, on average
         if within < FEWEST:
@@ -76,7 +86,7 @@ class Noise:
         return self.level <= QUIET * self.spacing
 
     def observe(self, places: KdTree) -> tuple[KdTree, NDArray[np.float64]]:
-        """Return where the features of points are measured, and how uncertain observations at them are.
+        """Return the places where the features of points are measured, and the variances of the observations.
 
         Parameters
         ----------
@@ -86,10 +96,10 @@ class Noise:
         Returns
         -------
         feet : KdTree
-            The places on the surface, in the same order, where the noise is thick; otherwise the places themselves.
+            Projections onto the surface, in the same order, if the noise is thick; otherwise the places themselves.
         variances : (n,) array
-            Variance of each observation, in the same order. Divided by h^2 it is in units of the prior's variance in
-            a field of spacing h.
+            Variance of each observation, in tree order; 0 without noise. Divided by h^2 it is in units of the prior
+            variance of a field with target spacing h.
         """
         if self.quiet:
             return places, np.zeros(len(places.order))
@@ -100,18 +110,19 @@ class Noise:
 
 
 def neighbours_across_noise(tree: KdTree) -> tuple[int, float]:
-    """Grow neighbourhoods until they lie across the layer of noise, not within it.
+    """Double neighbourhoods until they lie across the layer of noise, not within it.
 
     Parameters
     ----------
     tree : KdTree
+        Over N points.
 
     Returns
     -------
     neighbours : int
-        Points of each fit.
+        Points of each fit: `NEIGHBOURS`, doubled up to `WIDEST`.
     level : float
-        Root mean square distance of the points from the quadrics fitted to so many.
+        Root mean square distance of the points from these quadrics, in the unit of the tree.
     """
     neighbours = NEIGHBOURS
     level, radius = level_and_radius(tree, neighbours)
@@ -127,7 +138,7 @@ def projections(tree: KdTree, places: KdTree, neighbours: int) -> tuple[KdTree, 
     Parameters
     ----------
     tree : KdTree
-        Over the points that quadrics are fitted to.
+        Over the points to which quadrics are fitted.
     places : KdTree
         Over m places.
     neighbours : int
@@ -138,7 +149,7 @@ def projections(tree: KdTree, places: KdTree, neighbours: int) -> tuple[KdTree, 
     feet : KdTree
         Over the projected places, in the same order.
     radii : (m,) array
-        Radii of the neighbourhoods.
+        Radii of the neighbourhoods, in the order of the tree of places.
     """
     quadrics = fit_quadrics(tree, places, neighbours)
     rise = np.clip(quadrics.heights, -quadrics.reaches, quadrics.reaches)
@@ -146,9 +157,21 @@ def projections(tree: KdTree, places: KdTree, neighbours: int) -> tuple[KdTree, 
 
 
 def level_and_radius(tree: KdTree, neighbours: int) -> tuple[float, float]:
-    """Return the root mean squares of the points' distances from the surface and of their neighbourhoods' radii.
+    """Measure distances from the surface on at most `SAMPLES` points, evenly spread over the tree.
 
-    They are measured on at most `SAMPLES` points, evenly spread over the tree.
+    Parameters
+    ----------
+    tree : KdTree
+        Over N points.
+    neighbours : int
+        Points of each fit.
+
+    Returns
+    -------
+    level : float
+        Root mean square distance of the points from their quadrics.
+    radius : float
+        Root mean square radius of their neighbourhoods.
     """
     some = KdTree.over(np.ascontiguousarray(tree.points[:, :: -(-len(tree.order) // SAMPLES)]))
     feet, radii = projections(tree, some, neighbours)

@@ -1,4 +1,4 @@
-"""Normals from quadrics fitted to the cloud, signed so that neighbours agree and pieces point outward."""
+"""Normals from quadrics fitted to the cloud. Signs agree between neighbours, and closed pieces point outward."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from gppcs.spatial.scaling import normalised
 from gppcs.surface.noise import NEIGHBOURS, neighbours_across_noise, projections
 from gppcs.surface.quadrics import fit_quadrics
 
-CLOSE = 16  # points of the fits by which signs are found: fewer, since thin parts matter more there than noise
-EDGES = 8  # nearest neighbours that signs are passed to; farther ones lie on the other side of thin parts
-MOST = 1_000_000  # points of the cloud that take part in that
-UP = np.array([0.01, 0.03, 0.1])  # how flat pieces are turned; never quite along a face that stands upright
+CLOSE = 16  # Points of the fits that find signs: fewer than 30, as thin parts matter more there than noise.
+EDGES = 8  # Nearest neighbours to which a sign is passed. Farther ones lie on the other side of thin parts.
+MOST = 1_000_000  # Points of the cloud among which signs are passed, at most: more would only take time and memory.
+UP = np.array([0.01, 0.03, 0.1])  # Side to which flat pieces point: +z. The tilt also decides upright faces.
 
 
 def estimate_normals(
@@ -25,35 +25,38 @@ def estimate_normals(
 ) -> NDArray[np.float64]:
     """Estimate the unit normals of the surface that a cloud lies on, with signs.
 
-    At each place z = a + b u + c v + d u^2 + e u v + f v^2 is fitted to the nearest points of the cloud, over the
-    plane fitted to the same points and with Gaussian weights; its gradient gives the normal (Cazals and Pouget 2005).
-    Signs are passed from neighbour to neighbour along a minimum spanning tree (Hoppe et al. 1992), over steps out of
-    the tangent plane last, since these lead to another sheet. Where parts are about as thin as the points are apart,
-    signs can go wrong. Each connected piece as a whole points outward if it is closed. If it is open it points away
-    from the middle of the cloud, to the side that bulges, or, if flat, up (+z): a convention, since the points do not
-    say which side is outside.
+    At each place the quadric z = a + b u + c v + d u^2 + e u v + f v^2 is fitted to the nearest points of the cloud,
+    with Gaussian weights. The coordinates u and v lie in the plane fitted to the same points. The quadric's gradient
+    yields the normal (Cazals and Pouget 2005).
+
+    Signs are passed from neighbour to neighbour along a minimum spanning tree (Hoppe et al. 1992). Steps out of the
+    tangent plane come last, since they lead to another sheet. Signs can be wrong on parts that are about as thin as
+    the distance between points. A connected piece points outward if it is closed. An open piece points away from the
+    middle of the cloud, to the side that bulges, or, if it is flat, up (+z). This is a convention, since the points do
+    not show which side is outside.
 
     Parameters
     ----------
     cloud : PointCloud or (N, 3) array-like
-        Points that repeat another exactly count once.
+        Exact repeats of a point count once.
     at : PointCloud or (M, 3) array-like, optional
-        Places on the surface at which the normals are wanted, the points themselves by default.
+        Places on the surface where normals are wanted; by default the points themselves.
     neighbours : int, optional
-        The number of points that each quadric is fitted to; with fewer than 6 the normal is that of the plane. By
-        default 30; or 60 or 120, where points lie off their quadrics by more than a quarter of the neighbourhoods'
-        radius. With 60 or more, signs are passed on among feet of the points on quadrics of half as many.
+        Number of points to which each quadric is fitted; with fewer than 6, the normal is the plane's. By default 30,
+        doubled up to 120 while the points' distance from their quadrics exceeds a quarter of the neighbourhoods'
+        radius. With 60 or more, signs are passed among the projections of the points onto quadrics of half as many.
 
     Returns
     -------
     (M, 3) array, float64
+        Unit normals, one for each place.
 
     Raises
     ------
     InputError
-        If the cloud or the places are empty, misshapen or not finite.
+        If the cloud or the places are empty, have a wrong shape or are not finite.
     ParameterError
-        If there are fewer than 3 neighbours.
+        If `neighbours` is less than 3.
 
     Examples
     --------
@@ -76,7 +79,7 @@ def estimate_normals(
     normals[of_places.order] = fit_quadrics(tree, of_places, neighbours).normals.T
     widened = max(1, neighbours // NEIGHBOURS)
     every = widened * -(-tree.points.shape[1] // MOST)
-    guides = np.concatenate([places, tree.points.T[::every]])  # every n-th in tree order: evenly spread
+    guides = np.concatenate([places, tree.points.T[::every]])  # in tree order, so they are evenly spread
     if widened > 1:
         guides = _feet(tree, guides, neighbours // 2)
     guide_tree = KdTree.build(guides[first_occurrences(guides)])
@@ -88,7 +91,7 @@ def estimate_normals(
 
 
 def _feet(tree: KdTree, places: NDArray[np.float64], neighbours: int) -> NDArray[np.float64]:
-    """Return the feet of places, (m, 3), on the quadrics fitted to so many points of a tree around them."""
+    """Return the projections, (m, 3), of places, (m, 3), onto quadrics fitted to the nearest points of a tree."""
     projected, _ = projections(tree, KdTree.build(places), neighbours)
     feet = np.empty_like(places)
     feet[projected.order] = projected.points.T
@@ -96,9 +99,9 @@ def _feet(tree: KdTree, places: NDArray[np.float64], neighbours: int) -> NDArray
 
 
 def _oriented(tree: KdTree, fits: tuple[KdTree, int] | None) -> NDArray[np.float64]:
-    """Return the normals of all points of a tree, (N, 3), in the order of its input, with signs.
+    """Return the signed normals, (N, 3), of the points of a tree, in the order of its input.
 
-    Quadrics are fitted to so many points of another tree, if one is given, or else to a few of the same.
+    Quadrics are fitted to `CLOSE` points of this tree, or as `fits` says: to the points of another tree, and how many.
     """
     points = np.ascontiguousarray(tree.points.T)
     _, normals, reaches = fit_quadrics(tree, tree, CLOSE)
@@ -119,14 +122,15 @@ def _oriented(tree: KdTree, fits: tuple[KdTree, int] | None) -> NDArray[np.float
 def _outward(
     points: NDArray[np.float64], normals: NDArray[np.float64], areas: NDArray[np.float64], pieces: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Return for each piece 1, or -1 if it has to be turned.
+    """Return for each piece, by its number, 1, or -1 if it must be turned.
 
-    That is the sign of the flux of p - c through the piece: by the divergence theorem three times its volume if it
-    is closed, wherever c lies. For open pieces c decides: it lies in their middle, moved towards that of the whole,
-    by no more than the size of the piece, and a little down.
+    Points and normals are (N, 3), areas and the piece of each point (N,). The result is the sign of the flux of p - c
+    through the piece. By the divergence theorem, the flux of a closed piece is three times its volume, wherever c
+    lies. For an open piece, c is its middle, moved towards the middle of the whole by at most the size of the piece,
+    and a little down.
     """
     size = np.bincount(pieces, areas)
-    size[size == 0] = 1.0  # numbers that no piece has
+    size[size == 0] = 1.0  # these numbers belong to no piece
     middle = np.stack([np.bincount(pieces, areas * axis) for axis in points.T], axis=1) / size[:, None]
     radius = np.sqrt(np.bincount(pieces, areas * ((points - middle[pieces]) ** 2).sum(axis=1)) / size)
     towards = np.average(points, axis=0, weights=areas) - middle
@@ -139,10 +143,10 @@ def _outward(
 
 @nb.njit(cache=True, parallel=True, nogil=True)
 def _doubts(points, normals, near):
-    """Return how doubtful it is to pass the sign on from each point to each neighbour, (N, edges).
+    """Return the doubt about passing the sign from each point to each neighbour, (N, edges), float32.
 
-    That is little where the normals fit each other but for the sign, and the step between the points stays in the
-    surface; points of another sheet, and noise, lie off it.
+    Points and normals are (N, 3), `near` is (N, edges). The doubt is small if the normals agree apart from their sign
+    and the step between the points stays in the surface. Points of another sheet, and noise, lie off it.
     """
     doubts = np.empty(near.shape, dtype=np.float32)
     for i in nb.prange(len(points)):
@@ -154,12 +158,12 @@ def _doubts(points, normals, near):
 
 @nb.njit(cache=True, inline="always")
 def _fit_of_normals(points, normals, i, j):
-    """Return how well one normal fits the other, from -1 to 1, and how far the step between the points is off.
+    """Return how well the normals of points i and j agree, from -1 to 1, and how far the step between them is off.
 
-    On an arc, the normal at one end is that at the other mirrored in the plane halfway, so the former is the cosine
-    between the one and the mirrored other; unlike that between the two it sees round an edge (a criterion that Koenig
-    and Gumhold 2009 discuss).
-    The latter is the sum of the sines between the step and the tangent planes.
+    On an arc, the normal at one end is the normal at the other end, mirrored in the plane halfway. The agreement is the
+    cosine between one normal and the mirrored other. Unlike the cosine between the two, it is also right across an edge
+    (Koenig and Gumhold 2009 discuss this criterion). The second value is the sum of the sines between the step and the
+    tangent planes. Points and normals are (N, 3).
     """
     squared = cosine = rise_i = rise_j = 0.0
     for axis in range(3):
@@ -175,9 +179,10 @@ def _fit_of_normals(points, normals, i, j):
 
 @nb.njit(cache=True, nogil=True)
 def _signs(edges, points, normals, near):
-    """Join the points by edges in the order given (Kruskal 1956); return the piece and the sign of each, both (N,).
+    """Join points by edges in the given order (Kruskal 1956); return the piece and the sign of each point, (N,) both.
 
-    A set of joined points is a tree of parents, in which each knows its sign relative to its parent.
+    Edge e leads from point e // k to its neighbour e % k, where `near` is (N, k). A set of joined points is a tree in
+    which each point knows its parent and its sign relative to the parent.
     """
     parents = np.arange(len(points))
     signs = np.ones(len(points), dtype=np.int8)
@@ -197,7 +202,7 @@ def _signs(edges, points, normals, near):
 
 @nb.njit(cache=True)
 def _root(parents, signs, i):
-    """Return the root of a point and its sign relative to that, and halve the way there for the next time."""
+    """Return the root of point i and its sign relative to the root; halve the way there for the next call."""
     sign = 1
     while parents[i] != i:
         signs[i] *= signs[parents[i]]

@@ -1,4 +1,4 @@
-"""The quadric that best fits the points around a place (Cazals and Pouget 2005)."""
+"""Quadrics fitted to the points around places by weighted least squares (Cazals and Pouget 2005)."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range
 from gppcs.spatial.nearest import WIDER, look_around, search_for, steps_to_nearest
 from gppcs.surface.moments import MOMENTS, flattest, moments_in_ball, tangents
 
-COEFFICIENTS = 6  # of a + b u + c v + d u^2 + e u v + f v^2
-TERMS = COEFFICIENTS + 2  # what they multiply, the height, and the weight
-RIDGE = 1e-8  # keeps the equations solvable where points lie on a line or a conic
-TASKS = 256  # parts of the work that threads take in turn
-STEEPEST = 3.0  # squared slope: more than 60 degrees off the plane, the quadric is extended from points to one side
+COEFFICIENTS = 6  # Those of a + b u + c v + d u^2 + e u v + f v^2.
+TERMS = COEFFICIENTS + 2  # For each point: 1, u, v, u^2, u v, v^2, its height and its weight.
+RIDGE = 1e-8  # Added to the diagonal: equations stay solvable if the points lie on a line or a conic.
+TASKS = 256  # Parts of the work that threads take in turn: enough to balance them.
+STEEPEST = 3.0  # Squared slope, 60 degrees. A steeper quadric extrapolates from points on one side only.
 
 
 class Quadrics(NamedTuple):
@@ -25,11 +25,11 @@ class Quadrics(NamedTuple):
     Attributes
     ----------
     heights : (m,) array
-        Height of the quadric above the place, along the quadric's normal.
+        Signed distance from the place to the quadric, along its normal, to first order.
     normals : (3, m) array
-        Unit normal of the quadric under the place; its sign has no meaning.
+        Unit normal of the quadric at the place; its sign has no meaning.
     reaches : (m,) array
-        Distance from the place to the farthest of the fitted points; one where that is zero.
+        Distance from the place to the farthest of the fitted points; 1 where that is zero.
     """
 
     heights: NDArray[np.float64]
@@ -41,16 +41,16 @@ def fit_quadrics(tree: KdTree, places: KdTree, k: int) -> Quadrics:
     """Fit z = a + b u + c v + d u^2 + e u v + f v^2 to the k points nearest each place (Cazals and Pouget 2005).
 
     The coordinates u and v lie in the plane fitted to the same points; weights are Gaussian. With fewer than six
-    points, or where the quadric is steep, the normal is the plane's.
+    points, the normal is the plane's and the height 0. Where the quadric is steep, the normal is the plane's, too.
 
     Parameters
     ----------
     tree : KdTree
-        Over the points that quadrics are fitted to.
+        Over the points to which quadrics are fitted.
     places : KdTree
         Over the m places.
     k : int
-        Points of each fit, at most all.
+        Points of each fit; all points if there are fewer.
 
     Returns
     -------
@@ -68,11 +68,12 @@ def fit_quadrics(tree: KdTree, places: KdTree, k: int) -> Quadrics:
 
 @nb.njit(cache=True, parallel=True, nogil=True, fastmath=False)
 def _fit_all(points, low, high, places, places_low, places_high, k, fitted):
+    """Fill `fitted` at the places, (3, m), from points, (3, N); corners of boxes are (nodes, 3)."""
     leaves = first_leaf(places_low)
     tasks = min(leaves, TASKS)
     for task in nb.prange(tasks):
         search = search_for(k, first_leaf(low))
-        squared_radius = 0.0  # the first leaf has no radius to start from; others start from that of the leaf before
+        squared_radius = 0.0  # the first leaf has no radius to start from; each other starts from the leaf before
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
             count = look_around(points, low, high, places_low[leaf], places_high[leaf], squared_radius, search)
             begin, end = leaf_range(places.shape[1], leaves, leaf)
@@ -82,7 +83,7 @@ def _fit_all(points, low, high, places, places_low, places_high, k, fitted):
 
 @nb.njit(cache=True, fastmath=False)
 def _fit_leaf(points, low, high, places, begin, end, count, squared_radius, search, fitted):
-    """Fit quadrics around the places of a leaf; return the sum of their squared reaches."""
+    """Fit quadrics at places `begin` to `end` of (3, m); return the sum of their squared reaches."""
     k, full = len(search.gaps), search.local.shape[1]
     moments = np.empty((MOMENTS, 1), dtype=np.float64)
     terms = np.empty((TERMS, full), dtype=np.float64)
@@ -110,7 +111,7 @@ def _fit_leaf(points, low, high, places, begin, end, count, squared_radius, sear
 
 @nb.njit(cache=True, fastmath=False)
 def _plane_normal(moments, normal):
-    """Put the normal of the plane fitted to points of these moments into `normal`."""
+    """Fill `normal`, (3,), with that of the plane fitted to the points that have these moments, (10,)."""
     n = moments[0]
     x, y, z = moments[1] / n, moments[2] / n, moments[3] / n
     flattest(
@@ -121,9 +122,10 @@ def _plane_normal(moments, normal):
 
 @nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _fill_terms(local, k, reach, s, t, normal, terms):
-    """Fill the rows with u, v, their products, the height and the weight of each point, in units of the reach.
+    """Fill `terms`, (TERMS, full), from the steps to the k nearest points, `local`, (3, full), in units of the reach.
 
-    The weight is exp(-x) of x = u^2 + v^2, by its series, since x is at most 1; zero for what follows the k points.
+    `s` and `t` span the plane. The weight is exp(-x) with x = u^2 + v^2, computed by its series since x is at most 1.
+    Columns beyond k have the weight zero.
     """
     ones, us, vs, uus, uvs, vvs, heights, weights = terms
     steps_x, steps_y, steps_z = local
@@ -145,7 +147,7 @@ def _fill_terms(local, k, reach, s, t, normal, terms):
 
 @nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _fill_equations(terms, equations):
-    """Fill the upper triangle of the normal equations of weighted least squares, and their right side."""
+    """Fill the upper triangle of the normal equations, (6, 7), whose last column is the right-hand side."""
     weights = terms[TERMS - 1]
     for a in range(COEFFICIENTS):
         of_a = terms[a]
@@ -159,7 +161,7 @@ def _fill_equations(terms, equations):
 
 @nb.njit(cache=True, fastmath=False)
 def _turn(coefficients, s, t, normal):
-    """Replace the plane's normal by that of the quadric at the origin, and return the quadric's distance from there."""
+    """Turn the plane's normal, (3,), into the quadric's at the origin; return the distance to the quadric along it."""
     height, b, c = coefficients[0], coefficients[1], coefficients[2]
     if b * b + c * c > STEEPEST:
         return height
@@ -171,9 +173,9 @@ def _turn(coefficients, s, t, normal):
 
 @nb.njit(cache=True, fastmath=False)
 def _solve(equations):
-    """Put the solution of n symmetric positive definite equations, (n, n + 1), into the last column.
+    """Solve n symmetric positive definite equations, (n, n + 1), in place; the solution is the last column.
 
-    By elimination, of which only the upper triangle is kept; such equations need no pivots.
+    Gaussian elimination uses only the upper triangle. Such equations need no pivots.
     """
     n = len(equations)
     for a in range(n):

@@ -1,4 +1,7 @@
-"""Candidates of each stage: the sharpest point in each cell of a grid, finer from stage to stage."""
+"""Candidates of each stage: the sharpest point in each cell of a grid that gets finer from stage to stage.
+
+The row "sharpness off" of the ablation (benchmarks/results/gp_ablation.md) takes the first point of each cell.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +13,26 @@ from numpy.typing import NDArray
 
 from gppcs.spatial.cells import greatest_in_cells
 
-FIRST = 64  # points of the first stage at most; it costs as little as any
-FEWEST = 3  # candidates for each point wanted, below which there is nothing to choose from
-MANY = 3  # times as many candidates as there are cells to the square of the target spacing: more than a surface has
-SMALLEST = 1e-200  # area that anything is told apart in
+FIRST = 64  # Points of the first stage at most. A still smaller stage would cost no less.
+FEWEST = 3  # Candidates for each point to keep, at least. With fewer, all points stay candidates.
+MANY = 3  # Occupied cells for each cell that the area has room for. A plane has 1.5 on average, 1.7 at most.
+SMALLEST = 1e-200  # Halving of the area stops here, before it becomes zero.
 
 
 class Candidates(NamedTuple):
-    """How many points a stage wants, the ascending indices of its candidates, if those are thinned, and the area."""
+    """The candidates of a stage.
+
+    Attributes
+    ----------
+    target : int
+        Number of points that are chosen when the stage ends.
+    indices : (n,) array, int64
+        Rows of the candidates, ascending.
+    thinned : bool
+        Whether the candidates are one in each cell. Otherwise they are those of the next finer stage, or all points.
+    area : float
+        Area of the surface, corrected by the number of occupied cells.
+    """
 
     target: int
     indices: NDArray[np.int64]
@@ -28,15 +43,34 @@ class Candidates(NamedTuple):
 def nested_candidates(
     points: NDArray[np.float64], n_points: int, area: float, density: float, sharpness: NDArray[np.float32]
 ) -> list[Candidates]:
-    """Return the candidates of the stages from coarse to fine, those of a coarse stage among those of the finer ones.
+    """Return the candidates of all stages. Those of a coarse stage are among those of the finer ones.
 
-    They are the sharpest points of the cells of a grid, of several the first, `density` cells to the square of the
-    target spacing on a surface along the grid, half as many again on others. Where that would leave too few, those of
-    the finer stage stay.
+    The candidate of a grid's cell is its sharpest point, and of several the first. If that leaves too few, the stage
+    takes the candidates of the finer stage.
 
-    The number of occupied cells tells where the estimate of the area fails: that of points on curves is too small, and
-    that of a cloud with most points in a dot is too large. The area is then doubled until there are not too many, or
-    halved until there are not too few, for this stage and the coarser ones.
+    The number of occupied cells shows if the area is wrong. It is estimated too small for points on curves, and too
+    large for a cloud with most points in one spot. The area is then doubled until there are not too many occupied
+    cells, or halved until there are not too few, for this stage and the coarser ones.
+
+    Parameters
+    ----------
+    points : (N, 3) array
+        Without repeats.
+    n_points : int
+        M, the number of points to keep.
+    area : float
+        Area of the surface, in squared units of the points.
+    density : float
+        Number of cells in a square whose side is the target spacing. A surface along the grid occupies so many, a
+        tilted one half as many again.
+    sharpness : (N,) array, float32
+        Surface variation within a cell; 0 where all points count alike.
+
+    Returns
+    -------
+    list of Candidates
+        From coarse to fine. The first stage wants at most `FIRST` points, each other about twice as many as the one
+        before, and the last M.
     """
     stages = []
     target, candidates, places = n_points, None, points
@@ -57,7 +91,7 @@ def nested_candidates(
 def _thinned(
     points: NDArray[np.float64], target: int, area: float, density: float, sharpness: NDArray[np.float32]
 ) -> tuple[float, NDArray[np.int64]]:
-    """Return the area, doubled or halved where it must be, and the sharpest points of the cells, at most `MANY`."""
+    """Return the corrected area, and the rows, (n,), of the sharpest points of the cells."""
     many, cells = MANY * density * target, density * target
     seen, kept = next(grid for grid in _grids(points, area, cells, sharpness) if len(grid[1]) <= many)
     if seen == area and len(kept) < FEWEST * target and len(points) > many:
@@ -69,9 +103,9 @@ def _thinned(
 def _halved(
     points: NDArray[np.float64], target: int, area: float, density: float, sharpness: NDArray[np.float32]
 ) -> float:
-    """Return the area halved as often as it takes until the cells that hold points suffice.
+    """Return the area, halved until enough cells hold points.
 
-    Where those that hold some of the points suffice, so do those that hold all, and one can go back from there.
+    A sample of the points finds a number of halvings that is enough, quickly; all points then take some of them back.
     """
     few, cells = FEWEST * target, density * target
     some = slice(None, None, len(points) // int(MANY * cells))
@@ -80,7 +114,7 @@ def _halved(
         len(greatest_in_cells(points[some], _edge(area * 0.5**halvings, cells), sharpness[some])) < few
         and area * 0.5**halvings > SMALLEST
     ):
-        halvings += 4  # some too many are taken back below
+        halvings += 4  # the loop below takes back what is too much
     found = area * 0.5**halvings
     for _, (coarser, kept) in zip(range(halvings), _grids(points, found, cells, sharpness), strict=False):
         if len(kept) >= few:
@@ -91,11 +125,12 @@ def _halved(
 def _grids(
     points: NDArray[np.float64], area: float, cells: float, sharpness: NDArray[np.float32]
 ) -> Iterator[tuple[float, NDArray[np.int64]]]:
-    """Give area after area, each twice the one before, with the sharpest points of the cells of that edge.
+    """Yield an area and the rows of the sharpest points of its cells, then twice the area, and so on.
 
-    Cells of a grid of twice the edge are made up of whole cells, and the sharpest of these suffice to tell theirs.
+    Four times the area is twice the edge length. Such cells consist of whole cells of the grid two steps before, so
+    their sharpest points are among the sharpest points of that grid.
     """
-    finest = finer = None  # all
+    finest = finer = None  # all points
     while True:
         some, sharp = (points, sharpness) if finest is None else (points[finest], sharpness[finest])
         kept = greatest_in_cells(some, _edge(area, cells), sharp)
@@ -105,5 +140,5 @@ def _grids(
 
 
 def _edge(area: float, cells: float) -> float:
-    """Return the edge of the squares of which so many cover the area."""
+    """Return the edge length of the cells when so many squares cover the area."""
     return float(np.sqrt(area / cells)) or 1.0

@@ -1,4 +1,4 @@
-"""Which chosen points the field at a point is conditioned on: the nearest few, which screen off the others.
+"""The chosen points on which the field at each point is conditioned: the nearest few, which screen off the others.
 
 This is the nearest-neighbour Gaussian process (Vecchia 1988; Datta et al. 2016).
 """
@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 from gppcs.gp.local.kernel import LocalField, field_distance
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
 
-TASKS = 64  # parts of the conditioning that threads take in turn
+TASKS = 64  # Parts of the work that threads take in turn: enough to balance them.
 
 
 class Conditioning(NamedTuple):
-    """The chosen points that each point is conditioned on, nearest first.
+    """The K chosen points on which each of n points is conditioned, nearest first.
 
     Attributes
     ----------
     nearest : (n, K) array, int32
-        Positions in the field's order; -1 where fewer are chosen.
+        Columns of the chosen points in the field's order; -1 where fewer are chosen.
     squared : (n, K) array, float64
         Their squared distances in the field; infinite where fewer are chosen.
     """
@@ -33,23 +33,27 @@ class Conditioning(NamedTuple):
 
 
 def condition(field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighbours: int) -> Conditioning:
-    """Return the `neighbours` chosen points nearest each point in the field.
+    """Find the chosen points that are nearest each point in the metric of the field.
 
     Parameters
     ----------
     field : LocalField
-        In the tree's order.
+        At n points, in the tree's order.
     tree : KdTree
         Over the field's positions.
     chosen : (m,) array
-        Positions in the field's order, ascending or not; may be empty.
+        Columns of the chosen points in the field's order, in any order; may be empty.
     neighbours : int
         K.
+
+    Returns
+    -------
+    Conditioning
     """
     n = len(field.y)
     conditioning = Conditioning(np.full((n, neighbours), -1, dtype=np.int32), np.full((n, neighbours), np.inf))
     if len(chosen):
-        indices = np.sort(chosen)  # in the tree's order, neighbours stand near each other
+        indices = np.sort(chosen)  # in the tree's order, as `KdTree.over` needs it
         of_chosen = KdTree.over(np.ascontiguousarray(field.positions[:, indices]))
         widest = float(field.spacings[chosen].max())
         with nb.parallel_chunksize(1):
@@ -61,7 +65,19 @@ def condition(field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighb
 
 
 class _Chosen(NamedTuple):
-    """The chosen points in the order of a k-d tree of their own, the nodes' boxes, and the widest spacing."""
+    """The k-d tree of the chosen points.
+
+    Attributes
+    ----------
+    indices : (m,) array
+        Their columns in the field's order.
+    points : (3, m) array
+        Their positions.
+    low, high : (nodes, 3) arrays
+        Corners of the nodes' boxes.
+    widest : float
+        Their largest desired spacing.
+    """
 
     indices: NDArray[np.int64]
     points: NDArray[np.float64]
@@ -72,7 +88,7 @@ class _Chosen(NamedTuple):
 
 @nb.njit(cache=True, parallel=True, nogil=True, fastmath=False)
 def _condition_all(field, low, high, chosen, conditioning):
-    """Look for what a leaf's points are conditioned on within a radius, at first that which the leaf before needed."""
+    """Fill `conditioning`, (n, K), leaf by leaf of the field's tree, (nodes, 3). Radii start from the leaf before."""
     leaves = first_leaf(low)
     tasks = min(leaves, TASKS)
     for task in nb.prange(tasks):
@@ -88,10 +104,10 @@ def _condition_all(field, low, high, chosen, conditioning):
 
 @nb.njit(cache=True, fastmath=False)
 def _condition_leaf(field, low, high, chosen, leaf, squared_radius, near, found, side, conditioning):
-    """Condition the points of a leaf, and return the squared radius within which the chosen points for them lie.
+    """Condition the points of a leaf; return the squared radius of the search that the leaf needed.
 
-    Over a step of length d the distance in the field is at least d^2 / ((s^2 + s'^2) / 2), so a radius is large enough
-    if what it gives is nearer than that for any point beyond.
+    At distance d, the squared distance in the field is at least d^2 / ((s^2 + s'^2) / 2). So the radius is large enough
+    if the K-th nearest point found is nearer in the field than any point beyond the radius can be.
     """
     n, leaves = len(field.y), first_leaf(low)
     begin, end = leaf_range(n, leaves, leaf)
@@ -113,7 +129,17 @@ def _condition_leaf(field, low, high, chosen, leaf, squared_radius, near, found,
 
 
 class _SideBySide(NamedTuple):
-    """The points of a leaf, in the columns: place, normal and spacing, and what each is conditioned on so far."""
+    """The points of a leaf side by side, and what each is conditioned on so far.
+
+    Attributes
+    ----------
+    points : (7, LEAF_SIZE) array
+        Rows: position, normal, desired spacing.
+    nearest, squared : (K, LEAF_SIZE) arrays
+        As in `Conditioning`, transposed.
+    new, gaps : (LEAF_SIZE,) arrays
+        A chosen point that is being inserted, and its squared distances in the field.
+    """
 
     points: NDArray[np.float64]
     nearest: NDArray[np.int64]
@@ -124,6 +150,7 @@ class _SideBySide(NamedTuple):
 
 @nb.njit(cache=True)
 def _side_by_side(neighbours):
+    """Return room for one leaf and K `neighbours`."""
     return _SideBySide(
         np.empty((7, LEAF_SIZE), dtype=np.float64),
         np.empty((neighbours, LEAF_SIZE), dtype=np.int64),
@@ -135,7 +162,7 @@ def _side_by_side(neighbours):
 
 @nb.njit(cache=True)
 def _take_up(field, begin, end, side):
-    """Fill the columns with points, those without one with the last."""
+    """Copy the points `begin` to `end` of the field into the columns; the last one fills the rest."""
     for p in range(LEAF_SIZE):
         i = min(begin + p, end - 1)
         for axis in range(3):
@@ -145,10 +172,15 @@ def _take_up(field, begin, end, side):
 
 @nb.njit(cache=True, error_model="numpy", fastmath=False)
 def _keep_nearest_side_by_side(field, chosen, found, side):
-    """Keep the nearest of the chosen points found of each point in a column; return the squared radius that it takes.
+    """Keep, for each point of a leaf, the nearest of the chosen points `found`, (count,).
 
-    A new point goes down the list of each column, and changes places with every one that is farther; no branch
-    depends on which.
+    A new point goes down the list of each column and swaps places with every point that is farther. There are no
+    branches, so that the compiler can vectorise it.
+
+    Returns
+    -------
+    float
+        Squared radius within which all chosen points lie that could be nearer.
     """
     neighbours = len(side.squared)
     side.nearest[:] = -1

@@ -1,4 +1,8 @@
-"""How dense the points should lie: denser where the surface is rough, and changing slowly from place to place."""
+"""The desired spacing at each place: small where the surface is rough, and changing slowly from place to place.
+
+The rows "density off", "gradation off" and "segregation off" of the ablation (benchmarks/results/gp_ablation.md) show
+what the parts are worth.
+"""
 
 from __future__ import annotations
 
@@ -8,21 +12,33 @@ from numpy.typing import NDArray
 
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, squared_distance_of_boxes, squared_distance_to_box
 
-TOGETHER = 8  # points whose spacings are graded as one: fewer would take longer and change little
-EVEN = 0.05  # roughness below which a place counts as flat
-EDGE = 0.29  # roughness of a right-angled edge
-SLOPE = 0.1  # by which the spacing grows with the distance, at most
-FLAT = 1e-12  # surface variation, or spread of it, that is nothing but rounding
+TOGETHER = 8  # Points with one limit of the gradation. Limits for each point take eight times as long and gain 0.5 %.
+EVEN = 0.05  # Least roughness, so that flat places are not left bare. 0.03 and 0.1 are no better (docs/experiments.md).
+EDGE = 0.29  # Roughness on a right-angled edge: 0.292 at any radius (docs/experiments.md).
+SLOPE = 0.1  # Growth of the spacing for each unit of distance, at most. 0.05 and 0.2 are worse (docs/experiments.md).
+FLAT = 1e-12  # Surface variation, or its standard deviation, below this is only rounding.
 
 
 def desired_spacings(tree: KdTree, roughness: NDArray[np.float64], power: float) -> NDArray[np.float64]:
-    """Return the spacing that each place deserves, in units of the target spacing; all in the tree's order.
+    """Return the desired spacing at each place, in units of the target spacing.
 
-    Roughness is the square root of the surface variation, about the radius of the neighbourhood times the curvature.
-    A piecewise linear surface of given size has the least mean error if its density goes as the square root of the
-    curvature, so the density here is roughness to a power; the more the cloud is one of faces and edges, the smaller a
-    power, lest the faces are left bare. Normals among few points are sound only where their density changes slowly, so
-    it is graded.
+    The density is a power of the roughness, as a piecewise linear surface of given size has the least mean error if its
+    density goes as the square root of the curvature. It is then graded, as normals among few points are good only
+    where the density changes slowly. Last, all spacings are scaled so that the number of points stays the same.
+
+    Parameters
+    ----------
+    tree : KdTree
+        Over n points, in units of the target spacing.
+    roughness : (n,) array
+        Square root of the surface variation, about the radius of the neighbourhood times the curvature. In tree order.
+    power : float
+        Power of the density; 0 for an even cover.
+
+    Returns
+    -------
+    (n,) array
+        In tree order; the mean of 1 / spacing^2 is 1.
     """
     density = np.maximum(roughness, EVEN) ** power
     spacings = graded(tree, np.sqrt(np.mean(density) / density), SLOPE)
@@ -30,10 +46,19 @@ def desired_spacings(tree: KdTree, roughness: NDArray[np.float64], power: float)
 
 
 def segregation(roughness: NDArray[np.float64]) -> float:
-    """Return how far a cloud is one of flat faces and right-angled edges: 1 for nothing else, 0 for all places alike.
+    """Return how much a cloud consists of flat faces and right-angled edges.
 
-    It is the variance of the roughness, as a share of the most that values from 0 to `EDGE` of that mean can have: the
-    intensity of segregation of a mixture (Danckwerts 1952).
+    It is the variance of the roughness, divided by the largest variance that values from 0 to `EDGE` with the same mean
+    can have: the intensity of segregation of a mixture (Danckwerts 1952).
+
+    Parameters
+    ----------
+    roughness : (n,) array
+
+    Returns
+    -------
+    float
+        1 for flat faces and right-angled edges only, 0 if all places are alike.
     """
     clipped = np.minimum(roughness, EDGE)
     mean = float(np.mean(clipped))
@@ -42,18 +67,24 @@ def segregation(roughness: NDArray[np.float64]) -> float:
 
 
 def graded(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArray[np.float64]:
-    """Return spacings, nowhere above those given and nowhere above limits that grow with the distance by `slope`.
+    """Return the given spacings, lowered where they would grow faster than `slope` with the distance.
 
-    The points of a leaf that follow each other, about `TOGETHER` of them, have one limit, that of their mean density at
-    their middle; so within such a group spacings may differ more, and between groups by its size.
+    Each group of about `TOGETHER` points that follow each other in a leaf has one limit, computed from its mean density
+    at its middle. So spacings can differ more within a group, and by the size of a group between two groups.
 
     Parameters
     ----------
     tree : KdTree
+        Over N points.
     spacings : (N,) array
-        In tree order, like the result.
+        In tree order.
     slope : float
         Not negative.
+
+    Returns
+    -------
+    (N,) array
+        In tree order.
     """
     n, leaves = len(spacings), first_leaf(tree.low)
     in_leaf = max(1, round(n / leaves / TOGETHER))
@@ -68,10 +99,24 @@ def graded(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArray
 
 
 def limited(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArray[np.float64]:
-    """Return the greatest spacings, nowhere above those given, that grow with the distance by `slope` at most.
+    """Return the largest spacings that are nowhere above the given ones and grow by at most `slope` with the distance.
 
-    At x_i that is the least of s_j + slope |x_i - x_j| (Persson 2006, Mesh size functions for implicit geometries and
-    PDE-based gradient limiting, Engineering with Computers). All are in tree order.
+    At x_i this is the minimum over j of s_j + slope |x_i - x_j| (Persson 2006, Mesh size functions for implicit
+    geometries and PDE-based gradient limiting, Engineering with Computers).
+
+    Parameters
+    ----------
+    tree : KdTree
+        Over N points.
+    spacings : (N,) array
+        s, in tree order.
+    slope : float
+        Not negative.
+
+    Returns
+    -------
+    (N,) array
+        In tree order.
     """
     least = np.empty(len(tree.low))
     _least_of_all(spacings, least)
@@ -80,7 +125,7 @@ def limited(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArra
 
 @nb.njit(cache=True, nogil=True)
 def _least_of_all(values, least):
-    """Fill every node with the least of its points' values, in tree order."""
+    """Fill `least`, (nodes,), with the least of the values, (N,), of each node's points."""
     leaves = first_leaf(least)
     n = len(values)
     for leaf in range(leaves):
@@ -91,7 +136,10 @@ def _least_of_all(values, least):
 
 @nb.njit(cache=True, nogil=True, parallel=True)
 def _limited(points, low, high, spacings, slope, least):
-    """Lower the points of a leaf together, by the nodes from which any of them might be; the lowest bounds go first."""
+    """Return the limited spacings, (N,), of points, (3, N), given boxes, (nodes, 3), and `least`, (nodes,).
+
+    For each leaf, visit the nodes that can lower the spacing of one of its points, those with the lowest bounds first.
+    """
     leaves = first_leaf(low)
     n = len(spacings)
     result = spacings.copy()
@@ -126,7 +174,7 @@ def _limited(points, low, high, spacings, slope, least):
 
 @nb.njit(cache=True, nogil=True)
 def _lower(places, source, spacing, slope, result):
-    """Lower the spacings at some places to what they may be by that of one point."""
+    """Lower the spacings, (m,), at places, (3, m), to the limit that one point, (3,), with its spacing sets."""
     for i in range(len(result)):
         distance = np.sqrt(
             (places[0, i] - source[0]) ** 2 + (places[1, i] - source[1]) ** 2 + (places[2, i] - source[2]) ** 2

@@ -1,4 +1,7 @@
-"""Greedy selection by uncertainty plus error (paper, Algorithm 1) in a local field: each choice changes little."""
+"""Greedy selection in a local field (paper, Algorithm 1), exact although each choice updates only few points.
+
+The score is the uncertainty, plus the error if that has a weight. By default it has none.
+"""
 
 from __future__ import annotations
 
@@ -13,25 +16,28 @@ from gppcs.gp.local.kernel import LANES, LocalField, field_distance
 from gppcs.gp.local.posterior import posterior, posteriors, sites_of, workspace
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, greater_child, leaf_range
 
-TAKEN = -1.0  # in place of the score of a chosen point, and of the reach of one: below any
-SPACING, SCORE, REACH, INDEX, ROWS = 6, 7, 8, 9, 10  # rows of a leaf; the first six are place and normal
+TAKEN = -1.0  # Score and reach of a chosen point: below those of all others.
+SPACING, SCORE, REACH, INDEX, ROWS = 6, 7, 8, 9, 10  # Rows of a leaf. The first six are position and normal.
 
 
 class _Nodes(NamedTuple):
-    """The k-d tree above the points, and for each node what is needed to pass it by.
+    """The nodes of the k-d tree, with what decides whether a node can be skipped.
+
+    The *reach* of a point is the squared distance in the field to the last of the chosen points that it is conditioned
+    on. Only a nearer new point changes its posterior.
 
     Attributes
     ----------
     boxes : (nodes, 8) array
-        Low and high corners of the box; the greatest squared distance in the field within which the conditioning of one
-        of its points would change; the square of the greatest spacing. As much as memory moves at a time.
+        Low and high corner of the box, largest reach of its points, square of their largest desired spacing. These
+        eight numbers fill one line of memory.
     best : (nodes,) array
-        The greatest score in the node.
+        The largest score in the node.
     holder : (nodes,) array, int64
-        The index in the tree's input of the point with it, of several the least.
+        Index in the tree's input of the point with this score; of several the smallest.
     leaves : (leaves, ROWS, LEAF_SIZE) array
-        Of each leaf's points, in columns: place, normal, spacing, score, reach (the squared distance in the field of
-        the last of what it is conditioned on) and index. What is left of the columns is as if taken.
+        The points of each leaf, in columns: position, normal, desired spacing, score, reach and index. Columns that are
+        left over count as taken.
     """
 
     boxes: NDArray[np.float64]
@@ -43,14 +49,14 @@ class _Nodes(NamedTuple):
 def extend(
     field: LocalField, tree: KdTree, chosen: NDArray[np.int64], n_points: int, neighbours: int, error_weight: float
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Choose one point after another, always that of the largest score, until `n_points` are chosen.
+    """Choose the point with the largest score, again and again, until `n_points` are chosen.
 
-    With sigma^2 and mu the posterior's variance and mean at a point and nu its noise, an observation there has the
-    gain g = sigma^2 / (sigma^2 + nu): it takes g sigma^2 from the variance and moves the mean by g (y - mu). The score
-    is sqrt(g) sigma + w g |mu - y|. Without noise g is 1, and this is the paper's s = sqrt(diag Sigma) + |mu - y|.
+    Let a point have the posterior mean mu and variance sigma^2, and an observation there the variance nu. It has the
+    gain g = sigma^2 / (sigma^2 + nu): it lowers the variance by g sigma^2 and moves the mean by g (y - mu). The score
+    is sqrt(g) sigma + w g |mu - y|. Without noise and with w = 1 this is the paper's s = sqrt(diag Sigma) + |mu - y|.
 
-    No choice is missed: a point's posterior changes only if the new point is among the nearest that it is conditioned
-    on, and a node of the tree is passed by only if that can be so of none of its points.
+    The choice is exact. A posterior changes only if the new point is among the nearest on which the point is
+    conditioned, and a node of the tree is skipped only if this holds for none of its points.
 
     Parameters
     ----------
@@ -59,20 +65,20 @@ def extend(
     tree : KdTree
         Over the field's positions.
     chosen : (m,) array
-        Positions in the tree's order of the points chosen already, in their order.
+        Columns in the tree's order of the points chosen so far, in the order of choice.
     n_points : int
         From m to n.
     neighbours : int
-        K: how many chosen points a point is conditioned on.
+        K: the number of chosen points on which a point is conditioned.
     error_weight : float
-        w.
+        w, the weight of the error.
 
     Returns
     -------
     chosen : (n_points,) array
-        The same continued; of equal scores, that of the smallest index in the tree's input.
+        `chosen`, continued. Of equal scores the smallest index in the tree's input wins.
     scores, deviations : (n_points - m,) arrays
-        Score and sigma of each added point when it was chosen.
+        Score and sigma of each new point when it was chosen.
     """
     sites = sites_of(field)
     conditioning = condition(field, tree, chosen, neighbours)
@@ -88,6 +94,7 @@ def extend(
 
 
 def _nodes(field: LocalField, tree: KdTree, conditioning: Conditioning, scores: NDArray[np.float64]) -> _Nodes:
+    """Return the nodes, given the scores, (n,), of all points."""
     count = len(tree.low)
     nodes = _Nodes(
         np.concatenate([tree.low, tree.high, np.empty((count, 2))], axis=1),
@@ -100,7 +107,7 @@ def _nodes(field: LocalField, tree: KdTree, conditioning: Conditioning, scores: 
 
 @nb.njit(cache=True, nogil=True)
 def _fill(field, order, scores, reach, nodes):
-    """Fill leaves and nodes."""
+    """Fill leaves and nodes, given order, scores and reaches of the points, (n,) each."""
     leaves = len(nodes.leaves)
     for leaf in range(leaves):
         _fill_leaf(field, order, scores, reach, leaf, nodes)
@@ -111,6 +118,7 @@ def _fill(field, order, scores, reach, nodes):
 
 @nb.njit(cache=True)
 def _fill_leaf(field, order, scores, reach, leaf, nodes):
+    """Fill one leaf and its node."""
     n, leaves = len(order), len(nodes.leaves)
     rows = nodes.leaves[leaf]
     rows[:] = 0.0
@@ -130,7 +138,10 @@ def _fill_leaf(field, order, scores, reach, leaf, nodes):
 
 @nb.njit(cache=True, nogil=True, fastmath=False)
 def _choose(field, sites, conditioning, nodes, position, error_weight, variances, chosen, added):
-    """Fill `chosen` and, of each, score and variance into the rows of `added`."""
+    """Fill `chosen`, (m,), one choice after another, and `added`, (2, m), with score and variance of each.
+
+    `sites` is (n, 9); `position`, the inverse of the tree's order, and `variances` are (n,).
+    """
     n, leaves = len(sites), len(nodes.leaves)
     work = workspace(conditioning.nearest.shape[1])
     visited = np.empty(len(nodes.best), dtype=np.int64)
@@ -159,7 +170,10 @@ def _choose(field, sites, conditioning, nodes, position, error_weight, variances
 
 @nb.njit(cache=True, error_model="numpy", fastmath=False)
 def _tell(new, field, sites, conditioning, nodes, visited, changed, gaps):
-    """Condition on the new point what it is near to; return the numbers of nodes visited and of points changed."""
+    """Condition the points around a new point on it.
+
+    Fill `visited`, (nodes,), and `changed`, (n,); return how many entries of each are valid. `gaps` is (LEAF_SIZE,).
+    """
     n, leaves = len(sites), len(nodes.leaves)
     x, y, z, u, v, w = sites[new, 0], sites[new, 1], sites[new, 2], sites[new, 3], sites[new, 4], sites[new, 5]
     spacing = sites[new, SPACING]
@@ -197,7 +211,7 @@ def _tell(new, field, sites, conditioning, nodes, visited, changed, gaps):
 
 @nb.njit(cache=True, fastmath=False)
 def _comes_within_reach(boxes, node, x, y, z, spacing):
-    """Tell whether a new point may be among what a point of the node is to be conditioned on."""
+    """Return whether a new point may be within the reach of a point of the node; `boxes` is (nodes, 8)."""
     dx = max(boxes[node, 0] - x, x - boxes[node, 3], 0.0)
     dy = max(boxes[node, 1] - y, y - boxes[node, 4], 0.0)
     dz = max(boxes[node, 2] - z, z - boxes[node, 5], 0.0)
@@ -206,7 +220,7 @@ def _comes_within_reach(boxes, node, x, y, z, spacing):
 
 @nb.njit(cache=True, fastmath=False)
 def _keep_nearest(conditioning, i, new, gap):
-    """Put a chosen point among those that a point is conditioned on, in place of the last."""
+    """Insert a chosen point among those that point i is conditioned on, and drop the last."""
     slot = conditioning.nearest.shape[1] - 1
     while slot > 0 and conditioning.squared[i, slot - 1] > gap:
         conditioning.squared[i, slot] = conditioning.squared[i, slot - 1]
@@ -217,14 +231,14 @@ def _keep_nearest(conditioning, i, new, gap):
 
 @nb.njit(cache=True, fastmath=False)
 def _renew_inner(node, nodes):
-    """Renew what is kept of a node, from its children."""
+    """Update score, holder and reach of a node from its children."""
     greater_child(node, nodes.best, nodes.holder)
     nodes.boxes[node, 6] = max(nodes.boxes[2 * node, 6], nodes.boxes[2 * node + 1, 6])
 
 
 @nb.njit(cache=True, fastmath={"nnan", "nsz"})
 def _renew_leaf(node, nodes):
-    """Renew what is kept of a leaf, from its points."""
+    """Update score, holder and reach of a leaf's node from its points."""
     leaf = node - len(nodes.leaves)
     best, reach, index = TAKEN, TAKEN, np.inf
     for p in range(LEAF_SIZE):

@@ -1,7 +1,7 @@
-"""The kernel: Matérn 5/2 whose lengthscale varies with the place, over positions and normals together.
+"""The kernel: Matérn 5/2 over positions and normals, with a lengthscale that varies from place to place.
 
-It is not truncated, as the paper's is (Eq. 6): its lengthscale is about the spacing of the points to be chosen, and
-varies with the place (Paciorek and Schervish 2004).
+The nonstationary form is that of Paciorek and Schervish (2004). The paper truncates its kernel to a series (Eq. 6).
+This one has full rank, and its lengthscale is about the target spacing.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-LANES = 16
-VANISHED = 40.0  # lengthscales, times sqrt(5), beyond which a correlation is less than rounding
+LANES = 16  # Points whose kernels and posteriors are computed side by side in vector registers.
+VANISHED = 40.0  # From this t on, see `correlate`, a correlation is less than rounding.
 
 
 class LocalField(NamedTuple):
-    """The field at n points: what its kernel depends on, and the function observed there.
+    """The field at n points: what the kernel needs, and the function to observe.
 
     Attributes
     ----------
@@ -26,15 +26,15 @@ class LocalField(NamedTuple):
     normals : (3, n) array
         Unit vectors; their sign does not matter.
     spacings : (n,) array
-        s: the spacing that the place deserves, in units of h; the lengthscale there is `lengthscale` s h.
+        s: the desired spacing, in units of h. The lengthscale at a point is `lengthscale` s h.
     y : (n,) array
-        The function modelled, of zero mean and about unit variance.
+        The function: surface variation, standardised to mean 0 and variance 1.
     noise : (n,) array
-        The variance of what is observed at each point, in units of the prior variance; positive.
+        Variance of the observation at each point, in units of the prior variance; positive.
     lengthscale : float
-        In units of the spacing of the place.
+        In desired spacings.
     normal_weight : float
-        beta: the distance, in spacings, that a right angle between normals is worth.
+        beta: the distance of two normals at a right angle, in desired spacings.
     """
 
     positions: NDArray[np.float64]
@@ -48,10 +48,25 @@ class LocalField(NamedTuple):
 
 @nb.njit(cache=True, error_model="numpy", fastmath=False)
 def field_distance(dx, dy, dz, cosine, s, r, normal_weight):
-    """Return |x - x'|^2 / ((s^2 + s'^2) / 2) + beta^2 (1 - (n . n')^2), a squared distance of points with normals.
+    """Return the squared distance in the field, |x - x'|^2 / ((s^2 + s'^2) / 2) + beta^2 (1 - (n . n')^2).
 
-    The second term is half the squared distance between the projections n n^T and n' n'^T, so that the sign of a
-    normal has no influence. Where s is the same everywhere, the whole is Euclidean, in nine dimensions.
+    The sign of a normal has no influence: the second term is beta^2 / 2 times the squared distance between the
+    projections n n^T and n' n'^T.
+
+    Parameters
+    ----------
+    dx, dy, dz : float
+        x - x', in units of the target spacing.
+    cosine : float
+        n . n'.
+    s, r : float
+        s and s', the desired spacings.
+    normal_weight : float
+        beta.
+
+    Returns
+    -------
+    float
     """
     across = normal_weight * normal_weight * max(0.0, 1.0 - cosine * cosine)
     return (dx * dx + dy * dy + dz * dz) / (0.5 * (s * s + r * r)) + across
@@ -59,11 +74,21 @@ def field_distance(dx, dy, dz, cosine, s, r, normal_weight):
 
 @nb.njit(cache=True, error_model="numpy", fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"})
 def correlate(sites, a, b, lengthscale, normal_weight, out):
-    """Fill `out` with the kernel between the a-th and b-th sites of each lane, in units of the prior variance.
+    """Compute the kernel between the a-th and the b-th site of each lane, in units of the prior variance.
 
-    (2 s s' / (s^2 + s'^2))^(3/2) (1 + t + t^2 / 3) exp(-t) with t = sqrt(5) distance / lengthscale; the factor in front
-    keeps it positive definite where s varies. The exponential is the 64th power of its Taylor polynomial at -t / 64,
-    whose relative error is below 1e-12.
+    It is (2 s s' / (s^2 + s'^2))^(3/2) (1 + t + t^2 / 3) exp(-t) with t = sqrt(5) distance / lengthscale. The first
+    factor keeps the kernel positive definite where s varies. The exponential is the 64th power of its Taylor polynomial
+    at -t / 64, with a relative error below 1e-12.
+
+    Parameters
+    ----------
+    sites : (K + 1, 9, LANES) array
+        As in `Work`.
+    a, b : int
+    lengthscale, normal_weight : float
+        As in `LocalField`.
+    out : (LANES,) array
+        Filled with the result.
     """
     for p in range(LANES):
         s, r = sites[a, 6, p], sites[b, 6, p]

@@ -1,6 +1,6 @@
-"""Mean and variance of the local field (paper, Eqs. 3 and 4), of as many points at a time as fill vector registers.
+"""Posterior mean and variance of the local field (paper, Eqs. 3 and 4), by a Cholesky factorisation for each point.
 
-All arithmetic runs over LANES points side by side, an operation at a time, so that the compiler makes vectors of it.
+All arithmetic runs over LANES points side by side, one operation at a time, so that the compiler can vectorise it.
 """
 
 from __future__ import annotations
@@ -14,21 +14,22 @@ from numpy.typing import NDArray
 from gppcs.gp.local.conditioning import Conditioning
 from gppcs.gp.local.kernel import LANES, LocalField, correlate
 
-SITE = 9  # numbers that the kernel and the observation need of a point: place, normal, spacing, y, one plus noise
-NEGLIGIBLE = 1e-12  # of the prior variance: what is left of a pivot that rounding has used up
+SITE = 9  # Numbers of a site: position (3), normal (3), desired spacing, y, 1 + variance of the observation.
+NEGLIGIBLE = 1e-12  # Least pivot of the factorisation, in units of the prior variance: less is only rounding.
 
 
 class Work(NamedTuple):
-    """Room for the posteriors of LANES points, each conditioned on K others.
+    """Memory for the posteriors of LANES points, each conditioned on K others.
 
     Attributes
     ----------
     sites : (K + 1, 9, LANES) array
-        What the kernel and the observation need of what each is conditioned on; last, of the point itself.
+        Sites of the K points on which each point is conditioned; the last row is the point itself.
     factor : (K (K + 2), LANES) array
-        Rows of the Cholesky factor, of the inverse of its diagonal, and of its products with two right-hand sides.
+        K rows of the Cholesky factor, with the inverse of its diagonal. Each row ends with two solutions of the
+        triangular system: for the covariances with the point, and for y.
     cross, observed, pivot : (LANES,) arrays
-        The entries of the current row that belong to the point, to y and to the diagonal.
+        The current row: covariance with the point, y, and diagonal.
     mean, variance, score : (LANES,) arrays
         The results.
     """
@@ -45,7 +46,17 @@ class Work(NamedTuple):
 
 @nb.njit(cache=True)
 def workspace(neighbours):
-    """Return room for points that are conditioned on K others."""
+    """Return memory for posteriors.
+
+    Parameters
+    ----------
+    neighbours : int
+        K.
+
+    Returns
+    -------
+    Work
+    """
     return Work(
         np.empty((neighbours + 1, SITE, LANES), dtype=np.float64),
         np.empty((neighbours * (neighbours + 2), LANES), dtype=np.float64),
@@ -60,9 +71,25 @@ def workspace(neighbours):
 
 @nb.njit(cache=True, error_model="numpy", fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"})
 def posteriors(field, all_sites, nearest, which, begin, end, error_weight, work):
-    """Put mean, variance and score at the points `which[begin:end]`, LANES at most, into `work`, given their nearest.
+    """Compute mean, variance and score at the points `which[begin:end]`.
 
-    See `extend` in local_greedy.py for the score.
+    `gppcs.gp.local.greedy.extend` defines the score.
+
+    Parameters
+    ----------
+    field : LocalField
+    all_sites : (n, 9) array
+        As returned by `sites_of`.
+    nearest : (n, K) array, int32
+        As in `Conditioning`.
+    which : (count,) array, int64
+        Columns in the field's order.
+    begin, end : int
+        At most LANES apart.
+    error_weight : float
+        w, the weight of the error in the score.
+    work : Work
+        Its mean, variance and score are filled up to `end - begin`.
     """
     neighbours = nearest.shape[1]
     sites, factor, cross, observed, pivot, mean, variance, score = work
@@ -101,7 +128,10 @@ def posteriors(field, all_sites, nearest, which, begin, end, error_weight, work)
 
 @nb.njit(cache=True)
 def _gather(all_sites, nearest, which, begin, end, sites):
-    """Fill the sites of each lane, of those without a point as of the last; what lacks a neighbour has one far away."""
+    """Copy sites, (n, 9), into lanes, (K + 1, 9, LANES).
+
+    The last point fills lanes that are left over. A neighbour that is lacking is placed far away.
+    """
     neighbours = nearest.shape[1]
     for p in range(LANES):
         i = which[min(begin + p, end - 1)]
@@ -115,7 +145,17 @@ def _gather(all_sites, nearest, which, begin, end, sites):
 
 @nb.njit(cache=True, parallel=True, nogil=True)
 def sites_of(field):
-    """Return what the kernel and the observation need of each point side by side in memory, (n, 9)."""
+    """Return what kernel and observation need of each point, side by side in memory.
+
+    Parameters
+    ----------
+    field : LocalField
+
+    Returns
+    -------
+    (n, 9) array
+        Position, normal, desired spacing, y, 1 + variance of the observation.
+    """
     n = len(field.y)
     sites = np.empty((n, SITE), dtype=np.float64)
     for i in nb.prange(n):
@@ -126,7 +166,7 @@ def sites_of(field):
 
 
 class Posterior(NamedTuple):
-    """Mean and variance of the field, and the score, at every point."""
+    """Mean and variance of the field, and the score, at every point; (n,) each."""
 
     means: NDArray[np.float64]
     variances: NDArray[np.float64]
@@ -136,16 +176,20 @@ class Posterior(NamedTuple):
 def posterior(
     field: LocalField, sites: NDArray[np.float64], conditioning: Conditioning, error_weight: float
 ) -> Posterior:
-    """Return the posterior at every point, given what it is conditioned on; (n,) each.
+    """Return the posterior at every point.
 
     Parameters
     ----------
     field : LocalField
     sites : (n, 9) array
-        That `sites_of` gives.
+        As returned by `sites_of`.
     conditioning : Conditioning
     error_weight : float
-        w, of the error in the score.
+        w, the weight of the error in the score.
+
+    Returns
+    -------
+    Posterior
     """
     found = Posterior(np.empty(len(sites)), np.empty(len(sites)), np.empty(len(sites)))
     _posterior_everywhere(field, sites, conditioning.nearest, error_weight, *found)
@@ -154,6 +198,7 @@ def posterior(
 
 @nb.njit(cache=True, parallel=True, nogil=True)
 def _posterior_everywhere(field, sites, nearest, error_weight, means, variances, scores):
+    """Fill means, variances and scores, (n,) each, given sites, (n, 9), and nearest, (n, K)."""
     n = len(sites)
     chunk = 64 * LANES
     for first in nb.prange(-(-n // chunk)):

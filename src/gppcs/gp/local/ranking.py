@@ -1,7 +1,7 @@
-"""The default method's selection: from few points to many, each stage at the scale of its own target spacing.
+"""The choice in stages, from few points to many. Each stage has a field of its own, at its own target spacing.
 
-A stage chooses until twice as many points are there as before. Its field is that of its own spacing, so the first
-points are placed as if no more were to come, and every prefix of the result is a simplification of its size.
+Each stage about doubles the number of chosen points. The first points are placed as if no more were to come, so every
+prefix of the result is a simplification of its size.
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
 
-FEW = 16  # points of a neighbourhood where candidates are not thinned; a ball might hold any number of them
+FEW = 16  # Points of a neighbourhood if candidates are not thinned: a ball could then hold any number of them.
 NUGGET = 1e-4  # Variance of an observation without noise, in units of the prior's. Keeps covariances regular.
 
 
 @dataclass(frozen=True)
 class Criterion:
-    """What the selection weighs.
+    """The weights of the selection.
 
     Attributes
     ----------
     density_power : float
-        How the density of points follows roughness: points per area as roughness to this power, less where the cloud
-        is made up of faces and edges.
+        Points per area go as the roughness to this power. The power is lower if the cloud consists of flat faces and
+        edges.
     normal_weight : float
-        beta: the distance, in spacings, that a right angle between normals is worth; less in the same case.
+        beta: the distance of two normals at a right angle, in desired spacings. It is lower in the same case.
     error_weight : float
-        w: of the error of the surface variation beside the uncertainty.
+        w: the weight of the error |mu - y| in the score; that of the uncertainty is 1.
     lengthscale : float
-        Of the Matérn kernel, in units of the spacing.
+        Of the Matérn kernel, in desired spacings.
     neighbours : int
-        K: how many chosen points a posterior is conditioned on.
+        K: the number of chosen points on which a posterior is conditioned.
     """
 
     density_power: float
@@ -53,15 +53,15 @@ class Criterion:
 
 @dataclass(frozen=True)
 class Ranking:
-    """Points in the order chosen.
+    """Rows of the M points, in the order of choice.
 
     Attributes
     ----------
     indices : (M,) array, int64
     scores, deviations : (M,) arrays, float64
-        Of each when it was chosen: its score, and the posterior's standard deviation, in units of the prior's. Scores
-        fall within a stage, but for what the error and the small number of neighbours change, and rise at the start of
-        the next, whose field is finer.
+        Score of each point, and posterior standard deviation in units of the prior's, when the point was chosen. Scores
+        fall within a stage, apart from small effects of the error and of the few neighbours. They rise at the start of
+        the next stage, whose field is finer.
     """
 
     indices: NDArray[np.int64]
@@ -87,12 +87,12 @@ def rank(
     criterion : Criterion
     noise : Noise
     stages : Stages, optional
-        Times "noise", "features" and "greedy selection"; the steps of the last are points.
+        Times "noise", "features" and "greedy selection". A step of the last is one point.
 
     Returns
     -------
     Ranking
-        As many points as the last stage wants.
+        M points, the number that the last stage wants.
     """
     clock = stages or Stages()
     chosen = np.empty(0, dtype=np.int64)
@@ -100,7 +100,7 @@ def rank(
     for stage in candidates:
         tree, field = _observed(points[stage.indices], stage, criterion, noise, clock)
         with clock("greedy selection", stage.target - len(chosen)) as advanced:
-            before = tree.positions()[np.searchsorted(stage.indices, chosen)]  # candidates of this stage too
+            before = tree.positions()[np.searchsorted(stage.indices, chosen)]  # they are candidates of this stage
             extended, score, deviation = extend(
                 field, tree, before, stage.target, criterion.neighbours, criterion.error_weight
             )
@@ -114,7 +114,7 @@ def rank(
 def _observed(
     places: NDArray[np.float64], stage: Candidates, criterion: Criterion, noise: Noise, clock: Stages
 ) -> tuple[KdTree, LocalField]:
-    """Return the tree over the candidates of a stage, in units of its target spacing, and the field over them."""
+    """Return the tree over a stage's n candidates, (n, 3) `places`, in units of its target spacing, and their field."""
     spacing = float(np.sqrt(stage.area / stage.target)) or 1.0
     with clock("noise"):
         tree = KdTree.build(places)
@@ -137,6 +137,11 @@ def local_field(tree: KdTree, features: Features, noise: NDArray[np.float64], cr
     noise : (n,) array
         Variance of the observation at each, in units of the prior's, in tree order.
     criterion : Criterion
+
+    Returns
+    -------
+    LocalField
+        At n points, in tree order.
     """
     variation = features.surface_variation[tree.order]
     roughness = np.sqrt(variation)

@@ -1,4 +1,4 @@
-"""What is measured on the whole cloud before any point is chosen: area, noise and sharp places."""
+"""Measurements on the whole cloud before any point is chosen: area, noise and sharp places."""
 
 from __future__ import annotations
 
@@ -51,6 +51,10 @@ def survey(points: NDArray[np.float64], n_points: int, density: float, clock: St
         Candidate cells in a square whose side is the target spacing.
     clock : Stages
         Times "tree", "noise" and "candidates".
+
+    Returns
+    -------
+    Survey
     """
     with clock("tree"):
         tree, sampled = sampled_tree(points, n_points)
@@ -59,7 +63,7 @@ def survey(points: NDArray[np.float64], n_points: int, density: float, clock: St
         noise = Noise.measure(tree, n_points, math.sqrt(area / n_points))
     with clock("candidates"):
         sharpness = np.zeros(len(points), dtype=np.float32)
-        if noise.quiet:  # otherwise noisy points would pass for sharp ones
+        if noise.quiet:  # otherwise noisy points would look sharp
             sharpness[sampled] = sharpness_of(tree, area, density * n_points)
     return Survey(area, noise, sharpness)
 
@@ -67,13 +71,19 @@ def survey(points: NDArray[np.float64], n_points: int, density: float, clock: St
 def sampled_tree(points: NDArray[np.float64], n_points: int) -> tuple[KdTree, NDArray[np.int64] | slice]:
     """Return a tree over all points, or over a random sample of a large cloud, and the rows that it holds.
 
-    The sample measures area and noise at the target spacing as well as all points do.
+    A sample measures area and noise at the target spacing as well as all points do.
 
     Parameters
     ----------
     points : (N, 3) array
     n_points : int
         M, the number of points to keep.
+
+    Returns
+    -------
+    tree : KdTree
+    rows : (n,) array, int64, or slice
+        Ascending.
     """
     enough = max(SAMPLED, PER_POINT * n_points)
     if len(points) <= 1.5 * enough:
