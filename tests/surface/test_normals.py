@@ -163,7 +163,7 @@ def test_two_sheets_of_a_slab_point_apart():
 
 def test_places_between_the_points_and_large_clouds(sphere, monkeypatch):
     """Signs are passed on in a part of the cloud only where that is large."""
-    monkeypatch.setattr(module, "MOST", 3000)
+    monkeypatch.setattr(module, "MOST_GUIDES", 3000)
     places = np.concatenate([sphere[:500] * 1.001, sphere[500:600]])
     assert ((estimate_normals(sphere, places) * places).sum(axis=1) > 0.999).all()
 

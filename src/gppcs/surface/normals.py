@@ -16,7 +16,9 @@ from gppcs.surface.quadrics import fit_quadrics
 
 CLOSE = 16  # Points of the fits that find signs: fewer than 30, as thin parts matter more there than noise.
 EDGES = 8  # Nearest neighbours to which a sign is passed. Farther ones lie on the other side of thin parts.
-MOST = 1_000_000  # Points of the cloud among which signs are passed, at most: more would only take time and memory.
+MOST_GUIDES = (
+    1_000_000  # Points of the cloud among which signs are passed, at most: more would only take time and memory.
+)
 UP = np.array([0.01, 0.03, 0.1])  # Side to which flat pieces point: +z. The tilt also decides upright faces.
 
 
@@ -78,7 +80,7 @@ def estimate_normals(
     normals = np.empty((len(places), 3))
     normals[of_places.order] = fit_quadrics(tree, of_places, neighbours).normals.T
     widened = max(1, neighbours // NEIGHBOURS)
-    every = widened * -(-tree.points.shape[1] // MOST)
+    every = widened * -(-tree.points.shape[1] // MOST_GUIDES)
     guides = np.concatenate([places, tree.points.T[::every]])  # in tree order, so they are evenly spread
     if widened > 1:
         guides = _feet(tree, guides, neighbours // 2)

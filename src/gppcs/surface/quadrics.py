@@ -15,7 +15,7 @@ from gppcs.surface.moments import MOMENTS, flattest, moments_in_ball, tangents
 COEFFICIENTS = 6  # Those of a + b u + c v + d u^2 + e u v + f v^2.
 TERMS = COEFFICIENTS + 2  # For each point: 1, u, v, u^2, u v, v^2, its height and its weight.
 RIDGE = 1e-8  # Added to the diagonal: equations stay solvable if the points lie on a line or a conic.
-TASKS = 256  # Parts of the work that threads take in turn: enough to balance them.
+PARALLEL_TASKS = 256  # Parts of the work that threads take in turn: enough to balance them.
 STEEPEST = 3.0  # Squared slope, 60 degrees. A steeper quadric extrapolates from points on one side only.
 
 
@@ -70,7 +70,7 @@ def fit_quadrics(tree: KdTree, places: KdTree, k: int) -> Quadrics:
 def _fit_all(points, low, high, places, places_low, places_high, k, fitted):
     """Fill `fitted` at the places, (3, m), from points, (3, N); corners of boxes are (nodes, 3)."""
     leaves = first_leaf(places_low)
-    tasks = min(leaves, TASKS)
+    tasks = min(leaves, PARALLEL_TASKS)
     for task in nb.prange(tasks):
         search = search_for(k, first_leaf(low))
         squared_radius = 0.0  # the first leaf has no radius to start from; each other starts from the leaf before

@@ -3,7 +3,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from gppcs.gp.local.candidates import FEWEST, FIRST, MANY, nested_candidates
+from gppcs.gp.local.candidates import ENOUGH, FIRST_STAGE, TOO_MANY, nested_candidates
 from gppcs.spatial.cells import greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
@@ -19,12 +19,12 @@ def blunt(points):
 def test_targets_double_and_candidates_of_a_stage_are_among_those_of_the_next(bracket):
     stages = nested_candidates(bracket, 3_001, surface_area(KdTree.build(bracket)), 9.0, blunt(bracket))
     assert [stage.target for stage in stages] == [47, 94, 188, 376, 751, 1501, 3001]
-    assert stages[0].target <= FIRST
+    assert stages[0].target <= FIRST_STAGE
     for coarse, fine in pairwise(stages):
         assert np.isin(coarse.indices, fine.indices).all()
     for target, candidates, thinned, _ in stages:
         assert (np.diff(candidates) > 0).all()
-        assert len(candidates) >= FEWEST * target
+        assert len(candidates) >= ENOUGH * target
         assert thinned == (len(candidates) < 20_000)
 
 
@@ -75,15 +75,15 @@ def plain_stages(points, n_points, area, density, sharpness):
     while True:
         edge = np.sqrt(area / (target * density))
         kept = candidates[sharpest_of_cells(points[candidates], edge, sharpness[candidates])]
-        if len(kept) > MANY * density * target:
+        if len(kept) > TOO_MANY * density * target:
             area, grown = area * 2, True
-        elif len(kept) < FEWEST * target and len(candidates) > MANY * density * target and not grown:
+        elif len(kept) < ENOUGH * target and len(candidates) > TOO_MANY * density * target and not grown:
             area /= 2
         else:
-            thinned = len(kept) >= FEWEST * target
+            thinned = len(kept) >= ENOUGH * target
             candidates = kept if thinned else candidates
             stages.append((target, candidates, thinned, area))
-            if target <= FIRST:
+            if target <= FIRST_STAGE:
                 return stages[::-1]
             target, grown = -(-target // 2), False
 

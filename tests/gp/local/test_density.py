@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gppcs.gp.local.density import TOGETHER, graded, limited, segregation
+from gppcs.gp.local.density import GROUP_SIZE, graded, limited, segregation
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree
 
 
@@ -33,12 +33,12 @@ def groups_of(tree):
     n, leaves = len(tree.order), len(tree.low) // 2
     for leaf in range(leaves):
         begin, end = n * leaf // leaves, n * (leaf + 1) // leaves
-        parts = max(1, round(n / leaves / TOGETHER))
+        parts = max(1, round(n / leaves / GROUP_SIZE))
         for part in range(parts):
             yield slice(begin + (end - begin) * part // parts, begin + (end - begin) * (part + 1) // parts)
 
 
-@pytest.mark.parametrize("n", [1, TOGETHER - 1, TOGETHER, LEAF_SIZE, LEAF_SIZE + 1, 5_000])
+@pytest.mark.parametrize("n", [1, GROUP_SIZE - 1, GROUP_SIZE, LEAF_SIZE, LEAF_SIZE + 1, 5_000])
 def test_graded_spacings_are_of_groups_and_no_greater_than_before(n):
     rng = np.random.default_rng(n)
     tree = KdTree.build(rng.random((n, 3)))

@@ -58,7 +58,7 @@ def test_of_far_more_points_than_cells_some_are_looked_at(sphere):
 
 def test_area_and_noise_of_millions_are_judged_by_some(monkeypatch):
     points = np.column_stack([RANDOM.random((200_000, 2)), 0.002 * RANDOM.standard_normal(200_000)])
-    monkeypatch.setattr("gppcs.gp.local.survey.SAMPLED", 20_000)
+    monkeypatch.setattr("gppcs.gp.local.survey.LARGE", 20_000)
     every, of_all = sampled_tree(points, 5_129)  # 26 for each are two thirds of them
     some, indices = sampled_tree(points, 500)
     for tree, taken in ((every, of_all), (some, indices)):

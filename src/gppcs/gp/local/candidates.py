@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from gppcs.spatial.cells import greatest_in_cells
 
-FIRST = 64  # Points of the first stage at most. A still smaller stage would cost no less.
-FEWEST = 3  # Candidates for each point to keep, at least. With fewer, all points stay candidates.
-MANY = 3  # Occupied cells for each cell that the area has room for. A plane has 1.5 on average, 1.7 at most.
-SMALLEST = 1e-200  # Halving of the area stops here, before it becomes zero.
+FIRST_STAGE = 64  # Points of the first stage at most. A still smaller stage would cost no less.
+ENOUGH = 3  # Candidates for each point to keep, at least. With fewer, all points stay candidates.
+TOO_MANY = 3  # Occupied cells for each cell that the area has room for. A plane has 1.5 on average, 1.7 at most.
+SMALLEST_AREA = 1e-200  # Halving of the area stops here, before it becomes zero.
 
 
 class Candidates(NamedTuple):
@@ -69,21 +69,21 @@ def nested_candidates(
     Returns
     -------
     list of Candidates
-        From coarse to fine. The first stage wants at most `FIRST` points, each other about twice as many as the one
-        before, and the last M.
+        From coarse to fine. The first stage wants at most `FIRST_STAGE` points, each other about twice as many as
+        the one before, and the last M.
     """
     stages = []
     target, candidates, places = n_points, None, points
     while True:
         area, kept = _thinned(places, target, area, density, sharpness)
-        thinned = len(kept) >= FEWEST * target
+        thinned = len(kept) >= ENOUGH * target
         if thinned:
             candidates = kept if candidates is None else candidates[kept]
             places, sharpness = places[kept], sharpness[kept]
         elif candidates is None:
             candidates = np.arange(len(points))
         stages.append(Candidates(target, candidates, thinned, area))
-        if target <= FIRST:
+        if target <= FIRST_STAGE:
             return stages[::-1]
         target = -(-target // 2)
 
@@ -92,9 +92,9 @@ def _thinned(
     points: NDArray[np.float64], target: int, area: float, density: float, sharpness: NDArray[np.float32]
 ) -> tuple[float, NDArray[np.int64]]:
     """Return the corrected area, and the rows, (n,), of the sharpest points of the cells."""
-    many, cells = MANY * density * target, density * target
+    many, cells = TOO_MANY * density * target, density * target
     seen, kept = next(grid for grid in _grids(points, area, cells, sharpness) if len(grid[1]) <= many)
-    if seen == area and len(kept) < FEWEST * target and len(points) > many:
+    if seen == area and len(kept) < ENOUGH * target and len(points) > many:
         area = _halved(points, target, area, density, sharpness)
         seen, kept = next(grid for grid in _grids(points, area, cells, sharpness) if len(grid[1]) <= many)
     return seen, kept
@@ -107,12 +107,12 @@ def _halved(
 
     A sample of the points finds a number of halvings that is enough, quickly; all points then take some of them back.
     """
-    few, cells = FEWEST * target, density * target
-    some = slice(None, None, len(points) // int(MANY * cells))
+    few, cells = ENOUGH * target, density * target
+    some = slice(None, None, len(points) // int(TOO_MANY * cells))
     halvings = 1
     while (
         len(greatest_in_cells(points[some], _edge(area * 0.5**halvings, cells), sharpness[some])) < few
-        and area * 0.5**halvings > SMALLEST
+        and area * 0.5**halvings > SMALLEST_AREA
     ):
         halvings += 4  # the loop below takes back what is too much
     found = area * 0.5**halvings

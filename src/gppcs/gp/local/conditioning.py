@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gppcs.gp.local.kernel import LocalField, field_distance
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
 
-TASKS = 64  # Parts of the work that threads take in turn: enough to balance them.
+PARALLEL_TASKS = 64  # Parts of the work that threads take in turn: enough to balance them.
 
 
 class Conditioning(NamedTuple):
@@ -90,7 +90,7 @@ class _Chosen(NamedTuple):
 def _condition_all(field, low, high, chosen, conditioning):
     """Fill `conditioning`, (n, K), leaf by leaf of the field's tree, (nodes, 3). Radii start from the leaf before."""
     leaves = first_leaf(low)
-    tasks = min(leaves, TASKS)
+    tasks = min(leaves, PARALLEL_TASKS)
     for task in nb.prange(tasks):
         side = _side_by_side(conditioning.nearest.shape[1])
         near = np.empty(first_leaf(chosen.low), dtype=np.int64)

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, squared_distance_of_boxes, squared_distance_to_box
 
-TOGETHER = 8  # Points with one limit of the gradation. Limits for each point take eight times as long and gain 0.5 %.
-EVEN = 0.05  # Least roughness, so that flat places are not left bare. 0.03 and 0.1 are no better (docs/experiments.md).
-EDGE = 0.29  # Roughness on a right-angled edge: 0.292 at any radius (docs/experiments.md).
-SLOPE = 0.1  # Growth of the spacing for each unit of distance, at most. 0.05 and 0.2 are worse (docs/experiments.md).
-FLAT = 1e-12  # Surface variation, or its standard deviation, below this is only rounding.
+GROUP_SIZE = 8  # Points with one limit of the gradation. Limits for each point take eight times as long and gain 0.5 %.
+LEAST_ROUGHNESS = 0.05  # Flat places count as this rough, so that they are not left bare.
+EDGE_ROUGHNESS = 0.29  # Roughness on a right-angled edge: 0.292 at any radius (docs/experiments.md).
+GRADATION = 0.1  # Growth of the spacing per unit of distance, at most. 0.05 and 0.2 are worse (docs/experiments.md).
+ROUNDING = 1e-12  # Surface variation, or its standard deviation, below this is only rounding.
 
 
 def desired_spacings(tree: KdTree, roughness: NDArray[np.float64], power: float) -> NDArray[np.float64]:
@@ -40,16 +40,16 @@ def desired_spacings(tree: KdTree, roughness: NDArray[np.float64], power: float)
     (n,) array
         In tree order; the mean of 1 / spacing^2 is 1.
     """
-    density = np.maximum(roughness, EVEN) ** power
-    spacings = graded(tree, np.sqrt(np.mean(density) / density), SLOPE)
+    density = np.maximum(roughness, LEAST_ROUGHNESS) ** power
+    spacings = graded(tree, np.sqrt(np.mean(density) / density), GRADATION)
     return spacings * np.sqrt(np.mean(spacings**-2.0))
 
 
 def segregation(roughness: NDArray[np.float64]) -> float:
     """Return how much a cloud consists of flat faces and right-angled edges.
 
-    It is the variance of the roughness, divided by the largest variance that values from 0 to `EDGE` with the same mean
-    can have: the intensity of segregation of a mixture (Danckwerts 1952).
+    It is the variance of the roughness, divided by the largest variance that values from 0 to `EDGE_ROUGHNESS` with
+    the same mean can have: the intensity of segregation of a mixture (Danckwerts 1952).
 
     Parameters
     ----------
@@ -60,17 +60,17 @@ def segregation(roughness: NDArray[np.float64]) -> float:
     float
         1 for flat faces and right-angled edges only, 0 if all places are alike.
     """
-    clipped = np.minimum(roughness, EDGE)
+    clipped = np.minimum(roughness, EDGE_ROUGHNESS)
     mean = float(np.mean(clipped))
-    most = mean * (EDGE - mean)
-    return float(np.var(clipped)) / most if most > FLAT else 0.0
+    most = mean * (EDGE_ROUGHNESS - mean)
+    return float(np.var(clipped)) / most if most > ROUNDING else 0.0
 
 
 def graded(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArray[np.float64]:
     """Return the given spacings, lowered where they would grow faster than `slope` with the distance.
 
-    Each group of about `TOGETHER` points that follow each other in a leaf has one limit, computed from its mean density
-    at its middle. So spacings can differ more within a group, and by the size of a group between two groups.
+    Each group of about `GROUP_SIZE` points that follow each other in a leaf has one limit, computed from its mean
+    density at its middle. So spacings can differ more within a group, and by the size of a group between two groups.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def graded(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArray
         In tree order.
     """
     n, leaves = len(spacings), first_leaf(tree.low)
-    in_leaf = max(1, round(n / leaves / TOGETHER))
+    in_leaf = max(1, round(n / leaves / GROUP_SIZE))
     leaf, part = np.divmod(np.arange(leaves * in_leaf), in_leaf)
     begin, end = n * leaf // leaves, n * (leaf + 1) // leaves
     starts = begin + (end - begin) * part // in_leaf

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from gppcs.engine.stages import Stages
 from gppcs.gp.local.candidates import Candidates
-from gppcs.gp.local.density import FLAT, desired_spacings, segregation
+from gppcs.gp.local.density import ROUNDING, desired_spacings, segregation
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
 
-FEW = 16  # Points of a neighbourhood if candidates are not thinned: a ball could then hold any number of them.
+NEAREST = 16  # Points of a neighbourhood if candidates are not thinned: a ball could then hold any number of them.
 NUGGET = 1e-4  # Variance of an observation without noise, in units of the prior's. Keeps covariances regular.
 
 
@@ -121,7 +121,7 @@ def _observed(
         feet, variances = noise.observe(tree)
         tree, on_surface = tree.scaled(1.0 / spacing), feet.scaled(1.0 / spacing)
     with clock("features"):
-        features = features_in_radius(on_surface, 1.0) if stage.thinned else features_of_nearest(on_surface, FEW)
+        features = features_in_radius(on_surface, 1.0) if stage.thinned else features_of_nearest(on_surface, NEAREST)
         return tree, local_field(tree, features, variances / spacing**2, criterion)
 
 
@@ -151,7 +151,7 @@ def local_field(tree: KdTree, features: Features, noise: NDArray[np.float64], cr
         positions=tree.points,
         normals=np.ascontiguousarray(features.normals[tree.order].T),
         spacings=desired_spacings(tree, roughness, criterion.density_power * roundness),
-        y=(variation - np.mean(variation)) / spread if spread > FLAT else np.zeros(len(noise)),
+        y=(variation - np.mean(variation)) / spread if spread > ROUNDING else np.zeros(len(noise)),
         noise=NUGGET + noise,
         lengthscale=criterion.lengthscale,
         normal_weight=criterion.normal_weight * roundness,

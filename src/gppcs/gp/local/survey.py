@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.stages import Stages
-from gppcs.gp.local.density import FLAT
+from gppcs.gp.local.density import ROUNDING
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import variation_in_radius
 
-SAMPLED = 100_000  # A larger cloud is sampled, as a tree over many millions takes longer than the choice.
+LARGE = 100_000  # A larger cloud is sampled, as a tree over many millions takes longer than the choice.
 PER_POINT = 26  # Sampled points for each point to keep: about as many as measuring the noise needs.
 PER_CELL = 25  # Points of a cell whose sharpness is measured. The cost grows as their square, the gain is small.
 
@@ -85,7 +85,7 @@ def sampled_tree(points: NDArray[np.float64], n_points: int) -> tuple[KdTree, ND
     rows : (n,) array, int64, or slice
         Ascending.
     """
-    enough = max(SAMPLED, PER_POINT * n_points)
+    enough = max(LARGE, PER_POINT * n_points)
     if len(points) <= 1.5 * enough:
         return KdTree.build(points), slice(None)
     draws = round(-len(points) * math.log1p(-enough / len(points)))  # with replacement: some rows are drawn twice
@@ -120,5 +120,5 @@ def sharpness_of(tree: KdTree, area: float, cells: float) -> NDArray[np.float64]
     measured = KdTree.over(np.ascontiguousarray(tree.points[:, some]))
     variation = variation_in_radius(measured, math.sqrt(area / cells) or 1.0)
     sharpness = np.zeros(len(tree.order))
-    sharpness[tree.order[some]] = np.where(variation > FLAT, variation, 0.0)
+    sharpness[tree.order[some]] = np.where(variation > ROUNDING, variation, 0.0)
     return sharpness
