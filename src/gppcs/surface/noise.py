@@ -1,6 +1,6 @@
 """Noise: how far points lie off the surface that their neighbours span, and where on that surface they belong.
 
-The rows "noise off", "wide neighbourhoods off" and "largest variance off" of the ablation
+The rows "noise off" and "wide neighbourhoods off" of the ablation
 (benchmarks/results/gp_ablation.md) show what the parts are worth.
 """
 
@@ -20,7 +20,6 @@ WIDEST = 120  # Points of a fit at most. Quadrics of more points cut off detail 
 THICK = 0.25  # Noise above this, in neighbourhood radii, is thick. 32 clouds without added noise have at most 0.22.
 QUIET = 0.04  # Noise below this, in target spacings, changes no choice that matters.
 TOLERATED = 0.5  # Noise of this size, in target spacings, makes an observation as uncertain as the prior.
-LARGEST = 2.0  # Greatest variance of an observation, in units of the prior's, so that lone points still count.
 SAMPLES = 4096  # Points on which the noise level is measured: its error is then about one per cent.
 
 
@@ -105,8 +104,7 @@ class Noise:
             return places, np.zeros(len(places.order))
         feet, _ = projections(self.tree, places, self.neighbours)
         squared = ((feet.points - places.points) ** 2).sum(axis=0)
-        variances = np.minimum(squared / TOLERATED**2, LARGEST * self.spacing**2)
-        return (feet if self.thick else places), variances
+        return (feet if self.thick else places), squared / TOLERATED**2
 
 
 def neighbours_across_noise(tree: KdTree) -> tuple[int, float]:
