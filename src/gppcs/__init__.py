@@ -56,13 +56,14 @@ Methods of simplification
     WLOP                     "wlop": weighted locally optimal projection
     SampleElimination        "sample-elimination": blue noise by removing the most crowded points
     Voxel                    "voxel": one point for each cell of a grid
-    AIVS                     "aivs": farthest points in each box of a grid
+    AIVS                     "aivs": farthest points in each voxel
     PCSimp                   "pc-simp": a graph filter
     QEM                      "qem": quadric error metrics
 
 Write a method, follow a run
     Method                   the base class of all methods
     Parameter                type, default and meaning of one parameter of a method
+    parameter                declare a parameter of a method of your own
     Selection                what a method returns
     Stages                   the stages of a run and the time that each took
     Listener                 hears of each stage, for instance to draw a progress bar
@@ -129,7 +130,7 @@ if TYPE_CHECKING:
         TopVariation,
         Voxel,
     )
-    from gppcs.methods.method import Parameter
+    from gppcs.methods.method import Parameter, parameter
     from gppcs.scans import sample
     from gppcs.simplification import Result, simplify
     from gppcs.spatial.kdtree import KdTree
@@ -176,7 +177,7 @@ _HOMES = {  # the module that defines each public name
         "TopVariation",
         "Voxel",
     ),
-    "methods.method": ("Parameter",),
+    "methods.method": ("Parameter", "parameter"),
     "scans": ("sample",),
     "simplification": ("Result", "simplify"),
     "spatial.kdtree": ("KdTree",),
@@ -229,6 +230,7 @@ __all__ = [
     "figures_of",
     "from_depth",
     "info",
+    "parameter",
     "read",
     "read_mesh",
     "sample",

@@ -94,6 +94,20 @@ def parameter(default: Value, meaning: str) -> Value:
     -------
     dataclasses.Field
         Typed as `default`, as type checkers expect of the default of a field.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> import numpy as np
+    >>> import gppcs
+    >>> @dataclass(frozen=True)
+    ... class FirstRows(gppcs.Method):
+    ...     name, summary, source = "first-rows", "the first rows", "an example"
+    ...     step: int = gppcs.parameter(1, "Distance between the rows that are taken.")
+    ...     def __call__(self, points, n_points, stages=None):
+    ...         return gppcs.Selection(np.arange(n_points) * self.step)
+    >>> FirstRows.parameters()["step"].meaning
+    'Distance between the rows that are taken.'
     """
     declared: Any = field(default=default, metadata={_MEANING: meaning})
     return declared

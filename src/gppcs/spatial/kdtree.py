@@ -93,7 +93,7 @@ class KdTree:
         tree = cls(
             np.arange(n) if order is None else order, points, np.empty((2 * leaves, 3)), np.empty((2 * leaves, 3))
         )
-        _bound_all(points, tree.low, tree.high)
+        measure_boxes(points, tree.low, tree.high)
         return tree
 
     def scaled(self, factor: float) -> KdTree:
@@ -268,7 +268,7 @@ def _bound(records, begin, end, low, high):
 
 
 @nb.njit(cache=True, nogil=True)
-def _bound_all(points, low, high):
+def measure_boxes(points, low, high):
     """Fill the boxes of all nodes, `low` and `high`, (nodes, 3), from the points, (3, N), in tree order."""
     leaves = first_leaf(low)
     for node in range(2 * leaves - 1, 0, -1):

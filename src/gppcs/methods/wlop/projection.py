@@ -8,7 +8,14 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, leaves_near, squared_distance_to_box
+from gppcs.spatial.kdtree import (
+    KdTree,
+    first_leaf,
+    leaf_range,
+    leaves_near,
+    measure_boxes,
+    squared_distance_to_box,
+)
 from gppcs.spatial.spacing import nearest_distances
 
 SAME_PLACE = 1e-10  # points whose squared distance is below this share of the squared radius ignore each other
@@ -89,27 +96,12 @@ def project(
         # Like CGAL, the density of a sample counts the sample itself twice.
         omega = 1 + _crowding(positions, low, high, radius)
         positions = _moved(tree.points, tree.low, tree.high, weights, positions, low, high, omega, radius, mu)
-        _measure_boxes(positions, low, high)
+        measure_boxes(positions, low, high)
         if advanced:
             advanced(1)
     projected = np.empty_like(samples)
     projected[now.order] = positions.T
     return projected
-
-
-@nb.njit(cache=True)
-def _measure_boxes(points, low, high):
-    """Update the boxes of a tree, `low` and `high`, (nodes, 3), after its points, (3, N), have moved."""
-    n = points.shape[1]
-    leaves = first_leaf(low)
-    for node in range(2 * leaves - 1, 0, -1):
-        for axis in range(3):
-            if node >= leaves:
-                run = points[axis, slice(*leaf_range(n, leaves, node))]
-                low[node, axis], high[node, axis] = run.min(), run.max()
-            else:
-                low[node, axis] = min(low[2 * node, axis], low[2 * node + 1, axis])
-                high[node, axis] = max(high[2 * node, axis], high[2 * node + 1, axis])
 
 
 @nb.njit(cache=True, inline="always")
