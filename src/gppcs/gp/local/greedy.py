@@ -148,7 +148,7 @@ def _choose(field, sites, conditioning, nodes, position, error_weight, variances
     changed = np.empty(n, dtype=np.int64)
     gaps = np.empty(LEAF_SIZE, dtype=np.float64)
     for m in range(len(chosen)):
-        new = position[nodes.holder[1]]
+        new = position[nodes.holder[1]]  # node 1 is the root: it holds the largest score of all
         leaf = ((new + 1) * leaves - 1) // n
         column = new - n * leaf // leaves
         chosen[m], added[0, m], added[1, m] = new, nodes.leaves[leaf, SCORE, column], variances[new]
