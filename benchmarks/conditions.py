@@ -130,26 +130,21 @@ class Condition:
 
 
 @dataclass(frozen=True)
-class Scan(Condition):
-    """A scan without a mesh: its own points stand for the surface, with normals of the whole cloud.
-
-    Attributes
-    ----------
-    rebuilt : bool
-        Whether a surface is rebuilt from the points kept. Scenes of LiDAR span no closed surface.
-    """
-
-    rebuilt: bool = True
+class Scene(Condition):
+    """A scan that spans no closed surface, such as a scene of LiDAR: its points alone judge the kept points."""
 
     @cached_property
     def mesh(self) -> None:
         """There is none."""
 
+
+@dataclass(frozen=True)
+class Scan(Scene):
+    """A scan without a mesh: its own points stand for the surface, with normals of the whole cloud."""
+
     @cached_property
-    def reference(self) -> Reference | None:
+    def reference(self) -> Reference:
         """Some random points of the scan."""
-        if not self.rebuilt:
-            return None
         points = self.cloud.points
         some = points[np.sort(np.random.default_rng(0).permutation(len(points))[:REFERENCE])]
         return Reference(some, gppcs.estimate_normals(points, at=some))
@@ -215,9 +210,9 @@ FOUND_ON = (  # the rules and the constants of gp were chosen by its figures on 
     Condition("cube_30k_sampled", None, 600),
 )
 LIDAR = (
-    Scan("kitti_000000", None, 0.03, rebuilt=False),
-    Scan("autzen_airborne", None, 0.03, rebuilt=False),
-    Scan("lidr_topography_airborne", None, 0.03, rebuilt=False),
+    Scene("kitti_000000", None, 0.03),
+    Scene("autzen_airborne", None, 0.03),
+    Scene("lidr_topography_airborne", None, 0.03),
 )
 HELD_OUT = (  # these took no part in that
     Condition("turbine", "turbine", 0.1),

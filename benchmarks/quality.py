@@ -66,8 +66,8 @@ INTRODUCTION = (
 NOTES = (
     f"gp: mean ± standard deviation of {len(STARTS)} runs. The first is of the cloud as it is, the others of the cloud "
     "turned at random; all are judged on the cloud as it is. Each other row is one run of the cloud as it is.",
-    "Rivals are all methods but gp and its variants. The best rival is another method on each cloud and for each "
-    "figure. Ranks are by mean surface variation, largest first, among gp and the rivals.",
+    "Rivals are all methods but gp and its variants. The best rival may differ between clouds and between "
+    "figures. Ranks are by mean surface variation, largest first, among gp and the rivals.",
     "H mean and H max: mean and largest distance from the original surface to the screened Poisson mesh of the kept "
     "points, whose normals are estimated from these points alone. In the row of normals carried, the normals are those "
     "of the whole cloud.",
