@@ -16,9 +16,7 @@ from gppcs.surface.quadrics import fit_quadrics
 
 CLOSE = 16  # Points of the fits that find signs: fewer than 30, as thin parts matter more there than noise.
 EDGES = 8  # Nearest neighbours to which a sign is passed. Farther ones lie on the other side of thin parts.
-MOST_GUIDES = (
-    1_000_000  # Points of the cloud among which signs are passed, at most: more would only take time and memory.
-)
+MOST_GUIDES = 1_000_000  # Points of the cloud that pass signs on, at most: more would only take time and memory.
 UP = np.array([0.01, 0.03, 0.1])  # Side to which flat pieces point: +z. The tilt also decides upright faces.
 
 
