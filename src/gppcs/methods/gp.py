@@ -46,7 +46,7 @@ class LocalGP(Method):
     feature_weight: float = parameter(
         0.5, "How much denser points are where the surface is rough, from 0, an even cover, to 1."
     )
-    lengthscale: float = parameter(1.5, "Lengthscale of the Matérn kernel, in target spacings.")
+    lengthscale: float = parameter(1.5, "Lengthscale of the Matérn kernel, in desired spacings (docs/local-field.md).")
     neighbours: int = parameter(4, "Number of chosen points on which the field at a point is conditioned.")
     candidates: float = parameter(8.0, "Number of cells of the candidates' grid per squared target spacing.")
 
