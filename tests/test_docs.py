@@ -8,6 +8,8 @@ import tomllib
 from functools import cache
 from pathlib import Path
 
+import laspy
+import numpy as np
 import pytest
 import typer.main
 
@@ -18,6 +20,7 @@ from gppcs.io import FORMATS
 ROOT = Path(__file__).parents[1]
 PAGES = ["README.md", *sorted(f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md"))]
 SMALLER = {"400000": "2000", "5000": "500"}  # points of the examples, so that they run in seconds
+PYMESHLAB = "import pymeshlab"  # in blocks that need this extra
 QUOTED = {"README.md": 1, "docs/results.md": 6, "docs/cost.md": 1, "docs/evaluation.md": 1}  # tables of measurements
 
 
@@ -69,12 +72,49 @@ def workplace(tmp_path, monkeypatch):
     cloud = gppcs.sample("medallion", n_points=2000)
     gppcs.write(tmp_path / "scan.ply", cloud)
     gppcs.write(tmp_path / "share.ply", gppcs.simplify(cloud, n_points=500, method="random").cloud)
+    las = laspy.LasData(laspy.LasHeader(point_format=0, version="1.2"))
+    las.xyz = cloud.points
+    las.write(tmp_path / "scan.laz")
     monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")])
 def test_python_runs(page, workplace):
-    exec(compile("\n".join(blocks(page, "python")), page, "exec"), {"__name__": "page"})
+    code = "\n".join(block for block in blocks(page, "python") if PYMESHLAB not in block)
+    exec(compile(code, page, "exec"), {"__name__": "page"})
+
+
+def test_a_mesh_is_made_of_the_kept_points(workplace):
+    pymeshlab = pytest.importorskip("pymeshlab")
+    (code,) = [block for block in blocks("docs/usage.md", "python") if PYMESHLAB in block]
+    exec(compile(code, "docs/usage.md", "exec"), {"gppcs": gppcs, "cloud": gppcs.read("scan.ply")})
+    meshes = pymeshlab.MeshSet()
+    meshes.load_new_mesh("surface.ply")
+    assert meshes.current_mesh().face_number() > 1000
+
+
+def test_a_converted_las_file_has_the_points_of_the_scan(workplace):
+    (code,) = [block for block in blocks("docs/usage.md", "python") if "laspy" in block]
+    exec(compile(code, "docs/usage.md", "exec"), {})
+    converted, scan = gppcs.read("converted.ply"), gppcs.read("scan.ply")
+    np.testing.assert_allclose(converted.points, scan.points, atol=0.01)  # LAS rounds to its scale, here 0.01
+    assert "intensity" in converted.attributes
+
+
+def test_the_figures_that_are_explained_are_those_of_the_commands(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for words in console_lines("docs/evaluation.md"):
+        capsys.readouterr()
+        monkeypatch.setattr(sys, "argv", words)
+        with pytest.raises(SystemExit) as exit_:
+            cli.main()
+        assert exit_.value.code == 0, words
+    (shown,) = blocks("docs/evaluation.md", "text")
+    printed = capsys.readouterr().out.splitlines()[1:]  # after the names of the files
+    for expected, found in zip(shown.splitlines(), printed, strict=True):
+        known, new = (re.findall(r"[\d.]*\d", line.replace(",", "")) for line in (expected, found))
+        assert re.sub(r"[\d., ]+", " ", expected) == re.sub(r"[\d., ]+", " ", found)
+        assert [float(number) for number in new] == pytest.approx([float(number) for number in known], rel=0.1)
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/usage.md"])

@@ -220,20 +220,14 @@ class Report:
     )
     feature_recall: float = figure(
         "share",
-        "share of the tenth of the original points with the largest surface variation that have a kept point within "
-        "the target spacing, sqrt(area of the surface / M)",
+        "take the 10 % of the original points with the largest surface variation: the share of them that have a kept "
+        "point within the target spacing, sqrt(area of the surface / M)",
         "more",
     )
     normal_deviation: float = figure(
         "degrees", "mean angle between the normals estimated at an original point and at the nearest kept point"
     )
-    mean_surface_variation: float = figure(
-        "ratio",
-        "mean surface variation of the simplified cloud, in balls of the paper's radius for 25 neighbours, which "
-        "depends on the bounding box and so on the orientation of the cloud; if that radius differs more than three "
-        "times from the radius of a disc of 25 squared target spacings, in balls of the latter",
-        "more",
-    )
+    mean_surface_variation: float = figure("ratio", "mean surface variation of the simplified cloud", "more")
     rebuilt: Rebuilt | None = None
     rebuilt_carried: Rebuilt | None = None
 
