@@ -11,7 +11,7 @@ def test_view_and_up_turn_the_picture(gppcs_command, scan, monkeypatch, command)
     for module in ("pymeshlab", "pyvista", "matplotlib"):
         pytest.importorskip(module)
     drawn = []
-    for home in ("pair.draw_pair", "comparison.draw_comparison"):
+    for home in ("pair.draw_pair", "side_by_side.draw_comparison"):
         monkeypatch.setattr(f"gppcs.drawing.{home}", lambda file, *given: drawn.append(given[-1]))
     monkeypatch.setattr("gppcs.app.commands.compare.MOST_TO_REBUILD", 0)
     name, *rest = command

@@ -48,5 +48,5 @@ def test_the_original_sets_the_colours(ball):
 
 def test_without_matplotlib_the_extra_is_named(monkeypatch, ball):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(MissingExtraError, match=r"gppcs\[picture\]"):
+    with pytest.raises(MissingExtraError, match=r"the extra picture\): pip install .matplotlib"):
         draw_pair(io.BytesIO(), "all", ball, ball)

@@ -116,7 +116,7 @@ def test_meshes_stand_under_their_clouds(original, camera, kept):
 def test_without_meshes_pyvista_is_not_needed(monkeypatch, original, kept):
     monkeypatch.setitem(sys.modules, "pyvista", None)
     picture([original, kept])
-    with pytest.raises(MissingExtraError, match=r"gppcs\[view\]"):
+    with pytest.raises(MissingExtraError, match=r"the extra view\): pip install .*pyvista"):
         picture([original, dataclasses.replace(kept, mesh=TRIANGLE)])
 
 

@@ -78,7 +78,7 @@ def test_kernels_go_to_the_users_folder_where_that_of_the_package_cannot_be_writ
     out, err = simplified(unwritable, "first.ply", XDG_CACHE_HOME=str(cache))
     assert err == f"{console.NOTICE}\n"
     assert "compiling kernels, this time only" in out
-    assert list(cache.glob("numba/gppcs_*/*.nbc"))
+    assert list(cache.glob("numba/spatial_*/*.nbc"))
     out, err = simplified(unwritable, "second.ply", XDG_CACHE_HOME=str(cache))
     assert err == ""
     assert "compiling" not in out
@@ -99,7 +99,7 @@ def test_a_named_folder_does_where_no_other_can_be_written(unwritable, tmp_path)
     folders = {"XDG_CACHE_HOME": str(tmp_path / "scan.ply"), "NUMBA_CACHE_DIR": str(tmp_path / "named")}
     _, err = simplified(unwritable, "out.ply", **folders)
     assert err == f"{console.NOTICE}\n"
-    assert list(tmp_path.glob("named/gppcs_*/*.nbc"))
+    assert list(tmp_path.glob("named/spatial_*/*.nbc"))
 
 
 def test_warmup_refuses_to_compile_what_cannot_be_kept(unwritable, tmp_path):

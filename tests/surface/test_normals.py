@@ -216,7 +216,7 @@ def test_a_line_has_normals_across_it():
 def test_what_cannot_be_estimated_is_refused():
     with pytest.raises(gppcs.InputError, match="the cloud is empty"):
         estimate_normals(np.empty((0, 3)))
-    with pytest.raises(gppcs.InputError, match="cloud of places has 1 points"):
+    with pytest.raises(gppcs.InputError, match="finite coordinates in the cloud of places, found 1 points"):
         estimate_normals([[0, 0, 0]], at=[[0, 0, np.nan]])
     for neighbours in (2, 31.0):
         with pytest.raises(gppcs.ParameterError, match=f"whole number from 3 on, found {neighbours}"):
