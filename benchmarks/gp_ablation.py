@@ -93,6 +93,7 @@ def changes() -> dict[str, Change]:
         "sharpness off": Change(replaced=[sharpness_off]),
         "noise off": Change(replaced=[noise_off]),
         "wide neighbourhoods off": Change(replaced=[(noise, "THICK", np.inf)]),
+        "largest variance off": Change(replaced=[(noise, "LARGEST", np.inf)]),
     }
 
 

@@ -64,13 +64,14 @@ def test_the_level_is_about_that_of_the_noise(sigma):
 
 
 def test_each_point_has_the_square_of_its_residual_whatever_the_order_of_the_tree():
-    """Half the target spacing counts as one; correlation with the true distance: 0.88."""
+    """Half the target spacing counts as one, and two is the most; correlation with the true distance: 0.88."""
     points = rough_plane(0.005)
     tree = KdTree.build(points)
     noise = Noise.measure(tree, 500, 0.02)
     found = observed(noise, points)[1]
     of_each = residuals(tree, points, noise.neighbours)
-    np.testing.assert_allclose(found, (of_each / 0.5) ** 2, rtol=1e-12)
+    np.testing.assert_allclose(found, np.minimum((of_each / 0.5) ** 2, 2 * 0.02**2), rtol=1e-12)
+    assert 0 < (found == 2 * 0.02**2).mean() < 0.1
     assert np.corrcoef(of_each, np.abs(points[:, 2]))[0, 1] > 0.8
     shuffled = RANDOM.permutation(len(points))
     other = Noise.measure(KdTree.build(points[shuffled]), 500, 0.02)

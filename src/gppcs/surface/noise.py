@@ -20,6 +20,9 @@ WIDEST = 120  # Points of a fit at most. Quadrics of more points cut off detail 
 THICK = 0.25  # Noise above this, in neighbourhood radii, is thick. 32 clouds without added noise have at most 0.22.
 QUIET = 0.04  # Noise below this, in target spacings, changes no choice that matters.
 TOLERATED = 0.5  # Noise of this size, in target spacings, makes an observation as uncertain as the prior.
+# Largest variance of an observation, in units of the prior's, so that lone points still count. Without it the covering
+# radius grows from about 2 to 7 times that of fps on sparse parts of scenes (docs/experiments.md).
+LARGEST = 2.0
 SAMPLES = 4096  # Points on which the noise level is measured: its error is then about one per cent.
 
 
@@ -104,7 +107,8 @@ class Noise:
             return places, np.zeros(len(places.order))
         feet, _ = projections(self.tree, places, self.neighbours)
         squared = ((feet.points - places.points) ** 2).sum(axis=0)
-        return (feet if self.thick else places), squared / TOLERATED**2
+        variances = np.minimum(squared / TOLERATED**2, LARGEST * self.spacing**2)
+        return (feet if self.thick else places), variances
 
 
 def neighbours_across_noise(tree: KdTree) -> tuple[int, float]:
