@@ -21,7 +21,7 @@ THICK = 0.25  # Noise above this, in neighbourhood radii, is thick. 32 clouds wi
 QUIET = 0.04  # Noise below this, in target spacings, changes no choice that matters.
 TOLERATED = 0.5  # Noise of this size, in target spacings, makes an observation as uncertain as the prior.
 # Largest variance of an observation, in units of the prior's, so that lone points still count. Without it the covering
-# radius grows from about 2 to 7 times that of fps on sparse parts of scenes (docs/experiments.md).
+# radius of a desk scan grows from 1.7 to 6.7 times that of fps (docs/experiments.md).
 LARGEST = 2.0
 SAMPLES = 4096  # Points on which the noise level is measured: its error is then about one per cent.
 
