@@ -21,7 +21,13 @@ ROOT = Path(__file__).parents[1]
 PAGES = ["README.md", *sorted(f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md"))]
 SMALLER = {"400000": "2000", "5000": "500"}  # points of the examples, so that they run in seconds
 PYMESHLAB = "import pymeshlab"  # in blocks that need this extra
-QUOTED = {"README.md": 1, "docs/results.md": 6, "docs/cost.md": 1, "docs/evaluation.md": 1}  # tables of measurements
+QUOTED = {
+    "README.md": 1,
+    "docs/local-field.md": 1,
+    "docs/results.md": 6,
+    "docs/cost.md": 1,
+    "docs/evaluation.md": 1,
+}  # tables of measurements
 
 
 @cache
