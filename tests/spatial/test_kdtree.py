@@ -114,3 +114,15 @@ def test_clouds_in_rows_are_parted_in_few_passes(rows, shape, monkeypatch):
         _part.py_func(records, 0, 0, n // 2, n)
     assert records[: n // 2, 0].max() <= records[n // 2 :, 0].min()
     assert sum(passes) < 3 * n
+
+
+@pytest.mark.parametrize("n", [1, 2, 32, 33, 1000])
+def test_a_tree_over_sorted_points_has_their_boxes(n):
+    built = KdTree.build(np.random.default_rng(n).random((n, 3)))
+    over = KdTree.over(built.points, built.order)
+    np.testing.assert_array_equal(over.low[1:], built.low[1:])
+    np.testing.assert_array_equal(over.high[1:], built.high[1:])
+    np.testing.assert_array_equal(KdTree.over(built.points).order, np.arange(n))
+    scaled = built.scaled(3.0)
+    assert (scaled.points >= np.repeat(scaled.low[1], n).reshape(3, n)).all()
+    np.testing.assert_array_equal(scaled.high[1:], built.high[1:] * 3.0)

@@ -56,7 +56,7 @@ def greatest_in_cells(points: NDArray[np.float64], edge: float, values: NDArray[
     marks = np.zeros(len(points), dtype=np.bool_)
     if len(points):
         points = np.ascontiguousarray(points)
-        _mark(points, _grid(points, 1.0 / edge), values, marks)
+        _mark(points, _grid(points, 1.0 / edge), np.ascontiguousarray(values), marks)
     return np.flatnonzero(marks)
 
 

@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse import diags_array, eye_array, kron
 from scipy.sparse.linalg import splu
+from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 import dense
@@ -253,3 +254,16 @@ def test_the_posterior_lies_between_those_of_stochastic_equations_of_smoothness_
     assert 0.7 < rougher[-1, 1] < 0.9
     assert 1.1 < smoother[-1, 1] < 1.3
     assert np.sqrt(rougher[-1, 1] * smoother[-1, 1]) == pytest.approx(1, abs=0.07)  # found: 0.966
+
+
+def test_leaves_of_chosen_points_do_not_stop_the_search_of_the_next():
+    """With one neighbour, a point that is chosen is its own, at a distance of zero."""
+    n = 64 * 32 * 4
+    points = np.random.default_rng(0).random((n, 3)) * [1, 1, 0]
+    tree = KdTree.build(points)
+    leaves = len(tree.low) // 2
+    field = LocalField(tree.points, np.tile([[0.0], [0.0], [1.0]], n), np.ones(n), np.zeros(n), np.ones(n), 1.5, 1.0)
+    chosen = np.arange(n // leaves)
+    found = condition(field, tree, chosen, 1)
+    nearest = cKDTree(tree.points[:, chosen].T).query(tree.points.T)[0]
+    np.testing.assert_allclose(found.squared[:, 0], nearest**2, atol=1e-12)

@@ -1,1 +1,1 @@
-"""The default method: candidates, density, kernel, conditioning, posterior, greedy, ranking."""
+"""The default method: survey, candidates, density, kernel, conditioning, posterior, greedy, ranking."""

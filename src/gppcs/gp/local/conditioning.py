@@ -97,9 +97,8 @@ def _condition_all(field, low, high, chosen, conditioning):
         found = np.empty(len(near) * LEAF_SIZE, dtype=np.int64)
         squared_radius = 1.0
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
-            squared_radius = _condition_leaf(
-                field, low, high, chosen, leaf, squared_radius, near, found, side, conditioning
-            )
+            needed = _condition_leaf(field, low, high, chosen, leaf, squared_radius, near, found, side, conditioning)
+            squared_radius = needed if needed > 0.0 else 1.0  # a radius of 0 could not grow
 
 
 @nb.njit(cache=True, fastmath=False)

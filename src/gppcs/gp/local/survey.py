@@ -71,7 +71,8 @@ def survey(points: NDArray[np.float64], n_points: int, density: float, clock: St
 def sampled_tree(points: NDArray[np.float64], n_points: int) -> tuple[KdTree, NDArray[np.int64] | slice]:
     """Return a tree over all points, or over a random sample of a large cloud, and the rows that it holds.
 
-    A sample measures area and noise at the target spacing as well as all points do.
+    A sample measures the area as well as all points do, and the noise, unless that is thicker than the
+    target spacing: then a sample has too few points for the widest neighbourhoods.
 
     Parameters
     ----------
