@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+import sys
 import time
 
 import pytest
@@ -23,12 +24,17 @@ def test_version(gppcs_command):
 
 
 def test_help_comes_at_once():
-    def seconds():
+    """Absolute times hold on a quiet machine only; found 1.6 to 2.1 times the imports that any such command needs."""
+
+    def seconds(*command):
         start = time.perf_counter()
-        subprocess.run([COMMAND, "--help"], capture_output=True, check=True)
+        subprocess.run(command, capture_output=True, check=True)
         return time.perf_counter() - start
 
-    assert min(seconds() for _ in range(5)) < 0.6  # 0.3 s where nothing else runs
+    needed = sys.executable, "-c", "import typer, rich.console, rich.table"
+    pairs = [(seconds(COMMAND, "--help"), seconds(*needed)) for _ in range(5)]
+    ours, theirs = (min(times) for times in zip(*pairs, strict=True))
+    assert ours < 2.5 * theirs
 
 
 @pytest.mark.slow
