@@ -8,6 +8,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import KdTree, nearest_in_tree
 from gppcs.surface.moments import tangents
 from gppcs.surface.surface_variation import features_of_nearest
@@ -15,6 +16,7 @@ from gppcs.surface.surface_variation import features_of_nearest
 PLANE_NEIGHBOURS = 12  # points that a tangent plane is fitted to, with the point itself
 CORNER_NEIGHBOURS = 30, 240  # neighbours searched for corners: first number, doubled up to the second if necessary
 MAX_TRIANGLES = 16  # most triangles of a fan; the mean is six
+QUERIES_AT_ONCE = 128  # queries that a thread takes at once, at least
 SEARCHED_FANS = 5  # nearest points whose fans are searched for the nearest triangle; fewer leave gaps
 SIN_MAX_SLOPE = np.sin(np.radians(60.0))  # a neighbour steeper above the tangent plane lies on another sheet
 
@@ -60,7 +62,7 @@ class LocalSurface:
         tree = KdTree.build(points)
         normals = features_of_nearest(tree, PLANE_NEIGHBOURS).normals[tree.order]
         corners = np.full((len(points), MAX_TRIANGLES, 2), -1, dtype=np.int32)
-        _build_fans(tree.points, tree.low, tree.high, normals, corners)
+        on_ranges(_build_fans, len(tree.order), tree.points, tree.low, tree.high, normals, corners)
         return cls(tree, normals, corners)
 
     def nearest_to(self, queries: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -82,16 +84,17 @@ class LocalSurface:
             have no meaning.
         """
         distances, normals = np.empty(len(queries)), np.empty((len(queries), 3))
-        _search(
-            self.tree.points, self.tree.low, self.tree.high, self.normals, self.corners, queries, distances, normals
+        on_ranges(
+            _search, len(queries), self.tree.points, self.tree.low, self.tree.high, self.normals, self.corners, queries,
+            distances, normals, least=QUERIES_AT_ONCE,
         )  # fmt: skip
         return distances, normals
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
-def _build_fans(points, low, high, normals, corners):
+@nb.njit(cache=True, nogil=True)
+def _build_fans(begin, end, points, low, high, normals, corners):
     """Fill corners (M, MAX_TRIANGLES, 2) for points (3, M), boxes (nodes, 3) and normals (M, 3), in tree order."""
-    for i in nb.prange(points.shape[1]):
+    for i in range(begin, end):
         _build_fan(points, low, high, i, normals[i], corners[i])
 
 
@@ -211,11 +214,11 @@ def _turns_left(points, a, b, c):
     return (bx - ax) * (cy - by) - (by - ay) * (cx - bx) > 0.0
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
-def _search(points, low, high, normals, corners, queries, distances, nearest_normals):
+@nb.njit(cache=True, nogil=True)
+def _search(begin, end, points, low, high, normals, corners, queries, distances, nearest_normals):
     """Fill distances (Q,) and nearest_normals (Q, 3) of queries (Q, 3); other arrays are those of `LocalSurface`."""
     k = min(SEARCHED_FANS, points.shape[1])
-    for q in nb.prange(len(queries)):
+    for q in range(begin, end):
         found = np.empty(k, dtype=np.int64)
         squared = np.empty(k, dtype=np.float64)
         x, y, z = queries[q]

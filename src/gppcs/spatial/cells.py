@@ -6,6 +6,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.threads import RANGES, on_ranges
 from gppcs.spatial.scaling import bounds
 
 MANTISSA_BITS = 53  # a float64 holds whole numbers of up to 53 bits exactly
@@ -88,46 +89,37 @@ def _mark(
     their first bits into parts, each small enough for a small hash table. Within a part, points keep their order.
     """
     n = len(points)
-    bits = (n // POINTS_PER_PART).bit_length()
-    chunks = 4 * nb.get_num_threads() if bits else 1
+    bits, spare = (n // POINTS_PER_PART).bit_length(), _spare_bits(n)
+    chunks = min(RANGES, n // POINTS_PER_PART + 1)
+    counts = np.zeros((chunks, 1 << bits), dtype=np.int64)
+    on_ranges(_count_hashes, chunks, points, grid, spare, bits, counts)
+    starts = np.concatenate([[0], np.cumsum(counts.sum(axis=0))])
+    places = starts[:-1] + np.cumsum(counts, axis=0) - counts  # where each chunk writes its first entry of each part
     entries = np.empty(n, dtype=np.uint64)
-    starts = _sort_by_hash(points, grid, _spare_bits(n), bits, chunks, entries)
-    _mark_parts(points, grid, values, _spare_bits(n), entries, starts, chunks, marks)
+    on_ranges(_place_hashes, chunks, points, grid, spare, bits, places, entries)
+    on_ranges(_mark_parts, 1 << bits, points, grid, values, spare, entries, starts, marks)
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
-def _sort_by_hash(points, grid, spare, bits, chunks, entries):
-    """Fill `entries`, (N,), part by part in input order; return where the parts start, (2^bits + 1,)."""
-    n, parts = len(points), 1 << bits
-    places = np.zeros((chunks, parts), dtype=np.int64)
-    for c in nb.prange(chunks):
-        _count_hashes(points, n * c // chunks, n * (c + 1) // chunks, grid, spare, bits, places[c])
-    starts = np.zeros(parts + 1, dtype=np.int64)
-    for part in range(parts):
-        starts[part + 1] = starts[part]
-        for c in range(chunks):
-            starts[part + 1], places[c, part] = starts[part + 1] + places[c, part], starts[part + 1]
-    for c in nb.prange(chunks):
-        _place_hashes(points, n * c // chunks, n * (c + 1) // chunks, grid, spare, bits, places[c], entries)
-    return starts
+@nb.njit(cache=True, nogil=True)
+def _count_hashes(begin, end, points, grid, spare, bits, counts):
+    """Count the points of each part in some chunks: fill `counts`, (chunks, 2^bits); `points` is (N, 3)."""
+    n, chunks = len(points), len(counts)
+    for c in range(begin, end):
+        for i in range(n * c // chunks, n * (c + 1) // chunks):
+            counts[c, _part(_hash(points, i, grid, spare), bits)] += 1
 
 
-@nb.njit(cache=True)
-def _count_hashes(points, begin, end, grid, spare, bits, counts):
-    """Add the number of points begin..end of each part to `counts`, (2^bits,); `points` is (N, 3)."""
-    for i in range(begin, end):
-        counts[_part(_hash(points, i, grid, spare), bits)] += 1
-
-
-@nb.njit(cache=True)
-def _place_hashes(points, begin, end, grid, spare, bits, places, entries):
-    """Write the entries of the points begin..end into `entries`, (N,), from `places`, (2^bits,), on."""
+@nb.njit(cache=True, nogil=True)
+def _place_hashes(begin, end, points, grid, spare, bits, places, entries):
+    """Write the entries of some chunks into `entries`, (N,), from `places`, (chunks, 2^bits), on."""
+    n, chunks = len(points), len(places)
     indices = np.uint64((1 << (64 - spare)) - 1)
-    for i in range(begin, end):
-        h = _hash(points, i, grid, spare)
-        part = _part(h, bits)
-        entries[places[part]] = (h & ~indices) | np.uint64(i)
-        places[part] += 1
+    for c in range(begin, end):
+        for i in range(n * c // chunks, n * (c + 1) // chunks):
+            h = _hash(points, i, grid, spare)
+            part = _part(h, bits)
+            entries[places[c, part]] = (h & ~indices) | np.uint64(i)
+            places[c, part] += 1
 
 
 @nb.njit(cache=True, inline="always")
@@ -136,14 +128,12 @@ def _part(h, bits):
     return (h >> np.uint64(1)) >> np.uint64(63 - bits)
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
-def _mark_parts(points, grid, values, spare, entries, starts, chunks, marks):
-    """Fill `marks`, (N,), part by part; `values` is (N,) or empty, `entries` (N,), `starts` (parts + 1,)."""
-    parts = len(starts) - 1
-    for c in nb.prange(chunks):
-        table = np.empty(FIRST_SLOTS, dtype=np.uint64)
-        for part in range(parts * c // chunks, parts * (c + 1) // chunks):
-            table = _mark_part(points, grid, values, spare, entries[starts[part] : starts[part + 1]], table, marks)
+@nb.njit(cache=True, nogil=True)
+def _mark_parts(begin, end, points, grid, values, spare, entries, starts, marks):
+    """Fill `marks`, (N,), for some parts; `values` is (N,) or empty, `entries` (N,), `starts` (parts + 1,)."""
+    table = np.empty(FIRST_SLOTS, dtype=np.uint64)
+    for part in range(begin, end):
+        table = _mark_part(points, grid, values, spare, entries[starts[part] : starts[part + 1]], table, marks)
 
 
 @nb.njit(cache=True, nogil=True)

@@ -8,7 +8,11 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.threads import on_ranges
+
 LEAF_SIZE = 32  # most points in a leaf: few enough to prune well, enough to fill vector registers
+QUERIES_AT_ONCE = 128  # queries that a thread takes at once, at least
+POINTS_AT_ONCE = 1 << 14  # points that a thread takes at once, at least, if little is done with each
 SHARED_LEVELS = 5  # all threads split these levels together; below them, each thread splits its own subtrees
 FEW_KEYS = 256  # for fewer keys than this, the median of three keys is a good enough pivot
 SAMPLED = 64  # for more keys, the pivot comes from a random sample of this many
@@ -66,9 +70,12 @@ class KdTree:
             depth += 1
         records = np.empty((n, 4), dtype=np.float64)
         numbers = records.view(np.int64)
-        _record(np.ascontiguousarray(points), records, numbers)
+        on_ranges(_record, n, np.ascontiguousarray(points), records, numbers, least=POINTS_AT_ONCE)
         tree = cls(np.empty(n, dtype=np.int64), np.empty((3, n)), np.empty((2 << depth, 3)), np.empty((2 << depth, 3)))
-        _grow(records, numbers, depth, tree.order, tree.points, tree.low, tree.high)
+        top = SHARED_LEVELS if depth > 2 * SHARED_LEVELS else 0  # a smaller tree grows on one thread
+        for level in range(top):
+            on_ranges(_split_nodes, 1 << level, level, records, tree.low, tree.high)
+        on_ranges(_grow, 1 << top, top, depth, records, numbers, tree.order, tree.points, tree.low, tree.high)
         return tree
 
     @classmethod
@@ -95,6 +102,11 @@ class KdTree:
         )
         measure_boxes(points, tree.low, tree.high)
         return tree
+
+    @property
+    def leaves(self) -> int:
+        """The number of leaves, which is also the node number of the first leaf."""
+        return len(self.low) // 2
 
     def scaled(self, factor: float) -> KdTree:
         """Return the tree over the points multiplied by a factor.
@@ -140,7 +152,17 @@ class KdTree:
         """
         indices = np.empty((len(queries), k), dtype=np.int64)
         squared = np.empty((len(queries), k), dtype=np.float64)
-        _nearest_of_all(self.points, self.low, self.high, queries, indices, squared)
+        on_ranges(
+            _nearest_of_all,
+            len(queries),
+            self.points,
+            self.low,
+            self.high,
+            queries,
+            indices,
+            squared,
+            least=QUERIES_AT_ONCE,
+        )
         return self.order[indices], squared
 
     def neighbours(self, k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -160,7 +182,10 @@ class KdTree:
         """
         positions = np.empty((len(self.order), k + 1), dtype=np.int64)
         squared = np.empty((len(self.order), k + 1), dtype=np.float64)
-        _nearest_of_all(self.points, self.low, self.high, self.points.T, positions, squared)
+        on_ranges(
+            _nearest_of_all, len(positions), self.points, self.low, self.high, self.points.T, positions, squared,
+            least=QUERIES_AT_ONCE,
+        )  # fmt: skip
         return positions[:, 1:], squared[:, 1:]  # the first is the point itself
 
 
@@ -201,22 +226,28 @@ def leaf_range(n, leaves, leaf):
     return n * j // leaves, n * (j + 1) // leaves
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
-def _record(points, records, numbers):
+@nb.njit(cache=True, nogil=True)
+def _record(begin, end, points, records, numbers):
     """Fill `records`, (N, 4): coordinates of the points, (N, 3), and the index, written as int64 via `numbers`."""
-    for i in nb.prange(len(points)):
+    for i in range(begin, end):
         records[i, 0], records[i, 1], records[i, 2] = points[i, 0], points[i, 1], points[i, 2]
         numbers[i, 3] = i
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
-def _grow(records, numbers, depth, order, points, low, high):
-    """Sort the records, (N, 4), and fill `order` (N,), `points` (3, N), `low` and `high` (nodes, 3)."""
-    top = min(SHARED_LEVELS, depth)
-    for level in range(top):
-        for node in nb.prange(1 << level, 2 << level):
-            _split(records, node, level, low, high)
-    for node in nb.prange(1 << top, 2 << top):  # the records of one such node fit into the CPU cache
+@nb.njit(cache=True, nogil=True)
+def _split_nodes(begin, end, level, records, low, high):
+    """Split the nodes `begin` to `end` of a level; arrays as in `_split`."""
+    for node in range((1 << level) + begin, (1 << level) + end):
+        _split(records, node, level, low, high)
+
+
+@nb.njit(cache=True, nogil=True)
+def _grow(begin, end, top, depth, records, numbers, order, points, low, high):
+    """Sort the records, (N, 4), below the nodes `begin` to `end` of the level `top`.
+
+    Fill `order` (N,), `points` (3, N), `low` and `high` (nodes, 3).
+    """
+    for node in range((1 << top) + begin, (1 << top) + end):  # the records of one such node fit into the CPU cache
         for level in range(depth - top):
             for below in range(node << level, (node + 1) << level):
                 _split(records, below, top + level, low, high)
@@ -401,10 +432,10 @@ def nearest_in_tree(points, low, high, x, y, z, found, squared):
                     squared[slot], found[slot] = d, j
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
-def _nearest_of_all(points, low, high, queries, found, squared):
+@nb.njit(cache=True, nogil=True)
+def _nearest_of_all(begin, end, points, low, high, queries, found, squared):
     """Fill `found` and `squared`, (Q, k), with `nearest_in_tree` of each of the queries, (Q, 3)."""
-    for q in nb.prange(len(queries)):
+    for q in range(begin, end):
         x, y, z = queries[q]
         nearest_in_tree(points, low, high, x, y, z, found[q], squared[q])
 

@@ -8,9 +8,11 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.threads import RANGES, on_ranges
 from gppcs.errors import InputError
 
 LEAST_OFFSET = 1e-100  # smaller offsets, as a share of the size, become zero: their squares would underflow
+POINTS_AT_ONCE = 1 << 14  # points that a thread takes at once, at least
 CACHED_POINTS = 1 << 10  # points that fit into the level-1 cache of a CPU core
 
 
@@ -27,7 +29,9 @@ def bounds(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
     low, high : (3,) arrays, float64
         Lowest and highest coordinate along each axis; NaN if any coordinate on that axis is NaN.
     """
-    low, high = _bounds_of_chunks(points, min(len(points), 4 * nb.get_num_threads()))
+    chunks = min(RANGES, -(-len(points) // POINTS_AT_ONCE))
+    low, high = np.full((chunks, 3), np.inf), np.full((chunks, 3), -np.inf)
+    on_ranges(_bound_chunks, chunks, points, low, high)
     return low.min(axis=0), high.max(axis=0)
 
 
@@ -63,20 +67,19 @@ def normalised(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
     exponent = math.frexp(size)[1]  # zero for a size of zero
     half = -exponent // 2
     local = np.empty(points.shape)  # allocated here because NumPy, unlike Numba, asks for large memory pages
-    _shift_and_scale(points, low, math.ldexp(1.0, half), math.ldexp(1.0, -exponent - half), local)
+    scale, again = math.ldexp(1.0, half), math.ldexp(1.0, -exponent - half)
+    on_ranges(_shift_and_scale, len(points), points, low, scale, again, local, least=POINTS_AT_ONCE)
     return local, low, exponent
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
-def _bounds_of_chunks(points, chunks):
-    """Return the lowest and highest coordinates, (chunks, 3) each, of equal parts of the points, (N, 3)."""
-    n = len(points)
-    low, high = np.full((chunks, 3), np.inf), np.full((chunks, 3), -np.inf)
-    for c in nb.prange(chunks):
-        end = n * (c + 1) // chunks
-        for begin in range(n * c // chunks, end, CACHED_POINTS):
-            _widen(points[begin : min(begin + CACHED_POINTS, end)], low[c], high[c])
-    return low, high
+@nb.njit(cache=True, nogil=True)
+def _bound_chunks(begin, end, points, low, high):
+    """Fill lowest and highest coordinates, (chunks, 3) each, of equal parts of the points, (N, 3)."""
+    n, chunks = len(points), len(low)
+    for c in range(begin, end):
+        last = n * (c + 1) // chunks
+        for first in range(n * c // chunks, last, CACHED_POINTS):
+            _widen(points[first : min(first + CACHED_POINTS, last)], low[c], high[c])
 
 
 @nb.njit(cache=True)
@@ -93,10 +96,10 @@ def _widen(points, low, high):
         low[axis], high[axis] = least, greatest
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
-def _shift_and_scale(points, corner, scale, again, local):
+@nb.njit(cache=True, nogil=True)
+def _shift_and_scale(begin, end, points, corner, scale, again, local):
     """Fill `local`, (N, 3), with (points - corner) * scale * again; one power of two alone could overflow."""
-    for i in nb.prange(len(points)):
+    for i in range(begin, end):
         for axis in range(3):
             value = (points[i, axis] - corner[axis]) * scale * again
             local[i, axis] = value if value >= LEAST_OFFSET else 0.0

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gppcs.clouds.cloud import PointCloud
+from gppcs.engine.threads import on_ranges
 from gppcs.errors import whole_number
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
@@ -110,7 +111,9 @@ def _oriented(tree: KdTree, fits: tuple[KdTree, int] | None) -> NDArray[np.float
     normals = np.ascontiguousarray(normals.T)
     near, _ = tree.neighbours(min(EDGES, len(points) - 1))
     areas = reaches**2
-    edges = np.argsort(_doubts(points, normals, near), axis=None, kind="stable")
+    doubts = np.empty(near.shape, dtype=np.float32)
+    on_ranges(_doubt, len(points), points, normals, near, doubts, least=1024)
+    edges = np.argsort(doubts, axis=None, kind="stable")
     pieces, signs = _signs(edges, points, normals, near)
     normals *= signs[:, None]
     normals *= _outward(points, normals, areas, pieces)[pieces, None]
@@ -141,19 +144,17 @@ def _outward(
     return np.where(flux < 0, -1.0, 1.0)
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
-def _doubts(points, normals, near):
-    """Return the doubt about passing the sign from each point to each neighbour, (N, edges), float32.
+@nb.njit(cache=True, nogil=True)
+def _doubt(begin, end, points, normals, near, doubts):
+    """Fill the doubt about passing the sign from each point to each neighbour, (N, edges), float32.
 
     Points and normals are (N, 3), `near` is (N, edges). The doubt is small if the normals agree apart from their sign
     and the step between the points stays in the surface. Points of another sheet, and noise, lie off it.
     """
-    doubts = np.empty(near.shape, dtype=np.float32)
-    for i in nb.prange(len(points)):
+    for i in range(begin, end):
         for slot in range(near.shape[1]):
             fit, off = _fit_of_normals(points, normals, i, near[i, slot])
             doubts[i, slot] = 1.0 - abs(fit) + 0.5 * off
-    return doubts
 
 
 @nb.njit(cache=True, inline="always")

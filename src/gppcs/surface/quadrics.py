@@ -8,6 +8,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range
 from gppcs.spatial.nearest import WIDER, look_around, search_for, steps_to_nearest
 from gppcs.surface.moments import MOMENTS, flattest, moments_in_ball, tangents
@@ -15,7 +16,7 @@ from gppcs.surface.moments import MOMENTS, flattest, moments_in_ball, tangents
 COEFFICIENTS = 6  # Those of a + b u + c v + d u^2 + e u v + f v^2.
 TERMS = COEFFICIENTS + 2  # For each point: 1, u, v, u^2, u v, v^2, its height and its weight.
 RIDGE = 1e-8  # Added to the diagonal: equations stay solvable if the points lie on a line or a conic.
-PARALLEL_TASKS = 256  # Parts of the work that threads take in turn: enough to balance them.
+TASKS = 256  # Runs of leaves; within a run, each search starts from the radius of the one before.
 STEEPEST = 3.0  # Squared slope, 60 degrees. A steeper quadric extrapolates from points on one side only.
 
 
@@ -59,20 +60,20 @@ def fit_quadrics(tree: KdTree, places: KdTree, k: int) -> Quadrics:
     """
     m = places.points.shape[1]
     fitted = Quadrics(np.empty(m), np.empty((3, m)), np.empty(m))
-    with nb.parallel_chunksize(1):
-        _fit_all(
-            tree.points, tree.low, tree.high, places.points, places.low, places.high, min(k, len(tree.order)), fitted
-        )
+    tasks = min(places.leaves, TASKS)
+    on_ranges(
+        _fit_leaves, tasks, tasks, tree.points, tree.low, tree.high, places.points, places.low, places.high,
+        min(k, len(tree.order)), fitted,
+    )  # fmt: skip
     return fitted
 
 
-@nb.njit(cache=True, parallel=True, nogil=True, fastmath=False)
-def _fit_all(points, low, high, places, places_low, places_high, k, fitted):
-    """Fill `fitted` at the places, (3, m), from points, (3, N); corners of boxes are (nodes, 3)."""
+@nb.njit(cache=True, nogil=True, fastmath=False)
+def _fit_leaves(first, last, tasks, points, low, high, places, places_low, places_high, k, fitted):
+    """Fill `fitted` at the places, (3, m), of a range of tasks, from points, (3, N); boxes are (nodes, 3)."""
     leaves = first_leaf(places_low)
-    tasks = min(leaves, PARALLEL_TASKS)
-    for task in nb.prange(tasks):
-        search = search_for(k, first_leaf(low))
+    search = search_for(k, first_leaf(low))
+    for task in range(first, last):
         squared_radius = 0.0  # the first leaf has no radius to start from; each other starts from the leaf before
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
             count = look_around(points, low, high, places_low[leaf], places_high[leaf], squared_radius, search)

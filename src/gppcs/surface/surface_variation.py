@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gppcs.clouds.cloud import PointCloud
+from gppcs.engine.threads import on_ranges
 from gppcs.errors import ParameterError, whole_number
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, points_near, squared_distance_of_boxes
@@ -28,7 +29,7 @@ from gppcs.surface.moments import (
 )
 
 LEAVES_PER_GROUP = 8  # the points of this many leaves share one search of the tree
-PARALLEL_TASKS = 256  # the work is split into this many parts, which the threads take in turn
+TASKS = 256  # runs of leaves; within a run, each search starts from the radius of the one before
 
 
 @dataclass(frozen=True)
@@ -183,37 +184,39 @@ def _measure_in_radius(tree: KdTree, radius: float, features: Features) -> None:
     if (tree.high[level] - tree.low[level]).max(axis=1).min() <= 2.0 * radius:
         moments = np.empty((len(tree.low), MOMENTS))
         node_moments(tree.points, tree.low, tree.high, moments)
-    with nb.parallel_chunksize(1):
-        _features_in_balls(
-            tree.points, tree.order, tree.low, tree.high, moments, radius * radius, groups,
-            features.surface_variation, features.normals, features.neighbours,
-        )  # fmt: skip
+    on_ranges(
+        _features_in_balls, groups, groups, tree.points, tree.order, tree.low, tree.high, moments, radius * radius,
+        features.surface_variation, features.normals, features.neighbours,
+    )  # fmt: skip
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
-def _features_in_balls(points, order, low, high, moments, squared_radius, groups, variation, normals, neighbours):
-    """Fill `variation` and `neighbours`, (N,), and `normals`, (N, 3); `moments` is (nodes, 10) or empty."""
+@nb.njit(cache=True, nogil=True)
+def _features_in_balls(
+    first, last, groups, points, order, low, high, moments, squared_radius, variation, normals, neighbours
+):
+    """Fill `variation` and `neighbours`, (N,), and `normals`, (N, 3), for the groups `first` to `last` of leaves.
+
+    `moments` is (nodes, 10) or empty.
+    """
     n, leaves = points.shape[1], first_leaf(low)
-    tasks = min(groups, PARALLEL_TASKS)
-    for task in nb.prange(tasks):
-        near, room = np.empty(leaves, dtype=np.int64), room_for(LEAVES_PER_GROUP * LEAVES_PER_GROUP)
-        of_points, shared = np.ones((MOMENTS, AT_ONCE), dtype=np.float64), np.empty(MOMENTS, dtype=np.float64)
-        for group in range(groups + groups * task // tasks, groups + groups * (task + 1) // tasks):
-            count = _around(group, low, high, moments, squared_radius, near, shared)
-            if count * LEAF_SIZE > len(room.found):
-                room = room_for(count + LEAVES_PER_GROUP)
-            in_group = leaves // groups
-            for leaf in range(group * in_group, (group + 1) * in_group):
-                begin, end = leaf_range(n, leaves, leaf)
-                found = points_near(points, low, high, near[:count], low[leaf], high[leaf], squared_radius, room.found)
-                full = pack(points, room, found)
-                for i in range(begin, end):
-                    x, y, z = points[0, i], points[1, i], points[2, i]
-                    moments_in_ball(room.packed, full, x, y, z, squared_radius, of_points, i - begin)
-                    if shared[0] > 0.0:
-                        u, v, w = middle(low[group], high[group])
-                        add_shifted(shared, u - x, v - y, w - z, of_points[:, i - begin])
-                _finish(of_points, order[begin:end], variation, normals, neighbours)
+    near, room = np.empty(leaves, dtype=np.int64), room_for(LEAVES_PER_GROUP * LEAVES_PER_GROUP)
+    of_points, shared = np.ones((MOMENTS, AT_ONCE), dtype=np.float64), np.empty(MOMENTS, dtype=np.float64)
+    in_group = leaves // groups
+    for group in range(groups + first, groups + last):
+        count = _around(group, low, high, moments, squared_radius, near, shared)
+        if count * LEAF_SIZE > len(room.found):
+            room = room_for(count + LEAVES_PER_GROUP)
+        for leaf in range(group * in_group, (group + 1) * in_group):
+            begin, end = leaf_range(n, leaves, leaf)
+            found = points_near(points, low, high, near[:count], low[leaf], high[leaf], squared_radius, room.found)
+            full = pack(points, room, found)
+            for i in range(begin, end):
+                x, y, z = points[0, i], points[1, i], points[2, i]
+                moments_in_ball(room.packed, full, x, y, z, squared_radius, of_points, i - begin)
+                if shared[0] > 0.0:
+                    u, v, w = middle(low[group], high[group])
+                    add_shifted(shared, u - x, v - y, w - z, of_points[:, i - begin])
+            _finish(of_points, order[begin:end], variation, normals, neighbours)
 
 
 @nb.njit(cache=True)
@@ -296,21 +299,23 @@ def features_of_nearest(tree: KdTree, k: int) -> Features:
         In the order of the input.
     """
     features = Features.empty(len(tree.order))
-    with nb.parallel_chunksize(1):
-        _features_of_nearest(
-            tree.points, tree.order, tree.low, tree.high, min(k, len(tree.order)),
-            features.surface_variation, features.normals, features.neighbours,
-        )  # fmt: skip
+    tasks = min(tree.leaves, TASKS)
+    on_ranges(
+        _features_of_nearest, tasks, tasks, tree.points, tree.order, tree.low, tree.high, min(k, len(tree.order)),
+        features.surface_variation, features.normals, features.neighbours,
+    )  # fmt: skip
     return features
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
-def _features_of_nearest(points, order, low, high, k, variation, normals, neighbours):
-    """Fill `variation` and `neighbours`, (N,), and `normals`, (N, 3), from the k nearest points of each."""
+@nb.njit(cache=True, nogil=True)
+def _features_of_nearest(first, last, tasks, points, order, low, high, k, variation, normals, neighbours):
+    """Fill `variation` and `neighbours`, (N,), and `normals`, (N, 3), from the k nearest points of each.
+
+    The range `first` to `last` is one of tasks.
+    """
     n, leaves = points.shape[1], first_leaf(low)
-    tasks = min(leaves, PARALLEL_TASKS)
-    for task in nb.prange(tasks):
-        search, moments = search_for(k, leaves), np.ones((MOMENTS, AT_ONCE), dtype=np.float64)
+    search, moments = search_for(k, leaves), np.ones((MOMENTS, AT_ONCE), dtype=np.float64)
+    for task in range(first, last):
         squared_radius = 0.0  # in the first leaf, each point searches by itself; later leaves use the last one's radius
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
             begin, end = leaf_range(n, leaves, leaf)

@@ -11,10 +11,11 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.kernel import LocalField, field_distance
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
 
-PARALLEL_TASKS = 64  # Parts of the work that threads take in turn: enough to balance them.
+TASKS = 64  # Runs of leaves; within a run, each search starts from the radius of the one before.
 
 
 class Conditioning(NamedTuple):
@@ -56,11 +57,11 @@ def condition(field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighb
         indices = np.sort(chosen)  # in the tree's order, as `KdTree.over` needs it
         of_chosen = KdTree.over(np.ascontiguousarray(field.positions[:, indices]))
         widest = float(field.spacings[chosen].max())
-        with nb.parallel_chunksize(1):
-            _condition_all(
-                field, tree.low, tree.high,
-                _Chosen(indices, of_chosen.points, of_chosen.low, of_chosen.high, widest), conditioning,
-            )  # fmt: skip
+        tasks = min(tree.leaves, TASKS)
+        on_ranges(
+            _condition_leaves, tasks, tasks, field, tree.low, tree.high,
+            _Chosen(indices, of_chosen.points, of_chosen.low, of_chosen.high, widest), conditioning,
+        )  # fmt: skip
     return conditioning
 
 
@@ -86,15 +87,14 @@ class _Chosen(NamedTuple):
     widest: float
 
 
-@nb.njit(cache=True, parallel=True, nogil=True, fastmath=False)
-def _condition_all(field, low, high, chosen, conditioning):
-    """Fill `conditioning`, (n, K), leaf by leaf of the field's tree, (nodes, 3). Radii start from the leaf before."""
+@nb.njit(cache=True, nogil=True, fastmath=False)
+def _condition_leaves(begin, end, tasks, field, low, high, chosen, conditioning):
+    """Fill `conditioning`, (n, K), in a range of tasks: leaf by leaf of the field's tree, (nodes, 3)."""
     leaves = first_leaf(low)
-    tasks = min(leaves, PARALLEL_TASKS)
-    for task in nb.prange(tasks):
-        side = _side_by_side(conditioning.nearest.shape[1])
-        near = np.empty(first_leaf(chosen.low), dtype=np.int64)
-        found = np.empty(len(near) * LEAF_SIZE, dtype=np.int64)
+    side = _side_by_side(conditioning.nearest.shape[1])
+    near = np.empty(first_leaf(chosen.low), dtype=np.int64)
+    found = np.empty(len(near) * LEAF_SIZE, dtype=np.int64)
+    for task in range(begin, end):
         squared_radius = 1.0
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
             needed = _condition_leaf(field, low, high, chosen, leaf, squared_radius, near, found, side, conditioning)

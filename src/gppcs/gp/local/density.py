@@ -10,6 +10,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, squared_distance_of_boxes, squared_distance_to_box
 
 GROUP_SIZE = 8  # Points with one limit of the gradation. Limits for each point take eight times as long and gain 0.5 %.
@@ -122,7 +123,9 @@ def limited(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArra
     """
     least = np.empty(len(tree.low))
     _least_of_all(spacings, least)
-    return _limited(tree.points, tree.low, tree.high, spacings, slope, least)
+    result = spacings.copy()
+    on_ranges(_limit_leaves, tree.leaves, tree.points, tree.low, tree.high, spacings, slope, least, result, least=16)
+    return result
 
 
 @nb.njit(cache=True, nogil=True)
@@ -136,19 +139,18 @@ def _least_of_all(values, least):
         least[node] = min(least[2 * node], least[2 * node + 1])
 
 
-@nb.njit(cache=True, nogil=True, parallel=True)
-def _limited(points, low, high, spacings, slope, least):
-    """Return the limited spacings, (N,), of points, (3, N), given boxes, (nodes, 3), and `least`, (nodes,).
+@nb.njit(cache=True, nogil=True)
+def _limit_leaves(begin, end, points, low, high, spacings, slope, least, result):
+    """Limit `result`, (N,), in a range of leaves, given points, (3, N), boxes, (nodes, 3), and `least`, (nodes,).
 
     For each leaf, visit the nodes that can lower the spacing of one of its points, those with the lowest bounds first.
     """
     leaves = first_leaf(low)
     n = len(spacings)
-    result = spacings.copy()
-    for leaf in nb.prange(leaves):
+    for leaf in range(begin, end):
         box_low, box_high = low[leaves + leaf], high[leaves + leaf]
-        begin, end = leaf_range(n, leaves, leaves + leaf)
-        greatest = np.max(result[begin:end])
+        first, last = leaf_range(n, leaves, leaves + leaf)
+        greatest = np.max(result[first:last])
         stack, bounds = np.empty(64, dtype=np.int64), np.empty(64)
         stack[0], bounds[0] = 1, least[1]
         height = 1
@@ -161,8 +163,8 @@ def _limited(points, low, high, spacings, slope, least):
                 for j in range(*leaf_range(n, leaves, node)):
                     gap = squared_distance_to_box(box_low, box_high, points[0, j], points[1, j], points[2, j])
                     if spacings[j] + slope * np.sqrt(gap) < greatest:
-                        _lower(points[:, begin:end], points[:, j], spacings[j], slope, result[begin:end])
-                        greatest = np.max(result[begin:end])
+                        _lower(points[:, first:last], points[:, j], spacings[j], slope, result[first:last])
+                        greatest = np.max(result[first:last])
                 continue
             for child in (2 * node, 2 * node + 1):
                 gap = squared_distance_of_boxes(low[child], high[child], box_low, box_high)
@@ -171,7 +173,6 @@ def _limited(points, low, high, spacings, slope, least):
             a, b = height - 2, height - 1
             if bounds[a] < bounds[b]:
                 stack[a], stack[b], bounds[a], bounds[b] = stack[b], stack[a], bounds[b], bounds[a]
-    return result
 
 
 @nb.njit(cache=True, nogil=True)

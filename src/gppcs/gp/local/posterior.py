@@ -11,9 +11,11 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.conditioning import Conditioning
 from gppcs.gp.local.kernel import LANES, LocalField, correlate
 
+POINTS_AT_ONCE = 1024  # Points that a thread takes at once, at least.
 SITE = 9  # Numbers of a site: position (3), normal (3), desired spacing, y, 1 + variance of the observation.
 NEGLIGIBLE = 1e-12  # Least pivot of the factorisation, in units of the prior variance: less is only rounding.
 
@@ -143,8 +145,7 @@ def _gather(all_sites, nearest, which, begin, end, sites):
                 sites[a, 0, p], sites[a, 6, p], sites[a, 8, p] = (a + 1) / NEGLIGIBLE, 1.0, 1.0
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
-def sites_of(field):
+def sites_of(field: LocalField) -> NDArray[np.float64]:
     """Return what kernel and observation need of each point, side by side in memory.
 
     Parameters
@@ -156,13 +157,18 @@ def sites_of(field):
     (n, 9) array
         Position, normal, desired spacing, y, 1 + variance of the observation.
     """
-    n = len(field.y)
-    sites = np.empty((n, SITE), dtype=np.float64)
-    for i in nb.prange(n):
+    sites = np.empty((len(field.y), SITE))
+    on_ranges(_fill_sites, len(sites), field, sites, least=POINTS_AT_ONCE)
+    return sites
+
+
+@nb.njit(cache=True, nogil=True)
+def _fill_sites(begin, end, field, sites):
+    """Fill the rows `begin` to `end` of `sites`, (n, 9)."""
+    for i in range(begin, end):
         for axis in range(3):
             sites[i, axis], sites[i, 3 + axis] = field.positions[axis, i], field.normals[axis, i]
         sites[i, 6], sites[i, 7], sites[i, 8] = field.spacings[i], field.y[i], 1.0 + field.noise[i]
-    return sites
 
 
 class Posterior(NamedTuple):
@@ -192,21 +198,28 @@ def posterior(
     Posterior
     """
     found = Posterior(np.empty(len(sites)), np.empty(len(sites)), np.empty(len(sites)))
-    _posterior_everywhere(field, sites, conditioning.nearest, error_weight, *found)
+    on_ranges(
+        _posterior_everywhere,
+        len(sites),
+        field,
+        sites,
+        conditioning.nearest,
+        error_weight,
+        *found,
+        least=POINTS_AT_ONCE,
+    )
     return found
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
-def _posterior_everywhere(field, sites, nearest, error_weight, means, variances, scores):
-    """Fill means, variances and scores, (n,) each, given sites, (n, 9), and nearest, (n, K)."""
-    n = len(sites)
-    chunk = 64 * LANES
-    for first in nb.prange(-(-n // chunk)):
-        work = workspace(nearest.shape[1])
-        which = np.arange(first * chunk, min((first + 1) * chunk, n))
-        for begin in range(0, len(which), LANES):
-            end = min(begin + LANES, len(which))
-            posteriors(field, sites, nearest, which, begin, end, error_weight, work)
-            means[which[begin] : which[end - 1] + 1] = work.mean[: end - begin]
-            variances[which[begin] : which[end - 1] + 1] = work.variance[: end - begin]
-            scores[which[begin] : which[end - 1] + 1] = work.score[: end - begin]
+@nb.njit(cache=True, nogil=True)
+def _posterior_everywhere(begin, end, field, sites, nearest, error_weight, means, variances, scores):
+    """Fill the entries `begin` to `end` of the results, (n,) each, given sites, (n, 9), and nearest, (n, K)."""
+    work = workspace(nearest.shape[1])
+    which = np.arange(begin, end)
+    for some in range(0, len(which), LANES):
+        count = min(LANES, len(which) - some)
+        posteriors(field, sites, nearest, which, some, some + count, error_weight, work)
+        first = begin + some
+        means[first : first + count] = work.mean[:count]
+        variances[first : first + count] = work.variance[:count]
+        scores[first : first + count] = work.score[:count]

@@ -12,6 +12,7 @@ import scipy.sparse
 import scipy.sparse.linalg
 from numpy.typing import NDArray
 
+from gppcs.engine.threads import on_ranges
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree, nearest_in_tree
 from gppcs.spatial.spacing import nearest_distances
@@ -156,16 +157,27 @@ def _lift(
     tree = KdTree.build(landmarks)
     lifted = np.empty((len(points), functions.shape[1]), dtype=np.float64)
     count = min(LIFTING_LANDMARKS, len(landmarks))
-    _weigh_nearest(tree.points, tree.low, tree.high, functions[tree.order], points, count, lifted)
+    on_ranges(
+        _weigh_nearest,
+        len(points),
+        tree.points,
+        tree.low,
+        tree.high,
+        functions[tree.order],
+        points,
+        count,
+        lifted,
+        least=64,
+    )
     return lifted
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
-def _weigh_nearest(landmarks, low, high, functions, points, count, lifted):
+@nb.njit(cache=True, nogil=True)
+def _weigh_nearest(begin, end, landmarks, low, high, functions, points, count, lifted):
     """Fill `lifted`, (N, L), with weighted means of `functions`, (landmarks, L), at `points`, (N, 3)."""
-    for i in nb.prange(len(points)):
-        found = np.empty(count, dtype=np.int64)
-        squared = np.empty(count, dtype=np.float64)
+    found = np.empty(count, dtype=np.int64)
+    squared = np.empty(count, dtype=np.float64)
+    for i in range(begin, end):
         x, y, z = points[i]
         nearest_in_tree(landmarks, low, high, x, y, z, found, squared)
         reach = 1.001 * np.sqrt(squared[-1])  # slightly more, since equally far landmarks would all have weight zero

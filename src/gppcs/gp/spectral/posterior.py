@@ -9,6 +9,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from gppcs.engine.threads import on_ranges
+
 
 @dataclass(frozen=True)
 class Posterior:
@@ -58,15 +60,15 @@ class Posterior:
         mean, variance : (N,) arrays, float64
         """
         mean, variance = np.empty(len(phi)), np.empty(len(phi))
-        _predict(phi, self.mean, np.linalg.cholesky(self.covariance), mean, variance)
+        on_ranges(_predict, len(phi), phi, self.mean, np.linalg.cholesky(self.covariance), mean, variance, least=32)
         return mean, variance
 
 
-@nb.njit(cache=True, parallel=True, fastmath={"contract", "reassoc", "nsz"})
-def _predict(phi, weight_mean, factor, mean, variance):
+@nb.njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
+def _predict(begin, end, phi, weight_mean, factor, mean, variance):
     """Fill `mean` and `variance`, (N,), from `phi` (N, L), `weight_mean` (L,) and a Cholesky factor (L, L)."""
     count = phi.shape[1]
-    for i in nb.prange(len(phi)):
+    for i in range(begin, end):
         total = 0.0
         for c in range(count):
             total += phi[i, c] * weight_mean[c]

@@ -10,6 +10,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.threads import on_ranges
 from gppcs.spatial.farthest_points import approach, farthest_points
 
 # Upper limits of the number of points, and how many voxels the longest axis then has.
@@ -202,9 +203,10 @@ def _filled(voxels: Voxels, quotas: NDArray[np.int64], advanced: Callable[[int],
     large = np.diff(voxels.begins) * quotas > LARGE
     for number in range(CLASSES):
         of_class = (parity == number) & (quotas > 0)
-        _fill(
-            voxels.points, voxels.begins, voxels.cells, keys, voxels.along, voxels.edge,
-            np.flatnonzero(of_class & ~large), starts, chosen,
+        small = np.flatnonzero(of_class & ~large)
+        on_ranges(
+            _fill, len(small), voxels.points, voxels.begins, voxels.cells, keys, voxels.along, voxels.edge,
+            small, starts, chosen,
         )  # fmt: skip
         for voxel in np.flatnonzero(of_class & large):
             _fill_large(voxels, keys, int(voxel), starts, chosen)
@@ -225,10 +227,13 @@ def _fill_large(
     own[:] = begin + farthest_points(members, len(own), first=first, others=others)[0]
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
-def _fill(points, begins, cells, keys, along, edge, some, starts, chosen):
-    """Fill `chosen`, (sum of quotas,), for the voxels `some`, (m,), which do not touch; `points` is (3, N)."""
-    for s in nb.prange(len(some)):
+@nb.njit(cache=True, nogil=True)
+def _fill(first, last, points, begins, cells, keys, along, edge, some, starts, chosen):
+    """Fill `chosen`, (sum of quotas,), for a range of the voxels `some`, (m,), which do not touch.
+
+    `points` is (3, N).
+    """
+    for s in range(first, last):
         voxel = some[s]
         begin, end = begins[voxel], begins[voxel + 1]
         xs, ys, zs = points[0, begin:end], points[1, begin:end], points[2, begin:end]

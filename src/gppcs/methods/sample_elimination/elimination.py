@@ -8,6 +8,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import (
     KdTree,
     first_leaf,
@@ -106,7 +107,7 @@ def _stage(
     limit = reach * BETA * (1.0 - (n_points / len(points)) ** GAMMA)
     tree = KdTree.build(points)
     weights = np.empty(len(points), dtype=np.float64)
-    _weigh(tree.points, tree.low, tree.high, reach, limit, weights)
+    on_ranges(_weigh, tree.leaves, tree.points, tree.low, tree.high, reach, limit, weights, least=4)
     heaviest = np.empty(len(tree.low), dtype=np.float64)
     candidate = np.empty(len(tree.low), dtype=np.int64)
     greatest_of_all(tree.order, weights, heaviest, candidate)
@@ -148,13 +149,13 @@ def _squared_distances(low, high, box_low, box_high):
     return least, greatest
 
 
-@nb.njit(cache=True, parallel=True, nogil=True, fastmath={"reassoc"})
-def _weigh(points, low, high, reach, limit, weights):
-    """Fill `weights`, (N,), in tree order; `points` is (3, N), `low` and `high` (nodes, 3)."""
+@nb.njit(cache=True, nogil=True, fastmath={"reassoc"})
+def _weigh(first, last, points, low, high, reach, limit, weights):
+    """Fill `weights`, (N,), in tree order, for a range of leaves; `points` is (3, N), `low` and `high` (nodes, 3)."""
     leaves = first_leaf(low)
     n = points.shape[1]
     of_near = _term(0.0, 0.0, 0.0, reach, limit)
-    for own in nb.prange(leaves):
+    for own in range(first, last):
         around, near = _within_reach(low, high, n, leaves + own, reach, limit)
         for i in range(*leaf_range(n, leaves, leaves + own)):
             x, y, z = points[0, i], points[1, i], points[2, i]

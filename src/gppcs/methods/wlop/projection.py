@@ -8,6 +8,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import (
     KdTree,
     first_leaf,
@@ -95,7 +96,11 @@ def project(
     for _ in range(iterations):
         # Like CGAL, the density of a sample counts the sample itself twice.
         omega = 1 + _crowding(positions, low, high, radius)
-        positions = _moved(tree.points, tree.low, tree.high, weights, positions, low, high, omega, radius, mu)
+        moved = np.empty_like(positions)
+        on_ranges(
+            _move, now.leaves, tree.points, tree.low, tree.high, weights, positions, low, high, omega, radius, mu, moved
+        )
+        positions = moved
         measure_boxes(positions, low, high)
         if advanced:
             advanced(1)
@@ -117,14 +122,22 @@ def _theta(t):
     return e * np.exp(-2.0) if t <= 1.0 else 0.0
 
 
-@nb.njit(cache=True, parallel=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
-def _crowding(points, low, high, radius):
+def _crowding(
+    points: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64], radius: float
+) -> NDArray[np.float64]:
     """Return 1 + sum theta over the other points, (N,), for each of the points, (3, N)."""
+    crowding = np.empty(points.shape[1])
+    on_ranges(_crowd, len(low) // 2, points, low, high, radius, crowding)
+    return crowding
+
+
+@nb.njit(cache=True, nogil=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+def _crowd(begin, end, points, low, high, radius, crowding):
+    """Fill `crowding`, (N,), in a range of leaves; see `_crowding`."""
     n = points.shape[1]
     leaves = first_leaf(low)
-    crowding = np.empty(n, dtype=np.float64)
-    for leaf in nb.prange(leaves):
-        found = np.empty(leaves, dtype=np.int64)
+    found = np.empty(leaves, dtype=np.int64)
+    for leaf in range(begin, end):
         near = found[: leaves_near(low, high, low[leaves + leaf], high[leaves + leaf], radius * radius, found)]
         for i in range(*leaf_range(n, leaves, leaves + leaf)):
             x, y, z = points[0, i], points[1, i], points[2, i]
@@ -136,22 +149,20 @@ def _crowding(points, low, high, radius):
                     dx, dy, dz = points[0, j] - x, points[1, j] - y, points[2, j] - z
                     total += _theta((dx * dx + dy * dy + dz * dz) / (radius * radius))
             crowding[i] = total  # the sum includes the point itself, whose theta is 1
-    return crowding
 
 
-@nb.njit(cache=True, parallel=True)
-def _moved(points, low, high, weights, samples, sample_low, sample_high, omega, radius, mu):
-    """Return the samples, (3, M), in the order of their tree, after one iteration.
+@nb.njit(cache=True, nogil=True)
+def _move(begin, end, points, low, high, weights, samples, sample_low, sample_high, omega, radius, mu, moved):
+    """Fill `moved` with the samples, (3, M), of a range of leaves of their tree, after one iteration.
 
     All samples in a leaf share one search for the leaves within the radius. `points` is (3, N), `weights` (N,), and
     `omega` (M,).
     """
     leaves = first_leaf(sample_low)
     m = samples.shape[1]
-    moved = np.empty((3, m), dtype=np.float64)
-    for leaf in nb.prange(leaves):
+    found, found_samples = np.empty(first_leaf(low), dtype=np.int64), np.empty(leaves, dtype=np.int64)
+    for leaf in range(begin, end):
         box_low, box_high = sample_low[leaves + leaf], sample_high[leaves + leaf]
-        found, found_samples = np.empty(first_leaf(low), dtype=np.int64), np.empty(leaves, dtype=np.int64)
         near = found[: leaves_near(low, high, box_low, box_high, radius * radius, found)]
         count = leaves_near(sample_low, sample_high, box_low, box_high, radius * radius, found_samples)
         near_samples = found_samples[:count]
@@ -160,7 +171,6 @@ def _moved(points, low, high, weights, samples, sample_low, sample_high, omega, 
             ax, ay, az = _attraction(points, low, high, weights, near, radius, x, y, z)
             rx, ry, rz = _repulsion(samples, sample_low, sample_high, omega, near_samples, radius, x, y, z)
             moved[0, i], moved[1, i], moved[2, i] = x + ax + mu * rx, y + ay + mu * ry, z + az + mu * rz
-    return moved
 
 
 @nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
