@@ -1,0 +1,279 @@
+"""Parts of a cloud that choose at once: the subtrees below one level of the k-d tree.
+
+A part chooses its best point, again and again, as long as no better point outside can be affected by it or affect it.
+So all parts together choose what one after another would, wherever scores do not rise. Parts work in rounds. In a
+round, a part sees the others as they were at its start; between rounds, parts tell their neighbours what they chose.
+What is left in doubt after some rounds is chosen one after another.
+
+The parts depend on the points only, so the result does not depend on the number of threads.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.engine.threads import on_ranges
+from gppcs.gp.local.choice import (
+    INDEX,
+    REACH,
+    SCORE,
+    SPACING,
+    TAKEN,
+    Choice,
+    leaf_and_column,
+    observe,
+    renew_upper,
+    room_below,
+    set_score,
+    within_reach,
+)  # fmt: skip
+from gppcs.gp.local.kernel import LocalField, field_distance
+from gppcs.spatial.kdtree import LEAF_SIZE, leaf_range
+
+POINTS = 4096  # Points of a part at least: with fewer, most of them are near others.
+CHOSEN_PER_NEIGHBOUR = 16  # Chosen points of a part at least, for each point that a posterior is conditioned on.
+
+
+class Parts(NamedTuple):
+    """The parts, and what each has chosen and knows of the others.
+
+    Attributes
+    ----------
+    starts : (parts + 1,) array, int64
+        Where the neighbours of each part start.
+    neighbours : (sum,) array, int64
+        The parts that a point of the part may affect, or be affected by, without gaps.
+    positions : (n,) array, int64
+        What each part has chosen, in its order, from the first of its points on.
+    scores, variances : (n,) arrays
+        Of these, when they were chosen.
+    counts : (parts,) array, int64
+        Number of points that each part has chosen.
+    told : (parts,) array, int64
+        How many of these its neighbours know of.
+    best, reach : (nodes,) arrays
+        Largest score and reach of each node at the start of the round.
+    seen : (leaves, LEAF_SIZE) array
+        Scores of the points at the start of the round.
+    """
+
+    starts: NDArray[np.int64]
+    neighbours: NDArray[np.int64]
+    positions: NDArray[np.int64]
+    scores: NDArray[np.float64]
+    variances: NDArray[np.float64]
+    counts: NDArray[np.int64]
+    told: NDArray[np.int64]
+    best: NDArray[np.float64]
+    reach: NDArray[np.float64]
+    seen: NDArray[np.float64]
+
+
+def number_of_parts(n: int, chosen: int, leaves: int, neighbours: int) -> int:
+    """Return the number of parts, a power of two.
+
+    Parameters
+    ----------
+    n, chosen : int
+        Number of points, and of those that are chosen already.
+    leaves : int
+        Number of leaves of the tree.
+    neighbours : int
+        K: the number of chosen points on which a posterior is conditioned.
+
+    Returns
+    -------
+    int
+    """
+    parts = 1
+    while 2 * parts <= leaves and n >= 2 * parts * POINTS and chosen >= 2 * parts * CHOSEN_PER_NEIGHBOUR * neighbours:
+        parts *= 2
+    return parts
+
+
+def divide(choice: Choice, count: int) -> Parts:
+    """Return parts that have chosen nothing.
+
+    Parameters
+    ----------
+    choice : Choice
+    count : int
+        Number of parts.
+
+    Returns
+    -------
+    Parts
+    """
+    n, nodes = len(choice.sites), len(choice.best)
+    near = np.zeros((count, count), dtype=np.bool_)
+    _find_neighbours(choice.boxes, near)
+    starts = np.concatenate([[0], np.cumsum(near.sum(axis=1))])
+    return Parts(
+        starts, np.nonzero(near)[1], np.empty(n, dtype=np.int64), np.empty(n), np.empty(n),
+        np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64),
+        np.empty(nodes), np.empty(nodes), np.empty((nodes // 2, LEAF_SIZE)),
+    )  # fmt: skip
+
+
+@nb.njit(cache=True, nogil=True)
+def _find_neighbours(boxes, near):
+    """Mark the pairs of parts, (parts, parts), one of which may be within the reach of the other; boxes (nodes, 8)."""
+    count = len(near)
+    for a in range(count):
+        for b in range(count):
+            squared = 0.0
+            for axis in range(3):
+                gap = max(
+                    boxes[count + a, axis] - boxes[count + b, 3 + axis],
+                    boxes[count + b, axis] - boxes[count + a, 3 + axis],
+                    0.0,
+                )
+                squared += gap * gap
+            reach = max(boxes[count + a, 6], boxes[count + b, 6])
+            near[a, b] = a != b and squared <= reach * 0.5 * (boxes[count + a, 7] + boxes[count + b, 7])
+
+
+def choose_in_parts(field: LocalField, error_weight: float, level: float, choice: Choice, parts: Parts) -> None:
+    """Choose all points with a score of at least `level`."""
+    count = len(parts.counts)
+    while True:
+        on_ranges(_hear, count, field, error_weight, choice, parts)
+        parts.told[:] = parts.counts
+        on_ranges(_choose_in_parts, count, field, error_weight, level, choice, parts)
+        if (parts.counts - parts.told).sum() < FEW * count:
+            break
+    on_ranges(_hear, count, field, error_weight, choice, parts)
+    renew_upper(choice, count)
+    choose_one_by_one(field, error_weight, level, len(choice.sites), choice, parts)
+    parts.told[:] = parts.counts
+
+
+FEW = 1
+
+
+@nb.njit(cache=True, nogil=True)
+def _hear(begin, end, field, error_weight, choice, parts):
+    """Condition the points of some parts on what their neighbours have chosen; note their own scores."""
+    n, leaves, count = len(choice.sites), len(choice.leaves), len(parts.counts)
+    room = room_below(choice, count)
+    in_part = leaves // count
+    for part in range(begin, end):
+        root = count + part
+        for other in parts.neighbours[parts.starts[part] : parts.starts[part + 1]]:
+            first = n * other // count
+            for slot in range(first + parts.told[other], first + parts.counts[other]):
+                new = parts.positions[slot]
+                x, y, z, spacing = (
+                    choice.sites[new, 0], choice.sites[new, 1], choice.sites[new, 2], choice.sites[new, SPACING],
+                )  # fmt: skip
+                if within_reach(choice.boxes, root, x, y, z, spacing, choice.boxes[root, 6]):
+                    observe(new, root, field, error_weight, choice, room)
+        for leaf in range(part * in_part, (part + 1) * in_part):
+            parts.seen[leaf] = choice.leaves[leaf, SCORE]
+        first, last = root, root + 1
+        while first < 2 * leaves:
+            parts.best[first:last], parts.reach[first:last] = choice.best[first:last], choice.boxes[first:last, 6]
+            first, last = 2 * first, 2 * last
+
+
+@nb.njit(cache=True, nogil=True)
+def _choose_in_parts(begin, end, field, error_weight, level, choice, parts):
+    """Let some parts choose their points with a score of at least `level`, one after another."""
+    count = len(parts.counts)
+    room = room_below(choice, count)
+    doubtful = np.empty(len(room.changed), dtype=np.int64)
+    scores = np.empty(len(doubtful), dtype=np.float64)
+    for part in range(begin, end):
+        root, doubts = count + part, 0
+        while choice.best[root] >= level and choice.best[root] > TAKEN:
+            new = choice.position[choice.holder[root]]
+            if _in_doubt(new, choice.best[root], part, doubtful[:doubts], field.normal_weight, choice, parts):
+                doubtful[doubts], scores[doubts] = new, choice.best[root]
+                doubts += 1
+                set_score(choice, root, new, TAKEN)
+            else:
+                _take(new, part, choice, parts)
+                observe(new, root, field, error_weight, choice, room)
+        for doubt in range(doubts):
+            set_score(choice, root, doubtful[doubt], scores[doubt])
+
+
+@nb.njit(cache=True, nogil=True)
+def choose_one_by_one(field, error_weight, level, most, choice, parts):
+    """Choose points with a score of at least `level` one after another, at most so many in all parts."""
+    count = len(parts.counts)
+    room = room_below(choice, 1)
+    taken = np.sum(parts.counts)
+    while taken < most and choice.best[1] >= level and choice.best[1] > TAKEN:
+        new = choice.position[choice.holder[1]]
+        _take(new, leaf_and_column(choice, new)[0] * count // len(choice.leaves), choice, parts)
+        observe(new, 1, field, error_weight, choice, room)
+        taken += 1
+
+
+@nb.njit(cache=True)
+def _take(new, part, choice, parts):
+    """Choose a point for a part."""
+    leaf, column = leaf_and_column(choice, new)
+    slot = len(choice.sites) * part // len(parts.counts) + parts.counts[part]
+    parts.positions[slot], parts.scores[slot] = new, choice.leaves[leaf, SCORE, column]
+    parts.variances[slot] = choice.variances[new]
+    parts.counts[part] += 1
+    choice.leaves[leaf, SCORE, column] = choice.leaves[leaf, REACH, column] = TAKEN
+
+
+@nb.njit(cache=True)
+def _in_doubt(new, score, part, doubtful, normal_weight, choice, parts):
+    """Return whether a better point, outside or in doubt itself, may affect a point of a part or be affected by it."""
+    leaf, column = leaf_and_column(choice, new)
+    reach, index = choice.leaves[leaf, REACH, column], choice.leaves[leaf, INDEX, column]
+    for other in doubtful:
+        at, there = leaf_and_column(choice, other)
+        gap = _gap(choice.sites, new, other, normal_weight)
+        if gap < max(reach, choice.leaves[at, REACH, there]):
+            return True
+    for other in parts.neighbours[parts.starts[part] : parts.starts[part + 1]]:
+        if _affected(new, score, reach, index, len(parts.counts) + other, normal_weight, choice, parts):
+            return True
+    return False
+
+
+@nb.njit(cache=True)
+def _affected(new, score, reach, index, root, normal_weight, choice, parts):
+    """Return whether a better point below the node `root` may affect a point or be affected by it."""
+    n, leaves = len(choice.sites), len(choice.leaves)
+    x, y, z, spacing = choice.sites[new, 0], choice.sites[new, 1], choice.sites[new, 2], choice.sites[new, SPACING]
+    stack = np.empty(64, dtype=np.int64)
+    stack[0] = root
+    height = 1
+    while height:
+        height -= 1
+        node = stack[height]
+        farther = max(reach, parts.reach[node])
+        if parts.best[node] < score or not within_reach(choice.boxes, node, x, y, z, spacing, farther):
+            continue
+        if node < leaves:
+            stack[height], stack[height + 1] = 2 * node, 2 * node + 1
+            height += 2
+            continue
+        first, last = leaf_range(n, leaves, node)
+        for p in range(last - first):
+            other = parts.seen[node - leaves, p]
+            better = other > score or (other == score and choice.leaves[node - leaves, INDEX, p] < index)
+            if better and _gap(choice.sites, new, first + p, normal_weight) < farther:
+                return True
+    return False
+
+
+@nb.njit(cache=True, error_model="numpy", fastmath=False)
+def _gap(sites, i, j, normal_weight):
+    """Return the squared distance in the field between two points; `sites` is (n, 9)."""
+    return field_distance(
+        sites[i, 0] - sites[j, 0], sites[i, 1] - sites[j, 1], sites[i, 2] - sites[j, 2],
+        sites[i, 3] * sites[j, 3] + sites[i, 4] * sites[j, 4] + sites[i, 5] * sites[j, 5],
+        sites[i, SPACING], sites[j, SPACING], normal_weight,
+    )  # fmt: skip

@@ -1,0 +1,169 @@
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import gppcs
+from gppcs.engine import threads
+from gppcs.engine.threads import RANGES, number_of_threads, on_ranges, set_threads
+
+
+@pytest.fixture(autouse=True)
+def default_threads():
+    yield
+    set_threads(None)
+
+
+@given(n=st.integers(0, 500), least=st.integers(1, 50), count=st.integers(1, 8))
+def test_ranges_hold_each_item_once(n, least, count):
+    set_threads(count)
+    calls = []
+    on_ranges(lambda begin, end: calls.append((begin, end)), n, least=least)
+    assert len(calls) <= RANGES
+    assert sorted(i for begin, end in calls for i in range(begin, end)) == list(range(n))
+    assert len(calls) == 1 or all(end - begin >= least for begin, end in calls)
+
+
+def test_several_threads_work_at_once():
+    set_threads(3)
+    all_here = threading.Barrier(3, timeout=20)
+    on_ranges(lambda begin, end: all_here.wait(), 3)  # a single thread would wait in vain
+
+
+def test_one_thread_is_that_of_the_caller():
+    set_threads(1)
+    found = set()
+    on_ranges(lambda begin, end: found.add(threading.get_ident()), 100)
+    assert found == {threading.get_ident()}
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_an_error_in_any_thread_reaches_the_caller_and_the_next_call_works(count):
+    set_threads(count)
+
+    def fail(begin, end):
+        time.sleep(0.001)
+        if end > 30:
+            raise MemoryError("no room")
+
+    for _ in range(5):
+        with pytest.raises(MemoryError, match="no room"):
+            on_ranges(fail, 64)
+    done = []
+    on_ranges(lambda begin, end: done.append(end - begin), 64)
+    assert sum(done) == 64
+
+
+def test_many_callers_share_the_helpers():
+    set_threads(3)
+
+    def add_up(k):
+        totals = np.zeros(1000)
+        on_ranges(lambda begin, end: totals.__setitem__(slice(begin, end), k), 1000)
+        return totals
+
+    with ThreadPoolExecutor(8) as pool:
+        for k, totals in enumerate(pool.map(add_up, range(64))):
+            np.testing.assert_array_equal(totals, k)
+    named = [thread for thread in threading.enumerate() if thread.name == "gppcs"]
+    assert len(named) <= 4 + 2  # test_an_error_in_any_thread needs four
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_fork_starts_its_own_helpers():
+    set_threads(3)
+    on_ranges(lambda begin, end: None, 10)
+    child = os.fork()
+    if child == 0:
+        signal.alarm(20)
+        barrier = threading.Barrier(3, timeout=10)
+        on_ranges(lambda begin, end: barrier.wait(), 3)
+        os._exit(0)
+    assert os.waitpid(child, 0)[1] == 0
+
+
+def test_a_kernel_works_where_no_thread_can_be_started(monkeypatch):
+    def refuse(self):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    monkeypatch.setattr(threads, "_helpers", threads._Helpers())
+    set_threads(4)
+    done = []
+    on_ranges(lambda begin, end: done.append(end - begin), 64)
+    assert sum(done) == 64
+
+
+@pytest.mark.parametrize("wrong", [0, -1, 1.5, "2", float("nan")])
+def test_a_wrong_number_of_threads_is_refused(wrong):
+    with pytest.raises(gppcs.ParameterError, match="expected the number of threads to be a whole number from 1 on"):
+        gppcs.set_threads(wrong)
+
+
+def test_more_threads_than_cores_are_allowed_and_none_is_the_default():
+    gppcs.set_threads(99)
+    assert number_of_threads() == 99
+    gppcs.set_threads(None)
+    assert 1 <= number_of_threads() <= (os.cpu_count() or 1)
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="needs an affinity")
+def test_the_default_is_that_of_the_affinity():
+    before = os.sched_getaffinity(0)
+    try:
+        os.sched_setaffinity(0, {min(before)})
+        assert number_of_threads() == 1
+    finally:
+        os.sched_setaffinity(0, before)
+
+
+@pytest.mark.parametrize(
+    ("groups", "files", "expected"),
+    [
+        ("", {}, np.inf),
+        ("0::/a/b\n", {"a/b/cpu.max": "max 100000"}, np.inf),
+        ("0::/a/b\n", {"a/b/cpu.max": "150000 100000"}, 2),
+        ("0::/a/b\n", {"a/b/cpu.max": "800000 100000", "a/cpu.max": "300000 100000"}, 3),
+        ("0::/a/b\n", {"cpu.max": "20000 100000"}, 1),  # a container sees its own group as the root
+        ("5:cpu,cpuacct:/x\n0::/\n", {"cpu,cpuacct/x/cpu.cfs_quota_us": "-1", "cpu,cpuacct/x/cpu.cfs_period_us": "9"}, np.inf),
+        ("5:cpu,cpuacct:/x\n", {"cpu,cpuacct/cpu.cfs_quota_us": "250000", "cpu,cpuacct/cpu.cfs_period_us": "100000"}, 3),
+        ("nonsense\n", {"cpu.max": "nonsense"}, np.inf),
+    ],
+)  # fmt: skip
+def test_the_quota_of_a_container_counts(tmp_path, groups, files, expected):
+    (tmp_path / "proc/self").mkdir(parents=True)
+    (tmp_path / "proc/self/cgroup").write_text(groups)
+    for name, content in files.items():
+        file = tmp_path / "sys/fs/cgroup" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(content)
+    assert threads._quota(tmp_path) == expected
+
+
+INTERRUPTED = """
+import os, signal, threading, time
+from gppcs.engine.threads import on_ranges, set_threads
+set_threads(2)
+threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+try:
+    on_ranges(lambda begin, end: time.sleep(0.05), 64)
+except KeyboardInterrupt:
+    print("interrupted")
+done = []
+on_ranges(lambda begin, end: done.append(1), 64)
+print(len(done))
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
+def test_ctrl_c_ends_a_call_and_the_next_one_works():
+    output = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=60, check=True)
+    assert output.stdout == "interrupted\n64\n"
