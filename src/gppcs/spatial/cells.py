@@ -6,6 +6,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.spatial.scaling import bounds
 
 MANTISSA_BITS = 53  # a float64 holds whole numbers of up to 53 bits exactly
@@ -95,7 +96,7 @@ def _mark(
     _mark_parts(points, grid, values, _spare_bits(n), entries, starts, chunks, marks)
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _sort_by_hash(points, grid, spare, bits, chunks, entries):
     """Fill `entries`, (N,), part by part in input order; return where the parts start, (2^bits + 1,)."""
     n, parts = len(points), 1 << bits
@@ -112,14 +113,14 @@ def _sort_by_hash(points, grid, spare, bits, chunks, entries):
     return starts
 
 
-@nb.njit(cache=True)
+@kernel
 def _count_hashes(points, begin, end, grid, spare, bits, counts):
     """Add the number of points begin..end of each part to `counts`, (2^bits,); `points` is (N, 3)."""
     for i in range(begin, end):
         counts[_part(_hash(points, i, grid, spare), bits)] += 1
 
 
-@nb.njit(cache=True)
+@kernel
 def _place_hashes(points, begin, end, grid, spare, bits, places, entries):
     """Write the entries of the points begin..end into `entries`, (N,), from `places`, (2^bits,), on."""
     indices = np.uint64((1 << (64 - spare)) - 1)
@@ -130,13 +131,13 @@ def _place_hashes(points, begin, end, grid, spare, bits, places, entries):
         places[part] += 1
 
 
-@nb.njit(cache=True, inline="always")
+@kernel(inline="always")
 def _part(h, bits):
     """Return the first `bits` bits of a hash as a number."""
     return (h >> np.uint64(1)) >> np.uint64(63 - bits)
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _mark_parts(points, grid, values, spare, entries, starts, chunks, marks):
     """Fill `marks`, (N,), part by part; `values` is (N,) or empty, `entries` (N,), `starts` (parts + 1,)."""
     parts = len(starts) - 1
@@ -146,7 +147,7 @@ def _mark_parts(points, grid, values, spare, entries, starts, chunks, marks):
             table = _mark_part(points, grid, values, spare, entries[starts[part] : starts[part + 1]], table, marks)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _mark_part(points, grid, values, spare, entries, table, marks):
     """Fill `marks`, (N,), for the entries of one part; return the table, which grows when it is half full."""
     indices, shift = np.uint64((1 << (64 - spare)) - 1), np.uint64(64 - spare)
@@ -177,7 +178,7 @@ def _mark_part(points, grid, values, spare, entries, table, marks):
     return table
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _grown(table, shift):
     """Return a table, (2 slots,), with the same entries as `table`, (slots,)."""
     larger = np.full(2 * len(table), EMPTY)
@@ -191,7 +192,7 @@ def _grown(table, shift):
     return larger
 
 
-@nb.njit(cache=True, inline="always")
+@kernel(inline="always")
 def _same(points, i, j, grid):
     """Return whether two of the points, (N, 3), are in the same cell or, without a grid, at the same position."""
     for axis in range(3):
@@ -203,7 +204,7 @@ def _same(points, i, j, grid):
     return True
 
 
-@nb.njit(cache=True, inline="always")
+@kernel(inline="always")
 def _hash(points, i, grid, spare):
     """Return a 64-bit hash of one of the points, (N, 3); only its first `spare` bits are used."""
     x, y, z = points[i, 0], points[i, 1], points[i, 2]
@@ -215,7 +216,7 @@ def _hash(points, i, grid, spare):
     return _scrambled(np.uint64(number), np.uint64(spare)) << np.uint64(64 - spare)
 
 
-@nb.njit(cache=True)
+@kernel
 def _scrambled(number, bits):
     """Permute the numbers of `bits` bits: distinct numbers have distinct results."""
     mask, half = (np.uint64(1) << bits) - np.uint64(1), bits >> np.uint64(1)
@@ -224,7 +225,7 @@ def _scrambled(number, bits):
     return h ^ (h >> half)
 
 
-@nb.njit(cache=True)
+@kernel
 def _mixed(x, y, z):
     """Return a 64-bit hash of three floats; zero and minus zero have the same hash."""
     a, b, c = (

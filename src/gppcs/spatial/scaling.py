@@ -8,6 +8,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.errors import InputError
 
 LEAST_OFFSET = 1e-100  # smaller offsets, as a share of the size, become zero: their squares would underflow
@@ -67,7 +68,7 @@ def normalised(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
     return local, low, exponent
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _bounds_of_chunks(points, chunks):
     """Return the lowest and highest coordinates, (chunks, 3) each, of equal parts of the points, (N, 3)."""
     n = len(points)
@@ -79,7 +80,7 @@ def _bounds_of_chunks(points, chunks):
     return low, high
 
 
-@nb.njit(cache=True)
+@kernel
 def _widen(points, low, high):
     """Extend the bounds `low` and `high`, (3,), so that they hold the points, (n, 3)."""
     for axis in range(3):
@@ -93,7 +94,7 @@ def _widen(points, low, high):
         low[axis], high[axis] = least, greatest
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _shift_and_scale(points, corner, scale, again, local):
     """Fill `local`, (N, 3), with (points - corner) * scale * again; one power of two alone could overflow."""
     for i in nb.prange(len(points)):

@@ -10,6 +10,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, squared_distance_of_boxes, squared_distance_to_box
 
 GROUP_SIZE = 8  # Points with one limit of the gradation. Limits for each point take eight times as long and gain 0.5 %.
@@ -125,7 +126,7 @@ def limited(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArra
     return _limited(tree.points, tree.low, tree.high, spacings, slope, least)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _least_of_all(values, least):
     """Fill `least`, (nodes,), with the least of the values, (N,), of each node's points."""
     leaves = first_leaf(least)
@@ -136,7 +137,7 @@ def _least_of_all(values, least):
         least[node] = min(least[2 * node], least[2 * node + 1])
 
 
-@nb.njit(cache=True, nogil=True, parallel=True)
+@kernel(parallel=True)
 def _limited(points, low, high, spacings, slope, least):
     """Return the limited spacings, (N,), of points, (3, N), given boxes, (nodes, 3), and `least`, (nodes,).
 
@@ -174,7 +175,7 @@ def _limited(points, low, high, spacings, slope, least):
     return result
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _lower(places, source, spacing, slope, result):
     """Lower the spacings, (m,), at places, (3, m), to the limit that one point, (3,), with its spacing sets."""
     for i in range(len(result)):

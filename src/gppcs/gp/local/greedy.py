@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.gp.local.conditioning import Conditioning, condition
 from gppcs.gp.local.kernel import LANES, LocalField, field_distance
 from gppcs.gp.local.posterior import posterior, posteriors, sites_of, workspace
@@ -105,7 +105,7 @@ def _nodes(field: LocalField, tree: KdTree, conditioning: Conditioning, scores: 
     return nodes
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _fill(field, order, scores, reach, nodes):
     """Fill leaves and nodes, given order, scores and reaches of the points, (n,) each."""
     leaves = len(nodes.leaves)
@@ -116,7 +116,7 @@ def _fill(field, order, scores, reach, nodes):
         _renew_inner(node, nodes)
 
 
-@nb.njit(cache=True)
+@kernel
 def _fill_leaf(field, order, scores, reach, leaf, nodes):
     """Fill one leaf and its node."""
     n, leaves = len(order), len(nodes.leaves)
@@ -136,7 +136,7 @@ def _fill_leaf(field, order, scores, reach, leaf, nodes):
     _renew_leaf(leaves + leaf, nodes)
 
 
-@nb.njit(cache=True, nogil=True, fastmath=False)
+@kernel(fastmath=False)
 def _choose(field, sites, conditioning, nodes, position, error_weight, variances, chosen, added):
     """Fill `chosen`, (m,), one choice after another, and `added`, (2, m), with score and variance of each.
 
@@ -168,7 +168,7 @@ def _choose(field, sites, conditioning, nodes, position, error_weight, variances
                 _renew_leaf(visited[v], nodes)
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath=False)
+@kernel(error_model="numpy", fastmath=False)
 def _tell(new, field, sites, conditioning, nodes, visited, changed, gaps):
     """Condition the points around a new point on it.
 
@@ -209,7 +209,7 @@ def _tell(new, field, sites, conditioning, nodes, visited, changed, gaps):
     return seen, count
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def _comes_within_reach(boxes, node, x, y, z, spacing):
     """Return whether a new point may be within the reach of a point of the node; `boxes` is (nodes, 8)."""
     dx = max(boxes[node, 0] - x, x - boxes[node, 3], 0.0)
@@ -218,7 +218,7 @@ def _comes_within_reach(boxes, node, x, y, z, spacing):
     return dx * dx + dy * dy + dz * dz <= boxes[node, 6] * (0.5 * (boxes[node, 7] + spacing**2))
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def _keep_nearest(conditioning, i, new, gap):
     """Insert a chosen point among those that point i is conditioned on, and drop the last."""
     slot = conditioning.nearest.shape[1] - 1
@@ -229,14 +229,14 @@ def _keep_nearest(conditioning, i, new, gap):
     conditioning.squared[i, slot], conditioning.nearest[i, slot] = gap, new
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def _renew_inner(node, nodes):
     """Update score, holder and reach of a node from its children."""
     greater_child(node, nodes.best, nodes.holder)
     nodes.boxes[node, 6] = max(nodes.boxes[2 * node, 6], nodes.boxes[2 * node + 1, 6])
 
 
-@nb.njit(cache=True, fastmath={"nnan", "nsz"})
+@kernel(fastmath={"nnan", "nsz"})
 def _renew_leaf(node, nodes):
     """Update score, holder and reach of a leaf's node from its points."""
     leaf = node - len(nodes.leaves)

@@ -11,6 +11,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.gp.local.conditioning import Conditioning
 from gppcs.gp.local.kernel import LANES, LocalField, correlate
 
@@ -44,7 +45,7 @@ class Work(NamedTuple):
     score: NDArray[np.float64]
 
 
-@nb.njit(cache=True)
+@kernel
 def workspace(neighbours):
     """Return memory for posteriors.
 
@@ -69,7 +70,7 @@ def workspace(neighbours):
     )
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"})
+@kernel(error_model="numpy", fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"})
 def posteriors(field, all_sites, nearest, which, begin, end, error_weight, work):
     """Compute mean, variance and score at the points `which[begin:end]`.
 
@@ -126,7 +127,7 @@ def posteriors(field, all_sites, nearest, which, begin, end, error_weight, work)
         score[p] = np.sqrt(gain * variance[p]) + error_weight * gain * abs(mean[p] - sites[neighbours, 7, p])
 
 
-@nb.njit(cache=True)
+@kernel
 def _gather(all_sites, nearest, which, begin, end, sites):
     """Copy sites, (n, 9), into lanes, (K + 1, 9, LANES).
 
@@ -143,7 +144,7 @@ def _gather(all_sites, nearest, which, begin, end, sites):
                 sites[a, 0, p], sites[a, 6, p], sites[a, 8, p] = (a + 1) / NEGLIGIBLE, 1.0, 1.0
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def sites_of(field):
     """Return what kernel and observation need of each point, side by side in memory.
 
@@ -196,7 +197,7 @@ def posterior(
     return found
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _posterior_everywhere(field, sites, nearest, error_weight, means, variances, scores):
     """Fill means, variances and scores, (n,) each, given sites, (n, 9), and nearest, (n, K)."""
     n = len(sites)

@@ -12,6 +12,7 @@ import scipy.sparse
 import scipy.sparse.linalg
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree, nearest_in_tree
 from gppcs.spatial.spacing import nearest_distances
@@ -160,7 +161,7 @@ def _lift(
     return lifted
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _weigh_nearest(landmarks, low, high, functions, points, count, lifted):
     """Fill `lifted`, (N, L), with weighted means of `functions`, (landmarks, L), at `points`, (N, 3)."""
     for i in nb.prange(len(points)):

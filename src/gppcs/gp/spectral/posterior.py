@@ -9,6 +9,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
+
 
 @dataclass(frozen=True)
 class Posterior:
@@ -62,7 +64,7 @@ class Posterior:
         return mean, variance
 
 
-@nb.njit(cache=True, parallel=True, fastmath={"contract", "reassoc", "nsz"})
+@kernel(parallel=True, fastmath={"contract", "reassoc", "nsz"})
 def _predict(phi, weight_mean, factor, mean, variance):
     """Fill `mean` and `variance`, (N,), from `phi` (N, L), `weight_mean` (L,) and a Cholesky factor (L, L)."""
     count = phi.shape[1]

@@ -10,6 +10,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.spatial.farthest_points import approach, farthest_points
 
 # Upper limits of the number of points, and how many voxels the longest axis then has.
@@ -225,7 +226,7 @@ def _fill_large(
     own[:] = begin + farthest_points(members, len(own), first=first, others=others)[0]
 
 
-@nb.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _fill(points, begins, cells, keys, along, edge, some, starts, chosen):
     """Fill `chosen`, (sum of quotas,), for the voxels `some`, (m,), which do not touch; `points` is (3, N)."""
     for s in nb.prange(len(some)):
@@ -243,7 +244,7 @@ def _fill(points, begins, cells, keys, along, edge, some, starts, chosen):
             pick = np.argmax(squared)
 
 
-@nb.njit(cache=True)
+@kernel
 def _nearest_to_centre(points, begin, end, cell, edge):
     """Return which of the points begin..end, (3, N), is nearest the centre of the voxel; ties go to the first."""
     best, nearest = 0, np.inf
@@ -256,7 +257,7 @@ def _nearest_to_centre(points, begin, end, cell, edge):
     return best
 
 
-@nb.njit(cache=True)
+@kernel
 def _chosen_near(points, cells, keys, along, edge, voxel, starts, chosen):
     """Return the positions of the points chosen in the 26 voxels around that are near enough to the centre, (n,)."""
     near = []

@@ -8,6 +8,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.spatial.kdtree import (
     KdTree,
     first_leaf,
@@ -104,7 +105,7 @@ def project(
     return projected
 
 
-@nb.njit(cache=True, inline="always")
+@kernel(inline="always")
 def _theta(t):
     """Return exp(-4 t) for t from 0 to 1, to eleven digits, and zero beyond; it has no calls, so it is vectorised."""
     s = 0.25 - 0.5 * t
@@ -117,7 +118,7 @@ def _theta(t):
     return e * np.exp(-2.0) if t <= 1.0 else 0.0
 
 
-@nb.njit(cache=True, parallel=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+@kernel(parallel=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _crowding(points, low, high, radius):
     """Return 1 + sum theta over the other points, (N,), for each of the points, (3, N)."""
     n = points.shape[1]
@@ -139,7 +140,7 @@ def _crowding(points, low, high, radius):
     return crowding
 
 
-@nb.njit(cache=True, parallel=True)
+@kernel(parallel=True)
 def _moved(points, low, high, weights, samples, sample_low, sample_high, omega, radius, mu):
     """Return the samples, (3, M), in the order of their tree, after one iteration.
 
@@ -163,7 +164,7 @@ def _moved(points, low, high, weights, samples, sample_low, sample_high, omega, 
     return moved
 
 
-@nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _attraction(points, low, high, weights, near, radius, x, y, z):
     """Return the vector to the weighted mean of the points, (3, N), around (x, y, z); zero if there are none."""
     leaves = first_leaf(low)
@@ -185,7 +186,7 @@ def _attraction(points, low, high, weights, near, radius, x, y, z):
     return 0.0, 0.0, 0.0
 
 
-@nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _repulsion(samples, low, high, omega, near, radius, x, y, z):
     """Return the weighted mean vector away from the samples, (3, M), around (x, y, z); zero for fewer than two."""
     leaves = first_leaf(low)
@@ -234,7 +235,7 @@ def nearest_unused(positions: NDArray[np.float64], tree: KdTree) -> NDArray[np.i
     return indices
 
 
-@nb.njit(cache=True)
+@kernel
 def _take_nearest(positions, points, order, low, high, taken, unused, indices):
     """Fill `indices`, (M,), for `positions`, (M, 3); `taken`, (N,), and `unused`, (nodes,), are updated."""
     leaves = first_leaf(low)
@@ -250,7 +251,7 @@ def _take_nearest(positions, points, order, low, high, taken, unused, indices):
             node //= 2
 
 
-@nb.njit(cache=True)
+@kernel
 def _nearest_untaken(points, order, low, high, taken, unused, x, y, z):
     """Return the position of the point nearest (x, y, z) that is not `taken`, (N,); ties go to the smallest index."""
     leaves = first_leaf(low)
