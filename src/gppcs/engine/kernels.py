@@ -12,10 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numba as nb
+from numba.core import event
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
+from gppcs.engine import compiling
 from gppcs.engine.kernel_cache import folder_to_write, folders, sources_have_changed
 
 CHECKSUM_BYTES = 16
@@ -124,3 +126,18 @@ def _write_whole(path: Path, content: bytes) -> None:
     finally:
         with contextlib.suppress(OSError):
             part.unlink()
+
+
+class _Listener(event.Listener):
+    """Hears of each compilation by Numba, and passes on those of kernels of the package."""
+
+    def on_start(self, event: Any) -> None:
+        if isinstance(event.data["dispatcher"]._cache, _KernelCache):
+            compiling.started()
+
+    def on_end(self, event: Any) -> None:
+        if isinstance(event.data["dispatcher"]._cache, _KernelCache):
+            compiling.ended()
+
+
+event.register("numba:compile", _Listener())
