@@ -90,8 +90,6 @@ import sys
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from gppcs.engine.kernel_cache import provide_folder as _provide_folder
-
 if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
     from gppcs.clouds.depth_camera import from_depth
@@ -260,5 +258,3 @@ sys.modules[__name__].__class__ = type(
     (ModuleType,),
     {name: _imported_when_used(name, home) for home, names in _HOMES.items() for name in names},
 )
-
-_provide_folder()

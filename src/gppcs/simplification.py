@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
-from gppcs.engine.stages import Stages
+from gppcs.engine.stages import COMPILATION, Stages
 from gppcs.errors import InputError, ParameterError, whole_number
 from gppcs.methods import DEFAULT, Method, Selection, method_named
 
@@ -29,7 +29,8 @@ class Result:
     method : Method
         The method with all its parameters.
     seconds : mapping of str to float
-        Wall time of each stage in seconds, in the order of the run.
+        Wall time of each stage in seconds, in the order of the run. If kernels were compiled meanwhile, that time is in
+        an entry of its own, `compilation`.
     diagnostics : mapping of str to float
         Figures that the method reports about its run, such as fitted hyperparameters.
 
@@ -50,7 +51,11 @@ class Result:
     diagnostics: Mapping[str, float]
 
     def __repr__(self) -> str:
-        return f"Result({len(self.indices):,} points by {self.method.label} in {sum(self.seconds.values()):.3g} s)"
+        compilation = self.seconds.get(COMPILATION, 0.0)
+        seconds = f"{sum(self.seconds.values()) - compilation:.3g} s"
+        if compilation:
+            seconds += f" and {compilation:.3g} s of compilation"
+        return f"Result({len(self.indices):,} points by {self.method.label} in {seconds})"
 
 
 def simplify(

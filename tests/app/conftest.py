@@ -5,7 +5,7 @@ import sys
 import pytest
 
 import gppcs
-from gppcs.app import cli, console
+from gppcs.app import cli
 
 
 @pytest.fixture(scope="session")
@@ -34,13 +34,13 @@ def scan(folder):
 
 @pytest.fixture
 def gppcs_command(kernels, folder, monkeypatch, capsys):
-    """Run the command in this process; return its exit code, stdout and stderr, less the notice of a first run."""
+    """Run the command in this process; return its exit code, stdout and stderr."""
 
     def run(*arguments):
         monkeypatch.setattr(sys, "argv", ["gppcs", *map(str, arguments)])
         with pytest.raises(SystemExit) as stop:
             cli.main()
         out, err = capsys.readouterr()
-        return stop.value.code, out, err.replace(f"{console.NOTICE}\n", "")
+        return stop.value.code, out, err
 
     return run

@@ -1,5 +1,6 @@
-"""Progress and the notice about compilation, on stderr."""
+"""Progress and notices, on stderr."""
 
+import logging
 import os
 import pty
 import subprocess
@@ -73,13 +74,10 @@ def test_no_bar_where_stderr_is_no_terminal(capsys, monkeypatch):
     assert capsys.readouterr() == ("", "")
 
 
-def test_compiling_is_told_once_and_timed(capsys):
-    compilation = console.Compilation()
-    for _ in range(2):  # one kernel needs another
-        compilation.on_start(None)
-        compilation.on_start(None)
-        time.sleep(0.01)
-        compilation.on_end(None)
-        compilation.on_end(None)
-    assert capsys.readouterr().err == "gppcs: compiling its kernels, once on this machine\n"
-    assert 0.02 <= compilation.seconds < 1
+def test_what_the_library_logs_is_shown_while_a_command_runs(capsys):
+    logger = logging.getLogger("gppcs")
+    with console.log_on_stderr():
+        logger.info("a notice")
+    logger.info("another")
+    assert capsys.readouterr() == ("", "gppcs: a notice\n")
+    assert (logger.handlers, logger.level) == ([], logging.NOTSET)

@@ -19,7 +19,7 @@ def test_warmup_says_how_many_kernels_it_compiled_and_where_they_are(gppcs_comma
     assert (code, err) == (0, "")
     assert record.pop("seconds") > 0
     assert record == {"compiled": 0, "folders": told[1].split(", "), "version": gppcs.__version__}  # not a second time
-    assert all(list(Path(folder).glob("*.nbi")) for folder in record["folders"])
+    assert all(list(Path(folder).glob("*.nbc")) for folder in record["folders"])
 
 
 def test_the_help_of_warmup_says_where_kernels_are_kept(gppcs_command):

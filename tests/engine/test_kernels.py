@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import gppcs
-from gppcs.app import console
+from gppcs.engine import compiling
 
 SOURCE = Path(gppcs.__file__).parent
 
@@ -21,8 +21,9 @@ def kernels():
     for path in SOURCE.rglob("*.py"):
         for function in ast.walk(ast.parse(path.read_text())):
             for decorator in getattr(function, "decorator_list", []):
-                if isinstance(decorator, ast.Call) and ast.unparse(decorator.func) == "nb.njit":
-                    options = {keyword.arg: ast.unparse(keyword.value) for keyword in decorator.keywords}
+                if ast.unparse(decorator).partition("(")[0] == "kernel":
+                    keywords = getattr(decorator, "keywords", [])
+                    options = {keyword.arg: ast.unparse(keyword.value) for keyword in keywords}
                     calls = [node.func for node in ast.walk(function) if isinstance(node, ast.Call)]
                     found[function.name, path.stem] = options, {ast.unparse(call) for call in calls}
     return found
@@ -76,9 +77,9 @@ def simplified(unwritable, output, code=COMMAND, **environment):
 def test_kernels_go_to_the_users_folder_where_that_of_the_package_cannot_be_written(unwritable, tmp_path):
     cache = tmp_path / "cache"
     out, err = simplified(unwritable, "first.ply", XDG_CACHE_HOME=str(cache))
-    assert err == f"{console.NOTICE}\n"
+    assert err == f"gppcs: {compiling.NOTICE}\n"
     assert "compiling kernels, this time only" in out
-    assert list(cache.glob("numba/spatial_*/*.nbc"))
+    assert list(cache.glob("gppcs/*/*/*/gppcs.spatial.*.nbc"))
     out, err = simplified(unwritable, "second.ply", XDG_CACHE_HOME=str(cache))
     assert err == ""
     assert "compiling" not in out
@@ -91,15 +92,15 @@ def test_kernels_are_compiled_for_one_run_where_nothing_can_be_written(unwritabl
     temporary.mkdir()
     folders = {"XDG_CACHE_HOME": str(tmp_path / "scan.ply"), "TMPDIR": str(temporary)}
     _, err = simplified(unwritable, "out.ply", before + COMMAND, **folders)
-    assert err == f"{console.PASSING_NOTICE}\n"
+    assert err == f"gppcs: {compiling.PASSING_NOTICE}\n"
     assert list(temporary.iterdir()) == []
 
 
 def test_a_named_folder_does_where_no_other_can_be_written(unwritable, tmp_path):
     folders = {"XDG_CACHE_HOME": str(tmp_path / "scan.ply"), "NUMBA_CACHE_DIR": str(tmp_path / "named")}
     _, err = simplified(unwritable, "out.ply", **folders)
-    assert err == f"{console.NOTICE}\n"
-    assert list(tmp_path.glob("named/spatial_*/*.nbc"))
+    assert err == f"gppcs: {compiling.NOTICE}\n"
+    assert list(tmp_path.glob("named/gppcs/*/*/*/gppcs.spatial.*.nbc"))
 
 
 def test_warmup_refuses_to_compile_what_cannot_be_kept(unwritable, tmp_path):
@@ -117,7 +118,7 @@ def test_nothing_is_left_to_compile_after_a_warm_up(tmp_path):
         "import sys; from gppcs.app.compilation import compile_method; [compile_method(name) for name in sys.argv[1:]]"
     )
     assert run_python(warm_up, *methods, NUMBA_CACHE_DIR=str(cache)) == (0, "", "")
-    kept = sorted(cache.rglob("*.nb?"))
+    kept = sorted(cache.rglob("*.nbc"))
     assert len(kept) > 40
     cloud = gppcs.sample("bracket", 30_000)  # neither noise nor size of the scan that is compiled on
     gppcs.write(tmp_path / "scan.ply", gppcs.PointCloud(cloud.points.astype("float32"), cloud.attributes))
@@ -125,4 +126,4 @@ def test_nothing_is_left_to_compile_after_a_warm_up(tmp_path):
         arguments = "simplify", tmp_path / "scan.ply", "-o", tmp_path / f"{method}.ply", "--ratio", 0.03
         code, _, err = run_python(COMMAND, *arguments, "--method", method, NUMBA_CACHE_DIR=str(cache))
         assert (code, err) == (0, "")
-    assert sorted(cache.rglob("*.nb?")) == kept
+    assert sorted(cache.rglob("*.nbc")) == kept

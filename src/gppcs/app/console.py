@@ -6,7 +6,6 @@ import sys
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from time import perf_counter
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -16,16 +15,10 @@ from rich.table import Table
 from rich.text import Text
 
 from gppcs.app.tables import UNITS, columns_of, shown
-from gppcs.engine import kernel_cache
 
 if TYPE_CHECKING:
     from gppcs.evaluation.comparison import Entry
 
-NOTICE = "gppcs: compiling its kernels, once on this machine"
-PASSING_NOTICE = (
-    "gppcs: compiling its kernels, for this run only, since neither its folder nor the user's cache folder can be "
-    "written; set NUMBA_CACHE_DIR to a folder that can"
-)
 PATIENCE = 1.0  # seconds after which a stage shows a bar
 
 
@@ -77,62 +70,21 @@ class ProgressBar:
             self._progress = None
 
 
-class Compilation:
-    """Prints a notice on stderr when the first kernel is compiled, and adds up the time of all compilations.
-
-    Attributes
-    ----------
-    seconds : float
-        Wall time of all compilations so far.
-    """
-
-    def __init__(self) -> None:
-        self.seconds = 0.0
-        self._depth = 0
-        self._start = 0.0
-
-    def on_start(self, event: object) -> None:
-        """Handle Numba's event that a compilation starts. Compilations nest: one kernel may need another.
-
-        Parameters
-        ----------
-        event : numba.core.event.Event
-            Not used.
-        """
-        if self.seconds == 0.0 and self._depth == 0:
-            print(NOTICE if kernel_cache.are_kept() else PASSING_NOTICE, file=sys.stderr)  # noqa: T201
-        if self._depth == 0:
-            self._start = perf_counter()
-        self._depth += 1
-
-    def on_end(self, event: object) -> None:
-        """Handle Numba's event that a compilation has ended.
-
-        Parameters
-        ----------
-        event : numba.core.event.Event
-            Not used.
-        """
-        self._depth -= 1
-        if self._depth == 0:
-            self.seconds += perf_counter() - self._start
-
-
 @contextmanager
-def compilation_noticed() -> Iterator[Compilation]:
-    """Measure the compilation of kernels while the block runs. Kernels loaded from the cache do not count.
+def log_on_stderr() -> Iterator[None]:
+    """Show on stderr what the library logs while the block runs, such as that it compiles its kernels."""
+    import logging
 
-    Yields
-    ------
-    Compilation
-        With the time so far.
-    """
-    from numba.core import event
-
-    compilation = Compilation()
-    listener = type("Listener", (event.Listener,), {"on_start": compilation.on_start, "on_end": compilation.on_end})()
-    with event.install_listener("numba:compile", listener):
-        yield compilation
+    logger = logging.getLogger("gppcs")
+    handler, level = logging.StreamHandler(), logger.level
+    handler.setFormatter(logging.Formatter("gppcs: %(message)s"))
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
+        logger.removeHandler(handler)
 
 
 def print_comparison(entries: Sequence[Entry]) -> None:

@@ -7,6 +7,10 @@ from contextlib import contextmanager
 from time import perf_counter
 from typing import Protocol
 
+from gppcs.engine import compiling
+
+COMPILATION = "compilation"  # the stage to which all compilation of kernels counts
+
 
 class Listener(Protocol):
     """The interface of an object that receives the progress of a run, such as a progress bar.
@@ -64,7 +68,8 @@ class Stages:
     Attributes
     ----------
     seconds : dict of str to float
-        Wall time in seconds by name of the stage, in the order of the run. Stages of the same name add up.
+        Wall time in seconds by name of the stage, in the order of the run. Stages of the same name add up. If kernels
+        were compiled meanwhile, that time is in an entry of its own, `compilation`, and not in those of the stages.
 
     Examples
     --------
@@ -108,13 +113,19 @@ class Stages:
         listener = self._listener
         if listener:
             listener.started(name, total)
-        start = perf_counter()
+        compiled, start = compiling.seconds(), perf_counter()
         try:
             yield listener.advanced if listener else _ignore
         finally:
-            self.seconds[name] = self.seconds.get(name, 0.0) + perf_counter() - start
+            elapsed, compilation = perf_counter() - start, compiling.seconds() - compiled
+            self._add(name, max(0.0, elapsed - compilation))
+            if compilation:
+                self._add(COMPILATION, compilation)
             if listener:
                 listener.finished()
+
+    def _add(self, name: str, seconds: float) -> None:
+        self.seconds[name] = self.seconds.get(name, 0.0) + seconds
 
 
 def _ignore(steps: int) -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import KdTree, nearest_in_tree
 from gppcs.surface.moments import tangents
@@ -91,14 +91,14 @@ class LocalSurface:
         return distances, normals
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _build_fans(begin, end, points, low, high, normals, corners):
     """Fill corners (M, MAX_TRIANGLES, 2) for points (3, M), boxes (nodes, 3) and normals (M, 3), in tree order."""
     for i in range(begin, end):
         _build_fan(points, low, high, i, normals[i], corners[i])
 
 
-@nb.njit(cache=True)
+@kernel
 def _build_fan(points, low, high, i, normal, corners):
     """Fill the corners (MAX_TRIANGLES, 2) around point i of points (3, M), with as many neighbours as necessary."""
     n = points.shape[1]
@@ -117,7 +117,7 @@ def _build_fan(points, low, high, i, normal, corners):
         neighbours *= 2
 
 
-@nb.njit(cache=True)
+@kernel
 def _lay_out(points, i, normal, found, squared, inverse, index):
     """Fill inverse (k, 2) and index (k,) with the layout of k neighbours, and return the number of rows filled.
 
@@ -140,7 +140,7 @@ def _lay_out(points, i, normal, found, squared, inverse, index):
     return count
 
 
-@nb.njit(cache=True)
+@kernel
 def _fan(inverse, index, corners):
     """Fill corners (MAX_TRIANGLES, 2) with the triangles at the origin; return the diameter of the widest circumcircle.
 
@@ -173,14 +173,14 @@ def _fan(inverse, index, corners):
     return widest
 
 
-@nb.njit(cache=True)
+@kernel
 def _diameter(a, b):
     """Return the diameter of the circle through the origin whose inverse is the line through a and b, both (2,)."""
     doubled_area = abs(a[0] * b[1] - a[1] * b[0])
     return np.hypot(b[0] - a[0], b[1] - a[1]) / doubled_area if doubled_area > 0.0 else np.inf
 
 
-@nb.njit(cache=True)
+@kernel
 def _around(inverse):
     """Return the inverted neighbours (n, 2) sorted by direction, from a corner of the hull around to the same corner.
 
@@ -205,7 +205,7 @@ def _around(inverse):
     return round_
 
 
-@nb.njit(cache=True)
+@kernel
 def _turns_left(points, a, b, c):
     """Return whether the path from a via b to c turns left, for indices into points (n, 2); n means the origin."""
     ax, ay = (points[a, 0], points[a, 1]) if a < len(points) else (0.0, 0.0)
@@ -214,7 +214,7 @@ def _turns_left(points, a, b, c):
     return (bx - ax) * (cy - by) - (by - ay) * (cx - bx) > 0.0
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _search(begin, end, points, low, high, normals, corners, queries, distances, nearest_normals):
     """Fill distances (Q,) and nearest_normals (Q, 3) of queries (Q, 3); other arrays are those of `LocalSurface`."""
     k = min(SEARCHED_FANS, points.shape[1])
@@ -239,13 +239,13 @@ def _search(begin, end, points, low, high, normals, corners, queries, distances,
         _interpolate(normals, first, second, third, v, w, nearest_normals[q])
 
 
-@nb.njit(cache=True)
+@kernel
 def _from(points, i, x, y, z):
     """Return the vector from (x, y, z) to point i of points (3, M)."""
     return points[0, i] - x, points[1, i] - y, points[2, i] - z
 
 
-@nb.njit(cache=True)
+@kernel
 def _squared(a, b, c, v, w):
     """Return the squared length of a + v (b - a) + w (c - a), for vectors of three numbers."""
     x = a[0] + v * (b[0] - a[0]) + w * (c[0] - a[0])
@@ -254,7 +254,7 @@ def _squared(a, b, c, v, w):
     return x * x + y * y + z * z
 
 
-@nb.njit(cache=True)
+@kernel
 def _interpolate(normals, first, second, third, v, w, normal):
     """Fill normal (3,) with the weighted mean of three rows of normals (M, 3), with the signs that make it longest."""
     a, b, c = normals[first], normals[second], normals[third]
@@ -271,7 +271,7 @@ def _interpolate(normals, first, second, third, v, w, normal):
                 normal[0], normal[1], normal[2] = x, y, z
 
 
-@nb.njit(cache=True)
+@kernel
 def nearest_in_triangle(a, b, c):
     """Return v and w such that a + v (b - a) + w (c - a) is the point of the triangle nearest to the origin.
 
@@ -298,11 +298,11 @@ def nearest_in_triangle(a, b, c):
     return beside_ac / area, beside_ab / area
 
 
-@nb.njit(cache=True)
+@kernel
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@nb.njit(cache=True)
+@kernel
 def _minus(a, b):
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]

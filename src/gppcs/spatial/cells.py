@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import RANGES, on_ranges
 from gppcs.spatial.scaling import bounds
 
@@ -100,7 +100,7 @@ def _mark(
     on_ranges(_mark_parts, 1 << bits, points, grid, values, spare, entries, starts, marks)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _count_hashes(begin, end, points, grid, spare, bits, counts):
     """Count the points of each part in some chunks: fill `counts`, (chunks, 2^bits); `points` is (N, 3)."""
     n, chunks = len(points), len(counts)
@@ -109,7 +109,7 @@ def _count_hashes(begin, end, points, grid, spare, bits, counts):
             counts[c, _part(_hash(points, i, grid, spare), bits)] += 1
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _place_hashes(begin, end, points, grid, spare, bits, places, entries):
     """Write the entries of some chunks into `entries`, (N,), from `places`, (chunks, 2^bits), on."""
     n, chunks = len(points), len(places)
@@ -122,13 +122,13 @@ def _place_hashes(begin, end, points, grid, spare, bits, places, entries):
             places[c, part] += 1
 
 
-@nb.njit(cache=True, inline="always")
+@kernel(inline="always")
 def _part(h, bits):
     """Return the first `bits` bits of a hash as a number."""
     return (h >> np.uint64(1)) >> np.uint64(63 - bits)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _mark_parts(begin, end, points, grid, values, spare, entries, starts, marks):
     """Fill `marks`, (N,), for some parts; `values` is (N,) or empty, `entries` (N,), `starts` (parts + 1,)."""
     table = np.empty(FIRST_SLOTS, dtype=np.uint64)
@@ -136,7 +136,7 @@ def _mark_parts(begin, end, points, grid, values, spare, entries, starts, marks)
         table = _mark_part(points, grid, values, spare, entries[starts[part] : starts[part + 1]], table, marks)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _mark_part(points, grid, values, spare, entries, table, marks):
     """Fill `marks`, (N,), for the entries of one part; return the table, which grows when it is half full."""
     indices, shift = np.uint64((1 << (64 - spare)) - 1), np.uint64(64 - spare)
@@ -167,7 +167,7 @@ def _mark_part(points, grid, values, spare, entries, table, marks):
     return table
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _grown(table, shift):
     """Return a table, (2 slots,), with the same entries as `table`, (slots,)."""
     larger = np.full(2 * len(table), EMPTY)
@@ -181,7 +181,7 @@ def _grown(table, shift):
     return larger
 
 
-@nb.njit(cache=True, inline="always")
+@kernel(inline="always")
 def _same(points, i, j, grid):
     """Return whether two of the points, (N, 3), are in the same cell or, without a grid, at the same position."""
     for axis in range(3):
@@ -193,7 +193,7 @@ def _same(points, i, j, grid):
     return True
 
 
-@nb.njit(cache=True, inline="always")
+@kernel(inline="always")
 def _hash(points, i, grid, spare):
     """Return a 64-bit hash of one of the points, (N, 3); only its first `spare` bits are used."""
     x, y, z = points[i, 0], points[i, 1], points[i, 2]
@@ -205,7 +205,7 @@ def _hash(points, i, grid, spare):
     return _scrambled(np.uint64(number), np.uint64(spare)) << np.uint64(64 - spare)
 
 
-@nb.njit(cache=True)
+@kernel
 def _scrambled(number, bits):
     """Permute the numbers of `bits` bits: distinct numbers have distinct results."""
     mask, half = (np.uint64(1) << bits) - np.uint64(1), bits >> np.uint64(1)
@@ -214,7 +214,7 @@ def _scrambled(number, bits):
     return h ^ (h >> half)
 
 
-@nb.njit(cache=True)
+@kernel
 def _mixed(x, y, z):
     """Return a 64-bit hash of three floats; zero and minus zero have the same hash."""
     a, b, c = (

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.spatial.kdtree import (
     KdTree,
     first_leaf,
@@ -88,7 +88,7 @@ def farthest_points(
     return chosen, np.sqrt(distances)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _choose(points, order, low, high, position, squared, farthest, candidate, chosen, distances, begin, end):
     """Fill `chosen` and `distances`, (M,), from `begin` to `end`; `squared` is (N,) in tree order."""
     leaves = first_leaf(low)
@@ -125,7 +125,7 @@ def _choose(points, order, low, high, position, squared, farthest, candidate, ch
             greater_child(visited[v], farthest, candidate)
 
 
-@nb.njit(cache=True)
+@kernel
 def approach(xs, ys, zs, squared, x, y, z):
     """Lower the squared distances of n points where (x, y, z) is nearer.
 

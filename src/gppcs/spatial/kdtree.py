@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 
 LEAF_SIZE = 32  # most points in a leaf: few enough to prune well, enough to fill vector registers
@@ -189,7 +189,7 @@ class KdTree:
         return positions[:, 1:], squared[:, 1:]  # the first is the point itself
 
 
-@nb.njit(cache=True, inline="always")
+@kernel(inline="always")
 def first_leaf(low):
     """Return the node number of the first leaf, which is also the number of leaves.
 
@@ -205,7 +205,7 @@ def first_leaf(low):
     return low.shape[0] // 2
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def leaf_range(n, leaves, leaf):
     """Return the start and the end of a leaf's points in tree order.
 
@@ -226,7 +226,7 @@ def leaf_range(n, leaves, leaf):
     return n * j // leaves, n * (j + 1) // leaves
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _record(begin, end, points, records, numbers):
     """Fill `records`, (N, 4): coordinates of the points, (N, 3), and the index, written as int64 via `numbers`."""
     for i in range(begin, end):
@@ -234,14 +234,14 @@ def _record(begin, end, points, records, numbers):
         numbers[i, 3] = i
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _split_nodes(begin, end, level, records, low, high):
     """Split the nodes `begin` to `end` of a level; arrays as in `_split`."""
     for node in range((1 << level) + begin, (1 << level) + end):
         _split(records, node, level, low, high)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _grow(begin, end, top, depth, records, numbers, order, points, low, high):
     """Sort the records, (N, 4), below the nodes `begin` to `end` of the level `top`.
 
@@ -255,7 +255,7 @@ def _grow(begin, end, top, depth, records, numbers, order, points, low, high):
             _fill_leaf(records, numbers, leaf, depth, order, points, low, high)
 
 
-@nb.njit(cache=True)
+@kernel
 def _fill_leaf(records, numbers, leaf, depth, order, points, low, high):
     """Copy a leaf's records, (N, 4), to `order` (N,) and `points` (3, N), and fill its box in `low` and `high`."""
     begin, end = _range(len(records), leaf, depth)
@@ -266,14 +266,14 @@ def _fill_leaf(records, numbers, leaf, depth, order, points, low, high):
             points[axis, i] = records[i, axis]
 
 
-@nb.njit(cache=True)
+@kernel
 def _range(n, node, level):
     """Return the start and the end in tree order of a node of a level, of n points."""
     j = node - (1 << level)
     return n * j >> level, n * (j + 1) >> level
 
 
-@nb.njit(cache=True)
+@kernel
 def _split(records, node, level, low, high):
     """Fill a node's box in `low` and `high`, (nodes, 3); split its records, (N, 4), at the longest side's median."""
     begin, end = _range(len(records), node, level)
@@ -285,7 +285,7 @@ def _split(records, node, level, low, high):
     _part(records, axis, begin, _range(len(records), 2 * node, level + 1)[1], end)
 
 
-@nb.njit(cache=True, fastmath={"nnan", "nsz"})
+@kernel(fastmath={"nnan", "nsz"})
 def _bound(records, begin, end, low, high):
     """Fill `low` and `high`, (3,), with the bounds of the records begin..end of (N, 4)."""
     a = b = c = np.inf
@@ -298,7 +298,7 @@ def _bound(records, begin, end, low, high):
     high[0], high[1], high[2] = d, e, f
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def measure_boxes(points, low, high):
     """Fill the boxes of all nodes, `low` and `high`, (nodes, 3), from the points, (3, N), in tree order."""
     leaves = first_leaf(low)
@@ -312,7 +312,7 @@ def measure_boxes(points, low, high):
                 high[node, axis] = max(high[2 * node, axis], high[2 * node + 1, axis])
 
 
-@nb.njit(cache=True)
+@kernel
 def _part(records, axis, begin, middle, end):
     """Permute the records begin..end of (N, 4): keys before `middle` are at most its key, later ones at least."""
     sample = np.empty(SAMPLED, dtype=np.float64)
@@ -328,7 +328,7 @@ def _part(records, axis, begin, middle, end):
             begin = parted
 
 
-@nb.njit(cache=True)
+@kernel
 def _pivot(records, axis, begin, middle, end, sample):
     """Return a key of the records, (N, 4), that probably leaves `middle` in a small part (Floyd and Rivest 1975)."""
     count = end - begin
@@ -348,7 +348,7 @@ def _pivot(records, axis, begin, middle, end, sample):
     return sample[min(below + PAST_MIDDLE, SAMPLED - 1)] if 2 * below < SAMPLED else sample[max(below - PAST_MIDDLE, 0)]
 
 
-@nb.njit(cache=True)
+@kernel
 def _move_forward(records, axis, begin, end, pivot, equal):
     """Move records, (N, 4), with keys below the pivot to the front of begin..end; return where the others start.
 
@@ -366,7 +366,7 @@ def _move_forward(records, axis, begin, end, pivot, equal):
     return free
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def squared_distance_to_box(low, high, x, y, z):
     """Return the squared distance of (x, y, z) to a box, zero inside.
 
@@ -388,7 +388,7 @@ def squared_distance_to_box(low, high, x, y, z):
     return dx * dx + dy * dy + dz * dz
 
 
-@nb.njit(cache=True)
+@kernel
 def nearest_in_tree(points, low, high, x, y, z, found, squared):
     """Find the k points of a tree nearest to (x, y, z).
 
@@ -432,7 +432,7 @@ def nearest_in_tree(points, low, high, x, y, z, found, squared):
                     squared[slot], found[slot] = d, j
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _nearest_of_all(begin, end, points, low, high, queries, found, squared):
     """Fill `found` and `squared`, (Q, k), with `nearest_in_tree` of each of the queries, (Q, 3)."""
     for q in range(begin, end):
@@ -440,7 +440,7 @@ def _nearest_of_all(begin, end, points, low, high, queries, found, squared):
         nearest_in_tree(points, low, high, x, y, z, found[q], squared[q])
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def leaves_near(low, high, box_low, box_high, squared_radius, found):
     """Find the leaves within a radius of a box.
 
@@ -478,7 +478,7 @@ def leaves_near(low, high, box_low, box_high, squared_radius, found):
     return count
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def squared_distance_of_boxes(low, high, other_low, other_high):
     """Return the squared distance between two boxes, zero if they overlap.
 
@@ -499,7 +499,7 @@ def squared_distance_of_boxes(low, high, other_low, other_high):
     return dx * dx + dy * dy + dz * dz
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def points_near(points, low, high, leaves, box_low, box_high, squared_radius, found):
     """Find the points of some leaves within a radius of a box.
 
@@ -532,7 +532,7 @@ def points_near(points, low, high, leaves, box_low, box_high, squared_radius, fo
     return count
 
 
-@nb.njit(cache=True)
+@kernel
 def greatest_of_all(order, values, greatest, holder):
     """Fill each node with the greatest value among its points, and with the index of that point.
 
@@ -555,7 +555,7 @@ def greatest_of_all(order, values, greatest, holder):
             greater_child(node, greatest, holder)
 
 
-@nb.njit(cache=True, fastmath={"nnan", "nsz"})
+@kernel(fastmath={"nnan", "nsz"})
 def greatest_in_leaf(node, order, values, greatest, holder):
     """Update the greatest value of one leaf, and the index of its point.
 
@@ -580,7 +580,7 @@ def greatest_in_leaf(node, order, values, greatest, holder):
     greatest[node], holder[node] = best, index
 
 
-@nb.njit(cache=True)
+@kernel
 def greater_child(node, greatest, holder):
     """Update the greatest value of one inner node from its two children.
 

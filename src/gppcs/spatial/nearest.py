@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.spatial.kdtree import LEAF_SIZE, leaves_near, nearest_in_tree, points_near
 
 STRIDE = 16  # arrays are padded to multiples of this length: two of the widest vector registers
@@ -32,7 +32,7 @@ class Room(NamedTuple):
     packed: NDArray[np.float64]
 
 
-@nb.njit(cache=True)
+@kernel
 def room_for(leaves):
     """Allocate buffers for the points of some leaves.
 
@@ -50,7 +50,7 @@ def room_for(leaves):
     )
 
 
-@nb.njit(cache=True)
+@kernel
 def pack(points, room, count):
     """Copy the coordinates of the found points into `room.packed`, and pad them with far points.
 
@@ -102,7 +102,7 @@ class Search(NamedTuple):
     local: NDArray[np.float64]
 
 
-@nb.njit(cache=True)
+@kernel
 def search_for(k, leaves):
     """Allocate buffers for searches of k points.
 
@@ -125,7 +125,7 @@ def search_for(k, leaves):
     )  # fmt: skip
 
 
-@nb.njit(cache=True)
+@kernel
 def look_around(points, low, high, box_low, box_high, squared_radius, search):
     """Find and pack all points within a radius of a box.
 
@@ -152,7 +152,7 @@ def look_around(points, low, high, box_low, box_high, squared_radius, search):
     return pack(points, search.room, count)
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search):
     """Find the k points nearest to (x, y, z), from the shared search if it reaches far enough.
 
@@ -188,7 +188,7 @@ def steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search):
     return farthest
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def steps_by_itself(points, low, high, x, y, z, search):
     """Find the k points nearest to (x, y, z) by a search of the tree; otherwise like `steps_to_nearest`.
 
@@ -213,7 +213,7 @@ def steps_by_itself(points, low, high, x, y, z, search):
     return search.gaps[-1]
 
 
-@nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
 def reach_of_nearest(packed, count, x, y, z, k, squared_radius, squared):
     """Return a squared distance from (x, y, z) within which exactly k packed points lie.
 
@@ -260,7 +260,7 @@ def reach_of_nearest(packed, count, x, y, z, k, squared_radius, squared):
     return -1.0
 
 
-@nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _within(squared, limit):
     """Return how many of the squared distances, (m,), are at most `limit`."""
     count = 0.0

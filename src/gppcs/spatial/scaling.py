@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import RANGES, on_ranges
 from gppcs.errors import InputError
 
@@ -72,7 +72,7 @@ def normalised(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
     return local, low, exponent
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _bound_chunks(begin, end, points, low, high):
     """Fill lowest and highest coordinates, (chunks, 3) each, of equal parts of the points, (N, 3)."""
     n, chunks = len(points), len(low)
@@ -82,7 +82,7 @@ def _bound_chunks(begin, end, points, low, high):
             _widen(points[first : min(first + CACHED_POINTS, last)], low[c], high[c])
 
 
-@nb.njit(cache=True)
+@kernel
 def _widen(points, low, high):
     """Extend the bounds `low` and `high`, (3,), so that they hold the points, (n, 3)."""
     for axis in range(3):
@@ -96,7 +96,7 @@ def _widen(points, low, high):
         low[axis], high[axis] = least, greatest
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _shift_and_scale(begin, end, points, corner, scale, again, local):
     """Fill `local`, (N, 3), with (points - corner) * scale * again; one power of two alone could overflow."""
     for i in range(begin, end):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gppcs.clouds.cloud import PointCloud
+from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.errors import whole_number
 from gppcs.spatial.cells import first_occurrences
@@ -144,7 +144,7 @@ def _outward(
     return np.where(flux < 0, -1.0, 1.0)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _doubt(begin, end, points, normals, near, doubts):
     """Fill the doubt about passing the sign from each point to each neighbour, (N, edges), float32.
 
@@ -157,7 +157,7 @@ def _doubt(begin, end, points, normals, near, doubts):
             doubts[i, slot] = 1.0 - abs(fit) + 0.5 * off
 
 
-@nb.njit(cache=True, inline="always")
+@kernel(inline="always")
 def _fit_of_normals(points, normals, i, j):
     """Return how well the normals of points i and j agree, from -1 to 1, and how far the step between them is off.
 
@@ -178,7 +178,7 @@ def _fit_of_normals(points, normals, i, j):
     return cosine - 2.0 * rise_i * rise_j / squared, (abs(rise_i) + abs(rise_j)) / np.sqrt(squared)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _signs(edges, points, normals, near):
     """Join points by edges in the given order (Kruskal 1956); return the piece and the sign of each point, (N,) both.
 
@@ -201,7 +201,7 @@ def _signs(edges, points, normals, near):
     return parents, signs
 
 
-@nb.njit(cache=True)
+@kernel
 def _root(parents, signs, i):
     """Return the root of point i and its sign relative to the root; halve the way there for the next call."""
     sign = 1

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range
 from gppcs.spatial.nearest import WIDER, look_around, search_for, steps_to_nearest
@@ -68,7 +68,7 @@ def fit_quadrics(tree: KdTree, places: KdTree, k: int) -> Quadrics:
     return fitted
 
 
-@nb.njit(cache=True, nogil=True, fastmath=False)
+@kernel(fastmath=False)
 def _fit_leaves(first, last, tasks, points, low, high, places, places_low, places_high, k, fitted):
     """Fill `fitted` at the places, (3, m), of a range of tasks, from points, (3, N); boxes are (nodes, 3)."""
     leaves = first_leaf(places_low)
@@ -82,7 +82,7 @@ def _fit_leaves(first, last, tasks, points, low, high, places, places_low, place
             squared_radius = WIDER * reached / (end - begin)
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def _fit_leaf(points, low, high, places, begin, end, count, squared_radius, search, fitted):
     """Fit quadrics at places `begin` to `end` of (3, m); return the sum of their squared reaches."""
     k, full = len(search.gaps), search.local.shape[1]
@@ -110,7 +110,7 @@ def _fit_leaf(points, low, high, places, begin, end, count, squared_radius, sear
     return reached
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def _plane_normal(moments, normal):
     """Fill `normal`, (3,), with that of the plane fitted to the points that have these moments, (10,)."""
     n = moments[0]
@@ -121,7 +121,7 @@ def _plane_normal(moments, normal):
     )  # fmt: skip
 
 
-@nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _fill_terms(local, k, reach, s, t, normal, terms):
     """Fill `terms`, (TERMS, full), from the steps to the k nearest points, `local`, (3, full), in units of the reach.
 
@@ -146,7 +146,7 @@ def _fill_terms(local, k, reach, s, t, normal, terms):
         weights[j] = weight if inside else 0.0
 
 
-@nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _fill_equations(terms, equations):
     """Fill the upper triangle of the normal equations, (6, 7), whose last column is the right-hand side."""
     weights = terms[TERMS - 1]
@@ -160,7 +160,7 @@ def _fill_equations(terms, equations):
         equations[a, a] += RIDGE
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def _turn(coefficients, s, t, normal):
     """Turn the plane's normal, (3,), into the quadric's at the origin; return the distance to the quadric along it."""
     height, b, c = coefficients[0], coefficients[1], coefficients[2]
@@ -172,7 +172,7 @@ def _turn(coefficients, s, t, normal):
     return height / length
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def _solve(equations):
     """Solve n symmetric positive definite equations, (n, n + 1), in place; the solution is the last column.
 

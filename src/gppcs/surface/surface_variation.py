@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import numba as nb
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gppcs.clouds.cloud import PointCloud
+from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.errors import ParameterError, whole_number
 from gppcs.spatial.cells import first_occurrences
@@ -190,7 +190,7 @@ def _measure_in_radius(tree: KdTree, radius: float, features: Features) -> None:
     )  # fmt: skip
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _features_in_balls(
     first, last, groups, points, order, low, high, moments, squared_radius, variation, normals, neighbours
 ):
@@ -219,7 +219,7 @@ def _features_in_balls(
             _finish(of_points, order[begin:end], variation, normals, neighbours)
 
 
-@nb.njit(cache=True)
+@kernel
 def _finish(moments, indices, variation, normals, neighbours):
     """Fill the features of a leaf's points, (n,) `indices`, from the moments of their neighbourhoods, (10, AT_ONCE)."""
     flat, normal = np.empty(AT_ONCE, dtype=np.float64), np.empty((3, AT_ONCE), dtype=np.float64)
@@ -243,7 +243,7 @@ def _finish(moments, indices, variation, normals, neighbours):
             normals[index, 0], normals[index, 1], normals[index, 2] = direction[0], direction[1], direction[2]
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _around(group, low, high, moments, squared_radius, near, shared):
     """Fill `near`, (leaves,), with the leaves within the radius of the node `group`, and return their number.
 
@@ -274,7 +274,7 @@ def _around(group, low, high, moments, squared_radius, near, shared):
     return count
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def _farthest(low, high, other_low, other_high):
     """Return the largest squared distance between a point of one box and a point of another; corners are (3,)."""
     dx = max(high[0] - other_low[0], other_high[0] - low[0])
@@ -307,7 +307,7 @@ def features_of_nearest(tree: KdTree, k: int) -> Features:
     return features
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _features_of_nearest(first, last, tasks, points, order, low, high, k, variation, normals, neighbours):
     """Fill `variation` and `neighbours`, (N,), and `normals`, (N, 3), from the k nearest points of each.
 

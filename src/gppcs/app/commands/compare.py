@@ -71,7 +71,7 @@ def compare(
 ) -> None:
     """Simplify a cloud by several methods, evaluate each result, and write tables and a picture."""
     from gppcs import io
-    from gppcs.app.console import ProgressBar, compilation_noticed
+    from gppcs.app.console import ProgressBar, log_on_stderr
     from gppcs.engine.stages import Stages
     from gppcs.evaluation.comparison import checked_methods
     from gppcs.evaluation.comparison import compare as compared
@@ -82,7 +82,7 @@ def compare(
     targets = _targets(cloud, output, picture, force)
     surface = read_mesh(mesh) if mesh else None
     stages = Stages(ProgressBar())
-    with compilation_noticed():
+    with log_on_stderr():
         original = io.read(cloud)
         entries = compared(
             original, chosen, ratio=ratio, n_points=points, mesh=surface, invalid=invalid, stages=stages

@@ -13,7 +13,9 @@ import typer
 from gppcs import __version__
 from gppcs.app.printing import BAD_INPUT, FAILURES, Force, Invalid, Json, figure_rows, print_json, refuse_input, tell
 from gppcs.app.viewpoint import Up, View, viewpoint_of
+from gppcs.engine import kernel_cache
 from gppcs.engine.memory import peak_memory
+from gppcs.engine.stages import COMPILATION
 from gppcs.errors import OutputError, ParameterError
 from gppcs.methods import DEFAULT, METHODS, Method, method_named
 
@@ -173,7 +175,7 @@ def _simplify_file(
 ) -> _Run:
     """Simplify one file; `options` are the arguments of `gppcs.simplify`."""
     from gppcs import io
-    from gppcs.app.console import ProgressBar, compilation_noticed
+    from gppcs.app.console import ProgressBar, log_on_stderr
     from gppcs.engine.stages import Stages
     from gppcs.evaluation.judge import evaluate
     from gppcs.simplification import simplify
@@ -182,7 +184,7 @@ def _simplify_file(
     io.check_writable(target, force)
     refuse_input(target, source)
     stages = Stages(ProgressBar())
-    with compilation_noticed() as compilation:
+    with log_on_stderr():
         with stages("reading"):
             cloud = io.read(source)
         result = simplify(cloud, stages=stages, **options)
@@ -198,7 +200,7 @@ def _simplify_file(
             if picture and image:
                 with io.whole_file(picture, force) as file:
                     file.write(image)
-    return _Run(source, target, cloud, result, report, compilation.seconds)
+    return _Run(source, target, cloud, result, report)
 
 
 def _drawn(cloud: PointCloud, result: Result, viewpoint: Viewpoint) -> bytes:
@@ -228,7 +230,6 @@ class _Run:
     cloud: PointCloud
     result: Result
     report: Report | None
-    compiling: float
 
     def record(self) -> dict[str, Any]:
         """Return the run as the record that `--json` prints."""
@@ -241,7 +242,7 @@ class _Run:
             "parameters": dataclasses.asdict(self.result.method),
             "diagnostics": dict(self.result.diagnostics),
             "seconds": dict(self.result.seconds),
-            "seconds_compiling": self.compiling,
+            "seconds_compiling": self.result.seconds.get(COMPILATION, 0.0),
             "peak_memory": peak_memory(),
             "figures": self.report.figures() if self.report else None,
             "version": __version__,
@@ -251,17 +252,20 @@ class _Run:
         """Print the run as a table."""
         from gppcs.app.console import print_table
 
-        seconds = {f"{stage}, s": f"{value:.2f}" for stage, value in self.result.seconds.items()}
+        seconds = {
+            f"{stage}, s": f"{value:.2f}" for stage, value in self.result.seconds.items() if stage != COMPILATION
+        }
         total = f"{sum(self.result.seconds.values()):.2f}"
-        if self.compiling:
-            total += f", of which {self.compiling:.2f} compiling kernels, this time only"
+        if compilation := self.result.seconds.get(COMPILATION):
+            total += f", of which {compilation:.2f} compiling kernels"
+            total += ", this time only" if kernel_cache.are_kept() else ""
         print_table(
             f"{self.source} → {self.target}",
             {
                 "points": f"{len(self.cloud):,} in, {len(self.result.indices):,} out",
                 "method": _written(self.result.method),
                 **{name: f"{value:.4g}" for name, value in self.result.diagnostics.items()},
-                **seconds,
+                **{f"{stage}, s": f"{value:.2f}" for stage, value in seconds.items()},
                 "all, s": total,
                 **(figure_rows(self.report) if self.report else {}),
             },

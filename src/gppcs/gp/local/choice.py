@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.conditioning import Conditioning
 from gppcs.gp.local.kernel import LANES, LocalField, field_distance
@@ -97,7 +97,7 @@ def begin_choice(
     return choice
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _fill_leaves(begin, end, field, order, scores, reach, choice):
     """Fill a range of leaves and their nodes, given order, scores and reaches of the points, (n,) each."""
     leaves = len(choice.leaves)
@@ -118,7 +118,7 @@ def _fill_leaves(begin, end, field, order, scores, reach, choice):
         _renew_leaf(leaves + leaf, choice)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def renew_upper(choice, count):
     """Update the nodes above a level of `count` nodes from the nodes of that level."""
     for node in range(count - 1, 0, -1):
@@ -146,7 +146,7 @@ class Room(NamedTuple):
     work: Work
 
 
-@nb.njit(cache=True)
+@kernel
 def room_below(choice, count):
     """Return room for the points below one of `count` nodes of a level."""
     return Room(
@@ -157,7 +157,7 @@ def room_below(choice, count):
     )
 
 
-@nb.njit(cache=True)
+@kernel
 def leaf_and_column(choice, i):
     """Return the leaf that holds a point, from 0, and its column there."""
     n, leaves = len(choice.sites), len(choice.leaves)
@@ -165,7 +165,7 @@ def leaf_and_column(choice, i):
     return leaf, i - n * leaf // leaves
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def observe(new, root, field, error_weight, choice, room):
     """Condition the points below the node `root` on a new chosen point, and update their scores and nodes."""
     nodes, points = _tell(new, root, field.normal_weight, choice, room)
@@ -183,7 +183,7 @@ def observe(new, root, field, error_weight, choice, room):
             _renew_leaf(room.visited[v], choice)
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath=False)
+@kernel(error_model="numpy", fastmath=False)
 def _tell(new, root, normal_weight, choice, room):
     """Condition the points around a new point on it.
 
@@ -224,7 +224,7 @@ def _tell(new, root, normal_weight, choice, room):
     return seen, count
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def within_reach(boxes, node, x, y, z, spacing, reach):
     """Return whether a point may be within a reach of a point of the node; `boxes` is (nodes, 8)."""
     dx = max(boxes[node, 0] - x, x - boxes[node, 3], 0.0)
@@ -233,7 +233,7 @@ def within_reach(boxes, node, x, y, z, spacing, reach):
     return dx * dx + dy * dy + dz * dz <= reach * (0.5 * (boxes[node, 7] + spacing**2))
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def _keep_nearest(conditioning, i, new, gap):
     """Insert a chosen point among those that point i is conditioned on, and drop the last."""
     slot = conditioning.nearest.shape[1] - 1
@@ -244,7 +244,7 @@ def _keep_nearest(conditioning, i, new, gap):
     conditioning.squared[i, slot], conditioning.nearest[i, slot] = gap, new
 
 
-@nb.njit(cache=True)
+@kernel
 def set_score(choice, root, i, score):
     """Set the score of a point, and update the nodes from its leaf up to the node `root`."""
     leaf, column = leaf_and_column(choice, i)
@@ -256,14 +256,14 @@ def set_score(choice, root, i, score):
         _renew_inner(node, choice)
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def _renew_inner(node, choice):
     """Update score, holder and reach of a node from its children."""
     greater_child(node, choice.best, choice.holder)
     choice.boxes[node, 6] = max(choice.boxes[2 * node, 6], choice.boxes[2 * node + 1, 6])
 
 
-@nb.njit(cache=True, fastmath={"nnan", "nsz"})
+@kernel(fastmath={"nnan", "nsz"})
 def _renew_leaf(node, choice):
     """Update score, holder and reach of a leaf's node from its points."""
     rows = choice.leaves[node - len(choice.leaves)]

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.kernel import LocalField, field_distance
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
@@ -87,7 +87,7 @@ class _Chosen(NamedTuple):
     widest: float
 
 
-@nb.njit(cache=True, nogil=True, fastmath=False)
+@kernel(fastmath=False)
 def _condition_leaves(begin, end, tasks, field, low, high, chosen, conditioning):
     """Fill `conditioning`, (n, K), in a range of tasks: leaf by leaf of the field's tree, (nodes, 3)."""
     leaves = first_leaf(low)
@@ -101,7 +101,7 @@ def _condition_leaves(begin, end, tasks, field, low, high, chosen, conditioning)
             squared_radius = needed if needed > 0.0 else 1.0  # a radius of 0 could not grow
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def _condition_leaf(field, low, high, chosen, leaf, squared_radius, near, found, side, conditioning):
     """Condition the points of a leaf; return the squared radius of the search that the leaf needed.
 
@@ -147,7 +147,7 @@ class _SideBySide(NamedTuple):
     gaps: NDArray[np.float64]
 
 
-@nb.njit(cache=True)
+@kernel
 def _side_by_side(neighbours):
     """Return room for one leaf and K `neighbours`."""
     return _SideBySide(
@@ -159,7 +159,7 @@ def _side_by_side(neighbours):
     )
 
 
-@nb.njit(cache=True)
+@kernel
 def _take_up(field, begin, end, side):
     """Copy the points `begin` to `end` of the field into the columns; the last one fills the rest."""
     for p in range(LEAF_SIZE):
@@ -169,7 +169,7 @@ def _take_up(field, begin, end, side):
         side.points[6, p] = field.spacings[i]
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath=False)
+@kernel(error_model="numpy", fastmath=False)
 def _keep_nearest_side_by_side(field, chosen, found, side):
     """Keep, for each point of a leaf, the nearest of the chosen points `found`, (count,).
 

@@ -6,10 +6,10 @@ what the parts are worth.
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, squared_distance_of_boxes, squared_distance_to_box
 
@@ -128,7 +128,7 @@ def limited(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArra
     return result
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _least_of_all(values, least):
     """Fill `least`, (nodes,), with the least of the values, (N,), of each node's points."""
     leaves = first_leaf(least)
@@ -139,7 +139,7 @@ def _least_of_all(values, least):
         least[node] = min(least[2 * node], least[2 * node + 1])
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _limit_leaves(begin, end, points, low, high, spacings, slope, least, result):
     """Limit `result`, (N,), in a range of leaves, given points, (3, N), boxes, (nodes, 3), and `least`, (nodes,).
 
@@ -175,7 +175,7 @@ def _limit_leaves(begin, end, points, low, high, spacings, slope, least, result)
                 stack[a], stack[b], bounds[a], bounds[b] = stack[b], stack[a], bounds[b], bounds[a]
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _lower(places, source, spacing, slope, result):
     """Lower the spacings, (m,), at places, (3, m), to the limit that one point, (3,), with its spacing sets."""
     for i in range(len(result)):

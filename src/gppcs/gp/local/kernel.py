@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
+
+from gppcs.engine.kernels import kernel
 
 LANES = 16  # Points whose kernels and posteriors are computed side by side in vector registers.
 VANISHED = 40.0  # From this t on, see `correlate`, a correlation is less than rounding.
@@ -46,7 +47,7 @@ class LocalField(NamedTuple):
     normal_weight: float
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath=False)
+@kernel(error_model="numpy", fastmath=False)
 def field_distance(dx, dy, dz, cosine, s, r, normal_weight):
     """Return the squared distance in the field, |x - x'|^2 / ((s^2 + s'^2) / 2) + beta^2 (1 - (n . n')^2).
 
@@ -72,7 +73,7 @@ def field_distance(dx, dy, dz, cosine, s, r, normal_weight):
     return (dx * dx + dy * dy + dz * dz) / (0.5 * (s * s + r * r)) + across
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"})
+@kernel(error_model="numpy", fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"})
 def correlate(sites, a, b, lengthscale, normal_weight, out):
     """Compute the kernel between the a-th and the b-th site of each lane, in units of the prior variance.
 

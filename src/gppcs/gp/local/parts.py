@@ -12,10 +12,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.choice import (
     INDEX,
@@ -119,7 +119,7 @@ def divide(choice: Choice, count: int) -> Parts:
     )  # fmt: skip
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _find_neighbours(boxes, near):
     """Mark the pairs of parts, (parts, parts), one of which may be within the reach of the other; boxes (nodes, 8)."""
     count = len(near)
@@ -155,7 +155,7 @@ def choose_in_parts(field: LocalField, error_weight: float, level: float, choice
 FEW = 1
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _hear(begin, end, field, error_weight, choice, parts):
     """Condition the points of some parts on what their neighbours have chosen; note their own scores."""
     n, leaves, count = len(choice.sites), len(choice.leaves), len(parts.counts)
@@ -180,7 +180,7 @@ def _hear(begin, end, field, error_weight, choice, parts):
             first, last = 2 * first, 2 * last
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _choose_in_parts(begin, end, field, error_weight, level, choice, parts):
     """Let some parts choose their points with a score of at least `level`, one after another."""
     count = len(parts.counts)
@@ -202,7 +202,7 @@ def _choose_in_parts(begin, end, field, error_weight, level, choice, parts):
             set_score(choice, root, doubtful[doubt], scores[doubt])
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def choose_one_by_one(field, error_weight, level, most, choice, parts):
     """Choose points with a score of at least `level` one after another, at most so many in all parts."""
     count = len(parts.counts)
@@ -215,7 +215,7 @@ def choose_one_by_one(field, error_weight, level, most, choice, parts):
         taken += 1
 
 
-@nb.njit(cache=True)
+@kernel
 def _take(new, part, choice, parts):
     """Choose a point for a part."""
     leaf, column = leaf_and_column(choice, new)
@@ -226,7 +226,7 @@ def _take(new, part, choice, parts):
     choice.leaves[leaf, SCORE, column] = choice.leaves[leaf, REACH, column] = TAKEN
 
 
-@nb.njit(cache=True)
+@kernel
 def _in_doubt(new, score, part, doubtful, normal_weight, choice, parts):
     """Return whether a better point, outside or in doubt itself, may affect a point of a part or be affected by it."""
     leaf, column = leaf_and_column(choice, new)
@@ -242,7 +242,7 @@ def _in_doubt(new, score, part, doubtful, normal_weight, choice, parts):
     return False
 
 
-@nb.njit(cache=True)
+@kernel
 def _affected(new, score, reach, index, root, normal_weight, choice, parts):
     """Return whether a better point below the node `root` may affect a point or be affected by it."""
     n, leaves = len(choice.sites), len(choice.leaves)
@@ -269,7 +269,7 @@ def _affected(new, score, reach, index, root, normal_weight, choice, parts):
     return False
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath=False)
+@kernel(error_model="numpy", fastmath=False)
 def _gap(sites, i, j, normal_weight):
     """Return the squared distance in the field between two points; `sites` is (n, 9)."""
     return field_distance(

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.conditioning import Conditioning
 from gppcs.gp.local.kernel import LANES, LocalField, correlate
@@ -46,7 +46,7 @@ class Work(NamedTuple):
     score: NDArray[np.float64]
 
 
-@nb.njit(cache=True)
+@kernel
 def workspace(neighbours):
     """Return memory for posteriors.
 
@@ -71,7 +71,7 @@ def workspace(neighbours):
     )
 
 
-@nb.njit(cache=True, error_model="numpy", fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"})
+@kernel(error_model="numpy", fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"})
 def posteriors(field, all_sites, nearest, which, begin, end, error_weight, work):
     """Compute mean, variance and score at the points `which[begin:end]`.
 
@@ -128,7 +128,7 @@ def posteriors(field, all_sites, nearest, which, begin, end, error_weight, work)
         score[p] = np.sqrt(gain * variance[p]) + error_weight * gain * abs(mean[p] - sites[neighbours, 7, p])
 
 
-@nb.njit(cache=True)
+@kernel
 def _gather(all_sites, nearest, which, begin, end, sites):
     """Copy sites, (n, 9), into lanes, (K + 1, 9, LANES).
 
@@ -162,7 +162,7 @@ def sites_of(field: LocalField) -> NDArray[np.float64]:
     return sites
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _fill_sites(begin, end, field, sites):
     """Fill the rows `begin` to `end` of `sites`, (n, 9)."""
     for i in range(begin, end):
@@ -211,7 +211,7 @@ def posterior(
     return found
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _posterior_everywhere(begin, end, field, sites, nearest, error_weight, means, variances, scores):
     """Fill the entries `begin` to `end` of the results, (n,) each, given sites, (n, 9), and nearest, (n, K)."""
     work = workspace(nearest.shape[1])

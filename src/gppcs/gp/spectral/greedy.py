@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.gp.spectral.posterior import Posterior
 
 BUCKETS = 4096  # most buckets of points: each step reads all bounds but rescans few buckets; more would be slower
@@ -128,7 +128,7 @@ def _buckets(count: int, phi: NDArray[np.float64]) -> _Buckets:
     )
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _choose(points, buckets, mean, covariance, noise, k_add, chosen, scores, begin):
     """Fill `chosen` and `scores`, (M,), from `begin` on; `mean` is (L,), `covariance` (L, L); both are updated."""
     batch = np.empty(k_add, dtype=np.int64)
@@ -150,7 +150,7 @@ def _choose(points, buckets, mean, covariance, noise, k_add, chosen, scores, beg
         _bound_all(buckets, mean)
 
 
-@nb.njit(cache=True)
+@kernel
 def _bucket_of_best(points, buckets, mean, covariance, now):
     """Scan each bucket that might hold the best point; return the one that does. `mean` (L,), `covariance` (L, L)."""
     bound, scanned, best, order = buckets.bound, buckets.scanned, buckets.best, points.order
@@ -166,7 +166,7 @@ def _bucket_of_best(points, buckets, mean, covariance, now):
     return highest
 
 
-@nb.njit(cache=True, fastmath={"contract", "reassoc", "nsz"})
+@kernel(fastmath={"contract", "reassoc", "nsz"})
 def _scan(g, points, buckets, mean, covariance, now):
     """Compute the scores of a bucket's points and find the best; `mean` is (L,), `covariance` (L, L)."""
     count = len(buckets.bound)
@@ -194,7 +194,7 @@ def _scan(g, points, buckets, mean, covariance, now):
     _find_best(g, points, buckets)
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def _find_best(g, points, buckets):
     """Find the free point of largest score in a bucket that was just scanned; ties go to the smallest index."""
     n, count, order = len(points.y), len(buckets.bound), points.order
@@ -206,7 +206,7 @@ def _find_best(g, points, buckets):
     buckets.best[g], buckets.bound[g] = best, highest
 
 
-@nb.njit(cache=True, fastmath={"contract", "reassoc", "nsz"})
+@kernel(fastmath={"contract", "reassoc", "nsz"})
 def _bound_all(buckets, mean):
     """Update the upper bounds of all buckets' scores from the change of the weights' mean, (L,), since their scans."""
     low, high, seen, bound = buckets.low, buckets.high, buckets.mean, buckets.bound

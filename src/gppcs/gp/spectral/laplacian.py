@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 import robust_laplacian
 import scipy.linalg
@@ -12,6 +11,7 @@ import scipy.sparse
 import scipy.sparse.linalg
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree, nearest_in_tree
@@ -172,7 +172,7 @@ def _lift(
     return lifted
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _weigh_nearest(begin, end, landmarks, low, high, functions, points, count, lifted):
     """Fill `lifted`, (N, L), with weighted means of `functions`, (landmarks, L), at `points`, (N, 3)."""
     found = np.empty(count, dtype=np.int64)

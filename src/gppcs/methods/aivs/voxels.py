@@ -6,10 +6,10 @@ from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.farthest_points import approach, farthest_points
 
@@ -227,7 +227,7 @@ def _fill_large(
     own[:] = begin + farthest_points(members, len(own), first=first, others=others)[0]
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _fill(first, last, points, begins, cells, keys, along, edge, some, starts, chosen):
     """Fill `chosen`, (sum of quotas,), for a range of the voxels `some`, (m,), which do not touch.
 
@@ -248,7 +248,7 @@ def _fill(first, last, points, begins, cells, keys, along, edge, some, starts, c
             pick = np.argmax(squared)
 
 
-@nb.njit(cache=True)
+@kernel
 def _nearest_to_centre(points, begin, end, cell, edge):
     """Return which of the points begin..end, (3, N), is nearest the centre of the voxel; ties go to the first."""
     best, nearest = 0, np.inf
@@ -261,7 +261,7 @@ def _nearest_to_centre(points, begin, end, cell, edge):
     return best
 
 
-@nb.njit(cache=True)
+@kernel
 def _chosen_near(points, cells, keys, along, edge, voxel, starts, chosen):
     """Return the positions of the points chosen in the 26 voxels around that are near enough to the centre, (n,)."""
     near = []

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import heapq
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
+
+from gppcs.engine.kernels import kernel
 
 FLAT = 1e-12  # a surface variation below this is rounding, and counts as zero
 
@@ -69,7 +70,7 @@ def _in_columns(
     return points.T.copy(), np.arange(len(points)), np.empty(n_clusters, dtype=np.int64)
 
 
-@nb.njit(cache=True)
+@kernel
 def _part_to_limits(rows, order, size, variation, chosen):
     """Fill `chosen`, (N,), with the representatives and return their number; `rows` is (3, N), `order` (N,)."""
     n = len(order)
@@ -91,7 +92,7 @@ def _part_to_limits(rows, order, size, variation, chosen):
     return count
 
 
-@nb.njit(cache=True)
+@kernel
 def _part_most_varied(rows, order, chosen):
     """Split clusters until there is one for each place in `chosen`, (M,); `rows` is (3, N), `order` (N,)."""
     n, wanted = len(order), len(chosen)
@@ -115,7 +116,7 @@ def _part_most_varied(rows, order, chosen):
         chosen[cluster] = order[_most_central(rows, begins[cluster], ends[cluster], centroids[cluster])]
 
 
-@nb.njit(cache=True)
+@kernel
 def _rank(rows, order, begin, end, centroid, axis, cluster):
     """Fill `centroid` and `axis`, (3,), of a cluster; return its key in the heap, which pops the smallest first."""
     varies = _spread(rows, begin, end, centroid, axis)
@@ -123,7 +124,7 @@ def _rank(rows, order, begin, end, centroid, axis, cluster):
     return -members * varies, -members, order[begin], cluster
 
 
-@nb.njit(cache=True, fastmath={"nsz", "contract", "reassoc"})
+@kernel(fastmath={"nsz", "contract", "reassoc"})
 def _spread(rows, begin, end, centroid, axis):
     """Fill `centroid` and principal `axis`, (3,), of the points begin..end, (3, N); return their surface variation."""
     n = end - begin
@@ -147,7 +148,7 @@ def _spread(rows, begin, end, centroid, axis):
     return _principal_axis(sxx, sxy, sxz, syy, syz, szz, axis)
 
 
-@nb.njit(cache=True)
+@kernel
 def _principal_axis(xx, xy, xz, yy, yz, zz, axis):
     """Fill `axis`, (3,), with the unit eigenvector of the largest eigenvalue; return lambda_0 / trace, 0 if that is 0.
 
@@ -172,7 +173,7 @@ def _principal_axis(xx, xy, xz, yy, yz, zz, axis):
     return smallest if smallest > FLAT else 0.0
 
 
-@nb.njit(cache=True)
+@kernel
 def _rotate(a, vectors, p, q):
     """Rotate the axes p and q of `a` and `vectors`, (3, 3), so that a[p, q] becomes zero."""
     theta = (a[q, q] - a[p, p]) / (2 * a[p, q])
@@ -188,7 +189,7 @@ def _rotate(a, vectors, p, q):
         row[p], row[q] = c * row[p] - s * row[q], s * row[p] + c * row[q]
 
 
-@nb.njit(cache=True)
+@kernel
 def _part(rows, order, begin, end, centroid, axis, room_rows, room_order):
     """Move the points of begin..end, (3, N), below the plane to the front, and return where the others start.
 
@@ -209,7 +210,7 @@ def _part(rows, order, begin, end, centroid, axis, room_rows, room_order):
     return front
 
 
-@nb.njit(cache=True)
+@kernel
 def _most_central(rows, begin, end, centroid):
     """Return the position of the point of begin..end, (3, N), nearest the centroid, (3,); ties go to the first."""
     best, nearest = begin, np.inf

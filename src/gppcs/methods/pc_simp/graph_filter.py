@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba as nb
 import numpy as np
 import scipy.sparse
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.spatial.kdtree import KdTree
 
 ROUNDING = 1e-14  # times N: tolerance of the constraint that the selection sums to M
@@ -270,7 +270,7 @@ def share_out(
     return s, _share_out(numerator, inverse, total, multiplier, s)
 
 
-@nb.njit(cache=True, nogil=True, fastmath={"nsz", "contract", "reassoc"})
+@kernel(fastmath={"nsz", "contract", "reassoc"})
 def _share_out(numerator, inverse, total, multiplier, s):
     """Return the multiplier, and fill `s`, (N,): Newton's method, with bisection if a step leaves the bracket."""
     low, high = np.inf, -np.inf

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple, Self
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.surface_variation import features_of_nearest
 
@@ -93,7 +93,7 @@ class _Cloud(NamedTuple):
         return cls(points, tree.order, quadrics)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _add_planes(points, neighbours, normals, quadrics):
     """Add the planes to `quadrics`, (N, 10); `points` and `normals` are (N, 3), `neighbours` (N, k)."""
     for i in range(len(points)):
@@ -144,7 +144,7 @@ class _Graph(NamedTuple):
         return graph
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _start(cloud, graph, members):
     """Build the linked lists, the cheapest contractions and the tournament tree of the points `members`, (m,)."""
     for slot in range(len(graph.slots)):
@@ -156,7 +156,7 @@ def _start(cloud, graph, members):
         graph.winner[node] = _better(cloud, graph, graph.winner[2 * node], graph.winner[2 * node + 1])
 
 
-@nb.njit(cache=True)
+@kernel
 def _link(graph, slot, point):
     """Put a point into a slot."""
     after = graph.first[point]
@@ -166,7 +166,7 @@ def _link(graph, slot, point):
     graph.first[point] = slot
 
 
-@nb.njit(cache=True)
+@kernel
 def _unlink(graph, slot):
     """Empty a slot."""
     before, after = graph.previous[slot], graph.following[slot]
@@ -179,7 +179,7 @@ def _unlink(graph, slot):
     graph.slots[slot] = -1
 
 
-@nb.njit(cache=True)
+@kernel
 def _cost(cloud, gone, kept):
     """Return the sum of the quadrics of two points, evaluated at the point `kept`."""
     q = cloud.quadrics
@@ -191,14 +191,14 @@ def _cost(cloud, gone, kept):
     return cost if cost > IN_PLANE * weight * (x * x + y * y + z * z) else 0.0
 
 
-@nb.njit(cache=True)
+@kernel
 def _step(cloud, begin, end):
     """Return the vector from one point to another."""
     p = cloud.points
     return p[end, 0] - p[begin, 0], p[end, 1] - p[begin, 1], p[end, 2] - p[begin, 2]
 
 
-@nb.njit(cache=True)
+@kernel
 def _consider(cloud, graph, i, j):
     """Make j the partner of i if that contraction is cheaper; return whether it is."""
     cost = min(_cost(cloud, i, j), _cost(cloud, j, i))
@@ -212,7 +212,7 @@ def _consider(cloud, graph, i, j):
     return True
 
 
-@nb.njit(cache=True)
+@kernel
 def _find_partner(cloud, graph, i):
     """Find the cheapest contraction of point i with a neighbour; its cost is infinite if there is none."""
     k = len(graph.slots) // len(graph.cost)
@@ -222,7 +222,7 @@ def _find_partner(cloud, graph, i):
             _consider(cloud, graph, i, graph.slots[slot])
 
 
-@nb.njit(cache=True)
+@kernel
 def _better(cloud, graph, i, j):
     """Return the one of two points whose contraction comes first."""
     if graph.cost[i] != graph.cost[j]:
@@ -232,7 +232,7 @@ def _better(cloud, graph, i, j):
     return i if cloud.order[i] < cloud.order[j] else j
 
 
-@nb.njit(cache=True)
+@kernel
 def _play(cloud, graph, i):
     """Update the tournament tree after the contraction of point i has changed."""
     winner = graph.winner
@@ -245,7 +245,7 @@ def _play(cloud, graph, i):
         node //= 2
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _contract(cloud, graph, alive, removed, begin, end):
     """Fill `removed`, (N,), from `begin` to `end`; return where it stopped, because no pairs were left or at `end`."""
     k = len(graph.slots) // len(graph.cost)
@@ -269,7 +269,7 @@ def _contract(cloud, graph, alive, removed, begin, end):
     return end
 
 
-@nb.njit(cache=True)
+@kernel
 def _merge_neighbours(cloud, graph, gone, kept, nearest, squared):
     """Replace the point `gone` by `kept` in all slots, and give `kept` the nearest of the neighbours of both.
 
@@ -295,7 +295,7 @@ def _merge_neighbours(cloud, graph, gone, kept, nearest, squared):
         _link(graph, k * kept + rank, nearest[rank])
 
 
-@nb.njit(cache=True)
+@kernel
 def _knows(graph, point, other):
     """Return whether a point has another as a neighbour."""
     k = len(graph.slots) // len(graph.cost)
@@ -305,7 +305,7 @@ def _knows(graph, point, other):
     return False
 
 
-@nb.njit(cache=True)
+@kernel
 def _insert(cloud, point, other, nearest, squared, found):
     """Insert a point into the sorted list of the nearest, (k,), unless it is there; return the length of the list.
 
@@ -328,7 +328,7 @@ def _insert(cloud, point, other, nearest, squared, found):
     return found
 
 
-@nb.njit(cache=True)
+@kernel
 def _merge_quadrics(cloud, gone, kept):
     """Add the quadric of the point `gone` to that of `kept`."""
     q = cloud.quadrics
@@ -344,7 +344,7 @@ def _merge_quadrics(cloud, gone, kept):
         q[kept, column] += q[gone, column]
 
 
-@nb.njit(cache=True)
+@kernel
 def _tell_neighbours(cloud, graph, gone, kept):
     """Update the cheapest contraction of each point that has `kept` as a neighbour."""
     k = len(graph.slots) // len(graph.cost)

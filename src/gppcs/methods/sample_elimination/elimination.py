@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import (
     KdTree,
@@ -128,7 +128,7 @@ def _stage(
     return removed, area
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def _term(dx, dy, dz, reach, limit):
     """Return the term that two points add to each other's weight, given their difference (dx, dy, dz)."""
     distance = max(np.sqrt(dx * dx + dy * dy + dz * dz), limit)
@@ -139,7 +139,7 @@ def _term(dx, dy, dz, reach, limit):
     return np.floor(WHOLE * term)
 
 
-@nb.njit(cache=True, fastmath=False)
+@kernel(fastmath=False)
 def _squared_distances(low, high, box_low, box_high):
     """Return the squares of the smallest and the largest distance between points of two boxes; corners are (3,)."""
     least = greatest = 0.0
@@ -149,7 +149,7 @@ def _squared_distances(low, high, box_low, box_high):
     return least, greatest
 
 
-@nb.njit(cache=True, nogil=True, fastmath={"reassoc"})
+@kernel(fastmath={"reassoc"})
 def _weigh(first, last, points, low, high, reach, limit, weights):
     """Fill `weights`, (N,), in tree order, for a range of leaves; `points` is (3, N), `low` and `high` (nodes, 3)."""
     leaves = first_leaf(low)
@@ -170,7 +170,7 @@ def _weigh(first, last, points, low, high, reach, limit, weights):
             weights[i] = total
 
 
-@nb.njit(cache=True)
+@kernel
 def _within_reach(low, high, n, leaf, reach, limit):
     """Return the leaves within reach of a leaf, and the number of points in nodes that lie within its limit.
 
@@ -192,7 +192,7 @@ def _within_reach(low, high, n, leaf, reach, limit):
     return around, near
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _remove(points, order, low, high, position, reach, limit, weights, heaviest, candidate, pending, removed):
     """Fill `removed`, (n,), with the heaviest points, as long as any has weight; return their number.
 
@@ -237,7 +237,7 @@ def _remove(points, order, low, high, position, reach, limit, weights, heaviest,
     return len(removed)
 
 
-@nb.njit(cache=True)
+@kernel
 def _lighten(node, points, leaves, weights, place, reach, limit):
     """Subtract from the weights, (N,), of a leaf's points the terms of the point at `place`, (3,)."""
     n = points.shape[1]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import (
     KdTree,
@@ -109,7 +109,7 @@ def project(
     return projected
 
 
-@nb.njit(cache=True, inline="always")
+@kernel(inline="always")
 def _theta(t):
     """Return exp(-4 t) for t from 0 to 1, to eleven digits, and zero beyond; it has no calls, so it is vectorised."""
     s = 0.25 - 0.5 * t
@@ -131,7 +131,7 @@ def _crowding(
     return crowding
 
 
-@nb.njit(cache=True, nogil=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _crowd(begin, end, points, low, high, radius, crowding):
     """Fill `crowding`, (N,), in a range of leaves; see `_crowding`."""
     n = points.shape[1]
@@ -151,7 +151,7 @@ def _crowd(begin, end, points, low, high, radius, crowding):
             crowding[i] = total  # the sum includes the point itself, whose theta is 1
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _move(begin, end, points, low, high, weights, samples, sample_low, sample_high, omega, radius, mu, moved):
     """Fill `moved` with the samples, (3, M), of a range of leaves of their tree, after one iteration.
 
@@ -173,7 +173,7 @@ def _move(begin, end, points, low, high, weights, samples, sample_low, sample_hi
             moved[0, i], moved[1, i], moved[2, i] = x + ax + mu * rx, y + ay + mu * ry, z + az + mu * rz
 
 
-@nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _attraction(points, low, high, weights, near, radius, x, y, z):
     """Return the vector to the weighted mean of the points, (3, N), around (x, y, z); zero if there are none."""
     leaves = first_leaf(low)
@@ -195,7 +195,7 @@ def _attraction(points, low, high, weights, near, radius, x, y, z):
     return 0.0, 0.0, 0.0
 
 
-@nb.njit(cache=True, fastmath={"nsz", "arcp", "contract", "reassoc"})
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _repulsion(samples, low, high, omega, near, radius, x, y, z):
     """Return the weighted mean vector away from the samples, (3, M), around (x, y, z); zero for fewer than two."""
     leaves = first_leaf(low)
@@ -244,7 +244,7 @@ def nearest_unused(positions: NDArray[np.float64], tree: KdTree) -> NDArray[np.i
     return indices
 
 
-@nb.njit(cache=True)
+@kernel
 def _take_nearest(positions, points, order, low, high, taken, unused, indices):
     """Fill `indices`, (M,), for `positions`, (M, 3); `taken`, (N,), and `unused`, (nodes,), are updated."""
     leaves = first_leaf(low)
@@ -260,7 +260,7 @@ def _take_nearest(positions, points, order, low, high, taken, unused, indices):
             node //= 2
 
 
-@nb.njit(cache=True)
+@kernel
 def _nearest_untaken(points, order, low, high, taken, unused, x, y, z):
     """Return the position of the point nearest (x, y, z) that is not `taken`, (N,); ties go to the smallest index."""
     leaves = first_leaf(low)

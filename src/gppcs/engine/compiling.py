@@ -1,0 +1,77 @@
+"""Say once that kernels are being compiled, and measure the time that it takes."""
+
+from __future__ import annotations
+
+import sys
+from time import perf_counter
+
+from gppcs.engine import kernel_cache
+
+NOTICE = "compiling its kernels, once on this machine; this can take a minute"
+PASSING_NOTICE = (
+    "compiling its kernels, for this run only, since neither its folder nor the user's cache folder can be "
+    "written; set NUMBA_CACHE_DIR to a folder that can"
+)
+
+
+class _Clock:
+    """Measures the time in which at least one kernel is being compiled."""
+
+    def __init__(self) -> None:
+        self._depth = 0  # one kernel may need another; Numba lets only one thread compile at a time
+        self._state: tuple[float, float | None] = 0.0, None  # seconds before, and start; one value, as threads read it
+
+    def start(self) -> None:
+        """Note that the compilation of a kernel starts."""
+        if self._depth == 0:
+            self._state = self._state[0], perf_counter()
+        self._depth += 1
+
+    def stop(self) -> None:
+        """Note that the compilation of a kernel has ended."""
+        self._depth -= 1
+        if self._depth == 0:
+            self._state = self.seconds(), None
+
+    def seconds(self) -> float:
+        """Return the time so far, in seconds."""
+        before, start = self._state
+        return before if start is None else before + perf_counter() - start
+
+
+_clock = _Clock()
+_told = False
+
+
+def started() -> None:
+    """Note that the compilation of a kernel starts, and tell of the first one in this process."""
+    global _told
+    if not _told:
+        _told = True
+        _tell(NOTICE if kernel_cache.are_kept() else PASSING_NOTICE)
+    _clock.start()
+
+
+def ended() -> None:
+    """Note that the compilation of a kernel has ended."""
+    _clock.stop()
+
+
+def seconds() -> float:
+    """Return for how long this process has compiled kernels, in any of its threads.
+
+    Returns
+    -------
+    float
+        Wall time in seconds. Loading compiled kernels does not count.
+    """
+    return _clock.seconds()
+
+
+def _tell(notice: str) -> None:
+    """Log a notice; in an interactive session or notebook, print it on stderr as well."""
+    import logging
+
+    logging.getLogger("gppcs").info(notice)
+    if hasattr(sys, "ps1"):  # IPython and notebooks have it too
+        print(f"gppcs: {notice}", file=sys.stderr)  # noqa: T201

@@ -1,0 +1,318 @@
+"""Compiled kernels are kept, and never taken for those of other sources."""
+
+import ast
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import gppcs
+from gppcs.engine import kernel_cache
+
+SOURCE = Path(gppcs.__file__).parent
+# Kernels of its own, quick to compile, for a copy of the package.
+MODULES = {
+    "constant": "SHIFT = 10\n",
+    "callee": """
+from gppcs.constant import SHIFT
+from gppcs.engine.kernels import kernel
+@kernel
+def inner(x):
+    return 2 * x + SHIFT
+""",
+    "caller": """
+from gppcs.callee import inner
+from gppcs.engine.kernels import kernel
+@kernel
+def outer(x):
+    return inner(x) + 1
+""",
+}
+CALL = """
+from gppcs.caller import outer
+from gppcs.callee import inner
+print(outer(3), outer(0.25), sum(sum(kernel.stats.cache_misses.values()) for kernel in (inner, outer)))
+"""
+COMPILED, LOADED = "17 11.5 4\n", "17 11.5 0\n"
+
+
+def copy_to(folder):
+    """Copy the package without its compiled files."""
+    shutil.copytree(SOURCE, folder / "gppcs", ignore=shutil.ignore_patterns("__pycache__"))
+    return folder / "gppcs"
+
+
+@pytest.fixture
+def package(tmp_path):
+    """A copy of the package with the kernels of `MODULES`."""
+    package = copy_to(tmp_path / "installed")
+    for name, source in MODULES.items():
+        (package / f"{name}.py").write_text(source)
+    return package
+
+
+def started(code, *arguments, **environment):
+    """Start code in a new process."""
+    # Python itself would not notice a change that leaves time, in seconds, and size of a file the same.
+    inherited = os.environ | {"PYTHONDONTWRITEBYTECODE": "1"}
+    inherited.pop("NUMBA_CACHE_DIR", None)
+    warnings = ["-W", "error", "-W", "ignore:The TBB threading layer"]  # as for pytest itself
+    return subprocess.Popen(
+        [sys.executable, *warnings, "-c", code, *map(str, arguments)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=inherited | environment,
+    )
+
+
+def run_python(code, *arguments, **environment):
+    """Run code in a new process; return its exit code, stdout and stderr."""
+    process = started(code, *arguments, **environment)
+    out, err = process.communicate()
+    return process.returncode, out, err
+
+
+def call(package, code=CALL, **environment):
+    """Run code with a copy of the package; return its stdout."""
+    exit_code, out, err = run_python(code, PYTHONPATH=str(package.parent), **environment)
+    assert (exit_code, err) == (0, "")
+    return out
+
+
+def kept(folder):
+    """The files below a folder that are there for compiled kernels."""
+    return sorted(path for path in folder.rglob("*") if ".nbc" in path.name)
+
+
+def change(package, module, old, new):
+    path = package / f"{module}.py"
+    path.write_text(path.read_text().replace(old, new))
+
+
+def test_a_change_in_another_file_is_noticed_and_the_old_code_removed(package):
+    assert call(package) == COMPILED
+    assert call(package) == LOADED
+    change(package, "callee", "2 * x", "3 * x")
+    assert call(package) == "20 11.75 4\n"
+    assert len(kept(package)) == 4
+    change(package, "constant", "10", "20")
+    assert call(package) == "30 21.75 4\n"
+    assert call(package) == "30 21.75 0\n"
+    assert len(kept(package)) == 4
+
+
+@pytest.mark.slow
+def test_what_no_kernel_depends_on_and_the_place_of_the_package_change_nothing(package, tmp_path):
+    assert call(package) == COMPILED
+    with (package / "app" / "console.py").open("a") as file:
+        file.write("# changed\n")
+    package.parent.rename(tmp_path / "moved")
+    assert call(tmp_path / "moved" / "gppcs") == LOADED
+
+
+@pytest.mark.slow
+def test_another_version_of_the_package_has_its_own_code(package):
+    assert call(package) == COMPILED
+    change(package, "__init__", f'__version__ = "{gppcs.__version__}"', '__version__ = "99"')
+    assert call(package) == COMPILED
+
+
+@pytest.mark.slow
+def test_code_of_another_numba_is_left_alone(package):
+    assert call(package) == COMPILED
+    other = f"import numba; numba.__version__ = '1.0'\n{CALL}"
+    assert call(package, other) == COMPILED
+    assert call(package, other) == LOADED
+    assert call(package) == LOADED
+
+
+@pytest.mark.slow
+def test_code_goes_to_the_users_folder_where_that_of_the_package_cannot_be_written(package, tmp_path):
+    (package / "__pycache__").touch()  # not even root can make this a folder
+    cache = tmp_path / "cache"
+    assert call(package, XDG_CACHE_HOME=str(cache)) == COMPILED
+    assert call(package, XDG_CACHE_HOME=str(cache)) == LOADED
+    assert len(kept(cache / "gppcs")) == 4
+
+
+@pytest.mark.slow
+def test_code_that_an_installation_has_is_used_where_it_cannot_be_written(package, tmp_path):
+    assert call(package) == COMPILED
+    before = kept(tmp_path)
+    not_writable = """
+from gppcs.engine import kernel_cache
+def fail(dir):
+    raise PermissionError
+kernel_cache.tempfile.TemporaryFile = fail
+"""
+    assert call(package, not_writable + CALL) == LOADED
+    assert kept(tmp_path) == before
+
+
+@pytest.mark.slow
+def test_nothing_is_kept_where_nothing_can_be_written(package, tmp_path):
+    (package / "__pycache__").touch()
+    (tmp_path / "file").touch()
+    for _ in range(2):
+        assert call(package, XDG_CACHE_HOME=str(tmp_path / "file")) == COMPILED
+    assert kept(tmp_path) == []
+
+
+@pytest.mark.slow
+def test_a_named_folder_comes_first(package, tmp_path):
+    named = tmp_path / "named"
+    assert call(package, NUMBA_CACHE_DIR=str(named)) == COMPILED
+    assert call(package, NUMBA_CACHE_DIR=str(named)) == LOADED
+    assert len(kept(named)) == len(kept(tmp_path)) == 4
+
+
+@pytest.mark.slow
+def test_a_full_disk_is_no_error(package):
+    full = """
+from pathlib import Path
+def fail(path, content):
+    raise OSError(28, "No space left on device")
+Path.write_bytes = fail
+"""
+    assert call(package, full + CALL) == COMPILED
+    assert kept(package) == []
+
+
+@pytest.mark.slow
+def test_kernels_of_others_are_cached_as_before(package, tmp_path):
+    (tmp_path / "other.py").write_text("import numba\n@numba.njit(cache=True)\ndef f(x):\n    return x\n")
+    code = (
+        "import os, gppcs.caller, other; other.f(1); print(other.f.stats.cache_path, 'NUMBA_CACHE_DIR' in os.environ)"
+    )
+    paths = f"{package.parent}{os.pathsep}{tmp_path}"
+    code, out, err = run_python(code, PYTHONPATH=paths)
+    assert (code, out, err) == (0, f"{tmp_path / '__pycache__'} False\n", "")
+    assert list(tmp_path.glob("__pycache__/other.f*.nbc"))
+
+
+@pytest.mark.slow
+def test_processes_that_compile_at_once_do_not_mix_up_their_code(package):
+    """Numba's own cache can take the code for one type for that of another if two processes write both at once."""
+    environment = {"PYTHONPATH": str(package.parent)}
+    calls = "import sys; from gppcs.caller import outer; sys.stdin.readline(); print({})"
+    processes = [started(calls.format(value), **environment) for value in ("outer(3)", "outer(0.25)", "outer(3)")]
+    for process in processes:
+        process.stdin.write("go\n")
+        process.stdin.flush()
+    assert [process.communicate() for process in processes] == [("17\n", ""), ("11.5\n", ""), ("17\n", "")]
+    assert call(package) == LOADED
+
+
+KILLED = {
+    "while it compiles": """
+from numba.core import event
+class Listener(event.Listener):
+    def on_start(self, event):
+        os.kill(os.getpid(), signal.SIGKILL)
+    on_end = on_start
+event.register("numba:compile", Listener())
+""",
+    "before a file is whole": """
+def write_bytes(path, content):
+    with open(path, "wb") as file:
+        file.write(content[:1000])
+        file.flush()
+        os.kill(os.getpid(), signal.SIGKILL)
+Path.write_bytes = write_bytes
+""",
+    "before a file has its name": "os.replace = lambda source, target: os.kill(os.getpid(), signal.SIGKILL)",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("moment", KILLED)
+def test_a_killed_process_leaves_nothing_that_is_taken_for_code(package, moment):
+    code = f"import os, signal; from pathlib import Path\n{KILLED[moment]}\n{CALL}"
+    exit_code, out, _ = run_python(code, PYTHONPATH=str(package.parent))
+    assert (exit_code, out) == (-signal.SIGKILL, "")
+    assert call(package) == COMPILED
+    assert call(package) == LOADED
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [0, 10, 2000])
+def test_files_that_a_stopped_machine_left_incomplete_are_compiled_again(package, size):
+    assert call(package) == COMPILED
+    for path in kept(package):
+        os.truncate(path, size)
+    assert call(package) == COMPILED
+    assert call(package) == LOADED
+
+
+IN_TWO_STEPS = "from gppcs.caller import outer; print(outer(3), flush=True); input(); print(outer(0.25))"
+
+
+def in_two_steps(package, between):
+    """Let something happen after a process has compiled a kernel and before it compiles the next."""
+    process = started(IN_TWO_STEPS, PYTHONPATH=str(package.parent))
+    first = process.stdout.readline()
+    between()
+    second, err = process.communicate("go\n")
+    assert (process.returncode, first, second, err) == (0, "17\n", "11.5\n", "")
+
+
+@pytest.mark.slow
+def test_the_folder_may_be_removed_while_a_process_uses_it(package):
+    in_two_steps(package, lambda: shutil.rmtree(package / "__pycache__"))
+    assert call(package) == "17 11.5 2\n"
+
+
+@pytest.mark.slow
+def test_a_process_that_runs_older_sources_keeps_no_code_of_them(package):
+    def upgrade():
+        change(package, "callee", "2 * x", "3 * x")
+        assert call(package) == "20 11.75 4\n"
+
+    in_two_steps(package, upgrade)
+    assert len(kept(package)) == 4
+    assert call(package) == "20 11.75 0\n"
+    change(package, "callee", "3 * x", "2 * x")
+    assert call(package) == COMPILED
+
+
+def test_the_sources_are_read_in_a_few_milliseconds():
+    shortest = float("inf")
+    for _ in range(5):
+        kernel_cache._sources.cache_clear()
+        start = time.perf_counter()
+        kernel_cache._sources()
+        shortest = min(shortest, time.perf_counter() - start)
+    assert shortest < 0.05
+
+
+def imported(path):
+    """The files of the package that a file imports, or may import, anywhere in it."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom):
+            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        else:
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        for name in names:
+            place = SOURCE.parent.joinpath(*name.split("."))
+            yield from (file for file in (place.with_suffix(".py"), place / "__init__.py") if SOURCE in file.parents)
+
+
+def test_all_modules_that_kernels_depend_on_are_known():
+    waiting = [path for path in SOURCE.rglob("*.py") if "\n@kernel" in path.read_text(encoding="utf-8")]
+    assert len(waiting) > 15
+    used = set()
+    while waiting:
+        path = waiting.pop()
+        if path.is_file() and path not in used:
+            used.add(path)
+            waiting += imported(path)
+    found = {Path(path) for path in kernel_cache._sources().stamps}
+    assert used <= found
+    assert not [path for path in found - used if path != SOURCE / "__init__.py"]
