@@ -48,10 +48,6 @@ def require_pymeshlab() -> Any:
     MissingExtraError
         If PyMeshLab is not installed.
     """
-    import numba
-
-    # Start Numba's threads first: later, Numba would find the older TBB that PyMeshLab loads, and warn about it.
-    numba.get_num_threads()
     try:
         import pymeshlab
     except ImportError as error:

@@ -76,7 +76,7 @@ def _choose_by_levels(
         choose_in_parts(field, error_weight, level, choice, parts)
 
 
-STEP = 0.9
+STEP = 0.7
 
 
 def _in_order(parts: Parts) -> NDArray[np.int64]:
