@@ -17,7 +17,7 @@ from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
-from gppcs.engine import compiling
+from gppcs.engine.compiling import compilation_ended, compilation_started
 from gppcs.engine.kernel_cache import folder_to_write, folders, sources_have_changed
 
 CHECKSUM_BYTES = 16
@@ -133,11 +133,11 @@ class _Listener(event.Listener):
 
     def on_start(self, event: Any) -> None:
         if isinstance(event.data["dispatcher"]._cache, _KernelCache):
-            compiling.started()
+            compilation_started()
 
     def on_end(self, event: Any) -> None:
         if isinstance(event.data["dispatcher"]._cache, _KernelCache):
-            compiling.ended()
+            compilation_ended()
 
 
 event.register("numba:compile", _Listener())
