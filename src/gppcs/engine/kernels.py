@@ -55,6 +55,7 @@ class _KernelCache(NullCache):
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function
+        self._folders = folders()  # now, not at the first call: until then the sources may change
         self._folder: Path | None = None
 
     @property
@@ -74,7 +75,7 @@ class _KernelCache(NullCache):
         """
         target_context.refresh()
         name = self._file_name(sig, target_context.codegen())
-        for folder in folders():
+        for folder in self._folders:
             try:
                 content = (folder / name).read_bytes()
             except OSError:
