@@ -6,6 +6,7 @@ import pytest
 
 import gppcs
 from gppcs.app import cli
+from gppcs.engine import compiling
 
 
 @pytest.fixture(scope="session")
@@ -34,13 +35,13 @@ def scan(folder):
 
 @pytest.fixture
 def gppcs_command(kernels, folder, monkeypatch, capsys):
-    """Run the command in this process; return its exit code, stdout and stderr."""
+    """Run the command in this process; return its exit code, stdout and stderr, less the notice of a first run."""
 
     def run(*arguments):
         monkeypatch.setattr(sys, "argv", ["gppcs", *map(str, arguments)])
         with pytest.raises(SystemExit) as stop:
             cli.main()
         out, err = capsys.readouterr()
-        return stop.value.code, out, err
+        return stop.value.code, out, err.replace(f"gppcs: {compiling.NOTICE}\n", "")
 
     return run

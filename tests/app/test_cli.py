@@ -1,5 +1,6 @@
 """The program as a whole: its help, its version, its exit codes and streams."""
 
+import logging
 import os
 import subprocess
 import sys
@@ -87,3 +88,13 @@ def test_faults_of_the_program_itself_are_not_hidden(monkeypatch):
     monkeypatch.setattr(cli, "app", broken)
     with pytest.raises(ZeroDivisionError):
         cli.main()
+
+
+def test_what_the_library_logs_is_shown_while_a_command_runs(monkeypatch, capsys):
+    logger = logging.getLogger("gppcs")
+    monkeypatch.setattr(cli, "app", lambda *_, **__: logger.info("a notice"))
+    with pytest.raises(SystemExit):
+        cli.main()
+    logger.info("another")
+    assert capsys.readouterr() == ("", "gppcs: a notice\n")
+    assert (logger.handlers, logger.level) == ([], logging.NOTSET)

@@ -1,6 +1,5 @@
-"""Progress and notices, on stderr."""
+"""Progress, on stderr."""
 
-import logging
 import os
 import pty
 import subprocess
@@ -72,12 +71,3 @@ def test_no_bar_where_stderr_is_no_terminal(capsys, monkeypatch):
     bar.advanced(5)
     bar.finished()
     assert capsys.readouterr() == ("", "")
-
-
-def test_what_the_library_logs_is_shown_while_a_command_runs(capsys):
-    logger = logging.getLogger("gppcs")
-    with console.log_on_stderr():
-        logger.info("a notice")
-    logger.info("another")
-    assert capsys.readouterr() == ("", "gppcs: a notice\n")
-    assert (logger.handlers, logger.level) == ([], logging.NOTSET)

@@ -58,11 +58,11 @@ def fresh(monkeypatch):
 
 def compile_for(seconds):
     """Two compilations, one inside the other."""
-    compiling.started()
-    compiling.started()
+    compiling.compilation_started()
+    compiling.compilation_started()
     time.sleep(seconds)
-    compiling.ended()
-    compiling.ended()
+    compiling.compilation_ended()
+    compiling.compilation_ended()
 
 
 def test_compilation_is_logged_once_and_timed(fresh, caplog):
@@ -92,10 +92,10 @@ def test_compilation_by_another_thread_counts_only_while_the_stage_runs(fresh):
     stages, ready = gppcs.Stages(), threading.Event()
 
     def compile_longer():
-        compiling.started()
+        compiling.compilation_started()
         ready.set()
         time.sleep(0.5)
-        compiling.ended()
+        compiling.compilation_ended()
 
     thread = threading.Thread(target=compile_longer)
     thread.start()

@@ -270,6 +270,17 @@ def test_the_folder_may_be_removed_while_a_process_uses_it(package):
 
 
 @pytest.mark.slow
+def test_sources_that_change_between_import_and_first_call_get_no_code_of_the_older_ones(package):
+    late = started(
+        "from gppcs.caller import outer; print(flush=True); input(); print(outer(3))", PYTHONPATH=str(package.parent)
+    )
+    late.stdout.readline()
+    change(package, "callee", "2 * x", "3 * x")
+    assert late.communicate("go\n") == ("17\n", "")
+    assert call(package) == "20 11.75 4\n"
+
+
+@pytest.mark.slow
 def test_a_process_that_runs_older_sources_keeps_no_code_of_them(package):
     def upgrade():
         change(package, "callee", "2 * x", "3 * x")

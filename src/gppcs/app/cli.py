@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import gc
+import logging
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from io import TextIOWrapper
 from typing import Annotated
 
@@ -61,7 +64,8 @@ def main() -> None:
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may not show all characters of file names
     try:
-        code = app(sys.argv[1:] or ["--help"], standalone_mode=False)
+        with _log_on_stderr():
+            code = app(sys.argv[1:] or ["--help"], standalone_mode=False)
     except FAILURES as error:
         tell(error)
         code = BAD_INPUT
@@ -73,3 +77,18 @@ def main() -> None:
         print_error(error.format_message())
         code = BAD_INPUT
     sys.exit(code if isinstance(code, int) else 0)
+
+
+@contextmanager
+def _log_on_stderr() -> Iterator[None]:
+    """Show on stderr what the library logs while the block runs, such as that it compiles its kernels."""
+    logger, handler = logging.getLogger("gppcs"), logging.StreamHandler()
+    level = logger.level
+    handler.setFormatter(logging.Formatter("gppcs: %(message)s"))
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
+        logger.removeHandler(handler)

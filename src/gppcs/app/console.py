@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -68,23 +67,6 @@ class ProgressBar:
             self._timer.join()
             self._progress.stop()
             self._progress = None
-
-
-@contextmanager
-def log_on_stderr() -> Iterator[None]:
-    """Show on stderr what the library logs while the block runs, such as that it compiles its kernels."""
-    import logging
-
-    logger = logging.getLogger("gppcs")
-    handler, level = logging.StreamHandler(), logger.level
-    handler.setFormatter(logging.Formatter("gppcs: %(message)s"))
-    logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
-    try:
-        yield
-    finally:
-        logger.setLevel(level)
-        logger.removeHandler(handler)
 
 
 def print_comparison(entries: Sequence[Entry]) -> None:

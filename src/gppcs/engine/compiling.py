@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from time import perf_counter
 
-from gppcs.engine import kernel_cache
+from gppcs.engine.kernel_cache import are_kept
 
 NOTICE = "compiling its kernels, once on this machine; this can take a minute"
 PASSING_NOTICE = (
@@ -43,16 +43,16 @@ _clock = _Clock()
 _told = False
 
 
-def started() -> None:
+def compilation_started() -> None:
     """Note that the compilation of a kernel starts, and tell of the first one in this process."""
     global _told
     if not _told:
         _told = True
-        _tell(NOTICE if kernel_cache.are_kept() else PASSING_NOTICE)
+        _tell(NOTICE if are_kept() else PASSING_NOTICE)
     _clock.start()
 
 
-def ended() -> None:
+def compilation_ended() -> None:
     """Note that the compilation of a kernel has ended."""
     _clock.stop()
 

@@ -17,7 +17,7 @@ from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
-from gppcs.engine import compiling
+from gppcs.engine.compiling import compilation_ended, compilation_started
 from gppcs.engine.kernel_cache import folder_to_write, folders, sources_have_changed
 
 CHECKSUM_BYTES = 16
@@ -56,6 +56,7 @@ class _KernelCache(NullCache):
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function
+        self._folders = folders()  # now, not at the first call: until then the sources may change
         self._folder: Path | None = None
 
     @property
@@ -75,7 +76,7 @@ class _KernelCache(NullCache):
         """
         target_context.refresh()
         name = self._file_name(sig, target_context.codegen())
-        for folder in folders():
+        for folder in self._folders:
             try:
                 content = (folder / name).read_bytes()
             except OSError:
@@ -134,11 +135,11 @@ class _Listener(event.Listener):
 
     def on_start(self, event: Any) -> None:
         if isinstance(event.data["dispatcher"]._cache, _KernelCache):
-            compiling.started()
+            compilation_started()
 
     def on_end(self, event: Any) -> None:
         if isinstance(event.data["dispatcher"]._cache, _KernelCache):
-            compiling.ended()
+            compilation_ended()
 
 
 event.register("numba:compile", _Listener())

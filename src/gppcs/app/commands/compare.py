@@ -71,7 +71,7 @@ def compare(
 ) -> None:
     """Simplify a cloud by several methods, evaluate each result, and write tables and a picture."""
     from gppcs import io
-    from gppcs.app.console import ProgressBar, log_on_stderr
+    from gppcs.app.console import ProgressBar
     from gppcs.engine.stages import Stages
     from gppcs.evaluation.comparison import checked_methods
     from gppcs.evaluation.comparison import compare as compared
@@ -82,13 +82,12 @@ def compare(
     targets = _targets(cloud, output, picture, force)
     surface = read_mesh(mesh) if mesh else None
     stages = Stages(ProgressBar())
-    with log_on_stderr():
-        original = io.read(cloud)
-        entries = compared(
-            original, chosen, ratio=ratio, n_points=points, mesh=surface, invalid=invalid, stages=stages
-        )  # fmt: skip
-        with stages("tables and picture"):
-            contents = _contents(original, entries, surface, viewpoint if picture else None)
+    original = io.read(cloud)
+    entries = compared(
+        original, chosen, ratio=ratio, n_points=points, mesh=surface, invalid=invalid, stages=stages
+    )  # fmt: skip
+    with stages("tables and picture"):
+        contents = _contents(original, entries, surface, viewpoint if picture else None)
     output.mkdir(exist_ok=True)
     for name, content in contents.items():
         with io.whole_file(targets[name], force) as file:

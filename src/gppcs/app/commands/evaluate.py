@@ -42,15 +42,14 @@ def evaluate(
 ) -> None:
     """Measure how good a simplified cloud is. Points with NaN or infinite coordinates are left out."""
     from gppcs import io
-    from gppcs.app.console import ProgressBar, log_on_stderr, print_table
+    from gppcs.app.console import ProgressBar, print_table
     from gppcs.engine.stages import Stages
     from gppcs.evaluation.judge import evaluate as measured
     from gppcs.io.mesh_files import read_mesh
 
     surface = read_mesh(mesh) if mesh else None
-    with log_on_stderr():
-        before, after = (cloud.take(cloud.finite_rows()) for cloud in map(io.read, (original, simplified)))
-        report = measured(before, after, surface, Stages(ProgressBar()))
+    before, after = (cloud.take(cloud.finite_rows()) for cloud in map(io.read, (original, simplified)))
+    report = measured(before, after, surface, Stages(ProgressBar()))
     if as_json:
         files = {"original": str(original), "simplified": str(simplified), "mesh": str(mesh) if mesh else None}
         print_json({**files, "figures": report.figures(), "relative": report.figures(relative=True)})

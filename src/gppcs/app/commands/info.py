@@ -19,11 +19,10 @@ def info(
 ) -> None:
     """Print the number of points, bounding box, spacing, attributes, repeats and invalid points."""
     from gppcs import io
-    from gppcs.app.console import log_on_stderr, print_table
+    from gppcs.app.console import print_table
     from gppcs.clouds.summary import info as summarise
 
-    with log_on_stderr():
-        summary = summarise(io.read(file))
+    summary = summarise(io.read(file))
     if as_json:
         print_json({"file": str(file), **dataclasses.asdict(summary)})
         return

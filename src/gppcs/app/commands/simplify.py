@@ -175,7 +175,7 @@ def _simplify_file(
 ) -> _Run:
     """Simplify one file; `options` are the arguments of `gppcs.simplify`."""
     from gppcs import io
-    from gppcs.app.console import ProgressBar, log_on_stderr
+    from gppcs.app.console import ProgressBar
     from gppcs.engine.stages import Stages
     from gppcs.evaluation.judge import evaluate
     from gppcs.simplification import simplify
@@ -184,22 +184,21 @@ def _simplify_file(
     io.check_writable(target, force)
     refuse_input(target, source)
     stages = Stages(ProgressBar())
-    with log_on_stderr():
-        with stages("reading"):
-            cloud = io.read(source)
-        result = simplify(cloud, stages=stages, **options)
-        report = image = None
-        if figures:
-            with stages("figures"):
-                report = evaluate(cloud.take(cloud.finite_rows()), result.cloud)
-        if picture:
-            with stages("picture"):
-                image = _drawn(cloud, result, viewpoint)
-        with stages("writing"):
-            io.write(target, result.cloud, force=force)
-            if picture and image:
-                with io.whole_file(picture, force) as file:
-                    file.write(image)
+    with stages("reading"):
+        cloud = io.read(source)
+    result = simplify(cloud, stages=stages, **options)
+    report = image = None
+    if figures:
+        with stages("figures"):
+            report = evaluate(cloud.take(cloud.finite_rows()), result.cloud)
+    if picture:
+        with stages("picture"):
+            image = _drawn(cloud, result, viewpoint)
+    with stages("writing"):
+        io.write(target, result.cloud, force=force)
+        if picture and image:
+            with io.whole_file(picture, force) as file:
+                file.write(image)
     return _Run(source, target, cloud, result, report)
 
 
@@ -252,11 +251,9 @@ class _Run:
         """Print the run as a table."""
         from gppcs.app.console import print_table
 
-        seconds = {
-            f"{stage}, s": f"{value:.2f}" for stage, value in self.result.seconds.items() if stage != COMPILATION
-        }
-        total = f"{sum(self.result.seconds.values()):.2f}"
-        if compilation := self.result.seconds.get(COMPILATION):
+        seconds = dict(self.result.seconds)
+        total = f"{sum(seconds.values()):.2f}"
+        if compilation := seconds.pop(COMPILATION, 0.0):
             total += f", of which {compilation:.2f} compiling kernels"
             total += ", this time only" if kernel_cache.are_kept() else ""
         print_table(

@@ -22,7 +22,7 @@ def warmup(as_json: Json = False) -> None:
     another kind of processor.
     """
     from gppcs.app.compilation import compile_all
-    from gppcs.app.console import ProgressBar, log_on_stderr
+    from gppcs.app.console import ProgressBar
     from gppcs.engine.stages import Stages
     from gppcs.methods import METHODS
 
@@ -32,7 +32,7 @@ def warmup(as_json: Json = False) -> None:
             "be written; set NUMBA_CACHE_DIR to a folder that can"
         )
     start = perf_counter()
-    with log_on_stderr(), Stages(ProgressBar())("compiling kernels", len(METHODS)) as advanced:
+    with Stages(ProgressBar())("compiling kernels", len(METHODS)) as advanced:
         compiled, folders = compile_all(advanced)
     seconds = perf_counter() - start
     if as_json:
