@@ -9,7 +9,7 @@ import pytest
 
 import gppcs
 from command_line import COMMAND, FAST, assert_one_line, files
-from gppcs.app import cli
+from gppcs.app import program
 
 
 @pytest.mark.parametrize("arguments", [(), ("--help",)])
@@ -84,6 +84,6 @@ def test_faults_of_the_program_itself_are_not_hidden(monkeypatch):
     def broken(*arguments, **options):
         raise ZeroDivisionError
 
-    monkeypatch.setattr(cli, "app", broken)
+    monkeypatch.setattr(program, "app", broken)
     with pytest.raises(ZeroDivisionError):
-        cli.main()
+        program.run([])

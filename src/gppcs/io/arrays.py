@@ -66,9 +66,12 @@ def read_npz(file: BufferedReader) -> PointCloud:
     try:
         with zipfile.ZipFile(file) as archive:
             arrays = {}
-            for entry in archive.namelist():
+            for entry in archive.infolist():
+                name = entry.filename.removesuffix(".npy")
+                if not name or name in arrays:
+                    raise FileFormatError(f"expected a name of its own for each array, found {name!r}; rename one")
                 with archive.open(entry) as member:
-                    arrays[entry.removesuffix(".npy")] = _array(member)
+                    arrays[name] = _array(member)
     except _DAMAGED_ZIP as error:
         raise FileFormatError("expected a whole NPZ file, found a damaged one; get it again") from error
     if _POINTS not in arrays:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gppcs import __version__
-from gppcs.app.printing import BAD_INPUT, FAILURES, Force, Invalid, Json, figure_rows, print_json, refuse_input, tell
+from gppcs.app.printing import BAD_INPUT, FAILURES, Force, Invalid, Json, figure_rows, note_left_out, print_json, tell
 from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.memory import peak_memory
 from gppcs.errors import OutputError, ParameterError
@@ -94,6 +94,7 @@ def simplify(
 
     If one of several inputs cannot be used, the others are still simplified.
     """
+    from gppcs.io import check_distinct
     from gppcs.simplification import simplify as simplified
 
     options: dict[str, Any] = {
@@ -108,6 +109,7 @@ def simplify(
     viewpoint = viewpoint_of(view, up, picture is not None)
     simplified([[0.0, 0.0, 0.0]], **options)  # checks the options before long work
     targets = _targets(inputs, output)
+    check_distinct([*targets.values(), *([picture] if picture else [])], inputs)
     if picture:
         _check_picture(picture, inputs, force)
     failed = False
@@ -180,7 +182,6 @@ def _simplify_file(
 
     io.format_to_write(target)
     io.check_writable(target, force)
-    refuse_input(target, source)
     stages = Stages(ProgressBar())
     with compilation_noticed() as compilation:
         with stages("reading"):
@@ -193,11 +194,13 @@ def _simplify_file(
         if picture:
             with stages("picture"):
                 image = _drawn(cloud, result, viewpoint)
+        left_out = io.left_out(source, target, result.cloud)
         with stages("writing"):
             io.write(target, result.cloud, force=force)
             if picture and image:
                 with io.whole_file(picture, force) as file:
                     file.write(image)
+    note_left_out(target, left_out)
     return _Run(source, target, cloud, result, report, compilation.seconds)
 
 

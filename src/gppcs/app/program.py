@@ -1,0 +1,70 @@
+"""The command-line program `gppcs`: results go to stdout, progress and errors to stderr."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from gppcs import __version__
+from gppcs.app.commands import compare, evaluate, info, methods, sample, simplify, warmup
+from gppcs.app.printing import BAD_INPUT, FAILURES, print_error, tell
+
+app = typer.Typer(
+    name="gppcs",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    help="Thin a point cloud to exactly the number of points asked for, and keep its features.",
+    epilog="[bold]Examples[/bold]\n\n"
+    "gppcs sample bracket -o scan.ply\n\n"
+    "gppcs simplify scan.ply -o small.ply --ratio 0.03 --picture small.png\n\n"
+    "gppcs compare scan.ply --points 5000 --methods gp-spectral,fps,hc -o comparison\n\n"
+    "gppcs info small.ply\n\n"
+    "gppcs COMMAND --help explains a command.",
+)
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
+) -> None:
+    if version:
+        typer.echo(__version__)
+        raise typer.Exit
+
+
+app.command(epilog=simplify.EPILOG)(simplify.simplify)
+app.command(epilog=evaluate.EPILOG)(evaluate.evaluate)
+app.command(epilog=compare.EPILOG)(compare.compare)
+app.command(epilog=info.EPILOG)(info.info)
+app.command(epilog=sample.EPILOG)(sample.sample)
+app.command(epilog=methods.EPILOG)(methods.methods)
+app.command(epilog=warmup.EPILOG)(warmup.warmup)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the program.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        The words after the name of the program.
+
+    Returns
+    -------
+    int
+        The exit code: 0 for success, 2 after an error, which is printed as one line on stderr.
+    """
+    try:
+        code = app(list(arguments) or ["--help"], standalone_mode=False)
+    except FAILURES as error:
+        tell(error)
+        return BAD_INPUT
+    except Exception as error:
+        if not hasattr(error, "format_message"):  # errors of Typer about the command line have it
+            raise
+        print_error(error.format_message())
+        return BAD_INPUT
+    return code if isinstance(code, int) else 0
