@@ -3,7 +3,6 @@
 import importlib
 import re
 import shlex
-import sys
 import tomllib
 from functools import cache
 from pathlib import Path

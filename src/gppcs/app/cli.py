@@ -29,5 +29,5 @@ def main() -> None:
 
         code = run(sys.argv[1:])
     except stopping.Stopped:
-        code = stopping.tell()
+        code = stopping.finish()
     sys.exit(code)

@@ -15,12 +15,14 @@ from typing import NoReturn
 
 from gppcs.engine import unfinished
 
-SIGNALS = tuple(
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
-)  # Windows has no SIGHUP
-WORDS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "stopped, as the terminal was closed"}
+WORDS = {
+    "SIGINT": "interrupted",
+    "SIGTERM": "terminated",
+    "SIGHUP": "stopped, since the terminal was closed",  # Windows has no such signal
+}
 
 _received: int | None = None  # the first signal
+_told = False
 
 
 class Stopped(BaseException):
@@ -28,26 +30,30 @@ class Stopped(BaseException):
 
 
 def catch_signals() -> None:
-    """Let the signals stop this process. Signals that it was started to ignore, as by nohup, stay ignored."""
-    for number in SIGNALS:
+    """Let Ctrl-C, SIGTERM and SIGHUP stop this process, except those that it was started to ignore, as by nohup."""
+    for number in (getattr(signal, name) for name in WORDS if hasattr(signal, name)):
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _on_signal)
     sys.excepthook = _on_uncaught
     sys.unraisablehook = _on_swallowed
 
 
-def tell() -> int:
-    """Print why the program stops, as one line on stderr.
+def finish() -> int:
+    """Remove unfinished files, and print why the program stops, as one line on stderr.
 
     Returns
     -------
     int
         The exit code that shells expect: 128 and the number of the signal.
     """
+    global _told
     assert _received is not None
-    with suppress(OSError):  # the terminal may be gone
-        # The signal may have come in the middle of a `print`, which cannot be called again before it ends.
-        os.write(2, f"gppcs: {WORDS[signal.Signals(_received).name]}\n".encode())
+    unfinished.remove_all()
+    if not _told:
+        _told = True
+        with suppress(OSError):  # the terminal may be gone
+            # Not by `print`: the signal may have come in the middle of one, and Python refuses a second inside it.
+            os.write(2, f"gppcs: {WORDS[signal.Signals(_received).name]}\n".encode())
     return 128 + _received
 
 
@@ -72,5 +78,4 @@ def _on_swallowed(fault: sys.UnraisableHookArgs) -> None:
 
 
 def _end_at_once() -> NoReturn:
-    unfinished.remove_all()
-    os._exit(tell())
+    os._exit(finish())

@@ -15,6 +15,8 @@ from gppcs.errors import FileFormatError, OutputError
 
 Column = NDArray[Any]
 
+_LONGEST_NAME = 1000
+_UNWRITABLE = re.compile("[\0\ud800-\udfff]")  # zip files cut names at the first, UTF-8 has no bytes for the others
 EXACT = 2**53  # float64 represents every whole number up to here
 
 
@@ -174,28 +176,33 @@ def attribute_columns(cloud: PointCloud) -> dict[str, Column]:
         flat = values.reshape(len(values), math.prod(values.shape[1:]))
         names = [name] if values.ndim == 1 else [f"{name}_{i}" for i in range(flat.shape[1])]
         for column, part in zip(names, flat.T, strict=True):
-            check_unused(column, columns)
+            check_name(column, columns)
             columns[column] = part
     return columns
 
 
-def check_unused(name: str, names: Iterable[str]) -> None:
-    """Raise an error if a column name is taken.
+def check_name(name: str, taken: Iterable[str]) -> None:
+    """Check that a column can have a name.
 
     Parameters
     ----------
     name : str
         The name of a column to be written.
-    names : iterable of str
-        Names that are taken, besides x, y and z.
+    taken : iterable of str
+        Names of other columns, besides x, y and z.
 
     Raises
     ------
     OutputError
-        If `name` is among them.
+        If the name is taken, empty, longer than 1,000 characters, or has characters that files cannot hold.
     """
-    if name in names or name in ("x", "y", "z"):
+    if name in taken or name in ("x", "y", "z"):
         raise OutputError(f"expected columns of different names, found {name!r} twice; rename the attribute")
+    if not 1 <= len(name) <= _LONGEST_NAME or _UNWRITABLE.search(name):
+        raise OutputError(
+            f"expected a name of 1 to {_LONGEST_NAME:,} characters of Unicode for each attribute, "
+            f"found {name[:20]!a} of {len(name):,}; rename the attribute"
+        )
 
 
 def exact_as_double(values: Column) -> bool:
