@@ -131,11 +131,11 @@ def unread_ply(file: BufferedReader) -> list[str]:
     header = _read_header(file)
     words = {"comment": ("comment", "comments"), "obj_info": ("line of obj_info", "lines of obj_info")}
     found = [f"{count} {words[kind][count > 1]}" for kind, count in header.remarks.items()]
-    for element in filter(lambda each: each.count, header.elements):
-        if element.name != "vertex":
-            found.append(f"element {element.name} ({element.count:,})")
-        else:
+    for element in header.elements:
+        if element.name == "vertex":
             found += [f"list property {each.name}" for each in element.properties if each.length is not None]
+        elif element.count:
+            found.append(f"element {element.name} ({element.count:,})")
     return found
 
 

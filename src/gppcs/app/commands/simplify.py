@@ -109,9 +109,9 @@ def simplify(
     viewpoint = viewpoint_of(view, up, picture is not None)
     simplified([[0.0, 0.0, 0.0]], **options)  # checks the options before long work
     targets = _targets(inputs, output)
-    check_distinct([*targets.values(), *([picture] if picture else [])], inputs)
     if picture:
         _check_picture(picture, inputs, force)
+    check_distinct([*targets.values(), *([picture] if picture else [])], inputs)
     failed = False
     for source, target in targets.items():
         try:
