@@ -3,7 +3,6 @@
 import importlib
 import re
 import shlex
-import sys
 import tomllib
 from functools import cache
 from pathlib import Path
@@ -14,7 +13,7 @@ import pytest
 import typer.main
 
 import gppcs
-from gppcs.app import cli
+from gppcs.app import program
 from gppcs.io import FORMATS
 
 ROOT = Path(__file__).parents[1]
@@ -60,7 +59,7 @@ def results():
 @cache
 def options():
     """Return the options of each command."""
-    commands = typer.main.get_command(cli.app).commands
+    commands = typer.main.get_command(program.app).commands
     return {
         name: {
             option
@@ -111,10 +110,7 @@ def test_the_figures_that_are_explained_are_those_of_the_commands(tmp_path, monk
     monkeypatch.chdir(tmp_path)
     for words in console_lines("docs/evaluation.md"):
         capsys.readouterr()
-        monkeypatch.setattr(sys, "argv", words)
-        with pytest.raises(SystemExit) as exit_:
-            cli.main()
-        assert exit_.value.code == 0, words
+        assert program.run(words[1:]) == 0, words
     (shown,) = blocks("docs/evaluation.md", "text")
     printed = capsys.readouterr().out.splitlines()[1:]  # after the names of the files
     for expected, found in zip(shown.splitlines(), printed, strict=True):
@@ -125,16 +121,13 @@ def test_the_figures_that_are_explained_are_those_of_the_commands(tmp_path, monk
 
 @pytest.mark.parametrize("page", ["README.md", "docs/usage.md"])
 @pytest.mark.slow
-def test_commands_run(page, workplace, monkeypatch):
+def test_commands_run(page, workplace):
     commands = [line for line in console_lines(page) if Path(line[0]).name == "gppcs"]
     assert commands
     for words in commands:
         shown = [SMALLER.get(word, word) for word in words[1:]]
         force = ["--force"] if shown[0] in ("simplify", "sample") else []
-        monkeypatch.setattr(sys, "argv", ["gppcs", *shown, *force])
-        with pytest.raises(SystemExit) as exit_:
-            cli.main()
-        assert exit_.value.code == 0, words
+        assert program.run([*shown, *force]) == 0, words
 
 
 @pytest.mark.parametrize("page", PAGES)

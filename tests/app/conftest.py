@@ -1,11 +1,9 @@
 """Fixtures of the tests of the command."""
 
-import sys
-
 import pytest
 
 import gppcs
-from gppcs.app import cli
+from gppcs.app import program
 from gppcs.engine import compiling
 
 
@@ -34,14 +32,12 @@ def scan(folder):
 
 
 @pytest.fixture
-def gppcs_command(kernels, folder, monkeypatch, capsys):
+def gppcs_command(kernels, folder, capsys):
     """Run the command in this process; return its exit code, stdout and stderr, less the notice of a first run."""
 
     def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["gppcs", *map(str, arguments)])
-        with pytest.raises(SystemExit) as stop:
-            cli.main()
+        code = program.run(list(map(str, arguments)))
         out, err = capsys.readouterr()
-        return stop.value.code, out, err.replace(f"gppcs: {compiling.NOTICE}\n", "")
+        return code, out, err.replace(f"gppcs: {compiling.NOTICE}\n", "")
 
     return run

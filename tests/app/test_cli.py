@@ -10,7 +10,7 @@ import pytest
 
 import gppcs
 from command_line import COMMAND, FAST, assert_one_line, files
-from gppcs.app import cli
+from gppcs.app import program
 
 
 @pytest.mark.parametrize("arguments", [(), ("--help",)])
@@ -85,16 +85,15 @@ def test_faults_of_the_program_itself_are_not_hidden(monkeypatch):
     def broken(*arguments, **options):
         raise ZeroDivisionError
 
-    monkeypatch.setattr(cli, "app", broken)
+    monkeypatch.setattr(program, "app", broken)
     with pytest.raises(ZeroDivisionError):
-        cli.main()
+        program.run([])
 
 
 def test_what_the_library_logs_is_shown_while_a_command_runs(monkeypatch, capsys):
     logger = logging.getLogger("gppcs")
-    monkeypatch.setattr(cli, "app", lambda *_, **__: logger.info("a notice"))
-    with pytest.raises(SystemExit):
-        cli.main()
+    monkeypatch.setattr(program, "app", lambda *_, **__: logger.info("a notice"))
+    program.run([])
     logger.info("another")
     assert capsys.readouterr() == ("", "gppcs: a notice\n")
     assert (logger.handlers, logger.level) == ([], logging.NOTSET)

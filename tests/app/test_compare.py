@@ -118,6 +118,22 @@ def test_what_compare_refuses_leaves_nothing(gppcs_command, scan, arguments, par
     assert Path("old/table.md").read_text() == "mine"
 
 
+@pytest.mark.parametrize("name", ["table.csv", "table.md"])
+@pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])
+@pytest.mark.parametrize("read", ["scan.ply", "mesh.ply"])
+def test_compare_never_overwrites_an_input_through_its_folder(gppcs_command, scan, name, link, read):
+    gppcs.write("mesh.ply", scan)
+    Path("side").mkdir()
+    link(Path("side", name), Path(read).absolute())
+    before = Path(read).read_bytes()
+    options = ("--mesh", "mesh.ply", "--ratio", 0.1, "--methods", "fps", "--no-picture", "--force")
+    code, out, err = gppcs_command("compare", "scan.ply", *options, "-o", "side")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert f"side/{name}: expected a file other than the input {read}, found the same" in err
+    assert Path(read).read_bytes() == before
+    assert [path.name for path in Path("side").iterdir()] == [name]
+
+
 @pytest.mark.parametrize("module", ["pymeshlab", "pyvista"])
 def test_compare_names_the_missing_extra_before_any_work(gppcs_command, scan, monkeypatch, module):
     pytest.importorskip("pymeshlab")

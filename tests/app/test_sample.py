@@ -21,3 +21,9 @@ def test_sample_json_says_what_was_made(gppcs_command):
     options = {"noise": 0.001, "outliers": 0.0, "uneven": 0.0, "seed": 0}
     expected = {"output": "a.ply", "name": "fan", "points": 300, **options, "version": gppcs.__version__}
     assert json.loads(out) == expected
+
+
+def test_attributes_that_a_format_does_not_hold_are_named(gppcs_command):
+    names = gppcs.sample("bracket", 10).attributes
+    told = f"gppcs: note: a.obj: left out: {', '.join(f'attribute {name}' for name in names)}\n"
+    assert gppcs_command("sample", "bracket", "-o", "a.obj", "--points", 10) == (0, "", told)

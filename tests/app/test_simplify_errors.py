@@ -84,7 +84,10 @@ def test_input_that_cannot_be_used(gppcs_command, scan, damage, parts):
         (["--points", 5, "--view", "30,20"], ["expected a picture to turn with --view and --up"]),
         (["--points", 5, "--rato", 1], ["No such option: --rato", "--ratio"]),
         (["--points", 5, "-o", "none/out.ply"], ["none/out.ply: expected a folder"]),
-        (["--points", 5, "-o", "scan.ply"], ["scan.ply: expected a new file, found one"]),
+        (
+            ["--points", 5, "-o", "scan.ply"],
+            ["scan.ply: expected a file other than the input scan.ply, found the same"],
+        ),
         (["--points", 5, "-o", "out.foo"], ["out.foo: expected one of the formats .ply", "found '.foo'"]),
         (["--points", 5, "missing.ply"], ["out.ply: expected a folder for the results of 2 inputs"]),
         (["--points", 5, "sub/scan.ply", "-o", "."], ["inputs with different names"]),
@@ -135,16 +138,6 @@ def test_a_missing_extra_is_told_before_any_work(gppcs_command, scan, monkeypatc
     assert files() == ["scan.ply"]
 
 
-def test_an_interrupted_command_leaves_nothing(gppcs_command, scan, monkeypatch):
-    def interrupted(*arguments, **options):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("gppcs.io.ply._type_of_coordinates", interrupted)  # while the result is written
-    code, out, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 9)
-    assert (code, out, err.strip()) == (130, "", "")
-    assert files() == ["scan.ply"]
-
-
 @pytest.mark.parametrize("output", ["scan.ply", "link.ply", "."])
 def test_an_input_is_never_overwritten(gppcs_command, scan, output):
     Path("link.ply").symlink_to("scan.ply")
@@ -152,3 +145,60 @@ def test_an_input_is_never_overwritten(gppcs_command, scan, output):
     result = gppcs_command("simplify", "scan.ply", "-o", output, "--points", 5, "--force")
     assert_one_line(result, "expected a file other than the input")
     assert Path("scan.ply").read_bytes() == before
+
+
+@pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])
+def test_no_input_of_the_call_is_overwritten_through_a_link_in_the_folder(gppcs_command, scan, link):
+    """The link has the name of one input and leads to another."""
+    Path("results").mkdir()
+    gppcs.write("more.ply", scan)
+    before = Path("more.ply").read_bytes()
+    link(Path("results/scan.ply"), Path("more.ply").absolute())
+    result = gppcs_command("simplify", "scan.ply", "more.ply", "-o", "results", "--points", 5, "--force", *FAST)
+    assert_one_line(result, "results/scan.ply: expected a file other than the input more.ply, found the same")
+    assert Path("more.ply").read_bytes() == before
+    assert sorted(path.name for path in Path("results").iterdir()) == ["scan.ply"]  # refused before any work
+
+
+def test_no_result_is_overwritten_by_another_of_the_call(gppcs_command, scan):
+    Path("results").mkdir()
+    gppcs.write("more.ply", scan)
+    Path("results/more.ply").symlink_to("scan.ply")
+    result = gppcs_command("simplify", "scan.ply", "more.ply", "-o", "results", "--points", 5, "--force", *FAST)
+    assert_one_line(result, "results/more.ply: expected a file for this result alone, found results/scan.ply again")
+    assert not Path("results/scan.ply").exists()
+
+
+@pytest.mark.parametrize("picture", ["soft.png", "hard.png", "scan.png"])
+def test_a_picture_never_overwrites_the_input(gppcs_command, scan, picture):
+    gppcs.write("scan.png", scan, format="ply")  # read by its content
+    Path("soft.png").symlink_to("scan.png")
+    Path("hard.png").hardlink_to("scan.png")
+    before = Path("scan.png").read_bytes()
+    options = ("-o", "out.ply", "--points", 5, "--picture", picture, "--force", *FAST)
+    assert_one_line(
+        gppcs_command("simplify", "scan.png", *options), f"{picture}: expected a file other than the input scan.png"
+    )
+    assert Path("scan.png").read_bytes() == before
+    assert not Path("out.ply").exists()
+
+
+def test_a_picture_does_not_overwrite_the_result(gppcs_command, scan):
+    Path("out.ply").write_text("old")
+    Path("out.png").symlink_to("out.ply")
+    options = ("-o", "out.ply", "--points", 5, "--picture", "out.png", "--force", *FAST)
+    assert_one_line(gppcs_command("simplify", "scan.ply", *options), "out.png: expected a file for this result alone")
+    assert Path("out.ply").read_text() == "old"
+
+
+def test_what_a_file_loses_is_told_in_one_line(gppcs_command, scan):
+    content = Path("scan.ply").read_bytes().replace(b"element vertex", b"comment mine\nobj_info old\nelement vertex")
+    Path("scan.ply").write_bytes(
+        content.replace(b"end_header", b"element face 1\nproperty uchar flag\nend_header") + b"1"
+    )
+    code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.off", "--points", 5, *FAST)
+    assert code == 0
+    attributes = ", ".join(f"attribute {name}" for name in scan.attributes)
+    lost = "1 comment, 1 line of obj_info, element face (1)"
+    assert err == f"gppcs: note: out.off: left out: {lost}, {attributes}\n"
+    assert gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 5, *FAST)[2].endswith(f": {lost}\n")

@@ -133,8 +133,8 @@ def test_the_default_is_that_of_the_affinity():
         ("0::/a/b\n", {"a/b/cpu.max": "150000 100000"}, 2),
         ("0::/a/b\n", {"a/b/cpu.max": "800000 100000", "a/cpu.max": "300000 100000"}, 3),
         ("0::/a/b\n", {"cpu.max": "20000 100000"}, 1),  # a container sees its own group as the root
-        ("5:cpu,cpuacct:/x\n0::/\n", {"cpu,cpuacct/x/cpu.cfs_quota_us": "-1", "cpu,cpuacct/x/cpu.cfs_period_us": "9"}, np.inf),
-        ("5:cpu,cpuacct:/x\n", {"cpu,cpuacct/cpu.cfs_quota_us": "250000", "cpu,cpuacct/cpu.cfs_period_us": "100000"}, 3),
+        ("5:cpu:/x\n0::/\n", {"cpu/x/cpu.cfs_quota_us": "-1", "cpu/x/cpu.cfs_period_us": "9"}, np.inf),
+        ("5:cpu,cpuacct:/x\n", {"cpu,cpuacct/cpu.cfs_quota_us": "25", "cpu,cpuacct/cpu.cfs_period_us": "10"}, 3),
         ("nonsense\n", {"cpu.max": "nonsense"}, np.inf),
     ],
 )  # fmt: skip

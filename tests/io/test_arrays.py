@@ -73,6 +73,7 @@ def test_archives_hold_points_and_attributes(tmp_path):
         ({"points": np.zeros((2, 3)), "a": np.zeros(3)}, "attribute 'a'"),
         ({"points": np.zeros((2, 3)), "a": np.array(1)}, "each point in 'a'"),
         ({"points": np.zeros((2, 3)), "x": np.zeros(2)}, "'x' twice"),
+        ({"points": np.zeros((2, 3)), "": np.zeros(2)}, "a name of its own for each array, found ''"),
         ({"points": np.zeros((2, 3)), "a": np.array([None, 1])}, "Object arrays cannot be loaded"),
     ],
 )
@@ -80,6 +81,15 @@ def test_archives_that_are_no_clouds_are_refused(tmp_path, arrays, message):
     path = tmp_path / "cloud.npz"
     np.savez(path, **arrays)
     with pytest.raises(FileFormatError, match=message):
+        read(path)
+
+
+def test_two_arrays_of_one_name_in_an_archive_are_refused(tmp_path):
+    path = tmp_path / "cloud.npz"
+    write(path, PointCloud(np.zeros((2, 3)), {"a": np.zeros(2)}))
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("a", archive.read("a.npy"))
+    with pytest.raises(FileFormatError, match="a name of its own for each array, found 'a'"):
         read(path)
 
 

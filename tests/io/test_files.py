@@ -1,5 +1,6 @@
 """Which format a file has, and errors that concern any file."""
 
+import re
 import subprocess
 import sys
 
@@ -7,8 +8,8 @@ import numpy as np
 import pytest
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import FileFormatError
-from gppcs.io import FORMATS, format_to_write, read, write
+from gppcs.errors import FileFormatError, OutputError
+from gppcs.io import FORMATS, format_to_write, read, unwritten, write
 
 CLOUD = PointCloud([[1.5, 2.5, 3.5]])
 
@@ -68,6 +69,34 @@ def test_messages_name_the_file_and_take_one_line(tmp_path):
     assert str(caught.value).startswith(f"{path}: ")
     assert len(str(caught.value).splitlines()) == 1
     assert len(str(caught.value)) < len(str(path)) + 400
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".csv", ".npy", ".npz"])
+@pytest.mark.parametrize("name", ["", "a\0b", "\ud800", "n" * 70_000, "../up", "a/", ".npy", "#", "new\nline"])
+def test_strange_names_of_attributes_are_kept_or_refused(tmp_path, suffix, name):
+    cloud = PointCloud(np.zeros((2, 3)), {name: np.arange(2)})
+    written = re.sub(r"\s", "_", name) or "_" if suffix in (".ply", ".csv") else name
+    if written in ("", "a\0b", "\ud800", "n" * 70_000):
+        with pytest.raises(OutputError, match="expected a name of 1 to 1,000 characters"):
+            write(tmp_path / f"cloud{suffix}", cloud)
+        assert not any(tmp_path.iterdir())
+    else:
+        write(tmp_path / f"cloud{suffix}", cloud)
+        assert list(read(tmp_path / f"cloud{suffix}").attributes) == [written]
+
+
+def test_what_formats_without_attributes_leave_out_is_named(tmp_path):
+    cloud = PointCloud(np.zeros((2, 3)), {"nx": np.zeros(2), "label": np.zeros(2)})
+    for known in FORMATS:
+        if known.write:
+            path = tmp_path / f"cloud{known.suffixes[0]}"
+            assert unwritten(path, CLOUD) == []
+            if known.name in ("OFF", "OBJ"):
+                assert unwritten(path, cloud) == ["attribute nx", "attribute label"]
+            elif known.name != "PTS":  # refuses these
+                assert unwritten(path, cloud) == []
+                write(path, cloud)
+                assert list(read(path).attributes) == ["nx", "label"]
 
 
 def test_importing_takes_no_compiler_along():

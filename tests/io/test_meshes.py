@@ -144,3 +144,11 @@ def test_off_without_vertices_is_an_empty_cloud(mesh):
 def test_stl_without_facets_is_an_empty_cloud(mesh):
     assert len(read(mesh(".stl", "solid nothing\nendsolid nothing\n"))) == 0
     assert len(read(mesh(".stl", bytes(84)))) == 0
+
+
+@pytest.mark.parametrize(("suffix", "text"), [(".off", "OFF\n2 0 0\n{}\n{}\n"), (".obj", "v {}\nv {}\n")])
+def test_whole_numbers_that_float64_does_not_hold_are_refused(mesh, suffix, text):
+    with pytest.raises(FileFormatError, match=r"below 2\^53, found larger ones in y"):
+        read(mesh(suffix, text.format("1 9007199254740993 3", "4 5 6")))
+    with pytest.raises(FileFormatError, match="int64, uint64 or float64 holds exactly"):
+        read(mesh(suffix, text.format("1 9007199254740993 3", "4 5.5 6")))

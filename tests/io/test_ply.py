@@ -7,7 +7,7 @@ import pytest
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
-from gppcs.io import read, write
+from gppcs.io import left_out, read, write
 
 NAMES = {
     "i1": ("char", "int8"),
@@ -90,10 +90,22 @@ def test_faces_before_vertices_and_lists_within_them_are_passed_by(ply, encoding
             row = f"{order}fB{len(friends)}hfdi{len(weights)}fB"
             body += struct.pack(row, x, len(friends), *friends, y, z, len(weights), *weights, label)
         body += struct.pack(order + "i", 3)
-    cloud = read(ply(encoding, header, body, end))
+    path = ply(encoding, header, body, end)
+    cloud = read(path)
     assert cloud.points.tolist() == [[0.5, 1.5, 2.25], [3, 4, 5], [6, 7, 8]]
     assert cloud.attributes["label"].tolist() == [7, 8, 9]
     assert list(cloud.attributes) == ["label"]
+    lost = ["1 comment", "1 line of obj_info", "element camera (2)", "element face (2)"]
+    lost += ["list property friends", "list property weights", "element edge (1)"]
+    assert left_out(path, "cloud.xyz", cloud) == lost
+    assert left_out(path, "cloud.off", cloud) == [*lost, "attribute label"]
+
+
+def test_nothing_is_left_out_of_plain_vertices(ply):
+    path = ply(
+        "ascii", ["element vertex 1", *XYZ, "element face 0", "property list uchar int vertex_indices"], b"1 2 3\n"
+    )
+    assert left_out(path, "cloud.ply", read(path)) == []
 
 
 @pytest.mark.parametrize("encoding", ["ascii", *ORDERS])

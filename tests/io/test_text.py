@@ -90,13 +90,53 @@ def test_numbers_are_written_as_the_shortest_text_of_their_type(tmp_path):
 
 
 def test_whole_numbers_beyond_float64_are_kept(table):
-    cloud = read(table("x y z id big mixed\n1 2 3 9007199254740993 99999999999999999999 1\n4 5 6 7 8 1.5\n"))
+    cloud = read(table("x y z id big mixed\n1 2 3 9007199254740993 18446744073709551615 1\n4 5 6 7 8 1.5\n"))
     assert cloud.attributes["id"].tolist() == [9007199254740993, 7]
-    assert cloud.attributes["big"].dtype == np.float64
+    assert cloud.attributes["big"].tolist() == [18446744073709551615, 8]
+    assert cloud.attributes["big"].dtype == np.uint64
     assert cloud.attributes["mixed"].tolist() == [1, 1.5]
     assert cloud.coordinate_dtype == np.int64
     with pytest.raises(FileFormatError, match=r"below 2\^53, found larger ones in y; subtract an offset"):
         read(table("1 9007199254740993 3\n"))
+
+
+@pytest.mark.parametrize("suffix", [".xyz", ".csv", ".pts"])
+@pytest.mark.parametrize(
+    "column",
+    [
+        ["99999999999999999999", "1"],
+        ["9007199254740993", "1.5"],
+        ["1.5", "9007199254740993"],
+        ["nan", "-9007199254740993"],
+        ["9007199254740993", "1e3"],
+        ["18446744073709551615", "-1"],
+        ["1" * 5000, "1"],
+    ],
+)
+@pytest.mark.parametrize("block", [1, 100])
+def test_whole_numbers_that_no_type_holds_exactly_are_refused(table, monkeypatch, suffix, column, block):
+    monkeypatch.setattr(rows, "BLOCK", block)
+    with pytest.raises(FileFormatError, match=r"int64, uint64 or float64 holds exactly.* write this with a decimal"):
+        read(table("".join(f"1 2 3 {value}\n" for value in column), suffix))
+
+
+@pytest.mark.parametrize(
+    ("column", "dtype"),
+    [
+        (["9007199254740993", "-5"], np.int64),
+        (["5", "18446744073709551615"], np.uint64),
+        (["9007199254740992", "1.5"], np.float64),
+        (["1" + 22 * "0", "1"], np.float64),
+        (["99999999999999999999.0", "1"], np.float64),
+        (["1e300", "nan"], np.float64),
+    ],
+)
+@pytest.mark.parametrize("block", [1, 100])
+def test_large_numbers_keep_their_values(table, monkeypatch, column, dtype, block):
+    monkeypatch.setattr(rows, "BLOCK", block)
+    values = read(table("".join(f"1 2 3 {value}\n" for value in column))).attributes["column_4"]
+    assert values.dtype == dtype
+    np.testing.assert_array_equal(values, np.array(list(map(float if dtype == np.float64 else int, column)), dtype))
 
 
 @pytest.mark.parametrize(

@@ -1,14 +1,16 @@
 """Files are whole or not there, and nothing is overwritten unasked."""
 
+import errno
 import os
 import stat
+import threading
 
 import numpy as np
 import pytest
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import OutputError
-from gppcs.io import check_writable, whole_file, write
+from gppcs.io import check_distinct, check_writable, whole_file, write
 
 CLOUD = PointCloud([[1.5, 2.5, 3.5]])
 
@@ -84,3 +86,100 @@ def test_a_link_stays_a_link(tmp_path):
     write(link, PointCloud(np.zeros((2, 3))), force=True)
     assert link.is_symlink()
     assert b"element vertex 2\n" in real.read_bytes()
+
+
+@pytest.fixture(params=["links", "no links"])
+def links(request, monkeypatch):
+    """Run the test on a file system with hard links, and on one without."""
+
+    def refuse(*arguments):
+        raise OSError(errno.EPERM, "Operation not permitted")
+
+    if request.param == "no links":
+        monkeypatch.setattr(os, "link", refuse)
+
+
+def test_of_two_that_write_at_the_same_time_one_wins(tmp_path, links):
+    path, both_began = tmp_path / "cloud.xyz", threading.Barrier(8)
+    ends = []
+
+    def run(name):
+        try:
+            with whole_file(path) as file:
+                both_began.wait()  # all have found no file of that name
+                file.write(name)
+            ends.append(name)
+        except OutputError as error:
+            ends.append(str(error))
+
+    runs = [threading.Thread(target=run, args=(bytes([letter]),)) for letter in b"abcdefgh"]
+    for each in runs:
+        each.start()
+    for each in runs:
+        each.join()
+    (winner,) = [end for end in ends if isinstance(end, bytes)]
+    assert path.read_bytes() == winner
+    assert [end for end in ends if end != winner] == [str(_refused(path))] * 7
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def _refused(path):
+    with pytest.raises(OutputError, match="expected a new file, found one") as caught:
+        check_writable(path)
+    return caught.value
+
+
+def test_a_file_that_appears_during_the_work_is_kept(tmp_path, links):
+    path = tmp_path / "cloud.xyz"
+
+    def late():
+        with whole_file(path) as file:
+            file.write(b"ours")
+            path.write_text("theirs")
+
+    with pytest.raises(OutputError, match=r"cloud\.xyz: expected a new file, found one"):
+        late()
+    assert [each.read_text() for each in tmp_path.iterdir()] == ["theirs"]
+
+
+def test_no_empty_file_is_left_where_renaming_fails(tmp_path, monkeypatch):
+    def refuse(*arguments):
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(os, "link", refuse)
+    monkeypatch.setattr(os, "replace", refuse)
+    with pytest.raises(OSError, match="Input/output error"):
+        write(tmp_path / "cloud.ply", CLOUD)
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions as on Unix")
+@pytest.mark.parametrize("mode", [0o600, 0o444, 0o664])
+def test_a_replaced_file_keeps_its_mode(tmp_path, mode):
+    path = tmp_path / "cloud.ply"
+    path.write_text("old")
+    path.chmod(mode)
+    with whole_file(path, force=True) as file:
+        (part,) = set(tmp_path.iterdir()) - {path}
+        assert stat.S_IMODE(part.stat().st_mode) == mode  # nobody else can read it before it is complete
+        file.write(b"new")
+    assert stat.S_IMODE(path.stat().st_mode) == mode
+    assert path.read_text() == "new"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links as on Unix")
+def test_outputs_that_are_inputs_or_each_other_are_found_by_every_way(tmp_path):
+    scan, missing = tmp_path / "scan.ply", tmp_path / "missing.ply"
+    scan.write_text("")
+    (tmp_path / "folder").mkdir()
+    soft, hard, loose = tmp_path / "soft.ply", tmp_path / "hard.ply", tmp_path / "loose.ply"
+    soft.symlink_to(scan)
+    hard.hardlink_to(scan)
+    loose.symlink_to(missing)
+    check_distinct([tmp_path / "a.ply", tmp_path / "b.ply"], [scan, scan, missing])
+    for output in (scan, soft, hard, loose, missing, tmp_path / "folder" / ".." / "scan.ply"):
+        with pytest.raises(OutputError, match=r"expected a file other than the input .*\.ply, found the same"):
+            check_distinct([tmp_path / "a.ply", output], [missing, scan])
+    for first, second in ((scan, soft), (hard, soft), (missing, loose), (missing, missing.with_name("missing.ply"))):
+        with pytest.raises(OutputError, match=r"expected a file for this result alone, found .* again"):
+            check_distinct([first, second], [])

@@ -1,55 +1,14 @@
-"""The command-line program `gppcs`: results go to stdout, progress and errors to stderr."""
+"""The entry point of the command `gppcs`: prepares for Ctrl-C before it imports the program, which takes longer."""
 
 from __future__ import annotations
 
 import gc
-import logging
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from io import TextIOWrapper
-from typing import Annotated
 
-import typer
+from gppcs.app import stopping
 
-from gppcs import __version__
-from gppcs.app.commands import compare, evaluate, info, methods, sample, simplify, warmup
-from gppcs.app.printing import BAD_INPUT, FAILURES, print_error, tell
-
-INTERRUPTED = 130
 GC_THRESHOLD = 1_000_000  # objects between two garbage collections; Python's default of 700 slows imports
-
-app = typer.Typer(
-    name="gppcs",
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
-    help="Thin a point cloud to exactly the number of points asked for, and keep its features.",
-    epilog="[bold]Examples[/bold]\n\n"
-    "gppcs sample bracket -o scan.ply\n\n"
-    "gppcs simplify scan.ply -o small.ply --ratio 0.03 --picture small.png\n\n"
-    "gppcs compare scan.ply --points 5000 --methods gp-spectral,fps,hc -o comparison\n\n"
-    "gppcs info small.ply\n\n"
-    "gppcs COMMAND --help explains a command.",
-)
-
-
-@app.callback(invoke_without_command=True)
-def _root(
-    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
-) -> None:
-    if version:
-        typer.echo(__version__)
-        raise typer.Exit
-
-
-app.command(epilog=simplify.EPILOG)(simplify.simplify)
-app.command(epilog=evaluate.EPILOG)(evaluate.evaluate)
-app.command(epilog=compare.EPILOG)(compare.compare)
-app.command(epilog=info.EPILOG)(info.info)
-app.command(epilog=sample.EPILOG)(sample.sample)
-app.command(epilog=methods.EPILOG)(methods.methods)
-app.command(epilog=warmup.EPILOG)(warmup.warmup)
 
 
 def main() -> None:
@@ -58,37 +17,17 @@ def main() -> None:
     Raises
     ------
     SystemExit
-        Always. Code 0 for success, 2 after an error, which is printed as one line on stderr, and 130 after Ctrl-C.
+        Always. Code 0 for success, 2 after an error, which is printed as one line on stderr, and 128 and the number of
+        the signal after Ctrl-C (130), SIGTERM (143) or SIGHUP (129).
     """
-    gc.set_threshold(GC_THRESHOLD)
-    if isinstance(sys.stdout, TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may not show all characters of file names
+    stopping.catch_signals()
     try:
-        with _log_on_stderr():
-            code = app(sys.argv[1:] or ["--help"], standalone_mode=False)
-    except FAILURES as error:
-        tell(error)
-        code = BAD_INPUT
-    except KeyboardInterrupt:
-        code = INTERRUPTED
-    except Exception as error:
-        if not hasattr(error, "format_message"):  # errors of Typer about the command line have it
-            raise
-        print_error(error.format_message())
-        code = BAD_INPUT
-    sys.exit(code if isinstance(code, int) else 0)
+        gc.set_threshold(GC_THRESHOLD)
+        if isinstance(sys.stdout, TextIOWrapper):
+            sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may not show all characters of file names
+        from gppcs.app.program import run
 
-
-@contextmanager
-def _log_on_stderr() -> Iterator[None]:
-    """Show on stderr what the library logs while the block runs, such as that it compiles its kernels."""
-    logger, handler = logging.getLogger("gppcs"), logging.StreamHandler()
-    level = logger.level
-    handler.setFormatter(logging.Formatter("gppcs: %(message)s"))
-    logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
-    try:
-        yield
-    finally:
-        logger.setLevel(level)
-        logger.removeHandler(handler)
+        code = run(sys.argv[1:])
+    except stopping.Stopped:
+        code = stopping.finish()
+    sys.exit(code)

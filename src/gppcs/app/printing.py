@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from gppcs.app.tables import FIGURES
-from gppcs.errors import GppcsError, InputError, OutputError
+from gppcs.errors import GppcsError, InputError
 from gppcs.evaluation.report import Report
 
 BAD_INPUT = 2
@@ -75,23 +75,6 @@ def figure_rows(report: Report) -> dict[str, str]:
     return {**rows, "lengths": "in the unit of the coordinates"}
 
 
-def refuse_input(target: Path, source: Path) -> None:
-    """Raise an error if the file to write is the file to read.
-
-    Parameters
-    ----------
-    target, source : path
-        The file to write and the file to read.
-
-    Raises
-    ------
-    OutputError
-        If both are the same file, also by a link.
-    """
-    if target.exists() and source.exists() and target.samefile(source):
-        raise OutputError(f"{target}: expected a file other than the input, found the same; choose another name")
-
-
 def tell(error: BaseException, source: Path | None = None) -> None:
     """Print an error as one line on stderr.
 
@@ -108,6 +91,20 @@ def tell(error: BaseException, source: Path | None = None) -> None:
         print_error(f"{error.filename}: {error.strerror}")
     else:
         print_error(str(error) or "not enough memory")
+
+
+def note_left_out(target: Path, names: list[str]) -> None:
+    """Print on stderr what a file that was written does not hold.
+
+    Parameters
+    ----------
+    target : path
+        The file.
+    names : list of str
+        What is left out. If nothing is, nothing is printed.
+    """
+    if names:
+        print_error(f"note: {target}: left out: {', '.join(names)}")
 
 
 def print_error(message: str) -> None:

@@ -41,7 +41,8 @@ def kernel(function: Callable[..., Any] | None = None, /, **options: Any) -> Any
     if function is None:
         return lambda function: kernel(function, **options)
     # Nobody calls kernels from C. Code for that would take 5 % of the time to compile.
-    compiled: Any = nb.njit(nogil=True, no_cfunc_wrapper=True, **options)(function)
+    every: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True}
+    compiled: Any = nb.njit(**every, **options)(function)
     if compiled is not function:  # as it is with NUMBA_DISABLE_JIT
         compiled._cache = _KernelCache(function)
     return compiled

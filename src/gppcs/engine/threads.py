@@ -128,7 +128,7 @@ def number_of_threads() -> int:
         The number given to `set_threads`. By default, the number of cores that this process may use: those of its
         affinity, and no more than its control group (Linux containers) has a share of.
     """
-    return _wanted or min(_cores(), _quota())
+    return _wanted or int(min(_cores(), _quota()))
 
 
 def set_threads(count: int | None) -> None:

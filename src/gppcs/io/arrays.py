@@ -13,7 +13,7 @@ from numpy.lib import format as npy
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
-from gppcs.io.columns import Column, check_unused, cloud_of_columns, coordinate_type, default_names
+from gppcs.io.columns import Column, check_name, cloud_of_columns, coordinate_type, default_names
 from gppcs.io.format import Format
 
 _POINTS = "points"
@@ -61,14 +61,18 @@ def read_npz(file: BufferedReader) -> PointCloud:
     Raises
     ------
     FileFormatError
-        If the file is damaged, has no array `points`, has two columns of one name, or an array does not fit the points.
+        If the file is damaged, has no array `points`, has an array without a name or two columns of one name, or an
+        array does not fit the points.
     """
     try:
         with zipfile.ZipFile(file) as archive:
             arrays = {}
-            for entry in archive.namelist():
+            for entry in archive.infolist():
+                name = entry.filename.removesuffix(".npy")
+                if not name or name in arrays:
+                    raise FileFormatError(f"expected a name of its own for each array, found {name!r}; rename one")
                 with archive.open(entry) as member:
-                    arrays[entry.removesuffix(".npy")] = _array(member)
+                    arrays[name] = _array(member)
     except _DAMAGED_ZIP as error:
         raise FileFormatError("expected a whole NPZ file, found a damaged one; get it again") from error
     if _POINTS not in arrays:
@@ -115,14 +119,14 @@ def write_npy(file: BinaryIO, cloud: PointCloud) -> None:
     Raises
     ------
     OutputError
-        If an attribute holds Python objects or is called x, y or z.
+        If an attribute holds Python objects, or its name is x, y or z or cannot be written.
     """
     kept = coordinate_type(cloud)
     if not cloud.attributes:
         npy.write_array(file, cloud.points.astype(kept, copy=False), allow_pickle=False)
         return
     for name, values in cloud.attributes.items():
-        check_unused(name, ())
+        check_name(name, ())
         _check_type(name, values)
     fields = [(name, values.dtype, values.shape[1:]) for name, values in cloud.attributes.items()]
     table = np.empty(len(cloud), [("x", kept), ("y", kept), ("z", kept), *fields])
@@ -146,13 +150,13 @@ def write_npz(file: BinaryIO, cloud: PointCloud) -> None:
     Raises
     ------
     OutputError
-        If an attribute holds Python objects or is called points, x, y or z.
+        If an attribute holds Python objects, or its name is points, x, y or z or cannot be written.
     """
     points = cloud.points.astype(coordinate_type(cloud), copy=False)
     with zipfile.ZipFile(file, "w") as archive:
         for name, values in [(_POINTS, points), *cloud.attributes.items()]:
             if values is not points:
-                check_unused(name, (_POINTS,))
+                check_name(name, (_POINTS,))
             _check_type(name, values)
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 npy.write_array(member, values, allow_pickle=False)

@@ -15,6 +15,8 @@ from gppcs.errors import FileFormatError, OutputError
 
 Column = NDArray[Any]
 
+_LONGEST_NAME = 1000
+_UNWRITABLE = re.compile("[\0\ud800-\udfff]")  # zip files cut names at the first, UTF-8 has no bytes for the others
 EXACT = 2**53  # float64 represents every whole number up to here
 
 
@@ -83,16 +85,8 @@ def cloud_of_columns(columns: Mapping[str, Column]) -> PointCloud:
     axes = coordinate_names(columns)
     points = np.empty((len(columns[axes[0]]), 3))
     for i, axis in enumerate(axes):
-        values = columns[axis]
-        if values.dtype.kind not in "iuf":
-            raise FileFormatError(f"expected numbers as coordinates, found {values.dtype} in {axis}")
-        if values.ndim != 1:
-            raise FileFormatError(f"expected one {axis} for each point, found shape {values.shape}")
-        if values.dtype.kind in "iu" and (np.abs(values.astype(np.float64)) >= EXACT).any():
-            raise FileFormatError(
-                f"expected coordinates below 2^53, found larger ones in {axis}; subtract an offset first"
-            )
-        points[:, i] = values
+        check_coordinate(axis, columns[axis])
+        points[:, i] = columns[axis]
     kept = np.result_type(*(columns[axis].dtype for axis in axes))
     attributes = {
         name: np.ascontiguousarray(values, values.dtype.newbyteorder("="))
@@ -100,6 +94,29 @@ def cloud_of_columns(columns: Mapping[str, Column]) -> PointCloud:
         if name not in axes
     }
     return PointCloud(points, attributes, kept.newbyteorder("="))
+
+
+def check_coordinate(axis: str, values: Column) -> None:
+    """Check that a column can be x, y or z of a cloud.
+
+    Parameters
+    ----------
+    axis : str
+        The name of the column.
+    values : array
+        The column.
+
+    Raises
+    ------
+    FileFormatError
+        If it does not hold a real number for each point, or holds a whole number of 2^53 or more.
+    """
+    if values.dtype.kind not in "iuf":
+        raise FileFormatError(f"expected numbers as coordinates, found {values.dtype} in {axis}")
+    if values.ndim != 1:
+        raise FileFormatError(f"expected one {axis} for each point, found shape {values.shape}")
+    if values.dtype.kind in "iu" and (np.abs(values.astype(np.float64)) >= EXACT).any():
+        raise FileFormatError(f"expected coordinates below 2^53, found larger ones in {axis}; subtract an offset first")
 
 
 def coordinate_type(cloud: PointCloud) -> np.dtype[Any]:
@@ -159,25 +176,50 @@ def attribute_columns(cloud: PointCloud) -> dict[str, Column]:
         flat = values.reshape(len(values), math.prod(values.shape[1:]))
         names = [name] if values.ndim == 1 else [f"{name}_{i}" for i in range(flat.shape[1])]
         for column, part in zip(names, flat.T, strict=True):
-            check_unused(column, columns)
+            check_name(column, columns)
             columns[column] = part
     return columns
 
 
-def check_unused(name: str, names: Iterable[str]) -> None:
-    """Raise an error if a column name is taken.
+def check_name(name: str, taken: Iterable[str]) -> None:
+    """Check that a column can have a name.
 
     Parameters
     ----------
     name : str
         The name of a column to be written.
-    names : iterable of str
-        Names that are taken, besides x, y and z.
+    taken : iterable of str
+        Names of other columns, besides x, y and z.
 
     Raises
     ------
     OutputError
-        If `name` is among them.
+        If the name is taken, empty, longer than 1,000 characters, or has characters that files cannot hold.
     """
-    if name in names or name in ("x", "y", "z"):
+    if name in taken or name in ("x", "y", "z"):
         raise OutputError(f"expected columns of different names, found {name!r} twice; rename the attribute")
+    if not 1 <= len(name) <= _LONGEST_NAME or _UNWRITABLE.search(name):
+        raise OutputError(
+            f"expected a name of 1 to {_LONGEST_NAME:,} characters of Unicode for each attribute, "
+            f"found {name[:20]!a} of {len(name):,}; rename the attribute"
+        )
+
+
+def exact_as_double(values: Column) -> bool:
+    """Return whether float64 represents all values exactly.
+
+    Parameters
+    ----------
+    values : array of integers or floating-point numbers
+        Any values.
+
+    Returns
+    -------
+    bool
+    """
+    with np.errstate(over="ignore"):
+        wide = values.astype(np.float64)
+    if values.dtype.kind == "f":
+        return bool(np.array_equal(wide, values, equal_nan=True))
+    beyond = float(np.iinfo(values.dtype).max)  # rounds up to a power of two
+    return bool((wide < beyond).all() and (wide.astype(values.dtype) == values).all())

@@ -6,6 +6,7 @@ To add a format, write a module with a `Format` and add it to `FORMATS`.
 from __future__ import annotations
 
 import os
+from io import BufferedReader
 from pathlib import Path
 
 import numpy as np
@@ -62,14 +63,52 @@ def read(path: str | os.PathLike[str], format: str | None = None) -> PointCloud:
     if source.exists() and not source.is_file():
         raise FileFormatError(f"{source}: expected a file, found a folder or device; name a file")
     with open(source, "rb") as file:
-        head = file.read(_HEAD)
-        file.seek(0)
-        chosen = _of_suffix(format) if format else _of_content(head, source.stat().st_size) or _of_path(source)
+        chosen = _of_suffix(format) if format else _of_file(file, source)
         try:
             with np.errstate(invalid="ignore"):  # converting a signalling NaN is no error
                 return chosen.read(file)
         except (FileFormatError, InputError) as error:
             raise FileFormatError(f"{source}: {error}") from error
+
+
+def left_out(source: str | os.PathLike[str], target: str | os.PathLike[str], cloud: PointCloud) -> list[str]:
+    """Return what a file loses that holds points of another file.
+
+    Parameters
+    ----------
+    source : str or path
+        The file that `read` has read.
+    target : str or path
+        The file that `write` writes.
+    cloud : PointCloud
+        The points with their attributes.
+
+    Returns
+    -------
+    list of str
+        What `read` leaves out of the source and what `write` leaves out of the cloud, in words.
+    """
+    with open(source, "rb") as file:
+        unread = _of_file(file, Path(source)).unread(file)
+    return [*unread, *unwritten(target, cloud)]
+
+
+def unwritten(target: str | os.PathLike[str], cloud: PointCloud) -> list[str]:
+    """Return what `write` leaves out of a cloud.
+
+    Parameters
+    ----------
+    target : str or path
+        The file to be written.
+    cloud : PointCloud
+        The points with their attributes.
+
+    Returns
+    -------
+    list of str
+        The attributes, in words, if the format stores none.
+    """
+    return [] if format_to_write(target).holds_attributes else [f"attribute {name}" for name in cloud.attributes]
 
 
 def write(
@@ -143,8 +182,11 @@ def format_to_write(path: str | os.PathLike[str], format: str | None = None) -> 
     return chosen
 
 
-def _of_content(head: bytes, size: int) -> Format | None:
-    return next((known for known in FORMATS if known.recognises(head, size)), None)
+def _of_file(file: BufferedReader, path: Path) -> Format:
+    """Return the format of a file by its content or else its name; leave the file at its start."""
+    head, size = file.read(_HEAD), os.fstat(file.fileno()).st_size
+    file.seek(0)
+    return next((known for known in FORMATS if known.recognises(head, size)), None) or _of_path(path)
 
 
 def _of_path(path: Path) -> Format:

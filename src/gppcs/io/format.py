@@ -14,6 +14,10 @@ def _never(head: bytes, size: int) -> bool:
     return False
 
 
+def _nothing(file: BufferedReader) -> list[str]:
+    return []
+
+
 @dataclass(frozen=True)
 class Format:
     """A file format: its names and the functions that recognise, read and write it.
@@ -33,6 +37,10 @@ class Format:
     recognises : callable(head, size) -> bool, optional
         Whether a file is of this format, given its first 1024 bytes and its size in bytes. By default False, for
         formats without a signature.
+    unread : callable(file) -> list of str, optional
+        Returns in words what `read` leaves out of a binary file. By default nothing.
+    holds_attributes : bool
+        Whether `write` stores attributes. If not, it leaves them out.
     """
 
     name: str
@@ -40,3 +48,5 @@ class Format:
     read: Callable[[BufferedReader], PointCloud]
     write: Callable[[BinaryIO, PointCloud], None] | None = None
     recognises: Callable[[bytes, int], bool] = _never
+    unread: Callable[[BufferedReader], list[str]] = _nothing
+    holds_attributes: bool = True

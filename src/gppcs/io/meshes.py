@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError
-from gppcs.io.columns import Column, cloud_of_columns, coordinate_type, default_names
+from gppcs.io.columns import Column, check_coordinate, cloud_of_columns, coordinate_type, default_names
 from gppcs.io.format import Format
 from gppcs.io.rows import (
     Block,
     as_count,
     ends_early,
+    joined,
     lines_of,
     number_blocks,
     shown,
@@ -191,12 +192,16 @@ def _table(blocks: Iterator[Block]) -> list[Column]:
 
     Without any row there are only three empty columns.
     """
-    parts = [[*values.T[:3], *typed_columns(texts, values, None)[3:]] for texts, values in blocks]
+    parts = [(values, typed_columns(texts, values, None)) for texts, values in blocks]
     if not parts:
         return [np.empty(0)] * 3
-    if len(parts[0]) < 3:
-        raise FileFormatError(f"expected three coordinates for each vertex, found {len(parts[0])}")
-    return [np.concatenate(column) for column in zip(*parts, strict=True)]
+    table = [joined(column) for column in zip(*(typed for _, typed in parts), strict=True)]
+    if len(table) < 3:
+        raise FileFormatError(f"expected three coordinates for each vertex, found {len(table)}")
+    for i, axis in enumerate("xyz"):
+        check_coordinate(axis, table[i])
+        table[i] = np.concatenate([values[:, i] for values, _ in parts])
+    return table
 
 
 def read_stl(file: BufferedReader) -> PointCloud:
@@ -307,7 +312,14 @@ def write_obj(file: BinaryIO, cloud: PointCloud) -> None:
 
 FACE_CHECKS = {".off": check_off_faces, ".obj": check_obj_faces}
 FORMATS = (
-    Format("OFF", (".off",), read_off, write_off, lambda head, size: _OFF_LOOK.match(head) is not None),
-    Format("OBJ", (".obj",), read_obj, write_obj),
+    Format(
+        "OFF",
+        (".off",),
+        read_off,
+        write_off,
+        lambda head, size: _OFF_LOOK.match(head) is not None,
+        holds_attributes=False,
+    ),
+    Format("OBJ", (".obj",), read_obj, write_obj, holds_attributes=False),
     Format("STL", (".stl",), read_stl, None, _looks_like_stl),
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import struct
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from io import BufferedReader
@@ -23,6 +23,7 @@ from gppcs.io.columns import (
     cloud_of_columns,
     coordinate_names,
     coordinate_type,
+    exact_as_double,
 )
 from gppcs.io.format import Format
 from gppcs.io.rows import BLOCK, as_count, ends_early, lines_of, number_blocks, shown
@@ -73,6 +74,7 @@ class _Header:
     encoding: str = ""
     elements: list[_Element] = field(default_factory=list)
     lines: int = 0
+    remarks: Counter[str] = field(default_factory=Counter)  # numbers of comments and of lines of obj_info
 
 
 def read_ply(file: BufferedReader) -> PointCloud:
@@ -113,6 +115,30 @@ def read_ply(file: BufferedReader) -> PointCloud:
     return _read_records(file, element, order)
 
 
+def unread_ply(file: BufferedReader) -> list[str]:
+    """Return in words what `read_ply` leaves out of a file.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start. It is one that `read_ply` can read.
+
+    Returns
+    -------
+    list of str
+        Comments, obj_info, the list properties of the vertices and the other elements, as far as there are any.
+    """
+    header = _read_header(file)
+    words = {"comment": ("comment", "comments"), "obj_info": ("line of obj_info", "lines of obj_info")}
+    found = [f"{count} {words[kind][count > 1]}" for kind, count in header.remarks.items()]
+    for element in header.elements:
+        if element.name == "vertex":
+            found += [f"list property {each.name}" for each in element.properties if each.length is not None]
+        elif element.count:
+            found.append(f"element {element.name} ({element.count:,})")
+    return found
+
+
 def _read_header(file: BufferedReader) -> _Header:
     header = _Header()
     for line in iter(file.readline, b""):
@@ -131,8 +157,10 @@ def _read_header(file: BufferedReader) -> _Header:
 
 def _take_header_line(header: _Header, line: str) -> None:
     match line.split():
-        case [] | ["comment" | "obj_info", *_]:
+        case []:
             pass
+        case ["comment" | "obj_info" as kind, *_]:
+            header.remarks[kind] += 1
         case ["format", encoding, "1.0"] if encoding == "ascii" or encoding in _ORDERS:
             header.encoding = encoding
         case ["element", name, text] if (count := as_count(text)) is not None:
@@ -342,7 +370,7 @@ def _type_of(values: Column, name: str) -> np.dtype[Any]:
         for narrow in (np.dtype("i4"), np.dtype("u4")):
             if np.iinfo(narrow).min <= low and high <= np.iinfo(narrow).max:
                 return narrow
-    if not _exact_as_double(values):
+    if not exact_as_double(values):
         raise OutputError(
             f"expected numbers that a PLY file can store in {name!r}, found {dtype} beyond the precision of double; "
             "write .npz instead"
@@ -350,15 +378,11 @@ def _type_of(values: Column, name: str) -> np.dtype[Any]:
     return np.dtype("f8")
 
 
-def _exact_as_double(values: Column) -> bool:
-    with np.errstate(over="ignore"):
-        wide = values.astype(np.float64)
-    if values.dtype.kind == "f":
-        return bool(np.array_equal(wide, values, equal_nan=True))
-    beyond = float(np.iinfo(values.dtype).max)  # rounds up to a power of two
-    return bool((wide < beyond).all() and (wide.astype(values.dtype) == values).all())
-
-
 FORMAT = Format(
-    "PLY", (".ply",), read_ply, write_ply, lambda head, size: re.match(rb"ply[ \t]*\r?\n", head) is not None
+    "PLY",
+    (".ply",),
+    read_ply,
+    write_ply,
+    lambda head, size: re.match(rb"ply[ \t]*\r?\n", head) is not None,
+    unread_ply,
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from io import BufferedReader, TextIOWrapper
 from itertools import islice
 from typing import BinaryIO
@@ -12,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.errors import FileFormatError
-from gppcs.io.columns import EXACT, Column
+from gppcs.io.columns import EXACT, Column, exact_as_double
 
 BLOCK = 1 << 16  # rows per block: large enough that NumPy's cost per call does not count, small enough for memory
 
 Block = tuple[list[str], NDArray[np.float64]]
 
+_MOST_DIGITS = 400  # more than any float64 has, and fewer than Python refuses to read
 _WHOLE = re.compile(r"\s*[+-]?\d+\s*")
 
 
@@ -188,24 +190,71 @@ def typed_columns(texts: Sequence[str], values: Column, delimiter: str | None) -
     Returns
     -------
     list of width (n,) arrays
-        int64 if the first number of the column is written without a decimal point and all are whole, else float64.
+        int64 or uint64 if the first number of the column is written without a decimal point and all are whole, else
+        float64.
+
+    Raises
+    ------
+    FileFormatError
+        If a number is written without a decimal point, and the type of its column does not represent it exactly.
     """
     first = texts[0].split(delimiter)
     return [
-        _typed(values[:, i], texts, i, delimiter) if _WHOLE.fullmatch(first[i]) else values[:, i]
-        for i in range(len(first))
+        _typed(values[:, i], texts, i, delimiter, _WHOLE.fullmatch(first[i]) is not None) for i in range(len(first))
     ]
 
 
-def _typed(values: Column, texts: Sequence[str], index: int, delimiter: str | None) -> Column:
-    if not np.array_equal(values, np.rint(values)):
-        return values
-    if np.abs(values).max() < EXACT:
-        return values.astype(np.int64)
-    try:  # float64 may have rounded these, so read the digits again
-        return np.array([int(text.split(delimiter)[index]) for text in texts], dtype=np.int64)
-    except (ValueError, OverflowError):
-        return values
+def _typed(values: Column, texts: Sequence[str], index: int, delimiter: str | None, begins_whole: bool) -> Column:
+    large = np.abs(values) >= EXACT
+    if large.any():  # float64 may have rounded these, so read the digits again
+        return _exact(values, [text.split(delimiter)[index] for text in texts], np.flatnonzero(large))
+    return values.astype(np.int64) if begins_whole and np.array_equal(values, np.rint(values)) else values
+
+
+def _exact(values: Column, words: Sequence[str], large: NDArray[np.intp]) -> Column:
+    """Return a column as integers if all words are, else as float64 if that rounds none of the large integers."""
+    for dtype in (np.int64, np.uint64):
+        with suppress(ValueError, OverflowError):
+            return np.array([int(word) for word in words], dtype)
+    for i in large:
+        if _WHOLE.fullmatch(words[i]) and (len(words[i]) > _MOST_DIGITS or int(words[i]) != float(values[i])):
+            raise _rounded(words[i].strip())
+    return values
+
+
+def joined(blocks: Sequence[Column]) -> Column:
+    """Join the blocks of a column that `typed_columns` has typed one by one.
+
+    Parameters
+    ----------
+    blocks : sequence of arrays
+        Each of type int64, uint64 or float64.
+
+    Returns
+    -------
+    array
+        int64, uint64 or float64, the first that represents all whole numbers exactly.
+
+    Raises
+    ------
+    FileFormatError
+        If there is no such type.
+    """
+    kinds = {block.dtype.kind for block in blocks}
+    if kinds == {"i", "u"} and all(block.min() >= 0 for block in blocks):
+        return np.concatenate([block.astype(np.uint64) for block in blocks])
+    if len(kinds) > 1:
+        for block in blocks:
+            if not exact_as_double(block):
+                raise _rounded(str(block[np.argmax(np.abs(block.astype(np.float64)))]))
+    return np.concatenate(blocks)
+
+
+def _rounded(word: str) -> FileFormatError:
+    return FileFormatError(
+        "expected columns of whole numbers that int64, uint64 or float64 holds exactly, found one that none does, with "
+        f"{shown(word)}; write this with a decimal point if it may be rounded"
+    )
 
 
 def write_rows(file: BinaryIO, columns: Sequence[Column], separator: str = " ", prefix: str = "") -> None:

@@ -6,7 +6,7 @@
 - Without names, the first three columns are the coordinates, and the others become `column_4`, `column_5` and so on. In
   PTS files with 4, 6 or 7 columns they become `intensity`, `red green blue`, or all four.
 - A single whole number before the first row is the number of points.
-- Columns of whole numbers become int64, others float64.
+- Columns of whole numbers become int64, or uint64 if they need it; others become float64.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from gppcs.io.columns import (
     default_names,
 )
 from gppcs.io.format import Format
-from gppcs.io.rows import as_count, lines_of, number_blocks, shown, typed_columns, write_rows
+from gppcs.io.rows import as_count, joined, lines_of, number_blocks, shown, typed_columns, write_rows
 
 _PTS_EXTRAS = {4: ["intensity"], 6: ["red", "green", "blue"], 7: ["intensity", "red", "green", "blue"]}
 
@@ -109,7 +109,7 @@ def _read(file: BufferedReader, names_of_width: Callable[[int], list[str]]) -> P
     if any(map(_numbers, rows)):
         raise FileFormatError(f"expected {layout.count} points, as the file says, found more")
     return cloud_of_columns(
-        {name: np.concatenate(parts) for name, parts in zip(names, zip(*columns, strict=True), strict=True)}
+        {name: joined(parts) for name, parts in zip(names, zip(*columns, strict=True), strict=True)}
     )
 
 

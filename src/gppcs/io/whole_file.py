@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import secrets
-from collections.abc import Iterator
-from contextlib import contextmanager
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
+from gppcs.engine.unfinished import unfinished
 from gppcs.errors import OutputError
 
 
@@ -32,13 +34,48 @@ def check_writable(path: str | os.PathLike[str], force: bool = False) -> None:
     if target.exists() and not target.is_file():
         raise OutputError(f"{target}: expected a file, found a folder or device; choose another name")
     if target.exists() and not force:
-        raise OutputError(
-            f"{target}: expected a new file, found one; choose another name, or overwrite with --force (force=True)"
-        )
+        raise _exists(target)
     if not folder.is_dir():
         raise OutputError(f"{target}: expected a folder {folder}, found none; make it or choose another")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise OutputError(f"{target}: expected a writable folder {folder}, found no permission; choose another")
+
+
+def check_distinct(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
+    """Check that no output of a command is one of its inputs or another output. Call it before any work.
+
+    Parameters
+    ----------
+    outputs, inputs : sequence of path
+        The files to be written and the files to be read. They need not exist.
+
+    Raises
+    ------
+    OutputError
+        If two are the same file, by their names, a symbolic link or a hard link.
+    """
+    known = {_identity(source): source for source in inputs}
+    read = set(known)
+    for output in outputs:
+        identity = _identity(output)
+        other = known.setdefault(identity, output)
+        if identity in read:
+            raise OutputError(
+                f"{output}: expected a file other than the input {other}, found the same; choose another name"
+            )
+        if other is not output:
+            raise OutputError(
+                f"{output}: expected a file for this result alone, found {other} again; choose another name"
+            )
+
+
+def _identity(path: Path) -> tuple[int, int] | str:
+    """Return what is equal for two paths if and only if they lead to the same file."""
+    try:
+        status = path.stat()
+    except OSError:
+        return os.path.normcase(os.path.realpath(path))
+    return status.st_dev, status.st_ino
 
 
 @contextmanager
@@ -46,7 +83,7 @@ def whole_file(path: str | os.PathLike[str], force: bool = False) -> Iterator[Bi
     """Open a file for writing that appears under its name only when it is complete.
 
     The content goes to a temporary file in the same folder. If the block ends without an exception, that file is
-    renamed to the target; otherwise it is removed.
+    renamed to the target; otherwise it is removed. A file that replaces another keeps the other's permissions.
 
     Parameters
     ----------
@@ -63,15 +100,47 @@ def whole_file(path: str | os.PathLike[str], force: bool = False) -> Iterator[Bi
     Raises
     ------
     OutputError
-        If the file exists and `force` is False, `path` is a folder or device, or its folder is missing or not writable.
+        If the file exists and `force` is False, even if it has appeared during the block; if `path` is a folder or
+        device, or its folder is missing or not writable.
     """
     check_writable(path, force)
     target = Path(os.path.realpath(path))  # so that a symbolic link stays one
     temporary = target.with_name(f".gppcs-{secrets.token_hex(8)}.part")
-    try:
+    with unfinished(str(temporary)):
         with open(temporary, "xb") as file:  # permissions follow the umask, unlike those of tempfile
+            with suppress(OSError):  # there is no file to replace, or its file system stores no permissions
+                shutil.copymode(target, temporary)
             yield file
-        os.replace(temporary, target)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
+        if force:
+            os.replace(temporary, target)
+        else:
+            _rename_to_new(temporary, target)
+
+
+def _rename_to_new(temporary: Path, target: Path) -> None:
+    """Rename a file. Of several processes that do so at the same time with one target, exactly one succeeds."""
+    try:
+        os.link(temporary, target)
+    except FileExistsError as error:
+        raise _exists(target) from error
+    except OSError:  # the file system has no hard links
+        _claim(target)
+        try:
+            os.replace(temporary, target)
+        except BaseException:
+            target.unlink()
+            raise
+
+
+def _claim(target: Path) -> None:
+    """Create an empty file, or raise an error if there is one of that name."""
+    try:
+        open(target, "xb").close()
+    except FileExistsError as error:
+        raise _exists(target) from error
+
+
+def _exists(target: Path) -> OutputError:
+    return OutputError(
+        f"{target}: expected a new file, found one; choose another name, or overwrite with --force (force=True)"
+    )

@@ -1,1 +1,1 @@
-"""The commands of the program `gppcs`, one module each. `gppcs.app.cli` combines them."""
+"""The commands of the program `gppcs`, one module each. `gppcs.app.program` combines them."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gppcs.app.printing import Force, Invalid, Json, print_error, print_json, refuse_input
+from gppcs.app.printing import Force, Invalid, Json, print_error, print_json
 from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.errors import OutputError
 from gppcs.methods import METHODS
@@ -79,7 +79,7 @@ def compare(
 
     chosen = checked_methods((name.strip() for name in methods.split(",")), ratio, points, seed)
     viewpoint = viewpoint_of(view, up, picture)
-    targets = _targets(cloud, output, picture, force)
+    targets = _targets([cloud, mesh] if mesh else [cloud], output, picture, force)
     surface = read_mesh(mesh) if mesh else None
     stages = Stages(ProgressBar())
     original = io.read(cloud)
@@ -170,10 +170,10 @@ def _print(entries: Sequence[Entry], as_json: bool) -> None:
             print_error(f"note: {entry.result.method.label}: {entry.failure}")
 
 
-def _targets(source: Path, folder: Path, picture: bool, force: bool) -> dict[str, Path]:
+def _targets(inputs: list[Path], folder: Path, picture: bool, force: bool) -> dict[str, Path]:
     """Return the paths of the output files by name, after checking that each can be written."""
     from gppcs.engine.extras import require_pymeshlab, require_pyvista
-    from gppcs.io import check_writable
+    from gppcs.io import check_distinct, check_writable
 
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder}: expected a folder, found a file; name a folder")
@@ -185,8 +185,8 @@ def _targets(source: Path, folder: Path, picture: bool, force: bool) -> dict[str
         require_pyvista()
         names.append("picture.png")
     targets = {name: folder / name for name in names}
+    check_distinct(list(targets.values()), inputs)
     if folder.exists():
         for target in targets.values():
-            refuse_input(target, source)
             check_writable(target, force)
     return targets

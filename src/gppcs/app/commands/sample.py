@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from gppcs import __version__
-from gppcs.app.printing import Force, Json, print_json
+from gppcs.app.printing import Force, Json, note_left_out, print_json
 
 EPILOG = "[bold]Example[/bold]\n\ngppcs sample fan -o fan.ply --points 50000 --noise 0.002"
 
@@ -38,5 +38,6 @@ def sample(
     options: dict[str, Any] = {"noise": noise, "outliers": outliers, "uneven": uneven, "seed": seed}
     cloud = scans.sample(name, points, **options)
     io.write(output, cloud, force=force)
+    note_left_out(output, io.unwritten(output, cloud))
     if as_json:
         print_json({"output": str(output), "name": name, "points": len(cloud), **options, "version": __version__})

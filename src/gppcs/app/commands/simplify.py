@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gppcs import __version__
-from gppcs.app.printing import BAD_INPUT, FAILURES, Force, Invalid, Json, figure_rows, print_json, refuse_input, tell
+from gppcs.app.printing import BAD_INPUT, FAILURES, Force, Invalid, Json, figure_rows, note_left_out, print_json, tell
 from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine import kernel_cache
 from gppcs.engine.memory import peak_memory
@@ -96,6 +96,7 @@ def simplify(
 
     If one of several inputs cannot be used, the others are still simplified.
     """
+    from gppcs.io import check_distinct
     from gppcs.simplification import simplify as simplified
 
     options: dict[str, Any] = {
@@ -112,6 +113,7 @@ def simplify(
     targets = _targets(inputs, output)
     if picture:
         _check_picture(picture, inputs, force)
+    check_distinct([*targets.values(), *([picture] if picture else [])], inputs)
     failed = False
     for source, target in targets.items():
         try:
@@ -182,7 +184,6 @@ def _simplify_file(
 
     io.format_to_write(target)
     io.check_writable(target, force)
-    refuse_input(target, source)
     stages = Stages(ProgressBar())
     with stages("reading"):
         cloud = io.read(source)
@@ -194,11 +195,13 @@ def _simplify_file(
     if picture:
         with stages("picture"):
             image = _drawn(cloud, result, viewpoint)
+    left_out = io.left_out(source, target, result.cloud)
     with stages("writing"):
         io.write(target, result.cloud, force=force)
         if picture and image:
             with io.whole_file(picture, force) as file:
                 file.write(image)
+    note_left_out(target, left_out)
     return _Run(source, target, cloud, result, report)
 
 

@@ -1,0 +1,88 @@
+"""The command-line program `gppcs`: results go to stdout, progress and errors to stderr."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Annotated
+
+import typer
+
+from gppcs import __version__
+from gppcs.app.commands import compare, evaluate, info, methods, sample, simplify, warmup
+from gppcs.app.printing import BAD_INPUT, FAILURES, print_error, tell
+
+app = typer.Typer(
+    name="gppcs",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    help="Thin a point cloud to exactly the number of points asked for, and keep its features.",
+    epilog="[bold]Examples[/bold]\n\n"
+    "gppcs sample bracket -o scan.ply\n\n"
+    "gppcs simplify scan.ply -o small.ply --ratio 0.03 --picture small.png\n\n"
+    "gppcs compare scan.ply --points 5000 --methods gp-spectral,fps,hc -o comparison\n\n"
+    "gppcs info small.ply\n\n"
+    "gppcs COMMAND --help explains a command.",
+)
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
+) -> None:
+    if version:
+        typer.echo(__version__)
+        raise typer.Exit
+
+
+app.command(epilog=simplify.EPILOG)(simplify.simplify)
+app.command(epilog=evaluate.EPILOG)(evaluate.evaluate)
+app.command(epilog=compare.EPILOG)(compare.compare)
+app.command(epilog=info.EPILOG)(info.info)
+app.command(epilog=sample.EPILOG)(sample.sample)
+app.command(epilog=methods.EPILOG)(methods.methods)
+app.command(epilog=warmup.EPILOG)(warmup.warmup)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the program.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        The words after the name of the program.
+
+    Returns
+    -------
+    int
+        The exit code: 0 for success, 2 after an error, which is printed as one line on stderr.
+    """
+    try:
+        with _log_on_stderr():
+            code = app(list(arguments) or ["--help"], standalone_mode=False)
+    except FAILURES as error:
+        tell(error)
+        return BAD_INPUT
+    except Exception as error:
+        if not hasattr(error, "format_message"):  # errors of Typer about the command line have it
+            raise
+        print_error(error.format_message())
+        return BAD_INPUT
+    return code if isinstance(code, int) else 0
+
+
+@contextmanager
+def _log_on_stderr() -> Iterator[None]:
+    """Show on stderr what the library logs while the block runs, such as that it compiles its kernels."""
+    logger, handler = logging.getLogger("gppcs"), logging.StreamHandler()
+    level = logger.level
+    handler.setFormatter(logging.Formatter("gppcs: %(message)s"))
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
+        logger.removeHandler(handler)

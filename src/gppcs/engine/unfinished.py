@@ -1,0 +1,37 @@
+"""Temporary files that hold unfinished output, so that a process that ends at once can still remove them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+_paths: set[str] = set()
+
+
+@contextmanager
+def unfinished(path: str) -> Iterator[None]:
+    """Remove a temporary file at the end of the block, if it is still there.
+
+    Parameters
+    ----------
+    path : str
+        The file. It need not exist yet.
+    """
+    _paths.add(path)
+    try:
+        yield
+    finally:
+        _remove(path)
+        _paths.discard(path)
+
+
+def remove_all() -> None:
+    """Remove the temporary files of all blocks that have not ended. Call it before a process ends at once."""
+    for path in _paths.copy():
+        _remove(path)
+
+
+def _remove(path: str) -> None:
+    with suppress(FileNotFoundError):
+        os.unlink(path)
