@@ -19,7 +19,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple, TypeVar
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -29,6 +28,7 @@ import gppcs
 import report
 from gppcs.clouds.cloud import NORMALS
 from gppcs.engine.stages import Stages
+from gppcs.engine.threads import number_of_threads
 from gppcs.errors import NoSurfaceError
 from gppcs.evaluation.judge import judged
 from gppcs.evaluation.reconstruction import distances_to, estimated_normals, reconstruct
@@ -345,7 +345,7 @@ class Runs:
         """
         run = (condition.name, label, str(start))
         judge = code_digest.of_code(figures, type(condition))
-        key = f"{by or code_digest.of_method(gppcs.LocalGP())}, judge {judge}, {numba.get_num_threads()} threads"
+        key = f"{by or code_digest.of_method(gppcs.LocalGP())}, judge {judge}, {number_of_threads()} threads"
         if (key, *run) not in self.known:
             print(", ".join(run), file=sys.stderr)
             try:
@@ -363,7 +363,7 @@ class Runs:
         """Return what some work makes under each condition, by several processes side by side if there are jobs."""
         if self.jobs == 1:
             return [work(condition, self) for condition in chosen]
-        with ProcessPoolExecutor(self.jobs, get_context("spawn"), numba.set_num_threads, (1,)) as processes:
+        with ProcessPoolExecutor(self.jobs, get_context("spawn"), gppcs.set_threads, (1,)) as processes:
             return list(processes.map(_apart, [(work, condition, self.path) for condition in chosen]))
 
 
@@ -382,7 +382,7 @@ def asked(conditions: Sequence[Condition], purpose: str | None) -> tuple[list[Co
     given = parser.parse_args()
     for word in set(given.names) - set(names):
         parser.error(f"there is no condition {word!r}")
-    numba.set_num_threads(1)  # as many as each of several processes has
+    gppcs.set_threads(1)  # as many as each of several processes has
     chosen = [each for each in conditions if not given.names or {each.file, each.name} & set(given.names)]
     return chosen, Runs(given.keep, given.jobs)
 

@@ -13,10 +13,10 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import jakteristics
-import numba
 
 import gppcs
 import report
+from gppcs.engine.threads import number_of_threads
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import paper_radius
@@ -45,7 +45,7 @@ def main() -> None:
     cloud = gppcs.read(path)
     points = cloud.points
     radius = paper_radius(points)
-    threads = numba.get_num_threads()
+    threads = number_of_threads()
     rows = []
     for method in gppcs.METHODS:
         seconds = report.least_time(lambda method=method: gppcs.simplify(cloud, ratio=RATIO, method=method))

@@ -20,6 +20,7 @@ import numba
 
 import code_digest
 import gppcs
+from gppcs.engine.threads import number_of_threads
 
 HERE = Path(__file__).parent
 DATA = Path(os.environ.get("GPPCS_DATA", HERE.parents[1] / "shared" / "data"))
@@ -117,7 +118,7 @@ def _origin(data: Sequence[Path]) -> list[str]:
         processor = next((line.split(":")[1].strip() for line in file if line.startswith("model name")), "unknown")
     return [
         f"- gppcs {gppcs.__version__}, commit {_git('rev-parse', '--short=12', 'HEAD')}{changed}",
-        f"- {processor}, {numba.get_num_threads()} threads",
+        f"- {processor}, {number_of_threads()} threads",
         f"- Python {platform.python_version()}, Numba {numba.__version__}",
         *(f"- {path.name}: SHA-256 {hashlib.sha256(path.read_bytes()).hexdigest()[:16]}…" for path in data),
     ]

@@ -12,12 +12,12 @@ from functools import partial
 from importlib.metadata import packages_distributions, version
 from time import perf_counter
 
-import numba
 import numpy as np
 
 import gppcs
 import report
 from clouds import DRAGON, Array
+from gppcs.engine.threads import number_of_threads
 from gppcs.methods.hc.clustering import hierarchical_clusters
 from gppcs.methods.voxel.grid import representatives
 from gppcs.spatial.farthest_points import farthest_points
@@ -50,7 +50,7 @@ def jakteristics(points: Array) -> Work:
     return lambda: compute_features(
         points,
         search_radius=paper_radius(points),
-        num_threads=numba.get_num_threads(),
+        num_threads=number_of_threads(),
         feature_names=["surface_variation", "nx", "ny", "nz"],
     )
 
@@ -76,7 +76,7 @@ def scipy_query(points: Array) -> Work:
     from scipy.spatial import cKDTree
 
     tree = cKDTree(points)
-    return lambda: tree.query(points, NEIGHBOURS, workers=numba.get_num_threads())
+    return lambda: tree.query(points, NEIGHBOURS, workers=number_of_threads())
 
 
 def cgal_clusters(points: Array) -> Work:
@@ -205,16 +205,16 @@ def versions() -> str:
 def compared() -> report.Section:
     """Return the table of all pairs, each with the number of threads that the rival can use."""
     points = gppcs.read(DRAGON).points
-    most = numba.get_num_threads()  # starts the threads: after the import of Open3D, its TBB is too old for Numba
+    most = number_of_threads()  # starts the threads: after the import of Open3D, its TBB is too old for Numba
     rows = []
     for work, ours, rival in pairs(points):
         print(f"{work} beside {rival.name}", file=sys.stderr)
         threads = most if rival.parallel else 1
-        numba.set_num_threads(threads)
+        gppcs.set_threads(threads)
         mine, theirs = least_times(ours, rival, points)
         known = np.isfinite(theirs)
         cells = (f"{theirs:.3f}", f"{theirs / mine:.2f}") if known else ("not installed", "")
         rows.append((work, f"{mine:.3f}", rival.name, cells[0], str(threads), cells[1]))
-    numba.set_num_threads(most)
+    gppcs.set_threads(most)
     header = ("work", "our seconds", "rival", "its seconds", "threads of each", "times as fast")
     return report.Section(f"Beside others, Dragon, {len(points):,} points to {kept(points):,}", header, rows)

@@ -27,6 +27,7 @@ import report
 import same_work
 from clouds import Array, Cloud
 from gppcs.engine.memory import STATUS, peak_memory
+from gppcs.engine.threads import number_of_threads
 from measured import Measured, Run
 from speed_plot import draw
 
@@ -64,7 +65,7 @@ def apart(work: Callable[..., Run], *given: object) -> Run:
 
 def measure(path: Path, method: str, n_points: int, threads: int) -> Run:
     """Simplify the points of an NPY file several times; return the fastest run."""
-    numba.set_num_threads(threads)
+    gppcs.set_threads(threads)
     gppcs.simplify(gppcs.sample("bracket", n_points=6_000), ratio=0.1, method=method)  # loads the kernels
     points = np.load(path)
     Path("/proc/self/clear_refs").write_text("5")  # resets the peak of memory
@@ -102,7 +103,7 @@ def measured(cloud: Cloud, before: Sequence[Measured]) -> Measured:
         np.save(path, points)
         writing, reading = file_times(points, Path(folder))
         del points
-        threads, runs = numba.get_num_threads(), {}
+        threads, runs = number_of_threads(), {}
         for method in METHODS:
             if feasible(method, cloud, before):
                 runs[method] = apart(measure, path, method, cloud.n_points, threads)
@@ -172,7 +173,7 @@ def thread_table(all_measured: Sequence[Measured]) -> report.Section:
         for each in all_measured
         if each.single and (all_ := each.runs[GP].seconds)
     ]
-    header = ["cloud", "points", "kept", "1 thread", f"{numba.get_num_threads()} threads", "times as fast"]
+    header = ["cloud", "points", "kept", "1 thread", f"{number_of_threads()} threads", "times as fast"]
     return report.Section("gp with one thread and with all, seconds", header, rows)
 
 

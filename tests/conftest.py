@@ -2,8 +2,6 @@ import os
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # threads only cost time on matrices as small as the tests'
-if "PYTEST_XDIST_WORKER" in os.environ:  # else each process would start as many threads as there are cores
-    os.environ.setdefault("NUMBA_NUM_THREADS", str(min(2, os.cpu_count() or 1)))
 
 import numpy as np
 import pytest
@@ -40,11 +38,21 @@ def sphere() -> np.ndarray:
 @pytest.fixture(params=[1, 2])
 def threads(request):
     """The number of threads that kernels run on."""
-    import numba
-
-    if request.param > numba.config.NUMBA_NUM_THREADS:
-        pytest.skip("one core")
-    before = numba.get_num_threads()
-    numba.set_num_threads(request.param)
+    gppcs.set_threads(request.param)
     yield request.param
-    numba.set_num_threads(before)
+    gppcs.set_threads(None)
+
+
+@pytest.fixture
+def on_threads():
+    """Call a function with 1, 2, 3 and 8 threads, and return the results."""
+
+    def call(function):
+        results = []
+        for count in (1, 2, 3, 8):
+            gppcs.set_threads(count)
+            results.append(function())
+        return results
+
+    yield call
+    gppcs.set_threads(None)

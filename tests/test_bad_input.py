@@ -4,7 +4,6 @@ import gc
 import time
 import tracemalloc
 
-import numba
 import numpy as np
 import pytest
 
@@ -69,10 +68,9 @@ BAD = {
 @pytest.fixture(scope="module", autouse=True)
 def one_thread():
     """Threads would share the time out, and wait for each other in it."""
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
+    gppcs.set_threads(1)
     yield
-    numba.set_num_threads(before)
+    gppcs.set_threads(None)
 
 
 def peak(points):

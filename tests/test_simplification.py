@@ -2,7 +2,6 @@
 
 import re
 
-import numba
 import numpy as np
 import pytest
 from hypothesis import given
@@ -125,18 +124,11 @@ def test_the_choice_does_not_depend_on_place_unit_or_run(scan, method):
     assert np.isin(in_millimetres, indices).mean() >= 0.99
 
 
-@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one core")
 @pytest.mark.parametrize("method", METHODS)
-def test_the_choice_does_not_depend_on_the_number_of_threads(method):
+def test_the_choice_does_not_depend_on_the_number_of_threads(method, on_threads):
     points = gppcs.sample("fan", 20_000).points
-    results = []
-    try:
-        for threads in (1, 2):
-            numba.set_num_threads(threads)
-            results.append(chosen(points, 400, method).tolist())
-    finally:
-        numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
-    assert results[0] == results[1]
+    one, *several = on_threads(lambda: chosen(points, 400, method).tolist())
+    assert all(indices == one for indices in several)
 
 
 def test_the_seed_decides_what_is_drawn():

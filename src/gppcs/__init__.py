@@ -68,6 +68,7 @@ Write a method, follow a run
     Stages                   the stages of a run and the time that each took
     Listener                 hears of each stage, for instance to draw a progress bar
     KdTree                   a k-d tree, to search for neighbours
+    set_threads              set the number of threads
 
 Errors
     GppcsError               the base class of all errors of gppcs
@@ -96,6 +97,7 @@ if TYPE_CHECKING:
     from gppcs.clouds.mesh import Mesh
     from gppcs.clouds.summary import Summary, info
     from gppcs.engine.stages import Listener, Stages
+    from gppcs.engine.threads import set_threads
     from gppcs.errors import (
         FileFormatError,
         GppcsError,
@@ -143,6 +145,7 @@ _HOMES = {  # the module that defines each public name
     "clouds.mesh": ("Mesh",),
     "clouds.summary": ("Summary", "info"),
     "engine.stages": ("Listener", "Stages"),
+    "engine.threads": ("set_threads",),
     "errors": (
         "FileFormatError",
         "GppcsError",
@@ -232,6 +235,7 @@ __all__ = [
     "read",
     "read_mesh",
     "sample",
+    "set_threads",
     "simplify",
     "write",
 ]

@@ -1,4 +1,3 @@
-import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -102,7 +101,7 @@ def test_a_plane_that_is_tilted_is_parted_by_number_of_points():
     assert np.bincount(labels).max() < 4_096 / 64 * 3
 
 
-def test_any_number_of_threads_and_any_place_and_size_of_the_cloud_give_the_same(bracket):
+def test_any_number_of_threads_and_any_place_and_size_of_the_cloud_give_the_same(bracket, on_threads):
     expected = gppcs.simplify(bracket, n_points=700, method="hc").indices
     assert len(np.unique(expected)) == 700
     np.testing.assert_array_equal(gppcs.simplify(bracket, n_points=700, method="hc").indices, expected)
@@ -110,12 +109,8 @@ def test_any_number_of_threads_and_any_place_and_size_of_the_cloud_give_the_same
     expected = gppcs.simplify(coarse, n_points=700, method="hc").indices
     moved = gppcs.simplify(coarse * 8 + [100, -2000, 3], n_points=700, method="hc").indices
     np.testing.assert_array_equal(moved, expected)
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)
-    try:
-        np.testing.assert_array_equal(gppcs.simplify(coarse, n_points=700, method="hc").indices, expected)
-    finally:
-        numba.set_num_threads(threads)
+    for indices in on_threads(lambda: gppcs.simplify(coarse, n_points=700, method="hc").indices):
+        np.testing.assert_array_equal(indices, expected)
 
 
 def test_the_dragon_gives_as_many_points_as_in_the_paper(shared_data):

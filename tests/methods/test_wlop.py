@@ -1,4 +1,3 @@
-import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -103,18 +102,14 @@ def test_the_number_is_exact_whatever_the_shape(shape, n):
         assert np.isfinite(result.cloud.points).all()
 
 
-def test_any_number_of_threads_and_any_place_and_size_of_the_cloud_give_the_same(bracket):
+def test_any_number_of_threads_and_any_place_and_size_of_the_cloud_give_the_same(bracket, on_threads):
     coarse = np.round(bracket * 1024) / 1024  # so that the shift rounds nothing
     expected = gppcs.simplify(coarse, n_points=700, method="wlop").indices
     assert len(np.unique(expected)) == 700
     moved = gppcs.simplify(coarse * 8 + [100, -2000, 3], n_points=700, method="wlop").indices
     np.testing.assert_array_equal(moved, expected)
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)
-    try:
-        np.testing.assert_array_equal(gppcs.simplify(coarse, n_points=700, method="wlop").indices, expected)
-    finally:
-        numba.set_num_threads(threads)
+    for indices in on_threads(lambda: gppcs.simplify(coarse, n_points=700, method="wlop").indices):
+        np.testing.assert_array_equal(indices, expected)
 
 
 def test_moved_points_come_back_in_place_and_with_attributes(sphere):

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numba import get_num_threads, set_num_threads
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
@@ -177,14 +176,10 @@ def test_shift_scale_rotation_and_order_turn_the_normals_only(bracket):
     assert ((estimate_normals(bracket @ rotation) * (plain @ rotation)).sum(axis=1) > 1 - 1e-6).mean() > 0.999
 
 
-def test_any_number_of_threads_gives_the_same(bracket):
-    threads = get_num_threads()
-    several = estimate_normals(bracket)
-    set_num_threads(1)
-    try:
-        np.testing.assert_array_equal(estimate_normals(bracket), several)
-    finally:
-        set_num_threads(threads)
+def test_any_number_of_threads_gives_the_same(bracket, on_threads):
+    one, *several = on_threads(lambda: estimate_normals(bracket))
+    for normals in several:
+        np.testing.assert_array_equal(normals, one)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numba import get_num_threads, set_num_threads
 
 import gppcs
 from gppcs.spatial.kdtree import KdTree
@@ -93,16 +92,11 @@ def test_normals_are_those_of_the_surface():
 
 
 @pytest.mark.parametrize("search", ["radius", "nearest"])
-def test_any_number_of_threads_gives_the_same(bracket, search):
-    threads = get_num_threads()
-    several = estimate_features(bracket, search=search)
-    set_num_threads(1)
-    try:
-        one = estimate_features(bracket, search=search)
-    finally:
-        set_num_threads(threads)
-    np.testing.assert_array_equal(one.surface_variation, several.surface_variation)
-    np.testing.assert_array_equal(one.normals, several.normals)
+def test_any_number_of_threads_gives_the_same(bracket, search, on_threads):
+    one, *several = on_threads(lambda: estimate_features(bracket, search=search))
+    for features in several:
+        np.testing.assert_array_equal(features.surface_variation, one.surface_variation)
+        np.testing.assert_array_equal(features.normals, one.normals)
 
 
 def test_rotation_and_scale_leave_the_variation(bracket):

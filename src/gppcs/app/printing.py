@@ -16,6 +16,10 @@ BAD_INPUT = 2
 FAILURES = (GppcsError, OSError, MemoryError)  # printed as one line, without a traceback
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, one object per line.")]
+Threads = Annotated[
+    int | None,
+    typer.Option(metavar="N", help="Number of threads. By default, as many as this process may use cores."),
+]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files, but never an input.")]
 
 Invalid = Annotated[

@@ -1,13 +1,14 @@
-import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import dense
+from gppcs.gp.local import parts
 from gppcs.gp.local.conditioning import condition
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
+from gppcs.gp.local.parts import number_of_parts
 from gppcs.spatial.kdtree import KdTree
 
 
@@ -83,18 +84,70 @@ def test_in_two_steps_as_in_one():
     np.testing.assert_allclose(np.r_[first[2], second[2]], deviations, rtol=1e-9)
 
 
-def test_any_number_of_threads_gives_the_same_bits():
+@pytest.fixture
+def small_parts(monkeypatch):
+    """Parts of about a hundred points."""
+    monkeypatch.setattr(parts, "POINTS", 100)
+    monkeypatch.setattr(parts, "CHOSEN_PER_NEIGHBOUR", 1)
+
+
+def test_any_number_of_threads_gives_the_same_bits(on_threads, small_parts):
     tree, field = random_problem(3_000, 5, 1.6, 0.1, 1.0)
-    threads = numba.get_num_threads()
-    results = []
-    try:
-        for count in (1, min(4, numba.config.NUMBA_NUM_THREADS)):
-            numba.set_num_threads(count)
-            results.append(extend(field, tree, np.arange(0, 3_000, 300), 400, 4, 0.3))
-    finally:
-        numba.set_num_threads(threads)
-    for one, several in zip(*results, strict=True):
-        np.testing.assert_array_equal(one, several)
+    assert number_of_parts(3_000, 300, tree.leaves, 4) == 16
+    one, *several = on_threads(lambda: extend(field, tree, np.arange(0, 3_000, 10), 800, 4, 0.3))
+    for result in several:
+        for array, expected in zip(result, one, strict=True):
+            np.testing.assert_array_equal(array, expected)
+
+
+@settings(deadline=None, max_examples=20)
+@given(
+    seed=st.integers(0, 10**6),
+    weight=st.sampled_from([0.0, 0.5, 3.2]),
+    share=st.floats(0.05, 1.0),
+    flat=st.floats(0.0, 1.0),
+)
+def test_parts_choose_what_one_after_another_would(seed, weight, share, flat):
+    """Conditioned on one point, with the same spacing and noise everywhere, scores never rise; then all is the same."""
+    tree, field = random_problem(2_000, seed, weight, 0.0, 0.0)
+    field = field._replace(positions=field.positions * [[1.0], [1.0], [flat]])
+    tree = KdTree.over(field.positions, tree.order)
+    chosen = np.arange(0, 2_000, 20)
+    n_points = 100 + round(1_900 * share)
+    expected = extend(field, tree, chosen, n_points, 1, 0.0)
+    with pytest.MonkeyPatch.context() as small:
+        small.setattr(parts, "POINTS", 100)
+        small.setattr(parts, "CHOSEN_PER_NEIGHBOUR", 1)
+        assert number_of_parts(2_000, 100, tree.leaves, 1) > 8
+        found = extend(field, tree, chosen, n_points, 1, 0.0)
+    for array, wanted in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(array, wanted)
+
+
+@pytest.mark.parametrize(("k", "w"), [(4, 0.0), (4, 0.3), (12, 0.8)])
+def test_parts_choose_nearly_the_same_where_scores_rise(k, w, small_parts):
+    tree, field = random_problem(3_000, k, 1.6, 0.1, 0.3)
+    chosen = np.arange(0, 3_000, 6)
+    extended, scores, deviations = extend(field, tree, chosen, 900, k, w)
+    assert len(np.unique(extended)) == len(extended) == 900
+    assert len(scores) == len(deviations) == 400
+    with pytest.MonkeyPatch.context() as whole:
+        whole.setattr(parts, "POINTS", 10_000)
+        expected, best, _ = extend(field, tree, chosen, 900, k, w)
+    assert len(np.intersect1d(extended, expected)) > 0.97 * 900
+    assert scores.mean() == pytest.approx(best.mean(), rel=0.01)
+
+
+def test_parts_whose_points_all_reach_far_choose_one_after_another(small_parts):
+    """Every point reaches every part: nothing can be chosen at once."""
+    tree, field = random_problem(1_000, 1, 0.0, 0.0, 0.0)
+    field = field._replace(positions=field.positions * 1e-3)
+    tree = KdTree.over(field.positions, tree.order)
+    chosen = np.arange(0, 1_000, 10)
+    extended, _, _ = extend(field, tree, chosen, 150, 1, 0.0)
+    with pytest.MonkeyPatch.context() as whole:
+        whole.setattr(parts, "POINTS", 10_000)
+        np.testing.assert_array_equal(extended, extend(field, tree, chosen, 150, 1, 0.0)[0])
 
 
 @pytest.mark.parametrize("n", [20, 500])

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gppcs.app.printing import Force, Invalid, Json, print_error, print_json
+from gppcs.app.printing import Force, Invalid, Json, Threads, print_error, print_json
 from gppcs.app.viewpoint import Up, View, viewpoint_of
+from gppcs.engine.threads import set_threads
 from gppcs.errors import OutputError
 from gppcs.methods import METHODS
 
@@ -66,6 +67,7 @@ def compare(
     ] = True,
     view: View = None,
     up: Up = None,
+    threads: Threads = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -77,6 +79,7 @@ def compare(
     from gppcs.evaluation.comparison import compare as compared
     from gppcs.io.mesh_files import read_mesh
 
+    set_threads(threads)
     chosen = checked_methods((name.strip() for name in methods.split(",")), ratio, points, seed)
     viewpoint = viewpoint_of(view, up, picture)
     targets = _targets([cloud, mesh] if mesh else [cloud], output, picture, force)

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from gppcs.app.printing import Json, figure_rows, print_error, print_json
+from gppcs.app.printing import Json, Threads, figure_rows, print_error, print_json
+from gppcs.engine.threads import set_threads
 from gppcs.evaluation.report import Rebuilt, Report, figures_of
 
 
@@ -38,6 +39,7 @@ def evaluate(
             help="The surface of ORIGINAL as a mesh file, to compare the surface rebuilt from SIMPLIFIED with."
         ),
     ] = None,
+    threads: Threads = None,
     as_json: Json = False,
 ) -> None:
     """Measure how good a simplified cloud is. Points with NaN or infinite coordinates are left out."""
@@ -47,6 +49,7 @@ def evaluate(
     from gppcs.evaluation.judge import evaluate as measured
     from gppcs.io.mesh_files import read_mesh
 
+    set_threads(threads)
     surface = read_mesh(mesh) if mesh else None
     before, after = (cloud.take(cloud.finite_rows()) for cloud in map(io.read, (original, simplified)))
     report = measured(before, after, surface, Stages(ProgressBar()))

@@ -11,11 +11,23 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gppcs import __version__
-from gppcs.app.printing import BAD_INPUT, FAILURES, Force, Invalid, Json, figure_rows, note_left_out, print_json, tell
+from gppcs.app.printing import (
+    BAD_INPUT,
+    FAILURES,
+    Force,
+    Invalid,
+    Json,
+    Threads,
+    figure_rows,
+    note_left_out,
+    print_json,
+    tell,
+)
 from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine import kernel_cache
 from gppcs.engine.memory import peak_memory
 from gppcs.engine.stages import COMPILATION
+from gppcs.engine.threads import set_threads
 from gppcs.errors import OutputError, ParameterError
 from gppcs.methods import DEFAULT, METHODS, Method, method_named
 
@@ -89,6 +101,7 @@ def simplify(
     ] = None,
     view: View = None,
     up: Up = None,
+    threads: Threads = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -99,6 +112,7 @@ def simplify(
     from gppcs.io import check_distinct
     from gppcs.simplification import simplify as simplified
 
+    set_threads(threads)
     options: dict[str, Any] = {
         "ratio": ratio,
         "n_points": points,

@@ -15,6 +15,11 @@ from gppcs.gp.local.parts import Parts, choose_in_parts, choose_one_by_one, divi
 from gppcs.gp.local.posterior import posterior, sites_of
 from gppcs.spatial.kdtree import KdTree
 
+STEP = 0.7  # From one level to the next. Larger steps leave more points in doubt, smaller ones take more rounds.
+SPARE = 1.01  # Points chosen for each one wanted: the last level is aimed a little too low.
+# Scores fall about as the number of chosen points to this power. A wrong power costs another level, nothing else.
+FALL = 0.7
+
 
 def extend(
     field: LocalField, tree: KdTree, chosen: NDArray[np.int64], n_points: int, neighbours: int, error_weight: float
@@ -61,8 +66,11 @@ def extend(
         choose_one_by_one(field, error_weight, TAKEN, wanted, choice, parts)
     else:
         _choose_by_levels(field, error_weight, len(chosen), wanted, choice, parts)
-    order = _in_order(parts)[:wanted]
-    return (np.concatenate([chosen, parts.positions[order]]), parts.scores[order], np.sqrt(parts.variances[order]))
+    slots = _chosen_slots(parts)
+    if len(parts.counts) > 1:  # in the order of one after another
+        slots = slots[np.argsort(-parts.scores[slots], kind="stable")][:wanted]
+    extended = np.concatenate([chosen, parts.positions[slots]])
+    return extended, parts.scores[slots], np.sqrt(parts.variances[slots])
 
 
 def _choose_by_levels(
@@ -71,18 +79,12 @@ def _choose_by_levels(
     """Let the parts choose at least `wanted` points: level by level, until those below the last one are not wanted."""
     level = float(choice.best[1])
     while (taken := int(parts.counts.sum())) < wanted:
-        step = ((chosen + taken) / (chosen + 1.01 * wanted)) ** 0.7
-        level *= max(STEP, step)
+        step = ((chosen + taken) / (chosen + SPARE * wanted)) ** FALL
+        level = min(level, float(choice.best[1])) * max(STEP, step)
         choose_in_parts(field, error_weight, level, choice, parts)
 
 
-STEP = 0.7
-
-
-def _in_order(parts: Parts) -> NDArray[np.int64]:
-    """Return the slots of the chosen points, by falling score; the points of a part stay in their order."""
+def _chosen_slots(parts: Parts) -> NDArray[np.int64]:
+    """Return where the chosen points of all parts are, part by part."""
     n, count = len(parts.positions), len(parts.counts)
-    firsts = n * np.arange(count) // count
-    slots = [np.arange(first, first + chosen) for first, chosen in zip(firsts, parts.counts, strict=True)]
-    falling = np.concatenate([np.minimum.accumulate(parts.scores[some]) for some in slots])
-    return np.concatenate(slots)[np.argsort(-falling, kind="stable")]
+    return np.concatenate([n * part // count + np.arange(chosen) for part, chosen in enumerate(parts.counts)])
