@@ -1,1 +1,1 @@
-"""Basics that all other rooms use: kernel cache, stages of a run, peak memory, optional packages."""
+"""Basics that all other rooms use: kernel cache, stages of a run, peak memory, equality, optional packages."""

@@ -9,9 +9,10 @@ import os
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import FileFormatError, InputError
+from gppcs.errors import FileFormatError, InputError, file_path, flag, shown
 from gppcs.io import arrays, meshes, ply, text
 from gppcs.io.format import Format
 from gppcs.io.whole_file import whole_file
@@ -48,6 +49,8 @@ def read(path: str | os.PathLike[str], format: str | None = None) -> PointCloud:
     ------
     FileFormatError
         If the format is unknown, or the content does not follow it.
+    ParameterError
+        If `path` is neither text nor a path.
     OSError
         If the file does not exist or cannot be read.
 
@@ -58,7 +61,7 @@ def read(path: str | os.PathLike[str], format: str | None = None) -> PointCloud:
     >>> cloud
     PointCloud(2 points, each with intensity)
     """
-    source = Path(path)
+    source = file_path(path)
     if source.exists() and not source.is_file():
         raise FileFormatError(f"{source}: expected a file, found a folder or device; name a file")
     with open(source, "rb") as file:
@@ -74,7 +77,7 @@ def read(path: str | os.PathLike[str], format: str | None = None) -> PointCloud:
 
 def write(
     path: str | os.PathLike[str],
-    cloud: PointCloud,
+    cloud: PointCloud | ArrayLike,
     format: str | None = None,  # noqa: A002
     force: bool = False,
 ) -> None:
@@ -87,7 +90,7 @@ def write(
     ----------
     path : str or path
         The file. Its suffix selects the format.
-    cloud : PointCloud
+    cloud : PointCloud or (N, 3) array-like
         The points and their attributes.
     format : str, optional
         Suffix of the format, such as "ply" or ".ply". It overrides the suffix of `path`.
@@ -101,6 +104,8 @@ def write(
     OutputError
         If the file exists and `force` is False, the folder is missing or not writable, or the format cannot store the
         cloud.
+    InputError, ParameterError
+        If an argument has a wrong type.
 
     Examples
     --------
@@ -109,6 +114,7 @@ def write(
     >>> len(gppcs.read("sphere.ply"))
     100
     """
+    cloud, force = PointCloud.of(cloud), flag("force", force)
     chosen = format_to_write(path, format)
     with whole_file(path, force) as file:
         assert chosen.write is not None
@@ -135,7 +141,7 @@ def format_to_write(path: str | os.PathLike[str], format: str | None = None) -> 
     FileFormatError
         If the format is unknown, or gppcs only reads it.
     """
-    chosen = _of_suffix(format) if format else _of_path(Path(path))
+    chosen = _of_suffix(format) if format else _of_path(file_path(path))
     if chosen.write is None:
         raise FileFormatError(
             f"{path}: expected a format that holds points, found {chosen.name}; choose one of {_listed(writable=True)}"
@@ -155,6 +161,8 @@ def _of_path(path: Path) -> Format:
 
 
 def _of_suffix(suffix: str) -> Format:
+    if not isinstance(suffix, str):
+        raise FileFormatError(f"expected the suffix of a format, such as 'ply', found {shown(suffix)}")
     wanted = "." + suffix.lower().removeprefix(".")
     for known in FORMATS:
         if wanted in known.suffixes:

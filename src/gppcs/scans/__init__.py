@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import ParameterError, nearest_name, whole_number
+from gppcs.errors import ParameterError, nearest_name, number, shown, whole_number
 from gppcs.scans.bracket import BRACKET
 from gppcs.scans.fan import FAN
 from gppcs.scans.medallion import MEDALLION
@@ -94,17 +94,17 @@ def sample(
 
 def _checked(name: str, n_points: int, noise: float, outliers: float, uneven: float, seed: int) -> Scan:
     """Return the scan of that name, or raise a ParameterError that names the wrong argument."""
-    if name not in SCANS:
-        raise ParameterError(f"expected the name of a sample scan, found {name!r}{nearest_name(name, SCANS)}")
+    if not isinstance(name, str) or name not in SCANS:
+        raise ParameterError(f"expected the name of a sample scan, found {shown(name)}{nearest_name(name, SCANS)}")
     whole_number("the number of points", n_points, 1)
-    if not 0.0 <= noise < np.inf:
+    if not 0.0 <= number(noise) < np.inf:
         raise ParameterError(
-            f"expected noise as a share of the diagonal, 0 or more, found {noise}; 0.005 is a noisy scan"
+            f"expected noise as a share of the diagonal, 0 or more, found {shown(noise)}; 0.005 is a noisy scan"
         )
     for argument, value in (("outliers", outliers), ("uneven", uneven)):
-        if not 0.0 <= value < 1.0:
+        if not 0.0 <= number(value) < 1.0:
             raise ParameterError(
-                f"expected {argument} from 0 to below 1, found {value}; give a share, such as 0.05 for 5 %"
+                f"expected {argument} from 0 to below 1, found {shown(value)}; give a share, such as 0.05 for 5 %"
             )
     whole_number("the seed", seed, 0)
     return SCANS[name]

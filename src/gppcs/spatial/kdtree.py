@@ -8,6 +8,8 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.equality import ComparedByValue
+
 LEAF_SIZE = 32  # most points in a leaf: few enough to prune well, enough to fill vector registers
 SHARED_LEVELS = 5  # all threads split these levels together; below them, each thread splits its own subtrees
 FEW_KEYS = 256  # for fewer keys than this, the median of three keys is a good enough pivot
@@ -16,8 +18,8 @@ LCG_MULTIPLIER = np.uint64(6364136223846793005)  # of the linear congruential ge
 PAST_MIDDLE = 2  # the pivot lies this many sample ranks past the wanted one, so that the part to keep is small
 
 
-@dataclass(frozen=True)
-class KdTree:
+@dataclass(frozen=True, eq=False)
+class KdTree(ComparedByValue):
     """A perfect binary tree of bounding boxes over N points (Bentley 1975).
 
     The points are sorted so that each node holds a contiguous range; this order is called tree order. Node 1 is the

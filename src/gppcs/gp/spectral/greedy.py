@@ -9,12 +9,14 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.blas import one_blas_thread
 from gppcs.gp.spectral.posterior import Posterior
 
 BUCKETS = 4096  # most buckets of points: each step reads all bounds but rescans few buckets; more would be slower
 SLACK = 1e-12  # relative margin of a bound, well above the rounding errors of a step
 
 
+@one_blas_thread()
 def select(
     phi: NDArray[np.float64],
     y: NDArray[np.float64],
@@ -141,13 +143,18 @@ def _choose(points, buckets, mean, covariance, noise, k_add, chosen, scores, beg
             points.free[pick] = False
             _find_best(g, points, buckets)
         for pick in batch[:due]:
-            phi = points.phi[:, pick].copy()
-            along = covariance @ phi
-            spread = noise + phi @ along
-            mean += along * ((points.y[pick] - phi @ mean) / spread)
-            for row in range(len(along)):
-                covariance[row] -= along * (along[row] / spread)
+            _observe(points.phi[:, pick].copy(), points.y[pick], noise, mean, covariance)
         _bound_all(buckets, mean)
+
+
+@nb.njit(cache=True)
+def _observe(phi, y, noise, mean, covariance):
+    """Update `mean`, (L,), and `covariance`, (L, L), with one observation at a point of features `phi`, (L,)."""
+    along = covariance @ phi
+    spread = noise + phi @ along
+    mean += along * ((y - phi @ mean) / spread)
+    for row in range(len(along)):
+        covariance[row] -= along * (along[row] / spread)
 
 
 @nb.njit(cache=True)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.blas import one_blas_thread
+
 DIMENSION = 2  # d in Eq. 6: the manifold is a surface
 
 
@@ -79,6 +81,7 @@ def log_spectrum_slopes(
     return -2 * power * share, power * share - nu * np.log1p(x)
 
 
+@one_blas_thread()
 def spectral_weights(
     eigenvalues: NDArray[np.float64], mean_squares: NDArray[np.float64], theta: Hyperparameters
 ) -> NDArray[np.float64]:

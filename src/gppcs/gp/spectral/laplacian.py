@@ -12,6 +12,7 @@ import scipy.sparse
 import scipy.sparse.linalg
 from numpy.typing import NDArray
 
+from gppcs.engine.blas import one_blas_thread
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree, nearest_in_tree
 from gppcs.spatial.spacing import nearest_distances
@@ -38,6 +39,7 @@ class Eigenpairs:
     eigenfunctions: NDArray[np.float64]
 
 
+@one_blas_thread()
 def eigenpairs(
     points: NDArray[np.float64], count: int, landmarks: int = 4000, tree: KdTree | None = None
 ) -> Eigenpairs:
