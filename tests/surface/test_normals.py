@@ -224,9 +224,22 @@ def test_what_cannot_be_estimated_is_refused():
         estimate_normals(np.empty((0, 3)))
     with pytest.raises(gppcs.InputError, match="finite coordinates in the cloud of places, found 1 points"):
         estimate_normals([[0, 0, 0]], at=[[0, 0, np.nan]])
+    for far in (1e100, 1e308, -1e308, 1e9):
+        with pytest.raises(
+            gppcs.InputError, match=r"found 1 that are farther from it than 1e\+06 times its size.*index 1"
+        ):
+            estimate_normals([[0, 0, 0], [1, 0, 0], [0, 1, 0]], at=[[0, 0, 0], [0, far, 0]])
     for neighbours in (2, 31.0):
         with pytest.raises(gppcs.ParameterError, match=f"whole number from 3 on, found {neighbours}"):
             estimate_normals([[0, 0, 0]], neighbours=neighbours)
+
+
+@pytest.mark.parametrize("distance", [1e2, 1e4, 9e5])
+@pytest.mark.parametrize("unit", [1e-200, 1.0, 1e200])
+def test_places_off_the_surface_have_unit_normals(sphere, distance, unit):
+    places = np.concatenate([sphere[:50], distance * sphere[50:100], [[0, 0, distance]]])
+    normals = estimate_normals(unit * sphere[:2000], unit * places)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("method", gppcs.METHODS)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.equality import ComparedByValue
+from gppcs.errors import InputError
 
 LEAF_SIZE = 32  # most points in a leaf: few enough to prune well, enough to fill vector registers
 SHARED_LEVELS = 5  # all threads split these levels together; below them, each thread splits its own subtrees
@@ -62,13 +63,21 @@ class KdTree(ComparedByValue):
         Returns
         -------
         KdTree
+
+        Raises
+        ------
+        InputError
+            If `points` is not a numeric (N, 3) array.
         """
+        points = np.asarray(points)
+        if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu":
+            raise InputError(f"expected an (N, 3) array of numbers, found {points.dtype} of shape {points.shape}")
         n, depth = len(points), 0
         while n > LEAF_SIZE << depth:
             depth += 1
         records = np.empty((n, 4), dtype=np.float64)
         numbers = records.view(np.int64)
-        _record(np.ascontiguousarray(points), records, numbers)
+        _record(np.ascontiguousarray(points, dtype=np.float64), records, numbers)
         tree = cls(np.empty(n, dtype=np.int64), np.empty((3, n)), np.empty((2 << depth, 3)), np.empty((2 << depth, 3)))
         _grow(records, numbers, depth, tree.order, tree.points, tree.low, tree.high)
         return tree
