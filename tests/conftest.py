@@ -1,7 +1,6 @@
 import os
 from pathlib import Path
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # threads only cost time on matrices as small as the tests'
 if "PYTEST_XDIST_WORKER" in os.environ:  # else each process would start as many threads as there are cores
     os.environ.setdefault("NUMBA_NUM_THREADS", str(min(2, os.cpu_count() or 1)))
 

@@ -18,14 +18,15 @@ FLOATS = (math.inf, -math.inf, math.nan, 1e-310, -1e-310, 1e308, 10**400)
 
 
 def fields_of_type(kind):
-    for name, method in gppcs.METHODS.items():
-        hints = typing.get_type_hints(method)
-        for field in dataclasses.fields(method):
-            if kind in (typing.get_args(hints[field.name]) or (hints[field.name],)):
-                yield pytest.param(method, field.name, id=f"{name} {field.name}")
+    return [
+        pytest.param(method, name, id=f"{method.name} {name}")
+        for method in gppcs.METHODS.values()
+        for name, hint in typing.get_type_hints(method).items()
+        if name in method.parameters() and kind in (typing.get_args(hint) or (hint,))
+    ]
 
 
-@pytest.mark.parametrize("value", FLOATS, ids=lambda value: f"{value:g}" if value < 1e309 else "10^400")
+@pytest.mark.parametrize("value", FLOATS, ids=["inf", "-inf", "nan", "1e-310", "-1e-310", "1e308", "10^400"])
 @pytest.mark.parametrize(("method", "name"), fields_of_type(float))
 def test_extreme_floats_are_refused_or_valid(method, name, value):
     """Only the heat kernel is infinitely smooth; what is above all ranges is refused, and so is what is denormal."""
@@ -53,7 +54,7 @@ def test_both_ends_of_each_range_are_valid(method, name):
         assert all(np.isfinite(figure) for key, figure in result.diagnostics.items() if key != "nu")
 
 
-@pytest.mark.parametrize("value", [10**6, 2**63 - 1, 2**63, 10**400])
+@pytest.mark.parametrize("value", [10**6, 2**63 - 1, 2**63, 10**400], ids=["10^6", "2^63-1", "2^63", "10^400"])
 @pytest.mark.parametrize(("method", "name"), fields_of_type(int))
 def test_extreme_whole_numbers_are_refused_or_valid(method, name, value):
     try:
