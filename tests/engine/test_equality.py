@@ -47,7 +47,7 @@ def test_clouds_are_unequal_if_anything_is(other):
 def public_objects(seed):
     points = np.random.default_rng(seed).random((60, 3))
     triangle = gppcs.Mesh(points[:3], [[0, 1, 2]])
-    method = gppcs.Random(seed=1)
+    method = gppcs.FarthestPoint()
     return {
         "cloud": gppcs.PointCloud(points),
         "mesh": triangle,

@@ -149,7 +149,7 @@ def _pinhole(intrinsics: ArrayLike) -> tuple[Array, float, Array]:
     """Return focal lengths (2,), skew and principal point (2,), all in pixels."""
     try:
         given = np.asarray(intrinsics, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ParameterError("expected numbers as intrinsics: (fx, fy, cx, cy) or a 3 x 3 matrix") from error
     if given.shape == (4,):
         given = np.array([[given[0], 0.0, given[2]], [0.0, given[1], given[3]], [0.0, 0.0, 1.0]])

@@ -150,7 +150,7 @@ def checked_methods(
     ParameterError
         If there is no method, a name is unknown, or a parameter is out of its range.
     """
-    if isinstance(methods, str | Method) or not isinstance(methods, Iterable):
+    if isinstance(methods, str) or not isinstance(methods, Iterable) or getattr(methods, "ndim", 1) == 0:
         raise ParameterError(f"expected a list of methods or names, such as ['fps', 'random'], found {shown(methods)}")
     point = [[0.0, 0.0, 0.0]]  # the checks of `simplify` run, but no method has work to do
     chosen = [

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import FileFormatError, InputError, file_path, flag, shown
+from gppcs.errors import FileFormatError, InputError, ParameterError, file_path, flag, shown
 from gppcs.io import arrays, meshes, ply, text
 from gppcs.io.format import Format
 from gppcs.io.whole_file import whole_file
@@ -50,7 +50,7 @@ def read(path: str | os.PathLike[str], format: str | None = None) -> PointCloud:
     FileFormatError
         If the format is unknown, or the content does not follow it.
     ParameterError
-        If `path` is neither text nor a path.
+        If `path` is neither text nor a path, or `format` is no text.
     OSError
         If the file does not exist or cannot be read.
 
@@ -62,6 +62,7 @@ def read(path: str | os.PathLike[str], format: str | None = None) -> PointCloud:
     PointCloud(2 points, each with intensity)
     """
     source = file_path(path)
+    _require_text(format)
     if source.exists() and not source.is_file():
         raise FileFormatError(f"{source}: expected a file, found a folder or device; name a file")
     with open(source, "rb") as file:
@@ -141,6 +142,7 @@ def format_to_write(path: str | os.PathLike[str], format: str | None = None) -> 
     FileFormatError
         If the format is unknown, or gppcs only reads it.
     """
+    _require_text(format)
     chosen = _of_suffix(format) if format else _of_path(file_path(path))
     if chosen.write is None:
         raise FileFormatError(
@@ -153,6 +155,11 @@ def _of_content(head: bytes, size: int) -> Format | None:
     return next((known for known in FORMATS if known.recognises(head, size)), None)
 
 
+def _require_text(suffix: str | None) -> None:
+    if not isinstance(suffix, str | None):
+        raise ParameterError(f"expected the suffix of a format, such as 'ply', found {shown(suffix)}")
+
+
 def _of_path(path: Path) -> Format:
     try:
         return _of_suffix(path.suffix)
@@ -161,8 +168,6 @@ def _of_path(path: Path) -> Format:
 
 
 def _of_suffix(suffix: str) -> Format:
-    if not isinstance(suffix, str):
-        raise FileFormatError(f"expected the suffix of a format, such as 'ply', found {shown(suffix)}")
     wanted = "." + suffix.lower().removeprefix(".")
     for known in FORMATS:
         if wanted in known.suffixes:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import Stages
-from gppcs.errors import ParameterError, nearest_name, shown
+from gppcs.errors import ParameterError, nearest_name, number, shown
 
 if TYPE_CHECKING:
     import numpy as np
@@ -104,7 +104,7 @@ def parameter(default: Value, meaning: str, least: float | None = None, most: fl
     Raises
     ------
     ParameterError
-        If `default` or `meaning` has a wrong type.
+        If an argument has a wrong type.
 
     Examples
     --------
@@ -124,6 +124,9 @@ def parameter(default: Value, meaning: str, least: float | None = None, most: fl
         raise ParameterError(f"expected a number, a text, a truth value or None as default, found {shown(default)}")
     if not isinstance(meaning, str):
         raise ParameterError(f"expected the meaning of the parameter as text, found {shown(meaning)}")
+    for end in (least, most):
+        if end is not None and math.isnan(number(end)):
+            raise ParameterError(f"expected a number as end of the range of the parameter, found {shown(end)}")
     declared: Any = field(default=default, metadata={_MEANING: meaning, _RANGE: (least, most)})
     return declared
 

@@ -18,6 +18,7 @@ __all__ = ["SCANS", "Patch", "Scan", "SurfacePoints", "sample"]
 SCANS: dict[str, Scan] = {"medallion": MEDALLION, "bracket": BRACKET, "fan": FAN, "sphere": SPHERE}
 
 BATCH = 32_768  # points drawn at once: few enough for their derivatives to stay in the CPU cache
+MOST_POINTS = 10**12  # more than any memory holds
 OUTLIER_BOX = 1.5  # edge lengths of the box of outliers, relative to those of the scan's bounding box
 OUTLIER_GREY = 128  # red, green and blue of outliers
 
@@ -96,7 +97,8 @@ def _checked(name: str, n_points: int, noise: float, outliers: float, uneven: fl
     """Return the scan of that name, or raise a ParameterError that names the wrong argument."""
     if not isinstance(name, str) or name not in SCANS:
         raise ParameterError(f"expected the name of a sample scan, found {shown(name)}{nearest_name(name, SCANS)}")
-    whole_number("the number of points", n_points, 1)
+    if whole_number("the number of points", n_points, 1) > MOST_POINTS:
+        raise ParameterError(f"expected at most {MOST_POINTS:,} points, found {shown(n_points)}")
     if not 0.0 <= number(noise) < np.inf:
         raise ParameterError(
             f"expected noise as a share of the diagonal, 0 or more, found {shown(noise)}; 0.005 is a noisy scan"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numba as nb
@@ -48,8 +49,8 @@ class KdTree(ComparedByValue):
 
     order: NDArray[np.int64]
     points: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    low: NDArray[np.float64] = dataclasses.field(compare=False)
+    high: NDArray[np.float64] = dataclasses.field(compare=False)
 
     @classmethod
     def build(cls, points: NDArray[np.float64]) -> KdTree:
@@ -69,7 +70,10 @@ class KdTree(ComparedByValue):
         InputError
             If `points` is not a numeric (N, 3) array.
         """
-        points = np.asarray(points)
+        try:
+            points = np.asarray(points)
+        except ValueError as error:
+            raise InputError("expected an (N, 3) array of numbers, found rows of different lengths") from error
         if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu":
             raise InputError(f"expected an (N, 3) array of numbers, found {points.dtype} of shape {points.shape}")
         n, depth = len(points), 0

@@ -55,7 +55,7 @@ def log_spectrum(eigenvalues: NDArray[np.float64], lengthscale: float, nu: float
     """
     if np.isinf(nu):
         return -0.5 * lengthscale**2 * eigenvalues
-    return -(nu + DIMENSION / 2) * np.log1p(lengthscale**2 * eigenvalues / (2 * nu))
+    return -(nu + DIMENSION / 2) * np.log1p(lengthscale**2 * eigenvalues / 2 / nu)
 
 
 def log_spectrum_slopes(
@@ -75,10 +75,10 @@ def log_spectrum_slopes(
     """
     if np.isinf(nu):
         return -(lengthscale**2) * eigenvalues, np.zeros_like(eigenvalues)
-    x = lengthscale**2 * eigenvalues / (2 * nu)
+    x = lengthscale**2 * eigenvalues / 2 / nu  # 2 nu could overflow
     share = x / (1 + x)
     power = nu + DIMENSION / 2
-    return -2 * power * share, power * share - nu * np.log1p(x)
+    return -power * (2 * share), power * share - nu * np.log1p(x)
 
 
 @one_blas_thread()
