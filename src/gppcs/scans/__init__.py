@@ -19,6 +19,7 @@ SCANS: dict[str, Scan] = {"medallion": MEDALLION, "bracket": BRACKET, "fan": FAN
 
 BATCH = 32_768  # points drawn at once: few enough for their derivatives to stay in the CPU cache
 MOST_POINTS = 10**12  # more than any memory holds
+MOST_UNEVEN = 0.999  # of the points drawn, about the root of the rest to 1 is kept: here one in 32
 OUTLIER_BOX = 1.5  # edge lengths of the box of outliers, relative to those of the scan's bounding box
 OUTLIER_GREY = 128  # red, green and blue of outliers
 
@@ -47,7 +48,7 @@ def sample(
         Share of the points that are outliers, from 0 to below 1. Outliers are uniform in the bounding box, enlarged
         1.5 times about its centre. Their number is rounded.
     uneven : float
-        Loss of density along x, from 0 to below 1: at the highest x, the density is 1 - `uneven` times that at the
+        Loss of density along x, from 0 to 0.999: at the highest x, the density is 1 - `uneven` times that at the
         lowest x. It falls as 1 / distance², as if from a scanner in front of the low end. With 0, points are uniform
         by area.
     seed : int
@@ -108,6 +109,11 @@ def _checked(name: str, n_points: int, noise: float, outliers: float, uneven: fl
             raise ParameterError(
                 f"expected {argument} from 0 to below 1, found {shown(value)}; give a share, such as 0.05 for 5 %"
             )
+    if uneven > MOST_UNEVEN:
+        raise ParameterError(
+            f"expected uneven of at most {MOST_UNEVEN}, found {shown(uneven)}: beyond, nearly all points drawn are "
+            "left out"
+        )
     whole_number("the seed", seed, 0)
     return SCANS[name]
 
