@@ -1,8 +1,6 @@
 import os
 from pathlib import Path
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # threads only cost time on matrices as small as the tests'
-
 import numpy as np
 import pytest
 from hypothesis import settings

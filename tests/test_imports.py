@@ -53,6 +53,17 @@ def test_a_public_name_can_be_replaced(monkeypatch):
     assert gppcs.simplify is before
 
 
+@pytest.mark.parametrize("used", ["", "gppcs.simplify; "])
+def test_mock_replaces_a_public_name_and_puts_it_back(used):
+    """Before the name is used for the first time, too: `patch` then deletes what it has put there."""
+    code = (
+        f"import gppcs; from unittest import mock; {used}"
+        "patch = mock.patch('gppcs.simplify'); replaced = patch.start() is gppcs.simplify; patch.stop(); "
+        "from gppcs.simplification import simplify; print(replaced, gppcs.simplify is simplify)"
+    )
+    assert run_python(code).split() == ["True", "True"]
+
+
 def test_an_unknown_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="no attribute 'simplfy'"):
         gppcs.simplfy  # noqa: B018

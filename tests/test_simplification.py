@@ -12,28 +12,41 @@ import gppcs
 
 METHODS = list(gppcs.METHODS)
 FAR = np.array([500_000, 5_400_000, 0])  # as in UTM
-RANDOM = np.random.default_rng(0)
-SMALL = {
-    "one": np.ones((1, 3)),
-    "two": np.array([[0.0, 0, 0], [1, 2, 3]]),
-    "all equal": np.full((6, 3), 0.1),
-    "collinear": np.outer(np.arange(8.0), [1, 2, 3]),
-    "coplanar": np.c_[RANDOM.random((10, 2)), np.zeros(10)],
-    "mostly repeats": RANDOM.random((3, 3))[RANDOM.integers(0, 3, 12)],
-    "plus and minus zero": np.array([[0.0, 0, 0], [-0.0, 0, 0], [0, -0.0, 0], [1, 0, 0]]),
-    "tiny": 1e-300 * RANDOM.random((5, 3)),
-    "huge": 1e200 * RANDOM.random((5, 3)),
-    "far outlier": np.concatenate([RANDOM.random((9, 3)), [[1e12, 0, 0]]]),
-    **{f"random {n}": RANDOM.random((n, 3)) for n in (3, 4, 5, 8, 12)},
-}
-SEVERAL_LEAVES = {  # of a tree
-    "collinear": RANDOM.random((90, 1)) * [1, 2, 3],
-    "coplanar": np.c_[RANDOM.random((90, 2)), np.zeros(90)],
-    "lattice": RANDOM.permutation(np.indices((5, 5, 4)).reshape(3, -1).T),
-    "far clumps": RANDOM.integers(0, 2, (90, 1)) + 1e-9 * RANDOM.random((90, 3)),
-    "far outlier": np.concatenate([RANDOM.random((90, 3)), [[1e9, 0, 0]]]),
-    "coincident to rounding": np.concatenate([PLACES := RANDOM.random((45, 3)), np.nextafter(PLACES, 1)]),
-}
+
+
+def small_clouds():
+    rng = np.random.default_rng(0)
+    return {
+        "one": np.ones((1, 3)),
+        "two": np.array([[0.0, 0, 0], [1, 2, 3]]),
+        "all equal": np.full((6, 3), 0.1),
+        "collinear": np.outer(np.arange(8.0), [1, 2, 3]),
+        "coplanar": np.c_[rng.random((10, 2)), np.zeros(10)],
+        "mostly repeats": rng.random((3, 3))[rng.integers(0, 3, 12)],
+        "plus and minus zero": np.array([[0.0, 0, 0], [-0.0, 0, 0], [0, -0.0, 0], [1, 0, 0]]),
+        "tiny": 1e-300 * rng.random((5, 3)),
+        "huge": 1e200 * rng.random((5, 3)),
+        "far outlier": np.concatenate([rng.random((9, 3)), [[1e12, 0, 0]]]),
+        **{f"random {n}": rng.random((n, 3)) for n in (3, 4, 5, 8, 12)},
+    }
+
+
+def clouds_of_several_leaves():
+    """Of a tree."""
+    rng = np.random.default_rng(0)
+    places = rng.random((45, 3))
+    return {
+        "collinear": rng.random((90, 1)) * [1, 2, 3],
+        "coplanar": np.c_[rng.random((90, 2)), np.zeros(90)],
+        "lattice": rng.permutation(np.indices((5, 5, 4)).reshape(3, -1).T),
+        "far clumps": rng.integers(0, 2, (90, 1)) + 1e-9 * rng.random((90, 3)),
+        "far outlier": np.concatenate([rng.random((90, 3)), [[1e9, 0, 0]]]),
+        "coincident to rounding": np.concatenate([places, np.nextafter(places, 1)]),
+    }
+
+
+SMALL = small_clouds()
+SEVERAL_LEAVES = clouds_of_several_leaves()
 
 
 def chosen(points, n_points, method, **options):
@@ -94,7 +107,8 @@ def test_as_many_points_as_there_are_come_back_in_order(method):
 
 @pytest.mark.parametrize(("ratio", "count"), [(1e-9, 1), (0.001, 1), (0.024, 2), (0.026, 3), (0.5, 50), (1.0, 100)])
 def test_a_ratio_is_rounded_to_at_least_one_point(ratio, count):
-    assert len(gppcs.simplify(RANDOM.random((100, 3)), ratio=ratio, method="random").indices) == count
+    rng = np.random.default_rng(0)
+    assert len(gppcs.simplify(rng.random((100, 3)), ratio=ratio, method="random").indices) == count
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -252,7 +252,10 @@ def _imported_when_used(name: str, home: str) -> property:
     def replace(module: ModuleType, value: Any) -> None:
         vars(module)[name] = value
 
-    return property(get, replace)
+    def restore(module: ModuleType) -> None:
+        vars(module).pop(name, None)  # the next use imports it again
+
+    return property(get, replace, restore)
 
 
 # Tab completion offers the properties of a module's class without running them. `help(gppcs)` prints in full only what

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import difflib
+import math
+import numbers
 import operator
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
+
+MOST_SHOWN = 80  # characters of a wrong value that a message shows
 
 
 class GppcsError(Exception):
@@ -95,6 +100,117 @@ class OutputError(GppcsError, OSError):
     """
 
 
+def shown(value: Any) -> str:
+    """Return a value as messages show it: in one line, and not too long.
+
+    Parameters
+    ----------
+    value : object
+
+    Returns
+    -------
+    str
+    """
+    line = str(value) if isinstance(value, numbers.Number) else " ".join(repr(value).split())
+    return line if len(line) <= MOST_SHOWN else f"{line[:MOST_SHOWN]}..."
+
+
+def number(value: Any) -> float:
+    """Return a value as a float, or NaN if it is no real number: NaN lies in no range, so it fails each check of one.
+
+    Parameters
+    ----------
+    value : object
+        Numbers of NumPy and arrays without axes count as numbers; text and truth values do not.
+
+    Returns
+    -------
+    float
+    """
+    if isinstance(value, str | bytes | bytearray | bool | complex) or getattr(value, "ndim", None):
+        return math.nan
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+
+
+def file_path(path: Any) -> Path:
+    """Return the path of a file, or raise an error if it is none.
+
+    Parameters
+    ----------
+    path : object
+        The name of a file, or a path.
+
+    Returns
+    -------
+    pathlib.Path
+
+    Raises
+    ------
+    ParameterError
+        If it is neither a text nor a path, or holds a zero character, which no name may.
+    """
+    try:
+        source = Path(path)
+    except TypeError as error:
+        raise ParameterError(f"expected the name of a file or a path, found {shown(path)}") from error
+    if "\0" in str(source):
+        raise ParameterError(f"expected the name of a file without zero characters, found {str(path)!r}")
+    return source
+
+
+def flag(name: str, value: Any) -> bool:
+    """Check that a value is True or False.
+
+    Parameters
+    ----------
+    name : str
+        The name of the argument, for the error message.
+    value : object
+        The value to check; truth values of NumPy are fine, too.
+
+    Returns
+    -------
+    bool
+
+    Raises
+    ------
+    ParameterError
+        If it is anything else.
+    """
+    if not (isinstance(value, bool) or (getattr(value, "shape", None) == () and value.dtype == bool)):
+        raise ParameterError(f"expected {name} to be True or False, found {shown(value)}")
+    return bool(value)
+
+
+def one_of(name: str, value: Any, known: tuple[str, ...]) -> str:
+    """Check that a value is one of several words.
+
+    Parameters
+    ----------
+    name : str
+        The name of the argument, for the error message.
+    value : object
+        The value to check.
+    known : tuple of str
+        The words.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    ParameterError
+        If it is none of them.
+    """
+    if not (isinstance(value, str) and value in known):
+        raise ParameterError(f"expected {name} to be {' or '.join(map(repr, known))}, found {shown(value)}")
+    return value
+
+
 def whole_number(name: str, value: Any, least: int) -> int:
     """Check that a value is a whole number of at least a given size.
 
@@ -118,22 +234,21 @@ def whole_number(name: str, value: Any, least: int) -> int:
         If the value is not a whole number or is below `least`.
     """
     try:
-        whole = operator.index(value)
+        whole = least - 1 if isinstance(value, bool) else operator.index(value)
     except TypeError:
         whole = least - 1
     if whole < least:
-        found = repr(value) if isinstance(value, str) else value
-        raise ParameterError(f"expected {name} to be a whole number from {least} on, found {found}")
+        raise ParameterError(f"expected {name} to be a whole number from {least} on, found {shown(value)}")
     return whole
 
 
-def nearest_name(name: str, known: Iterable[str]) -> str:
+def nearest_name(name: Any, known: Iterable[str]) -> str:
     """Return the end of an error message about an unknown name.
 
     Parameters
     ----------
-    name : str
-        The unknown name.
+    name : object
+        The unknown name; it may be no text at all.
     known : iterable of str
         The names that exist.
 
@@ -143,5 +258,5 @@ def nearest_name(name: str, known: Iterable[str]) -> str:
         "; did you mean ...?" with the most similar known name, or a list of all known names if none is similar.
     """
     known = list(known)
-    near = difflib.get_close_matches(name, known, n=1)
+    near = difflib.get_close_matches(name, known, n=1) if isinstance(name, str) else []
     return f"; did you mean {near[0]!r}?" if near else f"; expected one of {', '.join(known)}"

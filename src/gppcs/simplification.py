@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
+from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import COMPILATION, Stages
-from gppcs.errors import InputError, ParameterError, whole_number
+from gppcs.errors import InputError, ParameterError, flag, number, one_of, shown, whole_number
 from gppcs.methods import DEFAULT, Method, Selection, method_named
 
 
-@dataclass(frozen=True)
-class Result:
+@dataclass(frozen=True, eq=False)
+class Result(ComparedByValue):
     """A simplified cloud, with the method and the times of the run.
 
     Attributes
@@ -122,12 +123,15 @@ def simplify(
     """
     from gppcs.spatial.scaling import normalised
 
-    stages = stages or Stages()
+    stages = Stages.of(stages)
+    normals, scores = flag("normals", normals), flag("scores", scores)
     with stages("preparation"):
         cloud = PointCloud.of(cloud)
         chosen_method = method_named(method) if isinstance(method, str) else method
         if not isinstance(chosen_method, Method):
-            raise ParameterError(f"expected the name of a method or a method such as SpectralGP(), found {method!r}")
+            raise ParameterError(
+                f"expected the name of a method or a method such as SpectralGP(), found {shown(method)}"
+            )
         if scores and not chosen_method.attributes:
             raise ParameterError(f"method {chosen_method.name!r} gives its points no scores")
         if scores and (taken := sorted(set(chosen_method.attributes) & set(cloud.attributes))):
@@ -135,8 +139,10 @@ def simplify(
                 f"the cloud already has an attribute {taken[0]!r}, which the scores would replace: "
                 "rename it, or ask for no scores"
             )
-        if seed is not None and any(field.name == "seed" for field in dataclasses.fields(chosen_method)):
-            chosen_method = chosen_method.replaced({"seed": seed})
+        if seed is not None and "seed" in chosen_method.parameters():
+            chosen_method = dataclasses.replace(chosen_method, seed=seed)  # type: ignore[call-arg]
+        elif seed is not None:
+            whole_number("the seed", seed, 0)
         rows = _usable_rows(cloud, invalid)
         count = _target(len(cloud) if rows is None else len(rows), ratio, n_points)
         points, corner, exponent = normalised(cloud.points if rows is None else cloud.points[rows])
@@ -198,8 +204,7 @@ def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64] | None:
     """Return the rows with finite coordinates, or None if that is all; raise an error for others unless dropped."""
     from gppcs.spatial.scaling import bounds
 
-    if invalid not in ("error", "drop"):
-        raise ParameterError(f"expected invalid to be 'error' or 'drop', found {invalid!r}")
+    one_of("invalid", invalid, ("error", "drop"))
     if len(cloud) == 0:
         raise InputError("the cloud is empty: expected at least one point")
     if np.isfinite(bounds(cloud.points)).all():
@@ -221,11 +226,8 @@ def _target(n: int, ratio: float | None, n_points: int | None) -> int:
         found = "neither" if ratio is None else "both"
         raise ParameterError(f"expected either a ratio or a number of points, found {found}")
     if ratio is not None:
-        try:
-            inside = 0 < ratio <= 1
-        except TypeError:
-            inside = False
-        if not inside:
-            raise ParameterError(f"expected a ratio above 0 and at most 1, found {ratio!r}")
-        return max(1, round(ratio * n))
+        share = number(ratio)
+        if not 0 < share <= 1:
+            raise ParameterError(f"expected a ratio above 0 and at most 1, found {shown(ratio)}")
+        return max(1, round(share * n))
     return min(whole_number("the number of points", n_points, 1), n)

@@ -38,6 +38,27 @@ def test_points_in_one_place_have_no_spacing():
     assert np.isnan(summary.spacing)
 
 
+@pytest.mark.parametrize("unit", [1e-310, 1e-200, 1e200, 1e307])
+def test_lengths_are_right_in_any_unit(unit):
+    points = np.array([[0, 0, 0], [3, 0, 0], [3, 4, 0], [3, 4, 0]]) * unit
+    summary = gppcs.info(points)
+    assert summary.diagonal == pytest.approx(5 * unit, rel=1e-9)
+    assert summary.spacing == pytest.approx(3 * unit, rel=1e-9)
+    assert (summary.high, summary.repeats) == ((3 * unit, 4 * unit, 0.0), 1)
+
+
+def test_a_diagonal_beyond_the_range_of_floats_is_infinite():
+    summary = gppcs.info([[1.7e308, 0, 0], [-1.7e308, 0, 0], [-1.7e308, 1e308, 0]])
+    assert summary.diagonal == np.inf
+    assert summary.spacing == pytest.approx(1e308)
+
+
+def test_tiny_and_huge_coordinates_in_one_cloud():
+    summary = gppcs.info([[1e-200, 0, 0], [2e-200, 0, 0], [0, 1e200, 0]])
+    assert summary.diagonal == pytest.approx(1e200)
+    assert summary.spacing < 1e200
+
+
 def test_spacing_does_not_depend_on_where_the_cloud_lies(bracket):
     near, far = gppcs.info(bracket), gppcs.info(bracket + np.array([500_000, 5_400_000, 0]))
     assert far.spacing == pytest.approx(near.spacing, rel=1e-6)

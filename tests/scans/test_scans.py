@@ -201,6 +201,12 @@ def test_uneven_density_falls_with_the_square_of_the_distance():
     np.testing.assert_allclose(counts / counts.sum(), expected / expected.sum(), rtol=0.04)
 
 
+@pytest.mark.parametrize("name", ["sphere", "medallion", "bracket", "fan"])
+def test_the_most_uneven_scan_has_the_points_asked_for(name):
+    for uneven in (0.999, 1e-310):
+        assert len(sample(name, 300, uneven=uneven)) == 300
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -212,6 +218,9 @@ def test_uneven_density_falls_with_the_square_of_the_distance():
         ({"noise": float("nan")}, "found nan"),
         ({"outliers": 1.0}, "outliers from 0 to below 1, found 1.0"),
         ({"uneven": -0.5}, "uneven from 0 to below 1, found -0.5"),
+        ({"uneven": 1 - 1e-12}, "uneven of at most 0.999, found 0.999999999999"),
+        ({"uneven": float(np.nextafter(1, 0))}, "uneven of at most 0.999, found 0.99999999999999"),
+        ({"n_points": 10**400}, "at most 1,000,000,000,000 points, found 10000"),
         ({"seed": -1}, "seed to be a whole number from 0 on, found -1"),
     ],
 )

@@ -14,8 +14,6 @@ from gppcs.surface.noise import (
     projections,
 )
 
-RANDOM = np.random.default_rng(0)
-
 
 def feet_of(tree, places, neighbours):
     """The feet of places, (m, 3), in their order."""
@@ -39,7 +37,8 @@ def observed(noise, places):
 
 
 def rough_plane(sigma, n=20_000):
-    return np.column_stack([RANDOM.random((n, 2)), sigma * RANDOM.standard_normal(n)])
+    rng = np.random.default_rng(0)
+    return np.column_stack([rng.random((n, 2)), sigma * rng.standard_normal(n)])
 
 
 def test_smooth_surfaces_are_quiet(sphere):
@@ -65,6 +64,7 @@ def test_the_level_is_about_that_of_the_noise(sigma):
 
 def test_each_point_has_the_square_of_its_residual_whatever_the_order_of_the_tree():
     """Half the target spacing counts as one, and two is the most; correlation with the true distance: 0.88."""
+    rng = np.random.default_rng(0)
     points = rough_plane(0.005)
     tree = KdTree.build(points)
     noise = Noise.measure(tree, 500, 0.02)
@@ -73,7 +73,7 @@ def test_each_point_has_the_square_of_its_residual_whatever_the_order_of_the_tre
     np.testing.assert_allclose(found, np.minimum((of_each / 0.5) ** 2, 2 * 0.02**2), rtol=1e-12)
     assert 0 < (found == 2 * 0.02**2).mean() < 0.1
     assert np.corrcoef(of_each, np.abs(points[:, 2]))[0, 1] > 0.8
-    shuffled = RANDOM.permutation(len(points))
+    shuffled = rng.permutation(len(points))
     other = Noise.measure(KdTree.build(points[shuffled]), 500, 0.02)
     np.testing.assert_allclose(observed(other, points)[1], found, rtol=1e-5)
 
@@ -124,11 +124,12 @@ def test_a_point_off_the_surface_stands_out():
 
 def thick(shape, sigma, sphere):
     """A cloud of area one, as thick as many times its points are apart, and where each point belongs."""
+    rng = np.random.default_rng(1)  # another seed than that of the sphere
     if shape == "plane":
         points = rough_plane(sigma)
         return points, points * [1, 1, 0]
     surface = sphere[:: -(-len(sphere) // 20_000)] / np.sqrt(4 * np.pi)
-    return surface * (1 + sigma * np.sqrt(4 * np.pi) * RANDOM.standard_normal((len(surface), 1))), surface
+    return surface * (1 + sigma * np.sqrt(4 * np.pi) * rng.standard_normal((len(surface), 1))), surface
 
 
 @pytest.mark.parametrize("sigma", [0.01, 0.02, 0.03])
@@ -158,7 +159,8 @@ def test_neighbourhoods_that_lie_across_the_noise_do_not_grow(sigma):
 
 def test_detail_as_small_as_the_target_spacing_is_not_smoothed_away():
     """It makes observations uncertain, as noise does, but its features are kept."""
-    flat = RANDOM.random((20_000, 2))
+    rng = np.random.default_rng(0)
+    flat = rng.random((20_000, 2))
     waves = np.column_stack([flat, 0.006 * np.sin(200 * flat[:, 0])])
     noise = Noise.measure(KdTree.build(waves), 500, 0.045)
     assert not noise.thick
@@ -179,7 +181,8 @@ def test_neighbourhoods_do_not_grow_beyond_the_target_spacing():
 
 @pytest.mark.parametrize("n", [1, 2, 5, 6, 39])
 def test_small_clouds(n):
-    points = RANDOM.random((n, 3))
+    rng = np.random.default_rng(0)
+    points = rng.random((n, 3))
     found = residuals(KdTree.build(points), points, 40)
     assert (found == 0).all() if n < 6 else (found > 0).all()
     assert Noise.measure(KdTree.build(points), n, 1.0).quiet

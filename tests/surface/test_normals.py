@@ -12,8 +12,6 @@ from gppcs.surface.noise import NEIGHBOURS, WIDEST, neighbours_across_noise
 from gppcs.surface.normals import estimate_normals
 from gppcs.surface.quadrics import fit_quadrics
 
-RANDOM = np.random.default_rng(0)
-
 
 def plain_normal(points, place, k):
     """The normal of the quadric by NumPy's eigensolver and least squares."""
@@ -66,7 +64,8 @@ def plain_signs(points, normals, near):
 @pytest.mark.parametrize("n", [200, 1000])
 def test_signs_are_those_of_the_spanning_tree(n):
     """Points in general place, in two pieces, with a tree of one shape only."""
-    points = np.concatenate([RANDOM.random((n, 3)), RANDOM.random((n // 2, 3)) + 5])
+    rng = np.random.default_rng(0)
+    points = np.concatenate([rng.random((n, 3)), rng.random((n // 2, 3)) + 5])
     tree = KdTree.build(points)
     points = np.ascontiguousarray(tree.points.T)
     normals, near = np.ascontiguousarray(fit_quadrics(tree, tree, 16).normals.T), tree.neighbours(8)[0]
@@ -83,14 +82,16 @@ def test_signs_are_those_of_the_spanning_tree(n):
 
 
 def test_a_plane_points_up_and_its_normals_are_exact():
-    points = np.column_stack([RANDOM.random((500, 2)), np.full(500, 7.0)])
+    rng = np.random.default_rng(0)
+    points = np.column_stack([rng.random((500, 2)), np.full(500, 7.0)])
     np.testing.assert_allclose(estimate_normals(points), np.tile([0.0, 0.0, 1.0], (500, 1)), atol=1e-9)
 
 
 @pytest.mark.parametrize("turned", [False, True])
 def test_a_quadric_is_met_exactly(turned):
-    u, v = RANDOM.random((2, 2000)) - 0.5
-    rotation = np.linalg.qr(RANDOM.standard_normal((3, 3)))[0] if turned else np.eye(3)
+    rng = np.random.default_rng(0)
+    u, v = rng.random((2, 2000)) - 0.5
+    rotation = np.linalg.qr(rng.standard_normal((3, 3)))[0] if turned else np.eye(3)
     points = np.column_stack([u, v, 1e-4 * (u * u - 3 * u * v)]) @ rotation.T
     exact = np.column_stack([-1e-4 * (2 * u - 3 * v), 3e-4 * u, np.ones(2000)])
     cosines = estimate_normals(points) @ rotation * exact / np.linalg.norm(exact, axis=1, keepdims=True)
@@ -117,7 +118,8 @@ def test_open_pieces_point_to_the_side_that_bulges(sphere):
 
 
 def test_a_torus_and_edges_have_the_signs_of_the_surface():
-    around, across = 2 * np.pi * RANDOM.random((2, 8000))
+    rng = np.random.default_rng(0)
+    around, across = 2 * np.pi * rng.random((2, 8000))
     exact = np.column_stack([np.cos(across) * np.cos(around), np.cos(across) * np.sin(around), np.sin(across)])
     torus = exact + 3 * np.column_stack([np.cos(around), np.sin(around), np.zeros(8000)])
     assert ((estimate_normals(torus) * exact).sum(axis=1) > 0.99).all()
@@ -126,7 +128,8 @@ def test_a_torus_and_edges_have_the_signs_of_the_surface():
 
 
 def noisy_sphere(sphere, sigma):
-    return sphere + sigma * RANDOM.standard_normal(sphere.shape)
+    rng = np.random.default_rng(1)  # another seed than that of the sphere
+    return sphere + sigma * rng.standard_normal(sphere.shape)
 
 
 @pytest.mark.parametrize("sigma", [0.02, 0.05])
@@ -153,7 +156,8 @@ def test_neighbourhoods_grow_with_the_noise_alone(sphere, bracket):
 
 def test_two_sheets_of_a_slab_point_apart():
     """Three times as far from each other as their points are apart."""
-    flat = np.stack(np.meshgrid(*[np.arange(30.0)] * 2), axis=-1).reshape(-1, 2) + 0.2 * RANDOM.random((900, 2))
+    rng = np.random.default_rng(0)
+    flat = np.stack(np.meshgrid(*[np.arange(30.0)] * 2), axis=-1).reshape(-1, 2) + 0.2 * rng.random((900, 2))
     slab = np.concatenate([np.c_[flat, np.zeros(900)], np.c_[flat + 0.3, np.full(900, 3.0)]])
     normals = estimate_normals(slab, neighbours=12)
     assert (normals[:900, 2] < 0).all()
@@ -182,21 +186,23 @@ def test_any_number_of_threads_gives_the_same(bracket, on_threads):
         np.testing.assert_array_equal(normals, one)
 
 
-@pytest.mark.parametrize(
-    "points",
-    [
-        np.ones((1, 3)),
-        np.array([[0.0, 0, 0], [1, 2, 3]]),
-        np.full((6, 3), 0.1),
-        np.outer(np.arange(90.0), [1, 2, 3]),
-        RANDOM.random((5, 3)),
-        np.indices((4, 4, 4)).reshape(3, -1).T,
-        np.concatenate([RANDOM.random((90, 3)), [[1e9, 0, 0]]]),
-        np.concatenate([PLACES := RANDOM.random((45, 3)), np.nextafter(PLACES, 1)]),
-        np.repeat(RANDOM.random((40, 3)), 3, axis=0),
-    ],
-    ids=["one", "two", "all equal", "collinear", "five", "lattice", "far outlier", "coincident to rounding", "repeats"],
-)
+def odd_clouds():
+    rng = np.random.default_rng(0)
+    places = rng.random((45, 3))
+    return {
+        "one": np.ones((1, 3)),
+        "two": np.array([[0.0, 0, 0], [1, 2, 3]]),
+        "all equal": np.full((6, 3), 0.1),
+        "collinear": np.outer(np.arange(90.0), [1, 2, 3]),
+        "five": rng.random((5, 3)),
+        "lattice": np.indices((4, 4, 4)).reshape(3, -1).T,
+        "far outlier": np.concatenate([rng.random((90, 3)), [[1e9, 0, 0]]]),
+        "coincident to rounding": np.concatenate([places, np.nextafter(places, 1)]),
+        "repeats": np.repeat(rng.random((40, 3)), 3, axis=0),
+    }
+
+
+@pytest.mark.parametrize("points", odd_clouds().values(), ids=odd_clouds())
 def test_any_cloud_has_unit_normals(points):
     normals = estimate_normals(points)
     assert normals.shape == points.shape
@@ -213,9 +219,22 @@ def test_what_cannot_be_estimated_is_refused():
         estimate_normals(np.empty((0, 3)))
     with pytest.raises(gppcs.InputError, match="finite coordinates in the cloud of places, found 1 points"):
         estimate_normals([[0, 0, 0]], at=[[0, 0, np.nan]])
+    for far in (1e100, 1e308, -1e308, 1e9):
+        with pytest.raises(
+            gppcs.InputError, match=r"found 1 that are farther from it than 1e\+06 times its size.*index 1"
+        ):
+            estimate_normals([[0, 0, 0], [1, 0, 0], [0, 1, 0]], at=[[0, 0, 0], [0, far, 0]])
     for neighbours in (2, 31.0):
         with pytest.raises(gppcs.ParameterError, match=f"whole number from 3 on, found {neighbours}"):
             estimate_normals([[0, 0, 0]], neighbours=neighbours)
+
+
+@pytest.mark.parametrize("distance", [1e2, 1e4, 9e5])
+@pytest.mark.parametrize("unit", [1e-200, 1.0, 1e200])
+def test_places_off_the_surface_have_unit_normals(sphere, distance, unit):
+    places = np.concatenate([sphere[:50], distance * sphere[50:100], [[0, 0, distance]]])
+    normals = estimate_normals(unit * sphere[:2000], unit * places)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("method", gppcs.METHODS)
@@ -242,7 +261,8 @@ def test_points_that_are_moved_have_the_normals_of_their_new_place(method, spher
 
 
 def test_points_without_normals_get_them_whatever_else_is_done():
-    points = np.repeat(RANDOM.random((40, 3)), 2, axis=0)
+    rng = np.random.default_rng(0)
+    points = np.repeat(rng.random((40, 3)), 2, axis=0)
     points[3, 1] = np.nan
     result = gppcs.simplify(points, n_points=70, method="fps", invalid="drop", normals=True)
     np.testing.assert_allclose(np.linalg.norm(result.cloud.normals(), axis=1), 1.0, atol=1e-6)

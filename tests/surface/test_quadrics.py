@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.quadrics import fit_quadrics
 
-RANDOM = np.random.default_rng(0)
 LATTICE = np.stack(np.meshgrid(*[np.linspace(-1, 1, 7)] * 2), axis=-1).reshape(-1, 2)
 
 
@@ -88,7 +87,8 @@ def test_equals_least_squares_and_turns_with_the_points(n, k, seed):
 
 @pytest.mark.parametrize("n", [3, 4, 5])
 def test_fewer_than_six_points_give_their_plane_and_no_height(n):
-    points = np.column_stack([RANDOM.random((n, 2)), np.full(n, 3.0)])
+    rng = np.random.default_rng(0)
+    points = np.column_stack([rng.random((n, 2)), np.full(n, 3.0)])
     height, normal = fitted(points, [0.5, 0.5, 3.2])
     assert height == 0
     np.testing.assert_allclose(np.abs(normal), [0, 0, 1], atol=1e-9)
@@ -122,9 +122,10 @@ def test_a_steep_place_keeps_the_plane_it_stands_on():
 
 def test_many_places_at_a_time_as_each_by_itself():
     """A leaf's places share a search, unless density jumps, or ties leave no ball with just k points."""
+    rng = np.random.default_rng(0)
     lattice = np.column_stack([np.indices((30, 30)).reshape(2, -1).T * 0.02, np.zeros(900)])
-    points = np.concatenate([RANDOM.random((3_000, 3)) * [1, 1, 0.1], lattice, [[40.0, 0, 0]]])
-    tree, places = KdTree.build(points), points[::3] + 0.01 * RANDOM.standard_normal((len(points[::3]), 3))
+    points = np.concatenate([rng.random((3_000, 3)) * [1, 1, 0.1], lattice, [[40.0, 0, 0]]])
+    tree, places = KdTree.build(points), points[::3] + 0.01 * rng.standard_normal((len(points[::3]), 3))
     of_places = KdTree.build(places)
     together = fit_quadrics(tree, of_places, 20)
     for i in range(0, len(places), 7):

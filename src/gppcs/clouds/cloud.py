@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gppcs.errors import InputError
+from gppcs.engine.equality import ComparedByValue
+from gppcs.errors import InputError, shown
 
 NORMALS = ("nx", "ny", "nz")  # attributes that hold the components of a point's normal
 
 
-@dataclass(frozen=True)
-class PointCloud:
+@dataclass(frozen=True, eq=False)
+class PointCloud(ComparedByValue):
     """N points, each with the same attributes.
 
     Parameters
@@ -30,7 +32,8 @@ class PointCloud:
     Raises
     ------
     InputError
-        If `points` is not a numeric (N, 3) array, or an attribute does not have N rows.
+        If `points` is not a numeric (N, 3) array, `attributes` are not arrays of N rows by name, or
+        `coordinate_dtype` is no type of numbers.
 
     Examples
     --------
@@ -49,20 +52,36 @@ class PointCloud:
     coordinate_dtype: np.dtype[np.generic] = field(default_factory=lambda: np.dtype(np.float64))
 
     def __post_init__(self) -> None:
-        points = np.asarray(self.points)
+        points = _array(self.points)
         if points.ndim != 2 or points.shape[1] != 3:
             raise InputError(f"expected points of shape (N, 3), found {points.shape}")
         if not (np.issubdtype(points.dtype, np.floating) or np.issubdtype(points.dtype, np.integer)):
             raise InputError(f"expected numbers as coordinates, found an array of {points.dtype}")
         object.__setattr__(self, "points", np.ascontiguousarray(points, dtype=np.float64))
-        attributes = {name: np.asarray(values) for name, values in self.attributes.items()}
-        for name, values in attributes.items():
+        if not isinstance(self.attributes, Mapping):
+            raise InputError(
+                f"expected attributes by name, such as {{'label': labels}}, found {shown(self.attributes)}"
+            )
+        attributes = {}
+        for name, given in self.attributes.items():
+            if not isinstance(name, str):
+                raise InputError(f"expected text as the name of an attribute, found {shown(name)}")
+            attributes[name] = values = _array(given, f"an array as attribute {name!r}")
             if values.shape[:1] != (len(points),):
                 raise InputError(
                     f"expected attribute {name!r} to have one row for each of the {len(points)} points, "
                     f"found shape {values.shape}"
                 )
         object.__setattr__(self, "attributes", attributes)
+        try:
+            kept = np.dtype(self.coordinate_dtype)
+        except TypeError as error:
+            raise InputError(
+                f"expected a type of NumPy as coordinate_dtype, found {shown(self.coordinate_dtype)}"
+            ) from error
+        if not (np.issubdtype(kept, np.floating) or np.issubdtype(kept, np.integer)):
+            raise InputError(f"expected a type of numbers as coordinate_dtype, found {kept}")
+        object.__setattr__(self, "coordinate_dtype", kept)
 
     @classmethod
     def of(cls, cloud: PointCloud | ArrayLike) -> PointCloud:
@@ -85,10 +104,7 @@ class PointCloud:
         """
         if isinstance(cloud, PointCloud):
             return cloud
-        try:
-            points = np.asarray(cloud)
-        except ValueError as error:
-            raise InputError(f"expected an (N, 3) array of coordinates, found {type(cloud).__name__}") from error
+        points = _array(cloud)
         kept = points.dtype if np.issubdtype(points.dtype, np.floating) else np.dtype(np.float64)
         return cls(points, coordinate_dtype=kept)
 
@@ -175,3 +191,11 @@ class PointCloud:
                 f"first at index {bad[0]}: drop them first"
             )
         return self.points
+
+
+def _array(values: Any, name: str = "an (N, 3) array of coordinates") -> NDArray[Any]:
+    """Return values as an array; raise an InputError if their rows have different lengths."""
+    try:
+        return np.asarray(values)
+    except ValueError as error:
+        raise InputError(f"expected {name}, found {type(values).__name__} with rows of different lengths") from error

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import InputError, ParameterError
+from gppcs.errors import InputError, ParameterError, number, shown
 
 Array = NDArray[np.float64]
 
@@ -85,12 +85,14 @@ def from_depth(
     image = _depth_image(depth)
     focal, skew, centre = _pinhole(intrinsics)
     painted = None if colour is None else _colour_image(colour, image.shape)
-    if not 0.0 < scale < math.inf:
+    if not 0.0 < number(scale) < math.inf:
         raise ParameterError(
-            f"expected a finite scale above 0, found {scale}; use 0.001 to convert millimetres to metres"
+            f"expected a finite scale above 0, found {shown(scale)}; use 0.001 to convert millimetres to metres"
         )
-    if not nearest <= farthest:
-        raise ParameterError(f"expected nearest to be at most farthest, found {nearest} and {farthest}; swap them")
+    if not number(nearest) <= number(farthest):
+        raise ParameterError(
+            f"expected nearest to be at most farthest, found {shown(nearest)} and {shown(farthest)}; swap them"
+        )
 
     z = image.astype(np.float64) * scale
     rows, columns = np.nonzero(np.isfinite(z) & (z > 0.0) & (z >= nearest) & (z <= farthest))
@@ -129,7 +131,10 @@ def _depth_image(depth: ArrayLike) -> NDArray[Any]:
 
 def _colour_image(colour: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.uint8]:
     """Return the colour image as an array, (H, W, 3), for a depth image of the given shape."""
-    image = np.asarray(colour)
+    try:
+        image = np.asarray(colour)
+    except ValueError as error:
+        raise InputError(f"expected a colour image of shape {(*shape, 3)}, found rows of different lengths") from error
     if image.shape != (*shape, 3):
         raise InputError(
             f"expected a colour image of shape {(*shape, 3)}, as the depth image, found {image.shape}; "
@@ -144,7 +149,7 @@ def _pinhole(intrinsics: ArrayLike) -> tuple[Array, float, Array]:
     """Return focal lengths (2,), skew and principal point (2,), all in pixels."""
     try:
         given = np.asarray(intrinsics, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ParameterError("expected numbers as intrinsics: (fx, fy, cx, cy) or a 3 x 3 matrix") from error
     if given.shape == (4,):
         given = np.array([[given[0], 0.0, given[2]], [0.0, given[1], given[3]], [0.0, 0.0, 1.0]])

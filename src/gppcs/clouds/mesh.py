@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gppcs.engine.equality import ComparedByValue
 from gppcs.errors import InputError
 
 
-@dataclass(frozen=True)
-class Mesh:
+@dataclass(frozen=True, eq=False)
+class Mesh(ComparedByValue):
     """Triangles between vertices.
 
     Parameters

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -22,7 +23,7 @@ class Summary:
     low, high : tuple of three float
         Corners of the bounding box; NaN if no point is finite.
     diagonal : float
-        Length of the diagonal of the bounding box.
+        Length of the diagonal of the bounding box; infinite if a float cannot hold it, NaN if no point is finite.
     spacing : float
         Median distance from a point to its nearest neighbour; NaN for fewer than two distinct points.
     repeats : int
@@ -89,13 +90,17 @@ def info(cloud: PointCloud | ArrayLike) -> Summary:
     low = points.min(axis=0) if len(points) else np.full(3, np.nan)
     high = points.max(axis=0) if len(points) else np.full(3, np.nan)
     first = first_occurrences(points)
-    distinct = points[first] - low
+    # In units of a power of two, which round nothing, no difference and no square of one overflows.
+    exponent = math.frexp(np.abs(points).max(initial=0.0))[1] + 1
+    distinct = np.ldexp(points[first], -exponent)
+    if len(distinct):
+        distinct -= distinct.min(axis=0)
     return Summary(
         points=len(cloud),
         low=tuple(low.tolist()),
         high=tuple(high.tolist()),
-        diagonal=float(np.linalg.norm(high - low)),
-        spacing=spacing(KdTree.build(distinct)) if len(distinct) > 1 else float("nan"),
+        diagonal=_scaled(float(np.linalg.norm(distinct.max(axis=0))), exponent) if len(distinct) else math.nan,
+        spacing=_scaled(spacing(KdTree.build(distinct)), exponent) if len(distinct) > 1 else math.nan,
         repeats=int((~first).sum()),
         non_finite=len(bad),
         coordinate_type=str(cloud.coordinate_dtype),
@@ -104,3 +109,9 @@ def info(cloud: PointCloud | ArrayLike) -> Summary:
             for name, values in cloud.attributes.items()
         },
     )
+
+
+def _scaled(length: float, exponent: int) -> float:
+    """Return a length times a power of two; infinity if it overflows."""
+    with np.errstate(over="ignore"):
+        return float(np.ldexp(length, exponent))

@@ -1,1 +1,1 @@
-"""Basics that all other rooms use: kernel cache, stages of a run, unfinished files, peak memory, optional packages."""
+"""What all other rooms use: threads, kernels and their cache, stages of a run, unfinished files, memory, extras."""

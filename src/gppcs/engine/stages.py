@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from gppcs.engine import compiling
+from gppcs.errors import ParameterError, shown
 
 COMPILATION = "compilation"  # the stage to which all compilation of kernels counts
 
 
+@runtime_checkable
 class Listener(Protocol):
     """The interface of an object that receives the progress of a run, such as a progress bar.
 
@@ -65,6 +67,11 @@ class Stages:
     listener : Listener, optional
         Receives the progress of the run.
 
+    Raises
+    ------
+    ParameterError
+        If the listener lacks one of the methods of `Listener`.
+
     Attributes
     ----------
     seconds : dict of str to float
@@ -82,8 +89,35 @@ class Stages:
     """
 
     def __init__(self, listener: Listener | None = None) -> None:
+        if listener is not None and not isinstance(listener, Listener):
+            raise ParameterError(
+                f"expected a listener with the methods started, advanced and finished, found {shown(listener)}"
+            )
         self.seconds: dict[str, float] = {}
         self._listener = listener
+
+    @classmethod
+    def of(cls, stages: Stages | None) -> Stages:
+        """Return the stages that a caller gave, or new ones without a listener.
+
+        Parameters
+        ----------
+        stages : Stages or None
+
+        Returns
+        -------
+        Stages
+
+        Raises
+        ------
+        ParameterError
+            If it is anything else.
+        """
+        if stages is None:
+            return cls()
+        if not isinstance(stages, Stages):
+            raise ParameterError(f"expected stages to be a gppcs.Stages or None, found {shown(stages)}")
+        return stages
 
     def anew(self) -> Stages:
         """Return a `Stages` with the same listener and no times.

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.engine.stages import COMPILATION, Stages
-from gppcs.errors import NoSurfaceError, ParameterError
-from gppcs.evaluation.judge import judged
+from gppcs.errors import NoSurfaceError, ParameterError, shown
+from gppcs.evaluation.judge import judged, require_mesh
 from gppcs.evaluation.report import Report
 from gppcs.methods import METHODS, Method
 from gppcs.simplification import Result, simplify
@@ -107,7 +107,9 @@ def compare(
     True
     """
     chosen = checked_methods(methods, ratio, n_points, seed)
-    cloud, stages = PointCloud.of(cloud), stages or Stages()
+    cloud, stages = PointCloud.of(cloud), Stages.of(stages)
+    if mesh is not None:
+        require_mesh(mesh)
     original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without dropped points
     entries = []
     for method in chosen:
@@ -148,6 +150,8 @@ def checked_methods(
     ParameterError
         If there is no method, a name is unknown, or a parameter is out of its range.
     """
+    if isinstance(methods, str) or not isinstance(methods, Iterable) or getattr(methods, "ndim", 1) == 0:
+        raise ParameterError(f"expected a list of methods or names, such as ['fps', 'random'], found {shown(methods)}")
     point = [[0.0, 0.0, 0.0]]  # the checks of `simplify` run, but no method has work to do
     chosen = [
         simplify(point, ratio=ratio, n_points=n_points, method=method, seed=seed).method for method in methods

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.engine.stages import Stages
-from gppcs.errors import InputError, NoSurfaceError
+from gppcs.errors import InputError, NoSurfaceError, shown
 from gppcs.evaluation.report import Rebuilt, Report, figures_of
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def evaluate(
     >>> gppcs.evaluate(cloud, cloud).covering_radius
     0.0
     """
-    report, failure = judged(original, simplified, mesh, stages or Stages())
+    report, failure = judged(original, simplified, mesh, Stages.of(stages))
     if failure:
         raise failure
     return report
@@ -125,6 +125,7 @@ def judged(
         _require_measurable(points, name)
     normals = None
     if mesh is not None:
+        require_mesh(mesh)
         _require_measurable(mesh.vertices, "mesh")
         normals = _carried_normals(clouds[1])
     frame = _Frame.of(before)
@@ -146,6 +147,22 @@ def judged(
     with stages("rebuilding with carried normals"), contextlib.suppress(NoSurfaceError):
         report = dataclasses.replace(report, rebuilt_carried=_rebuilt(after, normals[first], mesh, frame))
     return report, failure
+
+
+def require_mesh(mesh: Any) -> None:
+    """Raise an error if an object is no mesh.
+
+    Parameters
+    ----------
+    mesh : object
+
+    Raises
+    ------
+    InputError
+        If it is not a `Mesh`.
+    """
+    if not isinstance(mesh, Mesh):
+        raise InputError(f"expected a gppcs.Mesh, found {shown(mesh)}; make one, or read one with gppcs.read_mesh")
 
 
 @dataclass(frozen=True)

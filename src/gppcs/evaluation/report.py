@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+from gppcs.errors import ParameterError, shown
+
 if TYPE_CHECKING:
     from gppcs.clouds.mesh import Mesh
 
@@ -95,11 +97,18 @@ def figures_of(report: type) -> Mapping[str, Figure]:
     dict of str to Figure
         By the name of the field, in the order of the fields.
 
+    Raises
+    ------
+    ParameterError
+        If `report` is neither of them.
+
     Examples
     --------
     >>> gppcs.figures_of(gppcs.Report)["covering_radius"].definition
     'largest distance from an original point to the nearest kept point'
     """
+    if not (isinstance(report, type) and issubclass(report, Report | Rebuilt)):
+        raise ParameterError(f"expected gppcs.Report or gppcs.Rebuilt, found {shown(report)}")
     return {field.name: field.metadata["figure"] for field in dataclasses.fields(report) if "figure" in field.metadata}
 
 

@@ -10,9 +10,10 @@ from io import BufferedReader
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import FileFormatError, InputError
+from gppcs.errors import FileFormatError, InputError, ParameterError, file_path, flag, shown
 from gppcs.io import arrays, meshes, ply, text
 from gppcs.io.format import Format
 from gppcs.io.whole_file import whole_file
@@ -49,6 +50,8 @@ def read(path: str | os.PathLike[str], format: str | None = None) -> PointCloud:
     ------
     FileFormatError
         If the format is unknown, or the content does not follow it.
+    ParameterError
+        If `path` is neither text nor a path, or `format` is no text.
     OSError
         If the file does not exist or cannot be read.
 
@@ -59,7 +62,8 @@ def read(path: str | os.PathLike[str], format: str | None = None) -> PointCloud:
     >>> cloud
     PointCloud(2 points, each with intensity)
     """
-    source = Path(path)
+    source = file_path(path)
+    _require_text(format)
     if source.exists() and not source.is_file():
         raise FileFormatError(f"{source}: expected a file, found a folder or device; name a file")
     with open(source, "rb") as file:
@@ -113,7 +117,7 @@ def unwritten(target: str | os.PathLike[str], cloud: PointCloud) -> list[str]:
 
 def write(
     path: str | os.PathLike[str],
-    cloud: PointCloud,
+    cloud: PointCloud | ArrayLike,
     format: str | None = None,  # noqa: A002
     force: bool = False,
 ) -> None:
@@ -126,7 +130,7 @@ def write(
     ----------
     path : str or path
         The file. Its suffix selects the format.
-    cloud : PointCloud
+    cloud : PointCloud or (N, 3) array-like
         The points and their attributes.
     format : str, optional
         Suffix of the format, such as "ply" or ".ply". It overrides the suffix of `path`.
@@ -140,6 +144,8 @@ def write(
     OutputError
         If the file exists and `force` is False, the folder is missing or not writable, or the format cannot store the
         cloud.
+    InputError, ParameterError
+        If an argument has a wrong type.
 
     Examples
     --------
@@ -148,6 +154,7 @@ def write(
     >>> len(gppcs.read("sphere.ply"))
     100
     """
+    cloud, force = PointCloud.of(cloud), flag("force", force)
     chosen = format_to_write(path, format)
     with whole_file(path, force) as file:
         assert chosen.write is not None
@@ -174,7 +181,8 @@ def format_to_write(path: str | os.PathLike[str], format: str | None = None) -> 
     FileFormatError
         If the format is unknown, or gppcs only reads it.
     """
-    chosen = _of_suffix(format) if format else _of_path(Path(path))
+    _require_text(format)
+    chosen = _of_suffix(format) if format else _of_path(file_path(path))
     if chosen.write is None:
         raise FileFormatError(
             f"{path}: expected a format that holds points, found {chosen.name}; choose one of {_listed(writable=True)}"
@@ -187,6 +195,11 @@ def _of_file(file: BufferedReader, path: Path) -> Format:
     head, size = file.read(_HEAD), os.fstat(file.fileno()).st_size
     file.seek(0)
     return next((known for known in FORMATS if known.recognises(head, size)), None) or _of_path(path)
+
+
+def _require_text(suffix: str | None) -> None:
+    if not isinstance(suffix, str | None):
+        raise ParameterError(f"expected the suffix of a format, such as 'ply', found {shown(suffix)}")
 
 
 def _of_path(path: Path) -> Format:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gppcs.clouds.mesh import Mesh
 from gppcs.engine.extras import require_pymeshlab
-from gppcs.errors import FileFormatError, InputError
+from gppcs.errors import FileFormatError, InputError, file_path
 from gppcs.io.files import read
 from gppcs.io.meshes import FACE_CHECKS
 
@@ -31,6 +31,8 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
         If PyMeshLab is not installed.
     FileFormatError
         If the file is not one mesh with finite vertices, or a face refers to a vertex that does not exist.
+    ParameterError
+        If `path` is neither text nor a path.
     OSError
         If the file does not exist or cannot be read.
 
@@ -43,7 +45,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     (4, 2)
     """
     pymeshlab = require_pymeshlab()
-    source = Path(path)
+    source = file_path(path)
     if source.is_dir():
         raise FileFormatError(f"{source}: expected a file, found a folder; name a file")
     with open(source, "rb"):  # raises the operating system's own error if the file cannot be read

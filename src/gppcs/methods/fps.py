@@ -37,7 +37,7 @@ class FarthestPoint(Method):
         """Choose the points; see `Method.__call__`."""
         from gppcs.spatial.farthest_points import farthest_points
 
-        stages = stages or Stages()
+        stages = Stages.of(stages)
         with stages("farthest points", n_points) as advanced:
             indices, _ = farthest_points(points, n_points, advanced=advanced)
         return Selection(indices)

@@ -33,21 +33,17 @@ class FarthestPointVariation(Method):
     )
     source = "reproduces the paper's ablation table; see benchmarks/paper/ablation.py"
 
-    k_init: int | None = parameter(None, "Number of farthest points; by default, a third of the points asked for.")
-    neighbours: int = parameter(25, "About how many points a neighbourhood holds.")
+    k_init: int | None = parameter(
+        None, "Number of farthest points; by default, a third of the points asked for.", least=1
+    )
+    neighbours: int = parameter(25, "About how many points a neighbourhood holds.", least=3)
     candidates: int | None = parameter(
         None,
         "Choose among this many random points, as the paper does on large clouds; by default, among all. The surface "
         "variation is always measured in the whole cloud.",
+        least=1,
     )
-    seed: int = parameter(0, "Seed of the random candidates.")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.require(self.k_init is None or self.k_init >= 1, "k_init", "at least 1")
-        self.require(self.neighbours >= 3, "neighbours", "at least 3")
-        self.require(self.candidates is None or self.candidates >= 1, "candidates", "at least 1")
-        self.require(self.seed >= 0, "seed", "at least 0")
+    seed: int = parameter(0, "Seed of the random candidates.", least=0)
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose the points; see `Method.__call__`."""
@@ -56,7 +52,7 @@ class FarthestPointVariation(Method):
         from gppcs.spatial.farthest_points import farthest_points
         from gppcs.surface.surface_variation import estimate_features
 
-        stages = stages or Stages()
+        stages = Stages.of(stages)
         with stages("surface variation"):
             variation = estimate_features(points, self.neighbours).surface_variation
         subset = random_candidates(len(points), self.candidates, n_points, self.seed)

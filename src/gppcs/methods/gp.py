@@ -44,18 +44,20 @@ class LocalGP(Method):
     attributes = ("score", "deviation")
 
     feature_weight: float = parameter(
-        0.5, "How much denser points are where the surface is rough, from 0, an even cover, to 1."
+        0.5,
+        "How much denser points are where the surface is rough, from 0, an even cover, to 1.",
+        least=0,
+        most=1,
     )
-    lengthscale: float = parameter(1.5, "Lengthscale of the Matérn kernel, in desired spacings (docs/local-field.md).")
-    neighbours: int = parameter(4, "Number of chosen points on which the field at a point is conditioned.")
-    candidates: float = parameter(8.0, "Number of cells of the candidates' grid per squared target spacing.")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.require(0 <= self.feature_weight <= 1, "feature_weight", "from 0 to 1")
-        self.require(0.1 <= self.lengthscale <= 100, "lengthscale", "from 0.1 to 100")
-        self.require(1 <= self.neighbours <= 64, "neighbours", "from 1 to 64")
-        self.require(3 <= self.candidates <= 1000, "candidates", "from 3 to 1000")
+    lengthscale: float = parameter(
+        1.5, "Lengthscale of the Matérn kernel, in desired spacings (docs/local-field.md).", least=0.1, most=100
+    )
+    neighbours: int = parameter(
+        4, "Number of chosen points on which the field at a point is conditioned.", least=1, most=64
+    )
+    candidates: float = parameter(
+        8.0, "Number of cells of the candidates' grid per squared target spacing.", least=3, most=1000
+    )
 
     @property
     def criterion(self) -> Criterion:
@@ -84,7 +86,7 @@ class LocalGP(Method):
         from gppcs.gp.local.ranking import rank
         from gppcs.gp.local.survey import survey
 
-        stages = stages or Stages()
+        stages = Stages.of(stages)
         area, noise, sharpness = survey(points, n_points, self.candidates, stages)
         with stages("candidates"):
             candidates = nested_candidates(points, n_points, area, self.candidates, sharpness)

@@ -43,21 +43,30 @@ class SpectralGP(Method):
     )
     source = "Pathak, Baldwin-McDonald, Sels and Penne, GP-PCS, Algorithm 1"
 
-    neighbours: int = parameter(25, "k: about how many points a neighbourhood holds.")
-    eigenfunctions: int = parameter(20, "L: the number of eigenfunctions to which the kernel of Eq. 6 is truncated.")
-    nu: float = parameter(2.5, "Smoothness of the Matérn kernel; inf means the heat kernel.")
+    neighbours: int = parameter(25, "k: about how many points a neighbourhood holds.", least=3)
+    eigenfunctions: int = parameter(
+        20, "L: the number of eigenfunctions to which the kernel of Eq. 6 is truncated.", least=1
+    )
+    nu: float = parameter(
+        2.5, "Smoothness of the Matérn kernel; inf means the heat kernel.", least=0.001, most=math.inf
+    )
     fit_nu: bool = parameter(False, "Fit nu as well; the fit starts from the given nu.")
-    k_opt: int = parameter(200, "Number of random points to which the hyperparameters are fitted.")
+    k_opt: int = parameter(200, "Number of random points to which the hyperparameters are fitted.", least=1)
     iterations: int = parameter(
-        200, "Most iterations of the optimiser from each of its starts; it rarely needs more than 30."
+        200,
+        "Most iterations of the optimiser from each of its starts; it rarely needs more than 30.",
+        least=1,
     )
     k_init: int | None = parameter(
-        None, "Number of farthest points to start from; by default, a third of the points asked for."
+        None,
+        "Number of farthest points to start from; by default, a third of the points asked for.",
+        least=1,
     )
     k_add: int | None = parameter(
         None,
         "Points added between two updates of the posterior. By default, as many as lead to 200 updates. This bounds "
         "the time for any cloud, and chooses nearly the same points as one at a time.",
+        least=1,
     )
     landmarks: int = parameter(
         4000, "Number of farthest points on which the eigenproblem is solved; all points in clouds that have no more."
@@ -66,22 +75,14 @@ class SpectralGP(Method):
         None,
         "Choose among this many random points, as the paper's experiments do; by default, among all. Surface variation "
         "and process are always those of the whole cloud.",
+        least=1,
     )
-    seed: int = parameter(0, "Seed of the random k_opt points and candidates.")
+    seed: int = parameter(0, "Seed of the random k_opt points and candidates.", least=0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.require(self.neighbours >= 3, "neighbours", "at least 3")
-        self.require(self.eigenfunctions >= 1, "eigenfunctions", "at least 1")
-        self.require(self.nu > 0, "nu", "above 0")
         self.require(not self.fit_nu or math.isfinite(self.nu), "nu", "finite where it is to be fitted")
-        self.require(self.k_opt >= 1, "k_opt", "at least 1")
-        self.require(self.iterations >= 1, "iterations", "at least 1")
-        self.require(self.k_init is None or self.k_init >= 1, "k_init", "at least 1")
-        self.require(self.k_add is None or self.k_add >= 1, "k_add", "at least 1")
         self.require(self.landmarks >= self.eigenfunctions, "landmarks", "at least the number of eigenfunctions")
-        self.require(self.candidates is None or self.candidates >= 1, "candidates", "at least 1")
-        self.require(self.seed >= 0, "seed", "at least 0")
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose the points; see `Method.__call__`."""
@@ -92,7 +93,7 @@ class SpectralGP(Method):
         from gppcs.spatial.farthest_points import farthest_points
         from gppcs.spatial.kdtree import KdTree
 
-        stages = stages or Stages()
+        stages = Stages.of(stages)
         with stages("tree"):
             tree = KdTree.build(points)
         phi, y, theta = self._fitted_field(points, tree, stages)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import math
 import numbers
+import sys
 import textwrap
 import typing
 from abc import ABC, abstractmethod
@@ -12,8 +14,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
+from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import Stages
-from gppcs.errors import ParameterError, nearest_name
+from gppcs.errors import ParameterError, nearest_name, number, shown
 
 if TYPE_CHECKING:
     import numpy as np
@@ -24,11 +27,12 @@ Value = TypeVar("Value")
 
 WIDTH = 100  # characters per line of the docstrings that are completed here
 _MEANING = "meaning"  # the key of a field's metadata that holds the help of the parameter
+_RANGE = "range"  # the key that holds its least and its greatest value
 _INVALID = object()  # stands for a value that a parameter cannot have
 
 
-@dataclass(frozen=True)
-class Selection:
+@dataclass(frozen=True, eq=False)
+class Selection(ComparedByValue):
     """The points that a method chose.
 
     Attributes
@@ -81,7 +85,7 @@ class Parameter:
     meaning: str
 
 
-def parameter(default: Value, meaning: str) -> Value:
+def parameter(default: Value, meaning: str, least: float | None = None, most: float | None = None) -> Value:
     """Declare a parameter of a method, as a field of its dataclass.
 
     Parameters
@@ -89,11 +93,18 @@ def parameter(default: Value, meaning: str) -> Value:
     default : int, float, bool, str or None
     meaning : str
         What the parameter does, in one or more sentences. The help of the command and the docstring show it.
+    least, most : float, optional
+        The range of a number; both ends belong to it. A float must also be finite, unless `most` is infinite.
 
     Returns
     -------
     dataclasses.Field
         Typed as `default`, as type checkers expect of the default of a field.
+
+    Raises
+    ------
+    ParameterError
+        If an argument has a wrong type.
 
     Examples
     --------
@@ -109,7 +120,14 @@ def parameter(default: Value, meaning: str) -> Value:
     >>> FirstRows.parameters()["step"].meaning
     'Distance between the rows that are taken.'
     """
-    declared: Any = field(default=default, metadata={_MEANING: meaning})
+    if not isinstance(default, numbers.Real | str | None):
+        raise ParameterError(f"expected a number, a text, a truth value or None as default, found {shown(default)}")
+    if not isinstance(meaning, str):
+        raise ParameterError(f"expected the meaning of the parameter as text, found {shown(meaning)}")
+    for end in (least, most):
+        if end is not None and math.isnan(number(end)):
+            raise ParameterError(f"expected a number as end of the range of the parameter, found {shown(end)}")
+    declared: Any = field(default=default, metadata={_MEANING: meaning, _RANGE: (least, most)})
     return declared
 
 
@@ -184,12 +202,12 @@ class Method(ABC):
         """
 
     def __post_init__(self) -> None:
-        """Check the types of all parameters. Subclasses that check ranges call this first.
+        """Check the types and the ranges of all parameters. Subclasses that check more call this first.
 
         Raises
         ------
         ParameterError
-            If a parameter has a wrong type.
+            If a parameter has a wrong type or is outside its range.
         """
         types = typing.get_type_hints(type(self))
         for each in dataclasses.fields(self):
@@ -197,6 +215,9 @@ class Method(ABC):
             value = _as_one_of(alternatives, getattr(self, each.name))
             self.require(value is not _INVALID, each.name, " or ".join(map(_written, alternatives)))
             object.__setattr__(self, each.name, value)  # numbers of NumPy become Python's
+            if isinstance(value, int | float):
+                least, most = each.metadata.get(_RANGE, (None, None))
+                self.require(_lies_within(value, least, most), each.name, _range(value, least, most))
 
     @property
     def label(self) -> str:
@@ -266,7 +287,7 @@ class Method(ABC):
         """
         if not condition:
             raise ParameterError(
-                f"method {self.name!r}: expected {parameter} to be {expected}, found {getattr(self, parameter)!r}"
+                f"method {self.name!r}: expected {parameter} to be {expected}, found {shown(getattr(self, parameter))}"
             )
 
 
@@ -324,8 +345,32 @@ def _as_one_of(alternatives: tuple[Any, ...], value: Any) -> Any:
     families: tuple[tuple[Any, type], ...] = ((int, numbers.Integral), (float, numbers.Real))
     for kind, family in families:
         if kind in alternatives and isinstance(value, family):
-            return kind(value)
+            try:
+                return kind(value)
+            except OverflowError:  # a whole number too large for a float
+                return _INVALID
     return _INVALID
+
+
+def _lies_within(value: float, least: float | None, most: float | None) -> bool:
+    """Return whether a number is in a range, whose ends may be open; a float must be finite and not denormal."""
+    if value != value or _is_denormal(value) or (abs(value) == math.inf and value != most):
+        return False
+    return (least is None or value >= least) and (most is None or value <= most)
+
+
+def _range(value: float, least: float | None, most: float | None) -> str:
+    """Return the range outside of which a number lies, as messages show it."""
+    if least is not None and most is not None:
+        words = f"from {least:g} to {most:g}"
+    else:
+        ends = [f"at {side} {end:g}" for side, end in (("least", least), ("most", most)) if end is not None]
+        words = " and ".join(["finite", *ends] if isinstance(value, float) else ends)
+    return f"{words}, and not denormal" if _is_denormal(value) else words
+
+
+def _is_denormal(value: float) -> bool:
+    return 0 < abs(value) < sys.float_info.min
 
 
 def _written(alternative: Any) -> str:

@@ -32,16 +32,12 @@ class Random(Method):
     )
     source = "baseline"
 
-    seed: int = parameter(0, "Seed of the permutation.")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.require(self.seed >= 0, "seed", "at least 0")
+    seed: int = parameter(0, "Seed of the permutation.", least=0)
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
-        stages = stages or Stages()
+        stages = Stages.of(stages)
         with stages("permutation"):
             return Selection(np.random.default_rng(self.seed).permutation(len(points))[:n_points])

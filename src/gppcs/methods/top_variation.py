@@ -30,17 +30,13 @@ class TopVariation(Method):
     description = "Chooses the points of largest surface variation. Flat parts of the surface keep no points."
     source = "baseline; surface variation: Pauly, Gross and Kobbelt 2002"
 
-    neighbours: int = parameter(25, "About how many points a neighbourhood holds.")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.require(self.neighbours >= 3, "neighbours", "at least 3")
+    neighbours: int = parameter(25, "About how many points a neighbourhood holds.", least=3)
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose the points; see `Method.__call__`."""
         from gppcs.surface.surface_variation import estimate_features
 
-        stages = stages or Stages()
+        stages = Stages.of(stages)
         with stages("surface variation"):
             variation = estimate_features(points, self.neighbours).surface_variation
         return Selection(largest(variation, n_points))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import ParameterError, nearest_name, whole_number
+from gppcs.errors import ParameterError, nearest_name, number, shown, whole_number
 from gppcs.scans.bracket import BRACKET
 from gppcs.scans.fan import FAN
 from gppcs.scans.medallion import MEDALLION
@@ -18,6 +18,8 @@ __all__ = ["SCANS", "Patch", "Scan", "SurfacePoints", "sample"]
 SCANS: dict[str, Scan] = {"medallion": MEDALLION, "bracket": BRACKET, "fan": FAN, "sphere": SPHERE}
 
 BATCH = 32_768  # points drawn at once: few enough for their derivatives to stay in the CPU cache
+MOST_POINTS = 10**12  # more than any memory holds
+MOST_UNEVEN = 0.999  # of the points drawn, about the root of the rest to 1 is kept: here one in 32
 OUTLIER_BOX = 1.5  # edge lengths of the box of outliers, relative to those of the scan's bounding box
 OUTLIER_GREY = 128  # red, green and blue of outliers
 
@@ -46,7 +48,7 @@ def sample(
         Share of the points that are outliers, from 0 to below 1. Outliers are uniform in the bounding box, enlarged
         1.5 times about its centre. Their number is rounded.
     uneven : float
-        Loss of density along x, from 0 to below 1: at the highest x, the density is 1 - `uneven` times that at the
+        Loss of density along x, from 0 to 0.999: at the highest x, the density is 1 - `uneven` times that at the
         lowest x. It falls as 1 / distance², as if from a scanner in front of the low end. With 0, points are uniform
         by area.
     seed : int
@@ -94,18 +96,24 @@ def sample(
 
 def _checked(name: str, n_points: int, noise: float, outliers: float, uneven: float, seed: int) -> Scan:
     """Return the scan of that name, or raise a ParameterError that names the wrong argument."""
-    if name not in SCANS:
-        raise ParameterError(f"expected the name of a sample scan, found {name!r}{nearest_name(name, SCANS)}")
-    whole_number("the number of points", n_points, 1)
-    if not 0.0 <= noise < np.inf:
+    if not isinstance(name, str) or name not in SCANS:
+        raise ParameterError(f"expected the name of a sample scan, found {shown(name)}{nearest_name(name, SCANS)}")
+    if whole_number("the number of points", n_points, 1) > MOST_POINTS:
+        raise ParameterError(f"expected at most {MOST_POINTS:,} points, found {shown(n_points)}")
+    if not 0.0 <= number(noise) < np.inf:
         raise ParameterError(
-            f"expected noise as a share of the diagonal, 0 or more, found {noise}; 0.005 is a noisy scan"
+            f"expected noise as a share of the diagonal, 0 or more, found {shown(noise)}; 0.005 is a noisy scan"
         )
     for argument, value in (("outliers", outliers), ("uneven", uneven)):
-        if not 0.0 <= value < 1.0:
+        if not 0.0 <= number(value) < 1.0:
             raise ParameterError(
-                f"expected {argument} from 0 to below 1, found {value}; give a share, such as 0.05 for 5 %"
+                f"expected {argument} from 0 to below 1, found {shown(value)}; give a share, such as 0.05 for 5 %"
             )
+    if uneven > MOST_UNEVEN:
+        raise ParameterError(
+            f"expected uneven of at most {MOST_UNEVEN}, found {shown(uneven)}: beyond, nearly all points drawn are "
+            "left out"
+        )
     whole_number("the seed", seed, 0)
     return SCANS[name]
 

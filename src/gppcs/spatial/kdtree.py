@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
+from gppcs.errors import InputError
 
 LEAF_SIZE = 32  # most points in a leaf: few enough to prune well, enough to fill vector registers
 QUERIES_AT_ONCE = 128  # queries that a thread takes at once, at least
@@ -20,8 +23,8 @@ LCG_MULTIPLIER = np.uint64(6364136223846793005)  # of the linear congruential ge
 PAST_MIDDLE = 2  # the pivot lies this many sample ranks past the wanted one, so that the part to keep is small
 
 
-@dataclass(frozen=True)
-class KdTree:
+@dataclass(frozen=True, eq=False)
+class KdTree(ComparedByValue):
     """A perfect binary tree of bounding boxes over N points (Bentley 1975).
 
     The points are sorted so that each node holds a contiguous range; this order is called tree order. Node 1 is the
@@ -49,8 +52,8 @@ class KdTree:
 
     order: NDArray[np.int64]
     points: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    low: NDArray[np.float64] = dataclasses.field(compare=False)
+    high: NDArray[np.float64] = dataclasses.field(compare=False)
 
     @classmethod
     def build(cls, points: NDArray[np.float64]) -> KdTree:
@@ -64,13 +67,25 @@ class KdTree:
         Returns
         -------
         KdTree
+
+        Raises
+        ------
+        InputError
+            If `points` is not a numeric (N, 3) array.
         """
+        try:
+            points = np.asarray(points)
+        except ValueError as error:
+            raise InputError("expected an (N, 3) array of numbers, found rows of different lengths") from error
+        if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu":
+            raise InputError(f"expected an (N, 3) array of numbers, found {points.dtype} of shape {points.shape}")
         n, depth = len(points), 0
         while n > LEAF_SIZE << depth:
             depth += 1
         records = np.empty((n, 4), dtype=np.float64)
         numbers = records.view(np.int64)
-        on_ranges(_record, n, np.ascontiguousarray(points), records, numbers, least=POINTS_AT_ONCE)
+        rows = np.ascontiguousarray(points, dtype=np.float64)
+        on_ranges(_record, n, rows, records, numbers, least=POINTS_AT_ONCE)
         tree = cls(np.empty(n, dtype=np.int64), np.empty((3, n)), np.empty((2 << depth, 3)), np.empty((2 << depth, 3)))
         top = SHARED_LEVELS if depth > 2 * SHARED_LEVELS else 0  # a smaller tree grows on one thread
         for level in range(top):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -119,5 +121,6 @@ def neighbourhood_radius(points: NDArray[np.float64], tree: KdTree, k: int = 25)
     float
         In the unit of the points.
     """
+    k = min(k, sys.maxsize)  # which a float can hold
     radius, robust = paper_radius(points, k), float(np.median(nearest_distances(tree, k - 1)))
     return radius if robust / 3 <= radius <= 3 * robust else robust

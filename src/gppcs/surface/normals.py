@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.errors import whole_number
+from gppcs.errors import InputError, whole_number
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
@@ -18,6 +18,7 @@ from gppcs.surface.quadrics import fit_quadrics
 CLOSE = 16  # Points of the fits that find signs: fewer than 30, as thin parts matter more there than noise.
 EDGES = 8  # Nearest neighbours to which a sign is passed. Farther ones lie on the other side of thin parts.
 MOST_GUIDES = 1_000_000  # Points of the cloud that pass signs on, at most: more would only take time and memory.
+FARTHEST = 1e6  # Places farther off, in sizes of the cloud, see no shape of it: rounding hides it.
 UP = np.array([0.01, 0.03, 0.1])  # Side to which flat pieces point: +z. The tilt also decides upright faces.
 
 
@@ -55,7 +56,8 @@ def estimate_normals(
     Raises
     ------
     InputError
-        If the cloud or the places are empty, have a wrong shape or are not finite.
+        If the cloud or the places are empty, have a wrong shape or are not finite, or if a place is extremely far
+        from the cloud.
     ParameterError
         If `neighbours` is less than 3.
 
@@ -73,7 +75,7 @@ def estimate_normals(
     places = points if at is None else PointCloud.of(at).usable("cloud of places")
     points, corner, exponent = normalised(points)
     tree = KdTree.build(points[first_occurrences(points)])
-    places = np.ldexp(places - corner, -exponent)
+    places = _near(places, corner, exponent)
     neighbours = neighbours or neighbours_across_noise(tree)[0]
     of_places = KdTree.build(places)
     normals = np.empty((len(places), 3))
@@ -89,6 +91,18 @@ def estimate_normals(
     opposed = np.einsum("ij,ij->i", normals, guide_normals[nearest]) < 0
     normals[opposed] *= -1
     return normals
+
+
+def _near(places: NDArray[np.float64], corner: NDArray[np.float64], exponent: int) -> NDArray[np.float64]:
+    """Return places, (M, 3), in the frame of a normalised cloud; raise an error if one is far from the cloud."""
+    with np.errstate(over="ignore"):
+        near = np.ldexp(places - corner, -exponent)
+    if len(far := np.flatnonzero(np.abs(near).max(axis=1) > FARTHEST)):
+        raise InputError(
+            f"expected places on the surface of the cloud, found {len(far)} that are farther from it than "
+            f"{FARTHEST:g} times its size, the first at index {far[0]}: use the same unit and origin for both"
+        )
+    return near
 
 
 def _feet(tree: KdTree, places: NDArray[np.float64], neighbours: int) -> NDArray[np.float64]:

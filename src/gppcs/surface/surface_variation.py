@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gppcs.clouds.cloud import PointCloud
+from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.errors import ParameterError, whole_number
+from gppcs.errors import ParameterError, one_of, shown, whole_number
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, points_near, squared_distance_of_boxes
 from gppcs.spatial.nearest import WIDER, look_around, pack, reach_of_nearest, room_for, search_for, steps_by_itself
@@ -32,8 +33,8 @@ LEAVES_PER_GROUP = 8  # the points of this many leaves share one search of the t
 TASKS = 256  # runs of leaves; within a run, each search starts from the radius of the one before
 
 
-@dataclass(frozen=True)
-class Features:
+@dataclass(frozen=True, eq=False)
+class Features(ComparedByValue):
     """Local properties of the surface at each point.
 
     Attributes
@@ -102,7 +103,7 @@ def estimate_features(
     InputError
         If the cloud is empty, has a wrong shape or has coordinates that are not finite.
     ParameterError
-        If `search` is unknown or `neighbours` is below 1.
+        If `search` is unknown, `neighbours` is below 1, or `tree` holds another number of points.
 
     Examples
     --------
@@ -115,13 +116,16 @@ def estimate_features(
     True
     """
     neighbours = whole_number("the number of neighbours", neighbours, 1)
+    one_of("search", search, ("radius", "nearest"))
     points = PointCloud.of(cloud).usable("cloud")
     if tree is None:
         points, _, _ = normalised(points)
+    elif not isinstance(tree, KdTree):
+        raise ParameterError(f"expected a gppcs.KdTree over the cloud, found {shown(tree)}")
+    elif len(tree.order) != len(points):
+        raise ParameterError(f"expected a tree over the {len(points)} points, found one over {len(tree.order)}")
     if search == "nearest":
         return features_of_nearest(tree or KdTree.build(points), neighbours)
-    if search != "radius":
-        raise ParameterError(f"expected search to be 'radius' or 'nearest', found {search!r}")
     whole = tree or KdTree.build(points)
     first = None if tree else first_occurrences(points)
     if first is None or first.all():

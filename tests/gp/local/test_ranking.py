@@ -11,7 +11,6 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.surface_variation import Features
 
-RANDOM = np.random.default_rng(0)
 EVERY = 1e6  # candidates for each point wanted: no two points in one cell
 
 
@@ -66,15 +65,17 @@ class Heard:
 
 def test_points_on_a_curve_are_spread_over_all_of_it():
     """Discs around dense points of a line cover next to nothing: by that area, all places were alike."""
-    line = np.sort(RANDOM.random(50_000))
+    rng = np.random.default_rng(0)
+    line = np.sort(rng.random(50_000))
     places = np.sort(line[ranked(np.outer(line, [1.0, 0, 0]), 20).indices])
     assert np.diff(places, prepend=0, append=1).max() < 0.1
 
 
 def field_of(variation, **changes):
+    rng = np.random.default_rng(0)
     n = len(variation)
-    tree = KdTree.build(RANDOM.random((n, 3)))
-    normals = RANDOM.standard_normal((n, 3))
+    tree = KdTree.build(rng.random((n, 3)))
+    normals = rng.standard_normal((n, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     features = Features(variation, normals, np.full(n, 9, dtype=np.int32))
     return tree, features, local_field(tree, features, np.arange(float(n)), criterion(**changes))
@@ -101,7 +102,7 @@ def test_the_field_is_denser_where_it_is_rougher(n, power, seed):
     np.testing.assert_allclose(field.noise, NUGGET + np.arange(n), rtol=1e-12)
 
 
-@pytest.mark.parametrize("variation", [np.zeros(20), np.full(20, 0.2), 1e-16 * RANDOM.random(20)])
+@pytest.mark.parametrize("variation", [np.zeros(20), np.full(20, 0.2), 1e-16 * np.random.default_rng(0).random(20)])
 def test_a_cloud_alike_everywhere_has_one_spacing_and_no_error(variation):
     """Its surface variation differs by rounding alone."""
     _, _, field = field_of(variation)
@@ -134,7 +135,8 @@ def test_a_ranking_has_each_point_once_and_tells_of_its_progress(bracket, n_poin
 
 
 def test_points_of_great_variance_are_chosen_late():
-    points = np.column_stack([RANDOM.random((3_000, 2)), np.zeros(3_000)])
+    rng = np.random.default_rng(0)
+    points = np.column_stack([rng.random((3_000, 2)), np.zeros(3_000)])
     left = points[:, 0] < 0.5
     chosen = ranked(points, 100, lambda places: (places, np.where(places[:, 0] < 0.5, 0.0, 1.0))).indices
     assert left[chosen].mean() > 0.7
@@ -143,8 +145,9 @@ def test_points_of_great_variance_are_chosen_late():
 
 def test_features_are_those_of_where_points_belong():
     """One half is rough; told where its points came from, the choice has fewer there. Candidates lie denser there."""
-    points = np.column_stack([RANDOM.random((20_000, 2)), np.zeros(20_000)])
-    rough = points + np.where(points[:, [0]] < 0.5, [0.0, 0.0, 0.005], 0.0) * RANDOM.standard_normal((20_000, 1))
+    rng = np.random.default_rng(0)
+    points = np.column_stack([rng.random((20_000, 2)), np.zeros(20_000)])
+    rough = points + np.where(points[:, [0]] < 0.5, [0.0, 0.0, 0.005], 0.0) * rng.standard_normal((20_000, 1))
 
     def seen(places):
         return places * [1.0, 1.0, 0.0], np.zeros(len(places))
@@ -154,7 +157,8 @@ def test_features_are_those_of_where_points_belong():
 
 
 def test_twice_the_size_with_four_times_the_variances_is_the_same_choice():
-    points = np.round(RANDOM.random((2_000, 3)) * 1024) / 1024
+    rng = np.random.default_rng(0)
+    points = np.round(rng.random((2_000, 3)) * 1024) / 1024
     once = ranked(points, 200, lambda places: (places, places[:, 0] * 1e-3))
     twice = ranked(points * 2, 200, lambda places: (places, places[:, 0] / 2 * 4e-3))
     np.testing.assert_array_equal(once.indices, twice.indices)

@@ -8,8 +8,6 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
 
-RANDOM = np.random.default_rng(0)
-
 
 def test_a_survey_measures_sharpness_or_noise(sphere):
     """Noisy points would pass for sharp ones."""
@@ -42,8 +40,9 @@ def test_the_sharpest_points_of_cells_are_those_on_the_edge():
 
 def test_faces_have_no_sharp_points():
     """Rounding, which changes with where the cloud lies, would tell points on a face that is along no axis apart."""
+    rng = np.random.default_rng(0)
     turn, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))
-    points = RANDOM.random((20_000, 3)) * [1.0, 1.0, 0.0] @ turn
+    points = rng.random((20_000, 3)) * [1.0, 1.0, 0.0] @ turn
     np.testing.assert_array_equal(sharpness_of(KdTree.build(points), 1.0, 4_000.0), 0.0)
 
 
@@ -57,7 +56,8 @@ def test_of_far_more_points_than_cells_some_are_looked_at(sphere):
 
 
 def test_area_and_noise_of_millions_are_judged_by_some(monkeypatch):
-    points = np.column_stack([RANDOM.random((200_000, 2)), 0.002 * RANDOM.standard_normal(200_000)])
+    rng = np.random.default_rng(0)
+    points = np.column_stack([rng.random((200_000, 2)), 0.002 * rng.standard_normal(200_000)])
     monkeypatch.setattr("gppcs.gp.local.survey.LARGE", 20_000)
     every, of_all = sampled_tree(points, 5_129)  # 26 for each are two thirds of them
     some, indices = sampled_tree(points, 500)

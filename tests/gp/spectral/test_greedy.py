@@ -73,3 +73,38 @@ def test_progress_adds_up(bracket):
     greedy.select(phi, y, noise, np.arange(5), 2_000, 7, advanced=steps.append)
     assert len(steps) > 1
     assert sum(steps) == 1_995
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", [1e-6, 1e-3, 1.0])
+@pytest.mark.parametrize("k_init", [1, 30, 6_500])
+def test_after_13000_updates_the_posterior_equals_one_computed_anew(k_init, noise, monkeypatch):
+    """Also from one observation on, where the first updates shrink the variance by up to ten orders of magnitude."""
+    rng = np.random.default_rng(0)
+    n_points, states = 13_000 + k_init, []
+    phi = 100 * rng.standard_normal((n_points + 100, 20))
+    y = phi @ rng.standard_normal(20) + np.sqrt(noise) * rng.standard_normal(len(phi))
+    choose = greedy._choose
+
+    def listening(points, buckets, mean, covariance, *others):
+        choose(points, buckets, mean, covariance, *others)
+        states[:] = [mean, covariance]
+
+    monkeypatch.setattr(greedy, "_choose", listening)
+    indices, _ = greedy.select(phi, y, noise, np.arange(k_init), n_points)
+    anew = Posterior.given(phi[indices], y[indices], noise)
+    mean, covariance = states
+    np.testing.assert_allclose(mean, anew.mean, rtol=1e-8)
+    np.testing.assert_allclose(covariance, anew.covariance, rtol=0, atol=1e-8 * np.abs(anew.covariance).max())
+    found, expected = Posterior(mean, covariance).predict(phi), anew.predict(phi)
+    np.testing.assert_allclose(found[0], expected[0], rtol=1e-8)
+    np.testing.assert_allclose(found[1], expected[1], rtol=1e-8)
+
+
+def test_the_order_from_one_observation_on_is_that_of_posteriors_computed_anew():
+    """Little noise: updates alone lose so many digits within the first points that they choose others."""
+    rng = np.random.default_rng(1)
+    phi = 100 * rng.standard_normal((600, 60))
+    y = phi @ rng.standard_normal(60)
+    indices, _ = greedy.select(phi, y, 1e-6, np.array([0]), 300)
+    np.testing.assert_array_equal(indices, dense.greedy(phi, y, 1e-6, np.array([0]), 300, 1))

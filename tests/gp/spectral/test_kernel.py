@@ -25,7 +25,11 @@ def test_spectrum_is_that_of_equation_6(nu, lengthscale):
 def test_large_nu_tends_to_the_heat_kernel():
     heat = log_spectrum(EIGENVALUES, 0.4, np.inf)
     np.testing.assert_allclose(heat, -0.08 * EIGENVALUES)
-    np.testing.assert_allclose(log_spectrum(EIGENVALUES, 0.4, 1e7), heat, rtol=1e-5)
+    for nu in (1e7, 1e300, 1.7e308):
+        np.testing.assert_allclose(log_spectrum(EIGENVALUES, 0.4, nu), heat, rtol=1e-5)
+        by_lengthscale, by_nu = log_spectrum_slopes(EIGENVALUES, 0.4, nu)
+        np.testing.assert_allclose(by_lengthscale, 2 * heat, rtol=1e-5)
+        np.testing.assert_allclose(by_nu, 0, atol=1e-5 * np.abs(heat).max())
 
 
 @given(st.floats(-3, 3), st.floats(-2, 6))

@@ -24,7 +24,7 @@ def sample(
         float, typer.Option(help="Share of the points that are outliers, anywhere in the enlarged bounding box.")
     ] = 0.0,
     uneven: Annotated[
-        float, typer.Option(help="Share of the density that is lost from one end to the other, from 0 to below 1.")
+        float, typer.Option(help="Share of the density that is lost from one end to the other, from 0 to 0.999.")
     ] = 0.0,
     seed: Annotated[int, typer.Option(help="Seed of random numbers. The same seed gives the same scan.")] = 0,
     force: Force = False,

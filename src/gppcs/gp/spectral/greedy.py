@@ -12,6 +12,11 @@ from gppcs.engine.kernels import kernel
 from gppcs.gp.spectral.posterior import Posterior
 
 BUCKETS = 4096  # most buckets of points: each step reads all bounds but rescans few buckets; more would be slower
+REPORTED = 512  # about how many points are added between two reports of progress
+# The posterior is computed anew whenever there are this many times as many observations. Each update leaves an error in
+# proportion to the variance before it, which stays while the variance shrinks: from one observation on 13,000 updates
+# could lose all digits. By default the observations grow three times, so that one computation will do.
+REFRESHED = 4
 SLACK = 1e-12  # relative margin of a bound, well above the rounding errors of a step
 
 
@@ -64,19 +69,23 @@ def select(
     chosen = np.empty(n_points, dtype=np.int64)
     scores = np.full(n_points, np.inf)
     chosen[: len(initial)] = initial
-    posterior = Posterior.given(phi[initial], y[initial], noise)
-    mean, covariance = posterior.mean.copy(), posterior.covariance.copy()
     free = np.ones(len(y), dtype=np.bool_)
     free[initial] = False
     points = _Points(np.ascontiguousarray(phi[order].T), y[order], order, free[order], np.empty(len(y)))
     buckets = _buckets(min(BUCKETS, len(y)), points.phi)
     k_add = min(k_add, n_points)
-    step = k_add * max(1, 512 // k_add)
-    for begin in range(len(initial), n_points, step):
-        end = min(begin + step, n_points)
+    begin, computed = len(initial), 0  # at how many observations the posterior was last computed anew
+    while begin < n_points:
+        if begin >= REFRESHED * computed:
+            posterior, computed = Posterior.given(phi[chosen[:begin]], y[chosen[:begin]], noise), begin
+            mean, covariance = posterior.mean.copy(), posterior.covariance.copy()
+            _forget(buckets)
+        steps = max(1, -(-min(REPORTED, REFRESHED * computed - begin) // k_add))
+        end = min(begin + steps * k_add, n_points)
         _choose(points, buckets, mean, covariance, noise, k_add, chosen[:end], scores[:end], begin)
         if advanced:
             advanced(end - begin)
+        begin = end
     return chosen, scores
 
 
@@ -128,6 +137,13 @@ def _buckets(count: int, phi: NDArray[np.float64]) -> _Buckets:
     )
 
 
+def _forget(buckets: _Buckets) -> None:
+    """Let all buckets count as not scanned, as bounds from an earlier posterior need not hold for one computed anew."""
+    buckets.scanned[:] = -1
+    for bound in (buckets.above, buckets.below, buckets.bound):
+        bound[:] = np.inf
+
+
 @kernel
 def _choose(points, buckets, mean, covariance, noise, k_add, chosen, scores, begin):
     """Fill `chosen` and `scores`, (M,), from `begin` on; `mean` is (L,), `covariance` (L, L); both are updated."""
@@ -141,13 +157,30 @@ def _choose(points, buckets, mean, covariance, noise, k_add, chosen, scores, beg
             points.free[pick] = False
             _find_best(g, points, buckets)
         for pick in batch[:due]:
-            phi = points.phi[:, pick].copy()
-            along = covariance @ phi
-            spread = noise + phi @ along
-            mean += along * ((points.y[pick] - phi @ mean) / spread)
-            for row in range(len(along)):
-                covariance[row] -= along * (along[row] / spread)
+            _observe(points.phi[:, pick].copy(), points.y[pick], noise, mean, covariance)
         _bound_all(buckets, mean)
+
+
+@kernel(fastmath={"contract", "reassoc", "nsz"})
+def _observe(phi, y, noise, mean, covariance):
+    """Update `mean`, (L,), and `covariance`, (L, L), with one observation at a point of features `phi`, (L,).
+
+    Its loops stand in place of BLAS, whose rounding depends on the number of threads.
+    """
+    along = np.empty(len(phi), dtype=np.float64)
+    spread, error = noise, y
+    for row in range(len(phi)):
+        total = 0.0
+        for c in range(len(phi)):
+            total += covariance[row, c] * phi[c]
+        along[row] = total
+        spread += phi[row] * total
+        error -= phi[row] * mean[row]
+    for row in range(len(phi)):
+        mean[row] += along[row] * (error / spread)
+        share = along[row] / spread
+        for c in range(len(phi)):
+            covariance[row, c] -= along[c] * share
 
 
 @kernel

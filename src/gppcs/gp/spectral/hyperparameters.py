@@ -7,12 +7,14 @@ import scipy.linalg
 import scipy.optimize
 from numpy.typing import NDArray
 
+from gppcs.engine.blas import one_blas_thread
 from gppcs.gp.spectral.kernel import Hyperparameters, log_spectrum_slopes, spectral_weights
 
 STARTS = (0.03, 0.1, 0.3, 1.0)  # lengthscales to start from, since the likelihood has several maxima
 LEAST_NOISE = 1e-6  # lower bound of the noise, as a share of the mean square of y: keeps the posterior well conditioned
 
 
+@one_blas_thread()
 def log_marginal_likelihood(
     eigenvalues: NDArray[np.float64],
     eigenfunctions: NDArray[np.float64],
@@ -64,6 +66,7 @@ def log_marginal_likelihood(
     return float(value), np.array([by_weight @ weights, by_lengthscale, by_nu, by_noise])
 
 
+@one_blas_thread()
 def fit(
     eigenvalues: NDArray[np.float64],
     eigenfunctions: NDArray[np.float64],

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.blas import one_blas_thread
+
 DIMENSION = 2  # d in Eq. 6: the manifold is a surface
 
 
@@ -53,7 +55,7 @@ def log_spectrum(eigenvalues: NDArray[np.float64], lengthscale: float, nu: float
     """
     if np.isinf(nu):
         return -0.5 * lengthscale**2 * eigenvalues
-    return -(nu + DIMENSION / 2) * np.log1p(lengthscale**2 * eigenvalues / (2 * nu))
+    return -(nu + DIMENSION / 2) * np.log1p(lengthscale**2 * eigenvalues / 2 / nu)
 
 
 def log_spectrum_slopes(
@@ -73,12 +75,13 @@ def log_spectrum_slopes(
     """
     if np.isinf(nu):
         return -(lengthscale**2) * eigenvalues, np.zeros_like(eigenvalues)
-    x = lengthscale**2 * eigenvalues / (2 * nu)
+    x = lengthscale**2 * eigenvalues / 2 / nu  # 2 nu could overflow
     share = x / (1 + x)
     power = nu + DIMENSION / 2
-    return -2 * power * share, power * share - nu * np.log1p(x)
+    return -power * (2 * share), power * share - nu * np.log1p(x)
 
 
+@one_blas_thread()
 def spectral_weights(
     eigenvalues: NDArray[np.float64], mean_squares: NDArray[np.float64], theta: Hyperparameters
 ) -> NDArray[np.float64]:

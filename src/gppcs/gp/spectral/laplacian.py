@@ -11,6 +11,7 @@ import scipy.sparse
 import scipy.sparse.linalg
 from numpy.typing import NDArray
 
+from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.farthest_points import farthest_points
@@ -39,6 +40,7 @@ class Eigenpairs:
     eigenfunctions: NDArray[np.float64]
 
 
+@one_blas_thread()
 def eigenpairs(
     points: NDArray[np.float64], count: int, landmarks: int = 4000, tree: KdTree | None = None
 ) -> Eigenpairs:

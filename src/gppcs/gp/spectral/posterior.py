@@ -8,6 +8,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 
@@ -26,6 +27,7 @@ class Posterior:
     covariance: NDArray[np.float64]
 
     @classmethod
+    @one_blas_thread()
     def given(cls, phi: NDArray[np.float64], y: NDArray[np.float64], noise: float) -> Posterior:
         """Return the posterior given n observations.
 
@@ -47,6 +49,7 @@ class Posterior:
         covariance = scipy.linalg.cho_solve(factor, np.eye(phi.shape[1]))
         return cls(scipy.linalg.cho_solve(factor, phi.T @ y / noise), covariance)
 
+    @one_blas_thread()
     def predict(self, phi: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the posterior mean (Eq. 3) and variance (diagonal of Eq. 4) of f.
 

@@ -38,6 +38,6 @@ class AIVS(Method):
         """Choose the points; see `Method.__call__`."""
         from gppcs.methods.aivs.voxels import CLASSES, points_of_voxels
 
-        stages = stages or Stages()
+        stages = Stages.of(stages)
         with stages("voxels", CLASSES) as advanced:
             return Selection(points_of_voxels(points, n_points, advanced))

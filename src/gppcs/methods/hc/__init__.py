@@ -40,6 +40,6 @@ class HierarchicalClustering(Method):
         """Choose the points; see `Method.__call__`."""
         from gppcs.methods.hc.clustering import clusters_by_variation
 
-        stages = stages or Stages()
+        stages = Stages.of(stages)
         with stages("clusters"):
             return Selection(clusters_by_variation(points, n_points))

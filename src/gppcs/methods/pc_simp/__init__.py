@@ -37,7 +37,9 @@ class PCSimp(Method):
     source = "Qi, Hu and Guo 2019"
 
     neighbours: int = parameter(
-        15, "k: the number of nearest points in a neighbourhood; fewer in clouds that have no more."
+        15,
+        "k: the number of nearest points in a neighbourhood; fewer in clouds that have no more.",
+        least=1,
     )
     uniformity: float = parameter(
         0.1,
@@ -45,16 +47,13 @@ class PCSimp(Method):
         "unit of length. Here feature strengths are divided by the squared spacing: the median over all points of the "
         "mean squared distance to their neighbours. With values above about 10, 1000 iterations may not be enough; "
         'check "gap".',
+        least=1e-6,
+        most=1e6,
     )
-    tolerance: float = parameter(1e-4, "The relative duality gap at which the programme counts as solved.")
-    iterations: int = parameter(1000, "Most iterations.")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.require(self.neighbours >= 1, "neighbours", "at least 1")
-        self.require(self.uniformity > 0, "uniformity", "above 0")
-        self.require(self.tolerance > 0, "tolerance", "above 0")
-        self.require(self.iterations >= 1, "iterations", "at least 1")
+    tolerance: float = parameter(
+        1e-4, "The relative duality gap at which the programme counts as solved.", least=1e-16, most=1
+    )
+    iterations: int = parameter(1000, "Most iterations.", least=1)
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose the points; see `Method.__call__`."""
@@ -63,7 +62,7 @@ class PCSimp(Method):
         from gppcs.methods.pc_simp.graph_filter import NeighbourGraph, Programme, high_pass_strength, solve
         from gppcs.spatial.kdtree import KdTree
 
-        stages = stages or Stages()
+        stages = Stages.of(stages)
         neighbours = min(self.neighbours, len(points) - 1)
         with stages("neighbour graph"):
             tree = KdTree.build(points)

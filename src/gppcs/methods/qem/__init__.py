@@ -35,17 +35,15 @@ class QEM(Method):
     source = "Pauly, Gross and Kobbelt 2002; Garland and Heckbert 1997"
 
     neighbours: int = parameter(
-        8, "Number of neighbours of a point, used for its normal and as partners of contractions."
+        8,
+        "Number of neighbours of a point, used for its normal and as partners of contractions.",
+        least=1,
     )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.require(self.neighbours >= 1, "neighbours", "at least 1")
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose the points; see `Method.__call__`."""
         from gppcs.methods.qem.contraction import contraction_order
 
-        stages = stages or Stages()
+        stages = Stages.of(stages)
         with stages("contraction", len(points) - 1) as advanced:
             return Selection(contraction_order(points, self.neighbours, advanced=advanced)[:n_points])

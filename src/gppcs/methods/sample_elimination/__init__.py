@@ -37,6 +37,6 @@ class SampleElimination(Method):
         """Choose the points; see `Method.__call__`."""
         from gppcs.methods.sample_elimination.elimination import eliminate
 
-        stages = stages or Stages()
+        stages = Stages.of(stages)
         with stages("elimination", len(points) - n_points) as advanced:
             return Selection(eliminate(points, n_points, advanced))

@@ -45,7 +45,7 @@ class Voxel(Method):
         from gppcs.methods.sample_elimination.elimination import thin
         from gppcs.methods.voxel.grid import cell_edge, representatives
 
-        stages = stages or Stages()
+        stages = Stages.of(stages)
         with stages("size of cells"):
             corner = points.min(axis=0)
             points = points - corner

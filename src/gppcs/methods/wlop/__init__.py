@@ -38,9 +38,11 @@ class WLOP(Method):
         "Radius within which points attract and samples repel each other, in average spacings of the input; 8 as in "
         "CGAL. Larger values smooth more: with four spacings of the output, which are 21 to 26 of the input at ratios "
         "of 3 to 5 %, the mean distance to a kept point grows by a third.",
+        least=0.001,
+        most=1e6,
     )
-    iterations: int = parameter(35, "Number of iterations.")
-    mu: float = parameter(0.45, "Weight of the repulsion, from 0 to 0.5.")
+    iterations: int = parameter(35, "Number of iterations.", least=1)
+    mu: float = parameter(0.45, "Weight of the repulsion, from 0 to 0.5.", least=0, most=0.5)
     require_uniform: bool = parameter(
         False, "Weight the points so that dense parts of the input attract no more than others."
     )
@@ -49,14 +51,7 @@ class WLOP(Method):
         "Replace each sample by the nearest original point that no earlier sample took. Otherwise keep the samples, "
         "with the attributes of these points.",
     )
-    seed: int = parameter(0, "Seed of the random points.")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.require(self.radius > 0, "radius", "above 0")
-        self.require(self.iterations >= 1, "iterations", "at least 1")
-        self.require(0 <= self.mu <= 0.5, "mu", "from 0 to 0.5")
-        self.require(self.seed >= 0, "seed", "at least 0")
+    seed: int = parameter(0, "Seed of the random points.", least=0)
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose the points; see `Method.__call__`."""
@@ -65,7 +60,7 @@ class WLOP(Method):
         from gppcs.methods.wlop import projection
         from gppcs.spatial.kdtree import KdTree
 
-        stages = stages or Stages()
+        stages = Stages.of(stages)
         with stages("tree"):
             tree = KdTree.build(points)
             radius = self.radius * projection.average_spacing(tree)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import (
+    LEAF_SIZE,
     KdTree,
     first_leaf,
     leaf_range,
@@ -161,6 +162,7 @@ def _move(begin, end, points, low, high, weights, samples, sample_low, sample_hi
     leaves = first_leaf(sample_low)
     m = samples.shape[1]
     found, found_samples = np.empty(first_leaf(low), dtype=np.int64), np.empty(leaves, dtype=np.int64)
+    shares = np.empty(LEAF_SIZE, dtype=np.float64)
     for leaf in range(begin, end):
         box_low, box_high = sample_low[leaves + leaf], sample_high[leaves + leaf]
         near = found[: leaves_near(low, high, box_low, box_high, radius * radius, found)]
@@ -168,36 +170,44 @@ def _move(begin, end, points, low, high, weights, samples, sample_low, sample_hi
         near_samples = found_samples[:count]
         for i in range(*leaf_range(m, leaves, leaves + leaf)):
             x, y, z = samples[0, i], samples[1, i], samples[2, i]
-            ax, ay, az = _attraction(points, low, high, weights, near, radius, x, y, z)
-            rx, ry, rz = _repulsion(samples, sample_low, sample_high, omega, near_samples, radius, x, y, z)
+            ax, ay, az = _attraction(points, low, high, weights, near, radius, x, y, z, shares)
+            rx, ry, rz = _repulsion(samples, sample_low, sample_high, omega, near_samples, radius, x, y, z, shares)
             moved[0, i], moved[1, i], moved[2, i] = x + ax + mu * rx, y + ay + mu * ry, z + az + mu * rz
 
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
-def _attraction(points, low, high, weights, near, radius, x, y, z):
-    """Return the vector to the weighted mean of the points, (3, N), around (x, y, z); zero if there are none."""
+def _attraction(points, low, high, weights, near, radius, x, y, z, shares):
+    """Return the vector to the weighted mean of the points, (3, N), around (x, y, z); zero if there are none.
+
+    `shares`, (LEAF_SIZE,), is room for the weights of a leaf's points. Loops over slices that fill one array are
+    vectorised; sums are not, so that they keep their order.
+    """
     leaves = first_leaf(low)
     n = points.shape[1]
     total = sx = sy = sz = 0.0
     for node in near:
         if squared_distance_to_box(low[node], high[node], x, y, z) > radius * radius:
             continue
-        for j in range(*leaf_range(n, leaves, node)):
-            dx, dy, dz = points[0, j] - x, points[1, j] - y, points[2, j] - z
-            t = (dx * dx + dy * dy + dz * dz) / (radius * radius)
-            alpha = _theta(t) * weights[j] if t >= SAME_PLACE else 0.0
-            total += alpha
-            sx += alpha * dx
-            sy += alpha * dy
-            sz += alpha * dz
+        begin, end = leaf_range(n, leaves, node)
+        xs, ys, zs, of_points = points[0, begin:end], points[1, begin:end], points[2, begin:end], weights[begin:end]
+        for j in range(len(xs)):
+            dx, dy, dz = xs[j] - x, ys[j] - y, zs[j] - z
+            shares[j] = (dx * dx + dy * dy + dz * dz) / (radius * radius)
+        for j in range(len(xs)):
+            t, weight = shares[j], of_points[j]
+            shares[j] = _theta(t) * (weight if t >= SAME_PLACE else 0.0)
+        total, sx, sy, sz = _add_up(shares, xs, ys, zs, x, y, z, total, sx, sy, sz)
     if total > 0.0:
         return sx / total, sy / total, sz / total
     return 0.0, 0.0, 0.0
 
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
-def _repulsion(samples, low, high, omega, near, radius, x, y, z):
-    """Return the weighted mean vector away from the samples, (3, M), around (x, y, z); zero for fewer than two."""
+def _repulsion(samples, low, high, omega, near, radius, x, y, z, shares):
+    """Return the weighted mean vector away from the samples, (3, M), around (x, y, z); zero for fewer than two.
+
+    `shares` is as in `_attraction`.
+    """
     leaves = first_leaf(low)
     m = samples.shape[1]
     within = 0
@@ -205,18 +215,33 @@ def _repulsion(samples, low, high, omega, near, radius, x, y, z):
     for node in near:
         if squared_distance_to_box(low[node], high[node], x, y, z) > radius * radius:
             continue
-        for k in range(*leaf_range(m, leaves, node)):
-            dx, dy, dz = x - samples[0, k], y - samples[1, k], z - samples[2, k]
-            t = (dx * dx + dy * dy + dz * dz) / (radius * radius)
-            within += int(t <= 1.0)
-            beta = omega[k] * _theta(t) / max(t, SAME_PLACE) if t >= SAME_PLACE else 0.0
-            total += beta
-            sx += beta * dx
-            sy += beta * dy
-            sz += beta * dz
+        begin, end = leaf_range(m, leaves, node)
+        xs, ys, zs = samples[0, begin:end], samples[1, begin:end], samples[2, begin:end]
+        of_samples = omega[begin:end]
+        for k in range(len(xs)):
+            dx, dy, dz = x - xs[k], y - ys[k], z - zs[k]
+            shares[k] = (dx * dx + dy * dy + dz * dz) / (radius * radius)
+        for k in range(len(xs)):
+            within += int(shares[k] <= 1.0)
+        for k in range(len(xs)):
+            t, weight = shares[k], of_samples[k]
+            shares[k] = (weight if t >= SAME_PLACE else 0.0) * _theta(t) / max(t, SAME_PLACE)
+        total, sx, sy, sz = _add_up(shares, xs, ys, zs, x, y, z, total, sx, sy, sz)
     if within > 2 and total > 0.0:
-        return sx / total, sy / total, sz / total
+        return -sx / total, -sy / total, -sz / total
     return 0.0, 0.0, 0.0
+
+
+@kernel(fastmath={"nsz", "contract"})
+def _add_up(shares, xs, ys, zs, x, y, z, total, sx, sy, sz):
+    """Add the shares, (n,) or more, and shares times the steps from (x, y, z) to n places, to four sums."""
+    for j in range(len(xs)):
+        share = shares[j]
+        total += share
+        sx += share * (xs[j] - x)
+        sy += share * (ys[j] - y)
+        sz += share * (zs[j] - z)
+    return total, sx, sy, sz
 
 
 def nearest_unused(positions: NDArray[np.float64], tree: KdTree) -> NDArray[np.int64]:

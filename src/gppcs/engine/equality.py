@@ -1,0 +1,41 @@
+"""Compare dataclasses that hold arrays, for which the comparison that `dataclass` generates raises an error."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+
+class ComparedByValue:
+    """Base class of dataclasses that hold arrays, declared with `eq=False`: `==` compares all fields.
+
+    Arrays are equal if their types, shapes and values are; NaN equals NaN. The objects have no hash, as arrays have
+    none.
+    """
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        return all(
+            _equal(getattr(self, each.name), getattr(other, each.name))
+            for each in dataclasses.fields(self)  # type: ignore[arg-type]
+            if each.compare
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def _equal(one: Any, other: Any) -> bool:
+    """Return whether two values of a field are equal; values of mappings may be arrays, too."""
+    import numpy as np
+
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(_equal(value, other[key]) for key, value in one.items())
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        if one is other:
+            return True
+        if one.dtype != other.dtype or one.shape != other.shape:
+            return False
+        return bool(((one == other) | ((one != one) & (other != other))).all())
+    return bool(one == other) or (one != one and other != other)

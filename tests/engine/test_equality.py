@@ -1,0 +1,87 @@
+"""Equality of the public dataclasses that hold arrays."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import gppcs
+
+POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, np.nan]])
+
+
+def cloud(points=POINTS, label=(1, 2, 3, 4), dtype="f4", **attributes):
+    return gppcs.PointCloud(points, {"label": np.array(label), **attributes}, np.dtype(dtype))
+
+
+def test_clouds_are_equal_if_all_values_are():
+    """NaN equals NaN, the order of attributes does not matter."""
+    rows = np.array(["a", "b", "", "d"])
+    assert cloud() == cloud()
+    assert cloud(rows=rows, w=np.zeros(4)) == cloud(w=np.zeros(4), rows=rows.copy())
+    assert gppcs.PointCloud(np.empty((0, 3))) == gppcs.PointCloud(np.empty((0, 3)))
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        cloud(np.nan_to_num(POINTS)),
+        cloud(POINTS + 1),
+        cloud(label=(1, 2, 3, 5)),
+        cloud(label=(1.0, 2.0, 3.0, 4.0)),
+        cloud(label=[(1, 1), (2, 2), (3, 3), (4, 4)]),
+        cloud(dtype="f8"),
+        cloud(width=np.zeros(4)),
+        gppcs.PointCloud(POINTS, {"tag": np.array((1, 2, 3, 4))}, np.dtype("f4")),
+        gppcs.PointCloud(POINTS[:3], {"label": np.array((1, 2, 3))}, np.dtype("f4")),
+        "cloud",
+        None,
+    ],
+)
+def test_clouds_are_unequal_if_anything_is(other):
+    assert cloud() != other
+    assert other != cloud()
+    assert (cloud() == other) is False
+
+
+def public_objects(seed):
+    points = np.random.default_rng(seed).random((60, 3))
+    triangle = gppcs.Mesh(points[:3], [[0, 1, 2]])
+    method = gppcs.FarthestPoint()
+    return {
+        "cloud": gppcs.PointCloud(points),
+        "mesh": triangle,
+        "features": gppcs.estimate_features(points),
+        "selection": method(points, 5),
+        "tree": gppcs.KdTree.build(points),
+        "result": dataclasses.replace(gppcs.simplify(points, n_points=5, method=method), seconds={}),
+        "report": gppcs.evaluate(points, points),
+        "summary": gppcs.info(points),
+        "rebuilt": gppcs.Rebuilt(triangle, 1.0, 2.0, seed, 4.0, 1, 0.0),
+    }
+
+
+@pytest.mark.parametrize("name", public_objects(0))
+def test_comparing_any_public_object_gives_a_truth_value(name):
+    one, again, other = (public_objects(seed)[name] for seed in (0, 0, 1))
+    assert (one == again) is True
+    assert (one != again) is False
+    assert (one == other) is False
+
+
+def test_entries_of_a_comparison_are_compared_too():
+    result, report = (public_objects(0)[name] for name in ("result", "report"))
+    again = public_objects(0)["result"]
+    assert gppcs.Entry(result, report, 1.0) == gppcs.Entry(again, report, 1.0)
+    assert gppcs.Entry(result, report, 1.0) != gppcs.Entry(again, report, 2.0)
+
+
+@pytest.mark.parametrize("name", ["cloud", "mesh", "features", "selection", "tree", "result"])
+def test_what_holds_arrays_has_no_hash(name):
+    """Arrays can change, and with them a hash would."""
+    with pytest.raises(TypeError, match=r"unhashable type: '\w+'"):
+        hash(public_objects(0)[name])
+
+
+def test_methods_can_still_be_counted_in_a_set():
+    assert {gppcs.Random(seed=1), gppcs.Random(seed=1), gppcs.Random()} == {gppcs.Random(seed=1), gppcs.Random()}

@@ -1,0 +1,151 @@
+"""Arguments of wrong types, and parameters of extreme values: our own errors, or a valid result."""
+
+import dataclasses
+import math
+import typing
+
+import numpy as np
+import pytest
+
+import gppcs
+
+OURS = (gppcs.ParameterError, gppcs.InputError, gppcs.FileFormatError)
+CLOUD = gppcs.sample("bracket", n_points=300)
+WRONG = [None, 3, 1.5, math.nan, True, "text", "5", b"5", {"a": 1}, {1, 2}, [], [1, [2]], (1, 2), object(), len, 1j]
+WRONG += [np.zeros(2), np.zeros((2, 2)), np.array("a"), np.array([[None] * 3]), np.zeros((2, 3), dtype="M8[s]")]
+WRONG += [[["a", "b", "c"]], 10**400, type]
+FLOATS = (math.inf, -math.inf, math.nan, 1e-310, -1e-310, 1e308, 10**400)
+
+
+def fields_of_type(kind):
+    return [
+        pytest.param(method, name, id=f"{method.name} {name}")
+        for method in gppcs.METHODS.values()
+        for name, hint in typing.get_type_hints(method).items()
+        if name in method.parameters() and kind in (typing.get_args(hint) or (hint,))
+    ]
+
+
+@pytest.mark.parametrize("value", FLOATS, ids=["inf", "-inf", "nan", "1e-310", "-1e-310", "1e308", "10^400"])
+@pytest.mark.parametrize(("method", "name"), fields_of_type(float))
+def test_extreme_floats_are_refused_or_valid(method, name, value):
+    """Only the heat kernel is infinitely smooth; what is above all ranges is refused, and so is what is denormal."""
+    try:
+        chosen = method(**{name: value})
+    except gppcs.ParameterError as error:
+        text = str(error)
+        assert text.startswith(f"method '{method.name}': expected {name} to be ")
+        assert "from " in text or value == 10**400
+        assert "\n" not in text
+        return
+    assert (method, name) == (gppcs.SpectralGP, "nu")
+    assert value in (math.inf, 1e308)
+    result = gppcs.simplify(CLOUD, n_points=60, method=chosen)
+    assert len(np.unique(result.indices)) == 60
+
+
+@pytest.mark.parametrize(("method", "name"), fields_of_type(float))
+def test_both_ends_of_each_range_are_valid(method, name):
+    """As far as the ranges go, all figures are finite and no warning is raised."""
+    least, most = dataclasses.fields(method)[[f.name for f in dataclasses.fields(method)].index(name)].metadata["range"]
+    for value in (least, most):
+        result = gppcs.simplify(CLOUD, n_points=60, method=method(**{name: value}))
+        assert len(np.unique(result.indices)) == 60
+        assert all(np.isfinite(figure) for key, figure in result.diagnostics.items() if key != "nu")
+
+
+@pytest.mark.parametrize("value", [10**6, 2**63 - 1, 2**63, 10**400], ids=["10^6", "2^63-1", "2^63", "10^400"])
+@pytest.mark.parametrize(("method", "name"), fields_of_type(int))
+def test_extreme_whole_numbers_are_refused_or_valid(method, name, value):
+    try:
+        chosen = method(**{name: value})
+    except gppcs.ParameterError:
+        return
+    if name == "iterations":
+        return  # as many as the user wants
+    result = gppcs.simplify(CLOUD, n_points=60, method=chosen)
+    assert len(np.unique(result.indices)) == 60
+
+
+def test_a_float_without_a_declared_range_must_be_finite_and_not_denormal():
+    @dataclasses.dataclass(frozen=True)
+    class Own(gppcs.Random):
+        """A method of a user."""
+
+        name = "own"
+        free: float = gppcs.parameter(0.0, "Anything.")
+        above: float = gppcs.parameter(1.0, "Not below 1.", least=1)
+
+    assert Own(free=-1e308, above=1e308).free == -1e308
+    for settings, message in (
+        ({"free": math.inf}, "expected free to be finite, found inf"),
+        ({"free": 1e-310}, "expected free to be finite, and not denormal, found 1e-310"),
+        ({"above": math.inf}, "expected above to be finite and at least 1, found inf"),
+        ({"above": 0.5}, "expected above to be finite and at least 1, found 0.5"),
+    ):
+        with pytest.raises(gppcs.ParameterError, match=message):
+            Own(**settings)
+
+
+CALLS = {  # a public function, and arguments with which it works
+    "simplify": (gppcs.simplify, {"cloud": CLOUD, "n_points": 9, "ratio": None, "method": "gp", "seed": None,
+                                  "invalid": "error", "normals": False, "scores": False, "stages": None}),
+    "compare": (gppcs.compare, {"cloud": CLOUD, "methods": ["random"], "n_points": 9, "ratio": None, "mesh": None,
+                                "seed": None, "invalid": "error", "stages": None}),
+    "evaluate": (gppcs.evaluate, {"original": CLOUD, "simplified": CLOUD, "mesh": None, "stages": None}),
+    "estimate_features": (gppcs.estimate_features, {"cloud": CLOUD, "neighbours": 9, "search": "radius", "tree": None}),
+    "estimate_normals": (gppcs.estimate_normals, {"cloud": CLOUD, "at": None, "neighbours": None}),
+    "info": (gppcs.info, {"cloud": CLOUD}),
+    "sample": (gppcs.sample, {"name": "sphere", "n_points": 9, "noise": 0.0, "outliers": 0.0, "uneven": 0.0,
+                              "seed": 0}),
+    "from_depth": (gppcs.from_depth, {"depth": [[1.0, 2.0]], "intrinsics": (1.0, 1.0, 0.0, 0.0), "colour": None,
+                                      "scale": 1.0, "nearest": 0.0, "farthest": math.inf}),
+    "figures_of": (gppcs.figures_of, {"report": gppcs.Report}),
+    "parameter": (gppcs.parameter, {"default": 1, "meaning": "One.", "least": None, "most": None}),
+    "read": (gppcs.read, {"path": "there.ply", "format": None}),
+    "read_mesh": (gppcs.read_mesh, {"path": "mesh.off"}),
+    "write": (gppcs.write, {"path": "new.ply", "cloud": CLOUD, "format": None, "force": True}),
+    "PointCloud": (gppcs.PointCloud, {"points": CLOUD.points, "attributes": {}, "coordinate_dtype": np.dtype("f4")}),
+    "Mesh": (gppcs.Mesh, {"vertices": np.eye(3), "faces": [[0, 1, 2]]}),
+    "Stages": (gppcs.Stages, {"listener": None}),
+    "KdTree.build": (gppcs.KdTree.build, {"points": CLOUD.points}),
+}  # fmt: skip
+PLAIN = {"Entry", "Features", "Figure", "Parameter", "Rebuilt", "Report", "Result", "Selection", "Summary"}
+
+
+def test_every_public_function_and_class_is_tried():
+    """Plain records are what our own functions return, errors and protocols are no functions."""
+    kinds = {name for name in gppcs.__all__ if callable(value := getattr(gppcs, name))
+             and not (isinstance(value, type) and issubclass(value, Exception | gppcs.Method))}  # fmt: skip
+    assert kinds - PLAIN - {"Listener"} == {name.split(".")[0] for name in CALLS}
+
+
+@pytest.mark.parametrize(
+    ("name", "argument"), [(name, argument) for name, (_, usual) in CALLS.items() for argument in usual]
+)
+def test_arguments_of_wrong_types_give_our_errors(name, argument, tmp_path, monkeypatch):
+    """A value that is fine after all gives a result; all else is one line that says what was found."""
+    monkeypatch.chdir(tmp_path)
+    gppcs.write("there.ply", CLOUD)
+    (tmp_path / "mesh.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
+    function, usual = CALLS[name]
+    if name == "read_mesh":
+        pytest.importorskip("pymeshlab")
+    function(**usual)
+    refused = 0
+    found = "expected"
+    for value in WRONG:
+        try:
+            function(**{**usual, argument: value})
+        except OURS as error:
+            refused += 1
+            found = str(error)
+        except OSError:
+            assert argument == "path"  # a name of a file that is not there
+        except AssertionError:
+            raise
+        except Exception as error:
+            raise AssertionError(f"{name}({argument}={value!r}) raised {error!r}") from error
+        assert "expected" in found or "there is no method" in found
+        assert "\n" not in found
+    assert refused > len(WRONG) / 2
