@@ -17,7 +17,6 @@ from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
 
-import numba
 import numpy as np
 
 import clouds
@@ -185,8 +184,8 @@ def main() -> None:
         "--to", type=Path, default=report.HERE / "results", metavar="FOLDER", help="folder of the results"
     )
     given = parser.parse_args()
-    # as many cores as Numba has threads: some packages start a thread for each core
-    os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: numba.config.NUMBA_NUM_THREADS])
+    # as many cores as gppcs uses threads: some packages start a thread for each core
+    os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: number_of_threads()])
     for method in METHODS:
         gppcs.simplify(gppcs.sample("bracket", n_points=6_000), ratio=0.1, method=method)  # compiles, in this process
     done: list[Measured] = []

@@ -44,7 +44,7 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
     original.points.flags.writeable = False  # like memory-mapped arrays; another type for Numba
     info(PointCloud(original.points))
     simplify(original.points, ratio=0.5, method="random")
-    folders = {kernel.stats.cache_path for kernel in _loaded()}
+    folders = {path for kernel in _loaded() if (path := kernel.stats.cache_path)}
     return sum(map(_compilations, _loaded())) - before, sorted(folders)
 
 

@@ -18,7 +18,7 @@ from gppcs.evaluation.report import Report
 from gppcs.methods import METHODS, Method
 from gppcs.simplification import Result, simplify
 
-PREPARATION_POINTS = 6_000  # least number of points of the run that compiles kernels, so that it reaches each stage
+PREPARATION_POINTS = 20_000  # points of the run that compiles kernels: enough for several parts that choose at once
 
 
 @dataclass(frozen=True)

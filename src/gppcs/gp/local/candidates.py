@@ -88,6 +88,27 @@ def nested_candidates(
         target = -(-target // 2)
 
 
+def corrected_area(points: NDArray[np.float64], n_points: int, area: float, density: float) -> float:
+    """Return an estimate of the area of the surface, doubled or halved until the number of occupied cells fits it.
+
+    Parameters
+    ----------
+    points : (N, 3) array
+        All points, or a sample with several points in a cell.
+    n_points : int
+        M, the number of points to keep.
+    area : float
+        The estimate, in squared units of the points.
+    density : float
+        Number of cells in a square whose side is the target spacing.
+
+    Returns
+    -------
+    float
+    """
+    return _thinned(points, n_points, area, density, np.zeros(len(points), dtype=np.float32))[0]
+
+
 def _thinned(
     points: NDArray[np.float64], target: int, area: float, density: float, sharpness: NDArray[np.float32]
 ) -> tuple[float, NDArray[np.int64]]:

@@ -11,7 +11,15 @@ from numpy.typing import NDArray
 from gppcs.gp.local.choice import TAKEN, Choice, begin_choice
 from gppcs.gp.local.conditioning import condition
 from gppcs.gp.local.kernel import LocalField
-from gppcs.gp.local.parts import Parts, choose_in_parts, choose_one_by_one, divide, number_of_parts
+from gppcs.gp.local.parts import (
+    Chosen,
+    Parts,
+    choose_all_above,
+    choose_one_by_one,
+    chosen_by,
+    divide,
+    number_of_parts,
+)
 from gppcs.gp.local.posterior import posterior, sites_of
 from gppcs.spatial.kdtree import KdTree
 
@@ -61,30 +69,24 @@ def extend(
     scores[chosen] = TAKEN
     choice = begin_choice(field, tree, sites, conditioning, variances, scores)
     wanted = n_points - len(chosen)
-    parts = divide(choice, number_of_parts(len(sites), len(chosen), tree.leaves, neighbours))
-    if len(parts.counts) == 1:
-        choose_one_by_one(field, error_weight, TAKEN, wanted, choice, parts)
+    whole, count = divide(choice, 1), number_of_parts(len(sites), len(chosen), tree.leaves, neighbours)
+    if count == 1:
+        choose_one_by_one(wanted, field, error_weight, choice, whole)
+        added = chosen_by(whole)
     else:
-        _choose_by_levels(field, error_weight, len(chosen), wanted, choice, parts)
-    slots = _chosen_slots(parts)
-    if len(parts.counts) > 1:  # in the order of one after another
-        slots = slots[np.argsort(-parts.scores[slots], kind="stable")][:wanted]
-    extended = np.concatenate([chosen, parts.positions[slots]])
-    return extended, parts.scores[slots], np.sqrt(parts.variances[slots])
+        added = _choose_by_levels(wanted, len(chosen), field, error_weight, choice, divide(choice, count), whole)
+    return np.concatenate([chosen, added.positions]), added.scores, np.sqrt(added.variances)
 
 
 def _choose_by_levels(
-    field: LocalField, error_weight: float, chosen: int, wanted: int, choice: Choice, parts: Parts
-) -> None:
-    """Let the parts choose at least `wanted` points: level by level, until those below the last one are not wanted."""
+    wanted: int, chosen: int, field: LocalField, error_weight: float, choice: Choice, parts: Parts, rest: Parts
+) -> Chosen:
+    """Choose the `wanted` best points, level by level, after `chosen` others; parts as in `choose_all_above`."""
     level = float(choice.best[1])
-    while (taken := int(parts.counts.sum())) < wanted:
+    while (taken := int(parts.counts.sum() + rest.counts.sum())) < wanted:
         step = ((chosen + taken) / (chosen + SPARE * wanted)) ** FALL
         level = min(level, float(choice.best[1])) * max(STEP, step)
-        choose_in_parts(field, error_weight, level, choice, parts)
-
-
-def _chosen_slots(parts: Parts) -> NDArray[np.int64]:
-    """Return where the chosen points of all parts are, part by part."""
-    n, count = len(parts.positions), len(parts.counts)
-    return np.concatenate([n * part // count + np.arange(chosen) for part, chosen in enumerate(parts.counts)])
+        choose_all_above(level, field, error_weight, choice, parts, rest)
+    added = Chosen._make(map(np.concatenate, zip(chosen_by(parts), chosen_by(rest), strict=True)))
+    best = np.argsort(-added.scores, kind="stable")[:wanted]
+    return Chosen._make(values[best] for values in added)

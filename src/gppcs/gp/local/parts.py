@@ -137,22 +137,73 @@ def _find_neighbours(boxes, near):
             near[a, b] = a != b and squared <= reach * 0.5 * (boxes[count + a, 7] + boxes[count + b, 7])
 
 
-def choose_in_parts(field: LocalField, error_weight: float, level: float, choice: Choice, parts: Parts) -> None:
-    """Choose all points with a score of at least `level`."""
+class Chosen(NamedTuple):
+    """Chosen points: positions in tree order, and scores and variances when they were chosen; (m,) each."""
+
+    positions: NDArray[np.int64]
+    scores: NDArray[np.float64]
+    variances: NDArray[np.float64]
+
+
+def chosen_by(parts: Parts) -> Chosen:
+    """Return what the parts have chosen, part by part.
+
+    Parameters
+    ----------
+    parts : Parts
+
+    Returns
+    -------
+    Chosen
+    """
+    n, count = len(parts.positions), len(parts.counts)
+    slots = np.concatenate([n * part // count + np.arange(chosen) for part, chosen in enumerate(parts.counts)])
+    return Chosen(parts.positions[slots], parts.scores[slots], parts.variances[slots])
+
+
+def choose_all_above(
+    level: float, field: LocalField, error_weight: float, choice: Choice, parts: Parts, rest: Parts
+) -> None:
+    """Choose all points with a score of at least `level`.
+
+    Parameters
+    ----------
+    level : float
+    field : LocalField
+        In tree order.
+    error_weight : float
+        w, the weight of the error in the score.
+    choice : Choice
+    parts : Parts
+    rest : Parts
+        A single part, the whole. It takes what the parts leave in doubt.
+    """
     count = len(parts.counts)
     while True:
         on_ranges(_hear, count, field, error_weight, choice, parts)
         parts.told[:] = parts.counts
-        on_ranges(_choose_in_parts, count, field, error_weight, level, choice, parts)
-        if (parts.counts - parts.told).sum() < FEW * count:
+        on_ranges(_choose, count, level, len(choice.sites), field, error_weight, choice, parts)
+        if (parts.counts - parts.told).sum() < count:
             break
     on_ranges(_hear, count, field, error_weight, choice, parts)
-    renew_upper(choice, count)
-    choose_one_by_one(field, error_weight, level, len(choice.sites), choice, parts)
     parts.told[:] = parts.counts
+    renew_upper(choice, count)
+    _choose(0, 1, level, len(choice.sites), field, error_weight, choice, rest)
 
 
-FEW = 1
+def choose_one_by_one(n_points: int, field: LocalField, error_weight: float, choice: Choice, whole: Parts) -> None:
+    """Choose some points, one after another; parameters as in `choose_all_above`.
+
+    Parameters
+    ----------
+    n_points : int
+    field : LocalField
+    error_weight : float
+    choice : Choice
+    whole : Parts
+        A single part.
+    """
+    _choose(0, 1, TAKEN, n_points, field, error_weight, choice, whole)
 
 
 @kernel
@@ -181,15 +232,15 @@ def _hear(begin, end, field, error_weight, choice, parts):
 
 
 @kernel
-def _choose_in_parts(begin, end, field, error_weight, level, choice, parts):
-    """Let some parts choose their points with a score of at least `level`, one after another."""
+def _choose(begin, end, level, most, field, error_weight, choice, parts):
+    """Let some parts choose their points with a score of at least `level`, at most so many each."""
     count = len(parts.counts)
     room = room_below(choice, count)
     doubtful = np.empty(len(room.changed), dtype=np.int64)
     scores = np.empty(len(doubtful), dtype=np.float64)
     for part in range(begin, end):
         root, doubts = count + part, 0
-        while choice.best[root] >= level and choice.best[root] > TAKEN:
+        while choice.best[root] >= level and choice.best[root] > TAKEN and parts.counts[part] < most:
             new = choice.position[choice.holder[root]]
             if _in_doubt(new, choice.best[root], part, doubtful[:doubts], field.normal_weight, choice, parts):
                 doubtful[doubts], scores[doubts] = new, choice.best[root]
@@ -200,19 +251,6 @@ def _choose_in_parts(begin, end, field, error_weight, level, choice, parts):
                 observe(new, root, field, error_weight, choice, room)
         for doubt in range(doubts):
             set_score(choice, root, doubtful[doubt], scores[doubt])
-
-
-@kernel
-def choose_one_by_one(field, error_weight, level, most, choice, parts):
-    """Choose points with a score of at least `level` one after another, at most so many in all parts."""
-    count = len(parts.counts)
-    room = room_below(choice, 1)
-    taken = np.sum(parts.counts)
-    while taken < most and choice.best[1] >= level and choice.best[1] > TAKEN:
-        new = choice.position[choice.holder[1]]
-        _take(new, leaf_and_column(choice, new)[0] * count // len(choice.leaves), choice, parts)
-        observe(new, 1, field, error_weight, choice, room)
-        taken += 1
 
 
 @kernel

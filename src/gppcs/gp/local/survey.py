@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.stages import Stages
+from gppcs.gp.local.candidates import corrected_area
 from gppcs.gp.local.density import ROUNDING
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
@@ -26,7 +27,7 @@ class Survey(NamedTuple):
     Attributes
     ----------
     area : float
-        Area of the surface.
+        Area of the surface, corrected by the number of occupied cells.
     noise : Noise
     sharpness : (N,) array, float32
         Surface variation within the edge length of a candidate's cell. It is 0 where there is noise, where it was not
@@ -58,7 +59,7 @@ def survey(points: NDArray[np.float64], n_points: int, density: float, clock: St
     """
     with clock("tree"):
         tree, sampled = sampled_tree(points, n_points)
-        area = surface_area(tree)
+        area = corrected_area(points[sampled], n_points, surface_area(tree), density)
     with clock("noise"):
         noise = Noise.measure(tree, n_points, math.sqrt(area / n_points))
     with clock("candidates"):

@@ -1,0 +1,165 @@
+"""Measure what the engine costs: threads on an idle and on a busy machine, a first run, and many points kept.
+
+Runs on Linux only.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+import clouds
+import gppcs
+import report
+from gppcs.engine.memory import peak_memory
+from gppcs.engine.threads import number_of_threads
+
+DRAGON = report.DATA / "dragon.ply"
+REPEATS = 7
+COMPILES = """
+import sys, time
+import gppcs
+from gppcs.app.compilation import compile_method
+from gppcs.engine.compiling import seconds
+from numba.core import event
+heard = []
+class Listener(event.Listener):
+    def on_start(self, event): pass
+    def on_end(self, event): heard.append(event.data["dispatcher"].py_func.__module__)
+event.register("numba:compile", Listener())
+compile_method(sys.argv[1])
+print(sum(name.startswith("gppcs") for name in heard), seconds())
+"""
+NOTES = (
+    "Seconds are wall time with compiled kernels, the least of 7 runs; one thread and all take turns. Busy means that "
+    "an endless loop runs beside them on each core.",
+    "A first run compiles all kernels of a method, in a process of its own, with an empty folder for compiled code.",
+    "Many points kept: one run, in a process of its own; the peak includes the input and Python itself.",
+)
+
+
+@contextmanager
+def endless_loops() -> Iterator[None]:
+    """Keep every core busy."""
+    loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(number_of_threads())]
+    try:
+        yield
+    finally:
+        for loop in loops:
+            loop.kill()
+            loop.wait()
+
+
+def least_times(points: clouds.Array, n_points: int) -> dict[int, float]:
+    """Return the least seconds of gp by number of threads."""
+    times: dict[int, list[float]] = {1: [], number_of_threads(): []}
+    for _ in range(REPEATS):
+        for threads, seconds in times.items():
+            gppcs.set_threads(threads)
+            start = perf_counter()
+            gppcs.simplify(points, n_points=n_points)
+            seconds.append(perf_counter() - start)
+    gppcs.set_threads(None)
+    return {threads: min(seconds) for threads, seconds in times.items()}
+
+
+def thread_table() -> report.Section:
+    """Return the table of one thread and all, on an idle and on a busy machine."""
+    inputs = {
+        "medallion, 100,000 points to 4,000": (gppcs.sample("medallion", n_points=100_000).points, 4_000),
+        "medallion, 5,000,000 points to 28,000": (gppcs.sample("medallion", n_points=5_000_000).points, 28_000),
+    }
+    if DRAGON.exists():
+        points = gppcs.read(DRAGON).points
+        inputs["Dragon, 437,645 points to 13,129"] = (points, 13_129)
+    rows, threads = [], number_of_threads()
+    for name, (points, n_points) in inputs.items():
+        print(name, file=sys.stderr)
+        idle = least_times(points, n_points)
+        with endless_loops():
+            busy = least_times(points, n_points)
+        cells = (f"{each[1]:.3f}|{each[threads]:.3f}|{each[1] / each[threads]:.2f}" for each in (idle, busy))
+        rows.append([name, *"|".join(cells).split("|")])
+    several = f"{threads} threads"
+    return report.Section(
+        "gp with one thread and with all, seconds",
+        ["job", "idle, 1 thread", f"idle, {several}", "times as fast", "busy, 1 thread", f"busy, {several}",
+         "times as fast"],
+        rows,
+    )  # fmt: skip
+
+
+def first_run_table() -> report.Section:
+    """Return the table of the compilation of each method."""
+    rows = []
+    for method in gppcs.METHODS:
+        print(f"first run of {method}", file=sys.stderr)
+        with tempfile.TemporaryDirectory() as folder:
+            words = [sys.executable, "-c", COMPILES, method]
+            printed = subprocess.run(
+                words, env={**os.environ, "NUMBA_CACHE_DIR": folder}, capture_output=True, text=True, check=True
+            ).stdout
+        kernels, seconds = printed.split()
+        rows.append([method, kernels, f"{float(seconds):.1f}"])
+    return report.Section("First run", ["method", "kernels compiled", "seconds of compilation"], rows)
+
+
+def warm_start() -> report.Section:
+    """Return the table of a whole process that simplifies a file, with compiled kernels."""
+    with tempfile.TemporaryDirectory() as folder:
+        source, target = Path(folder) / "scan.ply", Path(folder) / "small.ply"
+        gppcs.write(source, gppcs.sample("medallion", n_points=400_000))
+        words = [
+            str(Path(sys.executable).with_name("gppcs")),
+            "simplify",
+            str(source),
+            "-o",
+            str(target),
+            "--ratio",
+            "0.03",
+            "--force",
+        ]
+        seconds = report.least_time(lambda: subprocess.run(words, check=True, capture_output=True))
+    return report.Section(
+        "A whole process, warm",
+        ["command", "seconds"],
+        [["gppcs simplify, 400,000 points to 12,000", f"{seconds:.2f}"]],
+    )
+
+
+def keep_many() -> list[str]:
+    """Return a row: seconds of 10 million points to 1 million, by stage, and the peak memory."""
+    gppcs.simplify(gppcs.sample("bracket", n_points=6_000), ratio=0.1)  # loads the kernels
+    points = gppcs.sample("medallion", n_points=10_000_000).points
+    Path("/proc/self/clear_refs").write_text("5")  # resets the peak of memory
+    start = perf_counter()
+    result = gppcs.simplify(points, n_points=1_000_000)
+    seconds = perf_counter() - start
+    assert len(np.unique(result.indices)) == 1_000_000
+    stages = ", ".join(f"{stage} {value:.1f}" for stage, value in result.seconds.items() if value >= 0.05)
+    return [f"{seconds:.1f}", stages, f"{(peak_memory() or 0) / 1e9:.2f}"]
+
+
+def main() -> None:
+    """Print the tables and write them."""
+    sections = [first_run_table(), warm_start(), thread_table()]
+    with ProcessPoolExecutor(1, get_context("spawn")) as process:
+        row = process.submit(keep_many).result()
+    sections.append(
+        report.Section("gp, 10 million points of the medallion to 1 million", ["seconds", "stages", "peak GB"], [row])
+    )
+    report.write_sections("engine", "What the engine costs", sections, [DRAGON] if DRAGON.exists() else [], NOTES)
+
+
+if __name__ == "__main__":
+    main()

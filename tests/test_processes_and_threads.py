@@ -1,0 +1,72 @@
+"""All ways to run several simplifications at once give the bits of a single call."""
+
+import multiprocessing
+import sys
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import gppcs
+
+RUNS = 4
+CONTEXTS = [each for each in ("fork", "spawn", "forkserver") if each in multiprocessing.get_all_start_methods()]
+# From Python 3.12 on, a fork beside other threads gives this warning.
+FORKS = pytest.mark.filterwarnings("ignore:This process.*is multi-threaded:DeprecationWarning")
+
+
+def points():
+    """Enough points for several threads and parts."""
+    return gppcs.sample("fan", n_points=60_000).points
+
+
+def indices(run):
+    """What one run chooses; `run` is its number."""
+    gppcs.set_threads(2)
+    return gppcs.simplify(points(), n_points=3_000).indices
+
+
+@pytest.fixture(scope="module")
+def expected():
+    """The choice of one call in this process, after which its helping threads exist."""
+    return indices(0)
+
+
+@pytest.fixture(autouse=True)
+def default_threads():
+    yield
+    gppcs.set_threads(None)
+
+
+def assert_all_equal(results, expected):
+    results = list(results)
+    assert len(results) == RUNS
+    for result in results:
+        np.testing.assert_array_equal(result, expected)
+
+
+@FORKS
+@pytest.mark.parametrize("method", CONTEXTS)
+def test_pools_of_processes(method, expected):
+    context = multiprocessing.get_context(method)
+    with context.Pool(2) as pool:
+        assert_all_equal(pool.map_async(indices, range(RUNS)).get(timeout=300), expected)
+    with ProcessPoolExecutor(2, context) as pool:
+        assert_all_equal(pool.map(indices, range(RUNS), timeout=300), expected)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="takes long to start there")
+def test_joblib(expected):
+    joblib = pytest.importorskip("joblib")
+    results = joblib.Parallel(n_jobs=2, timeout=300)(joblib.delayed(indices)(run) for run in range(RUNS))
+    assert_all_equal(results, expected)
+
+
+def test_threads(expected):
+    cloud = points()
+    gppcs.set_threads(2)
+    with ThreadPoolExecutor(8) as pool:
+        runs = [pool.submit(gppcs.simplify, cloud, n_points=3_000) for _ in range(2 * RUNS)]
+        results = [run.result(timeout=300).indices for run in runs]
+    assert_all_equal(results[:RUNS], expected)
+    assert_all_equal(results[RUNS:], expected)
