@@ -220,7 +220,7 @@ def test_the_most_uneven_scan_has_the_points_asked_for(name):
         ({"uneven": -0.5}, "uneven from 0 to below 1, found -0.5"),
         ({"uneven": 1 - 1e-12}, "uneven of at most 0.999, found 0.999999999999"),
         ({"uneven": float(np.nextafter(1, 0))}, "uneven of at most 0.999, found 0.99999999999999"),
-        ({"n_points": 10**400}, "at most 1,000,000,000,000 points, found 10000"),
+        ({"n_points": 10**400}, "at most 100,000,000,000,000,000 points, found 10000"),
         ({"seed": -1}, "seed to be a whole number from 0 on, found -1"),
     ],
 )

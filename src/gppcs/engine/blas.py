@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from threadpoolctl import threadpool_limits
 
 _lock = threading.RLock()
+_inside = False  # whether the Python thread that holds the lock has limited the threads
 
 
 @contextmanager
@@ -19,14 +20,23 @@ def one_blas_thread() -> Iterator[None]:
     The number of threads belongs to the whole process, and only the Python thread that has changed it can restore it.
     So such blocks of several Python threads run one after another. Keep them short.
     """
-    with _lock, threadpool_limits(1, user_api="blas"):
-        yield
+    global _inside
+    with _lock:
+        if _inside:  # a block within a block of the same Python thread; to look for the libraries takes a millisecond
+            yield
+            return
+        with threadpool_limits(1, user_api="blas"):
+            _inside = True
+            try:
+                yield
+            finally:
+                _inside = False
 
 
 def _unlock() -> None:
-    """Replace the lock in a forked process: the thread that held it may be gone."""
-    global _lock
-    _lock = threading.RLock()
+    """Start anew in a forked process: the thread that held the lock may be gone."""
+    global _lock, _inside
+    _lock, _inside = threading.RLock(), False
 
 
 if hasattr(os, "register_at_fork"):  # not on Windows

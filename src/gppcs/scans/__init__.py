@@ -18,7 +18,7 @@ __all__ = ["SCANS", "Patch", "Scan", "SurfacePoints", "sample"]
 SCANS: dict[str, Scan] = {"medallion": MEDALLION, "bracket": BRACKET, "fan": FAN, "sphere": SPHERE}
 
 BATCH = 32_768  # points drawn at once: few enough for their derivatives to stay in the CPU cache
-MOST_POINTS = 10**12  # more than any memory holds
+MOST_POINTS = 10**17  # the size of an array of more is beyond the range of its numbers
 MOST_UNEVEN = 0.999  # of the points drawn, about the root of the rest to 1 is kept: here one in 32
 OUTLIER_BOX = 1.5  # edge lengths of the box of outliers, relative to those of the scan's bounding box
 OUTLIER_GREY = 128  # red, green and blue of outliers

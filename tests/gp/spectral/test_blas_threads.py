@@ -52,6 +52,7 @@ def digests(threads):
     return run.stdout.splitlines()
 
 
+@pytest.mark.slow
 def test_one_thread_or_two_give_the_same_bits():
     one, two = digests(1), digests(2)
     assert len(one) == 6

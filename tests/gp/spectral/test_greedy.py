@@ -91,7 +91,7 @@ def test_after_13000_updates_the_posterior_equals_one_computed_anew(k_init, nois
         states[:] = [mean, covariance]
 
     monkeypatch.setattr(greedy, "_choose", listening)
-    indices, _ = greedy.select(phi, y, noise, np.arange(k_init), n_points)
+    indices, _ = greedy.select(phi, y, noise, np.arange(k_init), n_points, k_add=20)  # fewer scans, as many updates
     anew = Posterior.given(phi[indices], y[indices], noise)
     mean, covariance = states
     np.testing.assert_allclose(mean, anew.mean, rtol=1e-8)
@@ -99,12 +99,3 @@ def test_after_13000_updates_the_posterior_equals_one_computed_anew(k_init, nois
     found, expected = Posterior(mean, covariance).predict(phi), anew.predict(phi)
     np.testing.assert_allclose(found[0], expected[0], rtol=1e-8)
     np.testing.assert_allclose(found[1], expected[1], rtol=1e-8)
-
-
-def test_the_order_from_one_observation_on_is_that_of_posteriors_computed_anew():
-    """Little noise: updates alone lose so many digits within the first points that they choose others."""
-    rng = np.random.default_rng(1)
-    phi = 100 * rng.standard_normal((600, 60))
-    y = phi @ rng.standard_normal(60)
-    indices, _ = greedy.select(phi, y, 1e-6, np.array([0]), 300)
-    np.testing.assert_array_equal(indices, dense.greedy(phi, y, 1e-6, np.array([0]), 300, 1))

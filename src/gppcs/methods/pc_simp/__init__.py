@@ -47,7 +47,7 @@ class PCSimp(Method):
         "unit of length. Here feature strengths are divided by the squared spacing: the median over all points of the "
         "mean squared distance to their neighbours. With values above about 10, 1000 iterations may not be enough; "
         'check "gap".',
-        least=1e-6,
+        least=1e-12,
         most=1e6,
     )
     tolerance: float = parameter(
