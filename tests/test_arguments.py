@@ -17,6 +17,12 @@ WRONG += [[["a", "b", "c"]], 10**400, type]
 FLOATS = (math.inf, -math.inf, math.nan, 1e-310, -1e-310, 1e308, 10**400)
 
 
+@pytest.fixture(autouse=True)
+def default_threads():
+    yield
+    gppcs.set_threads(None)
+
+
 def fields_of_type(kind):
     return [
         pytest.param(method, name, id=f"{method.name} {name}")
@@ -108,6 +114,7 @@ CALLS = {  # a public function, and arguments with which it works
     "PointCloud": (gppcs.PointCloud, {"points": CLOUD.points, "attributes": {}, "coordinate_dtype": np.dtype("f4")}),
     "Mesh": (gppcs.Mesh, {"vertices": np.eye(3), "faces": [[0, 1, 2]]}),
     "Stages": (gppcs.Stages, {"listener": None}),
+    "set_threads": (gppcs.set_threads, {"count": None}),
     "KdTree.build": (gppcs.KdTree.build, {"points": CLOUD.points}),
 }  # fmt: skip
 PLAIN = {"Entry", "Features", "Figure", "Parameter", "Rebuilt", "Report", "Result", "Selection", "Summary"}

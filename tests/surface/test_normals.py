@@ -70,7 +70,8 @@ def test_signs_are_those_of_the_spanning_tree(n):
     points = np.ascontiguousarray(tree.points.T)
     normals, near = np.ascontiguousarray(fit_quadrics(tree, tree, 16).normals.T), tree.neighbours(8)[0]
     pieces, signs, doubts = plain_signs(points, normals, near)
-    found_doubts = module._doubts(points, normals, near)
+    found_doubts = np.empty(near.shape, dtype=np.float32)
+    module._doubt(0, len(points), points, normals, near, found_doubts)
     np.testing.assert_allclose(found_doubts, doubts, atol=1e-6)
     edges = np.argsort(doubts, axis=None, kind="stable")
     found_pieces, found_signs = module._signs(edges, points, normals, near)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import sys
-from io import TextIOWrapper
 
 from gppcs.app import stopping
 
@@ -23,8 +22,6 @@ def main() -> None:
     stopping.catch_signals()
     try:
         gc.set_threshold(GC_THRESHOLD)
-        if isinstance(sys.stdout, TextIOWrapper):
-            sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may not show all characters of file names
         from gppcs.app.program import run
 
         code = run(sys.argv[1:])

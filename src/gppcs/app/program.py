@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import logging
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from io import TextIOWrapper
 from typing import Annotated
 
 import typer
@@ -59,6 +61,8 @@ def run(arguments: Sequence[str]) -> int:
     int
         The exit code: 0 for success, 2 after an error, which is printed as one line on stderr.
     """
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may not show all characters of file names
     try:
         with _log_on_stderr():
             code = app(list(arguments) or ["--help"], standalone_mode=False)
