@@ -5,8 +5,6 @@ from __future__ import annotations
 import sys
 from time import perf_counter
 
-from gppcs.engine.kernel_cache import are_kept
-
 NOTICE = "compiling its kernels, once on this machine; this can take a minute"
 PASSING_NOTICE = (
     "compiling its kernels, for this run only, since neither its folder nor the user's cache folder can be "
@@ -47,6 +45,8 @@ def compilation_started() -> None:
     """Note that the compilation of a kernel starts, and tell of the first one in this process."""
     global _told
     if not _told:
+        from gppcs.engine.kernel_cache import are_kept  # only now, as it slows the start
+
         _told = True
         _tell(NOTICE if are_kept() else PASSING_NOTICE)
     _clock.start()

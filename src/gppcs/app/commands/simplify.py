@@ -24,7 +24,6 @@ from gppcs.app.printing import (
     tell,
 )
 from gppcs.app.viewpoint import Up, View, viewpoint_of
-from gppcs.engine import kernel_cache
 from gppcs.engine.memory import peak_memory
 from gppcs.engine.stages import COMPILATION
 from gppcs.engine.threads import set_threads
@@ -267,12 +266,13 @@ class _Run:
     def print(self) -> None:
         """Print the run as a table."""
         from gppcs.app.console import print_table
+        from gppcs.engine.kernel_cache import are_kept
 
         seconds = dict(self.result.seconds)
         total = f"{sum(seconds.values()):.2f}"
         if compilation := seconds.pop(COMPILATION, 0.0):
             total += f", of which {compilation:.2f} compiling kernels"
-            total += ", this time only" if kernel_cache.are_kept() else ""
+            total += ", this time only" if are_kept() else ""
         print_table(
             f"{self.source} → {self.target}",
             {

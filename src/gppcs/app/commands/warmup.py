@@ -8,7 +8,6 @@ import typer
 
 from gppcs import __version__
 from gppcs.app.printing import Json, print_json
-from gppcs.engine import kernel_cache
 from gppcs.errors import OutputError
 
 EPILOG = "[bold]Example[/bold]\n\ngppcs warmup"
@@ -23,10 +22,11 @@ def warmup(as_json: Json = False) -> None:
     """
     from gppcs.app.compilation import compile_all
     from gppcs.app.console import ProgressBar
+    from gppcs.engine.kernel_cache import are_kept
     from gppcs.engine.stages import Stages
     from gppcs.methods import METHODS
 
-    if not kernel_cache.are_kept():
+    if not are_kept():
         raise OutputError(
             "expected a folder to keep compiled kernels in, but neither that of gppcs nor the user's cache folder can "
             "be written; set NUMBA_CACHE_DIR to a folder that can"
