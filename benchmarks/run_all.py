@@ -46,7 +46,6 @@ class Script:
 SCRIPTS = (
     Script("quality.py", "quality", ("pymeshlab",), ("--jobs", "2")),
     Script("main_job.py", "main_job", ("jakteristics",)),
-    Script("engine.py", "engine"),
     Script("speed.py", "speed", ("matplotlib",)),
     Script("lidar.py", "lidar"),
     Script("why_not_voxels.py", "why_not_voxels", ("pymeshlab", "matplotlib", "pyvista")),
