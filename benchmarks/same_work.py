@@ -205,7 +205,7 @@ def versions() -> str:
 def compared() -> report.Section:
     """Return the table of all pairs, each with the number of threads that the rival can use."""
     points = gppcs.read(DRAGON).points
-    most = number_of_threads()  # starts the threads: after the import of Open3D, its TBB is too old for Numba
+    most = number_of_threads()
     rows = []
     for work, ours, rival in pairs(points):
         print(f"{work} beside {rival.name}", file=sys.stderr)

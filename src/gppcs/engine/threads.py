@@ -37,7 +37,7 @@ class _Helpers:
             while self.count < helpers:
                 threading.Thread(target=self._serve, name="gppcs", daemon=True).start()
                 self.count += 1
-        for _ in range(helpers):
+        for _ in range(min(helpers, self.count)):  # work that nobody takes would hold its arrays in memory
             self.queue.put(work)
 
     def _serve(self) -> None:

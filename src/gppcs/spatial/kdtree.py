@@ -165,20 +165,8 @@ class KdTree(ComparedByValue):
         squared : (Q, k) array, float64
             Squared distances.
         """
-        indices = np.empty((len(queries), k), dtype=np.int64)
-        squared = np.empty((len(queries), k), dtype=np.float64)
-        on_ranges(
-            _nearest_of_all,
-            len(queries),
-            self.points,
-            self.low,
-            self.high,
-            queries,
-            indices,
-            squared,
-            least=QUERIES_AT_ONCE,
-        )
-        return self.order[indices], squared
+        positions, squared = self._nearest_positions(queries, k)
+        return self.order[positions], squared
 
     def neighbours(self, k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Find the k other points nearest to each point of the tree, which must have no repeats.
@@ -195,13 +183,17 @@ class KdTree(ComparedByValue):
         squared : (N, k) array, float64
             Squared distances.
         """
-        positions = np.empty((len(self.order), k + 1), dtype=np.int64)
-        squared = np.empty((len(self.order), k + 1), dtype=np.float64)
+        positions, squared = self._nearest_positions(self.points.T, k + 1)
+        return positions[:, 1:], squared[:, 1:]  # the first is the point itself
+
+    def _nearest_positions(self, queries: NDArray[np.float64], k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return positions in tree order of the k points nearest each query, nearest first, and squared distances."""
+        positions, squared = np.empty((len(queries), k), dtype=np.int64), np.empty((len(queries), k))
         on_ranges(
-            _nearest_of_all, len(positions), self.points, self.low, self.high, self.points.T, positions, squared,
+            _nearest_of_all, len(queries), self.points, self.low, self.high, queries, positions, squared,
             least=QUERIES_AT_ONCE,
         )  # fmt: skip
-        return positions[:, 1:], squared[:, 1:]  # the first is the point itself
+        return positions, squared
 
 
 @kernel(inline="always")

@@ -182,7 +182,7 @@ def variation_in_radius(tree: KdTree, radius: float) -> NDArray[np.float64]:
 def _measure_in_radius(tree: KdTree, radius: float, features: Features) -> None:
     """Fill the features; normals and numbers of neighbours only if their arrays are not empty."""
     moments = np.empty((0, MOMENTS))
-    groups = max(1, len(tree.low) // 2 // LEAVES_PER_GROUP)
+    groups = max(1, tree.leaves // LEAVES_PER_GROUP)
     level = slice(groups, 2 * groups)
     # Nodes count as a whole only if some group of leaves is smaller than the balls.
     if (tree.high[level] - tree.low[level]).max(axis=1).min() <= 2.0 * radius:

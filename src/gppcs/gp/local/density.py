@@ -89,7 +89,7 @@ def graded(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArray
     (N,) array
         In tree order.
     """
-    n, leaves = len(spacings), first_leaf(tree.low)
+    n, leaves = len(spacings), tree.leaves
     in_leaf = max(1, round(n / leaves / GROUP_SIZE))
     leaf, part = np.divmod(np.arange(leaves * in_leaf), in_leaf)
     begin, end = n * leaf // leaves, n * (leaf + 1) // leaves

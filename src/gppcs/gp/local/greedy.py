@@ -14,8 +14,8 @@ from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.parts import (
     Chosen,
     Parts,
+    choose,
     choose_all_above,
-    choose_one_by_one,
     chosen_by,
     divide,
     number_of_parts,
@@ -38,8 +38,10 @@ def extend(
     gain g = sigma^2 / (sigma^2 + nu): it lowers the variance by g sigma^2 and moves the mean by g (y - mu). The score
     is sqrt(g) sigma + w g |mu - y|. Without noise and with w = 1 this is the paper's s = sqrt(diag Sigma) + |mu - y|.
 
-    The choice is exact. A posterior changes only if the new point is among the nearest on which the point is
-    conditioned, and a node of the tree is skipped only if this holds for none of its points.
+    The scores are exact. A posterior changes only if the new point is among the nearest on which the point is
+    conditioned, and a node of the tree is skipped only if this holds for none of its points. Many points are chosen by
+    parts at once (`gppcs.gp.local.parts`). The order is then that of falling scores. The result is that of one choice
+    after another, unless a new point raises a score, as it may since posteriors are given only the nearest points.
 
     Parameters
     ----------
@@ -59,7 +61,7 @@ def extend(
     Returns
     -------
     chosen : (n_points,) array
-        `chosen`, continued. Of equal scores the smallest index in the tree's input wins.
+        `chosen`, continued. Of equal scores in one part, the smallest index in the tree's input wins.
     scores, deviations : (n_points - m,) arrays
         Score and sigma of each new point when it was chosen.
     """
@@ -71,7 +73,7 @@ def extend(
     wanted = n_points - len(chosen)
     whole, count = divide(choice, 1), number_of_parts(len(sites), len(chosen), tree.leaves, neighbours)
     if count == 1:
-        choose_one_by_one(wanted, field, error_weight, choice, whole)
+        choose(0, 1, TAKEN, wanted, field, error_weight, choice, whole)
         added = chosen_by(whole)
     else:
         added = _choose_by_levels(wanted, len(chosen), field, error_weight, choice, divide(choice, count), whole)

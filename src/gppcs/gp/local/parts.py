@@ -32,7 +32,7 @@ from gppcs.gp.local.choice import (
     within_reach,
 )  # fmt: skip
 from gppcs.gp.local.kernel import LocalField, field_distance
-from gppcs.spatial.kdtree import LEAF_SIZE, leaf_range
+from gppcs.spatial.kdtree import LEAF_SIZE, leaf_range, squared_distance_of_boxes
 
 POINTS = 4096  # Points of a part at least: with fewer, most of them are near others.
 CHOSEN_PER_NEIGHBOUR = 16  # Chosen points of a part at least, for each point that a posterior is conditioned on.
@@ -125,16 +125,9 @@ def _find_neighbours(boxes, near):
     count = len(near)
     for a in range(count):
         for b in range(count):
-            squared = 0.0
-            for axis in range(3):
-                gap = max(
-                    boxes[count + a, axis] - boxes[count + b, 3 + axis],
-                    boxes[count + b, axis] - boxes[count + a, 3 + axis],
-                    0.0,
-                )
-                squared += gap * gap
-            reach = max(boxes[count + a, 6], boxes[count + b, 6])
-            near[a, b] = a != b and squared <= reach * 0.5 * (boxes[count + a, 7] + boxes[count + b, 7])
+            one, other = boxes[count + a], boxes[count + b]
+            squared = squared_distance_of_boxes(one[:3], one[3:6], other[:3], other[3:6])
+            near[a, b] = a != b and squared <= max(one[6], other[6]) * 0.5 * (one[7] + other[7])
 
 
 class Chosen(NamedTuple):
@@ -178,32 +171,21 @@ def choose_all_above(
     rest : Parts
         A single part, the whole. It takes what the parts leave in doubt.
     """
-    count = len(parts.counts)
-    while True:
-        on_ranges(_hear, count, field, error_weight, choice, parts)
-        parts.told[:] = parts.counts
-        on_ranges(_choose, count, level, len(choice.sites), field, error_weight, choice, parts)
-        if (parts.counts - parts.told).sum() < count:
-            break
-    on_ranges(_hear, count, field, error_weight, choice, parts)
-    parts.told[:] = parts.counts
+    n, count = len(choice.sites), len(parts.counts)
+    chosen = count
+    while chosen >= count:  # with fewer, a round costs more than to choose one after another
+        _exchange(field, error_weight, choice, parts)
+        on_ranges(choose, count, level, n, field, error_weight, choice, parts)
+        chosen = int((parts.counts - parts.told).sum())
+    _exchange(field, error_weight, choice, parts)
     renew_upper(choice, count)
-    _choose(0, 1, level, len(choice.sites), field, error_weight, choice, rest)
+    choose(0, 1, level, n, field, error_weight, choice, rest)
 
 
-def choose_one_by_one(n_points: int, field: LocalField, error_weight: float, choice: Choice, whole: Parts) -> None:
-    """Choose some points, one after another; parameters as in `choose_all_above`.
-
-    Parameters
-    ----------
-    n_points : int
-    field : LocalField
-    error_weight : float
-    choice : Choice
-    whole : Parts
-        A single part.
-    """
-    _choose(0, 1, TAKEN, n_points, field, error_weight, choice, whole)
+def _exchange(field: LocalField, error_weight: float, choice: Choice, parts: Parts) -> None:
+    """Let all parts hear what their neighbours have chosen since the last time."""
+    on_ranges(_hear, len(parts.counts), field, error_weight, choice, parts)
+    parts.told[:] = parts.counts
 
 
 @kernel
@@ -232,8 +214,23 @@ def _hear(begin, end, field, error_weight, choice, parts):
 
 
 @kernel
-def _choose(begin, end, level, most, field, error_weight, choice, parts):
-    """Let some parts choose their points with a score of at least `level`, at most so many each."""
+def choose(begin, end, level, most, field, error_weight, choice, parts):
+    """Let some parts choose their points with a score of at least `level`. A single part chooses one after another.
+
+    Parameters
+    ----------
+    begin, end : int
+        The range of parts.
+    level : float
+    most : int
+        Points that each of these parts has chosen at the end, at most.
+    field : LocalField
+        In tree order.
+    error_weight : float
+        w, the weight of the error in the score.
+    choice : Choice
+    parts : Parts
+    """
     count = len(parts.counts)
     room = room_below(choice, count)
     doubtful = np.empty(len(room.changed), dtype=np.int64)

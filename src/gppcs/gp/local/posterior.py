@@ -199,15 +199,9 @@ def posterior(
     """
     found = Posterior(np.empty(len(sites)), np.empty(len(sites)), np.empty(len(sites)))
     on_ranges(
-        _posterior_everywhere,
-        len(sites),
-        field,
-        sites,
-        conditioning.nearest,
-        error_weight,
-        *found,
+        _posterior_everywhere, len(sites), field, sites, conditioning.nearest, error_weight, *found,
         least=POINTS_AT_ONCE,
-    )
+    )  # fmt: skip
     return found
 
 

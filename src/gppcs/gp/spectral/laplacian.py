@@ -160,17 +160,9 @@ def _lift(
     lifted = np.empty((len(points), functions.shape[1]), dtype=np.float64)
     count = min(LIFTING_LANDMARKS, len(landmarks))
     on_ranges(
-        _weigh_nearest,
-        len(points),
-        tree.points,
-        tree.low,
-        tree.high,
-        functions[tree.order],
-        points,
-        count,
-        lifted,
+        _weigh_nearest, len(points), tree.points, tree.low, tree.high, functions[tree.order], points, count, lifted,
         least=64,
-    )
+    )  # fmt: skip
     return lifted
 
 

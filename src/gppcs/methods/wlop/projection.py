@@ -259,7 +259,7 @@ def nearest_unused(positions: NDArray[np.float64], tree: KdTree) -> NDArray[np.i
         Indices of the points, unique. Ties go to the smallest index.
     """
     taken = np.zeros(len(tree.order), dtype=np.bool_)
-    leaves = len(tree.low) // 2
+    leaves = tree.leaves
     unused = np.zeros(2 * leaves, dtype=np.int64)
     unused[leaves:] = np.diff(np.arange(leaves + 1) * len(taken) // leaves)
     for node in range(leaves - 1, 0, -1):
