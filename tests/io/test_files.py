@@ -9,7 +9,7 @@ import pytest
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
-from gppcs.io import FORMATS, format_to_write, read, unwritten, write
+from gppcs.io import FORMATS, format_to_write, losses, read, write
 
 CLOUD = PointCloud([[1.5, 2.5, 3.5]])
 
@@ -85,18 +85,34 @@ def test_strange_names_of_attributes_are_kept_or_refused(tmp_path, suffix, name)
         assert list(read(tmp_path / f"cloud{suffix}").attributes) == [written]
 
 
-def test_what_formats_without_attributes_leave_out_is_named(tmp_path):
+@pytest.mark.parametrize("known", [known for known in FORMATS if known.write], ids=lambda known: known.name)
+def test_what_a_format_cannot_hold_is_refused_or_left_out_when_that_is_asked_for(tmp_path, known):
     cloud = PointCloud(np.zeros((2, 3)), {"nx": np.zeros(2), "label": np.zeros(2)})
-    for known in FORMATS:
-        if known.write:
-            path = tmp_path / f"cloud{known.suffixes[0]}"
-            assert unwritten(path, CLOUD) == []
-            if known.name in ("OFF", "OBJ"):
-                assert unwritten(path, cloud) == ["attribute nx", "attribute label"]
-            elif known.name != "PTS":  # refuses these
-                assert unwritten(path, cloud) == []
-                write(path, cloud)
-                assert list(read(path).attributes) == ["nx", "label"]
+    path = tmp_path / f"cloud{known.suffixes[0]}"
+    assert losses(path, CLOUD) == []
+    if known.name in ("OFF", "OBJ", "PTS"):
+        assert losses(path, cloud) == ["attribute nx (float64)", "attribute label (float64)"]
+        with pytest.raises(OutputError, match=r"cannot hold: attribute nx \(float64\), .*; choose .* --lossy"):
+            write(path, cloud)
+        assert not any(tmp_path.iterdir())
+        write(path, cloud, lossy=True)
+        assert read(path).attributes == {}
+    else:
+        assert losses(path, cloud) == []
+        write(path, cloud)
+        assert list(read(path).attributes) == ["nx", "label"]
+
+
+@pytest.mark.parametrize("known", [known for known in FORMATS if known.write], ids=lambda known: known.name)
+def test_attributes_without_numbers_are_refused_or_left_out(tmp_path, known):
+    objects = np.array([None, "b"], dtype=object)
+    cloud = PointCloud(np.zeros((2, 3)), {"thing": objects})
+    path = tmp_path / f"cloud{known.suffixes[0]}"
+    assert losses(path, cloud) == ["attribute thing (object)"]
+    with pytest.raises(OutputError, match="cannot hold: attribute thing"):
+        write(path, cloud)
+    write(path, cloud, lossy=True)
+    assert read(path).attributes == {}
 
 
 def test_importing_takes_no_compiler_along():

@@ -35,9 +35,9 @@ def test_nothing_is_left_of_a_failed_write(tmp_path, failure, existing):
 
 
 def test_a_cloud_that_breaks_off_in_mid_write_leaves_nothing(tmp_path):
-    cloud = PointCloud(CLOUD.points, {"name": np.array(["a"])})  # refused after the first line is written
-    with pytest.raises(OutputError, match="numbers in attribute 'name'"):
-        write(tmp_path / "cloud.pts", cloud)
+    cloud = PointCloud(CLOUD.points, {"\ud800": np.zeros(1)})  # refused in the middle of the file
+    with pytest.raises(OutputError, match="characters of Unicode"):
+        write(tmp_path / "cloud.npz", cloud)
     assert not any(tmp_path.iterdir())
 
 

@@ -21,6 +21,9 @@ Threads = Annotated[
     typer.Option(metavar="N", help="Number of threads. By default, as many as this process may use cores."),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files, but never an input.")]
+Lossy = Annotated[
+    bool, typer.Option("--lossy", help="Leave out what the output format cannot hold. Otherwise this is an error.")
+]
 
 Invalid = Annotated[
     Literal["error", "drop"],
@@ -97,18 +100,18 @@ def tell(error: BaseException, source: Path | None = None) -> None:
         print_error(str(error) or "not enough memory")
 
 
-def note_left_out(target: Path, names: list[str]) -> None:
-    """Print on stderr what a file that was written does not hold.
+def note_left_out(path: Path, names: list[str]) -> None:
+    """Print on stderr what was left out.
 
     Parameters
     ----------
-    target : path
-        The file.
+    path : path
+        The file that it was left out of.
     names : list of str
         What is left out. If nothing is, nothing is printed.
     """
     if names:
-        print_error(f"note: {target}: left out: {', '.join(names)}")
+        print_error(f"note: {path}: left out: {', '.join(names)}")
 
 
 def print_error(message: str) -> None:

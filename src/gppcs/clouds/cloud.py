@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gppcs.clouds.header import Header
 from gppcs.engine.equality import ComparedByValue
 from gppcs.errors import InputError, shown
 
@@ -28,12 +29,15 @@ class PointCloud(ComparedByValue):
     coordinate_dtype : numpy dtype
         The type of the coordinates in the source of the cloud. Files are written in this type, so a kept point has
         the same bits in the output as in the input.
+    header : Header, optional
+        What the file that the cloud came from says of the whole cloud, such as comments or the coordinate system. It
+        is written again to files of the same format.
 
     Raises
     ------
     InputError
-        If `points` is not a numeric (N, 3) array, `attributes` are not arrays of N rows by name, or
-        `coordinate_dtype` is no type of numbers.
+        If `points` is not a numeric (N, 3) array, `attributes` are not arrays of N rows by name, `coordinate_dtype` is
+        no type of numbers, or `header` is no header.
 
     Examples
     --------
@@ -50,6 +54,7 @@ class PointCloud(ComparedByValue):
     points: NDArray[np.float64]
     attributes: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)
     coordinate_dtype: np.dtype[np.generic] = field(default_factory=lambda: np.dtype(np.float64))
+    header: Header | None = None
 
     def __post_init__(self) -> None:
         points = _array(self.points)
@@ -82,6 +87,8 @@ class PointCloud(ComparedByValue):
         if not (np.issubdtype(kept, np.floating) or np.issubdtype(kept, np.integer)):
             raise InputError(f"expected a type of numbers as coordinate_dtype, found {kept}")
         object.__setattr__(self, "coordinate_dtype", kept)
+        if not isinstance(self.header, Header | None):
+            raise InputError(f"expected the header of a cloud that was read, found {shown(self.header)}")
 
     @classmethod
     def of(cls, cloud: PointCloud | ArrayLike) -> PointCloud:
@@ -132,6 +139,7 @@ class PointCloud(ComparedByValue):
             self.points[indices],
             {name: values[indices] for name, values in self.attributes.items()},
             self.coordinate_dtype,
+            self.header,
         )
 
     def non_finite(self) -> NDArray[np.int64]:

@@ -37,5 +37,7 @@ def _equal(one: Any, other: Any) -> bool:
             return True
         if one.dtype != other.dtype or one.shape != other.shape:
             return False
+        if one.dtype.hasobject:  # lists of different lengths
+            return all(map(_equal, one.flat, other.flat))
         return bool(((one == other) | ((one != one) & (other != other))).all())
     return bool(one == other) or (one != one and other != other)

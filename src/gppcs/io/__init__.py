@@ -1,6 +1,6 @@
 """Reads and writes point cloud files."""
 
-from gppcs.io.files import FORMATS, format_to_write, left_out, read, unwritten, write
+from gppcs.io.files import FORMATS, check_losses, format_to_write, losses, read, unread, write
 from gppcs.io.format import Format
 from gppcs.io.whole_file import check_distinct, check_writable, whole_file
 
@@ -8,11 +8,12 @@ __all__ = [
     "FORMATS",
     "Format",
     "check_distinct",
+    "check_losses",
     "check_writable",
     "format_to_write",
-    "left_out",
+    "losses",
     "read",
-    "unwritten",
+    "unread",
     "whole_file",
     "write",
 ]

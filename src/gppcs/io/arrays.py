@@ -12,9 +12,9 @@ import numpy as np
 from numpy.lib import format as npy
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import FileFormatError, OutputError
+from gppcs.errors import FileFormatError
 from gppcs.io.columns import Column, check_name, cloud_of_columns, coordinate_type, default_names
-from gppcs.io.format import Format
+from gppcs.io.format import Format, without_attributes, without_header
 
 _POINTS = "points"
 
@@ -119,15 +119,14 @@ def write_npy(file: BinaryIO, cloud: PointCloud) -> None:
     Raises
     ------
     OutputError
-        If an attribute holds Python objects, or its name is x, y or z or cannot be written.
+        If the name of an attribute is x, y or z or cannot be written.
     """
     kept = coordinate_type(cloud)
     if not cloud.attributes:
         npy.write_array(file, cloud.points.astype(kept, copy=False), allow_pickle=False)
         return
-    for name, values in cloud.attributes.items():
+    for name in cloud.attributes:
         check_name(name, ())
-        _check_type(name, values)
     fields = [(name, values.dtype, values.shape[1:]) for name, values in cloud.attributes.items()]
     table = np.empty(len(cloud), [("x", kept), ("y", kept), ("z", kept), *fields])
     for i, axis in enumerate("xyz"):
@@ -150,24 +149,34 @@ def write_npz(file: BinaryIO, cloud: PointCloud) -> None:
     Raises
     ------
     OutputError
-        If an attribute holds Python objects, or its name is points, x, y or z or cannot be written.
+        If the name of an attribute is points, x, y or z or cannot be written.
     """
     points = cloud.points.astype(coordinate_type(cloud), copy=False)
     with zipfile.ZipFile(file, "w") as archive:
         for name, values in [(_POINTS, points), *cloud.attributes.items()]:
             if values is not points:
                 check_name(name, (_POINTS,))
-            _check_type(name, values)
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 npy.write_array(member, values, allow_pickle=False)
 
 
-def _check_type(name: str, values: Column) -> None:
-    if values.dtype.hasobject:
-        raise OutputError(f"expected numbers in attribute {name!r}, found Python objects; remove the attribute")
+def _without_objects(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
+    """Return a cloud without header and without attributes of Python objects, and in words what that leaves out."""
+    objects = [name for name, values in cloud.attributes.items() if values.dtype.hasobject]
+    fitted, attributes = without_attributes(cloud, objects)
+    fitted, contents = without_header(fitted)
+    return fitted, [*attributes, *contents]
+
+
+def _is_npy(head: bytes, size: int) -> bool:
+    return head.startswith(b"\x93NUMPY")
+
+
+def _is_npz(head: bytes, size: int) -> bool:
+    return head.startswith(b"PK\x03\x04")
 
 
 FORMATS = (
-    Format("NPY", (".npy",), read_npy, write_npy, lambda head, size: head.startswith(b"\x93NUMPY")),
-    Format("NPZ", (".npz",), read_npz, write_npz, lambda head, size: head.startswith(b"PK\x03\x04")),
+    Format("NPY", (".npy",), read_npy, write_npy, _is_npy, fitted=_without_objects),
+    Format("NPZ", (".npz",), read_npz, write_npz, _is_npz, fitted=_without_objects),
 )

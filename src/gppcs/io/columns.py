@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
+from gppcs.io.format import without_attributes, without_header
 
 Column = NDArray[Any]
 
@@ -154,8 +155,8 @@ def attribute_columns(cloud: PointCloud) -> dict[str, Column]:
     Parameters
     ----------
     cloud : PointCloud
-        An attribute with k numbers per point becomes k columns, called name_0, name_1 and so on. Whitespace,
-        separators and quotes in names become underscores.
+        All its attributes are numbers. An attribute with k numbers per point becomes k columns, called name_0, name_1
+        and so on. Whitespace, separators and quotes in names become underscores.
 
     Returns
     -------
@@ -164,21 +165,52 @@ def attribute_columns(cloud: PointCloud) -> dict[str, Column]:
     Raises
     ------
     OutputError
-        If an attribute holds anything but real numbers or booleans, or two columns would have the same name.
+        If two columns would have the same name, or one has a name that cannot be written.
     """
     columns: dict[str, Column] = {}
     for attribute, values in cloud.attributes.items():
-        name = re.sub(r"[\s,;\"']+", "_", attribute) or "_"
-        if values.dtype.kind not in "biuf":
-            raise OutputError(
-                f"expected numbers in attribute {attribute!r}, found {values.dtype}; remove the attribute"
-            )
+        name = column_name(attribute)
         flat = values.reshape(len(values), math.prod(values.shape[1:]))
         names = [name] if values.ndim == 1 else [f"{name}_{i}" for i in range(flat.shape[1])]
         for column, part in zip(names, flat.T, strict=True):
             check_name(column, columns)
             columns[column] = part
     return columns
+
+
+def column_name(attribute: str) -> str:
+    """Return the name of an attribute with underscores in place of whitespace, separators and quotes.
+
+    Parameters
+    ----------
+    attribute : str
+        Any text.
+
+    Returns
+    -------
+    str
+        At least one character.
+    """
+    return re.sub(r"[\s,;\"']+", "_", attribute) or "_"
+
+
+def only_numbers(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
+    """Return what a table of numbers can hold of a cloud, and in words what it cannot.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+
+    Returns
+    -------
+    cloud : PointCloud
+        Without header, and without attributes that are not numbers.
+    lost : list of str
+    """
+    others = [name for name, values in cloud.attributes.items() if values.dtype.kind not in "biuf"]
+    fitted, attributes = without_attributes(cloud, others)
+    fitted, contents = without_header(fitted)
+    return fitted, [*attributes, *contents]
 
 
 def check_name(name: str, taken: Iterable[str]) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import FileFormatError, InputError, ParameterError, file_path, flag, shown
+from gppcs.errors import FileFormatError, InputError, OutputError, ParameterError, file_path, flag, shown
 from gppcs.io import arrays, meshes, ply, text
 from gppcs.io.format import Format
 from gppcs.io.whole_file import whole_file
@@ -75,44 +75,60 @@ def read(path: str | os.PathLike[str], format: str | None = None) -> PointCloud:
             raise FileFormatError(f"{source}: {error}") from error
 
 
-def left_out(source: str | os.PathLike[str], target: str | os.PathLike[str], cloud: PointCloud) -> list[str]:
-    """Return what a file loses that holds points of another file.
+def unread(path: str | os.PathLike[str]) -> list[str]:
+    """Return in words what `read` leaves out of a file, such as the faces of a mesh.
 
     Parameters
     ----------
-    source : str or path
+    path : str or path
         The file that `read` has read.
-    target : str or path
-        The file that `write` writes.
-    cloud : PointCloud
-        The points with their attributes.
 
     Returns
     -------
     list of str
-        What `read` leaves out of the source and what `write` leaves out of the cloud, in words.
     """
-    with open(source, "rb") as file:
-        unread = _of_file(file, Path(source)).unread(file)
-    return [*unread, *unwritten(target, cloud)]
+    with open(path, "rb") as file:
+        return _of_file(file, Path(path)).unread(file)
 
 
-def unwritten(target: str | os.PathLike[str], cloud: PointCloud) -> list[str]:
-    """Return what `write` leaves out of a cloud.
+def losses(path: str | os.PathLike[str], cloud: PointCloud, format: str | None = None) -> list[str]:  # noqa: A002
+    """Return in words what a file cannot hold of a cloud. `write` leaves it out only if `lossy` is True.
 
     Parameters
     ----------
-    target : str or path
+    path : str or path
         The file to be written.
     cloud : PointCloud
         The points with their attributes.
+    format : str, optional
+        Suffix of the format. It overrides the suffix of `path`.
 
     Returns
     -------
     list of str
-        The attributes, in words, if the format stores none.
+        Attributes, what the header says, and the precision of coordinates, as far as they are lost.
     """
-    return [] if format_to_write(target).holds_attributes else [f"attribute {name}" for name in cloud.attributes]
+    return format_to_write(path, format).fitted(cloud)[1]
+
+
+def check_losses(path: str | os.PathLike[str], cloud: PointCloud, format: str | None = None) -> None:  # noqa: A002
+    """Check that a file can hold all of a cloud. Call it before long work.
+
+    Parameters
+    ----------
+    path, cloud, format
+        As for `losses`.
+
+    Raises
+    ------
+    OutputError
+        If something would be lost.
+    """
+    if lost := losses(path, cloud, format):
+        raise OutputError(
+            f"{path}: expected a format that holds all of the cloud, but {format_to_write(path, format).name} cannot "
+            f"hold: {', '.join(lost)}; choose another format, or leave this out with --lossy (lossy=True)"
+        )
 
 
 def write(
@@ -120,11 +136,12 @@ def write(
     cloud: PointCloud | ArrayLike,
     format: str | None = None,  # noqa: A002
     force: bool = False,
+    lossy: bool = False,
 ) -> None:
     """Write a point cloud file: PLY, XYZ, TXT, ASC, CSV, PTS, NPY, NPZ, OFF or OBJ.
 
     The file appears under its name only when it is complete. Coordinates are written in the cloud's
-    `coordinate_dtype`, attributes in their own types if the format has these. OFF and OBJ files store no attributes.
+    `coordinate_dtype`, attributes in their own types if the format has these.
 
     Parameters
     ----------
@@ -136,14 +153,16 @@ def write(
         Suffix of the format, such as "ply" or ".ply". It overrides the suffix of `path`.
     force : bool
         Whether to overwrite an existing file.
+    lossy : bool
+        Whether to leave out what the format cannot hold. OFF and OBJ files, for instance, hold no attributes.
 
     Raises
     ------
     FileFormatError
         If the format is unknown, or gppcs only reads it (STL).
     OutputError
-        If the file exists and `force` is False, the folder is missing or not writable, or the format cannot store the
-        cloud.
+        If the file exists and `force` is False, the folder is missing or not writable, the format cannot hold all of
+        the cloud and `lossy` is False, or it cannot hold its points.
     InputError, ParameterError
         If an argument has a wrong type.
 
@@ -156,9 +175,12 @@ def write(
     """
     cloud, force = PointCloud.of(cloud), flag("force", force)
     chosen = format_to_write(path, format)
+    if not flag("lossy", lossy):
+        check_losses(path, cloud, format)
+    fitted = chosen.fitted(cloud)[0]
     with whole_file(path, force) as file:
         assert chosen.write is not None
-        chosen.write(file, cloud)
+        chosen.write(file, fitted)
 
 
 def format_to_write(path: str | os.PathLike[str], format: str | None = None) -> Format:  # noqa: A002

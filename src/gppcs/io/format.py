@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from io import BufferedReader
 from typing import BinaryIO
 
@@ -16,6 +16,42 @@ def _never(head: bytes, size: int) -> bool:
 
 def _nothing(file: BufferedReader) -> list[str]:
     return []
+
+
+def without_header(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
+    """Return a cloud without its header, and in words what the header holds.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+
+    Returns
+    -------
+    cloud : PointCloud
+    lost : list of str
+    """
+    return replace(cloud, header=None), cloud.header.contents() if cloud.header else []
+
+
+def without_attributes(cloud: PointCloud, names: Iterable[str]) -> tuple[PointCloud, list[str]]:
+    """Return a cloud without some of its attributes, and these attributes and their types in words.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+    names : iterable of str
+        The attributes to leave out.
+
+    Returns
+    -------
+    cloud : PointCloud
+    lost : list of str
+    """
+    lost = set(names)
+    kept = {name: values for name, values in cloud.attributes.items() if name not in lost}
+    return replace(cloud, attributes=kept), [
+        f"attribute {name} ({values.dtype})" for name, values in cloud.attributes.items() if name in lost
+    ]
 
 
 @dataclass(frozen=True)
@@ -32,15 +68,16 @@ class Format:
         Reads a binary file from its start. It raises FileFormatError, without the name of the file, if the content is
         not as expected.
     write : callable(file, cloud), optional
-        Writes a cloud to a binary file. It raises OutputError if the format cannot store this cloud. None if gppcs
-        does not write the format.
+        Writes a cloud that `fitted` has returned to a binary file. It raises OutputError if the format cannot store it.
+        None if gppcs does not write the format.
     recognises : callable(head, size) -> bool, optional
         Whether a file is of this format, given its first 1024 bytes and its size in bytes. By default False, for
         formats without a signature.
     unread : callable(file) -> list of str, optional
-        Returns in words what `read` leaves out of a binary file. By default nothing.
-    holds_attributes : bool
-        Whether `write` stores attributes. If not, it leaves them out.
+        Returns in words what `read` leaves out of a binary file, such as faces. By default nothing.
+    fitted : callable(cloud) -> (PointCloud, list of str), optional
+        Returns the part of a cloud that `write` can store, and in words what that leaves out. By default, all but the
+        header.
     """
 
     name: str
@@ -49,4 +86,4 @@ class Format:
     write: Callable[[BinaryIO, PointCloud], None] | None = None
     recognises: Callable[[bytes, int], bool] = _never
     unread: Callable[[BufferedReader], list[str]] = _nothing
-    holds_attributes: bool = True
+    fitted: Callable[[PointCloud], tuple[PointCloud, list[str]]] = without_header

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import Column, check_coordinate, cloud_of_columns, coordinate_type, default_names
-from gppcs.io.format import Format
+from gppcs.io.format import Format, without_attributes, without_header
 from gppcs.io.rows import (
     Block,
     as_count,
@@ -311,6 +311,14 @@ def write_obj(file: BinaryIO, cloud: PointCloud) -> None:
 
 
 FACE_CHECKS = {".off": check_off_faces, ".obj": check_obj_faces}
+
+
+def _only_points(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
+    bare, attributes = without_attributes(cloud, cloud.attributes)
+    fitted, contents = without_header(bare)
+    return fitted, [*attributes, *contents]
+
+
 FORMATS = (
     Format(
         "OFF",
@@ -318,8 +326,8 @@ FORMATS = (
         read_off,
         write_off,
         lambda head, size: _OFF_LOOK.match(head) is not None,
-        holds_attributes=False,
+        fitted=_only_points,
     ),
-    Format("OBJ", (".obj",), read_obj, write_obj, holds_attributes=False),
+    Format("OBJ", (".obj",), read_obj, write_obj, fitted=_only_points),
     Format("STL", (".stl",), read_stl, None, _looks_like_stl),
 )

@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 import re
 import struct
-from collections import Counter, deque
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from io import BufferedReader
 from itertools import islice
 from typing import Any, BinaryIO, Literal
@@ -16,16 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import FileFormatError, OutputError
+from gppcs.clouds.header import Header
+from gppcs.errors import FileFormatError
 from gppcs.io.columns import (
     Column,
     attribute_columns,
+    check_name,
     cloud_of_columns,
+    column_name,
     coordinate_names,
     coordinate_type,
     exact_as_double,
 )
-from gppcs.io.format import Format
+from gppcs.io.format import Format, without_attributes, without_header
 from gppcs.io.rows import BLOCK, as_count, ends_early, lines_of, number_blocks, shown
 
 _TYPES: dict[str, np.dtype[Any]] = {
@@ -41,6 +43,28 @@ _TYPES: dict[str, np.dtype[Any]] = {
 _NAMES = {dtype: name for name, dtype in reversed(_TYPES.items())}  # of two names of a type, the older one
 _Order = Literal["<", ">"]
 _ORDERS: dict[str, _Order] = {"binary_little_endian": "<", "binary_big_endian": ">"}
+
+
+@dataclass(frozen=True, eq=False)
+class PlyHeader(Header):
+    """What a PLY file says of the whole cloud.
+
+    Attributes
+    ----------
+    remarks : tuple of str
+        The lines that begin with `comment` or `obj_info`, whole and in file order.
+    lists : mapping of str to numpy dtype
+        Of each attribute that is a list property, the type of the number before the items.
+    """
+
+    remarks: tuple[str, ...] = ()
+    lists: Mapping[str, np.dtype[Any]] = field(default_factory=dict)
+
+    def contents(self) -> list[str]:
+        """Return the numbers of comments and of lines of obj_info in words."""
+        words = {"comment": ("comment", "comments"), "obj_info": ("line of obj_info", "lines of obj_info")}
+        counts = {kind: sum(line.split()[0] == kind for line in self.remarks) for kind in words}
+        return [f"{count} {words[kind][count > 1]}" for kind, count in counts.items() if count]
 
 
 @dataclass(frozen=True)
@@ -74,11 +98,16 @@ class _Header:
     encoding: str = ""
     elements: list[_Element] = field(default_factory=list)
     lines: int = 0
-    remarks: Counter[str] = field(default_factory=Counter)  # numbers of comments and of lines of obj_info
+    remarks: list[str] = field(default_factory=list)
+
+    def kept(self, vertices: _Element) -> PlyHeader | None:
+        """Return what a cloud keeps of the header, or None if that is nothing."""
+        lists = {each.name: each.length for each in vertices.properties if each.length is not None}
+        return PlyHeader(tuple(self.remarks), lists) if self.remarks or lists else None
 
 
 def read_ply(file: BufferedReader) -> PointCloud:
-    """Read the vertices of a PLY file with their scalar properties. Lists and other elements are skipped.
+    """Read the vertices of a PLY file with their properties. Other elements are skipped.
 
     Parameters
     ----------
@@ -88,7 +117,8 @@ def read_ply(file: BufferedReader) -> PointCloud:
     Returns
     -------
     PointCloud
-        An attribute for each scalar property but x, y and z, in file order and of the property's type.
+        An attribute for each property but x, y and z, of the property's type. Of a list property, the attribute is an
+        (N, k) array if all lists have k items, and otherwise an (N,) array of arrays. The header holds the comments.
 
     Raises
     ------
@@ -105,18 +135,23 @@ def read_ply(file: BufferedReader) -> PointCloud:
         found = ", ".join(repr(each.name) for each in header.elements) or "none"
         raise FileFormatError(f"expected an element named vertex, found {found}")
     coordinate_names(each.name for each in element.scalars)
+    return replace(_read_vertices(file, header, before, element), header=header.kept(element))
+
+
+def _read_vertices(file: BufferedReader, header: _Header, before: list[_Element], vertices: _Element) -> PointCloud:
+    """Read the vertices, which stand behind the elements `before`."""
     if header.encoding == "ascii":
-        return _read_text(file, header.lines, before, element)
+        return _read_text(file, header.lines, before, vertices)
     order = _ORDERS[header.encoding]
     for each in before:
         _skip(file, each, order)
-    if element.has_lists:
-        return _read_with_lists(file, element, order)
-    return _read_records(file, element, order)
+    if vertices.has_lists:
+        return _read_with_lists(file, vertices, order)
+    return _read_records(file, vertices, order)
 
 
 def unread_ply(file: BufferedReader) -> list[str]:
-    """Return in words what `read_ply` leaves out of a file.
+    """Return in words which elements `read_ply` leaves out of a file.
 
     Parameters
     ----------
@@ -126,17 +161,10 @@ def unread_ply(file: BufferedReader) -> list[str]:
     Returns
     -------
     list of str
-        Comments, obj_info, the list properties of the vertices and the other elements, as far as there are any.
+        The elements that are not vertices, such as faces, as far as there are any.
     """
-    header = _read_header(file)
-    words = {"comment": ("comment", "comments"), "obj_info": ("line of obj_info", "lines of obj_info")}
-    found = [f"{count} {words[kind][count > 1]}" for kind, count in header.remarks.items()]
-    for element in header.elements:
-        if element.name == "vertex":
-            found += [f"list property {each.name}" for each in element.properties if each.length is not None]
-        elif element.count:
-            found.append(f"element {element.name} ({element.count:,})")
-    return found
+    elements = _read_header(file).elements
+    return [f"element {each.name} ({each.count:,})" for each in elements if each.name != "vertex" and each.count]
 
 
 def _read_header(file: BufferedReader) -> _Header:
@@ -150,7 +178,9 @@ def _read_header(file: BufferedReader) -> _Header:
             if not header.encoding:
                 raise FileFormatError("expected a line 'format ...' in the header, found none")
             return header
-        if header.lines > 1:
+        if text.split()[:1] in (["comment"], ["obj_info"]):
+            header.remarks.append(line.decode("utf-8", "surrogateescape").rstrip("\r\n"))
+        elif header.lines > 1:
             _take_header_line(header, text)
     raise FileFormatError("expected a line 'end_header', found the end of the file; get the whole file again")
 
@@ -159,8 +189,6 @@ def _take_header_line(header: _Header, line: str) -> None:
     match line.split():
         case []:
             pass
-        case ["comment" | "obj_info" as kind, *_]:
-            header.remarks[kind] += 1
         case ["format", encoding, "1.0"] if encoding == "ascii" or encoding in _ORDERS:
             header.encoding = encoding
         case ["element", name, text] if (count := as_count(text)) is not None:
@@ -252,18 +280,40 @@ def _read_with_lists(file: BufferedReader, element: _Element, order: _Order) -> 
     lists = len(element.properties) - len(element.scalars)
     starts = _walk(data, element, order)[:-1].reshape(element.count, lists + 1)
     raw = np.frombuffer(data, np.uint8)
+
+    def values(first: NDArray[np.int64], dtype: np.dtype[Any]) -> Column:
+        """Return the values of a type that begin at some bytes."""
+        found = raw[first[..., np.newaxis] + np.arange(dtype.itemsize)].view(dtype.newbyteorder(order))
+        return found[..., 0].astype(dtype)
+
     columns: dict[str, Column] = {}
     stretch = offset = 0
     for each in element.properties:
-        if each.length is not None:
+        first = starts[:, stretch] + offset
+        if each.length is None:
+            columns[each.name] = values(first, each.dtype)
+            offset += each.dtype.itemsize
+        else:
+            lengths = values(first, each.length).astype(np.int64)
+            places = _consecutive(first + each.length.itemsize, lengths, each.dtype.itemsize)
+            columns[each.name] = _lists(values(places, each.dtype), lengths)
             stretch, offset = stretch + 1, 0
-            continue
-        size = each.dtype.itemsize
-        where = starts[:, stretch, np.newaxis] + np.arange(offset, offset + size)
-        values = raw[where].view(each.dtype.newbyteorder(order))[:, 0]
-        columns[each.name] = values.astype(each.dtype)
-        offset += size
     return cloud_of_columns(columns)
+
+
+def _consecutive(first: NDArray[np.int64], lengths: NDArray[np.int64], step: int) -> NDArray[np.int64]:
+    """Return where the items of all lists begin, list by list, given where the first of each list begins."""
+    ends = np.cumsum(lengths)
+    return np.repeat(first - step * (ends - lengths), lengths) + step * np.arange(lengths.sum())
+
+
+def _lists(items: Column, lengths: NDArray[np.int64]) -> Column:
+    """Return the items of all lists as one row for each list, or as an array of arrays if the lengths differ."""
+    if len(lengths) == 0 or (lengths == lengths[0]).all():
+        return items.reshape(len(lengths), lengths[0] if len(lengths) else 0)
+    lists = np.empty(len(lengths), dtype=object)
+    lists[:] = np.split(items, np.cumsum(lengths)[:-1])
+    return lists
 
 
 def _read_text(file: BufferedReader, first_line: int, before: list[_Element], element: _Element) -> PointCloud:
@@ -274,14 +324,20 @@ def _read_text(file: BufferedReader, first_line: int, before: list[_Element], el
             if not next(lines, ""):
                 raise ends_early(each.name, i, each.count)
     scalars = element.scalars
-    numbers_of = _text_without_lists(element) if element.has_lists else str.strip
+    words: dict[str, list[list[str]]] = {each.name: [] for each in element.properties if each.length is not None}
+    numbers_of = _text_without_lists(element, words) if element.has_lists else str.strip
     blocks = number_blocks(lines, first_line + 1, numbers_of, width=len(scalars), count=element.count, what="vertex")
     values = np.concatenate([np.empty((0, len(scalars))), *(values for _, values in blocks)])
-    return cloud_of_columns({each.name: _cast(values[:, i], each) for i, each in enumerate(scalars)})
+    columns = {each.name: _cast(values[:, i], each) for i, each in enumerate(scalars)}
+    ordered = {
+        each.name: columns[each.name] if each.length is None else _text_lists(words[each.name], each)
+        for each in element.properties
+    }
+    return cloud_of_columns(ordered)
 
 
-def _text_without_lists(element: _Element) -> Callable[[str], str]:
-    """Return a function that returns the scalars of a line of text."""
+def _text_without_lists(element: _Element, lists: Mapping[str, list[list[str]]]) -> Callable[[str], str]:
+    """Return a function that returns the scalars of a line of text, and appends the words of each list to `lists`."""
 
     def scalars(line: str) -> str:
         words = iter(line.split())
@@ -291,12 +347,22 @@ def _text_without_lists(element: _Element) -> Callable[[str], str]:
                 length = as_count(next(words, ""))
                 if length is None:
                     return line and "malformed"
-                deque(islice(words, length), maxlen=0)
+                lists[each.name].append(list(islice(words, length)))
+                if len(lists[each.name][-1]) < length:
+                    return line and "malformed"
             else:
                 kept.append(next(words, ""))
         return " ".join([*kept, *words]).strip()
 
     return scalars
+
+
+def _text_lists(lists: list[list[str]], to: _Property) -> Column:
+    try:
+        items = np.array([float(word) for words in lists for word in words])
+    except ValueError as error:
+        raise FileFormatError(f"expected numbers in the list {to.name}, but {error}") from error
+    return _lists(_cast(items, to), np.array([len(words) for words in lists], dtype=np.int64))
 
 
 def _cast(values: Column, to: _Property) -> Column:
@@ -306,14 +372,39 @@ def _cast(values: Column, to: _Property) -> Column:
         if not fits.all():
             wrong = int(np.argmin(fits))
             raise FileFormatError(
-                f"expected a {_NAMES[to.dtype]} as {to.name} of vertex {wrong + 1}, found {values[wrong]:g}"
+                f"expected a {_NAMES[to.dtype]} as {to.name} of "
+                f"{'vertex' if to.length is None else 'all lists, item'} {wrong + 1}, found {values[wrong]:g}"
             )
     with np.errstate(over="ignore"):  # values beyond the range of float32 become infinite
         return values.astype(to.dtype)
 
 
+@dataclass(frozen=True)
+class _Field:
+    """What is written of each vertex under one name: a number, or a list if `length` is the type of its length."""
+
+    name: str
+    values: Column
+    dtype: np.dtype[Any]
+    length: np.dtype[Any] | None = None
+
+    def line(self) -> str:
+        """Return the line of the header that declares the property."""
+        kind = _NAMES[self.dtype]
+        return f"property {kind if self.length is None else f'list {_NAMES[self.length]} {kind}'} {self.name}"
+
+    def rows(self, start: int) -> Iterator[bytes]:
+        """Yield the bytes of each vertex of a block."""
+        for value in self.values[start : start + BLOCK]:
+            items = np.asarray(value, self.dtype.newbyteorder("<")).tobytes()
+            if self.length is not None:
+                yield np.asarray(len(value), self.length.newbyteorder("<")).tobytes() + items
+            else:
+                yield items
+
+
 def write_ply(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write a binary little-endian PLY file with the attributes as scalar properties.
+    """Write a binary little-endian PLY file with the attributes as properties.
 
     Booleans are written as uchar and half-precision numbers as float. PLY has no 64-bit integers: they are written as
     int, uint or double, the first that represents all values exactly.
@@ -328,36 +419,78 @@ def write_ply(file: BinaryIO, cloud: PointCloud) -> None:
     Raises
     ------
     OutputError
-        If no PLY type represents the values of an attribute exactly, or the coordinates do not fit the cloud's
-        `coordinate_dtype`.
+        If two properties would have one name, or the coordinates do not fit the cloud's `coordinate_dtype`.
     """
-    columns: dict[str, Column] = dict(zip("xyz", cloud.points.T, strict=True))
-    types = dict.fromkeys(columns, _type_of_coordinates(cloud))
-    for name, values in attribute_columns(cloud).items():
-        columns[name], types[name] = values, _type_of(values, name)
-    header = [
+    header = cloud.header if isinstance(cloud.header, PlyHeader) else PlyHeader()
+    fields = _fields(cloud, header)
+    lines = [
         "ply",
         "format binary_little_endian 1.0",
+        *header.remarks,
         f"element vertex {len(cloud)}",
-        *(f"property {_NAMES[dtype]} {name}" for name, dtype in types.items()),
+        *(each.line() for each in fields),
         "end_header\n",
     ]
-    file.write("\n".join(header).encode())
-    block = np.empty(min(len(cloud), BLOCK), [(name, dtype.newbyteorder("<")) for name, dtype in types.items()])
+    file.write("\n".join(lines).encode("utf-8", "surrogateescape"))
+    if any(each.length is not None for each in fields):
+        for start in range(0, len(cloud), BLOCK):
+            file.writelines(b"".join(row) for row in zip(*(each.rows(start) for each in fields), strict=True))
+        return
+    block = np.empty(min(len(cloud), BLOCK), [(each.name, each.dtype.newbyteorder("<")) for each in fields])
     for start in range(0, len(cloud), BLOCK):
         part = block[: len(cloud) - start]
-        for name, values in columns.items():
-            part[name] = values[start : start + BLOCK]
+        for each in fields:
+            part[each.name] = each.values[start : start + BLOCK]
         file.write(part.data)
+
+
+def _fields(cloud: PointCloud, header: PlyHeader) -> list[_Field]:
+    fields = [
+        _Field(axis, values, _type_of_coordinates(cloud)) for axis, values in zip("xyz", cloud.points.T, strict=True)
+    ]
+    lists = [name for name, values in cloud.attributes.items() if _is_lists(values) or name in header.lists]
+    numbers = attribute_columns(without_attributes(cloud, lists)[0])
+    fields += [_Field(name, values, _type_of(values)) for name, values in numbers.items()]
+    for attribute in lists:
+        name, values = column_name(attribute), cloud.attributes[attribute]
+        check_name(name, [each.name for each in fields])
+        items = np.concatenate([np.ravel(value) for value in values]) if len(values) else values.reshape(-1)
+        longest = max(map(len, values), default=0)
+        length = header.lists.get(attribute, np.min_scalar_type(longest))
+        fields.append(_Field(name, values, np.dtype("u1") if items.dtype.hasobject else _type_of(items), length))
+    return fields
+
+
+def _is_lists(values: Column) -> bool:
+    """Return whether an attribute holds an array of numbers of any length for each point."""
+    arrays = (isinstance(each, np.ndarray) and each.ndim == 1 and each.dtype.kind in "biuf" for each in values)
+    return values.dtype.hasobject and values.ndim == 1 and all(arrays)
+
+
+def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
+    """Return what `write_ply` can store of a cloud, and in words what it cannot."""
+    fitted, attributes = without_attributes(
+        cloud, [name for name, values in cloud.attributes.items() if not (_is_exact(values) or _is_lists(values))]
+    )
+    if isinstance(cloud.header, PlyHeader):
+        return fitted, attributes
+    fitted, contents = without_header(fitted)
+    return fitted, [*attributes, *contents]
+
+
+def _is_exact(values: Column) -> bool:
+    """Return whether PLY has a type that represents all values of an attribute exactly."""
+    dtype = values.dtype.newbyteorder("=")
+    return dtype.kind == "b" or dtype in _NAMES or (dtype.kind in "iuf" and exact_as_double(values))
 
 
 def _type_of_coordinates(cloud: PointCloud) -> np.dtype[Any]:
     kept = coordinate_type(cloud).newbyteorder("=")
-    return kept if kept in _NAMES else _type_of(cloud.points.astype(kept), "x y z")
+    return kept if kept in _NAMES else _type_of(cloud.points.astype(kept))
 
 
-def _type_of(values: Column, name: str) -> np.dtype[Any]:
-    """Return the PLY type that represents all values exactly."""
+def _type_of(values: Column) -> np.dtype[Any]:
+    """Return the PLY type that represents all values exactly; the values are such that there is one."""
     dtype = values.dtype.newbyteorder("=")
     if dtype in _NAMES:
         return dtype
@@ -370,11 +503,6 @@ def _type_of(values: Column, name: str) -> np.dtype[Any]:
         for narrow in (np.dtype("i4"), np.dtype("u4")):
             if np.iinfo(narrow).min <= low and high <= np.iinfo(narrow).max:
                 return narrow
-    if not exact_as_double(values):
-        raise OutputError(
-            f"expected numbers that a PLY file can store in {name!r}, found {dtype} beyond the precision of double; "
-            "write .npz instead"
-        )
     return np.dtype("f8")
 
 
@@ -385,4 +513,5 @@ FORMAT = Format(
     write_ply,
     lambda head, size: re.match(rb"ply[ \t]*\r?\n", head) is not None,
     unread_ply,
+    _fitted,
 )

@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BufferedReader
 from itertools import chain
 from typing import BinaryIO
@@ -20,7 +20,7 @@ from typing import BinaryIO
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import FileFormatError, OutputError
+from gppcs.errors import FileFormatError
 from gppcs.io.columns import (
     Column,
     attribute_columns,
@@ -28,8 +28,9 @@ from gppcs.io.columns import (
     coordinate_names,
     coordinate_type,
     default_names,
+    only_numbers,
 )
-from gppcs.io.format import Format
+from gppcs.io.format import Format, without_attributes
 from gppcs.io.rows import as_count, joined, lines_of, number_blocks, shown, typed_columns, write_rows
 
 _PTS_EXTRAS = {4: ["intensity"], 6: ["red", "green", "blue"], 7: ["intensity", "red", "green", "blue"]}
@@ -238,15 +239,9 @@ def write_pts(file: BinaryIO, cloud: PointCloud) -> None:
     Raises
     ------
     OutputError
-        If the attributes are others, or the coordinates do not fit the cloud's `coordinate_dtype`.
+        If the coordinates do not fit the cloud's `coordinate_dtype`.
     """
     columns = _columns(cloud)
-    extras = list(columns)[3:]
-    if extras and extras not in _PTS_EXTRAS.values():
-        raise OutputError(
-            f"expected the attributes of a PTS file (intensity, or red green blue, or both), "
-            f"found {', '.join(extras)}; choose a format with names, such as PLY or CSV"
-        )
     file.write(f"{len(cloud)}\n".encode())
     write_rows(file, list(columns.values()))
 
@@ -256,8 +251,17 @@ def _columns(cloud: PointCloud) -> dict[str, Column]:
     return {"x": points[:, 0], "y": points[:, 1], "z": points[:, 2], **attribute_columns(cloud)}
 
 
+def _usual_in_pts(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
+    """Return a cloud with those attributes that PTS files may have, and in words what that leaves out."""
+    numbers, others = only_numbers(cloud)
+    columns = {name for name, values in numbers.attributes.items() if values.ndim == 1}
+    kept = next((names for names in sorted(_PTS_EXTRAS.values(), key=len, reverse=True) if columns >= set(names)), [])
+    fitted, attributes = without_attributes(numbers, set(numbers.attributes) - set(kept))
+    return replace(fitted, attributes={name: fitted.attributes[name] for name in kept}), [*attributes, *others]
+
+
 FORMATS = (
-    Format("XYZ", (".xyz", ".txt", ".asc"), read_xyz, write_xyz),
-    Format("CSV", (".csv",), read_xyz, write_csv),
-    Format("PTS", (".pts",), read_pts, write_pts),
+    Format("XYZ", (".xyz", ".txt", ".asc"), read_xyz, write_xyz, fitted=only_numbers),
+    Format("CSV", (".csv",), read_xyz, write_csv, fitted=only_numbers),
+    Format("PTS", (".pts",), read_pts, write_pts, fitted=_usual_in_pts),
 )

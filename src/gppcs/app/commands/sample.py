@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from gppcs import __version__
-from gppcs.app.printing import Force, Json, note_left_out, print_json
+from gppcs.app.printing import Force, Json, Lossy, note_left_out, print_json
 
 EPILOG = "[bold]Example[/bold]\n\ngppcs sample fan -o fan.ply --points 50000 --noise 0.002"
 
@@ -28,6 +28,7 @@ def sample(
     ] = 0.0,
     seed: Annotated[int, typer.Option(help="Seed of random numbers. The same seed gives the same scan.")] = 0,
     force: Force = False,
+    lossy: Lossy = False,
     as_json: Json = False,
 ) -> None:
     """Make a synthetic scan of a surface that is known exactly, with its normals and curvature."""
@@ -37,7 +38,7 @@ def sample(
     io.check_writable(output, force)
     options: dict[str, Any] = {"noise": noise, "outliers": outliers, "uneven": uneven, "seed": seed}
     cloud = scans.sample(name, points, **options)
-    io.write(output, cloud, force=force)
-    note_left_out(output, io.unwritten(output, cloud))
+    io.write(output, cloud, force=force, lossy=lossy)
+    note_left_out(output, io.losses(output, cloud))
     if as_json:
         print_json({"output": str(output), "name": name, "points": len(cloud), **options, "version": __version__})

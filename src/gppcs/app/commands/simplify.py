@@ -17,6 +17,7 @@ from gppcs.app.printing import (
     Force,
     Invalid,
     Json,
+    Lossy,
     Threads,
     figure_rows,
     note_left_out,
@@ -102,6 +103,7 @@ def simplify(
     up: Up = None,
     threads: Threads = None,
     force: Force = False,
+    lossy: Lossy = False,
     as_json: Json = False,
 ) -> None:
     """Keep exactly the number of points asked for, each with all its attributes.
@@ -130,7 +132,7 @@ def simplify(
     failed = False
     for source, target in targets.items():
         try:
-            run = _simplify_file(source, target, figures, picture, viewpoint, force, options)
+            run = _simplify_file(source, target, figures, picture, viewpoint, force, lossy, options)
         except FAILURES as error:
             tell(error, source)
             failed = True
@@ -186,6 +188,7 @@ def _simplify_file(
     picture: Path | None,
     viewpoint: Viewpoint,
     force: bool,
+    lossy: bool,
     options: dict[str, Any],
 ) -> _Run:
     """Simplify one file; `options` are the arguments of `gppcs.simplify`."""
@@ -200,6 +203,8 @@ def _simplify_file(
     stages = Stages(ProgressBar())
     with stages("reading"):
         cloud = io.read(source)
+    if not lossy:
+        io.check_losses(target, cloud)
     result = simplify(cloud, stages=stages, **options)
     report = image = None
     if figures:
@@ -208,13 +213,12 @@ def _simplify_file(
     if picture:
         with stages("picture"):
             image = _drawn(cloud, result, viewpoint)
-    left_out = io.left_out(source, target, result.cloud)
     with stages("writing"):
-        io.write(target, result.cloud, force=force)
+        io.write(target, result.cloud, force=force, lossy=lossy)
         if picture and image:
             with io.whole_file(picture, force) as file:
                 file.write(image)
-    note_left_out(target, left_out)
+    note_left_out(target, [*io.unread(source), *io.losses(target, result.cloud)])
     return _Run(source, target, cloud, result, report)
 
 

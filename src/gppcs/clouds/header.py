@@ -1,0 +1,29 @@
+"""The class `Header`: what a file says of a whole cloud."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+from gppcs.engine.equality import ComparedByValue
+
+
+class Header(ComparedByValue):
+    """What a file says of a whole cloud, besides its points: comments, a coordinate system, the scale of integers.
+
+    Each format that has such things derives a class, reads an object of it, and writes it again.
+    """
+
+    @property
+    def crs(self) -> str | None:
+        """The coordinate reference system, by its name or code; None if it is not known."""
+        return None
+
+    @abstractmethod
+    def contents(self) -> list[str]:
+        """Return in words what the header holds, so that a message can say what another format leaves out.
+
+        Returns
+        -------
+        list of str
+            Empty if nothing is lost without the header.
+        """
