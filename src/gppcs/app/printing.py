@@ -25,6 +25,17 @@ Lossy = Annotated[
     bool, typer.Option("--lossy", help="Leave out what the output format cannot hold. Otherwise this is an error.")
 ]
 
+From = Annotated[
+    str | None,
+    typer.Option(
+        "--from", metavar="SUFFIX", help="Format of the input, such as xyz. By default, content or name tells."
+    ),
+]
+To = Annotated[
+    str | None,
+    typer.Option("--to", metavar="SUFFIX", help="Format of the output, such as ply. By default, the name tells."),
+]
+
 Invalid = Annotated[
     Literal["error", "drop"],
     typer.Option(help="For NaN and infinite coordinates: stop with an error, or drop these points."),

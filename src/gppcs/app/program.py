@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from gppcs import __version__
-from gppcs.app.commands import compare, evaluate, info, methods, sample, simplify, warmup
+from gppcs.app.commands import compare, convert, evaluate, info, methods, sample, simplify, warmup
 from gppcs.app.printing import BAD_INPUT, FAILURES, print_error, tell
 
 app = typer.Typer(
@@ -43,6 +43,7 @@ app.command(epilog=simplify.EPILOG)(simplify.simplify)
 app.command(epilog=evaluate.EPILOG)(evaluate.evaluate)
 app.command(epilog=compare.EPILOG)(compare.compare)
 app.command(epilog=info.EPILOG)(info.info)
+app.command(epilog=convert.EPILOG)(convert.convert)
 app.command(epilog=sample.EPILOG)(sample.sample)
 app.command(epilog=methods.EPILOG)(methods.methods)
 app.command(epilog=warmup.EPILOG)(warmup.warmup)

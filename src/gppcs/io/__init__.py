@@ -1,19 +1,22 @@
 """Reads and writes point cloud files."""
 
-from gppcs.io.files import FORMATS, check_losses, format_to_write, losses, read, unread, write
+from gppcs.io.files import FORMATS, check_losses, format_to_write, load, losses, read, write
 from gppcs.io.format import Format
-from gppcs.io.whole_file import check_distinct, check_writable, whole_file
+from gppcs.io.streams import check_output
+from gppcs.io.whole_file import check_distinct, check_writable, is_standard, whole_file
 
 __all__ = [
     "FORMATS",
     "Format",
     "check_distinct",
     "check_losses",
+    "check_output",
     "check_writable",
     "format_to_write",
+    "is_standard",
+    "load",
     "losses",
     "read",
-    "unread",
     "whole_file",
     "write",
 ]

@@ -16,7 +16,8 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, InputError, OutputError, ParameterError, file_path, flag, shown
 from gppcs.io import arrays, meshes, ply, text
 from gppcs.io.format import Format
-from gppcs.io.whole_file import whole_file
+from gppcs.io.streams import inner_name, plain_input, whole_output
+from gppcs.io.whole_file import is_standard
 
 _HEAD = 1024
 
@@ -37,7 +38,7 @@ def read(path: str | os.PathLike[str], format: str | None = None) -> PointCloud:
     Parameters
     ----------
     path : str or path
-        The file.
+        The file. A gzip or Zstandard file is decompressed; `-` is standard input.
     format : str, optional
         Suffix of the format, such as "ply" or ".ply". It overrides content and name.
 
@@ -62,33 +63,42 @@ def read(path: str | os.PathLike[str], format: str | None = None) -> PointCloud:
     >>> cloud
     PointCloud(2 points, each with intensity)
     """
+    return load(path, format)[0]
+
+
+def load(path: str | os.PathLike[str], format: str | None = None) -> tuple[PointCloud, list[str]]:  # noqa: A002
+    """Read a point cloud file as `read` does, and tell what is left out.
+
+    Parameters
+    ----------
+    path, format
+        As for `read`.
+
+    Returns
+    -------
+    cloud : PointCloud
+    unread : list of str
+        In words what the cloud does not hold of the file, such as the faces of a mesh.
+
+    Raises
+    ------
+    FileFormatError, ParameterError, OSError
+        As for `read`.
+    """
     source = file_path(path)
     _require_text(format)
     if source.exists() and not source.is_file():
         raise FileFormatError(f"{source}: expected a file, found a folder or device; name a file")
-    with open(source, "rb") as file:
-        chosen = _of_suffix(format) if format else _of_file(file, source)
-        try:
+    try:
+        with plain_input(source) as (file, plain):
+            chosen = _of_suffix(format) if format else _of_file(file, plain)
             with np.errstate(invalid="ignore"):  # converting a signalling NaN is no error
-                return chosen.read(file)
-        except (FileFormatError, InputError) as error:
-            raise FileFormatError(f"{source}: {error}") from error
-
-
-def unread(path: str | os.PathLike[str]) -> list[str]:
-    """Return in words what `read` leaves out of a file, such as the faces of a mesh.
-
-    Parameters
-    ----------
-    path : str or path
-        The file that `read` has read.
-
-    Returns
-    -------
-    list of str
-    """
-    with open(path, "rb") as file:
-        return _of_file(file, Path(path)).unread(file)
+                cloud = chosen.read(file)
+            file.seek(0)
+            return cloud, chosen.unread(file)
+    except (FileFormatError, InputError) as error:
+        name = "standard input" if is_standard(source) else source
+        raise FileFormatError(f"{name}: {error}") from error
 
 
 def losses(path: str | os.PathLike[str], cloud: PointCloud, format: str | None = None) -> list[str]:  # noqa: A002
@@ -146,7 +156,7 @@ def write(
     Parameters
     ----------
     path : str or path
-        The file. Its suffix selects the format.
+        The file. Its suffix selects the format; a further suffix .gz or .zst compresses it. `-` is standard output.
     cloud : PointCloud or (N, 3) array-like
         The points and their attributes.
     format : str, optional
@@ -178,7 +188,7 @@ def write(
     if not flag("lossy", lossy):
         check_losses(path, cloud, format)
     fitted = chosen.fitted(cloud)[0]
-    with whole_file(path, force) as file:
+    with whole_output(path, force) as file:
         assert chosen.write is not None
         chosen.write(file, fitted)
 
@@ -204,7 +214,12 @@ def format_to_write(path: str | os.PathLike[str], format: str | None = None) -> 
         If the format is unknown, or gppcs only reads it.
     """
     _require_text(format)
-    chosen = _of_suffix(format) if format else _of_path(file_path(path))
+    if is_standard(path) and not format:
+        raise FileFormatError("expected the format of standard output, found none; give it, with --to SUFFIX (format=)")
+    try:
+        chosen = _of_suffix(format or inner_name(file_path(path)).suffix)
+    except FileFormatError as error:
+        raise FileFormatError(f"{path}: {error}") from error
     if chosen.write is None:
         raise FileFormatError(
             f"{path}: expected a format that holds points, found {chosen.name}; choose one of {_listed(writable=True)}"
@@ -216,19 +231,12 @@ def _of_file(file: BufferedReader, path: Path) -> Format:
     """Return the format of a file by its content or else its name; leave the file at its start."""
     head, size = file.read(_HEAD), os.fstat(file.fileno()).st_size
     file.seek(0)
-    return next((known for known in FORMATS if known.recognises(head, size)), None) or _of_path(path)
+    return next((known for known in FORMATS if known.recognises(head, size)), None) or _of_suffix(path.suffix)
 
 
 def _require_text(suffix: str | None) -> None:
     if not isinstance(suffix, str | None):
         raise ParameterError(f"expected the suffix of a format, such as 'ply', found {shown(suffix)}")
-
-
-def _of_path(path: Path) -> Format:
-    try:
-        return _of_suffix(path.suffix)
-    except FileFormatError as error:
-        raise FileFormatError(f"{path}: {error}") from error
 
 
 def _of_suffix(suffix: str) -> Format:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+from collections import Counter
 from collections.abc import Iterator
 from io import BufferedReader
 from itertools import islice
@@ -75,6 +77,62 @@ def _off_header(numbered: Iterator[tuple[int, str]]) -> tuple[re.Match[str], int
     if not counts or counts[0] is None:
         raise FileFormatError(f"line {number}: expected numbers of vertices, faces, edges, found {shown(text)}")
     return header, number, known
+
+
+def unread_off(file: BufferedReader) -> list[str]:
+    """Return in words what `read_off` leaves out of a file: its faces.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Returns
+    -------
+    list of str
+    """
+    numbered = ((i, text) for i, text in enumerate(map(_off_numbers, lines_of(file)), 1) if text)
+    return _faces(sum(_off_header(numbered)[2][1:]))
+
+
+def unread_obj(file: BufferedReader) -> list[str]:
+    """Return in words what `read_obj` leaves out of a file: its faces, normals and texture coordinates.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Returns
+    -------
+    list of str
+    """
+    counts = Counter(line.split(None, 1)[0] for line in lines_of(file) if line[:1] in "fv" and line.strip())
+    others = {"vn": "normals", "vt": "texture coordinates"}
+    return [*_faces(counts["f"]), *(f"{others[word]} ({counts[word]:,})" for word in others if counts[word])]
+
+
+def unread_stl(file: BufferedReader) -> list[str]:
+    """Return in words what `read_stl` leaves out of a file: its faces.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Returns
+    -------
+    list of str
+    """
+    head = file.read(_STL_START)
+    if _is_binary_stl(head, os.fstat(file.fileno()).st_size):
+        return _faces(int.from_bytes(head[80:], "little"))
+    file.seek(0)
+    return _faces(sum(line.lstrip().startswith("facet") for line in lines_of(file)))
+
+
+def _faces(count: int) -> list[str]:
+    return [f"faces ({count:,})"] if count else []
 
 
 def check_off_faces(file: BufferedReader) -> None:
@@ -326,8 +384,9 @@ FORMATS = (
         read_off,
         write_off,
         lambda head, size: _OFF_LOOK.match(head) is not None,
-        fitted=_only_points,
+        unread_off,
+        _only_points,
     ),
-    Format("OBJ", (".obj",), read_obj, write_obj, fitted=_only_points),
-    Format("STL", (".stl",), read_stl, None, _looks_like_stl),
+    Format("OBJ", (".obj",), read_obj, write_obj, unread=unread_obj, fitted=_only_points),
+    Format("STL", (".stl",), read_stl, None, _looks_like_stl, unread_stl),
 )

@@ -13,6 +13,22 @@ from typing import BinaryIO
 from gppcs.engine.unfinished import unfinished
 from gppcs.errors import OutputError
 
+STANDARD = "-"  # The path of standard input and standard output.
+
+
+def is_standard(path: str | os.PathLike[str]) -> bool:
+    """Return whether a path stands for standard input or output.
+
+    Parameters
+    ----------
+    path : str or path
+
+    Returns
+    -------
+    bool
+    """
+    return os.fspath(path) == STANDARD
+
 
 def check_writable(path: str | os.PathLike[str], force: bool = False) -> None:
     """Check that a file can be written. Call it before long work.
@@ -47,16 +63,16 @@ def check_distinct(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
     Parameters
     ----------
     outputs, inputs : sequence of path
-        The files to be written and the files to be read. They need not exist.
+        The files to be written and the files to be read. They need not exist. `-` stands for two different streams.
 
     Raises
     ------
     OutputError
         If two are the same file, by their names, a symbolic link or a hard link.
     """
-    known = {_identity(source): source for source in inputs}
+    known = {_identity(source): source for source in inputs if not is_standard(source)}
     read = set(known)
-    for output in outputs:
+    for output in (output for output in outputs if not is_standard(output)):
         identity = _identity(output)
         other = known.setdefault(identity, output)
         if identity in read:

@@ -202,7 +202,7 @@ def _simplify_file(
     io.check_writable(target, force)
     stages = Stages(ProgressBar())
     with stages("reading"):
-        cloud = io.read(source)
+        cloud, unread = io.load(source)
     if not lossy:
         io.check_losses(target, cloud)
     result = simplify(cloud, stages=stages, **options)
@@ -218,7 +218,7 @@ def _simplify_file(
         if picture and image:
             with io.whole_file(picture, force) as file:
                 file.write(image)
-    note_left_out(target, [*io.unread(source), *io.losses(target, result.cloud)])
+    note_left_out(target, [*unread, *io.losses(target, result.cloud)])
     return _Run(source, target, cloud, result, report)
 
 

@@ -1,0 +1,41 @@
+"""The command `gppcs convert`: a cloud from one format to another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gppcs.app.printing import Force, From, Lossy, To, note_left_out
+
+EPILOG = (
+    "[bold]Examples[/bold]\n\n"
+    "gppcs convert scan.csv scan.ply\n\n"
+    "gppcs convert scan.ply scan.xyz.gz --lossy\n\n"
+    "gppcs convert - - --from xyz --to ply < scan.xyz > scan.ply"
+)
+
+
+def convert(
+    source: Annotated[Path, typer.Argument(metavar="IN", help="A point cloud file.", show_default=False)],
+    target: Annotated[Path, typer.Argument(metavar="OUT", help="The file to write.", show_default=False)],
+    input_format: From = None,
+    output_format: To = None,
+    force: Force = False,
+    lossy: Lossy = False,
+) -> None:
+    """Write a cloud in another format, with every attribute.
+
+    For standard input or output, write - as the name. A further suffix .gz or .zst compresses the output. What the
+    output format cannot hold is an error, which says what it is; with --lossy it is left out.
+    """
+    from gppcs import io
+
+    io.format_to_write(target, output_format)
+    io.check_output(target, force)
+    io.check_distinct([target], [source])
+    cloud, unread = io.load(source, input_format)
+    lost = io.losses(target, cloud, output_format)
+    io.write(target, cloud, output_format, force=force, lossy=lossy)
+    note_left_out(target, [*unread, *lost])

@@ -1,0 +1,171 @@
+"""Opens what is not a plain file: compressed files, standard input and standard output."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import shutil
+import sys
+import tempfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any, BinaryIO
+
+from gppcs.errors import FileFormatError
+from gppcs.io.whole_file import check_writable, is_standard, whole_file
+
+_SUFFIXES = (".gz", ".zst")
+_GZIP, _ZSTANDARD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"  # The first bytes of such files.
+_ZSTANDARD_CHUNK = 4096  # Bytes. They can decompress to 128 MB at most.
+
+
+def inner_name(path: Path) -> Path:
+    """Return the name of a file without the suffix of a compression.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    path
+        `path` itself, if it has no such suffix.
+    """
+    return path.with_suffix("") if path.suffix.lower() in _SUFFIXES else path
+
+
+@contextmanager
+def plain_input(path: Path) -> Iterator[tuple[Any, Path]]:
+    """Open a file, decompressed if it is a gzip or Zstandard file; for `-`, standard input.
+
+    Whatever is not a plain file is first copied to a temporary one, so that readers can move in it.
+
+    Parameters
+    ----------
+    path : path
+
+    Yields
+    ------
+    file : binary file
+        Open for reading, at its start.
+    name : path
+        Its name without the suffix of a compression.
+
+    Raises
+    ------
+    FileFormatError
+        If the compressed data is damaged or ends early.
+    OSError
+        If the file does not exist or cannot be read.
+    """
+    with sys.stdin.buffer if is_standard(path) else open(path, "rb") as file:
+        head = file.peek(4)[:4]  # type: ignore[union-attr]
+        if not is_standard(path) and not _is_compressed(head):
+            yield file, path
+            return
+        with tempfile.TemporaryFile() as plain:
+            _copy_plain(file, head, plain)
+            plain.seek(0)
+            yield plain, inner_name(path)
+
+
+def _is_compressed(head: bytes) -> bool:
+    return head.startswith((_GZIP, _ZSTANDARD))
+
+
+def _copy_plain(file: IO[bytes], head: bytes, plain: IO[bytes]) -> None:
+    """Copy a file that begins with `head` to another one, and decompress it if it is compressed."""
+    if head.startswith(_GZIP):
+        try:
+            shutil.copyfileobj(gzip.GzipFile(fileobj=file), plain)
+        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+            raise FileFormatError(f"expected whole gzip data, but {error}; get the file again") from error
+    elif head.startswith(_ZSTANDARD):
+        _copy_zstandard(file, plain)
+    else:
+        shutil.copyfileobj(file, plain)
+
+
+def _copy_zstandard(file: IO[bytes], plain: IO[bytes]) -> None:
+    import zstandard
+
+    frame = None
+    data = file.read(_ZSTANDARD_CHUNK)
+    while data:
+        frame = frame or zstandard.ZstdDecompressor().decompressobj()
+        try:
+            plain.write(frame.decompress(data))
+        except zstandard.ZstdError as error:
+            raise FileFormatError(f"expected whole Zstandard data, but {error}; get the file again") from error
+        data, frame = (frame.unused_data, None) if frame.eof else (b"", frame)
+        data = data or file.read(_ZSTANDARD_CHUNK)
+    if frame:
+        raise FileFormatError("expected whole Zstandard data, but it ends early; get the file again")
+
+
+@contextmanager
+def whole_output(path: str | os.PathLike[str], force: bool = False) -> Iterator[BinaryIO]:
+    """Open a file for writing that appears under its name only when it is complete.
+
+    Parameters
+    ----------
+    path : str or path
+        The file to be written. With a suffix .gz or .zst, it is compressed. For `-`, the content goes to standard
+        output, also only when it is complete.
+    force : bool
+        Whether an existing file may be overwritten.
+
+    Yields
+    ------
+    binary file
+        Open for writing. One can move in it.
+
+    Raises
+    ------
+    OutputError
+        As for `whole_file`.
+    """
+    suffix = Path(path).suffix.lower()
+    if not is_standard(path) and suffix not in _SUFFIXES:
+        with whole_file(path, force) as file:
+            yield file
+        return
+    check_output(path, force)
+    with tempfile.TemporaryFile() as plain:
+        yield plain
+        plain.seek(0)
+        if is_standard(path):
+            shutil.copyfileobj(plain, sys.stdout.buffer)
+            sys.stdout.buffer.flush()
+            return
+        with whole_file(path, force) as file, _compressor(file, suffix) as compressed:
+            shutil.copyfileobj(plain, compressed)
+
+
+def _compressor(file: BinaryIO, suffix: str) -> Any:
+    if suffix == ".gz":
+        return gzip.GzipFile(filename="", mode="wb", fileobj=file, mtime=0)  # the same content gives the same bytes
+    import zstandard
+
+    return zstandard.ZstdCompressor().stream_writer(file, closefd=False)
+
+
+def check_output(path: str | os.PathLike[str], force: bool = False) -> None:
+    """Check that a file can be written. Call it before long work.
+
+    Parameters
+    ----------
+    path : str or path
+        The file to be written, or `-` for standard output, which can be.
+    force : bool
+        Whether an existing file may be overwritten.
+
+    Raises
+    ------
+    OutputError
+        As for `check_writable`.
+    """
+    if not is_standard(path):
+        check_writable(path, force)

@@ -1,0 +1,108 @@
+"""Compressed files, standard input and standard output."""
+
+import gzip
+import io
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import zstandard
+
+from gppcs import PointCloud
+from gppcs.errors import FileFormatError, OutputError
+from gppcs.io import FORMATS, read, write
+
+WRITABLE = [known.suffixes[0] for known in FORMATS if known.write]
+CLOUD = PointCloud([[0.5, 1, 2], [3, 4, 5e30]])
+TEXT = b"# x y z label\n0.5 1 2 7\n3 4 5 8\n"
+UNPACK = {".gz": gzip.decompress, ".zst": lambda data: zstandard.ZstdDecompressor().decompressobj().decompress(data)}
+PACK = {".gz": gzip.compress, ".zst": zstandard.ZstdCompressor().compress}
+
+
+@pytest.mark.parametrize("compression", UNPACK)
+@pytest.mark.parametrize("suffix", WRITABLE)
+def test_compressed_files_hold_what_plain_ones_do(tmp_path, suffix, compression):
+    plain, packed = tmp_path / f"cloud{suffix}", tmp_path / f"cloud{suffix}{compression}"
+    for path in (plain, packed):
+        write(path, CLOUD, lossy=True)
+    assert UNPACK[compression](packed.read_bytes()) == plain.read_bytes()
+    assert read(packed) == read(plain)
+
+
+@pytest.mark.parametrize("compression", PACK)
+def test_compression_is_found_by_content(tmp_path, compression):
+    (tmp_path / "cloud.xyz").write_bytes(PACK[compression](TEXT))
+    assert read(tmp_path / "cloud.xyz").attributes["label"].tolist() == [7, 8]
+
+
+def test_the_same_cloud_gives_the_same_compressed_bytes(tmp_path):
+    for name in ("one.xyz.gz", "two.xyz.gz"):
+        write(tmp_path / name, CLOUD)
+    assert (tmp_path / "one.xyz.gz").read_bytes() == (tmp_path / "two.xyz.gz").read_bytes()
+
+
+def test_several_compressed_streams_in_one_file_are_read_one_after_another(tmp_path):
+    for compression, pack in PACK.items():
+        path = tmp_path / f"cloud.xyz{compression}"
+        path.write_bytes(pack(TEXT) + pack(b"6 7 8 9\n"))
+        assert len(read(path)) == 3
+
+
+@pytest.mark.parametrize("compression", PACK)
+@pytest.mark.parametrize("damage", [lambda data: data[:-6], lambda data: data[:14] + b"junk" + data[18:]])
+def test_damaged_compression_is_refused(tmp_path, compression, damage):
+    path = tmp_path / f"cloud.xyz{compression}"
+    packed = PACK[compression](os.urandom(300).hex().encode())
+    path.write_bytes(damage(packed))
+    with pytest.raises(FileFormatError, match=f"cloud.xyz{compression}: expected"):
+        read(path)
+
+
+@pytest.mark.parametrize("compression", UNPACK)
+def test_a_cloud_that_breaks_off_leaves_no_compressed_file(tmp_path, compression):
+    with pytest.raises(OutputError, match="Unicode"):
+        write(tmp_path / f"cloud.npz{compression}", PointCloud(CLOUD.points, {"\ud800": np.zeros(2)}))
+    assert not any(tmp_path.iterdir())
+
+
+def test_existing_compressed_files_are_kept_unless_forced(tmp_path):
+    path = tmp_path / "cloud.ply.gz"
+    path.write_bytes(b"precious")
+    with pytest.raises(OutputError, match="expected a new file"):
+        write(path, CLOUD)
+    assert path.read_bytes() == b"precious"
+    write(path, CLOUD, force=True)
+    assert read(path) == CLOUD
+
+
+@pytest.mark.parametrize("pack", [bytes, *PACK.values()])
+def test_standard_input_is_read(monkeypatch, pack):
+    class Stream:
+        buffer = io.BufferedReader(io.BytesIO(pack(TEXT)))
+
+    monkeypatch.setattr(sys, "stdin", Stream)
+    assert read("-", "xyz").attributes["label"].tolist() == [7, 8]
+
+
+def test_standard_input_without_a_known_format_is_refused(monkeypatch):
+    class Stream:
+        buffer = io.BufferedReader(io.BytesIO(TEXT))
+
+    monkeypatch.setattr(sys, "stdin", Stream)
+    with pytest.raises(FileFormatError, match="standard input: expected one of the formats"):
+        read("-")
+
+
+def test_standard_output_needs_a_format():
+    with pytest.raises(FileFormatError, match="format of standard output"):
+        write("-", CLOUD)
+
+
+def test_convert_is_a_filter():
+    words = ["convert", "-", "-", "--from", "xyz", "--to", "csv"]
+    program = "from gppcs.app.cli import main; main()"
+    run = subprocess.run([sys.executable, "-c", program, *words], input=TEXT, capture_output=True, check=True)
+    assert run.stdout == b"x,y,z,label\n0.5,1.0,2.0,7\n3.0,4.0,5.0,8\n"
+    assert run.stderr == b""
