@@ -38,7 +38,8 @@ def lines_of(file: BufferedReader) -> Iterator[str]:
     """
     text = TextIOWrapper(file, encoding="utf-8-sig", errors="replace")
     try:
-        for line in text:  # not "yield from", which would close the file with the generator
+        # "yield from" would close the file with the generator.
+        for line in text:  # noqa: UP028
             yield line
     finally:
         if not file.closed:  # the caller closes the file
