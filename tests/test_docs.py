@@ -157,7 +157,7 @@ def test_options_exist(page):
     code = [code for code in inline_code(page) if not code.startswith(("pip", "uv", ".venv"))]
     code += [" ".join(line) for line in console_lines(page) if Path(line[0]).name == "gppcs"]
     for option in re.findall(r"(?<![\w-])--[a-z][a-z-]*", " ".join(code)):
-        assert option in every | {"--help", "--version"}, option
+        assert option in every | {"--help", "--version", "--install-completion", "--show-completion"}, option
 
 
 def test_the_page_on_usage_lists_every_option_and_format():

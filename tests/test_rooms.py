@@ -22,6 +22,7 @@ FLOORS = (
     ("gppcs.drawing",),
     ("gppcs",),
     ("gppcs.app",),
+    ("gppcs.__main__",),
 )
 FLOOR = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
 

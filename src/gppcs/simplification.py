@@ -211,10 +211,10 @@ def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64] | None:
         return None
     bad = cloud.non_finite()
     if invalid == "error":
-        raise InputError(
-            f"{len(bad)} of {len(cloud)} points have coordinates that are NaN or infinite, the first at index "
-            f"{bad[0]}; drop them with --invalid drop (invalid='drop')"
+        found = (
+            f"{len(bad)} of {len(cloud)} points have coordinates that are NaN or infinite, the first at index {bad[0]}"
         )
+        raise InputError(f"{found}; drop them with invalid='drop'", command=f"{found}; drop them with --invalid drop")
     if len(bad) == len(cloud):
         raise InputError(f"none of the {len(cloud)} points has finite coordinates")
     return cloud.finite_rows()

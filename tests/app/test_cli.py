@@ -7,6 +7,7 @@ import sys
 import time
 
 import pytest
+import typer.main
 
 import gppcs
 from command_line import COMMAND, FAST, assert_one_line, files
@@ -22,6 +23,50 @@ def test_the_bare_command_shows_its_help(gppcs_command, arguments):
 
 def test_version(gppcs_command):
     assert gppcs_command("--version") == (0, f"{gppcs.__version__}\n", "")
+
+
+COMMANDS = typer.main.get_command(program.app).commands
+
+
+@pytest.mark.parametrize("flag", ["-h", "--help"])
+@pytest.mark.parametrize("command", [(), *((name,) for name in COMMANDS)])
+def test_every_help_shows_flags_without_a_type(gppcs_command, monkeypatch, command, flag):
+    monkeypatch.setenv("COLUMNS", "200")
+    code, out, err = gppcs_command(*command, flag)
+    assert (code, err) == (0, "")
+    assert "--help" in out
+    assert "bool" not in out.lower()
+
+
+def test_the_module_runs_as_the_command():
+    run = subprocess.run(
+        [sys.executable, "-m", "gppcs", "info", "none.ply"], capture_output=True, text=True, check=False
+    )
+    assert (run.returncode, run.stdout, run.stderr) == (2, "", "gppcs: none.ply: No such file or directory\n")
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_of_the_shell(shell):
+    """The shell is detected by the processes above, so the test asks for its script as the shell would."""
+    environment = os.environ | {"_GPPCS_COMPLETE": f"source_{shell}"}
+    run = subprocess.run([COMMAND], capture_output=True, env=environment, text=True, check=True)
+    assert "_GPPCS_COMPLETE=complete_" in run.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "completions"),
+    [
+        ("gppcs inf", ["info"]),
+        ("gppcs simplify --qu", ["--quiet"]),
+        ("gppcs simplify --method gp", ["gp", "gp-spectral"]),
+        ("gppcs methods wl", ["wlop"]),
+        ("gppcs sample f", ["fan"]),
+    ],
+)
+def test_words_are_completed(words, completions):
+    request = {"_GPPCS_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
+    run = subprocess.run([COMMAND], capture_output=True, env=os.environ | request, text=True, check=True)
+    assert run.stdout.split() == completions
 
 
 def test_help_comes_at_once():
@@ -70,6 +115,7 @@ def test_a_terminal_of_another_encoding_is_no_reason_to_fail(scan):
         (["sample", "brackt", "-o", "a.ply"], "did you mean 'bracket'?"),
         (["sample", "bracket", "-o", "a.ply", "--points", 0], "whole number from 1 on, found 0"),
         (["sample", "bracket", "-o", "a.ply", "--points", 10**15], "Unable to allocate"),
+        (["sample", "bracket", "-o", "a.ply", "--points", "few"], "such as 5000, 5,000, 5k or 1.5M, found 'few'"),
         (["sample", "bracket", "-o", "a.ply", "--noise", "nan"], "found nan"),
         (["sample", "bracket", "-o", "none/a.ply"], "expected a folder"),
         (["methods", "fps", "hc"], "unexpected extra argument"),

@@ -50,6 +50,16 @@ def test_compare_json_is_one_object_a_method(gppcs_command, scan):
     assert records[0]["figures"] == gppcs.compare(gppcs.read("scan.ply"), ["fps"], n_points=40)[0].report.figures()
 
 
+@pytest.mark.parametrize("options", [("--points", "0.04k"), ("--ratio", "10%")])
+def test_compare_into_an_empty_folder_and_again_with_force(gppcs_command, scan, options):
+    Path("side").mkdir()
+    arguments = ("compare", "scan.ply", *options, "--methods", "fps", "-o", "side", "--no-picture", "-q")
+    assert gppcs_command(*arguments) == (0, "", "")
+    assert "| fps | 40 |" in Path("side/table.md").read_text()
+    assert gppcs_command(*arguments)[0] == 2
+    assert gppcs_command(*arguments, "--force") == (0, "", "")
+
+
 def test_compare_drops_invalid_points_when_asked_to(gppcs_command, scan):
     scan.points[9] = np.nan
     gppcs.write("broken.ply", scan)
@@ -100,12 +110,17 @@ def test_compare_rebuilds_no_mesh_of_an_original_too_large_for_it(gppcs_command,
         (["missing.ply", "--ratio", "0.1", "-o", "side"], "missing.ply"),
         (["scan.ply", "--ratio", "0.1", "-o", "scan.ply"], "expected a folder, found a file"),
         (["scan.ply", "--ratio", "0.1", "-o", "no/side"], "make it first"),
-        (["scan.ply", "--ratio", "0.1", "-o", "old"], "--force"),
+        (["missing.ply", "--ratio", "0.1", "-o", "old"], "old: expected a new or empty folder, found one with files"),
+        (["missing.ply", "--ratio", "0.1", "-o", "other"], "other: expected a new or empty folder"),
+        (["scan.ply", "--ratio", "10", "-o", "side"], "at most 1, found 10"),
+        (["scan.ply", "--points", "3%", "-o", "side"], "use --ratio"),
     ],
 )
 def test_what_compare_refuses_leaves_nothing(gppcs_command, scan, arguments, part):
     Path("old").mkdir()
     Path("old/table.md").write_text("mine")
+    Path("other").mkdir()
+    Path("other/notes.txt").touch()
     Path("in").mkdir()
     gppcs.write("in/table.csv", scan)
     scan.points[9] = np.nan
@@ -113,7 +128,7 @@ def test_what_compare_refuses_leaves_nothing(gppcs_command, scan, arguments, par
     code, out, err = gppcs_command("compare", *arguments, "--no-picture")
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert part in err
-    assert files() == ["broken.ply", "in", "old", "scan.ply"]
+    assert files() == ["broken.ply", "in", "old", "other", "scan.ply"]
     assert len(gppcs.read("in/table.csv")) == 400
     assert Path("old/table.md").read_text() == "mine"
 

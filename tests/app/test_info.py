@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ def test_info_prints_the_facts(gppcs_command):
 def test_info_json_is_the_summary(gppcs_command, scan):
     code, out, err = gppcs_command("info", "scan.ply", "--json")
     summary = json.loads(json.dumps(dataclasses.asdict(gppcs.info(scan))))
-    assert (code, json.loads(out), err) == (0, {"file": "scan.ply"} | summary, "")
+    assert (code, json.loads(out), err) == (0, {"file": "scan.ply"} | summary | {"faces": 0}, "")
 
 
 @pytest.mark.parametrize("points", [np.empty((0, 3)), np.full((2, 3), np.nan)])
@@ -50,3 +51,50 @@ def test_any_file_name_is_printed_as_it_is(gppcs_command, name):
     code, out, err = gppcs_command("info", name)
     assert (code, err) == (0, "")
     assert out.startswith(name.encode(errors="backslashreplace").decode() + "\n")
+
+
+MESHES = {
+    "a.ply": "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    "element face 2\nproperty list uchar int vertex_index\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 2 1\n",
+    "a.off": "OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 2 1\n",
+    "a.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nfoo\nf 1 3 2\n",
+    "a.stl": "solid a\n"
+    + 2 * "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+    + "endsolid a\n",
+}
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_info_says_that_a_file_is_a_mesh(gppcs_command, folder, name):
+    Path(name).write_text(MESHES[name])
+    code, out, err = gppcs_command("info", name)
+    assert (code, err) == (0, "")
+    assert "faces 2 (the file is a mesh; only its vertices are read)" in " ".join(out.split())
+    assert json.loads(gppcs_command("info", name, "--json")[1])["faces"] == 2
+
+
+def test_info_of_a_cloud_does_not_speak_of_faces(gppcs_command, scan):
+    assert "faces" not in gppcs_command("info", "scan.ply")[1]
+
+
+def test_info_takes_several_files_and_folders(gppcs_command, scan):
+    Path("tiles").mkdir()
+    gppcs.write("tiles/b.csv", scan)
+    gppcs.write("tiles/a.ply", scan)
+    Path("broken.ply").write_text("ply\n")
+    code, out, err = gppcs_command("info", "scan.ply", "broken.ply", "missing.ply", "tiles", "--json")
+    assert code == 2
+    assert [json.loads(line)["file"] for line in out.splitlines()] == ["scan.ply", "tiles/a.ply", "tiles/b.csv"]
+    assert [line.split(": ")[1] for line in err.splitlines()] == ["broken.ply", "missing.ply"]
+    code, out, _ = gppcs_command("info", "scan.ply", "tiles")
+    assert code == 0
+    assert [line for line in out.splitlines() if line.endswith((".ply", ".csv"))] == [
+        "scan.ply",
+        "tiles/a.ply",
+        "tiles/b.csv",
+    ]
+
+
+def test_info_names_columns(gppcs_command, folder):
+    Path("table.txt").write_text("1 2 3 4\n5 6 7 8\n")
+    assert json.loads(gppcs_command("info", "table.txt", "--columns", "z,y,x,i", "--json")[1])["low"] == [3, 2, 1]

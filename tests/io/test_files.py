@@ -92,7 +92,7 @@ def test_what_a_format_cannot_hold_is_refused_or_left_out_when_that_is_asked_for
     assert losses(path, CLOUD) == []
     if known.name in ("OFF", "OBJ", "PTS"):
         assert losses(path, cloud) == ["attribute nx (float64)", "attribute label (float64)"]
-        with pytest.raises(OutputError, match=r"cannot hold: attribute nx \(float64\), .*; choose .* --lossy"):
+        with pytest.raises(OutputError, match=r"cannot hold: attribute nx \(float64\), .*; choose .* lossy=True"):
             write(path, cloud)
         assert not any(tmp_path.iterdir())
         write(path, cloud, lossy=True)

@@ -157,13 +157,13 @@ def test_whole_numbers_that_float64_does_not_hold_are_refused(mesh, suffix, text
 def test_faces_are_counted(tmp_path):
     obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nvt 0 0\nf 1 2 3\nf 3 2 1\n"
     (tmp_path / "mesh.obj").write_text(obj)
-    assert load(tmp_path / "mesh.obj")[1] == ["faces (2)", "normals (1)", "texture coordinates (1)"]
+    assert load(tmp_path / "mesh.obj").unread == ["faces (2)", "normals (1)", "texture coordinates (1)"]
     (tmp_path / "mesh.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
-    assert load(tmp_path / "mesh.off")[1] == ["faces (1)"]
+    assert load(tmp_path / "mesh.off").unread == ["faces (1)"]
     corners = "".join(f"vertex {x} {y} 0\n" for x, y in ((0, 0), (1, 0), (0, 1)))
     (tmp_path / "mesh.stl").write_text(
         f"solid a\nfacet normal 0 0 1\nouter loop\n{corners}endloop\nendfacet\nendsolid a\n"
     )
-    assert load(tmp_path / "mesh.stl")[1] == ["faces (1)"]
+    assert load(tmp_path / "mesh.stl").unread == ["faces (1)"]
     (tmp_path / "binary.stl").write_bytes(bytes(80) + (2).to_bytes(4, "little") + bytes(100))
-    assert load(tmp_path / "binary.stl")[1] == ["faces (2)"]
+    assert load(tmp_path / "binary.stl").unread == ["faces (2)"]

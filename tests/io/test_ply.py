@@ -98,7 +98,7 @@ def test_faces_before_vertices_are_passed_by_and_lists_within_them_are_read(ply,
     for name, dtype, column in (("friends", np.int16, 1), ("weights", np.float32, 4)):
         assert [row.tolist() for row in cloud.attributes[name]] == [list(vertex[column]) for vertex in vertices]
         assert {row.dtype for row in cloud.attributes[name]} == {np.dtype(dtype)}
-    assert load(path)[1] == ["element camera (2)", "element face (2)", "element edge (1)"]
+    assert load(path).unread == ["faces (2)", "element camera (2)", "element edge (1)"]
     assert losses("cloud.ply", cloud) == []
     lost = ["attribute friends (object)", "attribute weights (object)", "1 comment", "1 line of obj_info"]
     assert losses("cloud.xyz", cloud) == lost
@@ -109,7 +109,7 @@ def test_nothing_is_left_out_of_plain_vertices(ply):
     path = ply(
         "ascii", ["element vertex 1", *XYZ, "element face 0", "property list uchar int vertex_indices"], b"1 2 3\n"
     )
-    assert load(path)[1] == []
+    assert load(path).unread == []
     assert losses("cloud.xyz", read(path)) == []
 
 
@@ -251,7 +251,7 @@ def test_attributes_that_cannot_be_columns_are_refused(tmp_path):
     def writing(**attributes):
         write(tmp_path / "cloud.ply", PointCloud(np.zeros((1, 3)), attributes))
 
-    with pytest.raises(OutputError, match=r"cannot hold: attribute name \(<U1\)"):
+    with pytest.raises(OutputError, match=r"cannot hold: attribute name \(text\)"):
         writing(name=np.array(["a"]))
     with pytest.raises(OutputError, match="'x' twice"):
         writing(x=np.zeros(1))

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import FileFormatError, OutputError
+from gppcs.errors import FileFormatError, OutputError, ParameterError
 from gppcs.io import read, rows, write
 
 
@@ -42,6 +44,11 @@ def test_delimiters_and_line_ends(table, delimiter, end):
         ("# x, y, z, label\n1 2 3 4\n", ["label"]),
         ("x,y,z,\n1,2,3,4\n", ["column_4"]),
         ("x,y,z,Scalar field\n1,2,3,4\n", ["Scalar field"]),
+        ("x,y,z,a;b\n1,2,3,4\n", ["a;b"]),
+        ("x;y;z;a,b\n1;2;3;4\n", ["a,b"]),
+        ("x\ty\tz\tScalar field\n1\t2\t3\t4\t\n", ["Scalar field"]),
+        ("1 2\t3\t4\n", ["column_4"]),
+        ("# x y z z\n1 2 3 4\n", ["column_4"]),
     ],
 )
 def test_names_come_from_a_header_or_a_comment(table, text, names):
@@ -188,3 +195,157 @@ def test_pts_files_hold_no_attributes_without_customary_names(tmp_path):
     with pytest.raises(OutputError, match=r"attribute nz \(float64\); choose another format"):
         write(tmp_path / "cloud.pts", PointCloud([[1.5, 2, 3], [4, 5, 6]], normals))
     assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("suffix", [".xyz", ".csv"])
+@pytest.mark.parametrize(
+    ("text", "labels"),
+    [
+        ("x,y,z,label\n1,2,3,tree\n4,5,6,low plant\n", ["tree", "low plant"]),
+        ("1 2 3 tree\n4 5 6 grass\n", ["tree", "grass"]),
+        ("x\ty\tz\tkind of plant\n1\t2\t3\ttree\n4\t5\t6\tlow plant\n", ["tree", "low plant"]),
+        ("1\t2\t3\ttree\n4\t5\t6\t\n", ["tree", ""]),
+        ('x;y;z;label\n1.5;2;3;"a;b"\n4;5;6;""\n', ["a;b", ""]),
+        ('x,y,z,label\n1,2,3,"001"\n4,5,6,"2 ""b"""\n', ["001", '2 "b"']),
+        ('x y z label\n1 2 3 "a b"\n4 5 6 c\n', ["a b", "c"]),
+        ("x,y,z,label\n1,2,3,n/a\n4,5,6,7\n", ["n/a", "7"]),
+        ("2\n# x y z label\n1 2 3 a\n\n# no\n4 5 6 b\n", ["a", "b"]),
+        ("x,y,z,label\n1,2,3,\n4,5,6,b\n", ["", "b"]),
+        ("x,y,z,label\n1,2,3,5\" pipe\n4,5,6,'b'\n", ['5" pipe', "'b'"]),
+    ],
+)
+def test_columns_of_text_are_kept(table, text, labels, suffix):
+    cloud = read(table(text, suffix))
+    assert cloud.points[1].tolist() == [4, 5, 6]
+    (values,) = cloud.attributes.values()
+    assert values.dtype.kind == "U"
+    assert values.tolist() == labels
+
+
+def test_text_may_stand_before_the_coordinates(table):
+    cloud = read(table("label,x,note,y,z,class\na,1,b c,2,3,7\nd,4,,5,6,8\n"))
+    assert cloud.points.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert {name: values.tolist() for name, values in cloud.attributes.items()} == {
+        "label": ["a", "d"],
+        "note": ["b c", ""],
+        "class": [7, 8],
+    }
+
+
+def test_quotes_around_everything_mean_nothing(table):
+    cloud = read(table('"x","y","z","class","label"\n"1","2","3.5","7","a"\n'))
+    assert cloud.points.tolist() == [[1, 2, 3.5]]
+    assert cloud.attributes["class"].dtype == np.int64
+    assert cloud.attributes["label"].tolist() == ["a"]
+
+
+TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="\0\n\r\ufffd"), max_size=20)
+
+
+@given(texts=st.lists(TEXTS, min_size=1, max_size=4), block=st.sampled_from([1, 100]))
+@pytest.mark.parametrize("suffix", [".xyz", ".csv", ".npy", ".npz"])
+def test_any_text_comes_back(tmp_path_factory, suffix, texts, block):
+    path = tmp_path_factory.mktemp("text") / f"cloud{suffix}"
+    cloud = PointCloud(np.arange(3.0 * len(texts)).reshape(-1, 3), {"label": np.array(texts), "i": range(len(texts))})
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(rows, "BLOCK", block)
+        write(path, cloud)
+        found = read(path)
+    assert found.points.tolist() == cloud.points.tolist()
+    assert found.attributes["label"].tolist() == texts
+    assert found.attributes["i"].tolist() == list(range(len(texts)))
+
+
+@pytest.mark.parametrize("text", ["a\nb", "a\rb", "a\0b", chr(0xD800), "\ufffd", "a" * 1001])
+@pytest.mark.parametrize("suffix", [".xyz", ".csv"])
+def test_text_that_no_line_holds_is_refused(tmp_path, suffix, text):
+    with pytest.raises(OutputError, match=r"expected text .* write .npy or .npz"):
+        write(tmp_path / f"cloud{suffix}", PointCloud([[0, 0, 0]], {"label": np.array([text])}))
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x,y,z,label\n1,2,3,a\n4,5,6\n", "line 3: expected 4 columns, found '4,5,6'"),
+        ("x,y,z,label\n1,2,3,a\n4,5,6,b,c\n", "line 3: expected 4 columns"),
+        ("x,y,z,label\n1,2,3,a\n\n4,five,6,b\n", "line 4: expected 3 numbers, found '4,five,6'"),
+        ("x,y,z,label\n1,2,3,4\n4,5,6,b\n", "line 3: expected 4 numbers, found '4,5,6,b'"),
+        ("x,y,z,label\n1,2,three,a\n", "line 2: expected numbers, or names of columns"),
+        ("x,y,z,label\n1,2,3,4,a\n", "line 1 names 4 columns, but line 2 has 5"),
+        ("3\n1 2 3 a\n4 5 6 b\n", "ends in point 3 of 3"),
+        ("1\n1 2 3 a\n4 5 6 b\n", "expected 1 points, as the file says, found more"),
+        ("1,2,3,a\n4,5,6,\0\n", "line 2: expected text in UTF-8"),
+        ("1,2,3,a\n4,5,6," + "b" * 1001 + "\n", "line 2: expected text of at most 1,000 characters"),
+        ("1,5;2,5;3,5\n", "line 1: expected numbers, or names of columns"),
+    ],
+)
+def test_bad_lines_of_tables_with_text_are_told_by_number(table, text, message):
+    with pytest.raises(FileFormatError, match=message):
+        read(table(text))
+
+
+def test_text_that_is_not_utf8_is_refused(tmp_path):
+    path = tmp_path / "cloud.csv"
+    path.write_bytes("x,y,z,label\n1,2,3,a\n4,5,6,Bäume\n".encode("latin-1"))
+    with pytest.raises(FileFormatError, match="line 3: expected text in UTF-8"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("header", "names"),
+    [
+        ("//X Y Z R G B", ["red", "green", "blue"]),
+        ("x y z r g b", ["red", "green", "blue"]),
+        ("//X Y Z R G", ["R", "G"]),
+        ("x y z R G B red", ["R", "G", "B", "red"]),
+        ("X,Y,Z,B,G,R,Intensity", ["blue", "green", "red", "Intensity"]),
+    ],
+)
+def test_letters_of_colours_become_their_names(table, header, names):
+    mark = "," if "," in header else " "
+    row = mark.join(map(str, range(3 + len(names))))
+    assert list(read(table(f"{header}\n{row}\n")).attributes) == names
+
+
+@pytest.mark.parametrize(
+    ("rows", "kind"),
+    [
+        (["0 255 7", "1 2 3"], "uint8"),
+        (["0 256 7"], "int64"),
+        (["0 -1 7"], "int64"),
+        (["0.5 0.1 1.0"], "float64"),
+    ],
+)
+def test_colours_of_one_byte_are_of_type_uint8(table, rows, kind):
+    cloud = read(table("x y z red green blue\n" + "".join(f"1 2 3 {row}\n" for row in rows)))
+    assert str(cloud.attributes["green"].dtype) == kind
+    assert cloud.attributes["green"].tolist() == [float(row.split()[1]) for row in rows]
+
+
+def test_colours_are_of_one_type(table):
+    attributes = read(table("x y z red green blue alpha\n1 2 3 4 5 6 256\n")).attributes
+    assert {str(values.dtype) for values in attributes.values()} == {"int64"}
+    attributes = read(table("x y z red green alpha\n1 2 3 4 5 6\n")).attributes
+    assert {str(values.dtype) for values in attributes.values()} == {"int64"}
+
+
+@pytest.mark.parametrize("text", ["1 2 3 4 a\n", "lon lat alt i n\n1 2 3 4 a\n", "1\n# x y z a b\n1 2 3 4 a\n"])
+@pytest.mark.parametrize("suffix", [".txt", ".pts"])
+def test_columns_take_the_names_that_are_given(table, text, suffix):
+    cloud = read(table(text, suffix), columns=["y", "x", "z", "R", "note"])
+    assert cloud.points.tolist() == [[2, 1, 3]]
+    assert {name: values.tolist() for name, values in cloud.attributes.items()} == {"R": [4], "note": ["a"]}
+
+
+def test_one_line_at_most_is_taken_for_names(table):
+    with pytest.raises(FileFormatError, match="line 2: expected numbers as x, y and z, found 'u v w'"):
+        read(table("lon lat alt\nu v w\n1 2 3\n"), columns=["x", "y", "z"])
+
+
+@pytest.mark.parametrize(
+    "columns", ["xyz", ["x", "y"], ["x", "y", "z", ""], ["x", "y", "z", 4], ["x", "y", "z", "x"], []]
+)
+def test_names_that_are_none_are_refused(table, columns):
+    with pytest.raises(ParameterError, match="names of columns"):
+        read(table("1 2 3 4\n"), columns=columns)

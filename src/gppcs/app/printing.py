@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import logging
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
 from gppcs.app.tables import FIGURES
+from gppcs.engine.stages import Listener
 from gppcs.errors import GppcsError, InputError
 from gppcs.evaluation.report import Report
 
@@ -35,11 +37,55 @@ To = Annotated[
     str | None,
     typer.Option("--to", metavar="SUFFIX", help="Format of the output, such as ply. By default, the name tells."),
 ]
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Show no progress and print no table. Errors and notes are still printed.")
+]
+Columns = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME,...",
+        help="Names of the columns of a text table, such as x,y,z,red,green,blue. They replace those in the file.",
+    ),
+]
 
 Invalid = Annotated[
     Literal["error", "drop"],
     typer.Option(help="For NaN and infinite coordinates: stop with an error, or drop these points."),
 ]
+
+
+def progress(quiet: bool) -> Listener | None:
+    """Return what shows the progress of a run, and the notices of the library. Nothing does if the user wants quiet.
+
+    Parameters
+    ----------
+    quiet : bool
+        The option `--quiet`.
+
+    Returns
+    -------
+    Listener or None
+    """
+    from gppcs.app.console import ProgressBar
+
+    if quiet:
+        logging.getLogger("gppcs").setLevel(logging.WARNING)
+    return None if quiet else ProgressBar()
+
+
+def names_of(columns: str | None) -> list[str] | None:
+    """Return the names in the option `--columns`.
+
+    Parameters
+    ----------
+    columns : str or None
+        Names, separated by commas.
+
+    Returns
+    -------
+    list of str or None
+    """
+    return None if columns is None else [name.strip() for name in columns.split(",")]
 
 
 def print_json(record: dict[str, Any]) -> None:
@@ -104,7 +150,9 @@ def tell(error: BaseException, source: Path | None = None) -> None:
         The input. It is added to errors about a cloud, which do not name the file.
     """
     if isinstance(error, InputError) and source:
-        print_error(f"{source}: {error}")
+        print_error(f"{source}: {error.command}")
+    elif isinstance(error, GppcsError):
+        print_error(error.command)
     elif isinstance(error, OSError) and error.filename:
         print_error(f"{error.filename}: {error.strerror}")
     else:

@@ -7,17 +7,41 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import TextIOWrapper
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+import typer.core
 
 from gppcs import __version__
 from gppcs.app.commands import compare, convert, evaluate, info, methods, sample, simplify, warmup
 from gppcs.app.printing import BAD_INPUT, FAILURES, print_error, tell
 
+NAME = "gppcs"  # also if it runs as `python -m gppcs`
+
+
+class _WithoutTypesOfFlags:
+    """Leaves the type `<bool>` of flags out of the help."""
+
+    def get_params(self, context: Any) -> list[Any]:
+        parameters: list[Any] = super().get_params(context)  # type: ignore[misc]
+        for parameter in parameters:
+            if getattr(parameter, "is_flag", False):
+                parameter.metavar = ""
+        return parameters
+
+
+class _Program(_WithoutTypesOfFlags, typer.core.TyperGroup):
+    pass
+
+
+class _Command(_WithoutTypesOfFlags, typer.core.TyperCommand):
+    pass
+
+
 app = typer.Typer(
-    name="gppcs",
-    add_completion=False,
+    name=NAME,
+    cls=_Program,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     help="Thin a point cloud to exactly the number of points asked for, and keep its features.",
@@ -26,6 +50,7 @@ app = typer.Typer(
     "gppcs simplify scan.ply -o small.ply --ratio 0.03 --picture small.png\n\n"
     "gppcs compare scan.ply --points 5000 --methods gp-spectral,fps,hc -o comparison\n\n"
     "gppcs info small.ply\n\n"
+    "gppcs --install-completion\n\n"
     "gppcs COMMAND --help explains a command.",
 )
 
@@ -39,14 +64,14 @@ def _root(
         raise typer.Exit
 
 
-app.command(epilog=simplify.EPILOG)(simplify.simplify)
-app.command(epilog=evaluate.EPILOG)(evaluate.evaluate)
-app.command(epilog=compare.EPILOG)(compare.compare)
-app.command(epilog=info.EPILOG)(info.info)
-app.command(epilog=convert.EPILOG)(convert.convert)
-app.command(epilog=sample.EPILOG)(sample.sample)
-app.command(epilog=methods.EPILOG)(methods.methods)
-app.command(epilog=warmup.EPILOG)(warmup.warmup)
+app.command(cls=_Command, epilog=simplify.EPILOG)(simplify.simplify)
+app.command(cls=_Command, epilog=evaluate.EPILOG)(evaluate.evaluate)
+app.command(cls=_Command, epilog=compare.EPILOG)(compare.compare)
+app.command(cls=_Command, epilog=info.EPILOG)(info.info)
+app.command(cls=_Command, epilog=convert.EPILOG)(convert.convert)
+app.command(cls=_Command, epilog=sample.EPILOG)(sample.sample)
+app.command(cls=_Command, epilog=methods.EPILOG)(methods.methods)
+app.command(cls=_Command, epilog=warmup.EPILOG)(warmup.warmup)
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -66,7 +91,7 @@ def run(arguments: Sequence[str]) -> int:
         sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may not show all characters of file names
     try:
         with _log_on_stderr():
-            code = app(list(arguments) or ["--help"], standalone_mode=False)
+            code = app(list(arguments) or ["--help"], prog_name=NAME, standalone_mode=False)
     except FAILURES as error:
         tell(error)
         return BAD_INPUT

@@ -2,10 +2,11 @@
 
 from gppcs.io.files import FORMATS, check_losses, format_to_write, load, losses, read, write
 from gppcs.io.format import Format
-from gppcs.io.streams import check_output
+from gppcs.io.streams import COMPRESSIONS, check_output
 from gppcs.io.whole_file import check_distinct, check_writable, is_standard, whole_file
 
 __all__ = [
+    "COMPRESSIONS",
     "FORMATS",
     "Format",
     "check_distinct",

@@ -150,13 +150,13 @@ def coordinate_type(cloud: PointCloud) -> np.dtype[Any]:
 
 
 def attribute_columns(cloud: PointCloud) -> dict[str, Column]:
-    """Return the attributes as columns of one number per point.
+    """Return the attributes as columns of one number, or one text, per point.
 
     Parameters
     ----------
     cloud : PointCloud
-        All its attributes are numbers. An attribute with k numbers per point becomes k columns, called name_0, name_1
-        and so on. Whitespace, separators and quotes in names become underscores.
+        Its attributes are of kinds that the file holds. An attribute with k numbers per point becomes k columns, called
+        name_0, name_1 and so on. Whitespace, separators and quotes in names become underscores.
 
     Returns
     -------
@@ -194,20 +194,22 @@ def column_name(attribute: str) -> str:
     return re.sub(r"[\s,;\"']+", "_", attribute) or "_"
 
 
-def only_numbers(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
-    """Return what a table of numbers can hold of a cloud, and in words what it cannot.
+def held_by_columns(cloud: PointCloud, kinds: str) -> tuple[PointCloud, list[str]]:
+    """Return what a table can hold of a cloud, and in words what it cannot.
 
     Parameters
     ----------
     cloud : PointCloud
+    kinds : str
+        Kinds of NumPy types that the table can hold: numbers and booleans (biuf), or also text (U).
 
     Returns
     -------
     cloud : PointCloud
-        Without header, and without attributes that are not numbers.
+        Without header, and without attributes of other kinds.
     lost : list of str
     """
-    others = [name for name, values in cloud.attributes.items() if values.dtype.kind not in "biuf"]
+    others = [name for name, values in cloud.attributes.items() if values.dtype.kind not in kinds]
     fitted, attributes = without_attributes(cloud, others)
     fitted, contents = without_header(fitted)
     return fitted, [*attributes, *contents]

@@ -6,8 +6,10 @@ To add a format, write a module with a `Format` and add it to `FORMATS`.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from io import BufferedReader
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,7 +31,11 @@ FORMATS: tuple[Format, ...] = (
 )
 
 
-def read(path: str | os.PathLike[str], format: str | None = None) -> PointCloud:  # noqa: A002 - as numpy, pandas say
+def read(
+    path: str | os.PathLike[str],
+    format: str | None = None,  # noqa: A002 - as numpy, pandas say
+    columns: Sequence[str] | None = None,
+) -> PointCloud:
     """Read a point cloud file: PLY, XYZ, TXT, ASC, CSV, PTS, NPY, NPZ, OFF, OBJ or STL.
 
     The format is found by a signature in the content (PLY, NPY, NPZ, OFF, STL), otherwise by the suffix of the name. Of
@@ -41,6 +47,8 @@ def read(path: str | os.PathLike[str], format: str | None = None) -> PointCloud:
         The file. A gzip or Zstandard file is decompressed; `-` is standard input.
     format : str, optional
         Suffix of the format, such as "ply" or ".ply". It overrides content and name.
+    columns : sequence of str, optional
+        The name of each column of a text table, with x, y and z. They replace any names in the file.
 
     Returns
     -------
@@ -52,7 +60,7 @@ def read(path: str | os.PathLike[str], format: str | None = None) -> PointCloud:
     FileFormatError
         If the format is unknown, or the content does not follow it.
     ParameterError
-        If `path` is neither text nor a path, or `format` is no text.
+        If `path` is neither text nor a path, `format` is no text, or `columns` are not different names with x, y and z.
     OSError
         If the file does not exist or cannot be read.
 
@@ -63,22 +71,41 @@ def read(path: str | os.PathLike[str], format: str | None = None) -> PointCloud:
     >>> cloud
     PointCloud(2 points, each with intensity)
     """
-    return load(path, format)[0]
+    return load(path, format, columns).cloud
 
 
-def load(path: str | os.PathLike[str], format: str | None = None) -> tuple[PointCloud, list[str]]:  # noqa: A002
+class Loaded(NamedTuple):
+    """What `load` has read, and what it has not.
+
+    Attributes
+    ----------
+    cloud : PointCloud
+    faces : int
+        Number of faces, which the cloud does not hold. A file with faces is a mesh.
+    unread : list of str
+        In words what the cloud does not hold of the file, faces included.
+    """
+
+    cloud: PointCloud
+    faces: int
+    unread: list[str]
+
+
+def load(
+    path: str | os.PathLike[str],
+    format: str | None = None,  # noqa: A002
+    columns: Sequence[str] | None = None,
+) -> Loaded:
     """Read a point cloud file as `read` does, and tell what is left out.
 
     Parameters
     ----------
-    path, format
+    path, format, columns
         As for `read`.
 
     Returns
     -------
-    cloud : PointCloud
-    unread : list of str
-        In words what the cloud does not hold of the file, such as the faces of a mesh.
+    Loaded
 
     Raises
     ------
@@ -87,18 +114,39 @@ def load(path: str | os.PathLike[str], format: str | None = None) -> tuple[Point
     """
     source = file_path(path)
     _require_text(format)
+    names = None if columns is None else _checked_columns(columns)
     if source.exists() and not source.is_file():
         raise FileFormatError(f"{source}: expected a file, found a folder or device; name a file")
     try:
         with plain_input(source) as (file, plain):
             chosen = _of_suffix(format) if format else _of_file(file, plain)
             with np.errstate(invalid="ignore"):  # converting a signalling NaN is no error
-                cloud = chosen.read(file)
+                cloud = chosen.read(file) if names is None else _read_named(chosen, file, names)
             file.seek(0)
-            return cloud, chosen.unread(file)
+            faces = chosen.faces(file)
+            file.seek(0)
+            return Loaded(cloud, faces, [*([f"faces ({faces:,})"] if faces else []), *chosen.unread(file)])
     except (FileFormatError, InputError) as error:
         name = "standard input" if is_standard(source) else source
         raise FileFormatError(f"{name}: {error}") from error
+
+
+def _checked_columns(columns: Sequence[str]) -> list[str]:
+    """Return names of columns after checking that they are different and that x, y and z are among them."""
+    names = [] if isinstance(columns, str) else list(columns)
+    if not all(isinstance(name, str) and name for name in names) or not {"x", "y", "z"} <= set(names):
+        raise ParameterError(
+            f"expected names of columns with x, y and z, such as x, y, z, red, green, blue, found {shown(columns)}"
+        )
+    if len(set(names)) < len(names):
+        raise ParameterError(f"expected different names of columns, found {shown(columns)}")
+    return names
+
+
+def _read_named(chosen: Format, file: BufferedReader, columns: list[str]) -> PointCloud:
+    if chosen.read_named is None:
+        raise FileFormatError(f"expected a text table, whose columns can be named, found {chosen.name}")
+    return chosen.read_named(file, columns)
 
 
 def losses(path: str | os.PathLike[str], cloud: PointCloud, format: str | None = None) -> list[str]:  # noqa: A002
@@ -135,10 +183,9 @@ def check_losses(path: str | os.PathLike[str], cloud: PointCloud, format: str | 
         If something would be lost.
     """
     if lost := losses(path, cloud, format):
-        raise OutputError(
-            f"{path}: expected a format that holds all of the cloud, but {format_to_write(path, format).name} cannot "
-            f"hold: {', '.join(lost)}; choose another format, or leave this out with --lossy (lossy=True)"
-        )
+        found = f"{format_to_write(path, format).name} cannot hold: {', '.join(lost)}"
+        hint = f"{path}: expected a format that holds all of the cloud, but {found}; choose another format, or leave "
+        raise OutputError(f"{hint}this out with lossy=True", command=f"{hint}this out with --lossy")
 
 
 def write(
@@ -215,7 +262,8 @@ def format_to_write(path: str | os.PathLike[str], format: str | None = None) -> 
     """
     _require_text(format)
     if is_standard(path) and not format:
-        raise FileFormatError("expected the format of standard output, found none; give it, with --to SUFFIX (format=)")
+        expected = "expected the format of standard output, found none; give it with "
+        raise FileFormatError(f"{expected}format='ply'", command=f"{expected}--to ply")
     try:
         chosen = _of_suffix(format or inner_name(file_path(path)).suffix)
     except FileFormatError as error:

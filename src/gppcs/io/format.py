@@ -50,8 +50,14 @@ def without_attributes(cloud: PointCloud, names: Iterable[str]) -> tuple[PointCl
     lost = set(names)
     kept = {name: values for name, values in cloud.attributes.items() if name not in lost}
     return replace(cloud, attributes=kept), [
-        f"attribute {name} ({values.dtype})" for name, values in cloud.attributes.items() if name in lost
+        f"attribute {name} ({'text' if values.dtype.kind == 'U' else values.dtype})"
+        for name, values in cloud.attributes.items()
+        if name in lost
     ]
+
+
+def _none(file: BufferedReader) -> int:
+    return 0
 
 
 @dataclass(frozen=True)
@@ -74,10 +80,14 @@ class Format:
         Whether a file is of this format, given its first 1024 bytes and its size in bytes. By default False, for
         formats without a signature.
     unread : callable(file) -> list of str, optional
-        Returns in words what `read` leaves out of a binary file, such as faces. By default nothing.
+        Returns in words what `read` leaves out of a binary file, besides faces. By default nothing.
     fitted : callable(cloud) -> (PointCloud, list of str), optional
         Returns the part of a cloud that `write` can store, and in words what that leaves out. By default, all but the
         header.
+    faces : callable(file) -> int, optional
+        Returns the number of faces in a binary file that `read` can read. By default 0, for formats without faces.
+    read_named : callable(file, names) -> PointCloud, optional
+        Reads a table as `read` does, with these names of its columns. None if files of the format are no tables.
     """
 
     name: str
@@ -87,3 +97,5 @@ class Format:
     recognises: Callable[[bytes, int], bool] = _never
     unread: Callable[[BufferedReader], list[str]] = _nothing
     fitted: Callable[[PointCloud], tuple[PointCloud, list[str]]] = without_header
+    faces: Callable[[BufferedReader], int] = _none
+    read_named: Callable[[BufferedReader, list[str]], PointCloud] | None = None

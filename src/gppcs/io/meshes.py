@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections import Counter
 from collections.abc import Iterator
@@ -79,24 +78,8 @@ def _off_header(numbered: Iterator[tuple[int, str]]) -> tuple[re.Match[str], int
     return header, number, known
 
 
-def unread_off(file: BufferedReader) -> list[str]:
-    """Return in words what `read_off` leaves out of a file: its faces.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-
-    Returns
-    -------
-    list of str
-    """
-    numbered = ((i, text) for i, text in enumerate(map(_off_numbers, lines_of(file)), 1) if text)
-    return _faces(sum(_off_header(numbered)[2][1:]))
-
-
 def unread_obj(file: BufferedReader) -> list[str]:
-    """Return in words what `read_obj` leaves out of a file: its faces, normals and texture coordinates.
+    """Return in words what `read_obj` leaves out of a file, besides faces: normals and texture coordinates.
 
     Parameters
     ----------
@@ -107,32 +90,9 @@ def unread_obj(file: BufferedReader) -> list[str]:
     -------
     list of str
     """
-    counts = Counter(line.split(None, 1)[0] for line in lines_of(file) if line[:1] in "fv" and line.strip())
+    counts = Counter(line.split(None, 1)[0] for line in lines_of(file) if line.startswith("v"))
     others = {"vn": "normals", "vt": "texture coordinates"}
-    return [*_faces(counts["f"]), *(f"{others[word]} ({counts[word]:,})" for word in others if counts[word])]
-
-
-def unread_stl(file: BufferedReader) -> list[str]:
-    """Return in words what `read_stl` leaves out of a file: its faces.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-
-    Returns
-    -------
-    list of str
-    """
-    head = file.read(_STL_START)
-    if _is_binary_stl(head, os.fstat(file.fileno()).st_size):
-        return _faces(int.from_bytes(head[80:], "little"))
-    file.seek(0)
-    return _faces(sum(line.lstrip().startswith("facet") for line in lines_of(file)))
-
-
-def _faces(count: int) -> list[str]:
-    return [f"faces ({count:,})"] if count else []
+    return [f"{others[word]} ({counts[word]:,})" for word in others if counts[word]]
 
 
 def check_off_faces(file: BufferedReader) -> None:
@@ -280,14 +240,18 @@ def read_stl(file: BufferedReader) -> PointCloud:
     FileFormatError
         If the file ends early, or a corner is malformed.
     """
+    corners = _corners(file)
+    points = corners[_first_of_equal(corners)]
+    return PointCloud(points, coordinate_dtype=corners.dtype.newbyteorder("="))
+
+
+def _corners(file: BufferedReader) -> Column:
+    """Return the corners of all facets, three rows for each."""
     data = file.read()
     if _is_text_stl(data[:1024], len(data)):
         file.seek(0)
-        corners = _text_corners(file, data)
-    else:
-        corners = _binary_corners(data)
-    points = corners[_first_of_equal(corners)]
-    return PointCloud(points, coordinate_dtype=corners.dtype.newbyteorder("="))
+        return _text_corners(file, data)
+    return _binary_corners(data)
 
 
 def _binary_corners(data: bytes) -> Column:
@@ -368,6 +332,20 @@ def write_obj(file: BinaryIO, cloud: PointCloud) -> None:
     write_rows(file, list(cloud.points.astype(coordinate_type(cloud), copy=False).T), prefix="v ")
 
 
+def _count_off_faces(file: BufferedReader) -> int:
+    numbered = ((i, text) for i, text in enumerate(map(_off_numbers, lines_of(file)), 1) if text)
+    _, _, counts = _off_header(numbered)
+    return counts[1] if len(counts) > 1 else 0
+
+
+def _count_obj_faces(file: BufferedReader) -> int:
+    return sum(line.split(None, 1)[:1] == ["f"] for line in lines_of(file))
+
+
+def _count_stl_faces(file: BufferedReader) -> int:
+    return len(_corners(file)) // 3
+
+
 FACE_CHECKS = {".off": check_off_faces, ".obj": check_obj_faces}
 
 
@@ -384,9 +362,9 @@ FORMATS = (
         read_off,
         write_off,
         lambda head, size: _OFF_LOOK.match(head) is not None,
-        unread_off,
-        _only_points,
+        fitted=_only_points,
+        faces=_count_off_faces,
     ),
-    Format("OBJ", (".obj",), read_obj, write_obj, unread=unread_obj, fitted=_only_points),
-    Format("STL", (".stl",), read_stl, None, _looks_like_stl, unread_stl),
+    Format("OBJ", (".obj",), read_obj, write_obj, unread=unread_obj, fitted=_only_points, faces=_count_obj_faces),
+    Format("STL", (".stl",), read_stl, None, _looks_like_stl, faces=_count_stl_faces),
 )

@@ -161,10 +161,25 @@ def unread_ply(file: BufferedReader) -> list[str]:
     Returns
     -------
     list of str
-        The elements that are not vertices, such as faces, as far as there are any.
+        The elements that are neither vertices nor faces, as far as there are any.
     """
-    elements = _read_header(file).elements
-    return [f"element {each.name} ({each.count:,})" for each in elements if each.name != "vertex" and each.count]
+    others = (each for each in _read_header(file).elements if each.name not in ("vertex", "face"))
+    return [f"element {each.name} ({each.count:,})" for each in others if each.count]
+
+
+def count_ply_faces(file: BufferedReader) -> int:
+    """Return the number of faces in a PLY file.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start. It is one that `read_ply` can read.
+
+    Returns
+    -------
+    int
+    """
+    return sum(element.count for element in _read_header(file).elements if element.name == "face")
 
 
 def _read_header(file: BufferedReader) -> _Header:
@@ -514,4 +529,5 @@ FORMAT = Format(
     lambda head, size: re.match(rb"ply[ \t]*\r?\n", head) is not None,
     unread_ply,
     _fitted,
+    faces=count_ply_faces,
 )

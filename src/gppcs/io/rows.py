@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import EXACT, Column, exact_as_double
+from gppcs.io.text_fields import quoted
 
 BLOCK = 1 << 16  # rows per block: large enough that NumPy's cost per call does not count, small enough for memory
 
@@ -267,7 +268,7 @@ def write_rows(file: BinaryIO, columns: Sequence[Column], separator: str = " ", 
     file : binary file
         Open for writing.
     columns : sequence of (N,) arrays
-        Each number is written as the shortest text that reads back as the same number of the same type.
+        Each number is written as the shortest text that reads back as the same number of the same type, text in quotes.
     separator : str
         Text between two numbers.
     prefix : str
@@ -279,6 +280,8 @@ def write_rows(file: BinaryIO, columns: Sequence[Column], separator: str = " ", 
 
 
 def _texts(values: Column) -> list[str]:
+    if values.dtype.kind == "U":
+        return list(map(quoted, values.tolist()))
     if values.dtype.kind == "b":
         values = values.astype(np.uint8)
     if values.dtype.kind == "f" and values.dtype != np.float64:

@@ -16,7 +16,7 @@ from typing import IO, Any, BinaryIO
 from gppcs.errors import FileFormatError
 from gppcs.io.whole_file import check_writable, is_standard, whole_file
 
-_SUFFIXES = (".gz", ".zst")
+COMPRESSIONS = (".gz", ".zst")  # Suffixes of compressed files.
 _GZIP, _ZSTANDARD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"  # The first bytes of such files.
 _ZSTANDARD_CHUNK = 4096  # Bytes. They can decompress to 128 MB at most.
 
@@ -33,7 +33,7 @@ def inner_name(path: Path) -> Path:
     path
         `path` itself, if it has no such suffix.
     """
-    return path.with_suffix("") if path.suffix.lower() in _SUFFIXES else path
+    return path.with_suffix("") if path.suffix.lower() in COMPRESSIONS else path
 
 
 @contextmanager
@@ -128,7 +128,7 @@ def whole_output(path: str | os.PathLike[str], force: bool = False) -> Iterator[
         As for `whole_file`.
     """
     suffix = Path(path).suffix.lower()
-    if not is_standard(path) and suffix not in _SUFFIXES:
+    if not is_standard(path) and suffix not in COMPRESSIONS:
         with whole_file(path, force) as file:
             yield file
         return

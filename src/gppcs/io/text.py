@@ -1,12 +1,15 @@
-"""Reads and writes tables of numbers as text: XYZ, TXT, ASC, CSV and PTS.
+"""Reads and writes tables as text: XYZ, TXT, ASC, CSV and PTS.
 
-- The first row of numbers sets the delimiter: comma, semicolon or whitespace.
+- The first row sets the delimiter: semicolon, comma, or whitespace. If tabs stand between all fields, text may contain
+  spaces.
 - Names of columns come from a header line, or from a comment line (`#` or `//`) that contains x, y and z and has one
-  name for each column.
+  name for each column. R, G and B become `red`, `green` and `blue`.
 - Without names, the first three columns are the coordinates, and the others become `column_4`, `column_5` and so on. In
   PTS files with 4, 6 or 7 columns they become `intensity`, `red green blue`, or all four.
 - A single whole number before the first row is the number of points.
-- Columns of whole numbers become int64, or uint64 if they need it; others become float64.
+- A column is text if its first field is no number, or is in quotes while the coordinates are not.
+- Colours of whole numbers up to 255 become uint8. Other columns of whole numbers become int64, or uint64 if they need
+  it, and all others float64.
 """
 
 from __future__ import annotations
@@ -28,10 +31,11 @@ from gppcs.io.columns import (
     coordinate_names,
     coordinate_type,
     default_names,
-    only_numbers,
+    held_by_columns,
 )
 from gppcs.io.format import Format, without_attributes
 from gppcs.io.rows import as_count, joined, lines_of, number_blocks, shown, typed_columns, write_rows
+from gppcs.io.text_fields import TextApart, delimiter_of, fields_of, is_number, is_row, text_columns
 
 _PTS_EXTRAS = {4: ["intensity"], 6: ["red", "green", "blue"], 7: ["intensity", "red", "green", "blue"]}
 
@@ -69,6 +73,28 @@ def read_xyz(file: BufferedReader) -> PointCloud:
     return _read(file, default_names)
 
 
+def read_named(file: BufferedReader, names: list[str]) -> PointCloud:
+    """Read a table whose columns have these names, in place of any in the file.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+    names : list of str
+        A name for each column; x, y and z are among them.
+
+    Returns
+    -------
+    PointCloud
+
+    Raises
+    ------
+    FileFormatError
+        If a row is malformed, names do not fit the columns, or the number of points is not the one announced.
+    """
+    return _read(file, default_names, names)
+
+
 def read_pts(file: BufferedReader) -> PointCloud:
     """Read a table. Columns without names are those usual in PTS files: x, y, z, intensity, red, green, blue.
 
@@ -89,64 +115,124 @@ def read_pts(file: BufferedReader) -> PointCloud:
     return _read(file, lambda width: [*default_names(3), *_PTS_EXTRAS.get(width, default_names(width)[3:])])
 
 
-def _read(file: BufferedReader, names_of_width: Callable[[int], list[str]]) -> PointCloud:
+def _read(
+    file: BufferedReader, names_of_width: Callable[[int], list[str]], given: list[str] | None = None
+) -> PointCloud:
     lines = lines_of(file)
-    layout = _layout(lines)
+    layout = _layout(lines, given)
     names = layout.names or names_of_width(layout.width)
     if not layout.first_row:
         if layout.count:
             raise FileFormatError(f"expected {layout.count} points, found none; get the whole file again")
         return cloud_of_columns({name: np.empty(0) for name in names})
     rows = chain([layout.first_row], lines)
+    apart = _text_apart(layout, names)
+    if apart is None and layout.delimiter == "\t":
+        layout.delimiter = None  # then further whitespace does no harm
+    texts = apart.columns() if apart else {}
     blocks = number_blocks(
-        rows,
+        apart.numbers(rows, layout.first_line) if apart else rows,
         layout.first_line,
         _numbers,
         delimiter=layout.delimiter,
-        width=layout.width,
+        width=layout.width - len(texts),
         count=layout.count,
     )
-    columns = [typed_columns(texts, values, layout.delimiter) for texts, values in blocks]
-    if any(map(_numbers, rows)):
+    numbers = [typed_columns(words, values, layout.delimiter) for words, values in blocks]
+    if any(map(is_row, rows)):
         raise FileFormatError(f"expected {layout.count} points, as the file says, found more")
-    return cloud_of_columns(
-        {name: joined(parts) for name, parts in zip(names, zip(*columns, strict=True), strict=True)}
+    texts = apart.columns() if apart else {}
+    joint = iter([joined(parts) for parts in zip(*numbers, strict=True)])
+    columns = {name: texts[i] if i in texts else next(joint) for i, name in enumerate(names)}
+    return cloud_of_columns(_with_byte_colours(columns))
+
+
+def _text_apart(layout: _Layout, names: list[str]) -> TextApart | None:
+    """Return what takes the columns of text out of the rows, or None if numpy can read the rows as they are."""
+    raw = fields_of(layout.first_row, layout.delimiter)
+    texts = text_columns(raw, _axes(names))
+    return TextApart(texts, layout.width, layout.delimiter) if texts or '"' in layout.first_row else None
+
+
+def _with_byte_colours(columns: dict[str, Column]) -> dict[str, Column]:
+    """Return columns with colours as uint8, the type in which other programs expect them, if they fit."""
+    colours = [name for name in ("red", "green", "blue", "alpha") if name in columns]
+    if len(colours) < 3 or "alpha" in colours[:3]:
+        return columns
+    fit = all(
+        columns[name].dtype.kind == "i" and columns[name].min() >= 0 and columns[name].max() <= 255 for name in colours
     )
+    return {name: values.astype(np.uint8) if fit and name in colours else values for name, values in columns.items()}
 
 
 def _numbers(line: str) -> str:
-    return "" if line.isspace() or line.lstrip().startswith(("#", "//")) else line
+    return line if is_row(line) else ""
 
 
-def _layout(lines: Iterator[str]) -> _Layout:
+def _layout(lines: Iterator[str], given: list[str] | None) -> _Layout:
     """Read the lines up to the first row of numbers."""
-    layout = _Layout()
+    layout = _Layout(names=given)
     commented: list[str] = []
     for number, line in enumerate(lines, 1):
         fields = _fields(line.lstrip("#/ \t"))
-        if not _numbers(line):
-            commented = fields if {"x", "y", "z"} <= {name.lower() for name in fields} else commented
-        elif not all(map(_is_number, fields)):
-            layout.names, layout.names_line = _header(fields, number, line), number
+        if not is_row(line):
+            commented = fields if _are_names(fields) else commented
         elif len(fields) == 1 and layout.count is None and as_count(fields[0]) is not None:
             layout.count = as_count(fields[0])
-        else:
+        elif all(map(is_number, fields)) or _has_coordinates(fields, layout.names or commented):
             layout.first_row, layout.first_line = line, number
-            layout.delimiter, layout.width = _delimiter(line), len(fields)
+            layout.delimiter, layout.width = delimiter_of(line), len(fields)
             break
+        elif given is None:
+            layout.names, layout.names_line = _header(fields, number, line), number
+        elif layout.names_line:
+            raise FileFormatError(f"line {number}: expected numbers as x, y and z, found {shown(line)}")
+        else:  # names that the given ones replace
+            layout.names_line = number
     if layout.names is None and commented and len(commented) == (layout.width or len(commented)):
         layout.names = commented
-    _check_width(layout)
+    _check_width(layout, given)
+    if layout.names is not None and given is None:
+        layout.names = _with_colours_in_full(layout.names)
     return layout
 
 
-def _check_width(layout: _Layout) -> None:
+def _are_names(fields: list[str]) -> bool:
+    """Return whether a comment may be a header."""
+    return {"x", "y", "z"} <= {name.lower() for name in fields} and len(set(fields)) == len(fields)
+
+
+def _has_coordinates(fields: list[str], names: list[str]) -> bool:
+    """Return whether a line is a row, although not all of its fields are numbers."""
+    axes = _axes(names) if len(names) == len(fields) else range(3)
+    return len(fields) >= 3 and all(is_number(fields[i]) for i in axes)
+
+
+def _axes(names: list[str]) -> list[int]:
+    return [names.index(axis) for axis in coordinate_names(names)]
+
+
+def _with_colours_in_full(names: list[str]) -> list[str]:
+    """Return names with red, green and blue for R, G and B."""
+    colours = {"r": "red", "g": "green", "b": "blue"}
+    lower = [name.lower() for name in names]
+    if not all(lower.count(letter) == 1 and colour not in names for letter, colour in colours.items()):
+        return names
+    return [colours.get(name.lower(), name) for name in names]
+
+
+def _check_width(layout: _Layout, given: list[str] | None) -> None:
     if not layout.first_row:
         layout.width = 3
         return
     if layout.width < 3:
         raise FileFormatError(
             f"line {layout.first_line}: expected at least three numbers, found {shown(layout.first_row)}"
+        )
+    if given is not None and len(given) != layout.width:
+        raise FileFormatError(
+            f"line {layout.first_line} has {layout.width} columns, but {len(given)} names are given "
+            f"({', '.join(given)}); give one name for each column"
         )
     if layout.names is not None and len(layout.names) != layout.width:
         raise FileFormatError(
@@ -169,24 +255,12 @@ def _header(fields: list[str], number: int, line: str) -> list[str]:
     return names
 
 
-def _delimiter(line: str) -> str | None:
-    return next((mark for mark in (",", ";") if mark in line), None)
-
-
 def _fields(line: str) -> list[str]:
-    return [field.strip().strip("\"'") for field in line.strip().split(_delimiter(line))]
-
-
-def _is_number(field: str) -> bool:
-    try:
-        float(field)
-    except ValueError:
-        return False
-    return True
+    return [field.strip("\"'") for field in fields_of(line, delimiter_of(line))]
 
 
 def write_xyz(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write numbers separated by spaces, after a comment with the names if the cloud has attributes.
+    """Write numbers and quoted text separated by spaces, after a comment with the names if the cloud has attributes.
 
     Parameters
     ----------
@@ -198,7 +272,7 @@ def write_xyz(file: BinaryIO, cloud: PointCloud) -> None:
     Raises
     ------
     OutputError
-        If the cloud does not fit into columns of numbers with different names.
+        If the cloud does not fit into columns of numbers and text with different names.
     """
     columns = _columns(cloud)
     if cloud.attributes:
@@ -207,7 +281,7 @@ def write_xyz(file: BinaryIO, cloud: PointCloud) -> None:
 
 
 def write_csv(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write a line with the names, then numbers separated by commas.
+    """Write a line with the names, then numbers and quoted text separated by commas.
 
     Parameters
     ----------
@@ -219,7 +293,7 @@ def write_csv(file: BinaryIO, cloud: PointCloud) -> None:
     Raises
     ------
     OutputError
-        If the cloud does not fit into columns of numbers with different names.
+        If the cloud does not fit into columns of numbers and text with different names.
     """
     columns = _columns(cloud)
     file.write(f"{','.join(columns)}\n".encode())
@@ -251,9 +325,13 @@ def _columns(cloud: PointCloud) -> dict[str, Column]:
     return {"x": points[:, 0], "y": points[:, 1], "z": points[:, 2], **attribute_columns(cloud)}
 
 
+def _numbers_and_text(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
+    return held_by_columns(cloud, "biufU")
+
+
 def _usual_in_pts(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     """Return a cloud with those attributes that PTS files may have, and in words what that leaves out."""
-    numbers, others = only_numbers(cloud)
+    numbers, others = held_by_columns(cloud, "biuf")
     columns = {name for name, values in numbers.attributes.items() if values.ndim == 1}
     kept = next((names for names in sorted(_PTS_EXTRAS.values(), key=len, reverse=True) if columns >= set(names)), [])
     fitted, attributes = without_attributes(numbers, set(numbers.attributes) - set(kept))
@@ -261,7 +339,7 @@ def _usual_in_pts(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
 
 
 FORMATS = (
-    Format("XYZ", (".xyz", ".txt", ".asc"), read_xyz, write_xyz, fitted=only_numbers),
-    Format("CSV", (".csv",), read_xyz, write_csv, fitted=only_numbers),
-    Format("PTS", (".pts",), read_pts, write_pts, fitted=_usual_in_pts),
+    Format("XYZ", (".xyz", ".txt", ".asc"), read_xyz, write_xyz, fitted=_numbers_and_text, read_named=read_named),
+    Format("CSV", (".csv",), read_xyz, write_csv, fitted=_numbers_and_text, read_named=read_named),
+    Format("PTS", (".pts",), read_pts, write_pts, fitted=_usual_in_pts, read_named=read_named),
 )

@@ -30,7 +30,7 @@ def is_standard(path: str | os.PathLike[str]) -> bool:
     return os.fspath(path) == STANDARD
 
 
-def check_writable(path: str | os.PathLike[str], force: bool = False) -> None:
+def check_writable(path: str | os.PathLike[str], force: bool = False, makes_folders: bool = False) -> None:
     """Check that a file can be written. Call it before long work.
 
     Parameters
@@ -39,6 +39,8 @@ def check_writable(path: str | os.PathLike[str], force: bool = False) -> None:
         The file to be written.
     force : bool
         Whether an existing file may be overwritten.
+    makes_folders : bool
+        Whether missing folders will be made. Then the nearest folder above that exists must be writable.
 
     Raises
     ------
@@ -47,12 +49,15 @@ def check_writable(path: str | os.PathLike[str], force: bool = False) -> None:
     """
     target = Path(path)
     folder = Path(os.path.realpath(target)).parent
+    while makes_folders and not folder.exists():
+        folder = folder.parent
     if target.exists() and not target.is_file():
         raise OutputError(f"{target}: expected a file, found a folder or device; choose another name")
     if target.exists() and not force:
         raise _exists(target)
     if not folder.is_dir():
-        raise OutputError(f"{target}: expected a folder {folder}, found none; make it or choose another")
+        found = "a file" if folder.exists() else "none"
+        raise OutputError(f"{target}: expected a folder {folder}, found {found}; make it or choose another")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise OutputError(f"{target}: expected a writable folder {folder}, found no permission; choose another")
 
@@ -157,6 +162,5 @@ def _claim(target: Path) -> None:
 
 
 def _exists(target: Path) -> OutputError:
-    return OutputError(
-        f"{target}: expected a new file, found one; choose another name, or overwrite with --force (force=True)"
-    )
+    found = f"{target}: expected a new file, found one; choose another name, or overwrite"
+    return OutputError(f"{found} it with force=True", command=f"{found} it with --force")

@@ -10,7 +10,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gppcs.app.printing import Force, Invalid, Json, Threads, print_error, print_json
+from gppcs.app.printing import (
+    Columns,
+    Force,
+    Invalid,
+    Json,
+    Quiet,
+    Threads,
+    names_of,
+    print_error,
+    print_json,
+    progress,
+)
+from gppcs.app.quantities import Points, Ratio, count_of, share_of
 from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.threads import set_threads
 from gppcs.errors import OutputError
@@ -25,8 +37,8 @@ if TYPE_CHECKING:
 MOST_TO_REBUILD = 1_000_000  # of a larger original no mesh is rebuilt for the picture, which would take minutes
 EPILOG = (
     "[bold]Examples[/bold]\n\n"
-    "gppcs compare scan.ply --ratio 0.03 -o comparison\n\n"
-    "gppcs compare scan.ply --points 5000 --methods fps,hc,wlop --mesh surface.ply -o comparison\n\n"
+    "gppcs compare scan.ply --ratio 3% -o comparison\n\n"
+    "gppcs compare scan.ply --points 5k --methods fps,hc,wlop --mesh surface.ply -o comparison\n\n"
     "gppcs evaluate --help defines the figures of the tables."
 )
 
@@ -42,10 +54,8 @@ def compare(
             help="The folder for table.csv, table.md and picture.png. It is created if it does not exist.",
         ),
     ],
-    ratio: Annotated[
-        float | None, typer.Option(help="Share of the points to keep, above 0 and at most 1. Or give --points.")
-    ] = None,
-    points: Annotated[int | None, typer.Option(help="Number of points to keep. Or give --ratio.")] = None,
+    ratio: Ratio = None,
+    points: Points = None,
     methods: Annotated[
         str,
         typer.Option(
@@ -60,6 +70,7 @@ def compare(
     seed: Annotated[
         int | None, typer.Option(help="Seed of random numbers. Methods without random numbers ignore it.")
     ] = None,
+    columns: Columns = None,
     invalid: Invalid = "error",
     picture: Annotated[
         bool,
@@ -69,35 +80,40 @@ def compare(
     up: Up = None,
     threads: Threads = None,
     force: Force = False,
+    quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
     """Simplify a cloud by several methods, evaluate each result, and write tables and a picture."""
     from gppcs import io
-    from gppcs.app.console import ProgressBar
+    from gppcs.app.console import print_comparison
     from gppcs.engine.stages import Stages
     from gppcs.evaluation.comparison import checked_methods
     from gppcs.evaluation.comparison import compare as compared
     from gppcs.io.mesh_files import read_mesh
 
     set_threads(threads)
-    chosen = checked_methods((name.strip() for name in methods.split(",")), ratio, points, seed)
+    share, count = None if ratio is None else share_of(ratio), None if points is None else count_of(points)
+    chosen = checked_methods((name.strip() for name in methods.split(",")), share, count, seed)
     viewpoint = viewpoint_of(view, up, picture)
     targets = _targets([cloud, mesh] if mesh else [cloud], output, picture, force)
     surface = read_mesh(mesh) if mesh else None
-    stages = Stages(ProgressBar())
-    original = io.read(cloud)
-    entries = compared(
-        original, chosen, ratio=ratio, n_points=points, mesh=surface, invalid=invalid, stages=stages
-    )  # fmt: skip
+    stages = Stages(progress(quiet))
+    original = io.read(cloud, columns=names_of(columns))
+    entries = compared(original, chosen, ratio=share, n_points=count, mesh=surface, invalid=invalid, stages=stages)
     with stages("tables and picture"):
         contents = _contents(original, entries, surface, viewpoint if picture else None)
     output.mkdir(exist_ok=True)
     for name, content in contents.items():
         with io.whole_file(targets[name], force) as file:
             file.write(content)
-    _print(entries, as_json)
-    if not as_json:
+    if as_json:
+        _print_records(entries)
+    elif not quiet:
+        print_comparison(entries)
         typer.echo(f"{output}: {', '.join(contents)}")
+    for entry in entries:
+        if entry.failure:
+            print_error(f"note: {entry.result.method.label}: {entry.failure}")
 
 
 def _contents(
@@ -156,21 +172,13 @@ def _rebuilt_original(original: PointCloud) -> Mesh | None:
     return rebuilt_mesh(original, original)
 
 
-def _print(entries: Sequence[Entry], as_json: bool) -> None:
-    """Print the comparison on stdout, and on stderr why figures are missing."""
-    from gppcs.app.console import print_comparison
-
-    if as_json:
-        for entry in entries:
-            figures, relative = entry.report.figures(), entry.report.figures(relative=True)
-            method = {"method": entry.result.method.name, "parameters": dataclasses.asdict(entry.result.method)}
-            measured = {"seconds": entry.seconds, "figures": figures, "relative": relative}
-            print_json({**method, **measured, "failure": entry.failure})
-    else:
-        print_comparison(entries)
+def _print_records(entries: Sequence[Entry]) -> None:
+    """Print the comparison as one JSON object for each method."""
     for entry in entries:
-        if entry.failure:
-            print_error(f"note: {entry.result.method.label}: {entry.failure}")
+        figures, relative = entry.report.figures(), entry.report.figures(relative=True)
+        method = {"method": entry.result.method.name, "parameters": dataclasses.asdict(entry.result.method)}
+        measured = {"seconds": entry.seconds, "figures": figures, "relative": relative}
+        print_json({**method, **measured, "failure": entry.failure})
 
 
 def _targets(inputs: list[Path], folder: Path, picture: bool, force: bool) -> dict[str, Path]:
@@ -180,6 +188,11 @@ def _targets(inputs: list[Path], folder: Path, picture: bool, force: bool) -> di
 
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder}: expected a folder, found a file; name a folder")
+    if not force and folder.is_dir() and any(folder.iterdir()):
+        raise OutputError(
+            f"{folder}: expected a new or empty folder, found one with files; choose another, or use --force to "
+            "overwrite earlier tables and pictures in it"
+        )
     if not folder.absolute().parent.is_dir():
         raise OutputError(f"{folder}: expected an existing parent folder, found none; make it first")
     names = ["table.csv", "table.md"]

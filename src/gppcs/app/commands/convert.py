@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gppcs.app.printing import Force, From, Lossy, To, note_left_out
+from gppcs.app.printing import Columns, Force, From, Lossy, To, names_of, note_left_out
 
 EPILOG = (
     "[bold]Examples[/bold]\n\n"
@@ -22,6 +22,7 @@ def convert(
     target: Annotated[Path, typer.Argument(metavar="OUT", help="The file to write.", show_default=False)],
     input_format: From = None,
     output_format: To = None,
+    columns: Columns = None,
     force: Force = False,
     lossy: Lossy = False,
 ) -> None:
@@ -35,7 +36,7 @@ def convert(
     io.format_to_write(target, output_format)
     io.check_output(target, force)
     io.check_distinct([target], [source])
-    cloud, unread = io.load(source, input_format)
+    cloud, _, unread = io.load(source, input_format, names_of(columns))
     lost = io.losses(target, cloud, output_format)
     io.write(target, cloud, output_format, force=force, lossy=lossy)
     note_left_out(target, [*unread, *lost])

@@ -1,30 +1,58 @@
-"""The command `gppcs info`: facts about a cloud."""
+"""The command `gppcs info`: facts about clouds."""
 
 from __future__ import annotations
 
 import dataclasses
+import re
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gppcs.app.printing import Json, print_json
+from gppcs.app.outputs import sources_of
+from gppcs.app.printing import BAD_INPUT, FAILURES, Columns, Json, names_of, print_json, tell
 
-EPILOG = "[bold]Example[/bold]\n\ngppcs info scan.ply --json"
+EPILOG = "[bold]Examples[/bold]\n\ngppcs info scan.ply --json\n\ngppcs info a.ply b.xyz folder"
 
 
 def info(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A point cloud file.", show_default=False)],
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...",
+            help="Point cloud files. A folder stands for all files in it that gppcs reads.",
+            show_default=False,
+        ),
+    ],
+    columns: Columns = None,
     as_json: Json = False,
 ) -> None:
-    """Print the number of points, bounding box, spacing, attributes, repeats and invalid points."""
+    """Print the number of points, bounding box, spacing, attributes, repeats and invalid points.
+
+    If the file is a mesh, it also says how many faces there are. If one of several files cannot be read, the others are
+    still shown, and the exit code is 2.
+    """
+    names, failed = names_of(columns), False
+    for file in sources_of(files):
+        try:
+            _print(file, names, as_json)
+        except FAILURES as error:
+            tell(error, file)
+            failed = True
+    if failed:
+        raise typer.Exit(BAD_INPUT)
+
+
+def _print(file: Path, columns: list[str] | None, as_json: bool) -> None:
+    """Print the facts about one file."""
     from gppcs import io
     from gppcs.app.console import print_table
     from gppcs.clouds.summary import info as summarise
 
-    summary = summarise(io.read(file))
+    cloud, faces, _ = io.load(file, columns=columns)
+    summary = summarise(cloud)
     if as_json:
-        print_json({"file": str(file), **dataclasses.asdict(summary)})
+        print_json({"file": str(file), **dataclasses.asdict(summary), "faces": faces})
         return
     rows = {
         "points": f"{summary.points:,}",
@@ -36,5 +64,7 @@ def info(
         "not finite": f"{summary.non_finite:,}",
         "coordinates": summary.coordinate_type,
     }
-    rows |= {f"attribute {name}": kind for name, kind in summary.attributes.items()}
+    if faces:
+        rows["faces"] = f"{faces:,} (the file is a mesh; only its vertices are read)"
+    rows |= {f"attribute {name}": re.sub(r"^[<>]U\d+", "text", kind) for name, kind in summary.attributes.items()}
     print_table(str(file), rows)

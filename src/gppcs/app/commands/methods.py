@@ -15,7 +15,13 @@ EPILOG = "[bold]Examples[/bold]\n\ngppcs methods\n\ngppcs methods wlop"
 
 def methods(
     name: Annotated[
-        str | None, typer.Argument(metavar="NAME", help="A method to explain in full.", show_default=False)
+        str | None,
+        typer.Argument(
+            metavar="NAME",
+            help="A method to explain in full.",
+            show_default=False,
+            autocompletion=lambda: list(METHODS),
+        ),
     ] = None,
     as_json: Json = False,
 ) -> None:

@@ -9,14 +9,31 @@ import typer
 
 from gppcs import __version__
 from gppcs.app.printing import Force, Json, Lossy, note_left_out, print_json
+from gppcs.app.quantities import count_of
 
-EPILOG = "[bold]Example[/bold]\n\ngppcs sample fan -o fan.ply --points 50000 --noise 0.002"
+EPILOG = "[bold]Example[/bold]\n\ngppcs sample fan -o fan.ply --points 50k --noise 0.002"
+
+
+def _names() -> list[str]:
+    from gppcs.scans import SCANS
+
+    return list(SCANS)
 
 
 def sample(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="medallion, bracket, fan or sphere.", show_default=False)],
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help="medallion, bracket, fan or sphere.",
+            show_default=False,
+            autocompletion=_names,
+        ),
+    ],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT", help="The file to write.")],
-    points: Annotated[int, typer.Option(help="Number of points, outliers included.")] = 200_000,
+    points: Annotated[
+        str, typer.Option(metavar="N", help="Number of points, outliers included, such as 50000, 50k or 1.5M.")
+    ] = "200k",
     noise: Annotated[
         float, typer.Option(help="Standard deviation of the noise on each coordinate, as a share of the diagonal.")
     ] = 0.0,
@@ -37,7 +54,7 @@ def sample(
     io.format_to_write(output)
     io.check_writable(output, force)
     options: dict[str, Any] = {"noise": noise, "outliers": outliers, "uneven": uneven, "seed": seed}
-    cloud = scans.sample(name, points, **options)
+    cloud = scans.sample(name, count_of(points), **options)
     io.write(output, cloud, force=force, lossy=lossy)
     note_left_out(output, io.losses(output, cloud))
     if as_json:

@@ -11,19 +11,28 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gppcs import __version__
+from gppcs.app.outputs import Outputs, outputs_of
 from gppcs.app.printing import (
     BAD_INPUT,
     FAILURES,
+    Columns,
     Force,
+    From,
     Invalid,
     Json,
     Lossy,
+    Quiet,
     Threads,
+    To,
     figure_rows,
+    names_of,
     note_left_out,
+    print_error,
     print_json,
+    progress,
     tell,
 )
+from gppcs.app.quantities import Points, Ratio, count_of, share_of
 from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.memory import peak_memory
 from gppcs.engine.stages import COMPILATION
@@ -43,7 +52,9 @@ EPILOG = (
     "gppcs simplify scan.ply -o small.ply --points 5000 --method fps\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --set feature_weight=0.8\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --normals\n\n"
-    "gppcs simplify a.ply b.ply -o folder --ratio 0.1 --json\n\n"
+    "gppcs simplify a.ply b.ply -o folder/ --ratio 10% --json\n\n"
+    "gppcs simplify scans -o '{parent}/{stem}_small.ply' --points 5k\n\n"
+    "gppcs simplify table.txt -o small.ply --points 5k --columns x,y,z,red,green,blue\n\n"
     "[bold]Output of --json[/bold]\n\n"
     "Besides input, output, method and figures: [cyan]seconds[/cyan], the time of each stage; "
     "[cyan]seconds_compiling[/cyan], the part of it that only a first run takes; and [cyan]peak_memory[/cyan], the "
@@ -56,18 +67,31 @@ EPILOG = (
 
 
 def simplify(
-    inputs: Annotated[list[Path], typer.Argument(metavar="IN...", help="Point cloud files.", show_default=False)],
-    output: Annotated[
-        Path,
-        typer.Option(
-            "--output", "-o", metavar="OUT", help="The file to write. For several inputs, an existing folder."
+    inputs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="IN...",
+            help="Point cloud files. A folder stands for all files in it that gppcs reads.",
+            show_default=False,
         ),
     ],
-    ratio: Annotated[
-        float | None, typer.Option(help="Share of the points to keep, above 0 and at most 1. Or give --points.")
-    ] = None,
-    points: Annotated[int | None, typer.Option(help="Number of points to keep. Or give --ratio.")] = None,
-    method: Annotated[str, typer.Option(help="Name of the method, from the list below.")] = DEFAULT,
+    output: Annotated[
+        str,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="OUT",
+            help="The file to write. For several inputs a folder, or a pattern with {stem} (the name of the input "
+            "without suffix), {name}, {suffix} or {parent} (its folder). A folder is made if it is missing; end the "
+            "name of a new one with a slash.",
+        ),
+    ],
+    ratio: Ratio = None,
+    points: Points = None,
+    method: Annotated[
+        str,
+        typer.Option(help="Name of the method, from the list below.", autocompletion=lambda: list(METHODS)),
+    ] = DEFAULT,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Set a parameter of the method. Can be repeated."),
@@ -75,6 +99,9 @@ def simplify(
     seed: Annotated[
         int | None, typer.Option(help="Seed of random numbers. Methods without random numbers ignore it.")
     ] = None,
+    input_format: From = None,
+    output_format: To = None,
+    columns: Columns = None,
     invalid: Invalid = "error",
     normals: Annotated[
         bool,
@@ -104,19 +131,21 @@ def simplify(
     threads: Threads = None,
     force: Force = False,
     lossy: Lossy = False,
+    quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
     """Keep exactly the number of points asked for, each with all its attributes.
 
-    If one of several inputs cannot be used, the others are still simplified.
+    If one of several inputs cannot be used, the others are still simplified, and the exit code is 2. The name - stands
+    for standard input, or for standard output with --to.
     """
     from gppcs.io import check_distinct
     from gppcs.simplification import simplify as simplified
 
     set_threads(threads)
     options: dict[str, Any] = {
-        "ratio": ratio,
-        "n_points": points,
+        "ratio": None if ratio is None else share_of(ratio),
+        "n_points": None if points is None else count_of(points),
         "method": method_named(method, _parsed(settings or [])),
         "seed": seed,
         "invalid": invalid,
@@ -125,24 +154,37 @@ def simplify(
     }
     viewpoint = viewpoint_of(view, up, picture is not None)
     simplified([[0.0, 0.0, 0.0]], **options)  # checks the options before long work
-    targets = _targets(inputs, output)
+    outputs = outputs_of(inputs, output, output_format)
+    sources, targets = list(outputs.targets), list(outputs.targets.values())
     if picture:
-        _check_picture(picture, inputs, force)
-    check_distinct([*targets.values(), *([picture] if picture else [])], inputs)
-    failed = False
-    for source, target in targets.items():
-        try:
-            run = _simplify_file(source, target, figures, picture, viewpoint, force, lossy, options)
-        except FAILURES as error:
-            tell(error, source)
-            failed = True
-        else:
-            if as_json:
-                print_json(run.record())
-            else:
-                run.print()
-    if failed:
+        _check_picture(picture, sources, force)
+    check_distinct([*targets, *([picture] if picture else [])], sources)
+    job = _Job(outputs, options, input_format, names_of(columns), figures, picture, viewpoint, force, lossy, quiet)
+    succeeded = [_reported(job, source, as_json) for source in sources]
+    if not all(succeeded):
         raise typer.Exit(BAD_INPUT)
+
+
+def _reported(job: _Job, source: Path, as_json: bool) -> bool:
+    """Simplify one file, print the run or why it failed, and return whether it succeeded."""
+    from gppcs.io import is_standard
+
+    try:
+        run = job.run(source)
+    except FAILURES as error:
+        tell(error, source)
+        return False
+    if is_standard(run.target):  # there the result goes
+        job.quiet or typer.echo(run.line(), err=True)
+    elif as_json:
+        print_json(run.record())
+    elif job.quiet:
+        pass
+    elif len(job.outputs.targets) > 1 and not job.figures:
+        typer.echo(run.line())
+    else:
+        run.print()
+    return True
 
 
 def _parsed(settings: list[str]) -> dict[str, str]:
@@ -151,21 +193,6 @@ def _parsed(settings: list[str]) -> dict[str, str]:
         if "=" not in setting:
             raise ParameterError(f"expected --set KEY=VALUE, found {setting!r}")
     return {key: value for key, _, value in (setting.partition("=") for setting in settings)}
-
-
-def _targets(inputs: list[Path], output: Path) -> dict[Path, Path]:
-    """Return the output file of each input."""
-    if output.is_dir():
-        targets = {source: output / source.name for source in inputs}
-    elif len(inputs) == 1:
-        targets = {inputs[0]: output}
-    else:
-        raise OutputError(
-            f"{output}: expected a folder for the results of {len(inputs)} inputs, found none; make it first"
-        )
-    if len(set(targets.values())) < len(inputs):
-        raise OutputError(f"{output}: expected inputs with different names, found two with one output file; rename one")
-    return targets
 
 
 def _check_picture(picture: Path, inputs: list[Path], force: bool) -> None:
@@ -181,45 +208,61 @@ def _check_picture(picture: Path, inputs: list[Path], force: bool) -> None:
     check_writable(picture, force)
 
 
-def _simplify_file(
-    source: Path,
-    target: Path,
-    figures: bool,
-    picture: Path | None,
-    viewpoint: Viewpoint,
-    force: bool,
-    lossy: bool,
-    options: dict[str, Any],
-) -> _Run:
-    """Simplify one file; `options` are the arguments of `gppcs.simplify`."""
-    from gppcs import io
-    from gppcs.app.console import ProgressBar
-    from gppcs.engine.stages import Stages
-    from gppcs.evaluation.judge import evaluate
-    from gppcs.simplification import simplify
+@dataclass(frozen=True)
+class _Job:
+    """What to do with each input; `options` are the arguments of `gppcs.simplify`."""
 
-    io.format_to_write(target)
-    io.check_writable(target, force)
-    stages = Stages(ProgressBar())
-    with stages("reading"):
-        cloud, unread = io.load(source)
-    if not lossy:
-        io.check_losses(target, cloud)
-    result = simplify(cloud, stages=stages, **options)
-    report = image = None
-    if figures:
-        with stages("figures"):
-            report = evaluate(cloud.take(cloud.finite_rows()), result.cloud)
-    if picture:
-        with stages("picture"):
-            image = _drawn(cloud, result, viewpoint)
-    with stages("writing"):
-        io.write(target, result.cloud, force=force, lossy=lossy)
-        if picture and image:
-            with io.whole_file(picture, force) as file:
-                file.write(image)
-    note_left_out(target, [*unread, *io.losses(target, result.cloud)])
-    return _Run(source, target, cloud, result, report)
+    outputs: Outputs
+    options: dict[str, Any]
+    input_format: str | None
+    columns: list[str] | None
+    figures: bool
+    picture: Path | None
+    viewpoint: Viewpoint
+    force: bool
+    lossy: bool
+    quiet: bool
+
+    def run(self, source: Path) -> _Run:
+        """Simplify one file."""
+        from gppcs import io
+        from gppcs.engine.stages import Stages
+        from gppcs.evaluation.judge import evaluate
+        from gppcs.simplification import simplify
+
+        target = self.outputs.targets[source]
+        self.outputs.check(target, self.force)
+        stages = Stages(progress(self.quiet))
+        with stages("reading"):
+            cloud, _, unread = io.load(source, self.input_format, self.columns)
+        if not self.lossy:
+            io.check_losses(target, cloud, self.outputs.format)
+        result = simplify(cloud, stages=stages, **self.options)
+        report = image = None
+        if self.figures:
+            with stages("figures"):
+                report = evaluate(cloud.take(cloud.finite_rows()), result.cloud)
+        if self.picture:
+            with stages("picture"):
+                image = _drawn(cloud, result, self.viewpoint)
+        with stages("writing"):
+            self.outputs.make_folder(target)
+            io.write(target, result.cloud, self.outputs.format, force=self.force, lossy=self.lossy)
+            if self.picture and image:
+                with io.whole_file(self.picture, self.force) as file:
+                    file.write(image)
+        note_left_out(target, [*unread, *io.losses(target, result.cloud, self.outputs.format)])
+        self._note_all_kept(source, len(result.indices))
+        return _Run(source, target, cloud, result, report)
+
+    def _note_all_kept(self, source: Path, kept: int) -> None:
+        """Print a note if the input has fewer points than were asked for."""
+        asked = self.options["n_points"]
+        if asked is not None and kept < asked:
+            usable = " with finite coordinates" if self.options["invalid"] == "drop" else ""
+            print_error(
+                f"note: {source}: all of its {kept:,} points{usable} were kept, fewer than the {asked:,} asked for"
+            )
 
 
 def _drawn(cloud: PointCloud, result: Result, viewpoint: Viewpoint) -> bytes:
@@ -266,6 +309,11 @@ class _Run:
             "figures": self.report.figures() if self.report else None,
             "version": __version__,
         }
+
+    def line(self) -> str:
+        """Return the run as one line."""
+        counts = f"{len(self.cloud):,} points in, {len(self.result.indices):,} out"
+        return f"{self.source} → {self.target}: {counts}, {sum(self.result.seconds.values()):.2f} s"
 
     def print(self) -> None:
         """Print the run as a table."""

@@ -1,0 +1,186 @@
+"""Which files a command reads, and which file it writes for each: a file, a folder, or a pattern of names."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from string import Formatter
+
+from gppcs.errors import FileFormatError, OutputError
+
+FIELDS = ("stem", "name", "suffix", "parent")  # of a pattern: those of `pathlib.Path`
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """The output file of each input.
+
+    Attributes
+    ----------
+    targets : dict of path to path
+        Output files by input, in the order of the inputs.
+    makes_folders : bool
+        Whether the folders of the output files are made if they are missing.
+    format : str, optional
+        Suffix of the format of all output files. By default, their names tell.
+    """
+
+    targets: dict[Path, Path]
+    makes_folders: bool
+    format: str | None = None
+
+    def check(self, target: Path, force: bool) -> None:
+        """Check that an output file can be written, in a format that gppcs writes. Call it before long work.
+
+        Parameters
+        ----------
+        target : path
+            One of the output files.
+        force : bool
+            Whether an existing file may be overwritten.
+
+        Raises
+        ------
+        FileFormatError, OutputError
+            If it cannot.
+        """
+        from gppcs import io
+
+        io.format_to_write(target, self.format)
+        if not io.is_standard(target):
+            io.check_writable(target, force, makes_folders=self.makes_folders)
+
+    def make_folder(self, target: Path) -> None:
+        """Make the folder of an output file if it is missing. Call it right before the file is written.
+
+        Parameters
+        ----------
+        target : path
+            One of the output files, for which `check` has passed.
+        """
+        if self.makes_folders:
+            target.parent.mkdir(parents=True, exist_ok=True)
+
+
+def outputs_of(inputs: Sequence[Path], output: str, format: str | None = None) -> Outputs:  # noqa: A002
+    """Return the output file of each input.
+
+    Parameters
+    ----------
+    inputs : sequence of path
+        Files, and folders, which stand for all files in them that gppcs reads.
+    output : str
+        A file; or a folder, if it is one, ends with a slash, or has no suffix while there are several inputs; or a
+        pattern of names with the fields of `FIELDS` in braces. Double braces stand for single ones. `-` is standard
+        output.
+    format : str, optional
+        Suffix of the format of all output files.
+
+    Returns
+    -------
+    Outputs
+
+    Raises
+    ------
+    FileFormatError
+        If a folder has no file that gppcs reads.
+    OutputError
+        If several inputs go to one file, or the pattern is malformed or has an unknown field.
+    """
+    sources = sources_of(inputs)
+    several = len(sources) > 1 or any(path.is_dir() for path in inputs)
+    if "{" in output or "}" in output:
+        targets = [_filled(output, source) for source in sources]
+    elif _means_folder(output, several):
+        targets = [Path(output, source.name) for source in sources]
+    elif several:
+        raise OutputError(
+            f"{output}: expected a folder for the results of {len(sources)} inputs, found the name of a file; "
+            "end it with a slash, or write a pattern such as '{stem}_small.ply'"
+        )
+    else:
+        return Outputs({sources[0]: Path(output)}, makes_folders=False, format=format)
+    _check_different(output, sources, targets)
+    return Outputs(dict(zip(sources, targets, strict=True)), makes_folders=True, format=format)
+
+
+def sources_of(inputs: Sequence[Path]) -> list[Path]:
+    """Return the files that the inputs of a command stand for.
+
+    Parameters
+    ----------
+    inputs : sequence of path
+        A folder stands for the files in it whose names end as those of the formats that gppcs reads, sorted by name.
+        Files in folders below it do not count, nor do hidden files, whose names begin with a dot.
+
+    Returns
+    -------
+    list of path
+
+    Raises
+    ------
+    FileFormatError
+        If a folder has no such file.
+    """
+    return [file for path in inputs for file in (_files_in(path) if path.is_dir() else [path])]
+
+
+def _files_in(folder: Path) -> list[Path]:
+    from gppcs.io import COMPRESSIONS, FORMATS
+
+    suffixes = tuple(
+        suffix + compression for known in FORMATS for suffix in known.suffixes for compression in ("", *COMPRESSIONS)
+    )
+    files = sorted(
+        path
+        for path in folder.iterdir()
+        if path.name.lower().endswith(suffixes) and not path.name.startswith(".") and path.is_file()
+    )
+    if not files:
+        raise FileFormatError(
+            f"{folder}: expected a folder with files of formats that gppcs reads, such as .ply, found none"
+        )
+    return files
+
+
+def _means_folder(output: str, several: bool) -> bool:
+    slashes = tuple(filter(None, (os.sep, os.altsep)))
+    if output.endswith(slashes) and Path(output).is_file():
+        raise OutputError(f"{output}: expected a folder, found a file; choose another name")
+    return Path(output).is_dir() or output.endswith(slashes) or (several and not Path(output).suffix)
+
+
+def _filled(pattern: str, source: Path) -> Path:
+    """Return a pattern with the names of an input in its fields."""
+    try:
+        parts = list(Formatter().parse(pattern))
+    except ValueError:
+        raise OutputError(
+            f"{pattern}: expected a pattern such as '{{stem}}_small.ply', found single braces; "
+            "write {{ and }} for braces in a name"
+        ) from None
+    filled = ""
+    for text, field, details, conversion in parts:
+        filled += text
+        if field is not None and (field not in FIELDS or details or conversion):
+            raise OutputError(
+                f"{pattern}: expected the fields {', '.join(f'{{{name}}}' for name in FIELDS)}, "
+                f"found {{{field}{f'!{conversion}' if conversion else ''}{f':{details}' if details else ''}}}"
+            )
+        if field is not None:
+            filled += str(getattr(source, field))
+    return Path(filled)
+
+
+def _check_different(output: str, sources: list[Path], targets: list[Path]) -> None:
+    """Raise an error if two inputs have one output file."""
+    known: dict[Path, Path] = {}
+    for source, target in zip(sources, targets, strict=True):
+        if target in known:
+            raise OutputError(
+                f"{output}: expected inputs with different names, found that {known[target]} and {source} both go to "
+                f"{target}; rename one, or write a pattern with {{parent}}, {{stem}} and {{suffix}}"
+            )
+        known[target] = source

@@ -1,0 +1,90 @@
+"""The options `--ratio` and `--points`, and the numbers that people write for them, such as 3% and 5k."""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+from typing import Annotated
+
+import typer
+
+from gppcs.errors import ParameterError, shown
+
+Ratio = Annotated[
+    str | None,
+    typer.Option(
+        metavar="SHARE",
+        help="Share of the points to keep, above 0 and at most 1, such as 0.03 or 3%. Or give --points.",
+    ),
+]
+Points = Annotated[
+    str | None,
+    typer.Option(metavar="M", help="Number of points to keep, such as 5000, 5,000, 5k or 1.5M. Or give --ratio."),
+]
+
+_UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
+_MOST = 10**18  # of a number: more than any machine holds, and few enough digits to compute with
+_COUNT = re.compile(
+    r"(?P<whole>[+-]?(\d{1,3}(,\d{3})+|\d+(_\d+)*))?(?P<part>\.\d*)?(?P<power>[eE][+-]?\d{1,3})? ?(?P<unit>[kKmMgG]?)",
+    re.ASCII,
+)
+_PERCENT = re.compile(r"(?P<number>[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?) ?%", re.ASCII)
+
+
+def count_of(text: str) -> int:
+    """Return the number of points that a text means.
+
+    Parameters
+    ----------
+    text : str
+        Digits, with commas between thousands or underscores if wanted, a fraction, a power of ten as in 1e3, and one of
+        the units k, M and G (thousand, million, thousand million) in either case.
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    ParameterError
+        If the text is no number, or the number is not whole.
+    """
+    found = _COUNT.fullmatch(text.strip())
+    digits = found and f"{found['whole'] or ''}{found['part'] or ''}".replace(",", "").replace("_", "")
+    if not found or not digits or not any(map(str.isdigit, digits)):
+        hint = "; for a share of the points use --ratio" if text.strip().endswith("%") else ""
+        raise ParameterError(
+            f"expected --points to be a whole number, such as 5000, 5,000, 5k or 1.5M, found {shown(text)}{hint}"
+        )
+    value = Fraction(digits + (found["power"] or "")) * _UNITS[found["unit"].lower()]
+    if value.denominator != 1 or abs(value) > _MOST:
+        raise ParameterError(f"expected --points to be a whole number of at most 1e18, found {shown(text)}")
+    return value.numerator
+
+
+def share_of(text: str) -> float:
+    """Return the share that a text means.
+
+    Parameters
+    ----------
+    text : str
+        A number, or a percentage such as 3%.
+
+    Returns
+    -------
+    float
+        The float nearest to the number. It may be outside the range of shares, infinite or NaN.
+
+    Raises
+    ------
+    ParameterError
+        If the text is neither.
+    """
+    percent = _PERCENT.fullmatch(text.strip())
+    try:
+        return float(Fraction(percent["number"]) / 100) if percent else float(text)
+    except (ValueError, OverflowError):
+        raise ParameterError(
+            f"expected --ratio to be a number, such as 0.03 or 3%, found {shown(text)}; "
+            "for a number of points use --points"
+        ) from None

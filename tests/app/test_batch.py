@@ -1,0 +1,155 @@
+"""`gppcs simplify` on several inputs, and what else makes it fit for scripts."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gppcs
+from command_line import FAST, assert_one_line, files
+
+
+@pytest.fixture
+def tiles(scan):
+    """A folder with two clouds."""
+    Path("tiles").mkdir()
+    gppcs.write("tiles/a.ply", scan)
+    gppcs.write("tiles/b.csv", gppcs.sample("fan", 200))
+
+
+def test_a_folder_is_thinned_by_a_pattern_into_folders_that_are_made(gppcs_command, tiles):
+    pattern = "new/deep/{stem}_small{suffix}"
+    code, out, err = gppcs_command("simplify", "tiles", "-o", pattern, "--ratio", "10%", *FAST)
+    assert (code, err) == (0, "")
+    first, second = out.splitlines()
+    assert first.startswith("tiles/a.ply → new/deep/a_small.ply: 400 points in, 40 out, ")
+    assert second.startswith("tiles/b.csv → new/deep/b_small.csv: 200 points in, 20 out, ")
+    assert [len(gppcs.read(f"new/deep/{name}")) for name in ("a_small.ply", "b_small.csv")] == [40, 20]
+
+
+@pytest.mark.parametrize("output", ["new/", "new"])
+def test_a_folder_that_is_missing_is_made(gppcs_command, tiles, output):
+    code, _, err = gppcs_command("simplify", "tiles", "-o", output, "--points", "0.1k", *FAST)
+    assert (code, err) == (0, "")
+    assert sorted(path.name for path in Path("new").iterdir()) == ["a.ply", "b.csv"]
+
+
+def test_the_folder_of_a_plain_name_is_not_made(gppcs_command, scan):
+    result = gppcs_command("simplify", "scan.ply", "-o", "none/out.ply", "--points", 5, *FAST)
+    assert_one_line(result, "none/out.ply: expected a folder")
+    assert files() == ["scan.ply"]
+
+
+def test_no_folder_is_made_for_inputs_that_cannot_be_used(gppcs_command, scan):
+    assert_one_line(
+        gppcs_command("simplify", "missing.ply", "-o", "new/", "--points", 5, *FAST), "missing.ply: No such"
+    )
+    assert files() == ["scan.ply"]
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="needs a user bound by permissions")
+def test_a_folder_that_cannot_be_made_is_told_before_any_work(gppcs_command, scan):
+    Path("closed").mkdir(mode=0o500)
+    result = gppcs_command("simplify", "missing.ply", "-o", "closed/new/", "--points", 5, *FAST)
+    assert_one_line(result, "expected a writable folder")
+
+
+def test_one_failure_does_not_stop_the_rest(gppcs_command, tiles):
+    Path("tiles/aa.ply").write_bytes(b"ply\n")
+    code, out, err = gppcs_command("simplify", "tiles", "-o", "new/", "--ratio", 0.1, "--json", *FAST)
+    assert code == 2
+    assert [json.loads(line)["output"] for line in out.splitlines()] == ["new/a.ply", "new/b.csv"]
+    assert err.startswith("gppcs: tiles/aa.ply: ")
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("output", ["new/", "new/{stem}.ply"])
+def test_two_inputs_with_one_output_are_refused_before_any_work(gppcs_command, tiles, scan, output):
+    gppcs.write("a.ply", scan)
+    result = gppcs_command("simplify", "tiles", "a.ply", "-o", output, "--points", 5, *FAST)
+    assert_one_line(result, "tiles/a.ply and a.ply both go to new/a.ply")
+    assert not Path("new").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        (("--points", "0.04k"), 40),
+        (("--points", "4e1"), 40),
+        (("--points", "1,000"), 400),
+        (("--ratio", "10%"), 40),
+        (("--ratio", "0.1"), 40),
+    ],
+)
+def test_numbers_may_have_units(gppcs_command, scan, options, expected):
+    assert gppcs_command("simplify", "scan.ply", "-o", "out.ply", *options, *FAST)[0] == 0
+    assert len(gppcs.read("out.ply")) == expected
+
+
+def test_more_points_than_there_are_is_told(gppcs_command, scan):
+    code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", "5k", *FAST)
+    note = "gppcs: note: scan.ply: all of its 400 points were kept, fewer than the 5,000 asked for\n"
+    assert (code, err) == (0, note)
+    code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 400, "--force", *FAST)
+    assert (code, err) == (0, "")
+
+
+def test_finite_points_are_counted_when_others_are_dropped(gppcs_command, scan):
+    scan.points[3] = np.nan
+    gppcs.write("scan.ply", scan, force=True)
+    options = ("--points", 400, "--invalid", "drop")
+    _, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", *options, *FAST)
+    assert "all of its 399 points with finite coordinates were kept, fewer than the 400 asked for" in err
+
+
+@pytest.mark.parametrize("flag", ["-q", "--quiet"])
+def test_quiet_prints_errors_and_notes_only(gppcs_command, scan, flag):
+    assert gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 9, flag, *FAST) == (0, "", "")
+    assert_one_line(gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 9, flag), "--force")
+    assert gppcs_command("simplify", "scan.ply", "-o", "big.ply", "--points", 500, flag)[2].count("note") == 1
+
+
+def test_quiet_json_is_still_printed(gppcs_command, scan):
+    _, out, _ = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 9, "--quiet", "--json", *FAST)
+    assert json.loads(out)["points_out"] == 9
+
+
+def test_names_of_columns_are_given(gppcs_command, folder):
+    rows = "".join(f"{i} {i % 7} {i % 5} {i % 256} 0 255\n" for i in range(300))
+    Path("table.txt").write_text(rows)
+    options = ("--columns", "x, y,z,red,green,blue", "--points", 30, *FAST)
+    code, _, err = gppcs_command("simplify", "table.txt", "-o", "out.ply", *options)
+    assert (code, err) == (0, "")
+    kept = gppcs.read("out.ply")
+    assert {name: str(values.dtype) for name, values in kept.attributes.items()} == dict.fromkeys(
+        ("red", "green", "blue"), "uint8"
+    )
+    np.testing.assert_array_equal(kept.attributes["red"], kept.points[:, 0] % 256)
+
+
+@pytest.mark.parametrize(
+    ("name", "columns", "part"),
+    [
+        ("table.txt", "x,y,z", "table.txt: line 1 has 4 columns, but 3 names are given (x, y, z)"),
+        ("table.txt", "x,y,w,a", "expected names of columns with x, y and z"),
+        ("table.txt", "x,y,z,x", "expected different names of columns"),
+        ("table.txt", "", "expected names of columns with x, y and z"),
+        ("scan.ply", "x,y,z,a", "scan.ply: expected a text table, whose columns can be named, found PLY"),
+    ],
+)
+def test_names_that_do_not_fit_are_refused(gppcs_command, scan, name, columns, part):
+    Path("table.txt").write_text("1 2 3 4\n")
+    assert_one_line(gppcs_command("simplify", name, "-o", "out.ply", "--points", 1, "--columns", columns), part)
+    assert not Path("out.ply").exists()
+
+
+def test_messages_name_options_and_not_arguments_of_python(gppcs_command, scan):
+    Path("out.ply").touch()
+    told = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 9)[2]
+    assert told.endswith("overwrite it with --force\n")
+    scan.points[3] = np.nan
+    gppcs.write("scan.ply", scan, force=True)
+    told = gppcs_command("simplify", "scan.ply", "-o", "other.ply", "--points", 9)[2]
+    assert told.endswith("drop them with --invalid drop\n")

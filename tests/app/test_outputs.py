@@ -1,0 +1,120 @@
+"""Which files are read, and where each result goes."""
+
+from pathlib import Path
+
+import pytest
+
+from gppcs.app.outputs import outputs_of, sources_of
+from gppcs.errors import FileFormatError, OutputError
+
+
+@pytest.fixture
+def tiles(folder):
+    """A folder with two files that gppcs reads by their names, and with others."""
+    for name in ("b.ply", "A.XYZ", "notes.md", ".hidden.ply", "deeper/c.ply"):
+        Path("tiles", name).parent.mkdir(parents=True, exist_ok=True)
+        Path("tiles", name).touch()
+    Path("tiles/folder.ply").mkdir()
+    return Path("tiles")
+
+
+def targets(inputs, output):
+    return [str(target) for target in outputs_of(list(map(Path, inputs)), output).targets.values()]
+
+
+def test_a_folder_stands_for_the_files_in_it_that_can_be_read(tiles):
+    expected = [Path("scan.ply"), tiles / "A.XYZ", tiles / "b.ply"]
+    assert sources_of([Path("scan.ply"), tiles]) == expected
+    assert list(outputs_of([Path("scan.ply"), tiles], "out").targets) == expected
+
+
+def test_a_folder_without_such_files_is_refused(folder):
+    Path("empty").mkdir()
+    with pytest.raises(
+        FileFormatError,
+        match=r"empty: expected a folder with files of formats that gppcs reads, such as .ply, found none",
+    ):
+        sources_of([Path("empty")])
+
+
+@pytest.mark.parametrize(
+    ("output", "expected", "makes"),
+    [
+        ("out.ply", "out.ply", False),
+        ("none/out.ply", "none/out.ply", False),
+        ("new/", "new/scan.v1.ply", True),
+        ("new.d/deep/", "new.d/deep/scan.v1.ply", True),
+        ("there", "there/scan.v1.ply", True),
+        ("{stem}_small.laz", "scan.v1_small.laz", True),
+        ("{parent}/{stem}_small{suffix}", "scans/scan.v1_small.ply", True),
+        ("out/{name}.csv", "out/scan.v1.ply.csv", True),
+        ("{{{stem}}}.ply", "{scan.v1}.ply", True),
+        ("{{x}}.ply", "{x}.ply", True),
+    ],
+)
+def test_where_the_result_of_one_input_goes(folder, output, expected, makes):
+    Path("there").mkdir()
+    found = outputs_of([Path("scans/scan.v1.ply")], output)
+    assert found.targets == {Path("scans/scan.v1.ply"): Path(expected)}
+    assert found.makes_folders == makes
+
+
+@pytest.mark.parametrize("output", ["new", "new/", "new/{name}", "new.d/"])
+def test_several_results_go_to_a_folder_or_by_a_pattern(folder, output):
+    place = output.partition("/")[0]
+    assert targets(["a.ply", "x/b.csv"], output) == [f"{place}/a.ply", f"{place}/b.csv"]
+
+
+def test_results_may_go_beside_their_inputs(folder):
+    assert targets(["x/a.ply", "y/a.ply"], "{parent}/small.ply") == ["x/small.ply", "y/small.ply"]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "found"),
+    [
+        ("{steam}.ply", "{steam}"),
+        ("{}.ply", "{}"),
+        ("{0}.ply", "{0}"),
+        ("{stem.real}.ply", "{stem.real}"),
+        ("{stem[0]}.ply", "{stem[0]}"),
+        ("{stem!r}.ply", "{stem!r}"),
+        ("{stem:>99999999}.ply", "{stem:>99999999}"),
+        ("{stem:{name}}.ply", "{stem:{name}}"),
+    ],
+)
+def test_unknown_fields_of_a_pattern_are_refused(folder, pattern, found):
+    with pytest.raises(OutputError) as failure:
+        targets(["a.ply"], pattern)
+    assert (
+        str(failure.value)
+        == f"{pattern}: expected the fields {{stem}}, {{name}}, {{suffix}}, {{parent}}, found {found}"
+    )
+
+
+@pytest.mark.parametrize("pattern", ["{stem.ply", "stem}.ply", "{", "{stem}}.ply"])
+def test_single_braces_are_refused(folder, pattern):
+    with pytest.raises(OutputError, match=r"found single braces; write \{\{ and \}\} for braces in a name"):
+        targets(["a.ply"], pattern)
+
+
+@pytest.mark.parametrize("output", ["out", "out/{stem}.ply", "{{same}}.ply"])
+def test_two_results_in_one_file_are_refused(folder, output):
+    with pytest.raises(OutputError, match=r"x/a.ply and y/a.ply both go to .*; rename one, or write a pattern"):
+        targets(["x/a.ply", "y/a.ply"], output)
+
+
+@pytest.mark.parametrize("inputs", [["a.ply", "b.ply"], ["tiles"]])
+def test_several_results_do_not_go_to_one_file(tiles, inputs):
+    with pytest.raises(
+        OutputError, match=r"out.ply: expected a folder for the results of 2 inputs, found the name of a"
+    ):
+        targets(inputs, "out.ply")
+
+
+def test_a_file_is_no_folder(folder):
+    Path("a.ply").touch()
+    with pytest.raises(OutputError, match=r"a.ply/: expected a folder, found a file"):
+        targets(["b.ply"], "a.ply/")
+    made = outputs_of([Path("b.ply")], "a.ply/deeper/")
+    with pytest.raises(OutputError, match=r"expected a folder .*a.ply, found a file"):
+        made.check(Path("a.ply/deeper/b.ply"), force=False)

@@ -1,0 +1,114 @@
+"""The numbers that people write for `--points` and `--ratio`."""
+
+from contextlib import suppress
+from fractions import Fraction
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gppcs.app.quantities import count_of, share_of
+from gppcs.errors import ParameterError
+
+COUNTS = st.integers(0, 10**18)
+UNITS = {"": 1, "k": 10**3, "K": 10**3, "m": 10**6, "M": 10**6, "g": 10**9, "G": 10**9}
+
+
+@given(COUNTS, st.sampled_from(["{}", "{:,}", "{:_}", "+{}", " {} ", "{}.0", "{}e0"]))
+def test_each_spelling_of_a_number_means_it(count, spelling):
+    assert count_of(spelling.format(count)) == count
+
+
+@given(st.integers(0, 10**9), st.integers(0, 9), st.sampled_from(sorted(UNITS)), st.sampled_from(["", " "]))
+def test_units_multiply_the_number_exactly(whole, places, unit, space):
+    text = f"{whole:0{places + 1}}"
+    text = f"{text[:-places]}.{text[-places:]}" if places else text
+    expected = Fraction(whole, 10**places) * UNITS[unit]
+    if expected.denominator == 1:
+        assert count_of(text + space + unit) == expected
+    else:
+        with pytest.raises(ParameterError, match="a whole number of at most 1e18, found"):
+            count_of(text + space + unit)
+
+
+@pytest.mark.parametrize(
+    ("text", "count"),
+    [
+        ("5k", 5000),
+        ("1e3", 1000),
+        ("1.5M", 1_500_000),
+        ("5,000", 5000),
+        ("5_000", 5000),
+        (".5k", 500),
+        ("1,234.5k", 1234500),
+    ],
+)
+def test_the_spellings_of_the_help(text, count):
+    assert count_of(text) == count
+
+
+@given(COUNTS)
+def test_a_minus_sign_is_read_too(count):
+    """The library refuses the number, with its own message."""
+    assert count_of(f"-{count}") == -count
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        " ",
+        "k",
+        ".",
+        "e3",
+        "5,00",
+        "5,0000",
+        "50,00,000",
+        "5__0",
+        "_5",
+        "5_",
+        "5kk",
+        "5 000",
+        "0x10",
+        "five",
+        "nan",
+        "1e1000",
+        "\u0665",  # a digit five of another script
+    ],
+)
+def test_what_is_no_count_is_refused(text):
+    with pytest.raises(ParameterError, match=r"such as 5000, 5,000, 5k or 1.5M, found"):
+        count_of(text)
+
+
+@pytest.mark.parametrize("text", ["2.5", "1.2345k", "1e-1", "1e19", "1e999", "9" * 40])
+def test_numbers_that_are_not_whole_or_too_large_are_refused(text):
+    with pytest.raises(ParameterError, match="whole number of at most 1e18, found"):
+        count_of(text)
+
+
+@given(st.text(max_size=12))
+def test_any_text_is_a_count_or_refused(text):
+    with suppress(ParameterError):
+        assert isinstance(count_of(text), int)
+
+
+def test_a_percentage_of_points_names_the_option_for_it():
+    with pytest.raises(ParameterError, match="found '3%'; for a share of the points use --ratio"):
+        count_of("3%")
+
+
+@given(st.decimals(0, 1000, allow_nan=False, places=6), st.sampled_from(["", " "]))
+def test_a_percentage_is_the_nearest_float(percent, space):
+    assert share_of(f"{percent}{space}%") == float(Fraction(percent) / 100)
+
+
+@given(st.floats())
+def test_a_plain_share_is_the_number_itself(share):
+    assert share_of(repr(share)) == pytest.approx(share, rel=0, abs=0, nan_ok=True)
+
+
+@pytest.mark.parametrize("text", ["", "%", "3%%", "5k", "0,03", "few", "nan%", "1/3", "1e9999%"])
+def test_what_is_no_share_is_refused(text):
+    with pytest.raises(ParameterError, match=r"such as 0.03 or 3%, found .*; for a number of points use --points"):
+        share_of(text)
