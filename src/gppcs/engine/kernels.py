@@ -16,6 +16,7 @@ from numba.core import event
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
+from numba.core.types import unliteral
 
 from gppcs.engine.compiling import compilation_ended, compilation_started
 from gppcs.engine.kernel_cache import folder_to_write, folders, sources_have_changed
@@ -31,7 +32,8 @@ def kernel(function: Callable[..., Any] | None = None, /, **options: Any) -> Any
     function : callable
         Its body, and all that it calls, must be what Numba can compile.
     **options
-        Options of `numba.njit`, such as `fastmath`. The compiled code always runs without Python's global lock.
+        Options of `numba.njit`, such as `fastmath`. The compiled code always runs without Python's global lock, and a
+        division by zero gives infinity or NaN.
 
     Returns
     -------
@@ -40,12 +42,23 @@ def kernel(function: Callable[..., Any] | None = None, /, **options: Any) -> Any
     """
     if function is None:
         return lambda function: kernel(function, **options)
-    # Nobody calls kernels from C. Code for that would take 5 % of the time to compile.
-    every: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True}
+    # Less code compiles sooner: nobody calls kernels from C, and none needs ZeroDivisionError.
+    every: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
     compiled: Any = nb.njit(**every, **options)(function)
     if compiled is not function:  # as it is with NUMBA_DISABLE_JIT
         compiled._cache = _KernelCache(function)
+        compiled._compiler.fold_argument_types = _without_literals(compiled._compiler.fold_argument_types)
     return compiled
+
+
+def _without_literals(fold: Callable[..., Any]) -> Callable[..., Any]:
+    """Let a call with a constant use the code for all values: Numba would compile a kernel anew for each constant."""
+
+    def fold_to_types(args: Any, kws: Any) -> Any:
+        signature, types = fold(args, kws)
+        return signature, tuple(map(unliteral, types))
+
+    return fold_to_types
 
 
 class _KernelCache(NullCache):

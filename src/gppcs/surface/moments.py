@@ -191,7 +191,7 @@ def _null_vector(xx, xy, xz, yy, yz, zz, normal):
             normal[0], normal[1], normal[2] = x / length, y / length, z / length
 
 
-@kernel(error_model="numpy", fastmath={"nsz", "arcp", "contract", "reassoc"})
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
 def flattest_side_by_side(moments, variation, normals, sure):
     """Find what `flattest` finds, for the covariances of AT_ONCE neighbourhoods in one vectorised loop.
 

@@ -183,7 +183,7 @@ def observe(new, root, field, error_weight, choice, room):
             _renew_leaf(room.visited[v], choice)
 
 
-@kernel(error_model="numpy", fastmath=False)
+@kernel(fastmath=False)
 def _tell(new, root, normal_weight, choice, room):
     """Condition the points around a new point on it.
 

@@ -169,7 +169,7 @@ def _take_up(field, begin, end, side):
         side.points[6, p] = field.spacings[i]
 
 
-@kernel(error_model="numpy", fastmath=False)
+@kernel(fastmath=False)
 def _keep_nearest_side_by_side(field, chosen, found, side):
     """Keep, for each point of a leaf, the nearest of the chosen points `found`, (count,).
 

@@ -113,7 +113,7 @@ def divide(choice: Choice, count: int) -> Parts:
     _find_neighbours(choice.boxes, near)
     starts = np.concatenate([[0], np.cumsum(near.sum(axis=1))])
     return Parts(
-        starts, np.nonzero(near)[1], np.empty(n, dtype=np.int64), np.empty(n), np.empty(n),
+        starts, np.ascontiguousarray(np.nonzero(near)[1]), np.empty(n, dtype=np.int64), np.empty(n), np.empty(n),
         np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64),
         np.empty(nodes), np.empty(nodes), np.empty((nodes // 2, LEAF_SIZE)),
     )  # fmt: skip
@@ -304,7 +304,7 @@ def _affected(new, score, reach, index, root, normal_weight, choice, parts):
     return False
 
 
-@kernel(error_model="numpy", fastmath=False)
+@kernel(fastmath=False)
 def _gap(sites, i, j, normal_weight):
     """Return the squared distance in the field between two points; `sites` is (n, 9)."""
     return field_distance(

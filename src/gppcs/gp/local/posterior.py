@@ -71,7 +71,7 @@ def workspace(neighbours):
     )
 
 
-@kernel(error_model="numpy", fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"})
+@kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"})
 def posteriors(field, all_sites, nearest, which, begin, end, error_weight, work):
     """Compute mean, variance and score at the points `which[begin:end]`.
 
