@@ -310,13 +310,16 @@ def measure_boxes(points, low, high):
     """Fill the boxes of all nodes, `low` and `high`, (nodes, 3), from the points, (3, N), in tree order."""
     leaves = first_leaf(low)
     for node in range(2 * leaves - 1, 0, -1):
-        begin, end = leaf_range(points.shape[1], leaves, node)
         for axis in range(3):
-            if node >= leaves:
-                low[node, axis], high[node, axis] = points[axis, begin:end].min(), points[axis, begin:end].max()
-            else:
+            if node < leaves:
                 low[node, axis] = min(low[2 * node, axis], low[2 * node + 1, axis])
                 high[node, axis] = max(high[2 * node, axis], high[2 * node + 1, axis])
+                continue
+            begin, end = leaf_range(points.shape[1], leaves, node)
+            low[node, axis] = high[node, axis] = points[axis, begin]
+            for i in range(begin + 1, end):
+                low[node, axis] = min(low[node, axis], points[axis, i])
+                high[node, axis] = max(high[node, axis], points[axis, i])
 
 
 @kernel

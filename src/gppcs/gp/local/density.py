@@ -134,7 +134,11 @@ def _least_of_all(values, least):
     leaves = first_leaf(least)
     n = len(values)
     for leaf in range(leaves):
-        least[leaves + leaf] = np.min(values[slice(*leaf_range(n, leaves, leaves + leaf))])
+        first, last = leaf_range(n, leaves, leaves + leaf)
+        lowest = values[first]
+        for i in range(first + 1, last):
+            lowest = min(lowest, values[i])
+        least[leaves + leaf] = lowest
     for node in range(leaves - 1, 0, -1):
         least[node] = min(least[2 * node], least[2 * node + 1])
 
@@ -150,8 +154,8 @@ def _limit_leaves(begin, end, points, low, high, spacings, slope, least, result)
     for leaf in range(begin, end):
         box_low, box_high = low[leaves + leaf], high[leaves + leaf]
         first, last = leaf_range(n, leaves, leaves + leaf)
-        greatest = np.max(result[first:last])
-        stack, bounds = np.empty(64, dtype=np.int64), np.empty(64)
+        greatest = _greatest(result, first, last)
+        stack, bounds = np.empty(64, dtype=np.int64), np.empty(64, dtype=np.float64)
         stack[0], bounds[0] = 1, least[1]
         height = 1
         while height:
@@ -160,11 +164,12 @@ def _limit_leaves(begin, end, points, low, high, spacings, slope, least, result)
             if bounds[height] >= greatest:
                 continue
             if node >= leaves:
-                for j in range(*leaf_range(n, leaves, node)):
+                start, stop = leaf_range(n, leaves, node)
+                for j in range(start, stop):
                     gap = squared_distance_to_box(box_low, box_high, points[0, j], points[1, j], points[2, j])
                     if spacings[j] + slope * np.sqrt(gap) < greatest:
                         _lower(points[:, first:last], points[:, j], spacings[j], slope, result[first:last])
-                        greatest = np.max(result[first:last])
+                        greatest = _greatest(result, first, last)
                 continue
             for child in (2 * node, 2 * node + 1):
                 gap = squared_distance_of_boxes(low[child], high[child], box_low, box_high)
@@ -173,6 +178,15 @@ def _limit_leaves(begin, end, points, low, high, spacings, slope, least, result)
             a, b = height - 2, height - 1
             if bounds[a] < bounds[b]:
                 stack[a], stack[b], bounds[a], bounds[b] = stack[b], stack[a], bounds[b], bounds[a]
+
+
+@kernel
+def _greatest(values, first, last):
+    """Return the greatest of the values, (N,), from `first` to `last`."""
+    greatest = values[first]
+    for i in range(first + 1, last):
+        greatest = max(greatest, values[i])
+    return greatest
 
 
 @kernel

@@ -206,10 +206,12 @@ def _hear(begin, end, field, error_weight, choice, parts):
                 if within_reach(choice.boxes, root, x, y, z, spacing, choice.boxes[root, 6]):
                     observe(new, root, field, error_weight, choice, room)
         for leaf in range(part * in_part, (part + 1) * in_part):
-            parts.seen[leaf] = choice.leaves[leaf, SCORE]
+            for p in range(LEAF_SIZE):
+                parts.seen[leaf, p] = choice.leaves[leaf, SCORE, p]
         first, last = root, root + 1
         while first < 2 * leaves:
-            parts.best[first:last], parts.reach[first:last] = choice.best[first:last], choice.boxes[first:last, 6]
+            for node in range(first, last):
+                parts.best[node], parts.reach[node] = choice.best[node], choice.boxes[node, 6]
             first, last = 2 * first, 2 * last
 
 

@@ -213,7 +213,6 @@ def _posterior_everywhere(begin, end, field, sites, nearest, error_weight, means
     for some in range(0, len(which), LANES):
         count = min(LANES, len(which) - some)
         posteriors(field, sites, nearest, which, some, some + count, error_weight, work)
-        first = begin + some
-        means[first : first + count] = work.mean[:count]
-        variances[first : first + count] = work.variance[:count]
-        scores[first : first + count] = work.score[:count]
+        for p in range(count):
+            i = begin + some + p
+            means[i], variances[i], scores[i] = work.mean[p], work.variance[p], work.score[p]
