@@ -58,7 +58,7 @@ def start_if_expected() -> None:
     _started = True
     if (folder := folder_to_write()) is None:
         return
-    path = [folder for folder in sys.path if isinstance(folder, str)]
+    path = [entry for entry in sys.path if isinstance(entry, str)]
     code = f"import sys; sys.path[:] = {path!r}; from gppcs.engine.ahead import compile_from_last; "
     with contextlib.suppress(OSError):  # it cannot start
         process = subprocess.Popen(
@@ -92,16 +92,18 @@ def compile_from_last(lock: str) -> None:
         A file. The process ends at once if another holds it.
     """
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    with open(lock, "w") as file:
-        if _locks(file):
-            for name, types in reversed(json.loads(KERNELS.read_text())):
-                module, _, kernel = name.rpartition(".")
-                getattr(import_module(module), kernel).compile(tuple(map(_numba_type, types)))
-    os._exit(0)
+    try:
+        with open(lock, "w") as file:
+            if _locks(file):
+                for name, types in reversed(json.loads(KERNELS.read_text())):
+                    module, _, kernel = name.rpartition(".")
+                    getattr(import_module(module), kernel).compile(tuple(map(_numba_type, types)))
+    finally:  # at once, although the other thread still waits
+        os._exit(0)
 
 
 def _end_with_parent() -> None:
-    sys.stdin.buffer.read()  # nothing comes but the end
+    os.read(0, 1)  # nothing comes but the end
     os._exit(0)
 
 
