@@ -1,5 +1,6 @@
 """The library says once that it compiles, and reports the time apart."""
 
+import gc
 import logging
 import subprocess
 import sys
@@ -71,6 +72,28 @@ def test_compilation_is_logged_once_and_timed(fresh, caplog):
         compile_for(0.02)
     assert caplog.messages == [compiling.NOTICE]
     assert 0.04 <= compiling.seconds() < 1
+
+
+@pytest.mark.parametrize("collects", [True, False])
+def test_the_garbage_collector_rests_meanwhile(fresh, collects):
+    @kernel
+    def impossible(x):
+        return x.nothing
+
+    (gc.enable if collects else gc.disable)()
+    try:
+        compiling.compilation_started()
+        assert not gc.isenabled()
+        compiling.compilation_started()
+        compiling.compilation_ended()
+        assert not gc.isenabled()
+        compiling.compilation_ended()
+        assert gc.isenabled() == collects
+        with pytest.raises(Exception, match="nothing"):
+            impossible(1)
+        assert gc.isenabled() == collects
+    finally:
+        gc.enable()
 
 
 def test_stages_report_compilation_apart(fresh):

@@ -11,6 +11,7 @@ import pytest
 
 import gppcs
 from gppcs.engine import compiling
+from gppcs.engine.kernels import kernel
 
 SOURCE = Path(gppcs.__file__).parent
 
@@ -39,6 +40,34 @@ def test_rounding_does_not_depend_on_which_kernel_is_compiled_first():
         if len(callers) > 1 and "fastmath" not in own and "inline" not in own:
             unclear.append(f"{module}.{name}: add fastmath=False")
     assert not unclear
+
+
+@pytest.fixture
+def unkept(monkeypatch):
+    """Nothing compiled is kept or found."""
+    monkeypatch.setattr("gppcs.engine.kernels.folders", list)
+    monkeypatch.setattr("gppcs.engine.kernels.folder_to_write", lambda: None)
+
+
+def test_a_constant_needs_no_code_of_its_own(unkept):
+    @kernel
+    def added(x, y, negative):
+        return x - y if negative else x + y
+
+    @kernel
+    def sums(x):
+        return added(x, 1, False), added(x, 1, True), added(2, x, x > 1)
+
+    assert sums(5) == (6, 4, -3)
+    assert len(added.signatures) == 1
+
+
+def test_a_division_by_zero_is_no_error(unkept):
+    @kernel
+    def share(x, y):
+        return x / y
+
+    assert share(1.0, 0.0) == float("inf")
 
 
 def run_python(code, *arguments, **environment):

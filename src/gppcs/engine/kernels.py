@@ -43,8 +43,8 @@ def kernel(function: Callable[..., Any] | None = None, /, **options: Any) -> Any
     if function is None:
         return lambda function: kernel(function, **options)
     # Less code compiles sooner: nobody calls kernels from C, and none needs ZeroDivisionError.
-    every: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy", "_nrt": True}
-    compiled: Any = nb.njit(**(every | options))(function)
+    every: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
+    compiled: Any = nb.njit(**every, **options)(function)
     if compiled is not function:  # as it is with NUMBA_DISABLE_JIT
         compiled._cache = _KernelCache(function)
         compiled._compiler.fold_argument_types = _without_literals(compiled._compiler.fold_argument_types)
