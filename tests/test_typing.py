@@ -16,6 +16,7 @@ import gppcs
 PACKAGE = Path(gppcs.__file__).parent
 
 USER = """
+import pathlib
 import gppcs
 from gppcs import no_such_name  # type: ignore[attr-defined]
 
@@ -29,6 +30,8 @@ stages = gppcs.Stages(listener)
 cloud: gppcs.PointCloud = gppcs.sample("bracket", n_points=2000)
 result: gppcs.Result = gppcs.simplify(cloud, ratio=0.1, method=gppcs.LocalGP(neighbours=5), stages=stages)
 parameter: gppcs.Parameter = result.method.parameters()["neighbours"]
+part: gppcs.PointCloud = cloud[::2]
+gppcs.evaluate(pathlib.Path("scan.ply"), "kept.ply")
 gppcs.simplify(cloud, ratio="a tenth")  # type: ignore[arg-type]
 """
 

@@ -91,6 +91,8 @@ import sys
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from gppcs.clouds import reading
+
 if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
     from gppcs.clouds.depth_camera import from_depth
@@ -257,6 +259,9 @@ def _imported_when_used(name: str, home: str) -> property:
 
     return property(get, replace, restore)
 
+
+# Clouds are below the files that hold them, so this is where a path given as a cloud finds its reader.
+reading.read = lambda path: importlib.import_module("gppcs.io").read(path)
 
 # Tab completion offers the properties of a module's class without running them. `help(gppcs)` prints in full only what
 # `dir(gppcs)` lists, which are the names used so far; so it stays short.

@@ -89,7 +89,7 @@ class FileFormatError(GppcsError, ValueError):
 
 
 class MissingExtraError(GppcsError, ImportError):
-    """An optional dependency is not installed; the message names the extra to install.
+    """An optional dependency is not installed; the message names the extra or the package to install.
 
     Examples
     --------

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from gppcs.clouds.cloud import NORMALS, PointCloud
+from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.engine.ahead import compiled_ahead
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import COMPILATION, Stages
@@ -61,7 +61,7 @@ class Result(ComparedByValue):
 
 
 def simplify(
-    cloud: PointCloud | ArrayLike,
+    cloud: CloudLike,
     *,
     ratio: float | None = None,
     n_points: int | None = None,
@@ -76,7 +76,7 @@ def simplify(
 
     Parameters
     ----------
-    cloud : PointCloud or (N, 3) array-like
+    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
         The original points; they are not changed. A point that exactly repeats an earlier one counts as a point, but
         such points are chosen last.
     ratio : float, optional

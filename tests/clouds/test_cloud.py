@@ -15,8 +15,8 @@ POINTS = np.arange(12.0).reshape(4, 3)
         (POINTS[0], r"shape \(N, 3\), found \(3,\)"),
         (POINTS[None], r"shape \(N, 3\), found \(1, 4, 3\)"),
         ([], r"shape \(N, 3\), found \(0,\)"),
-        (None, r"shape \(N, 3\)"),
-        ("scan.ply", r"shape \(N, 3\)"),
+        (None, r"expected a PointCloud, .* or an \(N, 3\) array of coordinates, found None"),
+        (b"scan.ply", r"expected a PointCloud, .*, found b'scan.ply'"),
         ([["a", "b", "c"]], "expected numbers as coordinates"),
         (POINTS * 1j, "found an array of complex128"),
         (POINTS > 3, "found an array of bool"),
@@ -27,6 +27,12 @@ POINTS = np.arange(12.0).reshape(4, 3)
 def test_what_is_no_cloud_is_refused(points, message):
     with pytest.raises(InputError, match=message):
         PointCloud.of(points)
+
+
+@pytest.mark.parametrize(("points", "found"), [(None, "None"), ("scan.ply", "'scan.ply'"), (3, "3")])
+def test_a_cloud_made_of_no_array_says_what_it_was(points, found):
+    with pytest.raises(InputError, match=rf"expected points of shape \(N, 3\), found {found}$"):
+        PointCloud(points)
 
 
 def test_attributes_must_have_a_row_for_each_point():
@@ -63,3 +69,67 @@ def test_non_finite_points_are_found():
     points = POINTS.copy()
     points[1, 2], points[3, 0] = np.nan, -np.inf
     assert PointCloud(points).non_finite().tolist() == [1, 3]
+
+
+CLOUD = PointCloud(POINTS, {"colour": np.eye(4, dtype=np.uint8), "label": np.arange(4, dtype=">i2")}, np.dtype("f4"))
+
+
+def test_a_cloud_is_an_array_of_its_points():
+    assert np.asarray(CLOUD) is CLOUD.points
+    assert np.asarray(CLOUD, dtype=np.float32).dtype == np.float32
+    assert len(CLOUD) == 4
+    np.testing.assert_array_equal(np.mean(CLOUD, axis=0), POINTS.mean(axis=0))
+
+
+def test_a_copy_of_a_cloud_as_an_array_is_one():
+    copied = np.array(CLOUD)
+    copied[:] = 0
+    np.testing.assert_array_equal(CLOUD.points, POINTS)
+
+
+@pytest.mark.skipif(np.lib.NumpyVersion(np.__version__) < "2.0.0", reason="before NumPy 2, copy=False may copy")
+def test_an_array_that_must_not_be_a_copy_is_none_or_an_error():
+    assert np.asarray(CLOUD, copy=False) is CLOUD.points
+    with pytest.raises(ValueError, match="copy"):
+        np.asarray(CLOUD, dtype=np.float32, copy=False)
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        (slice(None, None, 2), [0, 2]),
+        (slice(-1, None), [3]),
+        (slice(9, None), []),
+        ([3, 0, 0], [3, 0, 0]),
+        (np.array([-1]), [3]),
+        (np.array([1], np.uint8), [1]),
+        ([], []),
+        ([True, False, False, True], [0, 3]),
+        (POINTS[:, 2] > 3, [1, 2, 3]),
+    ],
+)
+def test_rows_of_a_cloud_are_a_cloud_with_all_attributes(rows, expected):
+    part = CLOUD[rows]
+    assert part == CLOUD.take(np.array(expected, dtype=np.int64))
+    assert {name: values.dtype for name, values in part.attributes.items()} == {"colour": "u1", "label": ">i2"}
+    assert not np.shares_memory(part.points, CLOUD.points)
+
+
+def test_one_row_and_a_loop_give_coordinates():
+    np.testing.assert_array_equal(CLOUD[1], POINTS[1])
+    np.testing.assert_array_equal(CLOUD[np.int64(-1)], POINTS[3])
+    np.testing.assert_array_equal(np.stack(list(CLOUD)), POINTS)
+
+
+@pytest.mark.parametrize(
+    "rows", ["label", None, 1.5, [0.5], True, (0, 1), (slice(None), 2), [[0, 1]], ..., np.array(["a"])]
+)
+def test_what_names_no_rows_is_a_type_error(rows):
+    with pytest.raises(TypeError, match=r"expected a slice, a mask or indices of rows, found .*attributes"):
+        CLOUD[rows]
+
+
+@pytest.mark.parametrize("rows", [4, -5, [0, 4], [True, False]])
+def test_rows_that_are_not_there_are_an_index_error(rows):
+    with pytest.raises(IndexError):
+        CLOUD[rows]

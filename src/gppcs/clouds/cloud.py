@@ -2,23 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol, TypeAlias, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from gppcs.clouds import reading
 from gppcs.clouds.header import Header
 from gppcs.engine.equality import ComparedByValue
 from gppcs.errors import InputError, shown
 
 NORMALS = ("nx", "ny", "nz")  # attributes that hold the components of a point's normal
+ACCEPTED = (
+    "a PointCloud, the path of a file, an object of Open3D, PyVista, trimesh, pandas or laspy, "
+    "or an (N, 3) array of coordinates"
+)
+
+
+class _WithPoints(Protocol):
+    @property
+    def points(self) -> Any: ...
+
+
+class _WithVertices(Protocol):
+    @property
+    def vertices(self) -> Any: ...
 
 
 @dataclass(frozen=True, eq=False)
 class PointCloud(ComparedByValue):
     """N points, each with the same attributes.
+
+    A cloud can be used as an array of its points: `np.asarray(cloud)` is `cloud.points`, `len(cloud)` is N, and a loop
+    over the cloud yields the coordinates of each point. See `PointCloud.__getitem__` for `cloud[rows]`.
 
     Parameters
     ----------
@@ -47,7 +66,7 @@ class PointCloud(ComparedByValue):
     >>> cloud.points
     array([[0., 0., 0.],
            [1., 0., 0.]])
-    >>> cloud.take([1]).attributes["intensity"]
+    >>> cloud[cloud.attributes["intensity"] > 8].attributes["intensity"]
     array([9])
     """
 
@@ -58,6 +77,8 @@ class PointCloud(ComparedByValue):
 
     def __post_init__(self) -> None:
         points = _array(self.points)
+        if points.ndim == 0:
+            raise InputError(f"expected points of shape (N, 3), found {_described(self.points)}")
         if points.ndim != 2 or points.shape[1] != 3:
             raise InputError(f"expected points of shape (N, 3), found {points.shape}")
         if not (np.issubdtype(points.dtype, np.floating) or np.issubdtype(points.dtype, np.integer)):
@@ -91,27 +112,61 @@ class PointCloud(ComparedByValue):
             raise InputError(f"expected the header of a cloud that was read, found {shown(self.header)}")
 
     @classmethod
-    def of(cls, cloud: PointCloud | ArrayLike) -> PointCloud:
-        """Return a cloud unchanged, or make one of an array.
+    def of(cls, cloud: CloudLike) -> PointCloud:
+        """Return a cloud unchanged, or make one of an array, a file or an object of another library.
+
+        All functions that take a cloud take these. Libraries are recognised without importing them. The names of
+        attributes are those of PLY files: colours become `red`, `green`, `blue` and `alpha`, normals become `nx`, `ny`
+        and `nz`. All arrays keep their types.
 
         Parameters
         ----------
-        cloud : PointCloud or (N, 3) array-like
-            A cloud, or coordinates.
+        cloud : PointCloud, (N, 3) array-like, path or object of another library
+            A path is read by `gppcs.read`. An object is one of these:
+
+            - a structured array with fields x, y and z; the other fields become attributes
+            - `open3d.geometry.PointCloud` or `open3d.t.geometry.PointCloud`, with colours, normals, covariances or all
+              other tensors
+            - a data set of PyVista, such as `pyvista.PolyData`, with its `point_data`
+            - `trimesh.PointCloud` or `trimesh.Trimesh`, with colours and attributes of the vertices, and their normals
+              if these are stored
+            - `pandas.DataFrame` with columns x, y and z, or X, Y and Z; the other columns become attributes
+            - `laspy.LasData`, with all dimensions; the coordinates are scaled
 
         Returns
         -------
         PointCloud
-            For an array of floating-point numbers, `coordinate_dtype` is the array's type; otherwise float64.
+            `coordinate_dtype` is the type of the coordinates. For whole numbers in an array that is not structured, it
+            is float64.
 
         Raises
         ------
         InputError
-            If the array is not a numeric (N, 3) array.
+            If it is none of these, a coordinate is missing, or an attribute holds text.
+        FileFormatError
+            If the content of a file does not follow its format.
+        OSError
+            If a file does not exist or cannot be read.
+
+        Examples
+        --------
+        >>> import pandas
+        >>> table = pandas.DataFrame({"x": [0.0, 1.0], "y": [0.0, 0.5], "z": [0.0, 2.0], "label": [4, 5]})
+        >>> gppcs.PointCloud.of(table)
+        PointCloud(2 points, each with label)
         """
+        from gppcs.clouds.objects import cloud_of_object
+
         if isinstance(cloud, PointCloud):
             return cloud
-        points = _array(cloud)
+        if isinstance(cloud, str | os.PathLike):
+            return reading.read(cloud)
+        made = cloud_of_object(cloud)
+        if made is not None:
+            return made
+        points = _array(cloud, ACCEPTED)
+        if points.ndim == 0:
+            raise InputError(f"expected {ACCEPTED}, found {_described(cloud)}")
         kept = points.dtype if np.issubdtype(points.dtype, np.floating) else np.dtype(np.float64)
         return cls(points, coordinate_dtype=kept)
 
@@ -121,6 +176,62 @@ class PointCloud(ComparedByValue):
 
     def __len__(self) -> int:
         return len(self.points)
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.array(self.points, dtype, copy=copy)
+
+    def __iter__(self) -> Iterator[NDArray[np.float64]]:
+        return iter(self.points)
+
+    @overload
+    def __getitem__(self, rows: int) -> NDArray[np.float64]: ...
+
+    @overload
+    def __getitem__(self, rows: slice | ArrayLike) -> PointCloud: ...
+
+    def __getitem__(self, rows: Any) -> PointCloud | NDArray[np.float64]:
+        """Return a part of the cloud with all attributes, or the coordinates of one point.
+
+        Parameters
+        ----------
+        rows : slice, (N,) array of bool, (M,) array of int, or int
+            Which points.
+
+        Returns
+        -------
+        PointCloud or (3,) array, float64
+            For a single number, only the coordinates of that point; `cloud[[3]]` is a cloud of one point. Otherwise a
+            copy of the points.
+
+        Raises
+        ------
+        TypeError
+            If `rows` is anything else, such as the name of an attribute.
+        IndexError
+            If there is no such row, or a mask has another length than the cloud.
+
+        Examples
+        --------
+        >>> cloud = gppcs.sample("sphere", n_points=100)
+        >>> cloud[::10]
+        PointCloud(10 points, each with nx, ny, nz, curvature, red, green, blue)
+        >>> upper = cloud[cloud.points[:, 2] > 0]
+        >>> cloud[3].shape
+        (3,)
+        """
+        if isinstance(rows, slice):
+            return self.take(np.arange(len(self))[rows])
+        given = _array(rows, "indices of rows")
+        if not given.size and given.dtype == np.float64:  # what NumPy makes of an empty list
+            given = given.astype(np.int64)
+        of_rows = given.dtype.kind in "iu" or (given.dtype.kind == "b" and given.ndim)
+        if isinstance(rows, tuple) or given.ndim > 1 or not of_rows:
+            raise TypeError(
+                f"expected a slice, a mask or indices of rows, found {shown(rows)}; coordinates are in .points, "
+                "attributes in .attributes"
+            )
+        indices = np.arange(len(self))[given]
+        return self.take(indices) if given.ndim else self.points[indices]
 
     def take(self, indices: NDArray[np.int64]) -> PointCloud:
         """Return the points with the given indices, in that order, with all attributes.
@@ -141,6 +252,113 @@ class PointCloud(ComparedByValue):
             self.coordinate_dtype,
             self.header,
         )
+
+    def to_open3d(self) -> Any:
+        """Return the cloud as an object of Open3D, with all attributes.
+
+        Returns
+        -------
+        open3d.t.geometry.PointCloud
+            A copy. `normals` are made of `nx`, `ny` and `nz`, `colors` of `red`, `green` and `blue`. The coordinates
+            are float32 if `coordinate_dtype` is, otherwise float64. Its method `to_legacy` makes an
+            `open3d.geometry.PointCloud`, which holds points, colours and normals only.
+
+        Raises
+        ------
+        InputError
+            If Open3D has no such type as an attribute, or an attribute is called "positions".
+        MissingExtraError
+            If Open3D is not installed.
+
+        Examples
+        --------
+        >>> made = gppcs.sample("sphere", n_points=100).to_open3d()  # doctest: +SKIP
+        >>> made.point.positions.shape, made.point.normals.dtype  # doctest: +SKIP
+        (SizeVector[100, 3], Float64)
+        """
+        from gppcs.clouds.objects import open3d_of
+
+        return open3d_of(self)
+
+    def to_pyvista(self) -> Any:
+        """Return the cloud as an object of PyVista, with all attributes.
+
+        Returns
+        -------
+        pyvista.PolyData
+            A copy. Attributes are arrays of `point_data`: `Normals` is made of `nx`, `ny` and `nz`, `RGB` or `RGBA` of
+            `red`, `green`, `blue` and `alpha`. An attribute of three or more axes becomes one of two. The coordinates
+            are float32 if `coordinate_dtype` is, otherwise float64.
+
+        Raises
+        ------
+        InputError
+            If PyVista has no such type as an attribute.
+        MissingExtraError
+            If PyVista is not installed.
+
+        Examples
+        --------
+        >>> made = gppcs.sample("sphere", n_points=100).to_pyvista()
+        >>> made.n_points, made.point_data.keys()
+        (100, ['curvature', 'RGB', 'Normals'])
+        """
+        from gppcs.clouds.objects import pyvista_of
+
+        return pyvista_of(self)
+
+    def to_trimesh(self) -> Any:
+        """Return the cloud as an object of trimesh, with all attributes.
+
+        Returns
+        -------
+        trimesh.PointCloud
+            A copy with float64 coordinates. `colors` are made of `red`, `green`, `blue` and `alpha` if these are uint8;
+            without `alpha`, trimesh sets it to 255. All other attributes are in `metadata["vertex_attributes"]`.
+
+        Raises
+        ------
+        MissingExtraError
+            If trimesh is not installed.
+
+        Examples
+        --------
+        >>> made = gppcs.sample("sphere", n_points=100).to_trimesh()
+        >>> made.vertices.shape, list(made.metadata["vertex_attributes"])
+        ((100, 3), ['nx', 'ny', 'nz', 'curvature'])
+        """
+        from gppcs.clouds.objects import trimesh_of
+
+        return trimesh_of(self)
+
+    def to_pandas(self) -> Any:
+        """Return the cloud as a table of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A copy with the columns x, y, z, and one for each attribute. An attribute with k numbers for each point
+            becomes k columns, called name_0, name_1 and so on. The coordinates are of type `coordinate_dtype`; but if
+            that is a type of integers and some coordinates are none, they are float64.
+
+        Raises
+        ------
+        InputError
+            If two columns would have the same name.
+        MissingExtraError
+            If pandas is not installed.
+
+        Examples
+        --------
+        >>> cloud = gppcs.PointCloud([[0, 0, 0], [1, 0, 0]], {"intensity": [7, 9]})
+        >>> cloud.to_pandas()
+             x    y    z  intensity
+        0  0.0  0.0  0.0          7
+        1  1.0  0.0  0.0          9
+        """
+        from gppcs.clouds.objects import pandas_of
+
+        return pandas_of(self)
 
     def non_finite(self) -> NDArray[np.int64]:
         """Return the indices of the points that have a NaN or infinite coordinate.
@@ -201,9 +419,21 @@ class PointCloud(ComparedByValue):
         return self.points
 
 
+CloudLike: TypeAlias = PointCloud | ArrayLike | os.PathLike[str] | _WithPoints | _WithVertices  # see `PointCloud.of`
+
+
 def _array(values: Any, name: str = "an (N, 3) array of coordinates") -> NDArray[Any]:
-    """Return values as an array; raise an InputError if their rows have different lengths."""
+    """Return values as an array; raise an InputError if NumPy cannot make one."""
     try:
         return np.asarray(values)
     except ValueError as error:
         raise InputError(f"expected {name}, found {type(values).__name__} with rows of different lengths") from error
+    except (TypeError, LookupError, AttributeError, RuntimeError) as error:  # of objects that are like no array
+        reason = " ".join(str(error).split())
+        raise InputError(f"expected {name}, found {_described(values)}, of which NumPy says: {reason}") from error
+
+
+def _described(value: Any) -> str:
+    """Return what a message calls a value: objects of libraries by their class, since they may print many lines."""
+    kind = type(value)
+    return shown(value) if kind.__module__ in ("builtins", "numpy") else f"{kind.__module__}.{kind.__qualname__}"

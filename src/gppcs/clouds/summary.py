@@ -7,9 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.cloud import CloudLike, PointCloud
 
 
 @dataclass(frozen=True)
@@ -56,12 +55,12 @@ class Summary:
     attributes: Mapping[str, str]
 
 
-def info(cloud: PointCloud | ArrayLike) -> Summary:
+def info(cloud: CloudLike) -> Summary:
     """Return the size, spacing, attributes, repeats and invalid points of a cloud.
 
     Parameters
     ----------
-    cloud : PointCloud or (N, 3) array-like
+    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
         It may be empty, and coordinates may be NaN or infinite.
 
     Returns

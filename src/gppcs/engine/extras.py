@@ -1,4 +1,4 @@
-"""Optional packages: each function checks for one and raises an error that names the extra to install."""
+"""Optional packages: each function checks for one and raises an error that names the extra or package to install."""
 
 from __future__ import annotations
 
@@ -72,6 +72,34 @@ def require_pyvista() -> None:
             "a picture of meshes needs OpenGL, and PyVista found none; software rendering suffices, "
             "on Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri libx11-6"
         )
+
+
+def require_library(name: str, title: str) -> Any:
+    """Import a library whose objects a cloud becomes. No extra brings these: who wants such objects has the library.
+
+    Parameters
+    ----------
+    name : str
+        The name of its package and its module.
+    title : str
+        The name by which people know it.
+
+    Returns
+    -------
+    module
+
+    Raises
+    ------
+    MissingExtraError
+        If it cannot be imported.
+    """
+    try:
+        return importlib.import_module(name)
+    except (ImportError, OSError) as error:  # the second if a library of the system is missing
+        reason = str(error).partition("\n")[0]
+        raise MissingExtraError(
+            f"an object of {title} needs {title}, which cannot be imported ({reason}): pip install {name}"
+        ) from error
 
 
 def _missing(need: str, extra: str) -> MissingExtraError:

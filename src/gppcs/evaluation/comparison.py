@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import Literal
 
-from numpy.typing import ArrayLike
-
-from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.engine.stages import COMPILATION, Stages
 from gppcs.errors import NoSurfaceError, ParameterError, shown
@@ -53,7 +51,7 @@ class Entry:
 
 
 def compare(
-    cloud: PointCloud | ArrayLike,
+    cloud: CloudLike,
     methods: Iterable[str | Method] = tuple(METHODS),
     *,
     ratio: float | None = None,
@@ -67,7 +65,7 @@ def compare(
 
     Parameters
     ----------
-    cloud : PointCloud or (N, 3) array-like
+    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
         The original.
     methods : iterable of str or Method
         Names from `gppcs.METHODS`, or methods with other parameters. By default all.

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.engine.stages import Stages
 from gppcs.errors import InputError, NoSurfaceError, shown
@@ -34,8 +34,8 @@ ReportPart = TypeVar("ReportPart", Report, Rebuilt)
 
 
 def evaluate(
-    original: PointCloud | ArrayLike,
-    simplified: PointCloud | ArrayLike,
+    original: CloudLike,
+    simplified: CloudLike,
     mesh: Mesh | None = None,
     stages: Stages | None = None,
 ) -> Report:
@@ -45,9 +45,9 @@ def evaluate(
 
     Parameters
     ----------
-    original : PointCloud or (N, 3) array-like
+    original : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
         Finite coordinates.
-    simplified : PointCloud or (M, 3) array-like
+    simplified : PointCloud, (M, 3) array-like, path or object that `PointCloud.of` takes
         Finite coordinates, in the unit and frame of the original.
     mesh : Mesh, optional
         The surface that the original was sampled from. With it, a surface is rebuilt from the simplified cloud and
@@ -88,15 +88,15 @@ def evaluate(
 
 
 def judged(
-    original: PointCloud | ArrayLike, simplified: PointCloud | ArrayLike, mesh: Mesh | None, stages: Stages
+    original: CloudLike, simplified: CloudLike, mesh: Mesh | None, stages: Stages
 ) -> tuple[Report, NoSurfaceError | None]:
     """Return the report of `evaluate`, also if no surface can be rebuilt.
 
     Parameters
     ----------
-    original : PointCloud or (N, 3) array-like
+    original : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
         Finite coordinates.
-    simplified : PointCloud or (M, 3) array-like
+    simplified : PointCloud, (M, 3) array-like, path or object that `PointCloud.of` takes
         Finite coordinates, in the unit and frame of the original.
     mesh : Mesh or None
         The surface that the original was sampled from.

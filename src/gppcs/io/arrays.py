@@ -12,8 +12,9 @@ import numpy as np
 from numpy.lib import format as npy
 
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.columns import Column, cloud_of_columns
 from gppcs.errors import FileFormatError
-from gppcs.io.columns import Column, check_name, cloud_of_columns, coordinate_type, default_names
+from gppcs.io.columns import check_name, coordinate_type, default_names
 from gppcs.io.format import Format, without_attributes, without_header
 
 _POINTS = "points"

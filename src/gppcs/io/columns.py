@@ -1,24 +1,21 @@
-"""Converts between the named columns of a file and a cloud."""
+"""Converts a cloud to the named columns of a file."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import FileFormatError, OutputError
+from gppcs.clouds.columns import Column
+from gppcs.errors import OutputError
 from gppcs.io.format import without_attributes, without_header
-
-Column = NDArray[Any]
 
 _LONGEST_NAME = 1000
 _UNWRITABLE = re.compile("[\0\ud800-\udfff]")  # zip files cut names at the first, UTF-8 has no bytes for the others
-EXACT = 2**53  # float64 represents every whole number up to here
 
 
 def default_names(width: int) -> list[str]:
@@ -35,89 +32,6 @@ def default_names(width: int) -> list[str]:
         At least x, y and z.
     """
     return ["x", "y", "z", *(f"column_{i}" for i in range(4, width + 1))]
-
-
-def coordinate_names(names: Iterable[str]) -> tuple[str, str, str]:
-    """Return which names are the coordinates: x, y and z, or X, Y and Z.
-
-    Parameters
-    ----------
-    names : iterable of str
-        Names of columns. Lower case goes first if both occur.
-
-    Returns
-    -------
-    tuple of three str
-
-    Raises
-    ------
-    FileFormatError
-        If one is missing. The message lists the names found.
-    """
-    found = list(names)
-    x, y, z = (next((name for name in (axis, axis.upper()) if name in found), None) for axis in ("x", "y", "z"))
-    if x is None or y is None or z is None:
-        listed = ", ".join(map(repr, found)) or "nothing"
-        raise FileFormatError(
-            f"expected x, y and z for each point, found {listed}; rename the columns that hold the coordinates"
-        )
-    return x, y, z
-
-
-def cloud_of_columns(columns: Mapping[str, Column]) -> PointCloud:
-    """Make a cloud of columns: x, y and z are the coordinates, the others become attributes.
-
-    Parameters
-    ----------
-    columns : mapping of str to (N, ...) array
-        Columns of equal length by name.
-
-    Returns
-    -------
-    PointCloud
-        `coordinate_dtype` is the common type of x, y and z.
-
-    Raises
-    ------
-    FileFormatError
-        If a coordinate is missing, is not a single real number, or is a whole number of 2^53 or more, which float64
-        may not represent.
-    """
-    axes = coordinate_names(columns)
-    points = np.empty((len(columns[axes[0]]), 3))
-    for i, axis in enumerate(axes):
-        check_coordinate(axis, columns[axis])
-        points[:, i] = columns[axis]
-    kept = np.result_type(*(columns[axis].dtype for axis in axes))
-    attributes = {
-        name: np.ascontiguousarray(values, values.dtype.newbyteorder("="))
-        for name, values in columns.items()
-        if name not in axes
-    }
-    return PointCloud(points, attributes, kept.newbyteorder("="))
-
-
-def check_coordinate(axis: str, values: Column) -> None:
-    """Check that a column can be x, y or z of a cloud.
-
-    Parameters
-    ----------
-    axis : str
-        The name of the column.
-    values : array
-        The column.
-
-    Raises
-    ------
-    FileFormatError
-        If it does not hold a real number for each point, or holds a whole number of 2^53 or more.
-    """
-    if values.dtype.kind not in "iuf":
-        raise FileFormatError(f"expected numbers as coordinates, found {values.dtype} in {axis}")
-    if values.ndim != 1:
-        raise FileFormatError(f"expected one {axis} for each point, found shape {values.shape}")
-    if values.dtype.kind in "iu" and (np.abs(values.astype(np.float64)) >= EXACT).any():
-        raise FileFormatError(f"expected coordinates below 2^53, found larger ones in {axis}; subtract an offset first")
 
 
 def coordinate_type(cloud: PointCloud) -> np.dtype[Any]:

@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.errors import FileFormatError, InputError, OutputError, ParameterError, file_path, flag, shown
 from gppcs.io import arrays, meshes, ply, text
 from gppcs.io.format import Format
@@ -190,7 +189,7 @@ def check_losses(path: str | os.PathLike[str], cloud: PointCloud, format: str | 
 
 def write(
     path: str | os.PathLike[str],
-    cloud: PointCloud | ArrayLike,
+    cloud: CloudLike,
     format: str | None = None,  # noqa: A002
     force: bool = False,
     lossy: bool = False,
@@ -204,7 +203,7 @@ def write(
     ----------
     path : str or path
         The file. Its suffix selects the format; a further suffix .gz or .zst compresses it. `-` is standard output.
-    cloud : PointCloud or (N, 3) array-like
+    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
         The points and their attributes.
     format : str, optional
         Suffix of the format, such as "ply" or ".ply". It overrides the suffix of `path`.

@@ -71,8 +71,8 @@ class Format:
     suffixes : tuple of str
         Suffixes of file names, in lower case, with the dot.
     read : callable(file) -> PointCloud
-        Reads a binary file from its start. It raises FileFormatError, without the name of the file, if the content is
-        not as expected.
+        Reads a binary file from its start. It raises FileFormatError or InputError, without the name of the file, if
+        the content is not as expected.
     write : callable(file, cloud), optional
         Writes a cloud that `fitted` has returned to a binary file. It raises OutputError if the format cannot store it.
         None if gppcs does not write the format.

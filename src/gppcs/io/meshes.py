@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.columns import Column, check_coordinate, cloud_of_columns
 from gppcs.errors import FileFormatError
-from gppcs.io.columns import Column, check_coordinate, cloud_of_columns, coordinate_type, default_names
+from gppcs.io.columns import coordinate_type, default_names
 from gppcs.io.format import Format, without_attributes, without_header
 from gppcs.io.rows import (
     Block,

@@ -15,18 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
-from gppcs.io.columns import (
-    Column,
-    attribute_columns,
-    check_name,
-    cloud_of_columns,
-    column_name,
-    coordinate_names,
-    coordinate_type,
-    exact_as_double,
-)
+from gppcs.io.columns import attribute_columns, check_name, column_name, coordinate_type, exact_as_double
 from gppcs.io.format import Format, without_attributes, without_header
 from gppcs.io.rows import BLOCK, as_count, ends_early, lines_of, number_blocks, shown
 

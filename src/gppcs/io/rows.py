@@ -12,8 +12,9 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.clouds.columns import EXACT, Column
 from gppcs.errors import FileFormatError
-from gppcs.io.columns import EXACT, Column, exact_as_double
+from gppcs.io.columns import exact_as_double
 from gppcs.io.text_fields import quoted
 
 BLOCK = 1 << 16  # rows per block: large enough that NumPy's cost per call does not count, small enough for memory

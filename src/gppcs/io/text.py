@@ -23,16 +23,9 @@ from typing import BinaryIO
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import FileFormatError
-from gppcs.io.columns import (
-    Column,
-    attribute_columns,
-    cloud_of_columns,
-    coordinate_names,
-    coordinate_type,
-    default_names,
-    held_by_columns,
-)
+from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
+from gppcs.errors import FileFormatError, InputError
+from gppcs.io.columns import attribute_columns, coordinate_type, default_names, held_by_columns
 from gppcs.io.format import Format, without_attributes
 from gppcs.io.rows import as_count, joined, lines_of, number_blocks, shown, typed_columns, write_rows
 from gppcs.io.text_fields import TextApart, delimiter_of, fields_of, is_number, is_row, text_columns
@@ -245,13 +238,13 @@ def _header(fields: list[str], number: int, line: str) -> list[str]:
     names = [name or f"column_{i}" for i, name in enumerate(fields, 1)]
     try:
         coordinate_names(names)
-    except FileFormatError as error:
+    except InputError as error:
         raise FileFormatError(
             f"line {number}: expected numbers, or names of columns with x, y, z, found {shown(line)}"
         ) from error
     repeated = next((name for name in names if names.count(name) > 1), None)
     if repeated is not None:
-        raise FileFormatError(f"line {number}: expected different names, found {repeated!r} twice")
+        raise InputError(f"line {number}: expected different names, found {repeated!r} twice")
     return names
 
 

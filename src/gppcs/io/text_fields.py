@@ -11,8 +11,8 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 
 import numpy as np
 
+from gppcs.clouds.columns import Column
 from gppcs.errors import FileFormatError, OutputError, shown
-from gppcs.io.columns import Column
 
 _QUOTED = r'"(?:[^"]|"")*+"'
 _SPACED = re.compile(rf"{_QUOTED}(?=\s|$)|\S+")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.errors import InputError, whole_number
@@ -23,7 +23,7 @@ UP = np.array([0.01, 0.03, 0.1])  # Side to which flat pieces point: +z. The til
 
 
 def estimate_normals(
-    cloud: PointCloud | ArrayLike, at: PointCloud | ArrayLike | None = None, neighbours: int | None = None
+    cloud: CloudLike, at: CloudLike | None = None, neighbours: int | None = None
 ) -> NDArray[np.float64]:
     """Estimate the unit normals of the surface that a cloud lies on, with signs.
 
@@ -39,9 +39,9 @@ def estimate_normals(
 
     Parameters
     ----------
-    cloud : PointCloud or (N, 3) array-like
+    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
         Exact repeats of a point count once.
-    at : PointCloud or (M, 3) array-like, optional
+    at : PointCloud, (M, 3) array-like, path or object that `PointCloud.of` takes, optional
         Places on the surface where normals are wanted; by default the points themselves.
     neighbours : int, optional
         Number of points to which each quadric is fitted; with fewer than 6, the normal is the plane's. By default 30,

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
@@ -76,7 +76,7 @@ class Features(ComparedByValue):
 
 
 def estimate_features(
-    cloud: PointCloud | ArrayLike,
+    cloud: CloudLike,
     neighbours: int = 25,
     search: Literal["radius", "nearest"] = "radius",
     tree: KdTree | None = None,
@@ -85,7 +85,7 @@ def estimate_features(
 
     Parameters
     ----------
-    cloud : PointCloud or (N, 3) array-like
+    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
     neighbours : int
         k, the number of points in a neighbourhood, the point itself included.
     search : "radius" or "nearest"

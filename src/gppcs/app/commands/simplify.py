@@ -175,7 +175,8 @@ def _reported(job: _Job, source: Path, as_json: bool) -> bool:
         tell(error, source)
         return False
     if is_standard(run.target):  # there the result goes
-        job.quiet or typer.echo(run.line(), err=True)
+        if not job.quiet:
+            typer.echo(run.line(), err=True)
     elif as_json:
         print_json(run.record())
     elif job.quiet:

@@ -1,0 +1,308 @@
+"""Converts between clouds and the objects of other libraries.
+
+The objects are recognised by the names of their classes, so that nothing is imported to recognise them. To accept
+another class, write a function that makes a cloud of its objects and add it to `MAKERS`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from gppcs.clouds.cloud import NORMALS, PointCloud
+from gppcs.clouds.columns import Column, cloud_of_columns
+from gppcs.engine.extras import require_library
+from gppcs.errors import InputError
+
+COLOUR = ("red", "green", "blue")
+RGBA = (*COLOUR, "alpha")
+
+# Arrays of several columns that libraries keep under names of their own, and the attributes that their columns become.
+Vectors = Mapping[str, tuple[str, ...]]
+OPEN3D: Vectors = {"colors": COLOUR, "normals": NORMALS}
+PYVISTA: Vectors = {"RGBA": RGBA, "RGB": COLOUR, "Normals": NORMALS}
+
+VERTEX_ATTRIBUTES = "vertex_attributes"  # trimesh's name for them at meshes; its point clouds hold them as metadata
+
+
+def cloud_of_object(given: Any) -> PointCloud | None:
+    """Make a cloud of an object of another library, or of a structured array.
+
+    Parameters
+    ----------
+    given : object
+        A point cloud of Open3D, a data set of PyVista, a point cloud or mesh of trimesh, a table of pandas, the data
+        that laspy reads, or a structured array of NumPy with fields x, y and z. It is not changed.
+
+    Returns
+    -------
+    PointCloud or None
+        None if it is none of these.
+
+    Raises
+    ------
+    InputError
+        If a coordinate is missing or is no number, or an attribute holds text.
+    """
+    for base in type(given).__mro__:
+        maker = MAKERS.get((base.__module__.partition(".")[0], base.__name__))
+        if maker is not None:
+            return maker(given)
+    return None
+
+
+def _of_structured(table: Any) -> PointCloud | None:
+    if table.dtype.names is None:
+        return None
+    if table.ndim != 1:
+        raise InputError(f"expected a structured array of shape (N,), found {table.shape}")
+    return cloud_of_columns({name: np.asarray(table[name]) for name in table.dtype.names})
+
+
+def _of_pandas(table: Any) -> PointCloud:
+    if not table.columns.is_unique:
+        repeated = table.columns[table.columns.duplicated()][0]
+        raise InputError(f"expected columns of different names, found {repeated!r} twice; rename one")
+    return cloud_of_columns({name: _column(table[name], name) for name in table.columns})
+
+
+def _column(series: Any, name: Any) -> Column:
+    """Return a column of a table as an array of its own type."""
+    try:
+        values: Column = series.to_numpy(getattr(series.dtype, "numpy_dtype", None))
+    except ValueError as error:
+        raise InputError(
+            f"expected a number for each point in column {name!r}, found missing values; fill them or drop their rows"
+        ) from error
+    _require_numbers(values, f"column {name!r}")
+    return values
+
+
+def _require_numbers(values: Column, what: str) -> None:
+    if values.dtype.kind in "OUST":
+        found = "Python objects" if values.dtype.kind == "O" and not _is_text(values) else "text"
+        raise InputError(f"expected numbers in {what}, found {found}; drop it, or turn it into numbers")
+
+
+def _is_text(values: Column) -> bool:
+    return any(isinstance(value, str) for value in values.flat)
+
+
+def _of_open3d(cloud: Any) -> PointCloud:
+    if hasattr(cloud, "point"):  # a point cloud of `open3d.t`, which holds tensors
+        arrays = {name: _flat(tensor.cpu().numpy()) for name, tensor in cloud.point.items()}
+        return _cloud(arrays.pop("positions", np.empty((0, 3))), arrays, OPEN3D)
+    # Copies, since Open3D may move what its vectors hold.
+    arrays = {name: np.array(getattr(cloud, name)) for name in ("colors", "normals", "covariances")}
+    return _cloud(np.array(cloud.points), {name: values for name, values in arrays.items() if len(values)}, OPEN3D)
+
+
+def _flat(values: Column) -> Column:
+    """Return a single column, as Open3D holds one number for each point, without its second axis."""
+    return values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
+
+
+def _of_pyvista(data: Any) -> PointCloud:
+    arrays = {name: np.asarray(data.point_data[name]) for name in data.point_data}
+    return _cloud(np.asarray(data.points), arrays, PYVISTA)
+
+
+def _of_trimesh_cloud(cloud: Any) -> PointCloud:
+    arrays = dict(cloud.metadata.get(VERTEX_ATTRIBUTES, {}))
+    if len(cloud.colors):
+        arrays |= zip(RGBA, cloud.colors.T, strict=True)
+    return _cloud(np.asarray(cloud.vertices), arrays)
+
+
+def _of_trimesh(mesh: Any) -> PointCloud:
+    arrays = dict(mesh.vertex_attributes)
+    if mesh.visual.kind == "vertex":
+        arrays |= zip(RGBA, mesh.visual.vertex_colors.T, strict=True)
+    if "vertex_normals" in mesh._cache:  # the property itself would compute them
+        arrays |= zip(NORMALS, mesh.vertex_normals.T, strict=True)
+    return _cloud(np.asarray(mesh.vertices), arrays)
+
+
+def _of_laspy(data: Any) -> PointCloud:
+    names = [name for name in data.point_format.dimension_names if name not in ("X", "Y", "Z")]
+    return _cloud(np.column_stack([data.x, data.y, data.z]), {name: np.asarray(data[name]) for name in names})
+
+
+MAKERS: Mapping[tuple[str, str], Callable[[Any], PointCloud | None]] = {  # by package and class
+    ("numpy", "ndarray"): _of_structured,
+    ("open3d", "PointCloud"): _of_open3d,
+    ("pyvista", "DataSet"): _of_pyvista,
+    ("trimesh", "PointCloud"): _of_trimesh_cloud,
+    ("trimesh", "Trimesh"): _of_trimesh,
+    ("pandas", "DataFrame"): _of_pandas,
+    ("laspy", "LasData"): _of_laspy,
+}
+
+
+def _cloud(points: Column, arrays: Mapping[str, Any], vectors: Vectors | None = None) -> PointCloud:
+    """Return a cloud of an object's points and arrays; each column of a vector becomes an attribute."""
+    attributes: dict[str, Column] = {}
+    for name, given in arrays.items():
+        values = np.asarray(given)
+        _require_numbers(values, f"array {name!r}")
+        parts = (vectors or {}).get(name, ())
+        if parts and values.ndim == 2 and values.shape[1] == len(parts) and not set(parts) & {*arrays, *attributes}:
+            attributes |= zip(parts, np.ascontiguousarray(values.T), strict=True)
+        else:
+            attributes[name] = values
+    kept = points.dtype if points.dtype.kind == "f" else np.dtype(np.float64)
+    return PointCloud(points, attributes, kept)
+
+
+def open3d_of(cloud: PointCloud) -> Any:
+    """Make a point cloud of Open3D, as `PointCloud.to_open3d` describes it.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+
+    Returns
+    -------
+    open3d.t.geometry.PointCloud
+
+    Raises
+    ------
+    InputError
+        If Open3D has no such type as an attribute, or an attribute is called "positions".
+    MissingExtraError
+        If Open3D is not installed.
+    """
+    open3d = require_library("open3d", "Open3D")
+    if "positions" in cloud.attributes:
+        raise InputError("expected other names than 'positions', which Open3D calls the points; rename the attribute")
+    arrays = _joined(_native(cloud, "Open3D", "biuf"), OPEN3D)
+    made = open3d.t.geometry.PointCloud(open3d.core.Tensor(_single_or_double(cloud)))
+    for name, values in arrays.items():
+        made.point[name] = open3d.core.Tensor(values[:, None] if values.ndim == 1 else values)
+    return made
+
+
+def pyvista_of(cloud: PointCloud) -> Any:
+    """Make a mesh of PyVista without faces, as `PointCloud.to_pyvista` describes it.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+
+    Returns
+    -------
+    pyvista.PolyData
+
+    Raises
+    ------
+    InputError
+        If PyVista has no such type as an attribute.
+    MissingExtraError
+        If PyVista is not installed.
+    """
+    pyvista = require_library("pyvista", "PyVista")
+    arrays = _joined(_native(cloud, "PyVista", "biufc"), PYVISTA)
+    made = pyvista.PolyData(_single_or_double(cloud))
+    for name, values in arrays.items():
+        made.point_data[name] = values if values.ndim == 1 else _matrix(values)
+    if "Normals" in arrays.keys() - cloud.attributes.keys():
+        made.point_data.active_normals_name = "Normals"
+    return made
+
+
+def trimesh_of(cloud: PointCloud) -> Any:
+    """Make a point cloud of trimesh, as `PointCloud.to_trimesh` describes it.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+
+    Returns
+    -------
+    trimesh.PointCloud
+
+    Raises
+    ------
+    MissingExtraError
+        If trimesh is not installed.
+    """
+    trimesh = require_library("trimesh", "trimesh")
+    arrays = {name: values.copy() for name, values in cloud.attributes.items()}
+    parts = RGBA if "alpha" in arrays else COLOUR
+    columns = [arrays.get(part) for part in parts]
+    colours = None
+    if all(column is not None and column.dtype == np.uint8 and column.ndim == 1 for column in columns):
+        colours = np.column_stack([arrays.pop(part) for part in parts])
+    return trimesh.PointCloud(cloud.points.copy(), colours, {VERTEX_ATTRIBUTES: arrays} if arrays else None)
+
+
+def pandas_of(cloud: PointCloud) -> Any:
+    """Make a table of pandas, as `PointCloud.to_pandas` describes it.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+
+    Returns
+    -------
+    pandas.DataFrame
+
+    Raises
+    ------
+    InputError
+        If two columns would have the same name.
+    MissingExtraError
+        If pandas is not installed.
+    """
+    pandas = require_library("pandas", "pandas")
+    columns = dict(zip("xyz", _as_kept(cloud).T, strict=True))
+    for attribute, values in cloud.attributes.items():
+        names = [attribute] if values.ndim == 1 else [f"{attribute}_{i}" for i in range(_matrix(values).shape[1])]
+        for name, column in zip(names, _matrix(values).T, strict=True):
+            if name in columns:
+                raise InputError(f"expected columns of different names, found {name!r} twice; rename the attribute")
+            columns[name] = np.asarray(column, column.dtype.newbyteorder("="))  # pandas copies it
+    return pandas.DataFrame(columns)
+
+
+def _matrix(values: Column) -> Column:
+    """Return values of any shape (N, ...) as (N, k)."""
+    return values.reshape(len(values), math.prod(values.shape[1:]))
+
+
+def _single_or_double(cloud: PointCloud) -> Column:
+    """Return a copy of the points, (N, 3), in float32 if the cloud's source has them so, otherwise in float64."""
+    single = cloud.coordinate_dtype == np.float32
+    return cloud.points.astype(np.float32 if single else np.float64)
+
+
+def _as_kept(cloud: PointCloud) -> Column:
+    """Return a copy of the points, (N, 3), in the type of their source; float64 if that cannot hold them."""
+    kept = cloud.coordinate_dtype.newbyteorder("=")
+    with np.errstate(invalid="ignore"):
+        points = cloud.points.astype(kept)
+    return points if kept.kind == "f" or (points == cloud.points).all() else cloud.points.copy()
+
+
+def _native(cloud: PointCloud, library: str, kinds: str) -> dict[str, Column]:
+    """Return copies of the attributes in this machine's byte order; raise an InputError for types a library lacks."""
+    for name, values in cloud.attributes.items():
+        if values.dtype.kind not in kinds or values.dtype.char in "egG":
+            raise InputError(
+                f"expected a type that {library} has, found {values.dtype} in attribute {name!r}; convert the attribute"
+            )
+    return {name: values.astype(values.dtype.newbyteorder("=")) for name, values in cloud.attributes.items()}
+
+
+def _joined(attributes: Mapping[str, Column], vectors: Vectors) -> dict[str, Column]:
+    """Return the attributes, of which those that are columns of a library's vectors become these vectors."""
+    left = dict(attributes)
+    for name, parts in vectors.items():
+        columns = [left[part] for part in parts if part in left and left[part].ndim == 1]
+        if len(columns) == len(parts) and len({column.dtype for column in columns}) == 1 and name not in left:
+            left = {key: values for key, values in left.items() if key not in parts}
+            left[name] = np.column_stack(columns)
+    return left

@@ -1,0 +1,527 @@
+"""Objects of other libraries become clouds with all that they hold, and clouds become such objects again."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs import InputError, MissingExtraError, PointCloud
+
+N = 7
+RANDOM = np.random.default_rng(0)
+POINTS = RANDOM.standard_normal((N, 3)) + 4e6  # float32 could not hold them
+SINGLE = RANDOM.standard_normal((N, 3)).astype(np.float32)
+COLOURS = RANDOM.integers(0, 256, (N, 4), dtype=np.uint8)
+NORMALS = RANDOM.standard_normal((N, 3)).astype(np.float32)
+VALUES = {
+    "intensity": np.arange(N, dtype=np.uint16),
+    "time": np.linspace(1e9, 1e9 + 1, N),
+    "flag": np.arange(N) % 2 == 0,
+    "class": np.arange(N, dtype=np.int8),
+    "offset": RANDOM.standard_normal((N, 2)).astype(np.float32),
+    "row": 2**63 + np.arange(N, dtype=np.uint64),
+}
+NAMED = {
+    **dict(zip(("nx", "ny", "nz"), NORMALS.T, strict=True)),
+    **dict(zip(("red", "green", "blue"), COLOURS[:, :3].T, strict=True)),
+}
+CLOUD = PointCloud(POINTS, {**VALUES, **NAMED})
+METHODS = {"open3d": "to_open3d", "pyvista": "to_pyvista", "trimesh": "to_trimesh", "pandas": "to_pandas"}
+FLAT = {name for name in VALUES if name != "offset"}
+
+
+def assert_same(cloud, expected):
+    """Both have the same bits, and attributes of the same types; these may be in any order."""
+    assert cloud.coordinate_dtype == expected.coordinate_dtype
+    assert cloud.points.tobytes() == expected.points.tobytes()
+    assert cloud.attributes.keys() == expected.attributes.keys()
+    for name, values in expected.attributes.items():
+        assert (cloud.attributes[name].dtype, cloud.attributes[name].shape) == (values.dtype, values.shape), name
+        assert cloud.attributes[name].tobytes() == values.tobytes(), name
+
+
+def assert_arrays(arrays, expected):
+    assert set(arrays) == set(expected)
+    for name, values in expected.items():
+        found = np.asarray(arrays[name])
+        assert (found.dtype, found.shape) == (values.dtype, values.shape), name
+        assert found.tobytes() == np.ascontiguousarray(values).tobytes(), name
+
+
+# There and back
+
+
+@pytest.mark.parametrize("library", METHODS)
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_a_cloud_comes_back_from_each_library(library, dtype):
+    pytest.importorskip(library)
+    attributes = {**VALUES, **NAMED, "alpha": COLOURS[:, 3]}
+    if library == "pandas":
+        attributes.pop("offset")
+    kept = np.float64 if library == "trimesh" else dtype
+    made = getattr(PointCloud(SINGLE, attributes, dtype), METHODS[library])()
+    assert_same(PointCloud.of(made), PointCloud(SINGLE, attributes, kept))
+
+
+@pytest.mark.parametrize("library", METHODS)
+def test_what_is_made_shares_no_memory_with_the_cloud(library):
+    module = pytest.importorskip(library)
+    made = getattr(CLOUD, METHODS[library])()
+    again = PointCloud.of(made)
+    assert not np.shares_memory(again.points, CLOUD.points)
+    assert not any(
+        np.shares_memory(values, CLOUD.attributes.get(name.rpartition("_")[0], CLOUD.attributes.get(name)))
+        for name, values in again.attributes.items()
+        if name != "alpha"
+    )
+    assert type(made).__module__.split(".")[0] == module.__name__
+
+
+@pytest.mark.parametrize("library", METHODS)
+def test_a_cloud_without_points_comes_back(library):
+    pytest.importorskip(library)
+    empty = PointCloud(np.empty((0, 3)), {"label": np.empty(0, np.int32)})
+    again = PointCloud.of(getattr(empty, METHODS[library])())
+    assert again.points.shape == (0, 3)
+    assert again.attributes.keys() <= {"label"}
+
+
+@pytest.mark.parametrize("library", METHODS)
+def test_attributes_in_another_byte_order_go_along(library):
+    pytest.importorskip(library)
+    cloud = PointCloud(POINTS, {"label": np.arange(N, dtype=">i4")})
+    values = PointCloud.of(getattr(cloud, METHODS[library])()).attributes["label"]
+    assert values.tolist() == list(range(N))
+    assert values.dtype.newbyteorder("=") == np.int32
+
+
+# PyVista
+
+
+def data_set(make):
+    data = make()
+    for name, values in {**VALUES, "RGB": COLOURS[:, :3], "Normals": NORMALS}.items():
+        data.point_data[name] = values
+    return data
+
+
+def test_data_sets_of_pyvista_come_in_with_their_arrays_and_types():
+    pyvista = pytest.importorskip("pyvista")
+    makers = [pyvista.PolyData, pyvista.PointSet, lambda points: pyvista.PolyData(points).cast_to_unstructured_grid()]
+    for points in (POINTS, SINGLE):
+        expected = PointCloud(points, {**VALUES, **NAMED}, points.dtype)
+        for make in makers:
+            assert_same(PointCloud.of(data_set(lambda make=make, points=points: make(points))), expected)
+
+
+def test_arrays_of_pyvista_are_the_same_after_a_round_trip():
+    pyvista = pytest.importorskip("pyvista")
+    data = data_set(lambda: pyvista.PolyData(SINGLE))
+    made = PointCloud.of(data).to_pyvista()
+    assert made.points.dtype == np.float32
+    assert_arrays(dict(made.point_data.items()), dict(data.point_data.items()))
+    assert made.point_data.active_normals_name == "Normals"
+    assert made.n_cells == N  # a vertex at each point, so that it can be drawn
+
+
+def test_a_grid_of_pyvista_comes_in_with_its_corners():
+    pyvista = pytest.importorskip("pyvista")
+    assert len(PointCloud.of(pyvista.ImageData(dimensions=(2, 3, 4)))) == 24
+
+
+def test_attributes_of_more_axes_become_matrices_in_pyvista():
+    pytest.importorskip("pyvista")
+    tensors = RANDOM.standard_normal((N, 3, 3))
+    made = PointCloud(POINTS, {"covariances": tensors}).to_pyvista()
+    np.testing.assert_array_equal(made.point_data["covariances"], tensors.reshape(N, 9))
+
+
+def test_text_in_pyvista_is_named():
+    pyvista = pytest.importorskip("pyvista")
+    data = pyvista.PolyData(POINTS)
+    data.point_data["place"] = list("abcdefg")
+    with pytest.raises(InputError, match="expected numbers in array 'place', found text"):
+        PointCloud.of(data)
+
+
+# trimesh
+
+
+def test_point_clouds_of_trimesh_come_in_with_their_colours():
+    trimesh = pytest.importorskip("trimesh")
+    expected = PointCloud(POINTS, dict(zip(("red", "green", "blue", "alpha"), COLOURS.T, strict=True)))
+    assert_same(PointCloud.of(trimesh.PointCloud(POINTS, COLOURS)), expected)
+    assert_same(PointCloud.of(trimesh.PointCloud(POINTS)), PointCloud(POINTS))
+
+
+def test_colours_of_trimesh_are_the_same_after_a_round_trip():
+    trimesh = pytest.importorskip("trimesh")
+    made = PointCloud.of(trimesh.PointCloud(POINTS, COLOURS)).to_trimesh()
+    assert made.colors.dtype == np.uint8
+    np.testing.assert_array_equal(made.colors, COLOURS)
+    np.testing.assert_array_equal(made.vertices, POINTS)
+    assert "vertex_attributes" not in made.metadata
+
+
+def test_colours_without_alpha_are_opaque_in_trimesh():
+    pytest.importorskip("trimesh")
+    np.testing.assert_array_equal(CLOUD.to_trimesh().colors, np.column_stack([COLOURS[:, :3], np.full(N, 255)]))
+
+
+def test_meshes_of_trimesh_come_in_with_stored_normals_only():
+    trimesh = pytest.importorskip("trimesh")
+    faces = [[0, 1, 2], [2, 3, 4], [4, 5, 6]]
+    mesh = trimesh.Trimesh(POINTS, faces, process=False, vertex_attributes={"label": np.arange(N)})
+    assert PointCloud.of(mesh).attributes.keys() == {"label"}
+    unit = NORMALS.astype(float) / np.linalg.norm(NORMALS.astype(float), axis=1, keepdims=True)
+    mesh = trimesh.Trimesh(POINTS, faces, process=False, vertex_normals=unit, vertex_colors=COLOURS)
+    cloud = PointCloud.of(mesh)
+    np.testing.assert_array_equal(cloud.points, POINTS)
+    np.testing.assert_array_equal(cloud.normals(), mesh.vertex_normals)
+    np.testing.assert_array_equal(cloud.attributes["alpha"], COLOURS[:, 3])
+
+
+def test_colours_of_faces_are_no_colours_of_vertices():
+    trimesh = pytest.importorskip("trimesh")
+    mesh = trimesh.Trimesh(POINTS, [[0, 1, 2], [2, 3, 4]], process=False, face_colors=COLOURS[:2])
+    assert not PointCloud.of(mesh).attributes
+
+
+# pandas and structured arrays
+
+
+def table_of(columns):
+    return pytest.importorskip("pandas").DataFrame(columns)
+
+
+@pytest.mark.parametrize("axes", ["xyz", "XYZ", "xyZ"])
+def test_tables_of_pandas_come_in_by_the_names_of_their_columns(axes):
+    columns = dict(zip(axes, SINGLE.T, strict=True))
+    attributes = {name: VALUES[name] for name in FLAT}
+    expected = PointCloud(SINGLE, attributes, np.float32)
+    assert_same(PointCloud.of(table_of({**attributes, **columns})), expected)
+
+
+def test_a_table_is_the_same_after_a_round_trip():
+    whole = {axis: np.arange(N, dtype=np.int32) for axis in "xyz"}
+    table = table_of({**whole, **{name: VALUES[name] for name in sorted(FLAT)}})
+    assert PointCloud.of(table).to_pandas().equals(table)
+
+
+def test_coordinates_that_are_no_longer_whole_become_floats_in_a_table():
+    pytest.importorskip("pandas")
+    cloud = PointCloud([[0.5, 1, 2], [np.nan, 1, 2]], coordinate_dtype=np.dtype(np.int32))
+    made = cloud.to_pandas()
+    assert set(made.dtypes) == {np.dtype(np.float64)}
+    assert made["x"].tolist()[0] == 0.5
+
+
+def test_attributes_of_several_numbers_become_columns_of_a_table():
+    pytest.importorskip("pandas")
+    made = PointCloud(POINTS, {"offset": VALUES["offset"]}).to_pandas()
+    assert list(made.columns) == ["x", "y", "z", "offset_0", "offset_1"]
+    np.testing.assert_array_equal(made["offset_1"], VALUES["offset"][:, 1])
+
+
+def test_columns_of_pandas_own_types_come_in_as_those_of_numpy():
+    pandas = pytest.importorskip("pandas")
+    columns = {axis: [0.0, 1.0] for axis in "xyz"}
+    columns["count"] = pandas.array([1, 2], dtype="Int16")
+    columns["kind"] = pandas.Categorical([3, 4])
+    attributes = PointCloud.of(pandas.DataFrame(columns)).attributes
+    assert attributes["count"].dtype == np.int16
+    assert attributes["kind"].tolist() == [3, 4]
+
+
+def test_the_index_of_a_table_does_not_matter():
+    table = table_of({axis: [0.0, 1.0, 2.0] for axis in "xyz"}).iloc[::-1]
+    assert PointCloud.of(table).points[:, 0].tolist() == [2, 1, 0]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"place": ["a", "b"]}, "expected numbers in column 'place', found text; drop it, or"),
+        ({"place": [None, object()]}, "expected numbers in column 'place', found Python objects; drop it, or"),
+        ({"z": ["a", "b"]}, "expected numbers in column 'z', found text"),
+        ({"z": [True, False]}, "expected numbers as coordinates, found bool in z"),
+        ({"z": [2**60, 1]}, r"expected coordinates below 2\^53, found larger ones in z"),
+        ({7: [1, 2]}, "expected text as the name of an attribute, found 7"),
+    ],
+)
+def test_columns_that_cannot_be_used_are_named(change, message):
+    with pytest.raises(InputError, match=message):
+        PointCloud.of(table_of({"x": [0.0, 1.0], "y": [0.0, 1.0], "z": [0.0, 1.0], **change}))
+
+
+def test_tables_with_missing_values_or_coordinates_or_repeated_names_are_refused():
+    pandas = pytest.importorskip("pandas")
+    table = pandas.DataFrame({axis: [0.0, 1.0] for axis in "xyz"})
+    with pytest.raises(InputError, match="expected x, y and z for each point, found 'x', 'y'; rename"):
+        PointCloud.of(table[["x", "y"]])
+    with pytest.raises(InputError, match="columns of different names, found 'x' twice"):
+        PointCloud.of(table[["x", "y", "z", "x"]])
+    with pytest.raises(InputError, match="a number for each point in column 'count', found missing values"):
+        PointCloud.of(table.assign(count=pandas.array([1, None], dtype="Int16")))
+
+
+def test_attributes_that_would_share_a_column_are_refused():
+    pytest.importorskip("pandas")
+    with pytest.raises(InputError, match="found 'x' twice; rename the attribute"):
+        PointCloud(POINTS, {"x": np.zeros(N)}).to_pandas()
+
+
+def test_structured_arrays_come_in_as_npy_files_do(tmp_path):
+    fields = [("x", ">f4"), ("y", ">f4"), ("z", ">f4"), *((name, v.dtype, v.shape[1:]) for name, v in VALUES.items())]
+    table = np.zeros(N, fields)
+    for name, values in [*zip("xyz", SINGLE.T, strict=True), *VALUES.items()]:
+        table[name] = values
+    np.save(tmp_path / "table.npy", table)
+    assert_same(PointCloud.of(table), PointCloud(SINGLE, VALUES, np.float32))
+    assert PointCloud.of(table) == gppcs.read(tmp_path / "table.npy")
+    with pytest.raises(InputError, match=r"a structured array of shape \(N,\), found \(7, 1\)"):
+        PointCloud.of(table[:, None])
+    with pytest.raises(InputError, match="expected x, y and z for each point, found 'x', 'row'"):
+        PointCloud.of(table[["x", "row"]])
+
+
+# laspy
+
+
+def test_data_of_laspy_come_in_with_all_dimensions():
+    laspy = pytest.importorskip("laspy")
+    header = laspy.LasHeader(point_format=7, version="1.4")
+    header.scales, header.offsets = [0.01, 0.01, 0.001], [4e6, 4e6, 4e6]
+    header.add_extra_dim(laspy.ExtraBytesParams("echo", np.float32))
+    data = laspy.LasData(header)
+    data.x, data.y, data.z = POINTS.T
+    data.intensity, data.classification, data.gps_time = VALUES["intensity"], np.arange(N), VALUES["time"]
+    data.red, data.echo = VALUES["intensity"], NORMALS[:, 0]
+    data.return_number, data.scan_angle = np.arange(N) % 3, np.arange(N) - 3
+    cloud = PointCloud.of(data)
+    np.testing.assert_array_equal(cloud.points, data.xyz)
+    assert set(cloud.attributes) == set(data.point_format.dimension_names) - {"X", "Y", "Z"}
+    for name, values in cloud.attributes.items():
+        np.testing.assert_array_equal(values, data[name])
+        assert type(values) is np.ndarray
+    types = {"intensity": "u2", "gps_time": "f8", "red": "u2", "echo": "f4", "return_number": "u1", "scan_angle": "i2"}
+    assert {name: cloud.attributes[name].dtype for name in types} == types
+
+
+# Open3D, and something that looks like it
+
+
+class Legacy:
+    """What gppcs uses of `open3d.geometry.PointCloud`."""
+
+    def __init__(self, points, colors=(), normals=(), covariances=()):
+        self.points, self.colors, self.normals, self.covariances = points, colors, normals, covariances
+
+
+class Tensor:
+    """What gppcs uses of `open3d.core.Tensor`."""
+
+    def __init__(self, values):
+        self.values = values
+
+    def cpu(self):
+        return self
+
+    def numpy(self):
+        return self.values
+
+
+class Tensors:
+    """What gppcs uses of `open3d.t.geometry.PointCloud`."""
+
+    def __init__(self, **arrays):
+        self.point = {name: Tensor(values) for name, values in arrays.items()}
+
+
+@pytest.fixture(params=["stand-in", "open3d"])
+def classes(request):
+    """Makers of a legacy point cloud and of one of tensors."""
+    if request.param == "stand-in":
+        names = {"__module__": "open3d.geometry"}, {"__module__": "open3d.t.geometry"}
+        return type("PointCloud", (Legacy,), names[0]), type("PointCloud", (Tensors,), names[1])
+    o3d = pytest.importorskip("open3d")
+
+    def legacy(points, **arrays):
+        cloud = o3d.geometry.PointCloud()
+        cloud.points = o3d.utility.Vector3dVector(points)
+        for name, values in arrays.items():
+            holder = o3d.utility.Matrix3dVector if values.ndim == 3 else o3d.utility.Vector3dVector
+            setattr(cloud, name, holder(values))
+        return cloud
+
+    def tensors(**arrays):
+        cloud = o3d.t.geometry.PointCloud()
+        for name, values in arrays.items():
+            cloud.point[name] = o3d.core.Tensor(np.ascontiguousarray(values))
+        return cloud
+
+    return legacy, tensors
+
+
+def test_legacy_clouds_of_open3d_come_in_with_colours_and_normals(classes):
+    legacy, _ = classes
+    colours, normals = COLOURS[:, :3] / 255, NORMALS.astype(np.float64)
+    names = ("red", "green", "blue", "nx", "ny", "nz")
+    expected = dict(zip(names, [*colours.T, *normals.T], strict=True))
+    assert_same(PointCloud.of(legacy(POINTS)), PointCloud(POINTS))
+    given = legacy(POINTS, colors=colours, normals=normals, covariances=np.stack([np.eye(3)] * N))
+    assert_same(PointCloud.of(given), PointCloud(POINTS, {**expected, "covariances": np.stack([np.eye(3)] * N)}))
+
+
+def test_tensors_of_open3d_come_in_with_their_types(classes):
+    _, tensors = classes
+    arrays = {name: values if values.ndim == 2 else values[:, None] for name, values in VALUES.items()}
+    given = tensors(positions=SINGLE, normals=NORMALS, colors=COLOURS[:, :3], **arrays)
+    assert_same(PointCloud.of(given), PointCloud(SINGLE, {**VALUES, **NAMED}, np.float32))
+
+
+def test_tensors_of_open3d_are_the_same_after_a_round_trip():
+    o3d = pytest.importorskip("open3d")
+    arrays = {name: values if values.ndim == 2 else values[:, None] for name, values in VALUES.items()}
+    arrays |= {"positions": SINGLE, "normals": NORMALS, "colors": COLOURS[:, :3]}
+    given = o3d.t.geometry.PointCloud()
+    for name, values in arrays.items():
+        given.point[name] = o3d.core.Tensor(np.ascontiguousarray(values))
+    made = PointCloud.of(given).to_open3d()
+    assert_arrays({name: tensor.numpy() for name, tensor in made.point.items()}, arrays)
+
+
+def test_a_legacy_cloud_of_open3d_is_the_same_after_a_round_trip():
+    o3d = pytest.importorskip("open3d")
+    given = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(POINTS))
+    given.colors = o3d.utility.Vector3dVector(COLOURS[:, :3] / 255)
+    made = PointCloud.of(given).to_open3d().to_legacy()
+    assert np.asarray(made.points).tobytes() == POINTS.tobytes()
+    assert np.asarray(made.colors).tobytes() == np.asarray(given.colors).tobytes()
+
+
+def test_a_cloud_does_not_depend_on_an_open3d_cloud_that_changes():
+    o3d = pytest.importorskip("open3d")
+    given = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(POINTS))
+    cloud = PointCloud.of(given)
+    given.translate([1, 2, 3])
+    np.testing.assert_array_equal(cloud.points, POINTS)
+
+
+def test_attributes_that_open3d_would_take_for_the_points_are_refused():
+    pytest.importorskip("open3d")
+    with pytest.raises(InputError, match="other names than 'positions'"):
+        PointCloud(POINTS, {"positions": POINTS}).to_open3d()
+
+
+# Errors
+
+
+@pytest.mark.parametrize("library", ["open3d", "pyvista"])
+@pytest.mark.parametrize("dtype", ["f2", "M8[s]", "U3"])
+def test_types_that_a_library_lacks_are_named(library, dtype):
+    pytest.importorskip(library)
+    cloud = PointCloud(POINTS, {"odd": np.zeros(N, dtype)})
+    with pytest.raises(InputError, match=rf"found {np.dtype(dtype)} in attribute 'odd'".replace("[", r"\[")):
+        getattr(cloud, METHODS[library])()
+
+
+@pytest.mark.parametrize("library", METHODS)
+def test_a_missing_library_is_named_with_the_package_to_install(library, monkeypatch):
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(MissingExtraError, match=f"cannot be imported .*: pip install {library}$"):
+        getattr(CLOUD, METHODS[library])()
+
+
+class Opaque:
+    """An object of no library that gppcs knows."""
+
+
+class Awkward(Opaque):
+    """An object that NumPy takes for a sequence, and that is none."""
+
+    def __len__(self):
+        return 3
+
+    def __getitem__(self, row):
+        raise KeyError(row)
+
+
+class Elsewhere(Opaque):
+    """An object whose points are on another device."""
+
+    def __array__(self, dtype=None, copy=None):
+        raise TypeError("the points are\non a device")
+
+
+@pytest.mark.parametrize(
+    ("made", "end"), [(Opaque, ""), (Awkward, r".*"), (Elsewhere, ", of which NumPy says: the points are on a device")]
+)
+def test_unknown_objects_are_named_with_what_was_expected(made, end):
+    libraries = "Open3D, PyVista, trimesh, pandas or laspy"
+    expected = (
+        rf"^expected a PointCloud, the path of a file, an object of {libraries}, or an \(N, 3\) array of coordinates"
+    )
+    with pytest.raises(InputError, match=rf"{expected}, found \S*\.{made.__name__}{end}$"):
+        gppcs.info(made())
+
+
+def test_objects_of_known_libraries_that_are_no_clouds_are_named():
+    trimesh = pytest.importorskip("trimesh")
+    with pytest.raises(InputError, match=r"expected a PointCloud.*, found trimesh\.\S*\.Scene$"):
+        PointCloud.of(trimesh.Scene())
+    with pytest.raises(InputError, match=r"expected a PointCloud.*, found gppcs\.\S*\.Result$"):
+        PointCloud.of(gppcs.simplify(POINTS, n_points=2, method="random"))
+
+
+# Everywhere, and without imports
+
+
+@pytest.mark.parametrize("kind", ["path", "text", "pandas", "pyvista"])
+def test_all_functions_take_objects_and_paths(kind, tmp_path):
+    scan, file = gppcs.sample("bracket", n_points=300), tmp_path / "scan.ply"
+    gppcs.write(file, scan)
+    if kind in METHODS:
+        pytest.importorskip(kind)
+    given = getattr(scan, METHODS[kind])() if kind in METHODS else {"path": file, "text": str(file)}[kind]
+    kept = gppcs.simplify(scan, n_points=50)
+    assert_same(gppcs.simplify(given, n_points=50).cloud, kept.cloud)
+    assert gppcs.info(given).points == 300
+    assert gppcs.evaluate(given, kept.cloud) == gppcs.evaluate(scan, kept.cloud)
+    assert gppcs.evaluate(scan, given).covering_radius == 0
+    assert_same(gppcs.compare(given, ["gp"], n_points=50)[0].result.cloud, kept.cloud)
+    np.testing.assert_array_equal(gppcs.estimate_normals(given, at=given), gppcs.estimate_normals(scan))
+    assert gppcs.estimate_features(given) == gppcs.estimate_features(scan)
+    gppcs.write(tmp_path / "again.ply", given)
+    assert_same(gppcs.read(tmp_path / "again.ply"), scan)
+
+
+def test_a_path_to_no_file_is_the_error_of_reading(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        gppcs.info(tmp_path / "scan.ply")
+    (tmp_path / "scan.ply").write_text("no ply")
+    with pytest.raises(gppcs.FileFormatError, match=r"scan\.ply: "):
+        gppcs.info(tmp_path / "scan.ply")
+
+
+def test_objects_are_recognised_without_importing_a_library():
+    code = """
+import sys
+import numpy as np
+from gppcs import PointCloud
+made = type("PointCloud", (), {"__module__": "open3d.geometry", "points": np.eye(3)})()
+made.colors = made.normals = made.covariances = ()
+assert len(PointCloud.of(made)) == len(PointCloud.of(np.eye(3))) == 3
+table = np.zeros(3, [("x", "f4"), ("y", "f4"), ("z", "f4")])
+assert len(PointCloud.of(table)) == 3
+try:
+    PointCloud.of(object())
+except ValueError:
+    print(*sys.modules)
+"""
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = {name.split(".")[0] for name in run.stdout.split()}
+    assert "gppcs" in loaded
+    assert not loaded & {"open3d", "pyvista", "trimesh", "pandas", "laspy", "numba", "scipy"}
