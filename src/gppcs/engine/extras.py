@@ -12,6 +12,8 @@ from gppcs.errors import MissingExtraError
 
 # What `pip install 'gppcs[extra]'` would install. That line works only if gppcs is on a package index.
 EXTRAS = {
+    "arrow": ("pyarrow>=15",),
+    "e57": ("pye57>=0.4.13",),
     "picture": ("matplotlib>=3.8",),
     "evaluate": ("pymeshlab>=2023.12",),
     "view": ("matplotlib>=3.8", "pyvista>=0.45"),
@@ -33,6 +35,46 @@ def require_matplotlib() -> None:
         importlib.import_module("matplotlib")
     except ImportError as error:
         raise _missing("a picture needs matplotlib", "picture") from error
+
+
+def require_pyarrow() -> Any:
+    """Import PyArrow.
+
+    Returns
+    -------
+    module
+        The module `pyarrow`.
+
+    Raises
+    ------
+    MissingExtraError
+        If PyArrow is not installed.
+    """
+    try:
+        import pyarrow
+    except ImportError as error:
+        raise _missing("Parquet and Feather files need PyArrow", "arrow") from error
+    return pyarrow
+
+
+def require_libe57() -> Any:
+    """Import libE57Format, which pye57 brings.
+
+    Returns
+    -------
+    module
+        The module `pye57.libe57`.
+
+    Raises
+    ------
+    MissingExtraError
+        If pye57 is not installed.
+    """
+    try:
+        from pye57 import libe57
+    except ImportError as error:
+        raise _missing("E57 files need pye57", "e57") from error
+    return libe57
 
 
 def require_pymeshlab() -> Any:

@@ -15,7 +15,7 @@ import numpy as np
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.errors import FileFormatError, InputError, OutputError, ParameterError, file_path, flag, shown
-from gppcs.io import arrays, meshes, ply, text
+from gppcs.io import arrays, arrow, e57, meshes, pcd, ply, ptx, text
 from gppcs.io.format import Format
 from gppcs.io.streams import inner_name, plain_input, whole_output
 from gppcs.io.whole_file import is_standard
@@ -27,6 +27,10 @@ FORMATS: tuple[Format, ...] = (
     *text.FORMATS,
     *arrays.FORMATS,
     *meshes.FORMATS,
+    pcd.FORMAT,
+    ptx.FORMAT,
+    e57.FORMAT,
+    *arrow.FORMATS,
 )
 
 
@@ -35,10 +39,10 @@ def read(
     format: str | None = None,  # noqa: A002 - as numpy, pandas say
     columns: Sequence[str] | None = None,
 ) -> PointCloud:
-    """Read a point cloud file: PLY, XYZ, TXT, ASC, CSV, PTS, NPY, NPZ, OFF, OBJ or STL.
+    """Read a cloud: PLY, XYZ, TXT, ASC, CSV, PTS, NPY, NPZ, OFF, OBJ, STL, PCD, PTX, E57, Parquet or Feather.
 
-    The format is found by a signature in the content (PLY, NPY, NPZ, OFF, STL), otherwise by the suffix of the name. Of
-    mesh files, only the vertices are read.
+    The format is found by how the content begins, otherwise by the suffix of the name. Of mesh files, only the vertices
+    are read. The scans of PTX and E57 files become one cloud, each moved by its pose.
 
     Parameters
     ----------
@@ -60,6 +64,8 @@ def read(
         If the format is unknown, or the content does not follow it.
     ParameterError
         If `path` is neither text nor a path, `format` is no text, or `columns` are not different names with x, y and z.
+    MissingExtraError
+        If the format needs a package that is not installed (E57, Parquet, Feather).
     OSError
         If the file does not exist or cannot be read.
 
@@ -194,7 +200,7 @@ def write(
     force: bool = False,
     lossy: bool = False,
 ) -> None:
-    """Write a point cloud file: PLY, XYZ, TXT, ASC, CSV, PTS, NPY, NPZ, OFF or OBJ.
+    """Write a cloud: PLY, XYZ, TXT, ASC, CSV, PTS, NPY, NPZ, OFF, OBJ, PCD, E57, Parquet or Feather.
 
     The file appears under its name only when it is complete. Coordinates are written in the cloud's
     `coordinate_dtype`, attributes in their own types if the format has these.
@@ -215,10 +221,12 @@ def write(
     Raises
     ------
     FileFormatError
-        If the format is unknown, or gppcs only reads it (STL).
+        If the format is unknown, or gppcs only reads it (STL, PTX).
     OutputError
         If the file exists and `force` is False, the folder is missing or not writable, the format cannot hold all of
         the cloud and `lossy` is False, or it cannot hold its points.
+    MissingExtraError
+        If the format needs a package that is not installed (E57, Parquet, Feather).
     InputError, ParameterError
         If an argument has a wrong type.
 

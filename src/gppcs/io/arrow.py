@@ -1,0 +1,316 @@
+"""Reads and writes tables in Parquet and Feather files, by PyArrow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from io import BufferedReader
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.columns import Column, check_coordinate, cloud_of_columns, coordinate_names
+from gppcs.clouds.header import Header
+from gppcs.engine.extras import require_pyarrow
+from gppcs.errors import FileFormatError, GppcsError
+from gppcs.io.columns import check_name, coordinate_type
+from gppcs.io.format import Format, without_attributes, without_header
+
+_ROWS = 1 << 20  # of a block: what Parquet usually has in a row group
+_ABOUT_COLUMNS = b"pandas"  # metadata that describe the columns, so that nothing is lost without them
+_MOST_PADDING = 64  # how many times the memory of its texts an array of texts may take
+_MOST_NUMBERS = 1 << 20  # in each row of a fixed-size list
+
+
+@dataclass(frozen=True, eq=False)
+class ArrowHeader(Header):
+    """What a Parquet or Feather file says of the whole table.
+
+    Attributes
+    ----------
+    metadata : mapping of bytes to bytes
+        The metadata of the schema.
+    """
+
+    metadata: Mapping[bytes, bytes] = field(default_factory=dict)
+
+    def contents(self) -> list[str]:
+        """Return the names of the metadata in words, but for those that only describe the columns."""
+        return [f"metadata {key.decode('utf-8', 'replace')}" for key in self.metadata if key != _ABOUT_COLUMNS]
+
+
+def read_parquet(file: BufferedReader) -> PointCloud:
+    """Read a Parquet file.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Returns
+    -------
+    PointCloud
+        An attribute for each column but x, y and z: of numbers, truth values, fixed-size lists of these, or texts. The
+        header holds the metadata of the schema.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is damaged, x, y or z is missing, a column has another type, or a value other than a floating-point
+        number is missing.
+    MissingExtraError
+        If PyArrow is not installed.
+    """
+    require_pyarrow()
+    import pyarrow.parquet
+
+    with _errors_of_file():
+        table = pyarrow.parquet.ParquetFile(file)
+        schema = table.schema_arrow
+        return _cloud(schema, lambda: table.iter_batches(_ROWS))
+
+
+def read_feather(file: BufferedReader) -> PointCloud:
+    """Read a Feather file of version 2, which is an Arrow file, in the manner of `read_parquet`.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Returns
+    -------
+    PointCloud
+
+    Raises
+    ------
+    FileFormatError, MissingExtraError
+        As `read_parquet`.
+    """
+    pyarrow = require_pyarrow()
+    with _errors_of_file():
+        table = pyarrow.ipc.open_file(file)
+        return _cloud(table.schema, lambda: map(table.get_batch, range(table.num_record_batches)))
+
+
+@contextmanager
+def _errors_of_file() -> Iterator[None]:
+    """Turn the errors that PyArrow raises for damaged files into ours."""
+    pyarrow = require_pyarrow()
+    try:
+        yield
+    except GppcsError:
+        raise
+    except (pyarrow.ArrowException, OSError, ValueError, KeyError, TypeError, OverflowError, MemoryError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise FileFormatError(f"expected a whole table, but pyarrow reports: {reason}; get the file again") from error
+
+
+def _cloud(schema: Any, batches: Callable[[], Iterable[Any]]) -> PointCloud:
+    """Return the cloud of a table that comes in batches."""
+    names = list(schema.names)
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise FileFormatError(f"expected columns of different names, found {name!r} twice; rename one")
+        _check_type(name, schema.field(i).type)
+    axes = coordinate_names(names)
+    parts: dict[str, list[Column]] = {name: [] for name in names}
+    for batch in batches():
+        batch.validate(full=True)  # damaged texts would crash what reads them
+        for name, column in zip(names, batch.columns, strict=True):
+            parts[name].append(_values(name, column))
+    columns = {name: np.concatenate(parts[name] or [_nothing(schema.field(i).type)]) for i, name in enumerate(names)}
+    for axis in axes:
+        check_coordinate(axis, columns[axis])
+    return replace(cloud_of_columns(columns), header=ArrowHeader(dict(schema.metadata or {})))
+
+
+def _check_type(name: str, kind: Any) -> None:
+    """Raise an error if a column has a type that a cloud does not hold."""
+    pyarrow = require_pyarrow()
+    types = pyarrow.types
+    kind = kind.value_type if types.is_dictionary(kind) else kind
+    if types.is_fixed_size_list(kind):
+        if kind.list_size > _MOST_NUMBERS:
+            raise FileFormatError(f"expected at most {_MOST_NUMBERS:,} numbers in each row of {name!r}, found more")
+        if _is_number(kind.value_type):
+            return
+    if not (_is_number(kind) or types.is_string(kind) or types.is_large_string(kind)):
+        raise FileFormatError(
+            f"expected columns of numbers, truth values or texts, or lists of fixed size, found {kind} in {name!r}; "
+            "convert or remove the column"
+        )
+
+
+def _is_number(kind: Any) -> bool:
+    types = require_pyarrow().types
+    return types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind)
+
+
+def _nothing(kind: Any) -> Column:
+    """Return a column of a type without any row."""
+    return _values("", require_pyarrow().array([], kind))
+
+
+def _values(name: str, column: Any) -> Column:
+    """Return a block of a column as an array."""
+    pyarrow = require_pyarrow()
+    types = pyarrow.types
+    if types.is_dictionary(column.type):
+        column = column.dictionary_decode()
+    if types.is_fixed_size_list(column.type):
+        _check_no_nulls(name, column)
+        size = column.type.list_size
+        return _values(name, column.flatten()).reshape(len(column), size)
+    if not types.is_floating(column.type):
+        _check_no_nulls(name, column)
+    if _is_number(column.type):
+        values = column.to_numpy(zero_copy_only=False)  # null becomes NaN
+        return np.asarray(values, column.type.to_pandas_dtype())
+    return _texts(name, column)
+
+
+def _check_no_nulls(name: str, column: Any) -> None:
+    if column.null_count:
+        raise FileFormatError(
+            f"expected a value for each point in {name!r}, found {column.null_count:,} missing; fill them or remove "
+            "the column"
+        )
+
+
+def _texts(name: str, column: Any) -> Column:
+    texts = column.to_pylist()
+    longest, total = max(map(len, texts), default=0), sum(map(len, texts))
+    if longest * len(texts) > _MOST_PADDING * (total + _ROWS):
+        raise FileFormatError(
+            f"expected texts of similar length in {name!r}, found one of {longest:,} characters; shorten or remove it"
+        )
+    if any(text.endswith("\0") for text in texts):
+        raise FileFormatError(f"expected texts without a zero character at the end in {name!r}, found one; remove it")
+    return np.array(texts, f"<U{max(longest, 1)}")
+
+
+def write_parquet(file: BinaryIO, cloud: PointCloud) -> None:
+    """Write a Parquet file with a column for each coordinate and attribute.
+
+    Arrays of k numbers for each point become fixed-size lists.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for writing.
+    cloud : PointCloud
+        The points and their attributes.
+
+    Raises
+    ------
+    OutputError
+        If the name of an attribute is x, y or z or cannot be written.
+    MissingExtraError
+        If PyArrow is not installed.
+    """
+    require_pyarrow()
+    import pyarrow.parquet
+
+    columns = _columns(cloud)
+    schema = _schema(cloud, columns)
+    with pyarrow.parquet.ParquetWriter(file, schema) as writer:
+        for batch in _batches(columns, schema):
+            writer.write_batch(batch)
+
+
+def write_feather(file: BinaryIO, cloud: PointCloud) -> None:
+    """Write a Feather file of version 2, compressed by LZ4, in the manner of `write_parquet`.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for writing.
+    cloud : PointCloud
+        The points and their attributes.
+
+    Raises
+    ------
+    OutputError, MissingExtraError
+        As `write_parquet`.
+    """
+    pyarrow = require_pyarrow()
+    columns = _columns(cloud)
+    schema = _schema(cloud, columns)
+    options = pyarrow.ipc.IpcWriteOptions(compression="lz4")
+    with pyarrow.ipc.new_file(file, schema, options=options) as writer:
+        for batch in _batches(columns, schema):
+            writer.write_batch(batch)
+
+
+def _columns(cloud: PointCloud) -> dict[str, Column]:
+    kept = coordinate_type(cloud)
+    kept = np.dtype(np.float64) if kept.itemsize > 8 else kept
+    columns: dict[str, Column] = {axis: values.astype(kept) for axis, values in zip("xyz", cloud.points.T, strict=True)}
+    for name, values in cloud.attributes.items():
+        check_name(name, columns)
+        columns[name] = values.astype(values.dtype.newbyteorder("="), copy=False)
+    return columns
+
+
+def _schema(cloud: PointCloud, columns: Mapping[str, Column]) -> Any:
+    pyarrow = require_pyarrow()
+    fields = []
+    for name, values in columns.items():
+        kind = pyarrow.string() if values.dtype.kind == "U" else pyarrow.from_numpy_dtype(values.dtype)
+        fields.append((name, kind if values.ndim == 1 else pyarrow.list_(kind, values.shape[1])))
+    metadata = dict(cloud.header.metadata) if isinstance(cloud.header, ArrowHeader) else None
+    return pyarrow.schema(fields, metadata)
+
+
+def _batches(columns: Mapping[str, Column], schema: Any) -> Iterator[Any]:
+    pyarrow = require_pyarrow()
+    for start in range(0, len(columns["x"]), _ROWS):
+        arrays = []
+        for kind, values in zip(schema.types, columns.values(), strict=True):
+            part = np.ascontiguousarray(values[start : start + _ROWS])
+            if part.ndim == 1:
+                arrays.append(pyarrow.array(part, kind))
+            else:
+                arrays.append(pyarrow.FixedSizeListArray.from_arrays(pyarrow.array(part.reshape(-1)), type=kind))
+        yield pyarrow.record_batch(arrays, schema)
+
+
+def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
+    """Return what a table can store of a cloud, and in words what it cannot."""
+    require_pyarrow()  # before long work, not at its end
+    fitted, attributes = without_attributes(
+        cloud, [name for name, values in cloud.attributes.items() if not _is_storable(values)]
+    )
+    if isinstance(cloud.header, ArrowHeader):
+        return fitted, attributes
+    fitted, contents = without_header(fitted)
+    return fitted, [*attributes, *contents]
+
+
+def _is_storable(values: Column) -> bool:
+    if values.dtype.kind == "U":
+        return values.ndim == 1
+    return values.dtype.kind in "biuf" and values.dtype.itemsize <= 8 and values.ndim <= 2 and values.shape[1:] != (0,)
+
+
+FORMATS = (
+    Format(
+        "Parquet",
+        (".parquet",),
+        read_parquet,
+        write_parquet,
+        lambda head, size: head.startswith(b"PAR1"),
+        fitted=_fitted,
+    ),
+    Format(
+        "Feather",
+        (".feather", ".arrow"),
+        read_feather,
+        write_feather,
+        lambda head, size: head.startswith(b"ARROW1\0\0"),
+        fitted=_fitted,
+    ),
+)

@@ -1,0 +1,602 @@
+"""Reads and writes E57 files, by the library libE57Format that pye57 brings."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import struct
+import tempfile
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from io import BufferedReader
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.columns import Column, cloud_of_columns
+from gppcs.clouds.header import Header
+from gppcs.engine.extras import require_libe57
+from gppcs.errors import FileFormatError, GppcsError, OutputError
+from gppcs.io.columns import attribute_columns, column_name, coordinate_type, exact_as_double
+from gppcs.io.format import Format, without_attributes, without_header
+from gppcs.io.rows import BLOCK, ends_early
+
+_CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
+_SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
+_STATES = ("cartesianInvalidState", "sphericalInvalidState")  # 0 for a point, others for a direction or nothing
+_NORMALS = "http://www.libe57.org/E57_NOR_surface_normals.txt"
+_OWN = "urn:gppcs:attributes"
+_PREFIX = "gppcs:"  # of the fields of that extension
+_SOURCES = "gppcs:scans"
+_NAMES = {  # of the fields of E57 that have another name as attribute
+    "colorRed": "red",
+    "colorGreen": "green",
+    "colorBlue": "blue",
+    "rowIndex": "row",
+    "columnIndex": "column",
+    "timeStamp": "time",
+    "nor:normalX": "nx",
+    "nor:normalY": "ny",
+    "nor:normalZ": "nz",
+}
+_FIELDS = {**{name: each for each, name in _NAMES.items()}, "intensity": "intensity"}
+_TOGETHER = (("red", "green", "blue"), ("nx", "ny", "nz"))  # E57 allows all of these or none
+_ELEMENT = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")
+_INTEGERS = {kind: [np.dtype(f"{kind}{size}") for size in (1, 2, 4, 8)] for kind in "iu"}
+_LARGEST = 2**63 - 1  # whole number in an E57 file
+_SIGNATURE = b"ASTM-E57"
+_HEADER = struct.Struct("<8sIIQQQQ")  # signature, version, and of the XML part offset and length, then size of a page
+_PAGE, _CHECKSUM = 1024, 4  # bytes of a page, and at its end of its checksum
+
+
+@dataclass(frozen=True)
+class E57Scan:
+    """One scan that went into a cloud.
+
+    Attributes
+    ----------
+    guid : str
+        Its identifier.
+    name : str
+        Its name; may be empty.
+    rotation : tuple of 4 float
+        A quaternion w, x, y, z. The points of the cloud have been rotated by it, then moved by `translation`.
+    translation : tuple of 3 float
+        In metres.
+    """
+
+    guid: str = ""
+    name: str = ""
+    rotation: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)
+    translation: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+    @property
+    def is_moved(self) -> bool:
+        """Whether the scan has a pose other than the identity."""
+        return (*self.rotation, *self.translation) != (1, 0, 0, 0, 0, 0, 0)
+
+    def moved(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return points of the scan in the coordinates of the file.
+
+        Parameters
+        ----------
+        points : (N, 3) array
+
+        Returns
+        -------
+        (N, 3) array
+        """
+        if not self.is_moved:
+            return points
+        w, x, y, z = np.array(self.rotation) / np.linalg.norm(self.rotation)
+        rotation = np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+        moved: NDArray[np.float64] = points @ rotation.T + np.array(self.translation)
+        return moved
+
+
+@dataclass(frozen=True, eq=False)
+class E57Header(Header):
+    """What an E57 file says of the whole cloud.
+
+    Attributes
+    ----------
+    scans : tuple of E57Scan
+        The scans; the attribute `scan` of a point is an index into them.
+    coordinate_metadata : str
+        The coordinate reference system, as well-known text; may be empty.
+    """
+
+    scans: tuple[E57Scan, ...] = ()
+    coordinate_metadata: str = ""
+
+    @property
+    def crs(self) -> str | None:
+        """The coordinate reference system as well-known text; None if it is not known."""
+        return self.coordinate_metadata or None
+
+    def contents(self) -> list[str]:
+        """Return in words the poses and names of the scans and the coordinate system, as far as they are known."""
+        counts = {
+            "pose": sum(scan.is_moved for scan in self.scans),
+            "name": sum(bool(scan.name) for scan in self.scans),
+        }
+        words = [
+            f"the {what}s of {count} scans" if count > 1 else f"the {what} of 1 scan"
+            for what, count in counts.items()
+            if count
+        ]
+        return [*words, *(["the coordinate system"] if self.coordinate_metadata else [])]
+
+
+def read_e57(file: BufferedReader) -> PointCloud:
+    """Read all scans of an E57 file as one cloud, each moved by its pose. Points without a valid position are left out.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Returns
+    -------
+    PointCloud
+        Attributes for the fields that all scans have, in their types; `scan` is the number of a point's scan, counted
+        from 0, if there are several. The header holds identifiers, names and poses of the scans.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is damaged, has no scans, or a scan has no coordinates.
+    MissingExtraError
+        If pye57 is not installed.
+    """
+    with _scans(file) as (root, scans):
+        read = [scan.columns(_shared(scans)) for scan in scans]
+        crs = root["coordinateMetadata"].value() if root.isDefined("coordinateMetadata") else ""
+        sources = tuple(source for scan in scans for source in scan.sources)
+    lengths = [len(columns["x"]) for columns in read]
+    columns = {name: _joined([each.pop(name) for each in read]) for name in list(read[0])}
+    if len(scans) > 1:
+        columns["scan"] = np.repeat(np.arange(len(scans), dtype=np.int32), lengths)
+    return replace(cloud_of_columns(columns), header=E57Header(sources, crs))
+
+
+def unread_e57(file: BufferedReader) -> list[str]:
+    """Return in words what `read_e57` leaves out: invalid points, fields that not all scans have, and images.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start. It is one that `read_e57` can read.
+
+    Returns
+    -------
+    list of str
+    """
+    with _scans(file) as (root, scans):
+        shared = _shared(scans)
+        fields = {name for scan in scans for name in scan.names} - {*shared, *_CARTESIAN, *_SPHERICAL, *_STATES}
+        invalid = sum(int((~scan.is_valid()).sum()) for scan in scans)
+        images = len(root["images2D"]) if root.isDefined("images2D") else 0
+    return [
+        *([f"points without a valid position ({invalid:,})"] if invalid else []),
+        *(f"field {name}" for name in sorted(fields)),
+        *([f"images ({images:,})"] if images else []),
+    ]
+
+
+@contextmanager
+def _scans(file: BufferedReader) -> Iterator[tuple[Any, list[_Scan]]]:
+    """Open an E57 file: its root and its scans."""
+    libe57 = require_libe57()
+    _refuse_entities(file)
+    size = os.fstat(file.fileno()).st_size
+    try:
+        with _named(file) as path:
+            image = libe57.ImageFile(path, "r")
+            try:
+                root = image.root()
+                nodes = root["data3D"] if root.isDefined("data3D") else []
+                scans = [_Scan(image, nodes[i], size) for i in range(len(nodes))]
+                if not scans:
+                    raise FileFormatError("expected at least one scan, found none")
+                yield root, scans
+            finally:
+                image.close()
+    except GppcsError:
+        raise
+    except (libe57.E57Exception, RuntimeError, ValueError, TypeError, AttributeError, LookupError) as error:
+        reason = str(error).partition("\n")[0][:200]
+        raise FileFormatError(f"expected a whole E57 file, but libE57Format reports: {reason}; get it again") from error
+
+
+def _refuse_entities(file: BufferedReader) -> None:
+    """Raise an error if the XML part declares entities, which could grow to any size; E57 files have none."""
+    header = file.read(_HEADER.size)
+    if len(header) < _HEADER.size or not header.startswith(_SIGNATURE):
+        raise FileFormatError("expected an E57 file, which begins with 'ASTM-E57', found another beginning")
+    _, _, _, _, offset, length, page = _HEADER.unpack(header)
+    if page != _PAGE or offset > (size := os.fstat(file.fileno()).st_size) or length > size:
+        raise FileFormatError("expected a whole E57 file, found a header that does not fit it; get the file again")
+    file.seek(offset - offset % page)
+    pages = file.read(length + (length // (page - _CHECKSUM) + 2) * _CHECKSUM + 2 * page)
+    xml = b"".join(pages[i : i + page - _CHECKSUM] for i in range(0, len(pages), page))
+    if any(word in xml[offset % page :][:length] for word in (b"<!DOCTYPE", b"<!ENTITY", b"\0")):
+        raise FileFormatError("expected XML without declarations in the E57 file, found some")
+
+
+@contextmanager
+def _named(file: BufferedReader) -> Iterator[str]:
+    """Yield a path under which libE57Format can open a file."""
+    name = file.name
+    if isinstance(name, str | os.PathLike) and os.path.isfile(name):
+        yield os.path.abspath(name)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "cloud.e57")
+        file.seek(0)
+        with open(path, "wb") as copy:
+            shutil.copyfileobj(file, copy)
+        yield str(path)
+
+
+class _Scan:
+    """A scan of an open file."""
+
+    def __init__(self, image: Any, node: Any, file_size: int) -> None:
+        libe57 = require_libe57()
+        self._image, self._node = image, node
+        self._points = node["points"]
+        prototype = libe57.StructureNode(self._points.prototype())
+        self.names = _names_in(prototype)
+        self.dtypes = {}
+        bits = 0
+        for name in self.names:
+            dtype, width = _type_of_node(prototype[name])
+            bits += width
+            if dtype is not None:
+                self.dtypes[name] = dtype
+        self.count = self._points.childCount()
+        if self.count * max(bits, 1) > 8 * file_size:
+            raise FileFormatError(
+                f"expected a file that holds its {self.count:,} points, found one of {file_size:,} bytes; get it again"
+            )
+        systems = (_CARTESIAN, _SPHERICAL)
+        self._axes = next((axes for axes in systems if all(axis in self.dtypes for axis in axes)), None)
+        if self._axes is None:
+            listed = ", ".join(map(repr, self.names)) or "nothing"
+            raise FileFormatError(f"expected cartesian or spherical coordinates for each point, found {listed}")
+        self._source = _source_of(node)
+
+    @property
+    def sources(self) -> list[E57Scan]:
+        """The scan itself, or the scans that gppcs has written as this one."""
+        if _SOURCES not in _names_in(self._node):  # isDefined refuses prefixes that the file has not
+            return [self._source]
+        nodes = self._node[_SOURCES]
+        return [_source_of(nodes[i]) for i in range(len(nodes))]
+
+    def is_valid(self) -> NDArray[np.bool_]:
+        """Return whether each point has a position."""
+        state = _STATES[self._axes is _SPHERICAL]
+        return self._read([state])[state] == 0 if state in self.dtypes else np.ones(self.count, bool)
+
+    def columns(self, fields: list[str]) -> dict[str, Column]:
+        """Return coordinates and some of the fields of all valid points."""
+        assert self._axes is not None
+        valid = self.is_valid()
+        found = {
+            name: values if valid.all() else values[valid]
+            for name, values in self._read([*self._axes, *fields]).items()
+        }
+        coordinates = [found.pop(axis) for axis in self._axes]
+        if self._axes is _SPHERICAL:
+            distance, azimuth, elevation = coordinates
+            level = distance * np.cos(elevation)
+            coordinates = [level * np.cos(azimuth), level * np.sin(azimuth), distance * np.sin(elevation)]
+        if self._source.is_moved:
+            coordinates = list(self._source.moved(np.stack(coordinates, axis=1).astype(np.float64)).T)
+        columns = dict(zip("xyz", coordinates, strict=True))
+        for name, values in found.items():
+            attribute = _attribute(name)
+            if attribute in columns:
+                raise FileFormatError(f"expected fields of different names, found {attribute!r} twice")
+            columns[attribute] = values
+        return columns
+
+    def _read(self, names: list[str]) -> dict[str, Column]:
+        """Return fields of all points."""
+        libe57 = require_libe57()
+        columns = {name: np.empty(self.count, self.dtypes[name]) for name in names}
+        if not self.count:  # of which libE57Format makes no reader
+            return columns
+        blocks = {name: np.empty(BLOCK, _type_of_buffer(self.dtypes[name])) for name in names}
+        buffers = libe57.VectorSourceDestBuffer()
+        for name, block in blocks.items():
+            buffers.append(libe57.SourceDestBuffer(self._image, name, block, BLOCK, True, True))
+        reader = self._points.reader(buffers)
+        try:
+            done = 0
+            while done < self.count and (length := reader.read()):
+                for name, values in columns.items():
+                    values[done : done + length] = blocks[name][:length]
+                done += length
+        finally:
+            reader.close()
+        if done < self.count:
+            raise ends_early("point", done, self.count)
+        return columns
+
+
+def _names_in(node: Any) -> list[str]:
+    return [node.get(i).elementName() for i in range(node.childCount())]
+
+
+def _type_of_node(node: Any) -> tuple[np.dtype[Any] | None, int]:
+    """Return the type of a field's values, None if these are no numbers, and how many bits the file has for each."""
+    libe57 = require_libe57()
+    if isinstance(node, libe57.FloatNode):
+        size = 4 if node.precision() == libe57.E57_SINGLE else 8
+        return np.dtype(f"f{size}"), 8 * size
+    if not isinstance(node, libe57.IntegerNode | libe57.ScaledIntegerNode):
+        return None, 0
+    low, high = node.minimum(), node.maximum()
+    bits = (high - low).bit_length()
+    if isinstance(node, libe57.ScaledIntegerNode):
+        return np.dtype("f8"), bits
+    kinds = _INTEGERS["u" if low >= 0 else "i"]
+    return next(kind for kind in kinds if np.iinfo(kind).min <= low and high <= np.iinfo(kind).max), bits
+
+
+def _type_of_buffer(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    """Return the type in which pye57 can exchange values; of the larger integers, it takes only long long."""
+    return np.dtype(np.longlong) if dtype.kind in "iu" and dtype.itemsize > 2 else dtype
+
+
+def _source_of(node: Any) -> E57Scan:
+    """Return identifier, name and pose of a scan."""
+
+    def text(name: str) -> str:
+        return str(node[name].value()) if node.isDefined(name) else ""
+
+    def numbers(name: str, parts: str, default: tuple[float, ...]) -> tuple[float, ...]:
+        if not node.isDefined(f"pose/{name}"):
+            return default
+        found = node["pose"][name]
+        return tuple(float(found[part].value()) for part in parts)
+
+    rotation = numbers("rotation", "wxyz", (1.0, 0.0, 0.0, 0.0))
+    translation = numbers("translation", "xyz", (0.0, 0.0, 0.0))
+    if not (np.isfinite([*rotation, *translation]).all() and any(rotation)):
+        raise FileFormatError(f"expected a pose of finite numbers with a rotation, found {rotation} and {translation}")
+    return E57Scan(text("guid"), text("name"), rotation, translation)
+
+
+def _shared(scans: list[_Scan]) -> list[str]:
+    """Return the fields of numbers that all scans have, besides coordinates."""
+    return [
+        name
+        for name in scans[0].dtypes
+        if name not in (*_CARTESIAN, *_SPHERICAL, *_STATES) and all(name in scan.dtypes for scan in scans)
+    ]
+
+
+def _attribute(field: str) -> str:
+    return _NAMES.get(field, field.removeprefix(_PREFIX).replace(":", "_"))
+
+
+def _joined(parts: list[Column]) -> Column:
+    joined = np.concatenate(parts)
+    if joined.dtype.kind == "f" and all(part.dtype.kind in "iu" for part in parts):
+        return np.concatenate([part.astype(np.int64) for part in parts])  # E57 has no larger integers
+    return joined
+
+
+def write_e57(file: BinaryIO, cloud: PointCloud) -> None:
+    """Write an E57 file of one scan, without a pose: the points stay where they are.
+
+    Attributes that E57 does not know become fields of an extension. Arrays of k numbers for each point become k fields.
+    Booleans are written as whole numbers from 0 to 255, half-precision numbers in single precision.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for writing.
+    cloud : PointCloud
+        The points and their attributes.
+
+    Raises
+    ------
+    OutputError
+        If two fields would have one name, libE57Format cannot write the file, or the coordinates do not fit the cloud's
+        `coordinate_dtype`.
+    MissingExtraError
+        If pye57 is not installed.
+    """
+    libe57 = require_libe57()
+    columns = _columns(cloud)
+    header = cloud.header if isinstance(cloud.header, E57Header) else E57Header()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "cloud.e57")
+        try:
+            image = libe57.ImageFile(str(path), "w")
+            try:
+                _write_image(image, columns, header)
+            finally:
+                image.close()
+        except libe57.E57Exception as error:
+            reason = str(error).partition("\n")[0]
+            raise OutputError(
+                f"expected to write an E57 file in {folder}, but libE57Format reports: {reason}"
+            ) from error
+        with open(path, "rb") as whole:
+            shutil.copyfileobj(whole, file)
+
+
+def _write_image(image: Any, columns: dict[str, Column], header: E57Header) -> None:
+    libe57 = require_libe57()
+    for prefix, uri in (("", libe57.E57_V1_0_URI), ("nor", _NORMALS), (_PREFIX.rstrip(":"), _OWN)):
+        image.extensionsAdd(prefix, uri)
+    digest = hashlib.blake2b(digest_size=16)
+    for values in columns.values():
+        digest.update(np.ascontiguousarray(values).data)
+    guid = f"{{{uuid.UUID(bytes=digest.digest())}}}"  # of the content, so that the same cloud gives the same file
+    root = image.root()
+    _set(image, root, "formatName", "ASTM E57 3D Imaging Data File")
+    _set(image, root, "guid", guid)
+    _set(image, root, "versionMajor", libe57.E57_FORMAT_MAJOR)
+    _set(image, root, "versionMinor", libe57.E57_FORMAT_MINOR)
+    _set(image, root, "coordinateMetadata", header.coordinate_metadata)
+    scans = libe57.VectorNode(image, True)
+    root.set("data3D", scans)
+    root.set("images2D", libe57.VectorNode(image, True))
+    scan = libe57.StructureNode(image)
+    scans.append(scan)
+    _set(image, scan, "guid", guid)
+    if header.scans:
+        sources = libe57.VectorNode(image, True)
+        scan.set(_SOURCES, sources)
+        for source in header.scans:
+            _append_source(image, sources, source)
+    _set_limits(image, scan, columns)
+    _write_points(image, scan, columns)
+
+
+def _set(image: Any, node: Any, name: str, value: str | float) -> None:
+    libe57 = require_libe57()
+    kinds = {str: libe57.StringNode, int: libe57.IntegerNode, float: libe57.FloatNode}
+    node.set(name, kinds[type(value)](image, value))
+
+
+def _append_source(image: Any, sources: Any, source: E57Scan) -> None:
+    libe57 = require_libe57()
+    node, pose = libe57.StructureNode(image), libe57.StructureNode(image)
+    sources.append(node)
+    _set(image, node, "guid", source.guid)
+    _set(image, node, "name", source.name)
+    node.set("pose", pose)
+    for name, parts, numbers in (("rotation", "wxyz", source.rotation), ("translation", "xyz", source.translation)):
+        inner = libe57.StructureNode(image)
+        pose.set(name, inner)
+        for part, number in zip(parts, numbers, strict=True):
+            _set(image, inner, part, number)
+
+
+def _set_limits(image: Any, scan: Any, columns: dict[str, Column]) -> None:
+    """Set between which values intensity and colours lie, by which other programs scale them."""
+    libe57 = require_libe57()
+    for name, fields in (("intensity", ["intensity"]), ("color", ["colorRed", "colorGreen", "colorBlue"])):
+        if not set(fields) <= columns.keys():
+            continue
+        limits = libe57.StructureNode(image)
+        scan.set(f"{name}Limits", limits)
+        for field in fields:
+            values = columns[field]
+            finite = values[np.isfinite(values)] if name == "intensity" else np.array([0, np.iinfo(values.dtype).max])
+            low, high = (finite.min().item(), finite.max().item()) if len(finite) else (0.0, 0.0)
+            _set(image, limits, f"{field}Minimum", low)
+            _set(image, limits, f"{field}Maximum", high)
+
+
+def _write_points(image: Any, scan: Any, columns: dict[str, Column]) -> None:
+    libe57 = require_libe57()
+    prototype = libe57.StructureNode(image)
+    buffers = libe57.VectorSourceDestBuffer()
+    blocks = {}
+    for name, values in columns.items():
+        if values.dtype.kind == "f":
+            precision = libe57.E57_SINGLE if values.dtype.itemsize == 4 else libe57.E57_DOUBLE
+            prototype.set(name, libe57.FloatNode(image, 0.0, precision))
+        else:
+            bounds = np.iinfo(values.dtype)
+            prototype.set(name, libe57.IntegerNode(image, 0, int(bounds.min), min(int(bounds.max), _LARGEST)))
+        blocks[name] = np.empty(BLOCK, _type_of_buffer(values.dtype))
+        buffers.append(libe57.SourceDestBuffer(image, name, blocks[name], BLOCK, True, True))
+    points = libe57.CompressedVectorNode(image, prototype, libe57.VectorNode(image, True))
+    scan.set("points", points)
+    writer = points.writer(buffers)
+    count = len(columns[_CARTESIAN[0]])
+    for start in range(0, count, BLOCK):
+        length = min(BLOCK, count - start)
+        for name, values in columns.items():
+            blocks[name][:length] = values[start : start + length]
+        writer.write(length)
+    writer.close()
+
+
+def _columns(cloud: PointCloud) -> dict[str, Column]:
+    """Return what is written of each point, by the name of its field."""
+    kept = coordinate_type(cloud)
+    columns: dict[str, Column] = {
+        axis: _storable(values.astype(kept)) for axis, values in zip(_CARTESIAN, cloud.points.T, strict=True)
+    }
+    attributes = {name: _storable(values) for name, values in attribute_columns(cloud).items()}
+    for name, values in attributes.items():
+        columns[_field_of(name, attributes)] = values
+    return columns
+
+
+def _field_of(name: str, attributes: dict[str, Column]) -> str:
+    """Return the field that E57 has for an attribute, or one of the extension."""
+    group = next((group for group in _TOGETHER if name in group), (name,))
+    if name in _FIELDS and all(each in attributes for each in group):
+        kinds = {"nx": "f", "red": "u", "row": "iu", "column": "iu"}.get(group[0], "iuf")
+        if all(attributes[each].dtype.kind in kinds for each in group):
+            return _FIELDS[name]
+    return _PREFIX + name
+
+
+def _storable(values: Column) -> Column:
+    """Return values in a type that E57 has; they are such that there is one."""
+    if values.dtype.kind == "b":
+        return values.astype(np.uint8)
+    if values.dtype.kind == "f":
+        return values.astype(np.float32 if values.dtype.itemsize <= 4 else np.float64, copy=False)
+    return values.astype(values.dtype.newbyteorder("="), copy=False)
+
+
+def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
+    """Return what `write_e57` can store of a cloud, and in words what it cannot."""
+    require_libe57()  # before long work, not at its end
+    fitted, attributes = without_attributes(
+        cloud,
+        [
+            name
+            for name, values in cloud.attributes.items()
+            if not (_is_exact(values) and _ELEMENT.fullmatch(column_name(name)))
+        ],
+    )
+    if isinstance(cloud.header, E57Header):
+        return fitted, attributes
+    fitted, contents = without_header(fitted)
+    return fitted, [*attributes, *contents]
+
+
+def _is_exact(values: Column) -> bool:
+    """Return whether E57 has a type that represents all values of an attribute exactly."""
+    if values.dtype.kind == "f":
+        return exact_as_double(values)
+    return values.dtype.kind in "biu" and not (values.size and int(values.max()) > _LARGEST)
+
+
+FORMAT = Format(
+    "E57",
+    (".e57",),
+    read_e57,
+    write_e57,
+    lambda head, size: head.startswith(_SIGNATURE),
+    unread_e57,
+    _fitted,
+)

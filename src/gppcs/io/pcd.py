@@ -1,0 +1,559 @@
+"""Reads PCD files, text, binary and compressed, and writes binary ones, or text if the cloud came from text."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import struct
+from dataclasses import dataclass, field, replace
+from io import BufferedReader
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.columns import EXACT, Column, cloud_of_columns, coordinate_names
+from gppcs.clouds.header import Header
+from gppcs.errors import FileFormatError, OutputError
+from gppcs.io.columns import check_name, column_name, coordinate_type, exact_as_double
+from gppcs.io.format import Format, without_attributes, without_header
+from gppcs.io.rows import BLOCK, as_count, ends_early, lines_of, number_blocks, shown, write_rows
+
+_TYPES = {
+    (kind.upper(), str(size)): np.dtype(f"{kind}{size}")
+    for kind, sizes in (("f", (4, 8)), ("i", (1, 2, 4, 8)), ("u", (1, 2, 4, 8)))
+    for size in sizes
+}
+_LETTERS = {dtype: letters for letters, dtype in _TYPES.items()}
+_ENCODINGS = ("ascii", "binary", "binary_compressed")
+_KEYWORDS = ("VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA")
+_PADDING = "_"
+_STRAIGHT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # no translation, no rotation
+_CHANNELS = ("red", "green", "blue")
+_BYTES = {"red": 2, "green": 1, "blue": 0, "alpha": 3}  # where a packed colour holds them, on little-endian machines
+_LONGEST_LINE = 1 << 20
+_LARGEST_RECORD = (1 << 31) - 1  # that NumPy has
+_MOST_EXPANSION = 88  # LZF: 3 bytes stand for up to 264
+_LOOK = re.compile(rb"(?:\xef\xbb\xbf)?(?:# \.PCD|(?:#[^\n]*\n|\s)*VERSION\s+0?\.\d\s+(?:FIELDS|COLUMNS)\s)")
+
+
+@dataclass(frozen=True)
+class PackedColour:
+    """How a PCD file holds the colours of its points: all channels in the four bytes of one number.
+
+    Attributes
+    ----------
+    name : str
+        The name of the field, `rgb` or `rgba`.
+    dtype : numpy dtype
+        float32, uint32 or int32.
+    fourth : int
+        The byte that stands before red, green and blue if the cloud has no attribute `alpha`.
+    """
+
+    name: str = "rgb"
+    dtype: np.dtype[Any] = field(default_factory=lambda: np.dtype("f4"))
+    fourth: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class PcdHeader(Header):
+    """What a PCD file says of the whole cloud.
+
+    Attributes
+    ----------
+    viewpoint : tuple of 7 float
+        Where the sensor stood: its translation, then its rotation as a quaternion w, x, y, z.
+    comments : tuple of str
+        The lines that begin with #, whole and in file order, without the first one, which names the format.
+    colour : PackedColour or None
+        How the attributes red, green, blue and alpha are packed; None if each is a field of its own.
+    is_text : bool
+        Whether the points are written as text.
+    """
+
+    viewpoint: tuple[float, ...] = _STRAIGHT
+    comments: tuple[str, ...] = ()
+    colour: PackedColour | None = None
+    is_text: bool = False
+
+    def contents(self) -> list[str]:
+        """Return in words the viewpoint, if it is not the default, and the number of comments."""
+        number = len(self.comments)
+        comments = [f"{number} comment{'s' if number > 1 else ''}"] if number else []
+        return [*(["the viewpoint"] if self.viewpoint != _STRAIGHT else []), *comments]
+
+
+@dataclass(frozen=True)
+class _Field:
+    name: str
+    dtype: np.dtype[Any]
+    count: int = 1
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return () if self.count == 1 else (self.count,)
+
+    @property
+    def size(self) -> int:
+        return self.dtype.itemsize * self.count
+
+    @property
+    def may_be_colour(self) -> bool:
+        return self.name in ("rgb", "rgba") and self.dtype.itemsize == 4 and self.count == 1
+
+
+@dataclass
+class _Layout:
+    fields: list[_Field]
+    width: int
+    height: int
+    encoding: str
+    header: PcdHeader
+    lines: int
+
+    @property
+    def count(self) -> int:
+        return self.width * self.height
+
+    @property
+    def kept(self) -> list[_Field]:
+        return [each for each in self.fields if each.name != _PADDING]
+
+    def record(self) -> np.dtype[Any]:
+        """Return the structured type of a point, without the padding."""
+        offsets = np.cumsum([0, *(each.size for each in self.fields)]).tolist()
+        kept = [(each, offset) for each, offset in zip(self.fields, offsets, strict=False) if each.name != _PADDING]
+        return np.dtype(
+            {
+                "names": [each.name for each, _ in kept],
+                "formats": [(each.dtype.newbyteorder("<"), each.shape) for each, _ in kept],
+                "offsets": [offset for _, offset in kept],
+                "itemsize": offsets[-1],
+            }
+        )
+
+
+def read_pcd(file: BufferedReader) -> PointCloud:
+    """Read a PCD file.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Returns
+    -------
+    PointCloud
+        An attribute for each field but x, y and z, of the field's type; fields of k numbers become (N, k) arrays. A
+        packed field `rgb` or `rgba` becomes `red`, `green` and `blue`, and `alpha` if the field is `rgba` or the fourth
+        bytes of its values differ. The header holds the viewpoint and comments.
+
+    Raises
+    ------
+    FileFormatError
+        If the header is malformed, x, y or z is missing, a number is malformed, or the file ends early.
+    """
+    layout = _read_header(file)
+    coordinate_names(each.name for each in layout.kept)
+    columns = {"ascii": _read_text, "binary": _read_records, "binary_compressed": _read_compressed}[layout.encoding](
+        file, layout
+    )
+    columns, colour = _unpacked(columns, layout)
+    return replace(cloud_of_columns(columns), header=replace(layout.header, colour=colour))
+
+
+def unread_pcd(file: BufferedReader) -> list[str]:
+    """Return in words that `read_pcd` leaves out the order in rows and columns, if the file has one.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start. It is one that `read_pcd` can read.
+
+    Returns
+    -------
+    list of str
+    """
+    layout = _read_header(file)
+    return [f"the grid of {layout.width:,} columns and {layout.height:,} rows"] if layout.height > 1 else []
+
+
+def _read_header(file: BufferedReader) -> _Layout:
+    entries: dict[str, list[str]] = {}
+    comments = []
+    number = 0
+    while "DATA" not in entries:
+        number += 1
+        line = file.readline(_LONGEST_LINE)
+        if not line:
+            raise FileFormatError("expected a line 'DATA ...', found the end of the file; get the whole file again")
+        text = line.decode("utf-8-sig" if number == 1 else "utf-8", "surrogateescape").strip()
+        if text.startswith("#"):
+            if not text.startswith("# .PCD"):
+                comments.append(text)
+        elif text:
+            keyword, *words = text.split()
+            keyword = "FIELDS" if keyword == "COLUMNS" else keyword  # the name before version 0.7
+            if keyword not in _KEYWORDS or keyword in entries or len(line) == _LONGEST_LINE:
+                found = shown(text.encode("utf-8", "replace").decode())
+                raise FileFormatError(f"line {number}: expected a PCD header, found {found}")
+            entries[keyword] = words
+    version = _entry(entries, "VERSION", 1)[0] if "VERSION" in entries else ".7"
+    if version.removeprefix("0") not in (".5", ".6", ".7"):
+        raise FileFormatError(f"expected a PCD file of version 0.5, 0.6 or 0.7, found {shown(version)}")
+    (encoding,) = _entry(entries, "DATA", 1)
+    if encoding not in _ENCODINGS:
+        raise FileFormatError(f"expected DATA to be one of {', '.join(_ENCODINGS)}, found {shown(encoding)}")
+    width, height = _size(entries)
+    header = PcdHeader(_viewpoint(entries), tuple(comments), is_text=encoding == "ascii")
+    return _Layout(_fields(entries), width, height, encoding, header, number)
+
+
+def _entry(entries: dict[str, list[str]], keyword: str, length: int | None = None) -> list[str]:
+    """Return the words of a line of the header; raise an error if it is missing or their number is another."""
+    words = entries.get(keyword, [])
+    if not words or len(words) != (length or len(words)):
+        wanted = f"{length} value{'s' if length and length > 1 else ''}" if length else "values"
+        found = shown(" ".join(words).encode("utf-8", "replace").decode()) if words else "none"
+        raise FileFormatError(f"expected a line {keyword} with {wanted} in the PCD header, found {found}")
+    return words
+
+
+def _fields(entries: dict[str, list[str]]) -> list[_Field]:
+    names = [name.encode("utf-8", "surrogateescape").decode("utf-8", "replace") for name in _entry(entries, "FIELDS")]
+    for i, name in enumerate(names):
+        if name != _PADDING and name in names[:i]:
+            raise FileFormatError(f"expected fields of different names, found {name!r} twice; rename one")
+    sizes, letters = (_entry(entries, keyword, len(names)) for keyword in ("SIZE", "TYPE"))
+    counts = _entry(entries, "COUNT", len(names)) if "COUNT" in entries else ["1"] * len(names)
+    fields = []
+    for name, letter, size, text in zip(names, letters, sizes, counts, strict=True):
+        dtype, count = _TYPES.get((letter, size)), as_count(text)
+        if dtype is None and name == _PADDING:
+            dtype, count = np.dtype("u1"), (count or 0) * (as_count(size) or 0)
+        if dtype is None:
+            raise FileFormatError(
+                f"expected TYPE and SIZE to be F 4, F 8, or I or U with 1, 2, 4 or 8, found {shown(f'{letter} {size}')}"
+                f" for {name!r}"
+            )
+        if not count:
+            raise FileFormatError(f"expected COUNT to be 1 or more, found {shown(text)} for {name!r}")
+        fields.append(_Field(name, dtype, count))
+    if sum(each.size for each in fields) > _LARGEST_RECORD:
+        raise FileFormatError("expected less than 2^31 bytes for each point, found more in SIZE and COUNT")
+    return fields
+
+
+def _size(entries: dict[str, list[str]]) -> tuple[int, int]:
+    """Return width and height."""
+    found = {
+        keyword: as_count(_entry(entries, keyword, 1)[0])
+        for keyword in ("WIDTH", "HEIGHT", "POINTS")
+        if keyword in entries
+    }
+    for keyword, number in found.items():
+        if number is None:
+            raise FileFormatError(f"expected a whole number as {keyword}, found {shown(entries[keyword][0])}")
+    width, height, points = found.get("WIDTH"), found.get("HEIGHT", 1), found.get("POINTS")
+    if width is None or height is None:
+        width, height = points, 1
+    if width is None:
+        raise FileFormatError("expected a line WIDTH or POINTS in the PCD header, found none")
+    if points is not None and width * height != points:
+        raise FileFormatError(f"expected POINTS to be WIDTH times HEIGHT, found {points}, {width} and {height}")
+    return width, height
+
+
+def _viewpoint(entries: dict[str, list[str]]) -> tuple[float, ...]:
+    if "VIEWPOINT" not in entries:
+        return _STRAIGHT
+    words = _entry(entries, "VIEWPOINT", 7)
+    try:
+        return tuple(map(float, words))
+    except ValueError:
+        raise FileFormatError(f"expected 7 numbers as VIEWPOINT, found {shown(' '.join(words))}") from None
+
+
+def _empty(layout: _Layout) -> dict[str, Column]:
+    return {each.name: np.empty((layout.count, *each.shape), each.dtype) for each in layout.kept}
+
+
+def _bytes_left(file: BufferedReader) -> int:
+    return os.fstat(file.fileno()).st_size - file.tell()
+
+
+def _read_records(file: BufferedReader, layout: _Layout) -> dict[str, Column]:
+    record, count = layout.record(), layout.count
+    whole = _bytes_left(file) // record.itemsize
+    if whole < count:
+        raise ends_early("point", whole, count)
+    columns = _empty(layout)
+    block = np.empty(min(count, BLOCK), record)
+    for start in range(0, count, BLOCK):
+        part = block[: count - start]
+        file.readinto(part.view(np.uint8).data)
+        for name, values in columns.items():
+            values[start : start + BLOCK] = part[name]
+    return columns
+
+
+def _read_compressed(file: BufferedReader, layout: _Layout) -> dict[str, Column]:
+    """Read points that are compressed field by field."""
+    start = file.read(8)
+    if len(start) < 8:
+        raise ends_early("point", 0, layout.count)
+    packed, size = struct.unpack("<II", start)
+    expected = layout.count * layout.record().itemsize
+    if size != expected:
+        raise FileFormatError(f"expected {expected} bytes of points, found {size} announced before the compressed data")
+    if packed > (left := _bytes_left(file)):
+        raise FileFormatError(f"expected {packed} bytes of compressed points, found {left}; get the whole file again")
+    data = _decompressed(file.read(packed), size)
+    columns = {}
+    offset = 0
+    for each in layout.fields:
+        if each.name != _PADDING:
+            values = np.frombuffer(data, each.dtype.newbyteorder("<"), layout.count * each.count, offset)
+            columns[each.name] = values.reshape(layout.count, *each.shape)
+        offset += layout.count * each.size
+    return columns
+
+
+def _decompressed(data: bytes, size: int) -> bytearray:
+    """Return `size` bytes of data that LZF has compressed."""
+    out = bytearray()
+    if size <= _MOST_EXPANSION * len(data):
+        at, end = 0, len(data)
+        try:
+            while at < end and len(out) <= size:
+                control = data[at]
+                if control < 32:  # that many bytes and one more follow as they are
+                    out += data[at + 1 : at + control + 2]
+                    at += control + 2
+                    continue
+                length = control >> 5
+                if length == 7:
+                    at += 1
+                    length += data[at]
+                distance = ((control & 31) << 8 | data[at + 1]) + 1
+                at += 2
+                first = len(out) - distance
+                if first < 0:
+                    break
+                copied = out[first : first + length + 2]
+                if distance < length + 2:  # the copy goes on with bytes that it has just made
+                    copied = (copied * (length // distance + 3))[: length + 2]
+                out += copied
+        except IndexError:
+            at = end + 1
+        if at == end and len(out) == size:
+            return out
+    raise FileFormatError(f"expected {size} bytes of points in LZF compression, found damaged data; get the file again")
+
+
+def _read_text(file: BufferedReader, layout: _Layout) -> dict[str, Column]:
+    width = sum(each.count for each in layout.fields)
+    parts = {each.name: [np.empty((0, *each.shape), each.dtype)] for each in layout.kept}
+    done = 0
+    for texts, numbers in number_blocks(lines_of(file), layout.lines + 1, str.strip, width=width, count=layout.count):
+        first = 0
+        for each in layout.fields:
+            if each.name != _PADDING:
+                values = _cast(numbers[:, first : first + each.count], texts, first, done, each)
+                parts[each.name].append(values.reshape(len(texts), *each.shape))
+            first += each.count
+        done += len(texts)
+    return {name: np.concatenate(blocks) for name, blocks in parts.items()}
+
+
+def _cast(values: NDArray[np.float64], texts: list[str], first: int, done: int, to: _Field) -> Column:
+    """Return numbers of a block in the type of a field, or raise an error if that does not represent them.
+
+    `first` is the column of the text in which the field begins, and `done` the number of points before the block.
+    """
+    if to.dtype.kind == "f":
+        with np.errstate(over="ignore"):  # values beyond the range of float32 become infinite
+            return values.astype(to.dtype)
+    bounds = np.iinfo(to.dtype)
+    fits = (values == np.rint(values)) & (values >= bounds.min) & (values <= float(bounds.max))
+    if not fits.all():
+        row, column = np.argwhere(~fits)[0]
+        raise _wrong_number(texts[row].split()[first + column], done + row, to)
+    if to.dtype.itemsize < 8 or not (np.abs(values) >= EXACT).any():
+        return values.astype(to.dtype)
+    whole = np.empty(values.shape, to.dtype)
+    for row, text in enumerate(texts):  # float64 may have rounded these, so read the digits again
+        for column, word in enumerate(text.split()[first : first + to.count]):
+            try:
+                whole[row, column] = int(word)
+            except (ValueError, OverflowError):
+                raise _wrong_number(word, done + row, to) from None
+    return whole
+
+
+def _wrong_number(word: str, index: int, to: _Field) -> FileFormatError:
+    return FileFormatError(f"expected {to.dtype} as {to.name} of point {index + 1}, found {shown(word)}")
+
+
+def _unpacked(columns: dict[str, Column], layout: _Layout) -> tuple[dict[str, Column], PackedColour | None]:
+    """Return columns with red, green, blue and alpha in place of a packed colour, and how that was packed.
+
+    A packed field stays as it is if there are two, or one of the other names is taken.
+    """
+    packed = [each for each in layout.kept if each.may_be_colour]
+    if len(packed) != 1 or not columns.keys().isdisjoint(_BYTES):
+        return columns, None
+    (colour,) = packed
+    parts = np.ascontiguousarray(columns[colour.name], colour.dtype.newbyteorder("<")).view(np.uint8).reshape(-1, 4)
+    channels = {name: np.ascontiguousarray(parts[:, _BYTES[name]]) for name in _BYTES}
+    fourth = 0
+    if colour.name == "rgb" and (channels["alpha"] == channels["alpha"][:1]).all():
+        fourth = int(channels["alpha"][0]) if len(parts) else 0
+        del channels["alpha"]
+    unpacked: dict[str, Column] = {}
+    for name, values in columns.items():
+        unpacked |= channels if name == colour.name else {name: values}
+    return unpacked, PackedColour(colour.name, colour.dtype, fourth)
+
+
+def write_pcd(file: BinaryIO, cloud: PointCloud) -> None:
+    """Write a PCD file with the attributes as fields: as text if the cloud was read from one in text, else binary.
+
+    Attributes `red`, `green` and `blue` of type uint8 are packed, as other programs expect it, unless they were fields
+    of their own in the PCD file that the cloud was read from. Arrays of k numbers for each point become fields of k
+    numbers. Booleans are written as U 1 and half-precision numbers as F 4.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for writing.
+    cloud : PointCloud
+        The points and their attributes.
+
+    Raises
+    ------
+    OutputError
+        If two fields would have one name, a field would be called _, or the coordinates do not fit the cloud's
+        `coordinate_dtype`.
+    """
+    header = cloud.header if isinstance(cloud.header, PcdHeader) else PcdHeader(colour=_usual_colour(cloud))
+    columns = _columns(cloud, header.colour)
+    fields = [_Field(name, values.dtype, math.prod(values.shape[1:])) for name, values in columns.items()]
+    if header.colour and header.colour.name in columns and not header.is_text:
+        at = list(columns).index(header.colour.name)
+        fields[at] = replace(fields[at], dtype=header.colour.dtype)
+    letters = [_LETTERS[each.dtype] for each in fields]
+    lines = [
+        "# .PCD v0.7 - Point Cloud Data file format",
+        *header.comments,
+        "VERSION 0.7",
+        f"FIELDS {' '.join(columns)}",
+        f"SIZE {' '.join(size for _, size in letters)}",
+        f"TYPE {' '.join(letter for letter, _ in letters)}",
+        f"COUNT {' '.join(str(each.count) for each in fields)}",
+        f"WIDTH {len(cloud)}",
+        "HEIGHT 1",
+        f"VIEWPOINT {' '.join(repr(number).removesuffix('.0') for number in header.viewpoint)}",
+        f"POINTS {len(cloud)}",
+        f"DATA {'ascii' if header.is_text else 'binary'}\n",
+    ]
+    file.write("\n".join(lines).encode("utf-8", "surrogateescape"))
+    if header.is_text:
+        flat = [values.reshape(len(cloud), each.count) for each, values in zip(fields, columns.values(), strict=True)]
+        write_rows(file, [part for values in flat for part in values.T])
+    else:
+        _write_records(file, columns, fields)
+
+
+def _write_records(file: BinaryIO, columns: dict[str, Column], fields: list[_Field]) -> None:
+    count = len(columns["x"])
+    record = np.dtype([(each.name, columns[each.name].dtype.newbyteorder("<"), each.shape) for each in fields])
+    block = np.empty(min(count, BLOCK), record)
+    for start in range(0, count, BLOCK):
+        part = block[: count - start]
+        for each in fields:
+            part[each.name] = columns[each.name][start : start + BLOCK].reshape(-1, *each.shape)
+        file.write(part.data)
+
+
+def _columns(cloud: PointCloud, colour: PackedColour | None) -> dict[str, Column]:
+    """Return what is written of each point, by the name of its field."""
+    kept = coordinate_type(cloud)
+    columns: dict[str, Column] = {axis: values.astype(kept) for axis, values in zip("xyz", cloud.points.T, strict=True)}
+    columns = {axis: values.astype(_type_of(values), copy=False) for axis, values in columns.items()}
+    pairs = [(name, values) for name, values in cloud.attributes.items() if math.prod(values.shape[1:])]
+    for attribute, values in _packed(pairs, colour) if colour and _has_colours(cloud) else pairs:
+        name = column_name(attribute)
+        check_name(name, columns)
+        if name == _PADDING:
+            raise OutputError("expected a name other than '_', which PCD files give to padding; rename the attribute")
+        columns[name] = values.astype(_type_of(values), copy=False)
+    return columns
+
+
+def _packed(attributes: list[tuple[str, Column]], colour: PackedColour) -> list[tuple[str, Column]]:
+    """Return attributes with one of type uint32 in place of red, and without green, blue and alpha."""
+    channels = {name: values for name, values in attributes if name in _BYTES and _is_channel(values)}
+    parts = np.full((len(channels["red"]), len(_BYTES)), colour.fourth, np.uint8)
+    for name, values in channels.items():
+        parts[:, _BYTES[name]] = values
+    word = parts.view("<u4")[:, 0]
+    return [
+        (colour.name, word) if name == "red" else (name, values)
+        for name, values in attributes
+        if name == "red" or name not in channels
+    ]
+
+
+def _is_channel(values: Column) -> bool:
+    return values.dtype == np.uint8 and values.ndim == 1
+
+
+def _has_colours(cloud: PointCloud) -> bool:
+    return all(name in cloud.attributes and _is_channel(cloud.attributes[name]) for name in _CHANNELS)
+
+
+def _usual_colour(cloud: PointCloud) -> PackedColour:
+    """Return how the colours of a cloud are packed that does not come from a PCD file."""
+    has_alpha = "alpha" in cloud.attributes and _is_channel(cloud.attributes["alpha"])
+    return PackedColour("rgba", np.dtype("u4")) if has_alpha else PackedColour()
+
+
+def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
+    """Return what `write_pcd` can store of a cloud, and in words what it cannot."""
+    fitted, attributes = without_attributes(
+        cloud, [name for name, values in cloud.attributes.items() if not _is_exact(values)]
+    )
+    if isinstance(cloud.header, PcdHeader):
+        return fitted, attributes
+    fitted, contents = without_header(fitted)
+    return fitted, [*attributes, *contents]
+
+
+def _is_exact(values: Column) -> bool:
+    """Return whether PCD has a type that represents all values of an attribute exactly."""
+    return values.dtype.kind in "biu" or (values.dtype.kind == "f" and exact_as_double(values))
+
+
+def _type_of(values: Column) -> np.dtype[Any]:
+    """Return the type of PCD that represents all values exactly; the values are such that there is one."""
+    dtype = values.dtype.newbyteorder("=")
+    if dtype in _LETTERS:
+        return dtype
+    if dtype.kind == "b":
+        return np.dtype("u1")
+    return np.dtype("f4") if dtype == np.float16 else np.dtype("f8")
+
+
+FORMAT = Format(
+    "PCD",
+    (".pcd",),
+    read_pcd,
+    write_pcd,
+    lambda head, size: _LOOK.match(head) is not None,
+    unread_pcd,
+    _fitted,
+)

@@ -1,0 +1,328 @@
+"""E57 files: poses, spherical coordinates, invalid points, every type, what others write and read, and damage."""
+
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from gppcs.clouds.cloud import PointCloud
+from gppcs.errors import FileFormatError, GppcsError, MissingExtraError, OutputError
+from gppcs.io import load, losses, read, write
+from gppcs.io.e57 import E57Header, E57Scan
+
+pye57 = pytest.importorskip("pye57")
+libe57 = pye57.libe57
+
+TYPES = ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "f4", "f8"]
+NAMES = ["intensity", "red", "green", "blue", "row", "column", "nx", "ny", "nz", "time", "a", "b_1"]
+TURN = np.array([np.sqrt(0.5), 0, 0, np.sqrt(0.5)])  # a quarter around z
+POINTS = np.array([[1.0, 2, 3], [4, 5, 6], [7, 8, 9.5]])
+
+
+def raw(points, **fields):
+    return {f"cartesian{axis}": points[:, i].copy() for i, axis in enumerate("XYZ")} | fields
+
+
+@pytest.fixture
+def by_pye57(tmp_path):
+    """Write scans by pye57: data and keywords of each; return the path."""
+
+    def make(*scans):
+        path = tmp_path / "scans.e57"
+        with pye57.E57(str(path), mode="w") as file:
+            for data, keywords in scans:
+                file.write_scan_raw(data, **keywords)
+        return path
+
+    return make
+
+
+@pytest.fixture
+def by_libe57(tmp_path):
+    """Write one scan of given nodes and values by libE57Format; return the path."""
+
+    def make(fields, pose=None, **strings):
+        path = tmp_path / "scan.e57"
+        image = libe57.ImageFile(str(path), "w")
+        image.extensionsAdd("", libe57.E57_V1_0_URI)
+        image.extensionsAdd("other", "urn:other")
+        scans, scan = libe57.VectorNode(image, True), libe57.StructureNode(image)
+        image.root().set("data3D", scans)
+        scans.append(scan)
+        for name, value in strings.items():
+            scan.set(name, libe57.StringNode(image, value))
+        prototype, buffers = libe57.StructureNode(image), libe57.VectorSourceDestBuffer()
+        for name, (kind, arguments, values) in fields.items():
+            prototype.set(name, getattr(libe57, kind)(image, *arguments))
+            buffers.append(libe57.SourceDestBuffer(image, name, values, len(values), True, True))
+        points = libe57.CompressedVectorNode(image, prototype, libe57.VectorNode(image, True))
+        scan.set("points", points)
+        writer = points.writer(buffers)
+        writer.write(len(values))
+        writer.close()
+        image.close()
+        return path
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("e57")
+
+
+@st.composite
+def clouds(draw):
+    n = draw(st.integers(0, 5))
+    points = draw(hnp.arrays(draw(st.sampled_from(["i4", "f4", "f8"])), (n, 3)))
+    names = draw(st.lists(st.sampled_from(NAMES), unique=True))
+    attributes = {name: draw(hnp.arrays(draw(st.sampled_from(TYPES)), n)) for name in names}
+    return PointCloud(points, attributes, points.dtype)
+
+
+@given(cloud=clouds())
+def test_every_type_comes_back_bit_for_bit(folder, cloud):
+    path = folder / "cloud.e57"
+    write(path, cloud, force=True)
+    found = read(path)
+    assert found.coordinate_dtype == cloud.coordinate_dtype
+    assert found.points.tobytes() == cloud.points.tobytes()
+    assert list(found.attributes) == list(cloud.attributes)
+    for name, values in cloud.attributes.items():
+        assert found.attributes[name].dtype == values.dtype
+        assert found.attributes[name].tobytes() == values.tobytes()
+    first = path.read_bytes()
+    write(path, cloud, force=True)
+    assert path.read_bytes() == first
+
+
+@pytest.mark.parametrize("count", [1, 65_536, 65_537, 200_000])
+def test_points_of_several_blocks(folder, count):
+    points = np.random.default_rng(0).normal(size=(count, 3)) * 1e6
+    cloud = PointCloud(points, {"intensity": np.arange(count), "red": np.arange(count).astype(np.uint8)})
+    write(folder / "blocks.e57", cloud, force=True)
+    found = read(folder / "blocks.e57")
+    assert np.array_equal(found.points, points)
+    assert np.array_equal(found.attributes["intensity"], np.arange(count))
+
+
+def test_pye57_reads_what_is_written(tmp_path):
+    colours = {name: np.array([1, 2, 255], np.uint8) * k for k, name in enumerate(["red", "green", "blue"])}
+    grid = {"row": np.array([1, 2, 3], np.uint16), "column": np.array([0, 0, 9], np.uint16)}
+    own = {"label": np.array([-1, 0, 2**40]), "is_ground": np.array([True, False, True])}
+    intensity = np.array([0.5, 0.25, 1], np.float32)
+    write(tmp_path / "cloud.e57", PointCloud(POINTS, {"intensity": intensity, **colours, **grid, **own}))
+    with pye57.E57(str(tmp_path / "cloud.e57")) as file:
+        assert file.scan_count == 1
+        data = file.read_scan(0, intensity=True, colors=True, row_column=True, ignore_missing_fields=True)
+        header = file.get_header(0)
+        assert (header.intensityMinimum, header.intensityMaximum) == (0.25, 1)
+        assert header.point_fields[-2:] == ["gppcs:label", "gppcs:is_ground"]
+    assert np.array_equal(np.stack([data[f"cartesian{axis}"] for axis in "XYZ"], axis=1), POINTS)
+    assert np.array_equal(data["intensity"], intensity)
+    assert np.array_equal(data["colorBlue"], colours["blue"])
+    assert np.array_equal(data["columnIndex"], grid["column"])
+
+
+def test_scans_are_merged_with_their_poses(by_pye57, tmp_path):
+    colours = {f"color{name}": np.array([1, 2, 3], np.uint8) for name in ("Red", "Green", "Blue")}
+    first = raw(POINTS, intensity=np.array([1, 2, 3], np.float32), **colours)
+    second = raw(POINTS[:2], intensity=np.array([4, 5], np.float32))
+    path = by_pye57((first, {"name": "Küche"}), (second, {"rotation": TURN, "translation": np.array([10.0, 20, 30])}))
+    cloud = read(path)
+    moved = np.stack([10 - POINTS[:2, 1], 20 + POINTS[:2, 0], 30 + POINTS[:2, 2]], axis=1)
+    assert np.array_equal(cloud.points[:3], POINTS)
+    assert np.allclose(cloud.points[3:], moved, rtol=1e-15)
+    assert cloud.attributes["scan"].tolist() == [0, 0, 0, 1, 1]
+    assert cloud.attributes["intensity"].tolist() == [1, 2, 3, 4, 5]
+    assert list(cloud.attributes) == ["intensity", "scan"]
+    assert load(path)[-1] == ["field colorBlue", "field colorGreen", "field colorRed"]
+    assert [scan.name for scan in cloud.header.scans] == ["Küche", "Scan 1"]
+    assert cloud.header.scans[1].translation == (10, 20, 30)
+    assert np.allclose(cloud.header.scans[1].rotation, TURN)
+    assert losses("cloud.ply", cloud) == ["the pose of 1 scan", "the names of 2 scans"]
+    some = cloud.take(np.array([4, 0, 3]))
+    write(tmp_path / "some.e57", some)
+    assert read(tmp_path / "some.e57") == some
+
+
+def test_pye57_agrees_on_poses(by_pye57):
+    rotation = np.array([0.3, -0.4, 0.5, 0.7])
+    rotation /= np.linalg.norm(rotation)
+    path = by_pye57((raw(POINTS), {"rotation": rotation, "translation": np.array([1e6, 5e6, 100])}))
+    with pye57.E57(str(path)) as file:
+        data = file.read_scan(0, ignore_missing_fields=True)
+    expected = np.stack([data[f"cartesian{axis}"] for axis in "XYZ"], axis=1)
+    assert np.allclose(read(path).points, expected, rtol=1e-15)
+
+
+def test_invalid_points_are_left_out_with_a_word(by_pye57):
+    path = by_pye57((raw(POINTS, cartesianInvalidState=np.array([0, 2, 1], np.int8)), {}))
+    assert np.array_equal(read(path).points, POINTS[:1])
+    assert read(path).attributes == {}
+    assert load(path)[-1] == ["points without a valid position (2)"]
+
+
+def test_spherical_coordinates_are_converted(by_libe57):
+    values = {"Range": [2.0, 1], "Azimuth": [0.5, -1], "Elevation": [0.25, 1]}
+    fields = {f"spherical{name}": ("FloatNode", (), np.array(each)) for name, each in values.items()}
+    distance, azimuth, elevation = map(np.array, values.values())
+    points = read(by_libe57(fields)).points
+    assert np.allclose(np.linalg.norm(points, axis=1), distance, rtol=1e-15)
+    assert np.allclose(np.arctan2(points[:, 1], points[:, 0]), azimuth, rtol=1e-15)
+    assert np.allclose(np.arcsin(points[:, 2] / distance), elevation, rtol=1e-15)
+
+
+def test_scaled_integers_and_fields_of_extensions(by_libe57):
+    raws = np.array([-5, 7], np.int16)
+    scaled = {
+        f"cartesian{axis}": ("ScaledIntegerNode", (0, -9, 9, 0.001, 500_000.0), raws * 0.001 + 500_000)
+        for axis in "XYZ"
+    }
+    own = {"other:class": ("IntegerNode", (0, 0, 300), np.array([300, 2], np.uint16))}
+    cloud = read(by_libe57(scaled | own))
+    assert np.array_equal(cloud.points[:, 0], raws * 0.001 + 500_000.0)
+    assert cloud.coordinate_dtype == np.float64
+    assert cloud.attributes["other_class"].tolist() == [300, 2]
+    assert cloud.attributes["other_class"].dtype == np.uint16
+
+
+def test_coordinate_systems_are_kept(tmp_path):
+    header = E57Header((E57Scan("{1}", "a"),), 'PROJCS["UTM"]')
+    cloud = PointCloud(POINTS, header=header)
+    assert header.crs == 'PROJCS["UTM"]'
+    assert E57Header().crs is None
+    assert losses("a.ply", cloud) == ["the name of 1 scan", "the coordinate system"]
+    write(tmp_path / "cloud.e57", cloud)
+    assert read(tmp_path / "cloud.e57") == cloud
+
+
+def test_attributes_that_e57_cannot_hold_are_refused(tmp_path):
+    attributes = {
+        "a b": np.zeros(3),
+        "é": np.zeros(3),
+        "big": np.array([0, 0, 2**63], np.uint64),
+        "t": np.array(["a"] * 3),
+    }
+    cloud = PointCloud(POINTS, attributes)
+    assert losses("a.e57", cloud) == ["attribute é (float64)", "attribute big (uint64)", "attribute t (text)"]
+    with pytest.raises(OutputError, match="cannot hold: attribute é"):
+        write(tmp_path / "cloud.e57", cloud)
+    assert not any(tmp_path.iterdir())
+    write(tmp_path / "cloud.e57", cloud, lossy=True)
+    assert list(read(tmp_path / "cloud.e57").attributes) == ["a_b"]
+
+
+@pytest.mark.parametrize("name", ["cloud", "cloud.xyz"])
+def test_content_is_recognised(tmp_path, name):
+    write(tmp_path / name, PointCloud(POINTS), format="e57")
+    assert len(read(tmp_path / name)) == 3
+
+
+def test_files_without_a_name_are_read(tmp_path):
+    from gppcs.io.e57 import read_e57
+
+    write(tmp_path / "cloud.e57", PointCloud(POINTS))
+    descriptor = (tmp_path / "cloud.e57").open("rb").detach()
+    with open(descriptor.fileno(), "rb", closefd=False) as file:
+        assert np.array_equal(read_e57(file).points, POINTS)
+    descriptor.close()
+
+
+def with_checksums(data):
+    """The pages of an E57 file with right checksums, as a hostile writer would make them."""
+
+    def checksum(page):
+        value = 0xFFFFFFFF
+        for byte in page:
+            value ^= byte
+            for _ in range(8):
+                value = value >> 1 ^ (0x82F63B78 if value & 1 else 0)
+        return (value ^ 0xFFFFFFFF).to_bytes(4, "big")
+
+    pages = (data[i : i + 1020] for i in range(0, len(data), 1024))
+    return b"".join(page + checksum(page) for page in pages)
+
+
+@pytest.fixture
+def changed(tmp_path):
+    """Write an E57 file in which a text of the XML part is another of the same length; return its path."""
+
+    def make(old, new):
+        path = tmp_path / "changed.e57"
+        write(path, PointCloud(POINTS, {"label": np.arange(3)}), force=True)
+        data = path.read_bytes()
+        assert with_checksums(data) == data
+        assert old in data
+        assert len(old) == len(new)
+        path.write_bytes(with_checksums(data.replace(old, new)))
+        return path
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (b'recordCount="3"', b'recordCount="9"', r"ends in point \d of 9|libE57Format reports"),
+        (b"<gppcs:label", b"<other:label", "reports: "),
+    ],
+)  # fmt: skip
+def test_lies_of_the_header_are_refused(changed, old, new, message):
+    with pytest.raises(FileFormatError, match=message):
+        read(changed(old, new))
+
+
+def test_declarations_of_entities_are_refused(changed):
+    with pytest.raises(FileFormatError, match="XML without declarations"):
+        read(changed(b"ASTM E57 3D Imaging", b"<!DOCTYPE Imaging  "))
+
+
+@pytest.mark.parametrize("left", [0, 8, 47, 48, 500, 1024, 2048])
+def test_cut_files_are_refused(tmp_path, left):
+    path = tmp_path / "cut.e57"
+    write(path, PointCloud(np.random.default_rng(0).normal(size=(1000, 3))))
+    path.write_bytes(path.read_bytes()[:left])
+    with pytest.raises(FileFormatError, match=r"cut\.e57: expected an? .*E57 file"):
+        read(path)
+
+
+def test_files_without_scans_or_coordinates_are_refused(by_pye57, by_libe57):
+    with pytest.raises(FileFormatError, match="at least one scan, found none"):
+        read(by_pye57())
+    fields = {name: ("FloatNode", (), np.zeros(1)) for name in ("cartesianX", "cartesianY", "intensity")}
+    with pytest.raises(
+        FileFormatError, match=r"cartesian or spherical .* found 'cartesianX', 'cartesianY', 'intensity'"
+    ):
+        read(by_libe57(fields))
+
+
+@settings(max_examples=60)
+@given(data=st.data())
+@pytest.mark.parametrize("is_hostile", [False, True])
+def test_damage_is_read_or_refused(folder, is_hostile, data):
+    path = folder / "whole.e57"
+    if not path.exists():
+        write(path, PointCloud(np.arange(30.0).reshape(10, 3), {"label": np.arange(10)}))
+    whole = bytearray(path.read_bytes())
+    for _ in range(data.draw(st.integers(1, 4))):
+        at = data.draw(st.integers(0, len(whole) - 1))
+        whole[at : at + 1] = data.draw(st.binary(min_size=1, max_size=1))
+    damaged = folder / "damaged.e57"
+    damaged.write_bytes(with_checksums(whole) if is_hostile else whole)
+    try:
+        read(damaged, "e57")
+    except GppcsError as error:
+        assert str(damaged) in str(error)  # noqa: PT017 - either outcome is right
+        assert len(str(error).splitlines()) == 1  # noqa: PT017
+
+
+def test_without_pye57_the_extra_is_named_before_any_work(tmp_path, monkeypatch):
+    write(tmp_path / "cloud.e57", PointCloud(POINTS))
+    monkeypatch.setitem(sys.modules, "pye57", None)
+    for attempt in (lambda: read(tmp_path / "cloud.e57"), lambda: losses("a.e57", PointCloud(POINTS))):
+        with pytest.raises(MissingExtraError, match=r"E57 files need pye57.*the extra e57.*pip install"):
+            attempt()

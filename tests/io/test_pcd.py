@@ -1,0 +1,396 @@
+"""PCD files of every encoding, type and version, packed colours, and damage."""
+
+import re
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from gppcs.clouds.cloud import PointCloud
+from gppcs.errors import FileFormatError, GppcsError, OutputError
+from gppcs.io import load, losses, read, write
+from gppcs.io.pcd import PackedColour, PcdHeader
+
+TYPES = ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8"]
+ENCODINGS = ["ascii", "binary", "binary_compressed"]
+XYZ = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
+
+
+def literal(data):
+    """Data as LZF holds it without compression."""
+    runs = (data[i : i + 32] for i in range(0, len(data), 32))
+    return b"".join(bytes([len(run) - 1]) + run for run in runs)
+
+
+def content(table, encoding, lines=(), compress=literal, **changes):
+    """A PCD file of a structured array; `changes` are other words for lines of the header, None to leave one out."""
+    fields = [(name.rstrip("0") if name.startswith("_") else name, *sub) for name, sub in (
+        (name, table.dtype[name].subdtype or (table.dtype[name], ())) for name in table.dtype.names)]  # fmt: skip
+    header = {
+        "VERSION": "0.7",
+        "FIELDS": " ".join(name for name, _, _ in fields),
+        "SIZE": " ".join(str(dtype.itemsize) for _, dtype, _ in fields),
+        "TYPE": " ".join(dtype.kind.upper() for _, dtype, _ in fields),
+        "COUNT": " ".join(str(shape[0] if shape else 1) for _, _, shape in fields),
+        "WIDTH": len(table),
+        "HEIGHT": 1,
+        "VIEWPOINT": "0 0 0 1 0 0 0",
+        "POINTS": len(table),
+        "DATA": encoding,
+        **changes,
+    }
+    start = ["# .PCD v0.7 - Point Cloud Data file format", *lines]
+    start += [f"{keyword} {words}" for keyword, words in header.items() if words is not None]
+    head = ("\n".join(start) + "\n").encode()
+    if encoding == "ascii":
+        rows = ([repr(value) for name in table.dtype.names for value in np.ravel(row[name]).tolist()] for row in table)
+        return head + "".join(" ".join(row) + "\n" for row in rows).encode()
+    if encoding == "binary":
+        return head + table.tobytes()
+    data = b"".join(table[name].tobytes() for name in table.dtype.names)
+    packed = compress(data)
+    return head + struct.pack("<II", len(packed), len(data)) + packed
+
+
+@pytest.fixture
+def pcd(tmp_path):
+    """Write the bytes of a PCD file; return its path."""
+
+    def make(data, name="cloud.pcd"):
+        (tmp_path / name).write_bytes(data)
+        return tmp_path / name
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("pcd")
+
+
+@st.composite
+def tables(draw):
+    """Structured arrays with coordinates, fields of each type and count, and padding."""
+    names = draw(st.lists(st.sampled_from(["a", "normal_x", "é", "_0", "_00"]), unique=True))
+    shapes = st.sampled_from([(), (2,), (5,)])
+    fields = [(name, "<" + draw(st.sampled_from(TYPES)), draw(shapes)) for name in names]
+    axes = [(axis, draw(st.sampled_from(["<f4", "<f8"]))) for axis in "xyz"]
+    dtype = np.dtype(draw(st.permutations([*fields, *axes])))
+    return draw(hnp.arrays(dtype, st.integers(0, 5)))
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+@given(table=tables())
+def test_every_type_and_count_is_read_bit_for_bit(folder, encoding, table):
+    if encoding == "ascii":  # text has only one NaN
+        for name in table.dtype.names:
+            if table[name].dtype.kind == "f":
+                table[name][np.isnan(table[name])] = np.nan
+    path = folder / "cloud.pcd"
+    path.write_bytes(content(table, encoding))
+    cloud = read(path)
+    assert cloud.coordinate_dtype == np.result_type(*(table[axis] for axis in "xyz"))
+    for i, axis in enumerate("xyz"):
+        assert np.array_equal(cloud.points[:, i], table[axis], equal_nan=True)
+    names = [name for name in table.dtype.names if name not in "xyz" and not name.startswith("_")]
+    assert list(cloud.attributes) == names
+    for name in names:
+        found = cloud.attributes[name]
+        assert found.dtype == table[name].dtype
+        assert found.dtype.isnative
+        assert found.flags.c_contiguous
+        assert found.shape == table[name].shape
+        assert found.tobytes() == table[name].tobytes()
+    again = folder / "again.pcd"
+    write(again, cloud, force=True)
+    assert read(again) == cloud
+    for name in names:
+        assert read(again).attributes[name].tobytes() == table[name].tobytes()
+
+
+@pytest.mark.parametrize("count", [0, 1, 31, 65_536, 65_537])
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_points_of_several_blocks(pcd, encoding, count):
+    table = np.zeros(count, [*XYZ.descr, ("label", "<i8")])
+    table["x"], table["label"] = np.arange(count), np.arange(count) + 2**60
+    cloud = read(pcd(content(table, encoding)))
+    assert np.array_equal(cloud.points[:, 0], np.arange(count))
+    assert np.array_equal(cloud.attributes["label"], table["label"])
+
+
+def test_compressed_data_is_expanded():
+    from gppcs.io.pcd import _decompressed
+
+    assert _decompressed(b"\x02abc\x20\x02", 6) == b"abcabc"  # 3 bytes from 3 bytes before
+    assert _decompressed(b"\x00a\xe0\xff\x00", 265) == b"a" * 265  # a copy of its own beginning
+    assert _decompressed(b"\x01ab\xe0\x03\x01", 14) == b"ab" * 7
+
+
+@pytest.mark.parametrize(
+    ("data", "size"),
+    [
+        (b"\x02ab", 3),
+        (b"\x00a\x20", 4),
+        (b"\x00a\x20\x01", 4),
+        (b"\x00a\xe0", 9),
+        (b"\x00a", 2),
+        (b"\x01ab", 1),
+        (b"\x00a", 10**9),
+        (b"", 1),
+    ],
+)
+def test_damaged_compression_is_refused(data, size):
+    from gppcs.io.pcd import _decompressed
+
+    with pytest.raises(FileFormatError, match=f"expected {size} bytes of points in LZF compression, found damaged"):
+        _decompressed(data, size)
+
+
+@pytest.mark.parametrize("dtype", ["<f4", "<u4", "<i4"])
+@pytest.mark.parametrize("name", ["rgb", "rgba"])
+@pytest.mark.parametrize("encoding", ENCODINGS[1:])
+@pytest.mark.parametrize("fourth", [0, 255, None])
+def test_packed_colours_come_apart_and_together_again(pcd, tmp_path, name, dtype, encoding, fourth):
+    words = np.random.default_rng(0).integers(0, 2**32, 50, dtype=np.uint32)
+    words[:4] = [0x7F800001, 0xFFC12345, 0x7FFFFFFF, 0x00000001]  # as floats: NaN with a payload, and denormal
+    if fourth is not None:
+        words = words & 0xFFFFFF | fourth << 24
+    table = np.zeros(50, [*XYZ.descr, ("a", "u1"), (name, dtype), ("b", "u1")])
+    table[name] = words.view(dtype)
+    cloud = read(pcd(content(table, encoding)))
+    channels = ["red", "green", "blue", *(["alpha"] if name == "rgba" or fourth is None else [])]
+    assert list(cloud.attributes) == ["a", *channels, "b"]
+    for channel, shift in zip(channels, (16, 8, 0, 24), strict=False):
+        assert cloud.attributes[channel].dtype == np.uint8
+        assert np.array_equal(cloud.attributes[channel], words >> shift & 255)
+    rows = np.array([3, 1, 1, 49])
+    write(tmp_path / "some.pcd", cloud.take(rows))
+    written = (tmp_path / "some.pcd").read_bytes()
+    assert f"FIELDS x y z a {name} b\nSIZE 4 4 4 1 4 1\nTYPE F F F U {dtype[1].upper()} U\n".encode() in written
+    assert written.endswith(b"DATA binary\n" + table[rows].tobytes())
+
+
+def test_colours_of_other_formats_are_packed_as_other_programs_expect(tmp_path):
+    colours = {
+        name: np.array([value], np.uint8) for name, value in zip(["red", "green", "blue"], (1, 2, 3), strict=True)
+    }
+    write(tmp_path / "rgb.pcd", PointCloud([[0, 0, 0]], colours))
+    assert b"FIELDS x y z rgb\nSIZE 8 8 8 4\nTYPE F F F F\n" in (tmp_path / "rgb.pcd").read_bytes()
+    assert (tmp_path / "rgb.pcd").read_bytes().endswith(bytes([3, 2, 1, 0]))
+    write(tmp_path / "rgba.pcd", PointCloud([[0, 0, 0]], {**colours, "alpha": np.array([0], np.uint8)}))
+    assert b"FIELDS x y z rgba\nSIZE 8 8 8 4\nTYPE F F F U\n" in (tmp_path / "rgba.pcd").read_bytes()
+    assert read(tmp_path / "rgba.pcd").attributes == {**colours, "alpha": np.array([0], np.uint8)}
+    with pytest.raises(OutputError, match="'rgb' twice"):
+        write(tmp_path / "twice.pcd", PointCloud([[0, 0, 0]], {**colours, "rgb": np.zeros(1)}))
+    assert not (tmp_path / "twice.pcd").exists()
+
+
+def test_colours_that_are_fields_of_their_own_stay_so(pcd, tmp_path):
+    table = np.zeros(3, [*XYZ.descr, ("blue", "u1"), ("green", "u1"), ("red", "u1")])
+    source = pcd(content(table, "binary"))
+    write(tmp_path / "again.pcd", read(source))
+    assert (tmp_path / "again.pcd").read_bytes() == source.read_bytes()
+    table = np.zeros(3, [*XYZ.descr, ("rgb", "<u4"), ("rgba", "<u4")])
+    assert list(read(pcd(content(table, "binary"))).attributes) == ["rgb", "rgba"]
+
+
+def test_packed_colours_in_text_are_written_as_whole_numbers(pcd, tmp_path):
+    table = np.zeros(2, [*XYZ.descr, ("rgb", "<f4")])
+    table["rgb"] = np.array([0x00102030, 0x00FFFEFD], np.uint32).view(np.float32)
+    cloud = read(pcd(content(table, "ascii")))
+    assert cloud.attributes["red"].tolist() == [0x10, 0xFF]
+    write(tmp_path / "again.pcd", cloud)
+    text = (tmp_path / "again.pcd").read_text()
+    assert "TYPE F F F U\n" in text
+    assert text.endswith(f"DATA ascii\n0.0 0.0 0.0 {0x102030}\n0.0 0.0 0.0 {0xFFFEFD}\n")
+    assert read(tmp_path / "again.pcd").attributes["blue"].tolist() == [0x30, 0xFD]
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS[:2])
+def test_viewpoint_and_comments_are_kept(pcd, tmp_path, encoding):
+    data = content(np.zeros(2, XYZ), encoding, ["# made by hand", "#so"], VIEWPOINT="1.5 -2 1e-300 0.1 0 0 nan")
+    cloud = read(pcd(data))
+    assert cloud.header.viewpoint[:6] == (1.5, -2, 1e-300, 0.1, 0, 0)
+    assert losses("cloud.pcd", cloud) == []
+    assert losses("cloud.ply", cloud) == ["the viewpoint", "2 comments"]
+    write(tmp_path / "again.pcd", cloud)
+    assert re.findall(rb"# made by hand\n#so\nVERSION|VIEWPOINT .*", (tmp_path / "again.pcd").read_bytes()) == [
+        b"# made by hand\n#so\nVERSION",
+        b"VIEWPOINT 1.5 -2 1e-300 0.1 0 0 nan",
+    ]
+    assert read(tmp_path / "again.pcd").header.comments == cloud.header.comments
+
+
+def test_grids_become_rows_and_keep_invalid_points(pcd):
+    table = np.zeros(6, XYZ)
+    table["x"][4] = np.nan
+    path = pcd(content(table, "binary", WIDTH=3, HEIGHT=2))
+    cloud = read(path)
+    assert cloud.non_finite().tolist() == [4]
+    assert load(path)[-1] == ["the grid of 3 columns and 2 rows"]
+    assert losses("cloud.ply", cloud) == []
+    assert load(pcd(content(table, "binary")))[-1] == []
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"VERSION": ".7"},
+        {"VERSION": "0.6", "FIELDS": None, "COLUMNS": "x y z"},
+        {"VERSION": ".5", "COUNT": None, "VIEWPOINT": None, "POINTS": None},
+        {"WIDTH": None, "HEIGHT": None},
+        {"VERSION": None},
+    ],
+)
+@pytest.mark.parametrize("end", [b"\n", b"\r\n"])
+def test_older_headers(pcd, changes, end):
+    table = np.arange(6, dtype="f4").view(XYZ)
+    if "COLUMNS" in changes:
+        changes = {"COLUMNS": changes["COLUMNS"], **changes}
+    data = content(table, "ascii", **{"DATA": "ascii"} | changes)
+    lines = sorted(data.splitlines(), key=lambda line: line.startswith((b"DATA", b"0", b"3")))
+    cloud = read(pcd(end.join(sorted(lines[:-2], key=lambda line: line.startswith(b"DATA")) + lines[-2:]) + end))
+    assert cloud.points.tolist() == [[0, 1, 2], [3, 4, 5]]
+    assert cloud.header == PcdHeader(is_text=True)
+
+
+@pytest.mark.parametrize("name", ["cloud", "cloud.xyz", "cloud.unknown"])
+@pytest.mark.parametrize("lines", [0, 1])
+def test_content_is_recognised(pcd, name, lines):
+    data = content(np.zeros(2, XYZ), "binary")
+    assert len(read(pcd(data.split(b"\n", lines)[-1], name))) == 2
+
+
+@pytest.mark.parametrize("left", [0, 1, 11, 12, 30, 99 * 12 + 11])
+def test_a_cut_file_tells_the_first_missing_point(pcd, left):
+    data = content(np.zeros(100, XYZ), "binary")
+    with pytest.raises(FileFormatError, match=rf"ends in point {left // 12 + 1} of 100\b"):
+        read(pcd(data[: len(data) - 1200 + left]))
+
+
+@pytest.mark.parametrize(("left", "missing"), [("", 1), ("1 2 3\n", 2), ("1 2 3\n4 5", 2), ("1 2 3\n4 5 6\n7", 3)])
+def test_a_cut_text_file_tells_the_first_missing_point(pcd, left, missing):
+    data = content(np.zeros(0, XYZ), "ascii", WIDTH=3, POINTS=3)
+    with pytest.raises(FileFormatError, match=f"ends in point {missing} of 3"):
+        read(pcd(data + left.encode()))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"VERSION": "0.8"}, "version 0.5, 0.6 or 0.7, found '0.8'"),
+        ({"FIELDS": "x y"}, "line SIZE with 2 values in the PCD header, found '4 4 4'"),
+        ({"FIELDS": "x y x"}, "different names, found 'x' twice"),
+        ({"FIELDS": "a b c"}, "x, y and z for each point, found 'a', 'b', 'c'"),
+        ({"FIELDS": "_ _ _"}, "x, y and z for each point, found nothing"),
+        ({"FIELDS": None}, "line FIELDS with values in the PCD header, found none"),
+        ({"SIZE": "4 4 2"}, "found 'F 2' for 'z'"),
+        ({"TYPE": "F F S"}, "found 'S 4' for 'z'"),
+        ({"COUNT": "1 1 0"}, "COUNT to be 1 or more, found '0' for 'z'"),
+        ({"COUNT": "1 1 -1"}, "COUNT to be 1 or more, found '-1' for 'z'"),
+        ({"COUNT": "1 1 2", "WIDTH": 1, "POINTS": 1}, r"one z for each point, found shape \(1, 2\)"),
+        ({"COUNT": "1 1 1000000000"}, r"less than 2\^31 bytes for each point"),
+        ({"WIDTH": "many"}, "whole number as WIDTH, found 'many'"),
+        ({"WIDTH": 3}, "POINTS to be WIDTH times HEIGHT, found 2, 3 and 1"),
+        ({"WIDTH": None, "POINTS": None}, "line WIDTH or POINTS"),
+        ({"WIDTH": 10**18 - 1, "POINTS": 10**18 - 1}, "ends in point 3 of"),
+        ({"VIEWPOINT": "0 0 0"}, "VIEWPOINT with 7 values"),
+        ({"VIEWPOINT": "0 0 0 1 0 0 no"}, "7 numbers as VIEWPOINT"),
+        ({"DATA": "zip"}, "DATA to be one of ascii, binary, binary_compressed, found 'zip'"),
+        ({"DATA": None}, "line 11: expected a PCD header"),
+        ({"EXTRA": "1"}, "expected"),
+    ],
+)
+def test_malformed_headers_tell_what_is_wrong(pcd, changes, message):
+    data = content(np.full(2, 1, XYZ), "binary", **changes)
+    if "EXTRA" in changes:
+        data = data.replace(b"DATA binary\nEXTRA 1\n", b"EXTRA 1\nDATA binary\n")
+    with pytest.raises(FileFormatError, match=message):
+        read(pcd(data))
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("1 2 3 256 0", "uint8 as a of point 2, found '256'"),
+        ("1 2 3 0.5 0", "uint8 as a of point 2, found '0.5'"),
+        ("1 2 3 nan 0", "uint8 as a of point 2, found 'nan'"),
+        ("1 2 3 0 9223372036854775808", "int64 as b of point 2, found '9223372036854775808'"),
+        ("1 2 3 0 -1e30", "int64 as b of point 2, found '-1e30'"),
+        ("1 2 3 0 0 5", "line 13: expected 5 numbers"),
+        ("1 2 three 0 0", "line 13: .*'1 2 three 0 0'"),
+    ],
+)
+def test_bad_rows_of_text_tell_what_and_where(pcd, row, message):
+    data = content(np.zeros(1, [*XYZ.descr, ("a", "u1"), ("b", "<i8")]), "ascii", WIDTH=2, POINTS=2)
+    with pytest.raises(FileFormatError, match=message):
+        read(pcd(data + row.encode() + b"\n"))
+
+
+@pytest.mark.parametrize(
+    ("sizes", "message"),
+    [
+        ((10, 24), "10 bytes of compressed points, found 9|damaged"),
+        ((9, 25), "expected 24 bytes of points, found 25"),
+        ((2**32 - 1, 24), "expected 4294967295 bytes of compressed points, found"),
+        ((5, 24), "damaged data"),
+    ],
+)
+def test_lies_before_compressed_data_are_refused(pcd, sizes, message):
+    data = content(np.zeros(2, XYZ), "binary_compressed", compress=lambda data: literal(data[:8]))
+    head = data[: data.index(b"compressed\n") + 11]
+    with pytest.raises(FileFormatError, match=message):
+        read(pcd(head + struct.pack("<II", *sizes) + literal(bytes(8))))
+    with pytest.raises(FileFormatError, match="ends in point 1 of 2"):
+        read(pcd(head + b"1234567"))
+
+
+def test_points_that_only_a_header_holds_take_no_memory(pcd):
+    for encoding in ENCODINGS:
+        with pytest.raises(FileFormatError):
+            read(pcd(content(np.zeros(1, XYZ), encoding, WIDTH=10**12, POINTS=10**12)))
+
+
+def test_names_that_pcd_cannot_hold_are_refused(tmp_path):
+    with pytest.raises(OutputError, match="other than '_'"):
+        write(tmp_path / "cloud.pcd", PointCloud([[0, 0, 0]], {" ": np.zeros(1)}))
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("dtype", ["?", "f2", "i8", "u8"])
+@pytest.mark.parametrize("is_text", [False, True])
+def test_values_of_other_types_are_exact(tmp_path, dtype, is_text):
+    values = np.array([1, 0.1 if dtype == "f2" else 0, 1], dtype)
+    if dtype in ("i8", "u8"):
+        values[:2] = np.iinfo(dtype).min, np.iinfo(dtype).max
+    cloud = PointCloud(
+        np.zeros((3, 3)), {"a": values, "b": np.tile(values, (2, 2, 1)).T}, header=PcdHeader(is_text=is_text)
+    )
+    write(tmp_path / "cloud.pcd", cloud)
+    found = read(tmp_path / "cloud.pcd").attributes
+    assert np.array_equal(found["a"].astype(dtype), values)
+    assert np.array_equal(found["b"].reshape(3, 2, 2).astype(dtype), cloud.attributes["b"])
+
+
+@given(encoding=st.sampled_from(ENCODINGS), data=st.data())
+def test_damage_is_read_or_refused(folder, encoding, data):
+    table = np.zeros(20, [*XYZ.descr, ("rgb", "<f4"), ("label", "<u2", 3)])
+    whole = bytearray(content(table, encoding))
+    for _ in range(data.draw(st.integers(1, 4))):
+        at = data.draw(st.integers(0, len(whole) - 1))
+        whole[at : at + data.draw(st.integers(0, 3))] = data.draw(st.binary(max_size=3))
+    path = folder / "damaged.pcd"
+    path.write_bytes(whole)
+    try:
+        read(path, "pcd")
+    except GppcsError as error:
+        assert str(path) in str(error)  # noqa: PT017 - either outcome is right
+        assert len(str(error).splitlines()) == 1  # noqa: PT017
+
+
+def test_headers_are_compared_by_value():
+    assert PcdHeader(colour=PackedColour()) == PcdHeader(colour=PackedColour())
+    assert PcdHeader(colour=PackedColour(fourth=255)) != PcdHeader(colour=PackedColour())

@@ -1,0 +1,100 @@
+"""PTX files: poses, several scans, rows without a return, and damage."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gppcs.errors import FileFormatError, GppcsError
+from gppcs.io import load, losses, read
+
+IDENTITY = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1"
+TURN = "0 1 0 0\n-1 0 0 0\n0 0 1 0\n10 20 30 1"  # x to y, y to -x, then moved
+ROWS = ["1 2 3 0.5", "0 0 0 0.5", "4 5 6 0.25", "0.0 -0 0.000000 0", "0 0 7.5 1", "nan 0 0 1"]
+
+
+def scan(rows, columns=1, pose=IDENTITY):
+    return "\n".join([str(columns), str(len(rows) // columns), "0 0 0", "1 0 0", "0 1 0", "0 0 1", pose, *rows, ""])
+
+
+@pytest.fixture
+def ptx(tmp_path):
+    def make(text, name="cloud.ptx"):
+        (tmp_path / name).write_bytes(text.encode())
+        return tmp_path / name
+
+    return make
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+@pytest.mark.parametrize("name", ["cloud.ptx", "cloud.xyz", "cloud"])
+def test_points_come_without_rows_that_have_no_return(ptx, end, name):
+    path = ptx(scan(ROWS, 2).replace("\n", end), name)
+    cloud = read(path)
+    assert np.array_equal(cloud.points, [[1, 2, 3], [4, 5, 6], [0, 0, 7.5], [np.nan, 0, 0]], equal_nan=True)
+    assert cloud.attributes["intensity"].tolist() == [0.5, 0.25, 1, 1]
+    assert list(cloud.attributes) == ["intensity"]
+    assert load(path)[-1] == ["rows without a return (2)", "the grid of 2 columns and 3 rows"]
+
+
+def test_scans_are_merged_with_their_poses(ptx):
+    coloured = [f"{row} {i} 0 255" for i, row in enumerate(ROWS[:3])]
+    cloud = read(ptx(scan(coloured) + scan(coloured, pose=TURN)))
+    assert cloud.points.tolist() == [[1, 2, 3], [4, 5, 6], [8, 21, 33], [5, 24, 36]]
+    assert cloud.attributes["scan"].tolist() == [0, 0, 1, 1]
+    assert cloud.attributes["red"].tolist() == [0, 2, 0, 2]
+    assert cloud.attributes["blue"].dtype == np.uint8
+    assert cloud.header.scans[1].pose[12:] == (10, 20, 30, 1)
+    assert losses("cloud.ply", cloud) == ["the poses of 2 scans"]
+
+
+def test_scans_without_points(ptx):
+    assert len(read(ptx(scan([])))) == 0
+    assert read(ptx(scan([]) + scan(ROWS))).attributes["scan"].tolist() == [1] * 4
+    assert len(read(ptx(scan(["0 0 0 0.5"])))) == 0
+
+
+@pytest.mark.parametrize("count", [65_536, 65_537])
+def test_points_of_several_blocks(ptx, count):
+    cloud = read(ptx(scan([f"{i + 1} 0 0 1" for i in range(count)]) + scan(ROWS)))
+    assert np.array_equal(cloud.points[:count, 0], np.arange(count) + 1)
+    assert len(cloud) == count + 4
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "size of a scan in a PTX file, found nothing"),
+        ("2\n", "line 2: expected a whole number before the points of a scan, found ''"),
+        ("2.5\n1\n", "line 1: expected a whole number .* found '2.5'"),
+        (scan(ROWS).replace("0 1 0\n", "0 1\n", 1), "line 5: expected 3 finite numbers .* found '0 1'"),
+        (scan(ROWS).replace("0 0 0 1", "0 0 0 inf"), "line 10: expected 4 finite numbers"),
+        (scan(ROWS)[:-20], "ends in point 5 of 6"),
+        (scan([*ROWS, "1 2 3"]), "line 17: expected 4 numbers, found '1 2 3'"),
+        (scan(["1 2 3"]), "line 11: expected 4 or 7 numbers for each point, found 3"),
+        (scan(["1 2 3 0 0 0 256"]), "whole numbers from 0 to 255 as blue, found 256"),
+        (scan(["1 2 3 0 0 nan 0"]), "whole numbers from 0 to 255 as green, found nan"),
+        (scan(ROWS) + scan(["1 2 3 0 0 0 0"]), "colours in all scans or in none"),
+        (scan(ROWS) + "nonsense\n", "line 17: expected a whole number .* found 'nonsense'"),
+        (scan(ROWS).replace("1\n6\n", "999999999\n999999999\n"), "ends in point 7 of 999999998000000001"),
+    ],
+)
+def test_malformed_files_tell_what_and_where(ptx, text, message):
+    with pytest.raises(FileFormatError, match=message):
+        read(ptx(text))
+
+
+@settings(max_examples=200)
+@given(data=st.data())
+def test_damage_is_read_or_refused(tmp_path_factory, data):
+    whole = bytearray((scan(ROWS, 2) + scan(ROWS, pose=TURN)).encode())
+    for _ in range(data.draw(st.integers(1, 4))):
+        at = data.draw(st.integers(0, len(whole) - 1))
+        whole[at : at + data.draw(st.integers(0, 3))] = data.draw(st.binary(max_size=3))
+    path = tmp_path_factory.getbasetemp() / "damaged.ptx"
+    path.write_bytes(whole)
+    try:
+        read(path, "ptx")
+    except GppcsError as error:
+        assert str(path) in str(error)  # noqa: PT017 - either outcome is right
+        assert len(str(error).splitlines()) == 1  # noqa: PT017
