@@ -16,7 +16,7 @@ PointCloud(1,000 points, each with nx, ny, nz, curvature, red, green, blue)
 `help(gppcs.simplify)` explains one name. The command `gppcs` does the same work on files; see `gppcs --help`.
 
 Get a cloud
-    read                     read a point cloud file: PLY, XYZ, CSV, PCD, E57, Parquet and others
+    read                     read a point cloud file: PLY, LAS, LAZ, XYZ, CSV, PCD, E57, Parquet and others
     sample                   make a synthetic scan of a surface that is known exactly
     from_depth               make a cloud of the image of a depth camera
     PointCloud               N points, each with the same attributes

@@ -41,7 +41,7 @@ def test_a_given_format_decides_over_content_and_name(tmp_path):
 def test_unknown_formats_are_listed(tmp_path, name):
     path = tmp_path / name
     path.write_text("1 2 3\n")
-    formats = r"\.ply \.xyz \.txt \.asc \.csv \.pts \.npy \.npz \.off \.obj \.stl"
+    formats = r"\.ply \.las \.laz \.xyz \.txt \.asc \.csv \.pts \.npy \.npz \.off \.obj \.stl"
     for attempt in (lambda: read(path), lambda: write(path, CLOUD), lambda: read(path, format="las2")):
         with pytest.raises(FileFormatError, match=formats):
             attempt()
@@ -100,7 +100,7 @@ def test_what_a_format_cannot_hold_is_refused_or_left_out_when_that_is_asked_for
     else:
         assert losses(path, cloud) == []
         write(path, cloud)
-        assert list(read(path).attributes) == ["nx", "label"]
+        assert set(read(path).attributes) >= {"nx", "label"}
 
 
 @pytest.mark.parametrize("known", [known for known in FORMATS if known.write], ids=lambda known: known.name)
@@ -112,11 +112,12 @@ def test_attributes_without_numbers_are_refused_or_left_out(tmp_path, known):
     with pytest.raises(OutputError, match="cannot hold: attribute thing"):
         write(path, cloud)
     write(path, cloud, lossy=True)
-    assert read(path).attributes == {}
+    assert "thing" not in read(path).attributes
 
 
 def test_importing_takes_no_compiler_along():
-    check = "import sys, gppcs.io; sys.exit(bool({'numba', 'scipy', 'laspy', 'pyarrow', 'pye57'} & set(sys.modules)))"
+    compilers = "{'numba', 'scipy', 'laspy', 'lazrs', 'pyarrow', 'pye57'}"
+    check = f"import sys, gppcs.io; sys.exit(bool({compilers} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", check], check=False).returncode == 0
 
 

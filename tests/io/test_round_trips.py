@@ -11,6 +11,7 @@ from gppcs.errors import GppcsError
 from gppcs.io import FORMATS, read, write
 
 WRITABLE = [known.suffixes[0] for known in FORMATS if known.write is not None]
+FLOATING = [suffix for suffix in WRITABLE if suffix not in (".las", ".laz")]  # these hold multiples of a scale
 PLY_TYPES = ["i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8"]
 NAMES = st.text("abcXYZ_09é", min_size=1, max_size=8).filter(lambda name: name not in "xyz")
 
@@ -89,7 +90,7 @@ def test_text_keeps_whole_numbers_whole_and_floats_floats(folder, cloud, suffix)
 
 
 @given(points=arrays("f4", st.tuples(st.integers(0, 6), st.just(3))))
-@pytest.mark.parametrize("suffix", WRITABLE)
+@pytest.mark.parametrize("suffix", FLOATING)
 def test_every_format_keeps_float32_coordinates(folder, points, suffix):
     found = through(folder, PointCloud(points, coordinate_dtype=points.dtype), suffix)
     assert found.points.astype(np.float32).tobytes() == points.tobytes()
@@ -108,7 +109,7 @@ def test_vertices_come_back_bit_for_bit_from_a_part_of_a_ply(folder, cloud, data
     assert second.read_bytes().endswith(b"end_header\n" + wanted)
 
 
-@pytest.mark.parametrize("suffix", WRITABLE)
+@pytest.mark.parametrize("suffix", FLOATING)
 def test_not_finite_coordinates_are_read_as_they_are(folder, suffix):
     points = np.array([[0.5, np.nan, 1], [np.inf, -np.inf, -0.0]])
     found = through(folder, PointCloud(points), suffix)
@@ -137,6 +138,7 @@ def test_attributes_of_several_numbers_are_spread(folder):
 )
 @pytest.mark.parametrize("suffix", WRITABLE)
 def test_damage_is_read_or_refused_but_never_a_crash(folder, cloud, start, junk, cut, suffix):
+    assume(not {"X", "Y", "Z"} & set(cloud.attributes))  # LAS refuses attributes of these names
     path = folder / f"damaged{suffix}"
     write(path, cloud, force=True, lossy=True)
     whole = path.read_bytes()

@@ -53,6 +53,7 @@ class Summary:
     non_finite: int
     coordinate_type: str
     attributes: Mapping[str, str]
+    crs: str | None
 
 
 def info(cloud: CloudLike) -> Summary:
@@ -107,6 +108,7 @@ def info(cloud: CloudLike) -> Summary:
             name: " x ".join([str(values.dtype), *map(str, values.shape[1:])])
             for name, values in cloud.attributes.items()
         },
+        crs=cloud.header.crs if cloud.header else None,
     )
 
 

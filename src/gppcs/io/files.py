@@ -15,7 +15,7 @@ import numpy as np
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.errors import FileFormatError, InputError, OutputError, ParameterError, file_path, flag, shown
-from gppcs.io import arrays, arrow, e57, meshes, pcd, ply, ptx, text
+from gppcs.io import arrays, arrow, e57, las, meshes, pcd, ply, ptx, text
 from gppcs.io.format import Format
 from gppcs.io.streams import inner_name, plain_input, whole_output
 from gppcs.io.whole_file import is_standard
@@ -24,6 +24,7 @@ _HEAD = 1024
 
 FORMATS: tuple[Format, ...] = (
     ply.FORMAT,
+    *las.FORMATS,
     *text.FORMATS,
     *arrays.FORMATS,
     *meshes.FORMATS,
@@ -39,7 +40,7 @@ def read(
     format: str | None = None,  # noqa: A002 - as numpy, pandas say
     columns: Sequence[str] | None = None,
 ) -> PointCloud:
-    """Read a cloud: PLY, XYZ, TXT, ASC, CSV, PTS, NPY, NPZ, OFF, OBJ, STL, PCD, PTX, E57, Parquet or Feather.
+    """Read a cloud: PLY, LAS, LAZ, COPC, XYZ, CSV, PTS, NPY, NPZ, OFF, OBJ, STL, PCD, PTX, E57, Parquet or Feather.
 
     The format is found by how the content begins, otherwise by the suffix of the name. Of mesh files, only the vertices
     are read. The scans of PTX and E57 files become one cloud, each moved by its pose.
@@ -200,7 +201,7 @@ def write(
     force: bool = False,
     lossy: bool = False,
 ) -> None:
-    """Write a cloud: PLY, XYZ, TXT, ASC, CSV, PTS, NPY, NPZ, OFF, OBJ, PCD, E57, Parquet or Feather.
+    """Write a cloud: PLY, LAS, LAZ, XYZ, CSV, PTS, NPY, NPZ, OFF, OBJ, PCD, E57, Parquet or Feather.
 
     The file appears under its name only when it is complete. Coordinates are written in the cloud's
     `coordinate_dtype`, attributes in their own types if the format has these.

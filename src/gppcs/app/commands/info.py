@@ -64,6 +64,8 @@ def _print(file: Path, columns: list[str] | None, as_json: bool) -> None:
         "not finite": f"{summary.non_finite:,}",
         "coordinates": summary.coordinate_type,
     }
+    if summary.crs:
+        rows["coordinate system"] = summary.crs
     if faces:
         rows["faces"] = f"{faces:,} (the file is a mesh; only its vertices are read)"
     rows |= {f"attribute {name}": re.sub(r"^[<>]U\d+", "text", kind) for name, kind in summary.attributes.items()}

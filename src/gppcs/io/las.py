@@ -1,0 +1,575 @@
+"""Reads and writes LAS and LAZ files; reads COPC files, which are LAZ files with an index of the points."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import partial
+from io import BufferedReader
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.columns import Column
+from gppcs.errors import FileFormatError, OutputError
+from gppcs.io.columns import check_name, exact_as_double
+from gppcs.io.format import Format, without_attributes, without_header
+from gppcs.io.las_header import (
+    EXTRA_BYTES,
+    LASZIP,
+    SIZES,
+    TYPES,
+    LasHeader,
+    Record,
+    extra_name,
+    read_header,
+    record_of,
+    waveforms_at,
+)
+from gppcs.io.rows import BLOCK, ends_early
+
+_AXES = ("X", "Y", "Z")
+_UNDESCRIBED = "ExtraBytes"  # laspy's name for bytes of each point that no record describes
+_LONGEST_NAME = 32
+_LARGEST = 2**31 - 1  # of the whole numbers that coordinates are stored as
+_LONGEST_RECORD = 2**16 - 1
+_MOST_IN_CHUNK = 10_000_000  # points; of chunks up to this size, all cores decompress one each, which takes memory
+_SAMPLE = 1000  # coordinates by which a scale is tried first
+_FINEST = -300  # the smallest power of ten of a scale
+# Point formats for clouds of other sources, in the order of preference, and the versions that have them.
+_VERSIONS = {0: 2, 1: 2, 2: 2, 3: 2, 6: 4, 7: 4, 8: 4}
+_WITH_WKT = 6  # from this point format on, a coordinate system is given as WKT
+
+
+@dataclass(frozen=True)
+class _Dimension:
+    """Where an attribute stands in the record of a point: in a field, or in some bits of one."""
+
+    field: str
+    dtype: np.dtype[Any]
+    mask: int = 0
+
+    @property
+    def shift(self) -> int:
+        return (self.mask & -self.mask).bit_length() - 1
+
+    def values(self, points: NDArray[Any]) -> Column:
+        """Return the attribute of some points."""
+        values = points[self.field]
+        return (values & self.mask) >> self.shift if self.mask else values
+
+    def store(self, points: NDArray[Any], values: Column) -> None:
+        """Set the attribute of some points, whose bits are zero."""
+        if self.mask:
+            points[self.field] |= values.astype(self.dtype) << self.shift
+        else:
+            points[self.field] = values
+
+    def fits(self, values: Column) -> bool:
+        """Return whether a standard dimension holds an attribute exactly."""
+        if values.ndim != 1 or values.dtype.kind not in "biuf":
+            return False
+        if self.dtype.kind == "f":
+            return values.astype(self.dtype).astype(values.dtype).tobytes() == values.tobytes()
+        if values.dtype.kind == "f":
+            return False
+        low, high = np.iinfo(self.dtype).min, np.iinfo(self.dtype).max
+        high = self.mask >> self.shift if self.mask else high
+        return not len(values) or (low <= int(values.min()) and int(values.max()) <= high)
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """How points are stored: the type of a point's record, and the attributes in it by name."""
+
+    record: np.dtype[Any]
+    dimensions: Mapping[str, _Dimension] = field(default_factory=dict)
+
+    def with_extra(self, name: str, dtype: np.dtype[Any], shape: tuple[int, ...] = ()) -> _Layout:
+        """Return a layout with another attribute in extra bytes."""
+        place = f"extra {name}"  # no name of a standard field
+        record = np.dtype([*((each, *_type_and_shape(self.record[each])) for each in self.record.names or ()),
+                           (place, dtype, shape)])  # fmt: skip
+        return _Layout(record, {**self.dimensions, name: _Dimension(place, dtype)})
+
+
+def _type_and_shape(dtype: np.dtype[Any]) -> tuple[np.dtype[Any], tuple[int, ...]]:
+    return dtype.subdtype or (dtype, ())
+
+
+def _standard_layout(point_format: int) -> _Layout:
+    from laspy.point.dims import ALL_POINT_FORMATS_DTYPE, COMPOSED_FIELDS
+
+    record = ALL_POINT_FORMATS_DTYPE[point_format]
+    parts = COMPOSED_FIELDS[point_format]
+    dimensions = {}
+    for name in record.names:
+        for part in parts.get(name, ()):
+            dimensions[part.name] = _Dimension(name, record[name], part.mask)
+        if name not in parts and name not in _AXES:
+            dimensions[name] = _Dimension(name, record[name])
+    return _Layout(record, dimensions)
+
+
+def _layout(header: LasHeader, size: int) -> _Layout:
+    """Return how the points of a file are stored, given the bytes of each."""
+    number = header.point_format
+    if number > 10:
+        raise FileFormatError(f"expected a point format of 0 to 10, found {number}")
+    layout = _standard_layout(number)
+    if size > layout.record.itemsize:  # otherwise there are no extra bytes, even if some are described
+        for description in header.descriptions():
+            name = extra_name(description)
+            if not name or name in layout.dimensions or name in ("x", "y", "z", *_AXES):
+                raise FileFormatError(f"expected a name of its own for all extra bytes, found {name!r}; rename them")
+            layout = layout.with_extra(name, *_type_of_extra(description))
+    rest = size - layout.record.itemsize
+    if rest < 0:
+        raise FileFormatError(f"expected points of {layout.record.itemsize:,} bytes or more, found {size:,}")
+    return layout.with_extra(_UNDESCRIBED, TYPES[0], (rest,)) if rest else layout
+
+
+def _type_of_extra(description: NDArray[Any]) -> tuple[np.dtype[Any], tuple[int, ...]]:
+    number, options = int(description["type"]), int(description["options"])
+    if number == 0:
+        return TYPES[0], () if options == 1 else (options,)
+    if number > 3 * len(TYPES):
+        raise FileFormatError(f"expected extra bytes of a type of 0 to 30, found {number}; the file may be damaged")
+    several, kind = divmod(number - 1, len(TYPES))
+    return TYPES[kind], (several + 1,) if several else ()
+
+
+def read_las(file: BufferedReader) -> PointCloud:
+    """Read a LAS, LAZ or COPC file.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Returns
+    -------
+    PointCloud
+        An attribute for each dimension but X, Y and Z, under laspy's name and of its type; what takes some bits of a
+        byte is uint8. Scaled extra bytes are the whole numbers in the file. The header is a `LasHeader`.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is damaged, ends early, or has a scale with which coordinates cannot be told apart.
+    """
+    header, fields, laszip = read_header(file)
+    size, compressed = int(fields["point_size"][0]), int(fields["point_format"][0]) & 0b11000000
+    layout = _layout(header, size)
+    count = int(fields["count"][0]) or int(fields["legacy_count"][0])
+    blocks = _compressed(file, layout, count, laszip) if compressed else _uncompressed(file, layout, count)
+    scales, offsets = fields["scales"][0], fields["offsets"][0]
+    coordinates, columns = [np.empty((0, 3))], {name: [] for name in layout.dimensions}  # type: ignore[var-annotated]
+    for block in blocks:
+        coordinates.append(_coordinates(block, scales, offsets))
+        for name, dimension in layout.dimensions.items():
+            columns[name].append(np.ascontiguousarray(dimension.values(block), dimension.dtype.newbyteorder("=")))
+    points = np.concatenate(coordinates)
+    coordinates.clear()
+    attributes = {}
+    for name, dimension in layout.dimensions.items():
+        empty = np.empty((0, *layout.record[dimension.field].shape), dimension.dtype.newbyteorder("="))
+        attributes[name] = np.concatenate([empty, *columns.pop(name)])  # frees the blocks, one attribute after another
+    return PointCloud(points, attributes, header=header)
+
+
+def _uncompressed(file: BufferedReader, layout: _Layout, count: int) -> Iterator[NDArray[Any]]:
+    size = layout.record.itemsize
+    start = file.tell()
+    whole = (file.seek(0, 2) - start) // size
+    file.seek(start)
+    if whole < count:
+        raise ends_early("point", whole, count)
+    for first in range(0, count, BLOCK):
+        n = min(BLOCK, count - first)
+        yield np.frombuffer(file.read(n * size), layout.record, n)
+
+
+def _compressed(file: BufferedReader, layout: _Layout, count: int, laszip: Record | None) -> Iterator[NDArray[Any]]:
+    """Yield points in blocks, so that a header that lies about their number takes no memory."""
+    import lazrs
+
+    if laszip is None:
+        raise FileFormatError("expected a record that describes the compression of the points, found none")
+    if not count:
+        return
+    size = layout.record.itemsize
+    with _reported():
+        kind = lazrs.LazVlr(laszip.data)
+        if kind.item_size() != size:
+            raise FileFormatError(f"expected compressed points of {size} bytes, found {kind.item_size()}")
+        largest = _largest_chunk(file, laszip, size)
+        reader = lazrs.ParLasZipDecompressor if largest <= _MOST_IN_CHUNK else lazrs.LasZipDecompressor
+        decompressor = reader(file, laszip.data, lazrs.DecompressionSelection(lazrs.SELECTIVE_DECOMPRESS_ALL))
+    for first in range(0, count, BLOCK):
+        block = np.empty(min(BLOCK, count - first), layout.record)
+        with _reported():
+            decompressor.decompress_many(block.view(np.uint8))
+        yield block
+
+
+def _largest_chunk(file: BufferedReader, laszip: Record, point_size: int) -> int:
+    """Check the sizes by which lazrs takes memory: those of chunks and of layers in them. Return the largest chunk.
+
+    The file is at its first point before and after. The largest chunk is in points.
+    """
+    import lazrs
+
+    start = file.tell()
+    size = file.seek(0, 2)
+    table = _whole_number(file, start, 8)
+    if table == -1:  # of a file that was written without going back
+        table = _whole_number(file, size - 8, 8)
+    n_chunks = _whole_number(file, table + 4, 4) & 0xFFFFFFFF if start < table <= size - 8 else -1
+    file.seek(start)
+    if not 0 < n_chunks <= size:
+        raise FileFormatError("expected a table of the compressed points, found none; get the whole file again")
+    chunks = lazrs.read_chunk_table(file, lazrs.LazVlr(laszip.data))
+    n_layers, position = _layers(laszip), start + 8
+    for _, length in chunks:
+        file.seek(position + point_size + 4)
+        needed = int(np.frombuffer(file.read(4 * n_layers).ljust(4 * n_layers, b"\0"), "<u4").sum(dtype=np.int64))
+        position += length
+        if needed > length or position > size:
+            raise FileFormatError("expected all compressed points within the file, found fewer; get it again")
+    file.seek(start)
+    return max(points for points, _ in chunks)
+
+
+def _layers(laszip: Record) -> int:
+    """Return the number of layers in each chunk, whose sizes follow its first point and its number of points."""
+    items = np.frombuffer(laszip.data, [("type", "<u2"), ("size", "<u2"), ("version", "<u2")], offset=34)
+    known = {10: 9, 11: 1, 12: 2, 13: 1}  # points from format 6 on, colours, near infrared, wave packets
+    return sum(int(each["size"]) if each["type"] == 14 else known.get(int(each["type"]), 0) for each in items)
+
+
+def _whole_number(file: BufferedReader, position: int, length: int) -> int:
+    file.seek(max(position, 0))
+    return int.from_bytes(file.read(length), "little", signed=True)
+
+
+@contextmanager
+def _reported() -> Iterator[None]:
+    """Raise errors of lazrs, and a panic in it, as a FileFormatError."""
+    try:
+        yield
+    except BaseException as error:
+        # A panic of Rust is no Exception, and its class cannot be imported.
+        if isinstance(error, FileFormatError) or not (
+            isinstance(error, Exception) or type(error).__name__ == "PanicException"
+        ):
+            raise
+        reason = " ".join(str(error).split())
+        raise FileFormatError(f"expected whole compressed points, but lazrs reports: {reason}") from error
+
+
+def _coordinates(
+    points: NDArray[Any], scales: NDArray[np.float64], offsets: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    result = np.empty((len(points), 3))
+    with np.errstate(all="ignore"):
+        for i, axis in enumerate(_AXES):
+            result[:, i] = points[axis] * scales[i] + offsets[i]
+            if not np.array_equal(np.rint((result[:, i] - offsets[i]) / scales[i]), points[axis]):
+                raise FileFormatError(
+                    f"expected a scale and an offset of {axis} that keep different coordinates different, found "
+                    f"{scales[i]:g} and {offsets[i]:g}; the file may be damaged"
+                )
+    return result
+
+
+def write_las(file: BinaryIO, cloud: PointCloud, compressed: bool) -> None:
+    """Write a LAS or LAZ file.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for writing.
+    cloud : PointCloud
+        It has a `LasHeader` whose scale, point format and extra bytes are those of its points.
+    compressed : bool
+        Whether to write LAZ.
+
+    Raises
+    ------
+    OutputError
+        If a coordinate is NaN or infinite, or there are more points than the version can count.
+    """
+    header = cloud.header
+    assert isinstance(header, LasHeader)
+    if len(bad := cloud.non_finite()):
+        raise OutputError(
+            f"expected finite coordinates, which alone LAS can hold, found {len(bad):,} points with NaN or infinite "
+            f"ones, the first at index {bad[0]}: drop them first, or write PLY"
+        )
+    if header.minor_version < 4 and len(cloud) >= 2**32:
+        raise OutputError(f"expected fewer than 2^32 points in LAS 1.{header.minor_version}, found {len(cloud):,}")
+    layout = _standard_layout(header.point_format)
+    described = header.extra_bytes
+    for name, values in cloud.attributes.items():
+        if name not in layout.dimensions:
+            known = name in described or name == _UNDESCRIBED
+            assert known
+            layout = layout.with_extra(name, values.dtype.newbyteorder("<"), values.shape[1:])
+    _write_file(file, cloud, header, layout, compressed)
+
+
+def _write_file(file: BinaryIO, cloud: PointCloud, header: LasHeader, layout: _Layout, compressed: bool) -> None:
+    import lazrs
+
+    records = [each for each in header.records if not each.extended]
+    extra = layout.record.itemsize - _standard_layout(header.point_format).record.itemsize
+    kind = lazrs.LazVlr.new_for_compression(header.point_format, extra) if compressed else None
+    if kind:
+        records.append(record_of(LASZIP, b"lazrs", bytes(kind.record_data())))
+    before = b"".join(each.content for each in records) + header.padding
+    start = len(header.block) + len(before)
+    header = header.with_fields(
+        offset_to_points=start,
+        n_records=len(records),
+        point_format=header.point_format | (0b10000000 if compressed else 0),
+        point_size=layout.record.itemsize,
+        **_counts(cloud, header),
+    )
+    file.write(header.block + before)
+    if kind:
+        compressor = lazrs.ParLasZipCompressor(file, kind)
+        for block in _blocks(cloud, header, layout):
+            compressor.compress_many(block.view(np.uint8))
+        compressor.done()
+        file.seek(0, 2)
+    else:
+        for block in _blocks(cloud, header, layout):
+            file.write(block.data)
+    _write_extended(file, header)
+
+
+def _write_extended(file: BinaryIO, header: LasHeader) -> None:
+    """Write the records behind the points, and where they are."""
+    position = file.tell()
+    waveforms, content = waveforms_at(header.records, position)
+    if content:
+        file.write(content)
+        fields = {"waveforms": waveforms}
+        if header.minor_version >= 4:
+            fields |= {"first_extended": position, "n_extended": sum(each.extended for each in header.records)}
+        file.seek(0)
+        file.write(header.with_fields(**fields).block)
+
+
+def _counts(cloud: PointCloud, header: LasHeader) -> dict[str, Any]:
+    """Return what the public header block says of the points: how many, how many of each return, and bounds."""
+    returns = np.bincount(cloud.attributes.get("return_number", np.empty(0, np.uint8)), minlength=16)[1:16]
+    bounds = np.zeros((3, 2))
+    if len(cloud):
+        bounds = np.stack([cloud.points.max(axis=0), cloud.points.min(axis=0)], axis=1)
+    fields: dict[str, Any] = {"bounds": bounds}
+    if header.minor_version >= 4:
+        fields |= {"count": len(cloud), "returns": returns}
+    if header.point_format < _WITH_WKT and len(cloud) < 2**32:
+        fields |= {"legacy_count": len(cloud), "legacy_returns": returns[:5]}
+    return fields
+
+
+def _blocks(cloud: PointCloud, header: LasHeader, layout: _Layout) -> Iterator[NDArray[Any]]:
+    fields = header.fields()
+    for start in range(0, len(cloud), BLOCK):
+        rows = slice(start, start + BLOCK)
+        points = cloud.points[rows]
+        block = np.zeros(len(points), layout.record)
+        for i, axis in enumerate(_AXES):
+            block[axis] = np.rint((points[:, i] - fields["offsets"][0, i]) / fields["scales"][0, i])
+        for name, values in cloud.attributes.items():
+            layout.dimensions[name].store(block, values[rows])
+        yield block
+
+
+def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
+    """Return a cloud as `write_las` writes it, with a `LasHeader`, and in words what that leaves out."""
+    lost: list[str] = []
+    if isinstance(cloud.header, LasHeader):
+        header = cloud.header
+    else:
+        cloud, lost = without_header(cloud)
+        header = _new_header(cloud)
+    cloud, header, attributes = _fit_attributes(cloud, header)
+    points, header, rounding = _fit_points(cloud.points, header)
+    return replace(cloud, points=points, coordinate_dtype=np.dtype(np.float64), header=header), [
+        *attributes,
+        *lost,
+        *rounding,
+    ]
+
+
+def _new_header(cloud: PointCloud) -> LasHeader:
+    """Return a header with the first point format that holds the most attributes as standard dimensions."""
+    layouts = {number: _standard_layout(number).dimensions for number in _VERSIONS}
+
+    def held(number: int) -> int:
+        return sum(
+            name in layouts[number] and layouts[number][name].fits(values) for name, values in cloud.attributes.items()
+        )
+
+    best = max(layouts, key=held)
+    size = SIZES[_VERSIONS[best] if len(cloud) < 2**32 else 4]
+    return LasHeader(
+        bytes(size)[:25] + bytes([next(n for n in (2, 4) if SIZES[n] == size)]) + bytes(size - 26)
+    ).with_fields(
+        signature=b"LASF",
+        major=1,
+        size=size,
+        point_format=best,
+        system_identifier=b"OTHER",
+        generating_software=b"gppcs",
+        global_encoding=0b10000 if best >= _WITH_WKT else 0,
+    )
+
+
+def _fit_attributes(cloud: PointCloud, header: LasHeader) -> tuple[PointCloud, LasHeader, list[str]]:
+    """Convert attributes to the types that the file has for them, and describe those in extra bytes."""
+    standard, described = _standard_layout(header.point_format).dimensions, header.extra_bytes
+    kept: dict[str, Column] = {}
+    descriptions, last, lost = [], {}, []
+    for name, values in cloud.attributes.items():
+        if name in standard:
+            if standard[name].fits(values):
+                kept[name] = values.astype(standard[name].dtype.newbyteorder("="), copy=False)
+            else:
+                lost.append(name)
+            continue
+        if name == _UNDESCRIBED and name not in described and values.dtype == np.uint8 and values.ndim == 2:
+            last[name] = values  # stands behind all that are described
+            continue
+        parts = _extra_columns(name, values)
+        if not parts:
+            lost.append(name)
+        for part, column in parts.items():
+            check_name(part, (*kept, *last, *standard, *_AXES))
+            kept[part] = column
+            descriptions.append(_description(part, column, described.get(part)))
+    header = _with_descriptions(header, descriptions)
+    return replace(cloud, attributes={**kept, **last}), header, without_attributes(cloud, lost)[1]
+
+
+def _with_descriptions(header: LasHeader, descriptions: list[NDArray[Any]]) -> LasHeader:
+    if len(descriptions) * EXTRA_BYTES.itemsize > _LONGEST_RECORD:
+        most = _LONGEST_RECORD // EXTRA_BYTES.itemsize
+        raise OutputError(f"expected at most {most} attributes in extra bytes, found {len(descriptions):,}; drop some")
+    return header.with_extra_bytes(descriptions)
+
+
+def _extra_columns(name: str, values: Column) -> dict[str, Column]:
+    """Return an attribute as columns of types that extra bytes can have; none if there are no such types."""
+    dtype = values.dtype.newbyteorder("=")
+    if dtype.kind == "b":
+        dtype = np.dtype(np.uint8)
+    elif dtype == np.float16:
+        dtype = np.dtype(np.float32)
+    elif dtype.kind == "f" and dtype.itemsize > 8 and exact_as_double(values):
+        dtype = np.dtype(np.float64)
+    width = math.prod(values.shape[1:])
+    if dtype not in TYPES or not width:
+        return {}
+    values = np.ascontiguousarray(values, dtype).reshape(len(values), width)
+    if width == 1:
+        return {name: values[:, 0]}
+    if width <= 3 or (dtype == np.uint8 and width <= 255):
+        return {name: values}
+    return {f"{name}_{i}": values[:, i] for i in range(width)}
+
+
+def _description(name: str, values: Column, known: NDArray[Any] | None) -> NDArray[Any]:
+    """Return what describes an attribute in extra bytes: what the header holds, if that is of the same type."""
+    if known is not None and _type_of_extra(known) == (values.dtype.newbyteorder("<"), values.shape[1:]):
+        return known
+    if len(name.encode()) > _LONGEST_NAME:
+        raise OutputError(
+            f"expected a name of at most {_LONGEST_NAME} bytes for each attribute in LAS, found {name!r}; rename it"
+        )
+    width = values.shape[1] if values.ndim > 1 else 1
+    number = TYPES.index(values.dtype.newbyteorder("<")) + 1
+    new = np.zeros((), EXTRA_BYTES)
+    new["name"] = name.encode()
+    new["type"], new["options"] = (number + (width - 1) * len(TYPES), 0) if width <= 3 else (0, width)
+    return new
+
+
+def _fit_points(points: NDArray[np.float64], header: LasHeader) -> tuple[NDArray[np.float64], LasHeader, list[str]]:
+    """Return the coordinates as whole multiples of a scale, and a header with that scale.
+
+    Each axis keeps the header's scale if that is exact. Otherwise it gets the coarsest power of ten that is exact and
+    fits 32 bits, or else the finest one that fits.
+    """
+    fields = header.fields()
+    scales, offsets = fields["scales"][0], fields["offsets"][0]
+    stored, coarsest = points.copy(), 0.0
+    for i, values in enumerate(points.T):
+        finite = values[np.isfinite(values)]
+        if not _is_exact(finite, scales[i], offsets[i]):
+            scales[i], offsets[i] = _scale_and_offset(finite)
+            if not _is_exact(finite, scales[i], offsets[i]):
+                stored[:, i] = _multiples(values, scales[i], offsets[i])
+                coarsest = max(coarsest, scales[i])
+    rounding = [f"coordinates (they are rounded to multiples of {coarsest:g})"] if coarsest else []
+    return stored, header.with_fields(scales=scales, offsets=offsets), rounding
+
+
+def _multiples(values: NDArray[np.float64], scale: float, offset: float) -> NDArray[np.float64]:
+    """Return coordinates as they are read from a file, NaN where they do not fit."""
+    with np.errstate(all="ignore"):
+        whole = np.rint((values - offset) / scale)
+        whole[~(np.abs(whole) <= _LARGEST)] = np.nan
+        result: NDArray[np.float64] = whole * scale + offset
+    return result
+
+
+def _is_exact(values: NDArray[np.float64], scale: float, offset: float) -> bool:
+    """Return whether values are whole multiples of a scale that fit, as far as float64 can tell."""
+    return all(
+        np.array_equal(_multiples(part, scale, offset), part) for part in (values[:_SAMPLE], values[_SAMPLE:])
+    )  # most scales fail at the first
+
+
+def _scale_and_offset(values: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the coarsest power of ten that is exact, or the finest that fits 32 bits, and a fitting offset."""
+    if not len(values):
+        return 0.01, 0.0
+    low, high = float(values.min()), float(values.max())
+    middle = float(np.rint(low / 2 + high / 2))
+    for offset in (0.0, middle):
+        reach = max(high - offset, offset - low)
+        finest = _finest(reach)
+        # In multiples of coarser scales than the first, all but zero are too small.
+        for exponent in range(max(finest, min(finest + 10, 0)), finest - 1, -1):
+            if _is_exact(values, float(f"1e{exponent}"), offset):
+                return float(f"1e{exponent}"), offset
+    return float(f"1e{finest}"), middle
+
+
+def _finest(reach: float) -> int:
+    """Return the exponent of the smallest power of ten in which a length is at most a whole number of 31 bits."""
+    if reach <= 0:
+        return 0
+    exponent = max(math.ceil(math.log10(reach) - math.log10(_LARGEST)), _FINEST)
+    return exponent + (reach / float(f"1e{exponent}") > _LARGEST - 1)
+
+
+def _is_las(head: bytes, size: int, compressed: bool) -> bool:
+    return head.startswith(b"LASF") and len(head) > 104 and bool(head[104] & 0b11000000) == compressed
+
+
+def _format(name: str, suffix: str, compressed: bool) -> Format:
+    write: Callable[[BinaryIO, PointCloud], None] = partial(write_las, compressed=compressed)
+    return Format(name, (suffix,), read_las, write, partial(_is_las, compressed=compressed), fitted=_fitted)
+
+
+FORMATS = (_format("LAS", ".las", False), _format("LAZ", ".laz", True))

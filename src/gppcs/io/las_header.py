@@ -1,0 +1,406 @@
+"""The header of LAS files, kept as bytes: public header block, variable-length records, coordinate system.
+
+laspy's own header is not used: it writes the records that it knows anew, with other bytes, and sets a missing date.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from io import BufferedReader
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.clouds.header import Header
+from gppcs.errors import FileFormatError
+
+# The names and places that the LAS specification gives; a file of version 1.2 ends before `waveforms`, one of 1.3
+# before `first_extended`.
+BLOCK = np.dtype(
+    [
+        ("signature", "S4"), ("source_id", "<u2"), ("global_encoding", "<u2"), ("project_id", "V16"),
+        ("major", "u1"), ("minor", "u1"), ("system_identifier", "S32"), ("generating_software", "S32"),
+        ("day", "<u2"), ("year", "<u2"), ("size", "<u2"), ("offset_to_points", "<u4"), ("n_records", "<u4"),
+        ("point_format", "u1"), ("point_size", "<u2"), ("legacy_count", "<u4"), ("legacy_returns", "<u4", 5),
+        ("scales", "<f8", 3), ("offsets", "<f8", 3), ("bounds", "<f8", (3, 2)), ("waveforms", "<u8"),
+        ("first_extended", "<u8"), ("n_extended", "<u4"), ("count", "<u8"), ("returns", "<u8", 15),
+    ]
+)  # fmt: skip
+_MINOR = 25  # the byte that holds the version's second number
+SIZES = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375}  # of the header block, by the version's second number
+# Of these, some depend on the points, the others on how the file is stored.
+_DERIVED = (
+    "offset_to_points", "n_records", "point_size", "legacy_count", "legacy_returns", "bounds", "waveforms",
+    "first_extended", "n_extended", "count", "returns",
+)  # fmt: skip
+RECORD = np.dtype([("reserved", "<u2"), ("user", "S16"), ("id", "<u2"), ("length", "<u2"), ("description", "S32")])
+EXTENDED = np.dtype([("reserved", "<u2"), ("user", "S16"), ("id", "<u2"), ("length", "<u8"), ("description", "S32")])
+EXTRA_BYTES = np.dtype(
+    [
+        ("reserved", "V2"), ("type", "u1"), ("options", "u1"), ("name", "S32"), ("unused", "V4"), ("no_data", "V24"),
+        ("min", "V24"), ("max", "V24"), ("scale", "V24"), ("offset", "V24"), ("description", "S32"),
+    ]
+)  # fmt: skip
+TYPES = tuple(np.dtype(name) for name in ("<u1", "<i1", "<u2", "<i2", "<u4", "<i4", "<u8", "<i8", "<f4", "<f8"))
+_MIN_AND_MAX, _SCALE, _OFFSET = 0b00110, 0b01000, 0b10000  # options of extra bytes
+
+_EXTRA_BYTES_RECORD = (b"LASF_Spec", 4)
+_WAVEFORMS = (b"LASF_Spec", 65535)
+LASZIP = (b"laszip encoded", 22204)
+_WKT, _GEO_KEYS, _GEO_TEXTS = ((b"LASF_Projection", number) for number in (2112, 34735, 34737))
+# Compression and indices of the points are right for one file only.
+_OF_ONE_FILE = {LASZIP, (b"copc", 1), (b"copc", 1000), (b"LAStools", 30)}
+_PROJECTED, _GEOGRAPHIC, _CITATIONS = 3072, 2048, (3073, 1026, 2049)  # keys of GeoTIFF
+_USES_WKT, _HOLDS_WAVEFORMS = 0b10000, 0b10  # bits of the global encoding
+
+
+@dataclass(frozen=True)
+class Record:
+    """A variable-length record, whole, with its own header.
+
+    Attributes
+    ----------
+    content : bytes
+        Header and data.
+    extended : bool
+        Whether it stands behind the points.
+    """
+
+    content: bytes
+    extended: bool = False
+
+    @property
+    def kind(self) -> tuple[bytes, int]:
+        """The user that has defined the record, and its number among the user's kinds of records."""
+        head = np.frombuffer(self.content, EXTENDED if self.extended else RECORD, 1)[0]
+        return bytes(head["user"]), int(head["id"])
+
+    @property
+    def data(self) -> bytes:
+        """What follows the record's header."""
+        return self.content[(EXTENDED if self.extended else RECORD).itemsize :]
+
+
+def record_of(kind: tuple[bytes, int], description: bytes, data: bytes) -> Record:
+    """Return a record that stands before the points.
+
+    Parameters
+    ----------
+    kind : (bytes, int)
+        User and number.
+    description : bytes
+        At most 32.
+    data : bytes
+        At most 65,535.
+
+    Returns
+    -------
+    Record
+    """
+    return Record(np.array((0, *kind, len(data), description), RECORD).tobytes() + data)
+
+
+@dataclass(frozen=True, eq=False)
+class LasHeader(Header):
+    """What a LAS file says of the whole cloud.
+
+    Attributes
+    ----------
+    block : bytes
+        The public header block. What depends on the points, or on how the file is stored, is zero.
+    records : tuple of Record
+        The variable-length records that do not describe compression or an index of the points.
+    padding : bytes
+        What stands between the last record and the first point.
+    """
+
+    block: bytes
+    records: tuple[Record, ...] = ()
+    padding: bytes = b""
+
+    def fields(self) -> NDArray[Any]:
+        """Return a copy of the public header block by the names of `BLOCK`. Fields beyond its version are zero.
+
+        Returns
+        -------
+        array of one row, of type `BLOCK`
+        """
+        return _fields(self.block)
+
+    def with_fields(self, **values: Any) -> LasHeader:
+        """Return the header with other values in its block.
+
+        Parameters
+        ----------
+        **values
+            By the names of `BLOCK`.
+
+        Returns
+        -------
+        LasHeader
+        """
+        fields = self.fields()
+        for name, value in values.items():
+            fields[name] = value
+        size = SIZES[self.minor_version]
+        return replace(self, block=fields.tobytes()[:size] + self.block[size:])
+
+    @property
+    def minor_version(self) -> int:
+        """The second number of the version."""
+        return self.block[_MINOR]
+
+    @property
+    def point_format(self) -> int:
+        """The number of the point format, 0 to 10."""
+        return int(self.fields()["point_format"][0])
+
+    def descriptions(self) -> NDArray[Any]:
+        """Return the descriptions of extra bytes, in the order of the bytes.
+
+        Returns
+        -------
+        (K,) array of type `EXTRA_BYTES`
+        """
+        found = next((each.data for each in self.records if each.kind == _EXTRA_BYTES_RECORD), b"")
+        return np.frombuffer(found, EXTRA_BYTES)
+
+    @property
+    def extra_bytes(self) -> dict[str, NDArray[Any]]:
+        """The descriptions of extra bytes, each of type `EXTRA_BYTES`, by name."""
+        return {extra_name(each): each for each in self.descriptions()}
+
+    def with_extra_bytes(self, descriptions: Iterable[NDArray[Any]]) -> LasHeader:
+        """Return the header with other descriptions of extra bytes, in the place of the old ones.
+
+        Parameters
+        ----------
+        descriptions : iterable of array of type `EXTRA_BYTES`
+
+        Returns
+        -------
+        LasHeader
+        """
+        data = b"".join(each.tobytes() for each in descriptions)
+        old = next((each for each in self.records if each.kind == _EXTRA_BYTES_RECORD), None)
+        if data == (old.data if old else b""):
+            return self
+        new = [record_of(_EXTRA_BYTES_RECORD, b"Extra bytes", data)] if data else []
+        place = self.records.index(old) if old else len(self.records)
+        return replace(self, records=(*self.records[:place], *new, *self.records[place + bool(old) :]))
+
+    @property
+    def crs(self) -> str | None:
+        """The coordinate reference system, by its name and code; None if it is not known."""
+        found = {each.kind: each.data for each in self.records}
+        by_wkt, by_keys = _crs_of_wkt(found.get(_WKT, b"")), _crs_of_keys(found)
+        uses_wkt = int(self.fields()["global_encoding"][0]) & _USES_WKT
+        return (by_wkt or by_keys) if uses_wkt else (by_keys or by_wkt)
+
+    def contents(self) -> list[str]:
+        """Return in words the coordinate system, the number of other records, and which extra bytes are scaled."""
+        known = (b"LASF_Projection",)
+        others = sum(each.kind[0] not in known and each.kind != _EXTRA_BYTES_RECORD for each in self.records)
+        scaled = [name for name, each in self.extra_bytes.items() if is_scaled(each)]
+        crs = self.crs
+        if crs is None and any(each.kind[0] in known for each in self.records):
+            crs = "of unknown name"
+        return [
+            *([f"coordinate system {crs}"] if crs else []),
+            *([f"{others} variable-length record{'s' * (others > 1)}"] if others else []),
+            *(f"scale of extra bytes {name}" for name in scaled),
+        ]
+
+
+def extra_name(description: NDArray[Any]) -> str:
+    """Return the name of extra bytes, with an escape for each byte that is not UTF-8.
+
+    Parameters
+    ----------
+    description : array of type `EXTRA_BYTES`
+
+    Returns
+    -------
+    str
+    """
+    return bytes(description["name"]).split(b"\0")[0].decode("utf-8", "backslashreplace")
+
+
+def is_scaled(description: NDArray[Any]) -> bool:
+    """Return whether the values of extra bytes are to be multiplied by a scale, or an offset is to be added.
+
+    Parameters
+    ----------
+    description : array of type `EXTRA_BYTES`
+
+    Returns
+    -------
+    bool
+    """
+    return bool(description["type"]) and bool(int(description["options"]) & (_SCALE | _OFFSET))
+
+
+def _crs_of_wkt(data: bytes) -> str | None:
+    text = data.split(b"\0")[0].decode("utf-8", "replace").strip()
+    name = re.match(r'\w+\s*[\[(]\s*"([^"]+)"', text)
+    code = re.search(r'(?:AUTHORITY|ID)\s*[\[(]\s*"(\w+)"\s*,\s*"?(\w+)"?\s*[\])]\s*[\])]$', text)
+    return name and _in_one_line(f"{name[1]} ({code[1]}:{code[2]})" if code else name[1])
+
+
+def _crs_of_keys(records: dict[tuple[bytes, int], bytes]) -> str | None:
+    words = records.get(_GEO_KEYS, b"")
+    table = np.frombuffer(words[: len(words) // 8 * 8], "<u2").reshape(-1, 4).astype(int)
+    keys = {key: (place, count, value) for key, place, count, value in table[1:].tolist()}
+    texts = records.get(_GEO_TEXTS, b"")
+    names = [
+        texts[start : start + count] for where, count, start in map(keys.get, _CITATIONS, [(0, 0, 0)] * 3) if where
+    ]
+    name = next((_in_one_line(each.split(b"\0")[0].decode("utf-8", "replace").strip("| ")) for each in names), None)
+    codes = [keys[key][2] for key in (_PROJECTED, _GEOGRAPHIC) if key in keys]
+    code = next((f"EPSG:{each}" for each in codes if 1024 <= each <= 32766), None)
+    return f"{name} ({code})" if name and code else name or code
+
+
+def _in_one_line(text: str) -> str:
+    return re.sub(r"[\s\x00-\x1f\x7f-\x9f]+", " ", text)
+
+
+def read_header(file: BufferedReader) -> tuple[LasHeader, NDArray[Any], Record | None]:
+    """Read all but the points of a LAS file. Leave the file at its first point.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Returns
+    -------
+    header : LasHeader
+    fields : array of one row, of type `BLOCK`
+        The public header block as it stands in the file.
+    laszip : Record or None
+        The record that describes the compression of the points.
+
+    Raises
+    ------
+    FileFormatError
+        If the header is malformed, or the file ends early.
+    """
+    size = file.seek(0, 2)
+    file.seek(0)
+    fields, block = _read_block(file, size)
+    n_records, start = int(fields["n_records"][0]), int(fields["offset_to_points"][0])
+    whole = file.read(start - len(block))
+    records, position = [], 0
+    for i in range(n_records):
+        content = _record(whole, position, i, n_records)
+        records.append(Record(content))
+        position += len(content)
+    padding = whole[position:]
+    records += _read_extended(file, size, fields)
+    file.seek(start)
+    kept = tuple(_without_bounds(each) for each in records if each.kind not in _OF_ONE_FILE)
+    laszip = next((each for each in records if each.kind == LASZIP), None)
+    header = LasHeader(block, kept, padding)
+    number = int(fields["point_format"][0]) & 0b111111  # the other bits tell that points are compressed
+    zeros = dict.fromkeys(_DERIVED, 0)
+    return header.with_fields(**zeros, point_format=number), fields, laszip
+
+
+def _read_block(file: BufferedReader, size: int) -> tuple[NDArray[Any], bytes]:
+    head = file.read(BLOCK.itemsize)
+    if not head.startswith(b"LASF") or len(head) < SIZES[2]:
+        raise FileFormatError(
+            f"expected a LAS header of at least {SIZES[2]} bytes, found {len(head)} or another format"
+        )
+    major, minor = head[_MINOR - 1], head[_MINOR]
+    if major != 1 or minor not in SIZES:
+        raise FileFormatError(f"expected LAS of version 1.0 to 1.4, found {major}.{minor}; convert the file")
+    fields = _fields(head)
+    length, start = int(fields["size"][0]), int(fields["offset_to_points"][0])
+    if not SIZES[minor] <= length <= start <= size:
+        raise FileFormatError(
+            f"expected a header of at least {SIZES[minor]} bytes before the points and within the file, found one of "
+            f"{length:,} bytes, points from byte {start:,} on and a file of {size:,}; get the whole file again"
+        )
+    file.seek(0)
+    return fields, file.read(length)
+
+
+def _fields(block: bytes) -> NDArray[Any]:
+    """Return the public header block by names. What stands behind the fields of its version is left out."""
+    return np.frombuffer(block[: SIZES[block[_MINOR]]].ljust(BLOCK.itemsize, b"\0"), BLOCK).copy()
+
+
+def _record(data: bytes, position: int, index: int, count: int) -> bytes:
+    """Return the record that begins at a position of the bytes before the points."""
+    end = position + RECORD.itemsize
+    if end <= len(data):
+        end += int(np.frombuffer(data, RECORD, 1, position)["length"][0])
+    if end > len(data):
+        raise FileFormatError(
+            f"expected {count:,} variable-length records before the points, found {index:,}; get the whole file again"
+        )
+    return data[position:end]
+
+
+def _read_extended(file: BufferedReader, size: int, fields: NDArray[Any]) -> Iterator[Record]:
+    """Yield the records behind the points."""
+    count, position = int(fields["n_extended"][0]), int(fields["first_extended"][0])
+    if fields["minor"][0] == 3 and int(fields["global_encoding"][0]) & _HOLDS_WAVEFORMS and fields["waveforms"][0]:
+        count, position = 1, int(fields["waveforms"][0])
+    for i in range(count):
+        file.seek(min(position, size))
+        head = file.read(EXTENDED.itemsize)
+        length = int(np.frombuffer(head, EXTENDED)["length"][0]) if len(head) == EXTENDED.itemsize else size
+        position += EXTENDED.itemsize + length
+        if position > size:
+            raise FileFormatError(
+                f"expected {count:,} extended variable-length records, found {i:,}; get the whole file again"
+            )
+        yield Record(head + file.read(length), extended=True)
+
+
+def _without_bounds(record: Record) -> Record:
+    """Return a record of extra bytes without minima and maxima, which depend on the points; others unchanged."""
+    if record.kind != _EXTRA_BYTES_RECORD:
+        return record
+    if len(record.data) % EXTRA_BYTES.itemsize:
+        raise FileFormatError(
+            f"expected {EXTRA_BYTES.itemsize} bytes for each description of extra bytes, "
+            f"found {len(record.data):,} in all; the file may be damaged"
+        )
+    descriptions = np.frombuffer(record.data, EXTRA_BYTES).copy()
+    typed = descriptions["type"] > 0  # otherwise the options are a number of bytes
+    descriptions["options"][typed] &= 0xFF ^ _MIN_AND_MAX
+    descriptions["min"] = descriptions["max"] = np.void(bytes(24))
+    return (
+        replace(record, content=record.content[: -len(record.data)] + descriptions.tobytes()) if len(typed) else record
+    )
+
+
+def waveforms_at(records: Iterable[Record], start: int) -> tuple[int, bytes]:
+    """Return where the waveform data will stand, and the bytes of all records that stand behind the points.
+
+    Parameters
+    ----------
+    records : iterable of Record
+        All records of a file.
+    start : int
+        The position of the first of those that stand behind the points.
+
+    Returns
+    -------
+    position : int
+        Zero if there are no waveform data.
+    content : bytes
+    """
+    found, content = 0, b""
+    for each in records:
+        if each.extended:
+            found = start + len(content) if each.kind == _WAVEFORMS else found
+            content += each.content
+    return found, content

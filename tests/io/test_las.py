@@ -1,0 +1,518 @@
+"""LAS and LAZ files come back bit for bit, as laspy reads them; damaged ones bring our own errors only."""
+
+import io
+import random
+import struct
+from dataclasses import replace
+
+import laspy
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from laspy.vlrs.known import GeoAsciiParamsVlr, GeoKeyDirectoryVlr, GeoKeyEntryStruct, WktCoordinateSystemVlr
+from laspy.vlrs.vlrlist import VLRList
+
+import gppcs
+from gppcs.clouds.cloud import PointCloud
+from gppcs.errors import FileFormatError, GppcsError, OutputError
+from gppcs.io import losses, read, write
+
+SUFFIXES = [".las", ".laz"]
+FORMATS = [
+    *((version, number) for version in ("1.2", "1.3", "1.4") for number in range(4)),
+    *((version, number) for version in ("1.3", "1.4") for number in (4, 5)),
+    *(("1.4", number) for number in range(6, 11)),
+]
+EXTRA_TYPES = [
+    f"{width}{kind}"
+    for width in ("", "2", "3")
+    for kind in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
+]
+WKT = 'PROJCS["NAD83 / Oregon",GEOGCS["NAD83",AUTHORITY["EPSG","4269"]],UNIT["foot",0.3048],AUTHORITY["EPSG","2991"]]'
+
+
+def random_las(version, number, n=300, extra=("f4", "3u2")):
+    """Points of a version and point format, with random bytes in every dimension, and a header full of things."""
+    rng = np.random.default_rng(number)
+    header = laspy.LasHeader(version=version, point_format=number)
+    header.scales, header.offsets = [0.001, 0.01, 0.0001], [500_000, 5e6, -3]
+    header.add_extra_dims([laspy.ExtraBytesParams(f"extra {i}", kind) for i, kind in enumerate(extra)])
+    header.add_extra_dim(laspy.ExtraBytesParams("scaled", "i4", scales=[0.5], offsets=[7.0], description="some"))
+    header.vlrs.append(laspy.VLR("somebody", 77, "anything", bytes(range(256))))
+    header.vlrs.append(WktCoordinateSystemVlr(WKT))
+    header.creation_date, header.file_source_id, header.system_identifier = None, 3, "A SCANNER"
+    header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
+    las = laspy.LasData(header)
+    record = las.points.array = np.zeros(n, header.point_format.dtype())
+    record[:] = np.frombuffer(rng.bytes(record.nbytes), record.dtype)
+    if version == "1.4":
+        las.evlrs = VLRList([laspy.VLR("somebody", 78, "later", b"much" * 20_000)])
+    return las
+
+
+def save(las, path):
+    with np.errstate(all="ignore"):  # random floats may be NaN, of which laspy computes minima
+        las.write(path)
+    return path
+
+
+def assert_same_dimensions(found, expected, indices):
+    """All dimensions of two of laspy's clouds are the same bytes at some indices."""
+    assert list(found.point_format.dimension_names) == list(expected.point_format.dimension_names)
+    for name in expected.point_format.dimension_names:
+        one, other = raw(found, name), raw(expected, name)[indices]
+        assert one.dtype == other.dtype
+        assert one.tobytes() == other.tobytes(), name
+
+
+def raw(las, name):
+    values = las.points[name]
+    return np.ascontiguousarray(values.array if hasattr(values, "scale") else values)
+
+
+def assert_right_header(las):
+    """The counts and bounds of laspy's header are those of its points."""
+    points = np.asarray(las.xyz)
+    assert las.header.point_count == len(points)
+    assert np.array_equal(las.header.maxs, points.max(axis=0))
+    assert np.array_equal(las.header.mins, points.min(axis=0))
+    returns = np.bincount(np.asarray(las.return_number), minlength=16)[1:]
+    kept = 15 if las.header.version.minor >= 4 else 5
+    assert las.header.number_of_points_by_return[:kept].tolist() == returns[:kept].tolist()
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize(("version", "number"), FORMATS)
+def test_a_part_of_a_file_has_the_bytes_of_the_kept_points(tmp_path, version, number, suffix):
+    original = random_las(version, number)
+    cloud = read(save(original, tmp_path / f"in{suffix}"))
+    original = laspy.read(tmp_path / f"in{suffix}")
+    assert list(cloud.attributes) == list(original.point_format.dimension_names)[3:]
+    assert np.array_equal(cloud.points, original.xyz)
+    indices = np.array([5, 250, 0, 17])
+    for target in SUFFIXES:
+        write(tmp_path / f"out{target}", cloud.take(indices), force=True)
+        found = laspy.read(tmp_path / f"out{target}")
+        assert_same_dimensions(found, original, indices)
+        assert_right_header(found)
+        for name in ("version", "file_source_id", "system_identifier", "generating_software", "creation_date", "uuid"):
+            assert getattr(found.header, name) == getattr(original.header, name)
+        assert found.header.global_encoding.value == original.header.global_encoding.value
+        assert bytes_of(found.vlrs) == bytes_of(original.vlrs)
+        assert bytes_of(found.evlrs or []) == bytes_of(original.evlrs or [])
+        assert read(tmp_path / f"out{target}") == cloud.take(indices)
+
+
+def bytes_of(records):
+    """The bytes of laspy's records, but those of compression, and minima and maxima of extra bytes."""
+    kept = [record for record in records if record.user_id != "laszip encoded"]
+    for record in kept:
+        for each in getattr(record, "extra_bytes_structs", []):
+            each.options &= 0b11111001 if each.data_type else 0xFF
+            for name in ("_min", "_max"):
+                np.frombuffer(getattr(each, name), np.uint64)[:] = 0
+    return [(each.user_id, each.record_id, each.description, each.record_data_bytes()) for each in kept]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("number", [1, 7])
+def test_extra_bytes_of_every_type(tmp_path, number, suffix):
+    original = random_las("1.4", number, extra=[*EXTRA_TYPES, "100u1"])
+    cloud = read(save(original, tmp_path / f"in{suffix}"))
+    assert cloud.attributes["scaled"].dtype == np.int32
+    assert cloud.attributes[f"extra {EXTRA_TYPES.index('3f8')}"].shape == (300, 3)
+    write(tmp_path / "out.laz", cloud.take(np.arange(0, 300, 3)))
+    assert_same_dimensions(laspy.read(tmp_path / "out.laz"), original, np.arange(0, 300, 3))
+
+
+def test_extra_bytes_that_no_record_describes(tmp_path):
+    path = save(random_las("1.2", 0, extra=("u4",)), tmp_path / "in.las")
+    content = path.read_bytes().replace(b"LASF_Spec\0", b"SomeSpec\0\0")
+    path.write_bytes(content)
+    cloud = read(path)
+    assert cloud.attributes["ExtraBytes"].shape == (300, 8)
+    write(tmp_path / "out.las", cloud)
+    assert (tmp_path / "out.las").read_bytes()[100:] == content[100:]
+
+
+@pytest.mark.parametrize("version", ["1.3", "1.4"])
+def test_waveforms_in_the_file_are_kept(tmp_path, version):
+    path = save(random_las(version, 4), tmp_path / "in.las")
+    content = bytearray(path.read_bytes())
+    packets = struct.pack("<H16sHQ32s", 0, b"LASF_Spec", 65535, 1000, b"packets") + bytes(1000)
+    content[6] |= 0b10
+    content[227:235] = len(content).to_bytes(8, "little")
+    if version == "1.4":
+        content[235:247] = struct.pack("<QI", len(content), 1)
+    path.write_bytes(content + packets)
+    write(tmp_path / "out.las", read(path).take(np.arange(7)))
+    out = (tmp_path / "out.las").read_bytes()
+    start = int.from_bytes(out[227:235], "little")
+    assert out[start:] == packets
+
+
+def test_text_of_unknown_encoding_and_user_data_in_the_header_are_kept(tmp_path):
+    path = save(random_las("1.2", 0), tmp_path / "in.las")
+    content = bytearray(path.read_bytes())
+    content[26:30] = b"\xff\xfe\x00\x01"
+    start = int.from_bytes(content[96:100], "little")
+    content[start:start] = b"gap"
+    content[227:227] = bytes(range(200, 220))
+    content[94:96] = (247).to_bytes(2, "little")
+    content[96:100] = (start + 23).to_bytes(4, "little")
+    path.write_bytes(content)
+    write(tmp_path / "out.las", read(path))
+    out = (tmp_path / "out.las").read_bytes()
+    assert out[:107] == content[:107]
+    assert out[227:247] == content[227:247]
+    assert out[start + 20 : start + 23] == b"gap"
+    assert out[start + 23 :] == content[start + 23 :]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_real_file(tmp_path, shared_data, suffix):
+    path = shared_data / "autzen_airborne.laz"
+    cloud, original = read(path), laspy.read(path)
+    indices = np.random.default_rng(0).choice(len(cloud), 5000, replace=False)
+    write(tmp_path / f"out{suffix}", cloud.take(indices))
+    found = laspy.read(tmp_path / f"out{suffix}")
+    assert_same_dimensions(found, original, indices)
+    assert_right_header(found)
+    assert bytes_of(found.vlrs) == bytes_of(original.vlrs)
+    assert cloud.header.crs == "NAD_1983_HARN_Lambert_Conformal_Conic"
+
+
+def geo_keys(*keys):
+    directory = GeoKeyDirectoryVlr()
+    directory.geo_keys = [GeoKeyEntryStruct(*key) for key in keys]
+    directory.geo_keys_header.number_of_keys = len(keys)
+    return directory
+
+
+def texts(words):
+    record = GeoAsciiParamsVlr()
+    record.strings = [words]
+    return record
+
+
+@pytest.mark.parametrize(
+    ("records", "uses_wkt", "expected"),
+    [
+        ([], False, None),
+        ([WktCoordinateSystemVlr(WKT)], True, "NAD83 / Oregon (EPSG:2991)"),
+        ([WktCoordinateSystemVlr(WKT), geo_keys((3072, 0, 1, 32610))], True, "NAD83 / Oregon (EPSG:2991)"),
+        ([WktCoordinateSystemVlr(WKT), geo_keys((3072, 0, 1, 32610))], False, "EPSG:32610"),
+        ([WktCoordinateSystemVlr('LOCAL_CS["my\nroom",UNIT["metre",1]]')], True, "my room"),
+        ([WktCoordinateSystemVlr('PROJCRS["A",ID["EPSG",7]]')], True, "A (EPSG:7)"),
+        ([WktCoordinateSystemVlr("nonsense")], True, None),
+        ([geo_keys((2048, 0, 1, 4326))], False, "EPSG:4326"),
+        ([geo_keys((3072, 0, 1, 32610), (1026, 34737, 6, 2)), texts("..UTM 1|B|")], False, "UTM 1 (EPSG:32610)"),
+        ([geo_keys((3072, 0, 1, 32767), (3073, 34737, 5, 0)), texts("Mine|")], False, "Mine"),
+        ([geo_keys((3072, 0, 1, 32767))], False, None),
+    ],
+)
+def test_the_coordinate_system_is_named(tmp_path, records, uses_wkt, expected):
+    las = laspy.LasData(laspy.LasHeader(version="1.4", point_format=1))
+    las.header.vlrs.extend(records)
+    las.header.global_encoding.wkt = uses_wkt
+    las.xyz = np.zeros((2, 3))
+    cloud = read(save(las, tmp_path / "a.las"))
+    assert cloud.header.crs == expected
+    assert gppcs.info(cloud).crs == expected
+    words = expected or "of unknown name"
+    assert losses("a.ply", cloud) == ([f"coordinate system {words}"] if records else [])
+
+
+def test_other_formats_name_what_they_lose_of_the_header(tmp_path):
+    cloud = read(save(random_las("1.4", 6), tmp_path / "a.las"))
+    expected = [
+        "coordinate system NAD83 / Oregon (EPSG:2991)",
+        "2 variable-length records",
+        "scale of extra bytes scaled",
+    ]
+    assert losses("a.ply", cloud) == expected
+    assert losses("a.las", cloud) == []
+
+
+def test_indices_of_points_are_left_out(tmp_path):
+    las = random_las("1.4", 6)
+    las.header.vlrs.insert(0, laspy.VLR("copc", 1, "info", bytes(160)))
+    las.evlrs.append(laspy.VLR("copc", 1000, "hierarchy", bytes(32)))
+    cloud = read(save(las, tmp_path / "a.copc.laz"))
+    write(tmp_path / "b.laz", cloud)
+    found = laspy.read(tmp_path / "b.laz")
+    assert [each.user_id for each in found.vlrs] == ["LASF_Spec", "somebody", "LASF_Projection"]
+    assert [each.user_id for each in found.evlrs] == ["somebody"]
+
+
+def test_attributes_may_come_go_and_change(tmp_path):
+    original = random_las("1.2", 1)
+    cloud = read(save(original, tmp_path / "a.las"))
+    attributes = dict(cloud.attributes)
+    del attributes["intensity"], attributes["extra 0"]
+    attributes |= {"score": np.arange(300.0), "index": np.arange(300), "flag": np.arange(300) % 2 == 0}
+    attributes["scaled"] = np.arange(300, dtype=np.float32)  # the scale was for int32
+    attributes["embedding"] = np.arange(1500, dtype=np.float32).reshape(300, 5)
+    write(tmp_path / "b.las", replace(cloud, attributes=attributes))
+    found = laspy.read(tmp_path / "b.las")
+    assert found.point_format.id == 1
+    assert not np.asarray(found.intensity).any()
+    extra = ["extra 1", "scaled", "score", "index", "flag", *(f"embedding_{i}" for i in range(5))]
+    assert sorted(found.point_format.extra_dimension_names) == sorted(extra)
+    assert found.points.array["scaled"].tobytes() == attributes["scaled"].tobytes()
+    assert not found.point_format.dimension_by_name("scaled").is_scaled
+    assert found["index"].dtype == np.int64
+    assert found["flag"].dtype == np.uint8
+
+
+@pytest.mark.parametrize(
+    ("attributes", "number", "extra"),
+    [
+        ({}, 0, []),
+        ({"intensity": np.array([0, 65535])}, 0, []),
+        ({"gps_time": np.array([0.1, np.inf])}, 1, []),
+        ({"red": np.array([0, 255], np.uint8)}, 2, []),
+        ({"red": np.array([0, 255], np.uint8), "gps_time": np.array([0.1, 2])}, 3, []),
+        ({"classification": np.array([31, 0])}, 0, []),
+        ({"classification": np.array([32, 0])}, 6, []),
+        ({"nir": np.array([1, 2])}, 8, []),
+        ({"return_number": np.array([1, 9])}, 6, []),
+        ({"red": np.array([0.5, 1]), "nx": np.array([0.5, 1])}, 0, ["red", "nx"]),
+        ({"x_t": np.array([1, 2], np.float32)}, 0, ["x_t"]),
+    ],
+)
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_the_point_format_is_one_that_holds_the_attributes(tmp_path, attributes, number, extra, suffix):
+    path = tmp_path / f"a{suffix}"
+    write(path, PointCloud([[1.5, 2, 3], [4, 5, 6]], attributes))
+    found = laspy.read(path)
+    assert found.point_format.id == number
+    assert list(found.point_format.extra_dimension_names) == extra
+    for name, values in attributes.items():
+        assert np.array_equal(np.asarray(found[name]), values)
+    assert np.array_equal(found.xyz, [[1.5, 2, 3], [4, 5, 6]])
+
+
+@pytest.mark.parametrize(
+    "values", [np.array([0.5, 1]), np.array([-1, 1]), np.array([0, 65536]), np.zeros((2, 2), "u2")]
+)
+def test_a_standard_attribute_that_does_not_fit_is_named(tmp_path, values):
+    cloud = PointCloud(np.zeros((2, 3)), {"intensity": values})
+    assert losses("a.las", cloud) == [f"attribute intensity ({values.dtype})"]
+    write(tmp_path / "a.las", cloud, lossy=True)
+    assert not laspy.read(tmp_path / "a.las").intensity.any()
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("n" * 33, "at most 32 bytes"),
+        ("é" * 17, "at most 32 bytes"),
+        ("X", "different names"),
+        ("x", "different names"),
+        ("", "1 to 1,000 characters"),
+        ("a\0b", "1 to 1,000 characters"),
+    ],
+)
+def test_names_that_extra_bytes_cannot_have(tmp_path, name, message):
+    with pytest.raises(OutputError, match=message):
+        write(tmp_path / "a.las", PointCloud(np.zeros((2, 3)), {name: np.zeros(2)}))
+    assert not any(tmp_path.iterdir())
+
+
+def test_too_many_extra_bytes(tmp_path):
+    many = {f"a{i}": np.zeros(1) for i in range(342)}
+    with pytest.raises(OutputError, match="at most 341 attributes in extra bytes, found 342"):
+        write(tmp_path / "a.las", PointCloud(np.zeros((1, 3)), many))
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_coordinates_that_are_not_finite_are_refused(tmp_path, bad, suffix):
+    with pytest.raises(OutputError, match="found 1 points with NaN or infinite ones, the first at index 1: drop them"):
+        write(tmp_path / f"a{suffix}", [[0, 0, 0], [0, bad, 0]])
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("points", "scale"),
+    [
+        ([[1, 2, 3], [4000, 5, 6]], 1),
+        ([[0.25, 0, 0], [0.5, 0, 0]], 0.01),
+        ([[500_000.123, 0, 0], [500_001.987, 0, 0]], 0.001),
+        ([[5e9 + 0.5, 0, 0], [5e9, 0, 0]], 0.1),
+        ([[1e300, 0, 0], [1e300, 0, 0]], 1),
+    ],
+)
+def test_the_scale_is_the_coarsest_that_is_exact(tmp_path, points, scale):
+    write(tmp_path / "a.las", points)
+    assert laspy.read(tmp_path / "a.las").header.scales[0] == scale
+    assert np.array_equal(read(tmp_path / "a.las").points, points)
+
+
+def test_rounded_coordinates_are_named(tmp_path):
+    points = np.random.default_rng(0).random((1000, 3)) * [100, 1, 1]
+    assert losses("a.las", PointCloud(points)) == ["coordinates (they are rounded to multiples of 1e-07)"]
+    write(tmp_path / "a.las", points, lossy=True)
+    found = read(tmp_path / "a.las").points
+    assert (np.abs(found - points) <= [0.51e-7, 0.51e-9, 0.51e-9]).all()
+
+
+def test_moved_points_get_a_scale_of_their_own(tmp_path):
+    cloud = read(save(random_las("1.2", 0), tmp_path / "a.las"))
+    moved = replace(cloud, points=cloud.points / 3)
+    assert losses("b.las", moved) == ["coordinates (they are rounded to multiples of 0.01)"]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@settings(max_examples=50)
+@given(
+    st.integers(0, 6).flatmap(
+        lambda n: st.builds(
+            PointCloud,
+            hnp.arrays("f8", (n, 3), elements=st.floats(allow_nan=False, allow_infinity=False)),
+            st.dictionaries(
+                st.text("abcXYZ é", min_size=1, max_size=8).filter(lambda name: name not in "XYZ"),
+                st.sampled_from(["?", "u1", "i2", "u4", "i8", "u8", "f2", "f4", "f8"]).flatmap(
+                    lambda kind: st.sampled_from([(n,), (n, 2), (n, 4)]).flatmap(lambda shape: hnp.arrays(kind, shape))
+                ),
+                max_size=3,
+            ),
+        )
+    )
+)
+def test_any_cloud(tmp_path_factory, suffix, cloud):
+    path = tmp_path_factory.mktemp("any") / f"a{suffix}"
+    write(path, cloud, lossy=True)
+    found = read(path)
+    wide = {name for name, values in cloud.attributes.items() if values.ndim > 1 and values.shape[1] == 4}
+    for name, values in cloud.attributes.items():
+        if name not in wide or values.dtype in (np.uint8, bool):
+            kept = found.attributes[name]
+        else:
+            kept = np.stack([found.attributes[f"{name}_{i}"] for i in range(4)], axis=1)
+        assert np.array_equal(kept.astype(values.dtype), values, equal_nan=values.dtype.kind == "f")
+    if not any(word.startswith("coordinates") for word in losses(path, cloud)):
+        assert np.array_equal(found.points, cloud.points)
+    write(path, found, force=True)  # nothing more is lost
+    assert read(path) == found
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_no_points(tmp_path, suffix):
+    cloud = read(save(random_las("1.4", 7, n=0), tmp_path / f"a{suffix}"))
+    assert len(cloud) == 0
+    assert cloud.attributes["extra 1"].shape == (0, 3)
+    write(tmp_path / f"b{suffix}", cloud)
+    assert laspy.read(tmp_path / f"b{suffix}").header.point_count == 0
+    assert read(tmp_path / f"b{suffix}") == cloud
+
+
+@pytest.mark.parametrize("offset", [1.0, 1e300, np.nan])
+@pytest.mark.parametrize("scale", [0.0, np.nan, np.inf, 1e-300])
+def test_scales_that_merge_coordinates_are_refused(tmp_path, scale, offset):
+    path = save(random_las("1.2", 0), tmp_path / "a.las")
+    content = bytearray(path.read_bytes())
+    content[131:139], content[155:163] = struct.pack("<d", scale), struct.pack("<d", offset)
+    path.write_bytes(content)
+    with pytest.raises(FileFormatError, match="a scale and an offset of X that keep different coordinates different"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "message"),
+    [
+        ((25, 1), 5, r"version 1\.0 to 1\.4, found 1\.5"),
+        ((94, 2), 226, "header of at least 227 bytes"),
+        ((96, 4), 2**31, "within the file"),
+        ((100, 4), 2**32 - 1, "4,294,967,295 variable-length records before the points, found 3"),
+        ((104, 1), 11, "point format of 0 to 10, found 11"),
+        ((105, 2), 10, "points of 20 bytes or more, found 10"),
+        ((107, 4), 2**32 - 1, r"file ends in point 301 of 4294967295"),
+    ],
+)
+def test_headers_that_lie(tmp_path, place, value, message):
+    path = save(random_las("1.2", 0), tmp_path / "a.las")
+    content = bytearray(path.read_bytes())
+    content[place[0] : sum(place)] = value.to_bytes(place[1], "little")
+    path.write_bytes(content)
+    with pytest.raises(FileFormatError, match=message):
+        read(path)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("number", [3, 7])
+def test_truncated_files_are_refused(tmp_path, number, suffix):
+    path = save(random_las("1.4", number), tmp_path / f"a{suffix}")
+    content = path.read_bytes()
+    for length in (*range(4, 1500, 97), *range(1500, len(content), 7919), len(content) - 1):
+        path.write_bytes(content[:length])
+        with pytest.raises(FileFormatError):
+            read(path)
+
+
+def mutated(rng, content):
+    """A file with some of its bytes replaced, removed or added, more often where sizes and numbers are."""
+    data = bytearray(content)
+    start = int.from_bytes(data[96:100], "little")
+    for _ in range(rng.choice((1, 1, 2, 8))):
+        ranges = ((0, 375), (227, start), (start, start + 100), (len(data) - 200, len(data)), (0, len(data)))
+        low, high = rng.choice(ranges)
+        at, width = rng.randrange(max(low, 0), max(high, low + 1, 1)), rng.choice((1, 2, 4, 8))
+        new = rng.choice((rng.randbytes(width), b"\xff" * width, bytes(width), b"\xff" * (width - 1) + b"\x7f"))
+        data[at : at + rng.choice((width, width, width, 0, 30))] = new
+    return bytes(data[: rng.randrange(len(data))] if rng.random() < 0.1 else data)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("number", [3, 10])
+def test_damage_is_read_or_refused_but_never_a_crash(tmp_path, number, suffix):
+    rng = random.Random(number)
+    path = save(random_las("1.4", number), tmp_path / f"a{suffix}")
+    content = path.read_bytes()
+    outcomes = set()
+    for _ in range(150):
+        path.write_bytes(mutated(rng, content))
+        try:
+            outcomes.add(type(read(path, format="las")))
+        except GppcsError as error:
+            outcomes.add(FileFormatError)
+            assert str(error).startswith(f"{path}: expected ") or "file ends" in str(error)  # noqa: PT017
+            assert len(str(error).splitlines()) == 1  # noqa: PT017
+    assert outcomes == {PointCloud, FileFormatError}
+
+
+def test_layers_and_chunks_that_lie_about_their_size_take_no_memory(tmp_path):
+    path = save(random_las("1.4", 6, n=100), tmp_path / "a.laz")
+    content = bytearray(path.read_bytes())
+    start = int.from_bytes(content[96:100], "little")
+    first = start + 8 + laspy.read(path).point_format.size + 4
+    content[first : first + 4] = b"\xf0\xff\xff\xff"
+    path.write_bytes(content)
+    with pytest.raises(FileFormatError, match="expected all compressed points within the file"):
+        read(path)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_survey_coordinates_give_the_indices_of_the_origin(tmp_path, suffix):
+    points = np.rint(gppcs.sample("bracket", n_points=3000).points * 1000) / 1000
+    las = laspy.LasData(laspy.LasHeader(version="1.2", point_format=0))
+    las.header.scales = [0.0009765625] * 3  # a power of two, which float64 adds to any offset exactly
+    las.header.offsets = [0, 0, 0]
+    las.xyz = points
+    near = read(save(las, tmp_path / f"near{suffix}"))
+    las.header.offsets = [500_000, 5_000_000, 0]
+    las.points.offsets = np.array([500_000.0, 5_000_000.0, 0])
+    far = read(save(las, tmp_path / f"far{suffix}"))
+    assert np.array_equal(far.points, near.points + np.array([500_000, 5_000_000, 0]))
+    expected = gppcs.simplify(near, n_points=300, method="gp").indices
+    assert np.array_equal(gppcs.simplify(far, n_points=300, method="gp").indices, expected)
+
+
+def test_reading_from_a_stream_of_bytes(tmp_path):
+    from gppcs.io.las import read_las
+
+    path = save(random_las("1.4", 6), tmp_path / "a.laz")
+    assert read_las(io.BufferedReader(io.BytesIO(path.read_bytes()))) == read(path)
