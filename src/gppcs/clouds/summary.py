@@ -53,7 +53,7 @@ class Summary:
     non_finite: int
     coordinate_type: str
     attributes: Mapping[str, str]
-    crs: str | None
+    crs: str | None = None
 
 
 def info(cloud: CloudLike) -> Summary:

@@ -35,6 +35,7 @@ from gppcs.io.rows import BLOCK, ends_early
 _AXES = ("X", "Y", "Z")
 _UNDESCRIBED = "ExtraBytes"  # laspy's name for bytes of each point that no record describes
 _LONGEST_NAME = 32
+FARTHEST = 1e300  # Largest coordinate. Beyond, a whole number times the scale overflows.
 _LARGEST = 2**31 - 1  # of the whole numbers that coordinates are stored as
 _LONGEST_RECORD = 2**16 - 1
 _MOST_IN_CHUNK = 10_000_000  # points; of chunks up to this size, all cores decompress one each, which takes memory
@@ -310,6 +311,10 @@ def write_las(file: BinaryIO, cloud: PointCloud, compressed: bool) -> None:
         raise OutputError(
             f"expected finite coordinates, which alone LAS can hold, found {len(bad):,} points with NaN or infinite "
             f"ones, the first at index {bad[0]}: drop them first, or write PLY"
+        )
+    if np.abs(cloud.points).max(initial=0.0) > FARTHEST:
+        raise OutputError(
+            f"expected coordinates of at most {FARTHEST:g} in LAS, found larger ones: drop them first, or write PLY"
         )
     if header.minor_version < 4 and len(cloud) >= 2**32:
         raise OutputError(f"expected fewer than 2^32 points in LAS 1.{header.minor_version}, found {len(cloud):,}")
