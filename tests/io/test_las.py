@@ -387,7 +387,7 @@ def test_moved_points_get_a_scale_of_their_own(tmp_path):
 def test_any_cloud(tmp_path_factory, suffix, cloud):
     path = tmp_path_factory.mktemp("any") / f"a{suffix}"
     if np.abs(cloud.points).max(initial=0.0) > FARTHEST:
-        with pytest.raises(OutputError, match="expected .*coordinates"):
+        with pytest.raises(OutputError, match=r"expected .*coordinates"):
             write(path, cloud, lossy=True)
         return
     write(path, cloud, lossy=True)
