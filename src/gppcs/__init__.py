@@ -20,6 +20,7 @@ Get a cloud
     sample                   make a synthetic scan of a surface that is known exactly
     from_depth               make a cloud of the image of a depth camera
     PointCloud               N points, each with the same attributes
+    Header                   what a file says of a whole cloud, such as comments
 
 Simplify it
     simplify                 choose exactly M points of a cloud
@@ -96,6 +97,7 @@ from gppcs.clouds import reading
 if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
     from gppcs.clouds.depth_camera import from_depth
+    from gppcs.clouds.header import Header
     from gppcs.clouds.mesh import Mesh
     from gppcs.clouds.summary import Summary, info
     from gppcs.engine.stages import Listener, Stages
@@ -143,6 +145,7 @@ __version__ = "0.1.0"
 
 _HOMES = {  # the module that defines each public name
     "clouds.cloud": ("PointCloud",),
+    "clouds.header": ("Header",),
     "clouds.depth_camera": ("from_depth",),
     "clouds.mesh": ("Mesh",),
     "clouds.summary": ("Summary", "info"),
@@ -200,6 +203,7 @@ __all__ = [
     "Figure",
     "FileFormatError",
     "GppcsError",
+    "Header",
     "HierarchicalClustering",
     "InputError",
     "KdTree",

@@ -34,6 +34,8 @@ class Summary:
     attributes : mapping of str to str
         The type of each attribute by name. For an attribute with several numbers per point, their number follows, as
         in "uint8 x 3".
+    crs : str or None
+        The coordinate reference system, if the file of the cloud names one.
 
     Examples
     --------

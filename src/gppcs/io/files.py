@@ -269,11 +269,12 @@ def format_to_write(path: str | os.PathLike[str], format: str | None = None) -> 
         If the format is unknown, or gppcs only reads it.
     """
     _require_text(format)
-    if is_standard(path) and not format:
+    target = file_path(path)
+    if is_standard(target) and not format:
         expected = "expected the format of standard output, found none; give it with "
         raise FileFormatError(f"{expected}format='ply'", command=f"{expected}--to ply")
     try:
-        chosen = _of_suffix(format or inner_name(file_path(path)).suffix)
+        chosen = _of_suffix(format or inner_name(target).suffix)
     except FileFormatError as error:
         raise FileFormatError(f"{path}: {error}") from error
     if chosen.write is None:
