@@ -28,7 +28,8 @@ def large(monkeypatch):
 def test_inputs_are_one_cloud_with_merge(gppcs_command, parts):
     code, out, err = gppcs_command("simplify", "a.ply", "b.ply", "--merge", "-o", "out.ply", "--points", 40, *FAST)
     assert (code, err) == (0, "")
-    assert out.startswith("a.ply and 1 more → out.ply\npoints               400 in, 40 out\n")
+    assert out.startswith("a.ply and 1 more → out.ply\n")
+    assert "400 in, 40 out" in out
     assert gppcs.read("out.ply") == gppcs.simplify(parts, n_points=40, method="fps").cloud
 
 

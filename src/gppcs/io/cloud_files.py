@@ -138,15 +138,22 @@ class CloudFiles:
         read, seen, whole, clouds = 0, 0, None, []
         for path in self.paths:
             with self._opened(path) as (file, known):
-                size = os.fstat(file.fileno()).st_size
                 clouds.append(next(self._chunks(file, known, BLOCK, True)))
                 if not known.chunks or self._columns or len(clouds[-1]) > BLOCK:
                     whole = known.name
-                read += file.tell() if len(clouds[-1]) == BLOCK else size
+                read += file.tell() if len(clouds[-1]) == BLOCK else _size(file)
                 seen += len(clouds[-1])
                 if len(clouds[-1]):
                     break
-        return Head(clouds[-1], round(seen * self._size() / max(read, 1)), whole)
+        return Head(clouds[-1], self._about(seen / max(read, 1)), whole)
+
+    def _about(self, points_per_byte: float) -> int:
+        """Return about how many points all files have: as their headers say, or by their sizes."""
+        points = 0.0
+        for path in self.paths:
+            with self._opened(path) as (file, known):
+                points += known.count(file) if known.count else _size(file) * points_per_byte
+        return round(points)
 
     def unread(self) -> list[str]:
         """Return in words what is left out of the files, such as the faces of a mesh.
@@ -172,14 +179,6 @@ class CloudFiles:
         else:
             yield self._whole(file, known)
 
-    def _size(self) -> int:
-        """Return how many bytes the files have, as far as they are not compressed."""
-        total = 0
-        for path in self.paths:
-            with self._opened(path) as (file, _):
-                total += os.fstat(file.fileno()).st_size
-        return total
-
     @contextmanager
     def _opened(self, path: Path) -> Iterator[tuple[Any, Format]]:
         """Open a file, decompressed, and find its format."""
@@ -190,6 +189,10 @@ class CloudFiles:
             file, name = self._copies.get(path) or stack.enter_context(plain_input(path))
             file.seek(0)
             yield file, format_of(file, name, self._format)
+
+
+def _size(file: Any) -> int:
+    return os.fstat(file.fileno()).st_size
 
 
 class JointColumns:

@@ -92,6 +92,8 @@ class Format:
         Reads what `read` does, from the start of the file, in clouds of at most `rows` points, of which none is empty
         unless it is the only one. Without `attributes`, these are left out. A layout that has to be read as a whole
         comes as one cloud. None if the format always has to be read as a whole.
+    count : callable(file) -> int, optional
+        Returns how many points a file has, as its header says. By default, the size of the file tells about how many.
     """
 
     name: str
@@ -104,3 +106,4 @@ class Format:
     faces: Callable[[BufferedReader], int] = _none
     read_named: Callable[[BufferedReader, list[str]], PointCloud] | None = None
     chunks: Callable[[BufferedReader, int, bool], Iterator[PointCloud]] | None = None
+    count: Callable[[BufferedReader], int] | None = None

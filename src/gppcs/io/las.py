@@ -207,12 +207,36 @@ def read_las_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterat
         yield empty
 
 
+def count_las_points(file: BufferedReader) -> int:
+    """Return how many points a LAS, LAZ or COPC file has, as its header says.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    FileFormatError
+        If the header is damaged.
+    """
+    return _count(read_header(file)[1])
+
+
+def _count(fields: NDArray[Any]) -> int:
+    return int(fields["count"][0]) or int(fields["legacy_count"][0])
+
+
 def _blocks_as_clouds(file: BufferedReader, attributes: bool) -> Iterator[PointCloud]:
     """Yield a cloud without points, and then one for each block of points."""
     header, fields, laszip = read_header(file)
     size, compressed = int(fields["point_size"][0]), int(fields["point_format"][0]) & 0b11000000
     layout = _layout(header, size)
-    count = int(fields["count"][0]) or int(fields["legacy_count"][0])
+    count = _count(fields)
     blocks = _compressed(file, layout, count, laszip) if compressed else _uncompressed(file, layout, count)
     scales, offsets = fields["scales"][0], fields["offsets"][0]
     wanted = layout.dimensions if attributes else {}
@@ -616,7 +640,9 @@ def _is_las(head: bytes, size: int, compressed: bool) -> bool:
 def _format(name: str, suffix: str, compressed: bool) -> Format:
     write: Callable[[BinaryIO, PointCloud], None] = partial(write_las, compressed=compressed)
     recognises = partial(_is_las, compressed=compressed)
-    return Format(name, (suffix,), read_las, write, recognises, fitted=_fitted, chunks=read_las_chunks)
+    return Format(
+        name, (suffix,), read_las, write, recognises, fitted=_fitted, chunks=read_las_chunks, count=count_las_points
+    )
 
 
 FORMATS = (_format("LAS", ".las", False), _format("LAZ", ".laz", True))
