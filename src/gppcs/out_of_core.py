@@ -181,7 +181,9 @@ def size_of(memory: int) -> str:
     -------
     str
     """
-    return f"{memory / 1e9:.2g} GB" if memory >= 1e9 else f"{math.ceil(memory / 1e6)} MB"
+    if memory < 1e9:
+        return f"{math.ceil(memory / 1e6)} MB"
+    return f"{memory / 1e9:.2g} GB" if memory < 1e10 else f"{memory / 1e9:,.0f} GB"
 
 
 def plan(
