@@ -99,27 +99,83 @@ class LocalGP(Method):
         return selection
 
     def in_passes(self, points: ChunkedPoints, n_points: int, stages: Stages) -> Selection | None:
-        """Choose the points, unless all of them would be measured, or be candidates; see `Method.in_passes`."""
+        """Choose the points, unless all of them would be measured, or be candidates; see `Method.in_passes`.
+
+        Parameters
+        ----------
+        points : ChunkedPoints
+            N finite points, which may repeat each other.
+        n_points : int
+            M, from 1 to N - 1.
+        stages : Stages
+            Times "sample", "tree", "noise", "candidates", "features" and "greedy selection".
+
+
+        Returns
+        -------
+        Selection or None
+        """
         from gppcs.gp.local.survey import is_sampled
 
         return self._chosen(points, n_points, stages) if is_sampled(len(points), n_points) else None
 
     def memory(self, n: int, n_points: int) -> int:
-        """Return about how much memory a call takes; see `Method.memory`."""
+        """Return about how much memory a call takes, beyond the points themselves.
+
+        Parameters
+        ----------
+        n : int
+            N, the number of points.
+        n_points : int
+            M, the number of points to keep.
+
+
+        Returns
+        -------
+        int
+            Bytes.
+        """
         from gppcs.gp.local.survey import sample_size
 
         return HASHED * n + MEASURED * min(n, sample_size(n_points)) + self._memory_of_ranking(n, n_points)
 
-    def memory_in_passes(self, n: int, n_points: int) -> int | None:
-        """Return about how much memory a call in passes takes; see `Method.memory_in_passes`."""
+    def memory_in_passes(self, n: int, n_points: int) -> int:
+        """Return about how much memory `in_passes` takes, beyond one chunk of points.
+
+        Parameters
+        ----------
+        n : int
+            N, the number of points.
+        n_points : int
+            M, the number of points to keep.
+
+
+        Returns
+        -------
+        int
+            Bytes. All coordinates count if a sample would be nearly all points.
+        """
         from gppcs.gp.local.survey import is_sampled, sample_size
 
         if not is_sampled(n, n_points):
             return 3 * POINT * n + self.memory(n, n_points)
         return MEASURED * sample_size(n_points) + self._memory_of_ranking(n, n_points)
 
-    def seconds(self, n: int, n_points: int) -> float | None:
-        """Return about how long a call takes on two cores; see `Method.seconds`."""
+    def seconds(self, n: int, n_points: int) -> float:
+        """Return about how long a call takes on two cores.
+
+        Parameters
+        ----------
+        n : int
+            N, the number of points, counted once for each pass over them.
+        n_points : int
+            M, the number of points to keep.
+
+
+        Returns
+        -------
+        float
+        """
         return SECONDS * n + SECONDS_KEPT * n_points
 
     def _memory_of_ranking(self, n: int, n_points: int) -> int:
