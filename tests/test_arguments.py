@@ -96,6 +96,9 @@ def test_a_float_without_a_declared_range_must_be_finite_and_not_denormal():
 CALLS = {  # a public function, and arguments with which it works
     "simplify": (gppcs.simplify, {"cloud": CLOUD, "n_points": 9, "ratio": None, "method": "gp", "seed": None,
                                   "invalid": "error", "normals": False, "scores": False, "stages": None}),
+    "simplify_files": (gppcs.simplify_files, {"paths": "there.ply", "n_points": 9, "ratio": None, "method": "gp",
+                                              "seed": None, "invalid": "error", "normals": False, "scores": False,
+                                              "memory": None, "stages": None}),
     "compare": (gppcs.compare, {"cloud": CLOUD, "methods": ["random"], "n_points": 9, "ratio": None, "mesh": None,
                                 "seed": None, "invalid": "error", "stages": None}),
     "evaluate": (gppcs.evaluate, {"original": CLOUD, "simplified": CLOUD, "mesh": None, "stages": None}),

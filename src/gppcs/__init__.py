@@ -24,6 +24,7 @@ Get a cloud
 
 Simplify it
     simplify                 choose exactly M points of a cloud
+    simplify_files           the same for files that may be larger than memory
     Result                   the simplified cloud, the rows chosen, and the time it took
     write                    write a cloud to a file
 
@@ -135,6 +136,7 @@ if TYPE_CHECKING:
         Voxel,
     )
     from gppcs.methods.method import Parameter, parameter
+    from gppcs.out_of_core import simplify_files
     from gppcs.scans import sample
     from gppcs.simplification import Result, simplify
     from gppcs.spatial.kdtree import KdTree
@@ -184,6 +186,7 @@ _HOMES = {  # the module that defines each public name
         "Voxel",
     ),
     "methods.method": ("Parameter", "parameter"),
+    "out_of_core": ("simplify_files",),
     "scans": ("sample",),
     "simplification": ("Result", "simplify"),
     "spatial.kdtree": ("KdTree",),
@@ -243,6 +246,7 @@ __all__ = [
     "sample",
     "set_threads",
     "simplify",
+    "simplify_files",
     "write",
 ]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import COMPILATION, Stages
 from gppcs.errors import InputError, ParameterError, flag, number, one_of, shown, whole_number
 from gppcs.methods import DEFAULT, Method, Selection, method_named
+
+if TYPE_CHECKING:
+    from gppcs.spatial.chunks import ChunkedPoints
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,33 +125,20 @@ def simplify(
     >>> gppcs.simplify(cloud, n_points=50, method=gppcs.Random(seed=7)).cloud.points.shape
     (50, 3)
     """
+    from gppcs.spatial.chunks import ChunkedPoints
     from gppcs.spatial.scaling import normalised
 
     stages = Stages.of(stages)
     normals, scores = flag("normals", normals), flag("scores", scores)
     with stages("preparation"):
         cloud = PointCloud.of(cloud)
-        chosen_method = method_named(method) if isinstance(method, str) else method
-        if not isinstance(chosen_method, Method):
-            raise ParameterError(
-                f"expected the name of a method or a method such as SpectralGP(), found {shown(method)}"
-            )
-        if scores and not chosen_method.attributes:
-            raise ParameterError(f"method {chosen_method.name!r} gives its points no scores")
-        if scores and (taken := sorted(set(chosen_method.attributes) & set(cloud.attributes))):
-            raise InputError(
-                f"the cloud already has an attribute {taken[0]!r}, which the scores would replace: "
-                "rename it, or ask for no scores"
-            )
-        if seed is not None and "seed" in chosen_method.parameters():
-            chosen_method = dataclasses.replace(chosen_method, seed=seed)  # type: ignore[call-arg]
-        elif seed is not None:
-            whole_number("the seed", seed, 0)
+        chosen_method = resolved(method, seed)
+        check_scores(scores, chosen_method, cloud)
         rows = _usable_rows(cloud, invalid)
-        count = _target(len(cloud) if rows is None else len(rows), ratio, n_points)
+        count = number_to_keep(len(cloud) if rows is None else len(rows), ratio, n_points)
         points, corner, exponent = normalised(cloud.points if rows is None else cloud.points[rows])
     with compiled_ahead(chosen_method.name):
-        selection = _choose(points, count, chosen_method, stages)
+        selection = choose(ChunkedPoints.of(points), count, chosen_method, stages)
     indices = selection.indices if rows is None else rows[selection.indices]
     kept = cloud.take(indices)
     if selection.points is not None:
@@ -157,7 +147,7 @@ def simplify(
         with stages("normals"):
             kept = _with_normals(kept, points, selection)
     if scores:
-        kept = _with_scores(kept, chosen_method, selection)
+        kept = with_scores(kept, chosen_method, selection)
     return Result(indices, kept, chosen_method, stages.seconds, selection.diagnostics)
 
 
@@ -177,53 +167,179 @@ def _with_normals(kept: PointCloud, points: NDArray[np.float64], selection: Sele
     return dataclasses.replace(kept, attributes={**kept.attributes, **carried})
 
 
-def _with_scores(kept: PointCloud, method: Method, selection: Selection) -> PointCloud:
-    """Return the kept points with the method's attributes."""
+def with_scores(kept: PointCloud, method: Method, selection: Selection) -> PointCloud:
+    """Return the kept points with the method's attributes.
+
+    Parameters
+    ----------
+    kept : PointCloud
+        M points.
+    method : Method
+    selection : Selection
+        Of the M points.
+
+    Returns
+    -------
+    PointCloud
+    """
     carried = {name: np.zeros(len(kept), dtype=np.float32) for name in method.attributes}
     for name, values in selection.attributes.items():
         carried[name][:] = values
     return dataclasses.replace(kept, attributes={**kept.attributes, **carried})
 
 
-def _choose(points: NDArray[np.float64], count: int, method: Method, stages: Stages) -> Selection:
-    """Let the method choose among the points without repeats; add repeats only if there are too few others."""
+def resolved(method: str | Method, seed: int | None) -> Method:
+    """Return the method of that name, or the method itself, with a seed.
+
+    Parameters
+    ----------
+    method : str or Method
+    seed : int, optional
+
+    Returns
+    -------
+    Method
+
+    Raises
+    ------
+    ParameterError
+        If it is neither, there is no method of that name, or the seed is no whole number from 0 on.
+    """
+    chosen = method_named(method) if isinstance(method, str) else method
+    if not isinstance(chosen, Method):
+        raise ParameterError(f"expected the name of a method or a method such as SpectralGP(), found {shown(method)}")
+    if seed is not None and "seed" in chosen.parameters():
+        return dataclasses.replace(chosen, seed=seed)  # type: ignore[call-arg]
+    if seed is not None:
+        whole_number("the seed", seed, 0)
+    return chosen
+
+
+def check_scores(scores: bool, method: Method, cloud: PointCloud) -> None:
+    """Check that scores can be added to a cloud, if they are wanted.
+
+    Parameters
+    ----------
+    scores : bool
+        Whether they are.
+    method : Method
+    cloud : PointCloud
+        Any points of the cloud, with their attributes.
+
+    Raises
+    ------
+    ParameterError
+        If the method has no scores.
+    InputError
+        If an attribute of the cloud has the name of a score.
+    """
+    if scores and not method.attributes:
+        raise ParameterError(f"method {method.name!r} gives its points no scores")
+    if scores and (taken := sorted(set(method.attributes) & set(cloud.attributes))):
+        raise InputError(
+            f"the cloud already has an attribute {taken[0]!r}, which the scores would replace: "
+            "rename it, or ask for no scores"
+        )
+
+
+def choose(points: ChunkedPoints, count: int, method: Method, stages: Stages) -> Selection:
+    """Let the method choose among the points without repeats; add repeats only if there are too few others.
+
+    Parameters
+    ----------
+    points : ChunkedPoints
+        N finite points.
+    count : int
+        M, from 1 to N.
+    method : Method
+    stages : Stages
+        Times the stages of the method, and "repeats".
+
+    Returns
+    -------
+    Selection
+        M points. All N are in their order.
+    """
     if count >= len(points):
         return Selection(np.arange(len(points)))
-    from gppcs.spatial.cells import first_occurrences
-
-    with stages("repeats"):
-        first = first_occurrences(points)
-        distinct = None if first.all() else np.flatnonzero(first)
-    if distinct is None:
-        return method(points, count, stages)
-    if count >= len(distinct):
-        return Selection(np.concatenate([distinct, np.flatnonzero(~first)[: count - len(distinct)]]))
-    selection = method(points[distinct], count, stages)
-    return dataclasses.replace(selection, indices=distinct[selection.indices])
+    selection = method.in_passes(points, count, stages)
+    if selection is not None:
+        return selection
+    with stages("repeats", len(points)) as advanced:
+        distinct = points.distinct(advanced)
+    missing = count - len(distinct.rows)
+    if missing >= 0:  # of the first M points, at least this many are repeats
+        repeats = np.setdiff1d(np.arange(count), distinct.rows, assume_unique=True)[:missing]
+        return Selection(np.concatenate([distinct.rows, repeats]))
+    selection = method(distinct.points, count, stages)
+    return dataclasses.replace(selection, indices=distinct.rows[selection.indices])
 
 
 def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64] | None:
     """Return the rows with finite coordinates, or None if that is all; raise an error for others unless dropped."""
     from gppcs.spatial.scaling import bounds
 
-    one_of("invalid", invalid, ("error", "drop"))
-    if len(cloud) == 0:
-        raise InputError("the cloud is empty: expected at least one point")
-    if np.isfinite(bounds(cloud.points)).all():
+    if len(cloud) and np.isfinite(bounds(cloud.points)).all():
+        check_usable(len(cloud), 0, 0, invalid)
         return None
     bad = cloud.non_finite()
-    if invalid == "error":
-        found = (
-            f"{len(bad)} of {len(cloud)} points have coordinates that are NaN or infinite, the first at index {bad[0]}"
-        )
-        raise InputError(f"{found}; drop them with invalid='drop'", command=f"{found}; drop them with --invalid drop")
-    if len(bad) == len(cloud):
-        raise InputError(f"none of the {len(cloud)} points has finite coordinates")
+    check_usable(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, invalid)
     return cloud.finite_rows()
 
 
-def _target(n: int, ratio: float | None, n_points: int | None) -> int:
-    """Return M, the number of points to keep of n."""
+def check_usable(n: int, bad: int, first: int, invalid: str) -> None:
+    """Check that a cloud has points, and that those that are not finite may be dropped.
+
+    Parameters
+    ----------
+    n : int
+        Number of points.
+    bad : int
+        Number of points with coordinates that are NaN or infinite.
+    first : int
+        The row of the first of them.
+    invalid : str
+        "error" or "drop".
+
+    Raises
+    ------
+    InputError
+        If there are no points, none is finite, or some are not and should not be dropped.
+    ParameterError
+        If `invalid` is another word.
+    """
+    one_of("invalid", invalid, ("error", "drop"))
+    if n == 0:
+        raise InputError("the cloud is empty: expected at least one point")
+    if bad and invalid == "error":
+        found = f"{bad} of {n} points have coordinates that are NaN or infinite, the first at index {first}"
+        raise InputError(f"{found}; drop them with invalid='drop'", command=f"{found}; drop them with --invalid drop")
+    if bad == n:
+        raise InputError(f"none of the {n} points has finite coordinates")
+
+
+def number_to_keep(n: int, ratio: float | None, n_points: int | None) -> int:
+    """Return M, the number of points to keep.
+
+    Parameters
+    ----------
+    n : int
+        N, the number of points.
+    ratio : float, optional
+        M / N.
+    n_points : int, optional
+        M.
+
+    Returns
+    -------
+    int
+        From 1 to N.
+
+    Raises
+    ------
+    ParameterError
+        If not exactly one of the two is given, or it is outside its range.
+    """
     if (ratio is None) == (n_points is None):
         found = "neither" if ratio is None else "both"
         raise ParameterError(f"expected either a ratio or a number of points, found {found}")

@@ -1,9 +1,13 @@
-"""Measure the peak memory of this process."""
+"""Measure the memory that this process has held, and that it may still take."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
+
+from gppcs.engine.control_groups import control_groups
 
 STATUS = Path("/proc/self/status")  # on Linux, this file holds the peak as VmHWM
 
@@ -28,3 +32,38 @@ def peak_memory() -> int | None:
         return None
     unit = {"darwin": 1}.get(sys.platform, 1024)
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+
+
+def available_memory(root: Path = Path("/")) -> int | None:
+    """Return how much memory this process may still take without swapping.
+
+    Parameters
+    ----------
+    root : path
+        Where the file system begins.
+
+    Returns
+    -------
+    int or None
+        Bytes: what the system has available, and no more than the control groups (Linux containers) of this process
+        have left. None if the platform does not report it.
+    """
+    try:
+        lines = (root / "proc/meminfo").read_text().splitlines()
+    except OSError:
+        return None
+    free = [int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")]
+    return max(0, min([*free, *_left_to_groups(root)])) if free else None
+
+
+def _left_to_groups(root: Path) -> Iterator[int]:
+    """Yield how much memory each control group with a limit has left. Cached files can be dropped, so they are free."""
+    for group in control_groups("memory", root):
+        for limit, usage, cached in (
+            ("memory.max", "memory.current", "inactive_file"),
+            ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
+        ):
+            with suppress(OSError, ValueError, KeyError):  # the files of the other version; "max" stands for no limit
+                statistics = dict(line.split() for line in (group / "memory.stat").read_text().splitlines())
+                most, used = (int((group / file).read_text()) for file in (limit, usage))
+                yield most - used + int(statistics[cached])

@@ -11,11 +11,12 @@ import functools
 import math
 import os
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
+from gppcs.engine.control_groups import control_groups
 from gppcs.errors import whole_number
 
 RANGES = 64  # Ranges of the work at most: enough to balance threads, few enough that taking them costs nothing.
@@ -168,20 +169,9 @@ def _quota(root: Path = Path("/")) -> float:
 
     It is infinite without a limit, and where there are no control groups.
     """
-    return min((max(1, math.ceil(cores)) for cores in map(_limit, _control_groups(root)) if cores), default=math.inf)
-
-
-def _control_groups(root: Path) -> Iterator[Path]:
-    """Yield the folders of the control groups, version 2 or 1, that this process belongs to, with all their parents."""
-    mounted = root / "sys/fs/cgroup"
-    try:
-        groups = (root / "proc/self/cgroup").read_text().splitlines()
-    except OSError:
-        return
-    for _, controllers, path in (group.split(":", 2) for group in groups if group.count(":") >= 2):
-        if not controllers or "cpu" in controllers.split(","):
-            group = mounted / controllers / path.lstrip("/")
-            yield from (group, *(parent for parent in group.parents if mounted in (parent, *parent.parents)))
+    return min(
+        (max(1, math.ceil(cores)) for cores in map(_limit, control_groups("cpu", root)) if cores), default=math.inf
+    )
 
 
 def _limit(group: Path) -> float | None:

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import math
+import os
 import zipfile
 import zlib
+from collections.abc import Iterator
 from io import BufferedReader
 from tokenize import TokenError
-from typing import IO, BinaryIO
+from typing import IO, Any, BinaryIO
 
 import numpy as np
 from numpy.lib import format as npy
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import Column, cloud_of_columns
+from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import check_name, coordinate_type, default_names
 from gppcs.io.format import Format, without_attributes, without_header
+from gppcs.io.rows import ends_early
 
 _POINTS = "points"
 
@@ -44,6 +48,65 @@ def read_npy(file: BufferedReader) -> PointCloud:
         If the file is damaged or holds another kind of array.
     """
     return cloud_of_columns(_columns(_array(file)))
+
+
+def read_npy_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
+    """Read an NPY file as `read_npy` does, in chunks. An array that is stored column by column comes as one.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+    rows : int
+        Points of a chunk at most.
+    attributes : bool
+        Whether to return the attributes, too.
+
+    Yields
+    ------
+    PointCloud
+
+    Raises
+    ------
+    FileFormatError
+        As `read_npy`.
+    """
+    layout = _layout_by_rows(file)
+    if layout is None:
+        yield _cloud(_array(file), attributes)
+        return
+    shape, dtype = layout
+    left = os.fstat(file.fileno()).st_size - file.tell()
+    whole = left // max(1, math.prod(shape[1:]) * dtype.itemsize)
+    if whole < shape[0]:
+        raise ends_early("point", whole, shape[0])
+    for start in range(0, max(shape[0], 1), rows):
+        part = np.empty((min(rows, shape[0] - start), *shape[1:]), dtype)
+        file.readinto(part.reshape(-1).view(np.uint8).data)
+        yield _cloud(part, attributes)
+
+
+def _layout_by_rows(file: BufferedReader) -> tuple[tuple[int, ...], np.dtype[Any]] | None:
+    """Return shape and type of an array and leave the file at its data; None if that is not stored row by row.
+
+    In that case, the file is left at its start, also if it is damaged.
+    """
+    try:
+        version = npy.read_magic(file)
+        header = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}[version](file)
+    except (*_DAMAGED_ARRAY, KeyError):
+        header = ((), False, np.dtype(object))
+    shape, by_columns, dtype = header
+    if not shape or (by_columns and len(shape) > 1) or dtype.hasobject or 0 in (dtype.itemsize, *shape):
+        file.seek(0)
+        return None
+    return shape, dtype
+
+
+def _cloud(array: Column, attributes: bool) -> PointCloud:
+    columns = _columns(array)
+    kept = list(columns) if attributes else coordinate_names(columns)
+    return cloud_of_columns({name: columns[name] for name in kept})
 
 
 def read_npz(file: BufferedReader) -> PointCloud:
@@ -178,6 +241,6 @@ def _is_npz(head: bytes, size: int) -> bool:
 
 
 FORMATS = (
-    Format("NPY", (".npy",), read_npy, write_npy, _is_npy, fitted=_without_objects),
+    Format("NPY", (".npy",), read_npy, write_npy, _is_npy, fitted=_without_objects, chunks=read_npy_chunks),
     Format("NPZ", (".npz",), read_npz, write_npz, _is_npz, fitted=_without_objects),
 )

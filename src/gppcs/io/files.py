@@ -6,7 +6,8 @@ To add a format, write a module with a `Format` and add it to `FORMATS`.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
 from typing import NamedTuple
@@ -120,25 +121,90 @@ def load(
     """
     source = file_path(path)
     _require_text(format)
-    names = None if columns is None else _checked_columns(columns)
-    if source.exists() and not source.is_file():
-        raise FileFormatError(f"{source}: expected a file, found a folder or device; name a file")
+    names = None if columns is None else checked_columns(columns)
+    check_input(source)
+    with naming(source), plain_input(source) as (file, plain):
+        chosen = format_of(file, plain, format)
+        with np.errstate(invalid="ignore"):  # converting a signalling NaN is no error
+            cloud = chosen.read(file) if names is None else read_named(chosen, file, names)
+        file.seek(0)
+        faces, lost = left_out(chosen, file)
+        return Loaded(cloud, faces, lost)
+
+
+def left_out(known: Format, file: BufferedReader) -> tuple[int, list[str]]:
+    """Return what a format does not read of a file.
+
+    Parameters
+    ----------
+    known : Format
+    file : binary file
+        Open for reading, at its start.
+
+    Returns
+    -------
+    faces : int
+        Number of faces.
+    unread : list of str
+        In words, faces included.
+    """
+    faces = known.faces(file)
+    file.seek(0)
+    return faces, [*([f"faces ({faces:,})"] if faces else []), *known.unread(file)]
+
+
+def check_input(path: Path) -> None:
+    """Check that a path is not something else than a file. That there is one is found when it is opened.
+
+    Parameters
+    ----------
+    path : path
+
+    Raises
+    ------
+    FileFormatError
+        If it is a folder or device.
+    """
+    if path.exists() and not path.is_file():
+        raise FileFormatError(f"{path}: expected a file, found a folder or device; name a file")
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Begin the messages of errors about the content of a file with its name.
+
+    Parameters
+    ----------
+    path : path
+
+    Raises
+    ------
+    FileFormatError
+        In place of one without the name, or of an InputError.
+    """
     try:
-        with plain_input(source) as (file, plain):
-            chosen = _of_suffix(format) if format else _of_file(file, plain)
-            with np.errstate(invalid="ignore"):  # converting a signalling NaN is no error
-                cloud = chosen.read(file) if names is None else _read_named(chosen, file, names)
-            file.seek(0)
-            faces = chosen.faces(file)
-            file.seek(0)
-            return Loaded(cloud, faces, [*([f"faces ({faces:,})"] if faces else []), *chosen.unread(file)])
+        yield
     except (FileFormatError, InputError) as error:
-        name = "standard input" if is_standard(source) else source
+        name = "standard input" if is_standard(path) else path
         raise FileFormatError(f"{name}: {error}") from error
 
 
-def _checked_columns(columns: Sequence[str]) -> list[str]:
-    """Return names of columns after checking that they are different and that x, y and z are among them."""
+def checked_columns(columns: Sequence[str]) -> list[str]:
+    """Return names of columns after checking that they are different and that x, y and z are among them.
+
+    Parameters
+    ----------
+    columns : sequence of str
+
+    Returns
+    -------
+    list of str
+
+    Raises
+    ------
+    ParameterError
+        If they are not.
+    """
     names = [] if isinstance(columns, str) else list(columns)
     if not all(isinstance(name, str) and name for name in names) or not {"x", "y", "z"} <= set(names):
         raise ParameterError(
@@ -149,7 +215,25 @@ def _checked_columns(columns: Sequence[str]) -> list[str]:
     return names
 
 
-def _read_named(chosen: Format, file: BufferedReader, columns: list[str]) -> PointCloud:
+def read_named(chosen: Format, file: BufferedReader, columns: list[str]) -> PointCloud:
+    """Read a table with these names of its columns.
+
+    Parameters
+    ----------
+    chosen : Format
+    file : binary file
+        Open for reading, at its start.
+    columns : list of str
+
+    Returns
+    -------
+    PointCloud
+
+    Raises
+    ------
+    FileFormatError
+        If files of the format are no tables, or the content is not as expected.
+    """
     if chosen.read_named is None:
         raise FileFormatError(f"expected a text table, whose columns can be named, found {chosen.name}")
     return chosen.read_named(file, columns)
@@ -284,8 +368,29 @@ def format_to_write(path: str | os.PathLike[str], format: str | None = None) -> 
     return chosen
 
 
-def _of_file(file: BufferedReader, path: Path) -> Format:
-    """Return the format of a file by its content or else its name; leave the file at its start."""
+def format_of(file: BufferedReader, path: Path, format: str | None = None) -> Format:  # noqa: A002
+    """Return the format of a file by its content or else its name; leave the file at its start.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+    path : path
+        Its name, without the suffix of a compression.
+    format : str, optional
+        Suffix of the format, which overrides both.
+
+    Returns
+    -------
+    Format
+
+    Raises
+    ------
+    FileFormatError
+        If the format is unknown.
+    """
+    if format:
+        return _of_suffix(format)
     head, size = file.read(_HEAD), os.fstat(file.fileno()).st_size
     file.seek(0)
     return next((known for known in FORMATS if known.recognises(head, size)), None) or _of_suffix(path.suffix)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from io import BufferedReader
 from typing import BinaryIO
@@ -88,6 +88,12 @@ class Format:
         Returns the number of faces in a binary file that `read` can read. By default 0, for formats without faces.
     read_named : callable(file, names) -> PointCloud, optional
         Reads a table as `read` does, with these names of its columns. None if files of the format are no tables.
+    chunks : callable(file, rows, attributes) -> iterator of PointCloud, optional
+        Reads what `read` does, from the start of the file, in clouds of at most `rows` points, of which none is empty
+        unless it is the only one. Without `attributes`, these are left out. A layout that has to be read as a whole
+        comes as one cloud. None if the format always has to be read as a whole.
+    count : callable(file) -> int, optional
+        Returns how many points a file has, as its header says. By default, the size of the file tells about how many.
     """
 
     name: str
@@ -99,3 +105,5 @@ class Format:
     fitted: Callable[[PointCloud], tuple[PointCloud, list[str]]] = without_header
     faces: Callable[[BufferedReader], int] = _none
     read_named: Callable[[BufferedReader, list[str]], PointCloud] | None = None
+    chunks: Callable[[BufferedReader, int, bool], Iterator[PointCloud]] | None = None
+    count: Callable[[BufferedReader], int] | None = None

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from io import BufferedReader
+from itertools import chain
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -163,24 +164,88 @@ def read_las(file: BufferedReader) -> PointCloud:
     FileFormatError
         If the file is damaged, ends early, or has a scale with which coordinates cannot be told apart.
     """
+    parts = list(_blocks_as_clouds(file, attributes=True))
+    header = parts[0].header
+    points = np.concatenate([part.points for part in parts])
+    columns = {name: [part.attributes[name] for part in parts] for name in parts[0].attributes}
+    parts.clear()
+    # Each attribute frees its blocks.
+    return PointCloud(points, {name: np.concatenate(columns.pop(name)) for name in list(columns)}, header=header)
+
+
+def read_las_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
+    """Read a LAS, LAZ or COPC file as `read_las` does, in chunks.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+    rows : int
+        Points of a chunk at most.
+    attributes : bool
+        Whether to return the attributes, too.
+
+    Yields
+    ------
+    PointCloud
+
+    Raises
+    ------
+    FileFormatError
+        As `read_las`, after the chunks before the fault.
+    """
+    blocks = _blocks_as_clouds(file, attributes)
+    empty = next(blocks)
+    count = 0
+    for block in blocks:
+        count += len(block)
+        if len(block) <= rows:
+            yield block
+        else:
+            yield from (block[start : start + rows] for start in range(0, len(block), rows))
+    if not count:
+        yield empty
+
+
+def count_las_points(file: BufferedReader) -> int:
+    """Return how many points a LAS, LAZ or COPC file has, as its header says.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    FileFormatError
+        If the header is damaged.
+    """
+    return _count(read_header(file)[1])
+
+
+def _count(fields: NDArray[Any]) -> int:
+    return int(fields["count"][0]) or int(fields["legacy_count"][0])
+
+
+def _blocks_as_clouds(file: BufferedReader, attributes: bool) -> Iterator[PointCloud]:
+    """Yield a cloud without points, and then one for each block of points."""
     header, fields, laszip = read_header(file)
     size, compressed = int(fields["point_size"][0]), int(fields["point_format"][0]) & 0b11000000
     layout = _layout(header, size)
-    count = int(fields["count"][0]) or int(fields["legacy_count"][0])
+    count = _count(fields)
     blocks = _compressed(file, layout, count, laszip) if compressed else _uncompressed(file, layout, count)
     scales, offsets = fields["scales"][0], fields["offsets"][0]
-    coordinates, columns = [np.empty((0, 3))], {name: [] for name in layout.dimensions}  # type: ignore[var-annotated]
-    for block in blocks:
-        coordinates.append(_coordinates(block, scales, offsets))
-        for name, dimension in layout.dimensions.items():
-            columns[name].append(np.ascontiguousarray(dimension.values(block), dimension.dtype.newbyteorder("=")))
-    points = np.concatenate(coordinates)
-    coordinates.clear()
-    attributes = {}
-    for name, dimension in layout.dimensions.items():
-        empty = np.empty((0, *layout.record[dimension.field].shape), dimension.dtype.newbyteorder("="))
-        attributes[name] = np.concatenate([empty, *columns.pop(name)])  # frees the blocks, one attribute after another
-    return PointCloud(points, attributes, header=header)
+    wanted = layout.dimensions if attributes else {}
+    for block in chain([np.empty(0, layout.record)], blocks):
+        columns = {
+            name: np.ascontiguousarray(dimension.values(block), dimension.dtype.newbyteorder("="))
+            for name, dimension in wanted.items()
+        }
+        yield PointCloud(_coordinates(block, scales, offsets), columns, header=header)
 
 
 def _uncompressed(file: BufferedReader, layout: _Layout, count: int) -> Iterator[NDArray[Any]]:
@@ -574,7 +639,10 @@ def _is_las(head: bytes, size: int, compressed: bool) -> bool:
 
 def _format(name: str, suffix: str, compressed: bool) -> Format:
     write: Callable[[BinaryIO, PointCloud], None] = partial(write_las, compressed=compressed)
-    return Format(name, (suffix,), read_las, write, partial(_is_las, compressed=compressed), fitted=_fitted)
+    recognises = partial(_is_las, compressed=compressed)
+    return Format(
+        name, (suffix,), read_las, write, recognises, fitted=_fitted, chunks=read_las_chunks, count=count_las_points
+    )
 
 
 FORMATS = (_format("LAS", ".las", False), _format("LAZ", ".laz", True))

@@ -117,6 +117,36 @@ def read_ply(file: BufferedReader) -> PointCloud:
     FileFormatError
         If the header is malformed, x, y or z is missing, a number is malformed, or the file ends early.
     """
+    [cloud] = _read_clouds(file, None, True)
+    return cloud
+
+
+def read_ply_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
+    """Read the vertices of a PLY file as `read_ply` does, in chunks. Vertices with lists come as one.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+    rows : int
+        Vertices of a chunk at most.
+    attributes : bool
+        Whether to read the attributes, too.
+
+    Yields
+    ------
+    PointCloud
+
+    Raises
+    ------
+    FileFormatError
+        As `read_ply`.
+    """
+    yield from _read_clouds(file, rows, attributes)
+
+
+def _read_clouds(file: BufferedReader, rows: int | None, attributes: bool) -> Iterator[PointCloud]:
+    """Yield the vertices as clouds of at most `rows` points; None stands for all in one."""
     header = _read_header(file)
     before: list[_Element] = []
     for element in header.elements:
@@ -127,19 +157,34 @@ def read_ply(file: BufferedReader) -> PointCloud:
         found = ", ".join(repr(each.name) for each in header.elements) or "none"
         raise FileFormatError(f"expected an element named vertex, found {found}")
     coordinate_names(each.name for each in element.scalars)
-    return replace(_read_vertices(file, header, before, element), header=header.kept(element))
+    for cloud in _read_vertices(file, header, before, element, rows, attributes):
+        yield replace(cloud, header=header.kept(element))
 
 
-def _read_vertices(file: BufferedReader, header: _Header, before: list[_Element], vertices: _Element) -> PointCloud:
-    """Read the vertices, which stand behind the elements `before`."""
+def _read_vertices(
+    file: BufferedReader,
+    header: _Header,
+    before: list[_Element],
+    vertices: _Element,
+    rows: int | None,
+    attributes: bool,
+) -> Iterator[PointCloud]:
+    """Yield the vertices, which stand behind the elements `before`."""
     if header.encoding == "ascii":
-        return _read_text(file, header.lines, before, vertices)
+        yield from _read_text(file, header.lines, before, vertices, rows)
+        return
     order = _ORDERS[header.encoding]
     for each in before:
         _skip(file, each, order)
     if vertices.has_lists:
-        return _read_with_lists(file, vertices, order)
-    return _read_records(file, vertices, order)
+        yield _read_with_lists(file, vertices, order)
+        return
+    whole = _bytes_left(file) // vertices.record(order).itemsize
+    if whole < vertices.count:
+        raise ends_early("vertex", whole, vertices.count)
+    at_once = vertices.count if rows is None else rows
+    for start in range(0, max(vertices.count, 1), max(at_once, 1)):
+        yield _read_records(file, vertices, order, min(at_once, vertices.count - start), attributes)
 
 
 def unread_ply(file: BufferedReader) -> list[str]:
@@ -219,15 +264,15 @@ def _add_property(header: _Header, new: _Property) -> None:
     element.properties.append(new)
 
 
-def _read_records(file: BufferedReader, element: _Element, order: _Order) -> PointCloud:
+def _read_records(
+    file: BufferedReader, element: _Element, order: _Order, count: int, with_attributes: bool
+) -> PointCloud:
     """Read vertices of fixed size, block by block, so that each block stays in the processor's cache."""
-    record, count = element.record(order), element.count
-    whole = _bytes_left(file) // record.itemsize
-    if whole < count:
-        raise ends_early("vertex", whole, count)
+    record = element.record(order)
     axes = coordinate_names(record.names or ())
     points = np.empty((count, 3))
-    attributes = {each.name: np.empty(count, each.dtype) for each in element.properties if each.name not in axes}
+    others = [each for each in element.properties if each.name not in axes] if with_attributes else []
+    attributes = {each.name: np.empty(count, each.dtype) for each in others}
     targets = [*zip(axes, points.T, strict=True), *attributes.items()]
     block = np.empty(min(count, BLOCK), record)
     for start in range(0, count, BLOCK):
@@ -323,7 +368,10 @@ def _lists(items: Column, lengths: NDArray[np.int64]) -> Column:
     return lists
 
 
-def _read_text(file: BufferedReader, first_line: int, before: list[_Element], element: _Element) -> PointCloud:
+def _read_text(
+    file: BufferedReader, first_line: int, before: list[_Element], element: _Element, rows: int | None
+) -> Iterator[PointCloud]:
+    """Yield the vertices of a text file; those with lists as one cloud, whatever `rows` says."""
     lines = lines_of(file)
     for each in before:
         for i in range(each.count):
@@ -334,13 +382,21 @@ def _read_text(file: BufferedReader, first_line: int, before: list[_Element], el
     words: dict[str, list[list[str]]] = {each.name: [] for each in element.properties if each.length is not None}
     numbers_of = _text_without_lists(element, words) if element.has_lists else str.strip
     blocks = number_blocks(lines, first_line + 1, numbers_of, width=len(scalars), count=element.count, what="vertex")
+    if rows is not None and element.count and not element.has_lists:
+        first = 0
+        for _, values in blocks:
+            for start in range(0, len(values), rows):
+                part = values[start : start + rows]
+                yield cloud_of_columns({each.name: _cast(part[:, i], each, first) for i, each in enumerate(scalars)})
+                first += len(part)
+        return
     values = np.concatenate([np.empty((0, len(scalars))), *(values for _, values in blocks)])
     columns = {each.name: _cast(values[:, i], each) for i, each in enumerate(scalars)}
     ordered = {
         each.name: columns[each.name] if each.length is None else _text_lists(words[each.name], each)
         for each in element.properties
     }
-    return cloud_of_columns(ordered)
+    yield cloud_of_columns(ordered)
 
 
 def _text_without_lists(element: _Element, lists: Mapping[str, list[list[str]]]) -> Callable[[str], str]:
@@ -372,7 +428,8 @@ def _text_lists(lists: list[list[str]], to: _Property) -> Column:
     return _lists(_cast(items, to), np.array([len(words) for words in lists], dtype=np.int64))
 
 
-def _cast(values: Column, to: _Property) -> Column:
+def _cast(values: Column, to: _Property, first: int = 0) -> Column:
+    """Return values, of which the first is number `first` of the file, in the type of a property."""
     if to.dtype.kind in "iu":
         bounds = np.iinfo(to.dtype)
         fits = (values >= bounds.min) & (values <= bounds.max) & (values == np.rint(values))
@@ -380,7 +437,7 @@ def _cast(values: Column, to: _Property) -> Column:
             wrong = int(np.argmin(fits))
             raise FileFormatError(
                 f"expected a {_NAMES[to.dtype]} as {to.name} of "
-                f"{'vertex' if to.length is None else 'all lists, item'} {wrong + 1}, found {values[wrong]:g}"
+                f"{'vertex' if to.length is None else 'all lists, item'} {first + wrong + 1}, found {values[wrong]:g}"
             )
     with np.errstate(over="ignore"):  # values beyond the range of float32 become infinite
         return values.astype(to.dtype)
@@ -522,4 +579,5 @@ FORMAT = Format(
     unread_ply,
     _fitted,
     faces=count_ply_faces,
+    chunks=read_ply_chunks,
 )

@@ -71,6 +71,28 @@ def plain_input(path: Path) -> Iterator[tuple[Any, Path]]:
             yield plain, inner_name(path)
 
 
+def is_plain(path: Path) -> bool:
+    """Return whether `plain_input` opens a file as it is, without a copy.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    bool
+
+    Raises
+    ------
+    OSError
+        If the file does not exist or cannot be read.
+    """
+    if is_standard(path):
+        return False
+    with open(path, "rb") as file:
+        return not _is_compressed(file.peek(4)[:4])
+
+
 def _is_compressed(head: bytes) -> bool:
     return head.startswith((_GZIP, _ZSTANDARD))
 

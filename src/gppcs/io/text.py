@@ -105,39 +105,111 @@ def read_pts(file: BufferedReader) -> PointCloud:
     FileFormatError
         If a row is malformed, names do not fit the columns, or the number of points is not the one announced.
     """
-    return _read(file, lambda width: [*default_names(3), *_PTS_EXTRAS.get(width, default_names(width)[3:])])
+    return _read(file, _names_in_pts)
+
+
+def read_xyz_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
+    """Read a table as `read_xyz` does, in chunks.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+    rows : int
+        Points of a chunk at most.
+    attributes : bool
+        Whether to return the attributes, too.
+
+    Yields
+    ------
+    PointCloud
+        A column of whole numbers up to here has a type of integers, even if other numbers follow.
+
+    Raises
+    ------
+    FileFormatError
+        As `read_xyz`, after the chunks before the fault.
+    """
+    return _chunks(_tables(file, default_names), rows, attributes)
+
+
+def read_pts_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
+    """Read a table as `read_pts` does, in chunks; see `read_xyz_chunks`.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+    rows : int
+        Points of a chunk at most.
+    attributes : bool
+        Whether to return the attributes, too.
+
+    Yields
+    ------
+    PointCloud
+
+    Raises
+    ------
+    FileFormatError
+        As `read_pts`, after the chunks before the fault.
+    """
+    return _chunks(_tables(file, _names_in_pts), rows, attributes)
+
+
+def _chunks(tables: Iterator[dict[str, Column]], rows: int, attributes: bool) -> Iterator[PointCloud]:
+    for table in map(_with_byte_colours, tables):
+        kept = list(table) if attributes else coordinate_names(table)
+        for start in range(0, max(len(table[kept[0]]), 1), rows):
+            yield cloud_of_columns({name: table[name][start : start + rows] for name in kept})
+
+
+def _names_in_pts(width: int) -> list[str]:
+    return [*default_names(3), *_PTS_EXTRAS.get(width, default_names(width)[3:])]
 
 
 def _read(
     file: BufferedReader, names_of_width: Callable[[int], list[str]], given: list[str] | None = None
 ) -> PointCloud:
+    tables = list(_tables(file, names_of_width, given))
+    columns = {name: _joined([table[name] for table in tables]) for name in tables[0]}
+    return cloud_of_columns(_with_byte_colours(columns))
+
+
+def _joined(parts: list[Column]) -> Column:
+    return np.concatenate(parts) if parts[0].dtype.kind == "U" else joined(parts)
+
+
+def _tables(
+    file: BufferedReader, names_of_width: Callable[[int], list[str]], given: list[str] | None = None
+) -> Iterator[dict[str, Column]]:
+    """Yield the columns of each block of rows by name; of a file without rows, empty ones."""
     lines = lines_of(file)
     layout = _layout(lines, given)
     names = layout.names or names_of_width(layout.width)
     if not layout.first_row:
         if layout.count:
             raise FileFormatError(f"expected {layout.count} points, found none; get the whole file again")
-        return cloud_of_columns({name: np.empty(0) for name in names})
+        yield {name: np.empty(0) for name in names}
+        return
     rows = chain([layout.first_row], lines)
     apart = _text_apart(layout, names)
     if apart is None and layout.delimiter == "\t":
         layout.delimiter = None  # then further whitespace does no harm
-    texts = apart.columns() if apart else {}
     blocks = number_blocks(
         apart.numbers(rows, layout.first_line) if apart else rows,
         layout.first_line,
         _numbers,
         delimiter=layout.delimiter,
-        width=layout.width - len(texts),
+        width=layout.width - len(apart.taken() if apart else ()),
         count=layout.count,
     )
-    numbers = [typed_columns(words, values, layout.delimiter) for words, values in blocks]
+    for words, values in blocks:
+        texts = apart.taken() if apart else {}
+        numbers = iter(typed_columns(words, values, layout.delimiter))
+        yield {name: texts[i] if i in texts else next(numbers) for i, name in enumerate(names)}
     if any(map(is_row, rows)):
         raise FileFormatError(f"expected {layout.count} points, as the file says, found more")
-    texts = apart.columns() if apart else {}
-    joint = iter([joined(parts) for parts in zip(*numbers, strict=True)])
-    columns = {name: texts[i] if i in texts else next(joint) for i, name in enumerate(names)}
-    return cloud_of_columns(_with_byte_colours(columns))
 
 
 def _text_apart(layout: _Layout, names: list[str]) -> TextApart | None:
@@ -332,7 +404,31 @@ def _usual_in_pts(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
 
 
 FORMATS = (
-    Format("XYZ", (".xyz", ".txt", ".asc"), read_xyz, write_xyz, fitted=_numbers_and_text, read_named=read_named),
-    Format("CSV", (".csv",), read_xyz, write_csv, fitted=_numbers_and_text, read_named=read_named),
-    Format("PTS", (".pts",), read_pts, write_pts, fitted=_usual_in_pts, read_named=read_named),
+    Format(
+        "XYZ",
+        (".xyz", ".txt", ".asc"),
+        read_xyz,
+        write_xyz,
+        fitted=_numbers_and_text,
+        read_named=read_named,
+        chunks=read_xyz_chunks,
+    ),
+    Format(
+        "CSV",
+        (".csv",),
+        read_xyz,
+        write_csv,
+        fitted=_numbers_and_text,
+        read_named=read_named,
+        chunks=read_xyz_chunks,
+    ),
+    Format(
+        "PTS",
+        (".pts",),
+        read_pts,
+        write_pts,
+        fitted=_usual_in_pts,
+        read_named=read_named,
+        chunks=read_pts_chunks,
+    ),
 )

@@ -193,15 +193,17 @@ class TextApart:
             else:
                 yield "\n"
 
-    def columns(self) -> dict[int, Column]:
-        """Return the columns of text of all lines so far.
+    def taken(self) -> dict[int, Column]:
+        """Return the columns of text of the lines since the last call.
 
         Returns
         -------
         dict of int to (n,) array of str
             By their places.
         """
-        return {i: np.array(texts, dtype=np.str_) for i, texts in self._texts.items()}
+        columns = {i: np.array(texts, dtype=np.str_) for i, texts in self._texts.items()}
+        self._texts = {i: [] for i in self._texts}
+        return columns
 
 
 def is_row(line: str) -> bool:

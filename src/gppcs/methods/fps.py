@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from gppcs.engine.stages import Stages
 from gppcs.methods.method import Method, Selection
@@ -32,6 +32,7 @@ class FarthestPoint(Method):
         "it; this is exact. A smaller selection is the start of a larger one."
     )
     source = "Eldar, Lindenbaum, Porat and Zeevi 1997"
+    bytes_per_point: ClassVar[int] = 150
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose the points; see `Method.__call__`."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from gppcs.engine.stages import Stages
 from gppcs.methods.method import Method, Selection, largest, parameter, random_candidates
@@ -32,6 +32,7 @@ class FarthestPointVariation(Method):
         "the rest."
     )
     source = "reproduces the paper's ablation table; see benchmarks/paper/ablation.py"
+    bytes_per_point: ClassVar[int] = 200
 
     k_init: int | None = parameter(
         None, "Number of farthest points; by default, a third of the points asked for.", least=1

@@ -13,6 +13,16 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gppcs.gp.local.ranking import Criterion
+    from gppcs.spatial.chunks import ChunkedPoints
+
+
+# Memory in bytes, a little more than measured.
+POINT = 24  # Coordinates of a point.
+HASHED = 16  # For each point, while cells are looked up.
+MEASURED = 100  # For each point of the sample.
+RANKED = 300  # For each candidate.
+CELLS_ON_SLOPES = 1.5  # Occupied cells for each that a surface along the grid occupies.
+SECONDS, SECONDS_KEPT = 1e-7, 1e-4  # For each point read, and for each point kept, on two cores.
 
 
 @dataclass(frozen=True)
@@ -82,18 +92,118 @@ class LocalGP(Method):
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose the points: survey, candidates, then the ranking in stages; see `Method.__call__`."""
-        from gppcs.gp.local.candidates import nested_candidates
+        from gppcs.spatial.chunks import ChunkedPoints
+
+        selection = self._chosen(ChunkedPoints.of(points), n_points, Stages.of(stages), points)
+        assert selection is not None
+        return selection
+
+    def in_passes(self, points: ChunkedPoints, n_points: int, stages: Stages) -> Selection | None:
+        """Choose the points, unless all of them would be measured, or be candidates; see `Method.in_passes`.
+
+        Parameters
+        ----------
+        points : ChunkedPoints
+            N finite points, which may repeat each other.
+        n_points : int
+            M, from 1 to N - 1.
+        stages : Stages
+            Times "sample", "tree", "noise", "candidates", "features" and "greedy selection".
+
+
+        Returns
+        -------
+        Selection or None
+        """
+        from gppcs.gp.local.survey import is_sampled
+
+        return self._chosen(points, n_points, stages) if is_sampled(len(points), n_points) else None
+
+    def memory(self, n: int, n_points: int) -> int:
+        """Return about how much memory a call takes, beyond the points themselves.
+
+        Parameters
+        ----------
+        n : int
+            N, the number of points.
+        n_points : int
+            M, the number of points to keep.
+
+
+        Returns
+        -------
+        int
+            Bytes.
+        """
+        from gppcs.gp.local.survey import sample_size
+
+        return HASHED * n + MEASURED * min(n, sample_size(n_points)) + self._memory_of_ranking(n, n_points)
+
+    def memory_in_passes(self, n: int, n_points: int) -> int:
+        """Return about how much memory `in_passes` takes, beyond one chunk of points.
+
+        Parameters
+        ----------
+        n : int
+            N, the number of points.
+        n_points : int
+            M, the number of points to keep.
+
+
+        Returns
+        -------
+        int
+            Bytes. All coordinates count if a sample would be nearly all points.
+        """
+        from gppcs.gp.local.survey import is_sampled, sample_size
+
+        if not is_sampled(n, n_points):
+            return 3 * POINT * n + self.memory(n, n_points)
+        return MEASURED * sample_size(n_points) + self._memory_of_ranking(n, n_points)
+
+    def seconds(self, n: int, n_points: int) -> float:
+        """Return about how long a call takes on two cores.
+
+        Parameters
+        ----------
+        n : int
+            N, the number of points, counted once for each pass over them.
+        n_points : int
+            M, the number of points to keep.
+
+
+        Returns
+        -------
+        float
+        """
+        return SECONDS * n + SECONDS_KEPT * n_points
+
+    def _memory_of_ranking(self, n: int, n_points: int) -> int:
+        return RANKED * min(n, round(CELLS_ON_SLOPES * self.candidates * n_points))
+
+    def _chosen(
+        self, points: ChunkedPoints, n_points: int, stages: Stages, every: NDArray[np.float64] | None = None
+    ) -> Selection | None:
+        """Choose the points; return None if all should be candidates, unless `every` holds them, (N, 3)."""
+        import numpy as np
+
+        from gppcs.gp.local.candidates import finest_candidates, nested_candidates
         from gppcs.gp.local.ranking import rank
         from gppcs.gp.local.survey import survey
+        from gppcs.spatial.chunks import Places
 
-        stages = Stages.of(stages)
         area, noise, sharpness = survey(points, n_points, self.candidates, stages)
-        with stages("candidates"):
-            candidates = nested_candidates(points, n_points, area, self.candidates, sharpness)
-            del sharpness  # to free its memory
-        ranking = rank(points, candidates, self.criterion, noise, stages)
+        finest = finest_candidates(points, n_points, area, self.candidates, sharpness, stages)
+        if not finest.thinned:
+            if every is None:
+                return None
+            n = len(every)
+            finest = finest._replace(places=Places(np.arange(n), every, sharpness.dense(0, n)))
+        del sharpness  # to free its memory
+        places, candidates = finest.places, nested_candidates(finest, n_points, self.candidates, stages)
+        ranking = rank(places.points, candidates, self.criterion, noise, stages)
         return Selection(
-            ranking.indices,
+            places.rows[ranking.indices],
             {"noise_in_spacings": noise.level / noise.spacing if noise.spacing > 0.0 else 0.0},
             attributes={"score": ranking.scores, "deviation": ranking.deviations},
         )

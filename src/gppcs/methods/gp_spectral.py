@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from gppcs.engine.stages import Stages
 from gppcs.methods.method import Method, Selection, parameter, random_candidates
@@ -42,6 +42,7 @@ class SpectralGP(Method):
         "mean predicts worse than a constant, which can happen if the chosen points are not typical."
     )
     source = "Pathak, Baldwin-McDonald, Sels and Penne, GP-PCS, Algorithm 1"
+    bytes_per_point: ClassVar[int] = 1000
 
     neighbours: int = parameter(25, "k: about how many points a neighbourhood holds.", least=3)
     eigenfunctions: int = parameter(

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from gppcs.spatial.chunks import ChunkedPoints
+
 
 Value = TypeVar("Value")
 
@@ -150,6 +152,8 @@ class Method(ABC):
         The publication.
     attributes : tuple of str
         Names of the `Selection.attributes` that the method reports, if any.
+    bytes_per_point : int
+        About how much memory the method takes for each point, beyond the points themselves.
 
     Examples
     --------
@@ -171,6 +175,7 @@ class Method(ABC):
     description: ClassVar[str] = ""
     source: ClassVar[str]
     attributes: ClassVar[tuple[str, ...]] = ()
+    bytes_per_point: ClassVar[int] = 200
 
     def __init_subclass__(cls) -> None:
         """Complete the docstring, unless `python -OO` has removed it."""
@@ -200,6 +205,78 @@ class Method(ABC):
         Selection
             M points.
         """
+
+    def in_passes(self, points: ChunkedPoints, n_points: int, stages: Stages) -> Selection | None:
+        """Choose points of a cloud that need not fit into memory.
+
+        A method that can do so overrides this. It then chooses the same points, whatever the chunks.
+
+        Parameters
+        ----------
+        points : ChunkedPoints
+            N finite points, which may repeat each other.
+        n_points : int
+            M, from 1 to N - 1.
+        stages : Stages
+            Measures the time of each stage, and reports progress to its listener.
+
+        Returns
+        -------
+        Selection or None
+            M points, no two at the same place; None if the method must be called on all points that are no repeats.
+        """
+        return None
+
+    def memory(self, n: int, n_points: int) -> int:
+        """Return about how much memory a call takes, beyond the points themselves.
+
+        Parameters
+        ----------
+        n : int
+            N, the number of points.
+        n_points : int
+            M, the number of points to keep.
+
+        Returns
+        -------
+        int
+            Bytes.
+        """
+        return self.bytes_per_point * n
+
+    def seconds(self, n: int, n_points: int) -> float | None:
+        """Return about how long a call takes on two cores.
+
+        Parameters
+        ----------
+        n : int
+            N, the number of points, counted once for each pass over them.
+        n_points : int
+            M, the number of points to keep.
+
+        Returns
+        -------
+        float or None
+            None if it is not known.
+        """
+        return None
+
+    def memory_in_passes(self, n: int, n_points: int) -> int | None:
+        """Return about how much memory `in_passes` takes, beyond one chunk of points.
+
+        Parameters
+        ----------
+        n : int
+            N, the number of points.
+        n_points : int
+            M, the number of points to keep.
+
+        Returns
+        -------
+        int or None
+            Bytes; None if the method must be called on all points.
+        """
+        return None
 
     def __post_init__(self) -> None:
         """Check the types and the ranges of all parameters. Subclasses that check more call this first.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from gppcs.engine.stages import Stages
 from gppcs.methods.method import Method, Selection, parameter
@@ -31,6 +31,7 @@ class Random(Method):
         "Chooses the first points of a random permutation, so a smaller selection is the start of a larger one."
     )
     source = "baseline"
+    bytes_per_point: ClassVar[int] = 60
 
     seed: int = parameter(0, "Seed of the permutation.", least=0)
 

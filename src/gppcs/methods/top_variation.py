@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from gppcs.engine.stages import Stages
 from gppcs.methods.method import Method, Selection, largest, parameter
@@ -29,6 +29,7 @@ class TopVariation(Method):
     summary = "the points of largest surface variation, and no others"
     description = "Chooses the points of largest surface variation. Flat parts of the surface keep no points."
     source = "baseline; surface variation: Pauly, Gross and Kobbelt 2002"
+    bytes_per_point: ClassVar[int] = 150
 
     neighbours: int = parameter(25, "About how many points a neighbourhood holds.", least=3)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,11 +36,67 @@ def bounds(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
     return low.min(axis=0), high.max(axis=0)
 
 
+class Frame(NamedTuple):
+    """A shift and a scale that bring points to about unit size. The scale is a power of two, so it does not round.
+
+    Attributes
+    ----------
+    corner : (3,) array, float64
+        What becomes the origin: the lower corner of the bounding box.
+    exponent : int
+        Points are divided by two to this power.
+    """
+
+    corner: NDArray[np.float64]
+    exponent: int
+
+    @classmethod
+    def around(cls, low: NDArray[np.float64], high: NDArray[np.float64]) -> Frame:
+        """Return the frame of a bounding box.
+
+        Parameters
+        ----------
+        low, high : (3,) arrays, float64
+            Corners of the box, finite.
+
+        Returns
+        -------
+        Frame
+
+        Raises
+        ------
+        InputError
+            If the size of the box overflows.
+        """
+        with np.errstate(over="ignore"):
+            size = float((high - low).max())
+        if not math.isfinite(size):
+            raise InputError("expected coordinates whose differences are finite, found a range that overflows")
+        return cls(low, math.frexp(size)[1])  # zero for a size of zero
+
+    def local(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Shift and scale points.
+
+        Parameters
+        ----------
+        points : (n, 3) array, float64
+            Within the box of the frame.
+
+        Returns
+        -------
+        (n, 3) array, float64
+            Coordinates within 1e-100 of the corner, as a share of the size, become zero, since their squares would
+            underflow.
+        """
+        half = -self.exponent // 2
+        local = np.empty(points.shape)  # allocated here because NumPy, unlike Numba, asks for large memory pages
+        scale, again = math.ldexp(1.0, half), math.ldexp(1.0, -self.exponent - half)
+        on_ranges(_shift_and_scale, len(points), points, self.corner, scale, again, local, least=POINTS_AT_ONCE)
+        return local
+
+
 def normalised(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
     """Shift the lower corner of the bounding box to the origin and scale the points to about unit size.
-
-    The scale is a power of two, so that scaling does not round. Coordinates within 1e-100 of the corner, as a share
-    of the size, become zero, since their squares would underflow.
 
     Parameters
     ----------
@@ -49,7 +106,8 @@ def normalised(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
     Returns
     -------
     local : (N, 3) array, float64
-        The shifted and scaled points; `local * 2**exponent + corner` gives the input, but for rounding.
+        The shifted and scaled points, as `Frame.local` returns them; `local * 2**exponent + corner` gives the input,
+        but for rounding.
     corner : (3,) array, float64
         Lower corner of the bounding box of the input.
     exponent : int
@@ -59,17 +117,8 @@ def normalised(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
     InputError
         If the size of the bounding box overflows.
     """
-    low, high = bounds(points)
-    with np.errstate(over="ignore"):
-        size = float((high - low).max())
-    if not math.isfinite(size):
-        raise InputError("expected coordinates whose differences are finite, found a range that overflows")
-    exponent = math.frexp(size)[1]  # zero for a size of zero
-    half = -exponent // 2
-    local = np.empty(points.shape)  # allocated here because NumPy, unlike Numba, asks for large memory pages
-    scale, again = math.ldexp(1.0, half), math.ldexp(1.0, -exponent - half)
-    on_ranges(_shift_and_scale, len(points), points, low, scale, again, local, least=POINTS_AT_ONCE)
-    return local, low, exponent
+    frame = Frame.around(*bounds(points))
+    return frame.local(points), frame.corner, frame.exponent
 
 
 @kernel

@@ -3,8 +3,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from gppcs.gp.local.candidates import ENOUGH, FIRST_STAGE, TOO_MANY, nested_candidates
+from gppcs.engine.stages import Stages
+from gppcs.gp.local.candidates import ENOUGH, FIRST_STAGE, TOO_MANY, finest_candidates, nested_candidates
 from gppcs.spatial.cells import greatest_in_cells
+from gppcs.spatial.chunks import ChunkedPoints, Places, SparseValues
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 
@@ -14,8 +16,19 @@ def blunt(points):
     return np.zeros(len(points), dtype=np.float32)
 
 
+def all_stages(points, n_points, area, density, sharpness):
+    """The candidates of all stages, as rows of the points."""
+    every, clock = np.arange(len(points)), Stages()
+    values = SparseValues(every, sharpness)
+    finest = finest_candidates(ChunkedPoints.of(points), n_points, area, density, values, clock)
+    if not finest.thinned:
+        finest = finest._replace(places=Places(every, points, sharpness))
+    stages = nested_candidates(finest, n_points, density, clock)
+    return [stage._replace(indices=finest.places.rows[stage.indices]) for stage in stages]
+
+
 def test_targets_double_and_candidates_of_a_stage_are_among_those_of_the_next(bracket):
-    stages = nested_candidates(bracket, 3_001, surface_area(KdTree.build(bracket)), 9.0, blunt(bracket))
+    stages = all_stages(bracket, 3_001, surface_area(KdTree.build(bracket)), 9.0, blunt(bracket))
     assert [stage.target for stage in stages] == [47, 94, 188, 376, 751, 1501, 3001]
     assert stages[0].target <= FIRST_STAGE
     for coarse, fine in pairwise(stages):
@@ -32,7 +45,7 @@ def test_there_are_as_many_candidates_as_asked_for_or_half_as_many_again(sphere)
     plane = np.column_stack([rng.random((40_000, 2)), np.zeros(40_000)])
     for points, expected in ((plane, 9), (sphere, 13.5)):
         area = surface_area(KdTree.build(points))
-        target, candidates, thinned, same = nested_candidates(points, 50, area, 9.0, blunt(points))[0]
+        target, candidates, thinned, same = all_stages(points, 50, area, 9.0, blunt(points))[0]
         assert thinned
         assert same == area
         assert len(candidates) / target == pytest.approx(expected, rel=0.1)
@@ -42,14 +55,14 @@ def test_the_sharpest_point_of_a_cell_stays():
     rng = np.random.default_rng(0)
     points = np.column_stack([rng.random((40_000, 2)), np.zeros(40_000)])
     for sharpness in (rng.random(40_000).astype(np.float32), blunt(points)):  # or the first of those alike
-        candidates = nested_candidates(points, 50, 1.0, 9.0, sharpness)[0].indices
+        candidates = all_stages(points, 50, 1.0, 9.0, sharpness)[0].indices
         np.testing.assert_array_equal(candidates, sharpest_of_cells(points, np.sqrt(1 / 450), sharpness))
 
 
 def test_where_there_is_little_to_choose_from_all_stay():
     rng = np.random.default_rng(0)
     points = rng.random((100, 3))
-    for target, candidates, thinned, _ in nested_candidates(
+    for target, candidates, thinned, _ in all_stages(
         points, 60, surface_area(KdTree.build(points)), 9.0, blunt(points)
     ):
         assert target == 60
@@ -59,9 +72,7 @@ def test_where_there_is_little_to_choose_from_all_stay():
 
 def test_most_points_in_a_dot_do_not_make_all_points_candidates(sphere):
     points = np.concatenate([sphere[:400], [5, 0, 0] + 1e-3 * sphere[:39_600]])
-    assert all(
-        len(stage.indices) < 40 * stage.target for stage in nested_candidates(points, 2_000, 1e3, 9.0, blunt(points))
-    )
+    assert all(len(stage.indices) < 40 * stage.target for stage in all_stages(points, 2_000, 1e3, 9.0, blunt(points)))
 
 
 def sharpest_of_cells(points, edge, sharpness):
@@ -97,7 +108,7 @@ def test_stages_are_those_of_a_step_at_a_time_over_all_points(sphere, dot, area)
     points[:dot] = 0.5 + 1e-5 * sphere[20_000 : 20_000 + dot]
     points = rng.permutation(points)
     sharpness = rng.integers(0, 5, len(points)).astype(np.float32)
-    stages, plain = (way(points, 600, area, 9.0, sharpness) for way in (nested_candidates, plain_stages))
+    stages, plain = (way(points, 600, area, 9.0, sharpness) for way in (all_stages, plain_stages))
     for found, expected in zip(stages, plain, strict=True):
         np.testing.assert_array_equal(found.indices, expected[1])
         assert (found.target, found.thinned, found.area) == (expected[0], *expected[2:])
@@ -110,11 +121,11 @@ def test_an_area_that_is_far_off_costs_few_passes_over_all_points(sphere, monkey
     points[:39_000] = 0.5 + 1e-7 * sphere[:39_000]
     points, passes = rng.permutation(points), []
     monkeypatch.setattr(
-        "gppcs.gp.local.candidates.greatest_in_cells",
+        "gppcs.spatial.chunks.greatest_in_cells",
         lambda some, *of_grid: passes.append(len(some)) or greatest_in_cells(some, *of_grid),
     )
     for area, n_points in ((1e-14, 30), (1e5, 600)):  # 1,000 points outside the dot are too many, or too few
         passes.clear()
-        nested_candidates(points, n_points, area, 9.0, blunt(points))
+        all_stages(points, n_points, area, 9.0, blunt(points))
         assert passes.count(40_000) < 10
         assert len(passes) > 20

@@ -1,12 +1,15 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gppcs.engine.stages import COMPILATION, Stages
-from gppcs.gp.local.candidates import nested_candidates
+from gppcs.gp.local.candidates import finest_candidates, nested_candidates
 from gppcs.gp.local.density import graded
 from gppcs.gp.local.ranking import NUGGET, Criterion, local_field, rank
+from gppcs.spatial.chunks import ALIKE, ChunkedPoints, Places
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.surface_variation import Features
@@ -37,13 +40,12 @@ class Told:
 
 def ranked(points, n_points, seen=None, stages=None, candidates=8.0, **changes):
     area = surface_area(KdTree.build(points))
-    candidates = nested_candidates(points, n_points, area, candidates, blunt(points))
-    return rank(points, candidates, criterion(**changes), Told(seen or clean), stages)
-
-
-def blunt(points):
-    """All alike."""
-    return np.zeros(len(points), dtype=np.float32)
+    finest = finest_candidates(ChunkedPoints.of(points), n_points, area, candidates, ALIKE, Stages())
+    if not finest.thinned:
+        finest = finest._replace(places=Places(np.arange(len(points)), points, ALIKE.dense(0, len(points))))
+    nested = nested_candidates(finest, n_points, candidates, Stages())
+    ranking = rank(finest.places.points, nested, criterion(**changes), Told(seen or clean), stages)
+    return replace(ranking, indices=finest.places.rows[ranking.indices])
 
 
 class Heard:

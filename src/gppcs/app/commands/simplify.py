@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gppcs import __version__
-from gppcs.app.outputs import Outputs, outputs_of
+from gppcs.app.large_files import DryRun, Memory, Merge, plan_record, print_plan, titled
+from gppcs.app.outputs import Outputs, outputs_of, sources_of
 from gppcs.app.printing import (
     BAD_INPUT,
     FAILURES,
@@ -43,7 +44,10 @@ from gppcs.methods import DEFAULT, METHODS, Method, method_named
 if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
     from gppcs.drawing.camera import Viewpoint
+    from gppcs.engine.stages import Stages
     from gppcs.evaluation.report import Report
+    from gppcs.io.cloud_files import CloudFiles
+    from gppcs.out_of_core import Plan
     from gppcs.simplification import Result
 
 EPILOG = (
@@ -53,12 +57,14 @@ EPILOG = (
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --set feature_weight=0.8\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --normals\n\n"
     "gppcs simplify a.ply b.ply -o folder/ --ratio 10% --json\n\n"
+    "gppcs simplify tile1.laz tile2.laz --merge -o small.laz --ratio 0.2% --memory 4GB\n\n"
     "gppcs simplify scans -o '{parent}/{stem}_small.ply' --points 5k\n\n"
     "gppcs simplify table.txt -o small.ply --points 5k --columns x,y,z,red,green,blue\n\n"
     "[bold]Output of --json[/bold]\n\n"
     "Besides input, output, method and figures: [cyan]seconds[/cyan], the time of each stage; "
     "[cyan]seconds_compiling[/cyan], the part of it that only a first run takes; and [cyan]peak_memory[/cyan], the "
-    "most bytes that the process has held so far, or null if the system does not report it.\n\n"
+    "most bytes that the process has held so far, or null if the system does not report it. With --merge, input is a "
+    "list. With --dry-run, the plan stands in place of the result.\n\n"
     "[bold]Methods[/bold] (their parameters: gppcs methods NAME)\n\n"
     + "\n\n".join(
         f"[cyan]{method.name}[/cyan]: {method.summary} [dim]({method.source})[/dim]" for method in METHODS.values()
@@ -129,6 +135,9 @@ def simplify(
     view: View = None,
     up: Up = None,
     threads: Threads = None,
+    merge: Merge = False,
+    memory: Memory = None,
+    dry_run: DryRun = False,
     force: Force = False,
     lossy: Lossy = False,
     quiet: Quiet = False,
@@ -140,6 +149,7 @@ def simplify(
     for standard input, or for standard output with --to.
     """
     from gppcs.io import check_distinct
+    from gppcs.out_of_core import bytes_of
     from gppcs.simplification import simplify as simplified
 
     set_threads(threads)
@@ -154,12 +164,17 @@ def simplify(
     }
     viewpoint = viewpoint_of(view, up, picture is not None)
     simplified([[0.0, 0.0, 0.0]], **options)  # checks the options before long work
-    outputs = outputs_of(inputs, output, output_format)
+    limit = None if memory is None else bytes_of(memory)
+    merged = sources_of(inputs) if merge else []
+    outputs = outputs_of(merged[:1] or inputs, output, output_format)
     sources, targets = list(outputs.targets), list(outputs.targets.values())
     if picture:
         _check_picture(picture, sources, force)
-    check_distinct([*targets, *([picture] if picture else [])], sources)
-    job = _Job(outputs, options, input_format, names_of(columns), figures, picture, viewpoint, force, lossy, quiet)
+    check_distinct([*targets, *([picture] if picture else [])], merged or sources)
+    job = _Job(
+        outputs, merged, options, input_format, names_of(columns), figures, picture, viewpoint, limit, dry_run,
+        force, lossy, quiet,
+    )  # fmt: skip
     succeeded = [_reported(job, source, as_json) for source in sources]
     if not all(succeeded):
         raise typer.Exit(BAD_INPUT)
@@ -174,7 +189,7 @@ def _reported(job: _Job, source: Path, as_json: bool) -> bool:
     except FAILURES as error:
         tell(error, source)
         return False
-    if is_standard(run.target):  # there the result goes
+    if is_standard(run.target) and not job.dry_run:  # there the result goes
         if not job.quiet:
             typer.echo(run.line(), err=True)
     elif as_json:
@@ -211,41 +226,46 @@ def _check_picture(picture: Path, inputs: list[Path], force: bool) -> None:
 
 @dataclass(frozen=True)
 class _Job:
-    """What to do with each input; `options` are the arguments of `gppcs.simplify`."""
+    """What to do with each input, or with all of `merged`; `options` are the arguments of `gppcs.simplify`."""
 
     outputs: Outputs
+    merged: list[Path]
     options: dict[str, Any]
     input_format: str | None
     columns: list[str] | None
     figures: bool
     picture: Path | None
     viewpoint: Viewpoint
+    limit: int | None
+    dry_run: bool
     force: bool
     lossy: bool
     quiet: bool
 
-    def run(self, source: Path) -> _Run:
-        """Simplify one file."""
+    def run(self, source: Path) -> _Run | _DryRun:
+        """Simplify one cloud."""
         from gppcs import io
         from gppcs.engine.stages import Stages
-        from gppcs.evaluation.judge import evaluate
-        from gppcs.simplification import simplify
+        from gppcs.io.cloud_files import CloudFiles
+        from gppcs.out_of_core import expected_seconds, plan, simplify_in_passes
+        from gppcs.simplification import resolved
 
-        target = self.outputs.targets[source]
+        target, sources = self.outputs.targets[source], self.merged or [source]
         self.outputs.check(target, self.force)
         stages = Stages(progress(self.quiet))
-        with stages("reading"):
-            cloud, _, unread = io.load(source, self.input_format, self.columns)
-        if not self.lossy:
-            io.check_losses(target, cloud, self.outputs.format)
-        result = simplify(cloud, stages=stages, **self.options)
         report = image = None
-        if self.figures:
-            with stages("figures"):
-                report = evaluate(cloud.take(cloud.finite_rows()), result.cloud)
-        if self.picture:
-            with stages("picture"):
-                image = _drawn(cloud, result, self.viewpoint)
+        options = {name: self.options[name] for name in ("ratio", "n_points", "invalid", "scores")}
+        with CloudFiles(sources, self.input_format, self.columns) as files:
+            method = resolved(self.options["method"], self.options["seed"])
+            made = plan(files, method, options["ratio"], options["n_points"], self.limit, self._whole())
+            if self.dry_run:
+                return _DryRun(sources, target, made, expected_seconds(files, made, method))
+            if made.in_memory:
+                result, points, report, image = self._in_memory(files, target, stages)
+            else:
+                self._check_losses(target, files.head().cloud)
+                result, points = simplify_in_passes(files, made, method, stages=stages, **options)
+            unread = files.unread()
         with stages("writing"):
             self.outputs.make_folder(target)
             io.write(target, result.cloud, self.outputs.format, force=self.force, lossy=self.lossy)
@@ -254,7 +274,39 @@ class _Job:
                     file.write(image)
         note_left_out(target, [*unread, *io.losses(target, result.cloud, self.outputs.format)])
         self._note_all_kept(source, len(result.indices))
-        return _Run(source, target, cloud, result, report)
+        return _Run(sources, target, points, made.passes, result, report)
+
+    def _in_memory(
+        self, files: CloudFiles, target: Path, stages: Stages
+    ) -> tuple[Result, int, Report | None, bytes | None]:
+        """Return the result, the number of points, and figures and picture if wanted."""
+        from gppcs.evaluation.judge import evaluate
+        from gppcs.simplification import simplify
+
+        with stages("reading"):
+            cloud = files.read()
+        self._check_losses(target, cloud)
+        result = simplify(cloud, stages=stages, **self.options)
+        report = image = None
+        if self.figures:
+            with stages("figures"):
+                report = evaluate(cloud.take(cloud.finite_rows()), result.cloud)
+        if self.picture:
+            with stages("picture"):
+                image = _drawn(cloud, result, self.viewpoint)
+        return result, len(cloud), report, image
+
+    def _whole(self) -> str | None:
+        """Return the option that takes all points at once, if any."""
+        wanted = {"--normals": self.options["normals"], "--figures": self.figures, "--picture": self.picture}
+        return next((name for name, value in wanted.items() if value), None)
+
+    def _check_losses(self, target: Path, cloud: PointCloud) -> None:
+        """Check that the output can hold all of a cloud, unless it need not."""
+        from gppcs import io
+
+        if not self.lossy:
+            io.check_losses(target, cloud, self.outputs.format)
 
     def _note_all_kept(self, source: Path, kept: int) -> None:
         """Print a note if the input has fewer points than were asked for."""
@@ -285,27 +337,60 @@ def _drawn(cloud: PointCloud, result: Result, viewpoint: Viewpoint) -> bytes:
 
 
 @dataclass(frozen=True)
-class _Run:
-    """The simplification of one file."""
+class _DryRun:
+    """What would be done with one cloud."""
 
-    source: Path
+    sources: list[Path]
     target: Path
-    cloud: PointCloud
+    plan: Plan
+    seconds: float | None
+
+    def record(self) -> dict[str, Any]:
+        """Return the plan as the record that `--json` prints."""
+        return {"input": _record_of(self.sources), "output": str(self.target), **plan_record(self.plan, self.seconds)}
+
+    def line(self) -> str:
+        """Return the plan as one line."""
+        from gppcs.out_of_core import size_of
+
+        way = "in memory" if self.plan.in_memory else f"in {self.plan.passes} passes"
+        return f"{titled(self.sources)} → {self.target}: {way}, about {size_of(self.plan.memory)}"
+
+    def print(self) -> None:
+        """Print the plan as a table."""
+        print_plan(self.sources, self.target, self.plan, self.seconds)
+
+
+def _record_of(sources: list[Path]) -> str | list[str]:
+    """Return the inputs as the record of `--json` names them."""
+    names = [str(source) for source in sources]
+    return names if len(names) > 1 else names[0]
+
+
+@dataclass(frozen=True)
+class _Run:
+    """The simplification of one cloud."""
+
+    sources: list[Path]
+    target: Path
+    points: int
+    passes: int
     result: Result
     report: Report | None
 
     def record(self) -> dict[str, Any]:
         """Return the run as the record that `--json` prints."""
         return {
-            "input": str(self.source),
+            "input": _record_of(self.sources),
             "output": str(self.target),
-            "points_in": len(self.cloud),
+            "points_in": self.points,
             "points_out": len(self.result.indices),
             "method": self.result.method.name,
             "parameters": dataclasses.asdict(self.result.method),
             "diagnostics": dict(self.result.diagnostics),
             "seconds": dict(self.result.seconds),
             "seconds_compiling": self.result.seconds.get(COMPILATION, 0.0),
+            "passes": self.passes,
             "peak_memory": peak_memory(),
             "figures": self.report.figures() if self.report else None,
             "version": __version__,
@@ -313,8 +398,8 @@ class _Run:
 
     def line(self) -> str:
         """Return the run as one line."""
-        counts = f"{len(self.cloud):,} points in, {len(self.result.indices):,} out"
-        return f"{self.source} → {self.target}: {counts}, {sum(self.result.seconds.values()):.2f} s"
+        counts = f"{self.points:,} points in, {len(self.result.indices):,} out"
+        return f"{titled(self.sources)} → {self.target}: {counts}, {sum(self.result.seconds.values()):.2f} s"
 
     def print(self) -> None:
         """Print the run as a table."""
@@ -327,9 +412,10 @@ class _Run:
             total += f", of which {compilation:.2f} compiling kernels"
             total += ", this time only" if are_kept() else ""
         print_table(
-            f"{self.source} → {self.target}",
+            f"{titled(self.sources)} → {self.target}",
             {
-                "points": f"{len(self.cloud):,} in, {len(self.result.indices):,} out",
+                "points": f"{self.points:,} in, {len(self.result.indices):,} out",
+                **({"passes": f"{self.passes} or more over the files"} if self.passes > 1 else {}),
                 "method": _written(self.result.method),
                 **{name: f"{value:.4g}" for name, value in self.result.diagnostics.items()},
                 **{f"{stage}, s": f"{value:.2f}" for stage, value in seconds.items()},

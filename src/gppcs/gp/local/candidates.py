@@ -11,12 +11,31 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.spatial.cells import greatest_in_cells
+from gppcs.engine.stages import Stages
+from gppcs.spatial.chunks import ALIKE, ChunkedPoints, Places, SparseValues
 
 FIRST_STAGE = 64  # Points of the first stage at most. A still smaller stage would cost no less.
 ENOUGH = 3  # Candidates for each point to keep, at least. With fewer, all points stay candidates.
 TOO_MANY = 3  # Occupied cells for each cell that the area has room for. A plane has 1.5 on average, 1.7 at most.
 SMALLEST_AREA = 1e-200  # Halving of the area stops here, before it becomes zero.
+
+
+class Finest(NamedTuple):
+    """The candidates of the last stage, to which those of all others belong.
+
+    Attributes
+    ----------
+    area : float
+        Area of the surface, corrected by the number of occupied cells.
+    places : Places
+        The candidates, with their sharpness.
+    thinned : bool
+        Whether they are one in each cell, and enough. If they are too few, all points should be candidates.
+    """
+
+    area: float
+    places: Places
+    thinned: bool
 
 
 class Candidates(NamedTuple):
@@ -27,7 +46,7 @@ class Candidates(NamedTuple):
     target : int
         Number of points that are chosen when the stage ends.
     indices : (n,) array, int64
-        Rows of the candidates, ascending.
+        Which of the finest candidates they are, ascending.
     thinned : bool
         Whether the candidates are one in each cell. Otherwise they are those of the next finer stage, or all points.
     area : float
@@ -40,13 +59,12 @@ class Candidates(NamedTuple):
     area: float
 
 
-def nested_candidates(
-    points: NDArray[np.float64], n_points: int, area: float, density: float, sharpness: NDArray[np.float32]
-) -> list[Candidates]:
-    """Return the candidates of all stages. Those of a coarse stage are among those of the finer ones.
+def finest_candidates(
+    points: ChunkedPoints, n_points: int, area: float, density: float, sharpness: SparseValues, clock: Stages
+) -> Finest:
+    """Return the candidates of the last stage. They take a pass over the points, or some if the area is far off.
 
-    The candidate of a grid's cell is its sharpest point, and of several the first. If that leaves too few, the stage
-    takes the candidates of the finer stage.
+    The candidate of a grid's cell is its sharpest point, and of several the first.
 
     The number of occupied cells shows if the area is wrong. It is estimated too small for points on curves, and too
     large for a cloud with most points in one spot. The area is then doubled until there are not too many occupied
@@ -54,8 +72,8 @@ def nested_candidates(
 
     Parameters
     ----------
-    points : (N, 3) array
-        Without repeats.
+    points : ChunkedPoints
+        N points.
     n_points : int
         M, the number of points to keep.
     area : float
@@ -63,8 +81,35 @@ def nested_candidates(
     density : float
         Number of cells in a square whose side is the target spacing. A surface along the grid occupies so many, a
         tilted one half as many again.
-    sharpness : (N,) array, float32
+    sharpness : SparseValues
         Surface variation within a cell; 0 where all points count alike.
+    clock : Stages
+        Times "candidates". A step is a point read.
+
+    Returns
+    -------
+    Finest
+    """
+    area, kept = _thinned(_Sharp(points, sharpness, clock), n_points, area, density)
+    return Finest(area, kept, len(kept.rows) >= ENOUGH * n_points)
+
+
+def nested_candidates(finest: Finest, n_points: int, density: float, clock: Stages) -> list[Candidates]:
+    """Return the candidates of all stages. Those of a coarse stage are among those of the finer ones.
+
+    They are chosen as those of the last stage. If that leaves too few, the stage takes the candidates of the finer
+    stage.
+
+    Parameters
+    ----------
+    finest : Finest
+        Those of the last stage.
+    n_points : int
+        M, the number of points to keep.
+    density : float
+        Number of cells in a square whose side is the target spacing.
+    clock : Stages
+        Times "candidates".
 
     Returns
     -------
@@ -72,20 +117,16 @@ def nested_candidates(
         From coarse to fine. The first stage wants at most `FIRST_STAGE` points, each other about twice as many as
         the one before, and the last M.
     """
-    stages = []
-    target, candidates, places = n_points, None, points
-    while True:
-        area, kept = _thinned(places, target, area, density, sharpness)
-        thinned = len(kept) >= ENOUGH * target
-        if thinned:
-            candidates = kept if candidates is None else candidates[kept]
-            places, sharpness = places[kept], sharpness[kept]
-        elif candidates is None:
-            candidates = np.arange(len(points))
-        stages.append(Candidates(target, candidates, thinned, area))
-        if target <= FIRST_STAGE:
-            return stages[::-1]
+    area, places, thinned = finest
+    target, candidates = n_points, np.arange(len(places.rows))
+    stages = [Candidates(target, candidates, thinned, area)]
+    while target > FIRST_STAGE:
         target = -(-target // 2)
+        area, kept = _thinned(_Sharp.of(places, clock), target, area, density)
+        if thinned := len(kept.rows) >= ENOUGH * target:
+            candidates, places = candidates[kept.rows], kept
+        stages.append(Candidates(target, candidates, thinned, area))
+    return stages[::-1]
 
 
 def corrected_area(points: NDArray[np.float64], n_points: int, area: float, density: float) -> float:
@@ -106,57 +147,72 @@ def corrected_area(points: NDArray[np.float64], n_points: int, area: float, dens
     -------
     float
     """
-    return _thinned(points, n_points, area, density, np.zeros(len(points), dtype=np.float32))[0]
+    return _thinned(_Sharp(ChunkedPoints.of(points), ALIKE, Stages()), n_points, area, density)[0]
 
 
-def _thinned(
-    points: NDArray[np.float64], target: int, area: float, density: float, sharpness: NDArray[np.float32]
-) -> tuple[float, NDArray[np.int64]]:
-    """Return the corrected area, and the rows, (n,), of the sharpest points of the cells."""
+class _Sharp(NamedTuple):
+    """Points with their sharpness, and the clock that times the search for the sharpest."""
+
+    points: ChunkedPoints
+    sharpness: SparseValues
+    clock: Stages
+
+    @classmethod
+    def of(cls, places: Places, clock: Stages) -> _Sharp:
+        rows = np.arange(len(places.rows))
+        return cls(ChunkedPoints.of(places.points), SparseValues(rows, places.values), clock)
+
+    def sharpest(self, edge: float) -> Places:
+        """Return the sharpest point of each cell, and of several the first."""
+        with self.clock("candidates", len(self.points)) as advanced:
+            return self.points.greatest_in_cells(edge, self.sharpness, advanced)
+
+    def every(self, step: int) -> _Sharp:
+        """Return every `step`-th of them."""
+        with self.clock("candidates", len(self.points)) as advanced:
+            some = ChunkedPoints.of(self.points.every(step, advanced))
+        return _Sharp(some, self.sharpness.every(step), self.clock)
+
+
+def _thinned(cloud: _Sharp, target: int, area: float, density: float) -> tuple[float, Places]:
+    """Return the corrected area, and the sharpest points of the cells."""
     many, cells = TOO_MANY * density * target, density * target
-    seen, kept = next(grid for grid in _grids(points, area, cells, sharpness) if len(grid[1]) <= many)
-    if seen == area and len(kept) < ENOUGH * target and len(points) > many:
-        area = _halved(points, target, area, density, sharpness)
-        seen, kept = next(grid for grid in _grids(points, area, cells, sharpness) if len(grid[1]) <= many)
+    seen, kept = next(grid for grid in _grids(cloud, area, cells) if len(grid[1].rows) <= many)
+    if seen == area and len(kept.rows) < ENOUGH * target and len(cloud.points) > many:
+        area = _halved(cloud, target, area, density)
+        seen, kept = next(grid for grid in _grids(cloud, area, cells) if len(grid[1].rows) <= many)
     return seen, kept
 
 
-def _halved(
-    points: NDArray[np.float64], target: int, area: float, density: float, sharpness: NDArray[np.float32]
-) -> float:
+def _halved(cloud: _Sharp, target: int, area: float, density: float) -> float:
     """Return the area, halved until enough cells hold points.
 
     A sample of the points finds a number of halvings that is enough, quickly; all points then take some of them back.
     """
     few, cells = ENOUGH * target, density * target
-    some = slice(None, None, len(points) // int(TOO_MANY * cells))
+    some = cloud.every(len(cloud.points) // int(TOO_MANY * cells))
     halvings = 1
-    while (
-        len(greatest_in_cells(points[some], _edge(area * 0.5**halvings, cells), sharpness[some])) < few
-        and area * 0.5**halvings > SMALLEST_AREA
-    ):
+    while len(some.sharpest(_edge(area * 0.5**halvings, cells)).rows) < few and area * 0.5**halvings > SMALLEST_AREA:
         halvings += 4  # the loop below takes back what is too much
     found = area * 0.5**halvings
-    for _, (coarser, kept) in zip(range(halvings), _grids(points, found, cells, sharpness), strict=False):
-        if len(kept) >= few:
+    for _, (coarser, kept) in zip(range(halvings), _grids(cloud, found, cells), strict=False):
+        if len(kept.rows) >= few:
             found = coarser
     return found
 
 
-def _grids(
-    points: NDArray[np.float64], area: float, cells: float, sharpness: NDArray[np.float32]
-) -> Iterator[tuple[float, NDArray[np.int64]]]:
-    """Yield an area and the rows of the sharpest points of its cells, then twice the area, and so on.
+def _grids(cloud: _Sharp, area: float, cells: float) -> Iterator[tuple[float, Places]]:
+    """Yield an area and the sharpest points of its cells, then twice the area, and so on.
 
     Four times the area is twice the edge length. Such cells consist of whole cells of the grid two steps before, so
     their sharpest points are among the sharpest points of that grid.
     """
     finest = finer = None  # all points
     while True:
-        some, sharp = (points, sharpness) if finest is None else (points[finest], sharpness[finest])
-        kept = greatest_in_cells(some, _edge(area, cells), sharp)
-        finest, finer = finer, kept if finest is None else finest[kept]
-        yield area, finer
+        edge = _edge(area, cells)
+        kept = finest.take(_Sharp.of(finest, cloud.clock).sharpest(edge).rows) if finest else cloud.sharpest(edge)
+        finest, finer = finer, kept
+        yield area, kept
         area *= 2.0
 
 

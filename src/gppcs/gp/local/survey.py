@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 from gppcs.engine.stages import Stages
 from gppcs.gp.local.candidates import corrected_area
 from gppcs.gp.local.density import ROUNDING
+from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.chunks import ALIKE, ChunkedPoints, SparseValues
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
@@ -29,72 +32,110 @@ class Survey(NamedTuple):
     area : float
         Area of the surface, corrected by the number of occupied cells.
     noise : Noise
-    sharpness : (N,) array, float32
+    sharpness : SparseValues
         Surface variation within the edge length of a candidate's cell. It is 0 where there is noise, where it was not
         measured, and where it is only rounding.
     """
 
     area: float
     noise: Noise
-    sharpness: NDArray[np.float32]
+    sharpness: SparseValues
 
 
-def survey(points: NDArray[np.float64], n_points: int, density: float, clock: Stages) -> Survey:
-    """Measure a cloud.
+def survey(points: ChunkedPoints, n_points: int, density: float, clock: Stages) -> Survey:
+    """Measure a cloud. This takes one pass over its points.
 
     Parameters
     ----------
-    points : (N, 3) array
-        Without repeats.
+    points : ChunkedPoints
+        N points. They may repeat each other if `is_sampled`.
     n_points : int
         M, the number of points to keep.
     density : float
         Candidate cells in a square whose side is the target spacing.
     clock : Stages
-        Times "tree", "noise" and "candidates".
+        Times "sample", "tree", "noise" and "candidates". A step of the first is a point read.
 
     Returns
     -------
     Survey
     """
+    with clock("sample", len(points)) as advanced:
+        rows, places = sample(points, n_points, advanced)
     with clock("tree"):
-        tree, sampled = sampled_tree(points, n_points)
-        area = corrected_area(points[sampled], n_points, surface_area(tree), density)
+        tree = KdTree.build(places)
+        area = corrected_area(places, n_points, surface_area(tree), density)
     with clock("noise"):
         noise = Noise.measure(tree, n_points, math.sqrt(area / n_points))
     with clock("candidates"):
-        sharpness = np.zeros(len(points), dtype=np.float32)
+        sharpness = ALIKE
         if noise.quiet:  # otherwise noisy points would look sharp
-            sharpness[sampled] = sharpness_of(tree, area, density * n_points)
+            sharpness = SparseValues(rows, sharpness_of(tree, area, density * n_points).astype(np.float32))
     return Survey(area, noise, sharpness)
 
 
-def sampled_tree(points: NDArray[np.float64], n_points: int) -> tuple[KdTree, NDArray[np.int64] | slice]:
-    """Return a tree over all points, or over a random sample of a large cloud, and the rows that it holds.
+def is_sampled(n: int, n_points: int) -> bool:
+    """Return whether a cloud is so large that only some of its points are measured.
+
+    Parameters
+    ----------
+    n : int
+        N, the number of points.
+    n_points : int
+        M, the number of points to keep.
+
+    Returns
+    -------
+    bool
+    """
+    return n > 1.5 * sample_size(n_points)
+
+
+def sample_size(n_points: int) -> int:
+    """Return of how many points, about, a sample of a large cloud consists.
+
+    Parameters
+    ----------
+    n_points : int
+        M, the number of points to keep.
+
+    Returns
+    -------
+    int
+    """
+    return max(LARGE, PER_POINT * n_points)
+
+
+def sample(
+    points: ChunkedPoints, n_points: int, advanced: Callable[[int], None]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return all points, or a random sample of a large cloud without the repeats among them, in one pass.
 
     A sample measures the area as well as all points do, and the noise, unless that is thicker than the
     target spacing: then a sample has too few points for the widest neighbourhoods.
 
     Parameters
     ----------
-    points : (N, 3) array
+    points : ChunkedPoints
     n_points : int
         M, the number of points to keep.
+    advanced : callable
+        Is called with the number of points read since the last call.
 
     Returns
     -------
-    tree : KdTree
-    rows : (n,) array, int64, or slice
+    rows : (n,) array, int64
         Ascending.
+    places : (n, 3) array
     """
-    enough = max(LARGE, PER_POINT * n_points)
-    if len(points) <= 1.5 * enough:
-        return KdTree.build(points), slice(None)
-    draws = round(-len(points) * math.log1p(-enough / len(points)))  # with replacement: some rows are drawn twice
-    taken = np.zeros(len(points), dtype=np.bool_)
-    taken[np.random.default_rng(0).integers(0, len(points), draws)] = True
-    indices = np.flatnonzero(taken)
-    return KdTree.build(points[indices]), indices
+    n = len(points)
+    if not is_sampled(n, n_points):
+        return np.arange(n), points.every(1, advanced)
+    draws = round(-n * math.log1p(-sample_size(n_points) / n))  # with replacement: some rows are drawn twice
+    rows = np.unique(np.random.default_rng(0).integers(0, n, draws))
+    places = points.take(rows, advanced)
+    first = first_occurrences(places)
+    return rows[first], places[first]
 
 
 def sharpness_of(tree: KdTree, area: float, cells: float) -> NDArray[np.float64]:

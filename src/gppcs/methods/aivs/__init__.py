@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from gppcs.engine.stages import Stages
 from gppcs.methods.method import Method, Selection
@@ -33,6 +33,7 @@ class AIVS(Method):
         "program that the authors published; their forms that follow curvature and sharp edges are not public."
     )
     source = "Lv, Lin and Zhao 2021, the isotropic form"
+    bytes_per_point: ClassVar[int] = 170
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose the points; see `Method.__call__`."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from gppcs.engine.stages import Stages
 from gppcs.methods.method import Method, Selection
@@ -35,6 +35,7 @@ class HierarchicalClustering(Method):
         "gppcs.methods.hc.clustering.hierarchical_clusters."
     )
     source = "Pauly, Gross and Kobbelt 2002"
+    bytes_per_point: ClassVar[int] = 110
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose the points; see `Method.__call__`."""

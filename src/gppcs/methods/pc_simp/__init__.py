@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from gppcs.engine.stages import Stages
 from gppcs.methods.method import Method, Selection, largest, parameter
@@ -35,6 +35,7 @@ class PCSimp(Method):
         "is from the optimum, relative to its value."
     )
     source = "Qi, Hu and Guo 2019"
+    bytes_per_point: ClassVar[int] = 1500
 
     neighbours: int = parameter(
         15,

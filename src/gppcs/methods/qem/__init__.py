@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from gppcs.engine.stages import Stages
 from gppcs.methods.method import Method, Selection, parameter
@@ -33,6 +33,7 @@ class QEM(Method):
         "other parts lose any: models made of planes keep their edges, but their faces are left empty."
     )
     source = "Pauly, Gross and Kobbelt 2002; Garland and Heckbert 1997"
+    bytes_per_point: ClassVar[int] = 550
 
     neighbours: int = parameter(
         8,

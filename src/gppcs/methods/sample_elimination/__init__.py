@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from gppcs.engine.stages import Stages
 from gppcs.methods.method import Method, Selection
@@ -32,6 +32,7 @@ class SampleElimination(Method):
         "progressive: the first half of the kept points is evenly spread too, so is the first quarter, and so on."
     )
     source = "Yuksel 2015"
+    bytes_per_point: ClassVar[int] = 150
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
         """Choose the points; see `Method.__call__`."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from gppcs.engine.stages import Stages
 from gppcs.methods.method import Method, Selection, parameter
@@ -33,6 +33,7 @@ class Voxel(Method):
         "the surplus points. The kept points are in the order of the input."
     )
     source = "baseline; the edge length of the cells is found by bisection"
+    bytes_per_point: ClassVar[int] = 170
 
     place: Literal["representative", "mean"] = parameter(
         "representative",

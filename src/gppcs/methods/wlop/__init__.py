@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from gppcs.engine.stages import Stages
 from gppcs.methods.method import Method, Selection, parameter
@@ -32,6 +32,7 @@ class WLOP(Method):
         "them, and away from each other."
     )
     source = "Huang, Li, Zhang, Ascher and Cohen-Or 2009"
+    bytes_per_point: ClassVar[int] = 130
 
     radius: float = parameter(
         8.0,

@@ -1,0 +1,97 @@
+"""The options of files that may be larger than memory, and what `--dry-run` prints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from gppcs.out_of_core import Plan
+
+Merge = Annotated[
+    bool, typer.Option("--merge", help="Take all inputs as one cloud, in the order in which they are given.")
+]
+Memory = Annotated[
+    str | None,
+    typer.Option(
+        metavar="SIZE",
+        help="How much memory to use, such as 2GB; half of what is free by default. A larger cloud is read in several "
+        "passes (method gp), to the same result.",
+    ),
+]
+DryRun = Annotated[
+    bool,
+    typer.Option("--dry-run", help="Print what would be done, in how much memory and about how long, and do nothing."),
+]
+
+
+def plan_record(plan: Plan, seconds: float | None) -> dict[str, Any]:
+    """Return a plan as the record that `--json` prints.
+
+    Parameters
+    ----------
+    plan : Plan
+    seconds : float or None
+        How long it takes, if that is known.
+
+    Returns
+    -------
+    dict of str to value
+    """
+    return {
+        "points_in": plan.points,
+        "points_out": plan.kept,
+        "in_memory": plan.in_memory,
+        "passes": plan.passes,
+        "memory": plan.memory,
+        "memory_limit": plan.limit,
+        "seconds": seconds,
+    }
+
+
+def print_plan(sources: list[Path], target: Path, plan: Plan, seconds: float | None) -> None:
+    """Print a plan as a table.
+
+    Parameters
+    ----------
+    sources : list of path
+    target : path
+    plan : Plan
+    seconds : float or None
+        How long it takes, if that is known.
+    """
+    from gppcs.app.console import print_table
+    from gppcs.out_of_core import size_of
+
+    limit = "unknown" if plan.limit is None else size_of(plan.limit)
+    print_table(
+        f"{titled(sources)} → {target}: nothing is done",
+        {
+            "points": f"about {plan.points:,} in, {plan.kept:,} out",
+            "way": "in memory" if plan.in_memory else f"in {plan.passes} passes over the files, or a few more",
+            "memory": f"about {size_of(plan.memory)}, of {limit} allowed",
+            "time": "unknown for this method" if seconds is None else f"about {_duration(seconds)}",
+        },
+    )
+
+
+def titled(sources: list[Path]) -> str:
+    """Return the inputs of a run in a few words.
+
+    Parameters
+    ----------
+    sources : list of path
+
+    Returns
+    -------
+    str
+    """
+    return str(sources[0]) if len(sources) == 1 else f"{sources[0]} and {len(sources) - 1} more"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100:
+        return f"{max(1, round(seconds))} s"
+    return f"{round(seconds / 60)} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"

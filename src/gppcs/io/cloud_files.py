@@ -1,0 +1,289 @@
+"""Several files that are one cloud, read as a whole or in chunks, as often as needed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.clouds.cloud import PointCloud
+from gppcs.errors import FileFormatError
+from gppcs.io.columns import exact_as_double
+from gppcs.io.files import check_input, checked_columns, format_of, left_out, naming, read_named
+from gppcs.io.format import Format
+from gppcs.io.rows import BLOCK
+from gppcs.io.streams import is_plain, plain_input
+
+ROWS = 1 << 20  # Points of a chunk at most: few enough for memory, and so many that a chunk costs nothing by itself.
+
+
+class Head(NamedTuple):
+    """What the first points tell of a cloud.
+
+    Attributes
+    ----------
+    cloud : PointCloud
+        The first points with their attributes; all if `whole`.
+    points : int
+        About how many points all files hold.
+    whole : str or None
+        The name of a format of these files that has to be read as a whole.
+    """
+
+    cloud: PointCloud
+    points: int
+    whole: str | None
+
+
+class CloudFiles:
+    """One or several files that together are one cloud: its points are theirs, in the order of the files.
+
+    A compressed file and standard input are copied to a temporary file on the first use. Use it in a `with` statement,
+    which removes these.
+
+    Parameters
+    ----------
+    paths : sequence of path
+        At least one.
+    format : str, optional
+        Suffix of the format of all files. It overrides their contents and names.
+    columns : sequence of str, optional
+        The name of each column of text tables, with x, y and z. They replace any names in the files.
+    """
+
+    def __init__(
+        self,
+        paths: Sequence[Path],
+        format: str | None = None,  # noqa: A002
+        columns: Sequence[str] | None = None,
+    ) -> None:
+        self.paths = paths
+        self._format = format
+        self._columns = None if columns is None else checked_columns(columns)
+        self._copies: dict[Path, tuple[Any, Path]] = {}
+        self._stack = ExitStack()
+
+    def __enter__(self) -> CloudFiles:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self._stack.close()
+
+    def read(self) -> PointCloud:
+        """Read all points with their attributes.
+
+        Returns
+        -------
+        PointCloud
+
+        Raises
+        ------
+        FileFormatError
+            If a file is damaged or of no known format, or the files do not fit each other.
+        OSError
+            If a file does not exist or cannot be read.
+        """
+        clouds, columns = [], JointColumns()
+        for path in self.paths:
+            with self._opened(path) as (file, known):
+                cloud = self._whole(file, known)
+                columns.add(cloud)
+                clouds.append(cloud)
+        return clouds[0] if len(clouds) == 1 else columns.joined(clouds)
+
+    def chunks(self, attributes: bool, rows: int = ROWS) -> Iterator[PointCloud]:
+        """Read all points once, in chunks.
+
+        Parameters
+        ----------
+        attributes : bool
+            Whether to read attributes, too.
+        rows : int
+            Points of a chunk at most, unless the format has to be read as a whole.
+
+        Yields
+        ------
+        PointCloud
+            At least one point.
+
+        Raises
+        ------
+        FileFormatError, OSError
+            As for `read`.
+        """
+        for path in self.paths:
+            with self._opened(path) as (file, known):
+                yield from (cloud for cloud in self._chunks(file, known, rows, attributes) if len(cloud))
+
+    def head(self) -> Head:
+        """Read the first points, and estimate the number of all by the size of the files.
+
+        Returns
+        -------
+        Head
+
+        Raises
+        ------
+        FileFormatError, OSError
+            As for `read`.
+        """
+        read, seen, whole, clouds = 0, 0, None, []
+        for path in self.paths:
+            with self._opened(path) as (file, known):
+                clouds.append(next(self._chunks(file, known, BLOCK, True)))
+                if not known.chunks or self._columns or len(clouds[-1]) > BLOCK:
+                    whole = known.name
+                read += file.tell() if len(clouds[-1]) == BLOCK else _size(file)
+                seen += len(clouds[-1])
+                if len(clouds[-1]):
+                    break
+        return Head(clouds[-1], self._about(seen / max(read, 1)), whole)
+
+    def _about(self, points_per_byte: float) -> int:
+        """Return about how many points all files have: as their headers say, or by their sizes."""
+        points = 0.0
+        for path in self.paths:
+            with self._opened(path) as (file, known):
+                points += known.count(file) if known.count else _size(file) * points_per_byte
+        return round(points)
+
+    def unread(self) -> list[str]:
+        """Return in words what is left out of the files, such as the faces of a mesh.
+
+        Returns
+        -------
+        list of str
+        """
+        found = []
+        for path in self.paths:
+            with self._opened(path) as (file, known):
+                found += left_out(known, file)[1]
+        return found
+
+    def _whole(self, file: Any, known: Format) -> PointCloud:
+        """Read an open file."""
+        return known.read(file) if self._columns is None else read_named(known, file, self._columns)
+
+    def _chunks(self, file: Any, known: Format, rows: int, attributes: bool) -> Iterator[PointCloud]:
+        """Read an open file in chunks, or as a whole if that is the only way."""
+        if known.chunks and self._columns is None:
+            yield from known.chunks(file, rows, attributes)
+        else:
+            yield self._whole(file, known)
+
+    @contextmanager
+    def _opened(self, path: Path) -> Iterator[tuple[Any, Format]]:
+        """Open a file, decompressed, and find its format."""
+        check_input(path)
+        with naming(path), ExitStack() as stack, np.errstate(invalid="ignore"):  # of a signalling NaN
+            if path not in self._copies and not is_plain(path):
+                self._copies[path] = self._stack.enter_context(plain_input(path))
+            file, name = self._copies.get(path) or stack.enter_context(plain_input(path))
+            file.seek(0)
+            yield file, format_of(file, name, self._format)
+
+
+def _size(file: Any) -> int:
+    return os.fstat(file.fileno()).st_size
+
+
+class JointColumns:
+    """The attributes and types that the parts of a cloud have in common."""
+
+    def __init__(self) -> None:
+        self._first: PointCloud | None = None
+        self._types: dict[str, set[np.dtype[Any]]] = {}
+        self._coordinates: set[np.dtype[Any]] = set()
+        self._signed: set[str] = set()  # attributes with a negative number
+
+    def add(self, cloud: PointCloud) -> None:
+        """Take note of a part.
+
+        Parameters
+        ----------
+        cloud : PointCloud
+
+        Raises
+        ------
+        FileFormatError
+            If its attributes or its coordinate system are not those of the parts before.
+        """
+        first = self._first = self._first or cloud
+        if set(cloud.attributes) != set(first.attributes):
+            differing = ", ".join(sorted(set(cloud.attributes) ^ set(first.attributes)))
+            raise FileFormatError(
+                f"expected the same attributes in all files of a cloud, found {differing} in some only; "
+                "write them anew with the same attributes, or simplify each file for itself"
+            )
+        crs = [each.header.crs if each.header else None for each in (first, cloud)]
+        if None not in crs and crs[0] != crs[1]:
+            raise FileFormatError(
+                f"expected one coordinate system in all files of a cloud, found {crs[0]} and {crs[1]}; "
+                "bring them to one first"
+            )
+        self._coordinates.add(cloud.coordinate_dtype)
+        for name, values in cloud.attributes.items():
+            if values.shape[1:] != first.attributes[name].shape[1:]:
+                raise FileFormatError(
+                    f"expected values of {name} of one shape in all files of a cloud, found "
+                    f"{first.attributes[name].shape[1:]} and {values.shape[1:]}; simplify each file for itself"
+                )
+            self._types.setdefault(name, set()).add(values.dtype)
+            if values.dtype == np.int64 and name not in self._signed and values.size and values.min() < 0:
+                self._signed.add(name)
+
+    def joined(self, clouds: Iterable[PointCloud]) -> PointCloud:
+        """Return several clouds as one, in the types of all parts.
+
+        Parameters
+        ----------
+        clouds : iterable of PointCloud
+            At least one; some points of parts that were added.
+
+        Returns
+        -------
+        PointCloud
+            With the header of the first part.
+
+        Raises
+        ------
+        FileFormatError
+            If no type holds all values of an attribute exactly.
+        """
+        clouds = list(clouds)
+        assert self._first is not None
+        attributes = {
+            name: self._column(name, [cloud.attributes[name] for cloud in clouds]) for name in self._first.attributes
+        }
+        points = np.concatenate([cloud.points for cloud in clouds])
+        return PointCloud(points, attributes, np.result_type(*self._coordinates), self._first.header)
+
+    def _column(self, name: str, parts: list[NDArray[Any]]) -> NDArray[Any]:
+        common = self._common_type(name)
+        if common.kind == "f" and not all(part.dtype == common or exact_as_double(part) for part in parts):
+            raise FileFormatError(
+                f"expected values of {name} that one type holds exactly, found whole numbers beyond 2^53 "
+                "beside others; simplify each file for itself"
+            )
+        return np.concatenate([part.astype(common, copy=False) for part in parts])
+
+    def _common_type(self, name: str) -> np.dtype[Any]:
+        types = self._types[name]
+        if len(types) == 1:
+            return next(iter(types))
+        if types <= {np.dtype(np.int64), np.dtype(np.uint64)} and name not in self._signed:
+            return np.dtype(np.uint64)
+        if len({"number" if each.kind in "biuf" else each.kind for each in types}) > 1:
+            raise FileFormatError(
+                f"expected values of {name} of one kind in all files of a cloud, found "
+                f"{' and '.join(sorted(map(str, types)))}; simplify each file for itself"
+            )
+        return np.result_type(*types)

@@ -1,0 +1,95 @@
+"""`gppcs simplify` of several inputs as one cloud, within a given memory, and without doing anything."""
+
+import json
+
+import numpy as np
+import pytest
+
+import gppcs
+from command_line import FAST, assert_one_line, files
+
+LARGE = ("--memory", "1GB")
+
+
+@pytest.fixture
+def parts(scan):
+    gppcs.write("a.ply", scan.take(np.arange(150)))
+    gppcs.write("b.ply", scan.take(np.arange(150, 400)))
+    return scan
+
+
+@pytest.fixture
+def large(monkeypatch):
+    """Let `gp` take more memory than there is, unless it goes in passes, and measure a sample of few points."""
+    monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
+    monkeypatch.setattr("gppcs.gp.local.survey.LARGE", 50)
+
+
+def test_inputs_are_one_cloud_with_merge(gppcs_command, parts):
+    code, out, err = gppcs_command("simplify", "a.ply", "b.ply", "--merge", "-o", "out.ply", "--points", 40, *FAST)
+    assert (code, err) == (0, "")
+    assert out.startswith("a.ply and 1 more → out.ply\n")
+    assert "400 in, 40 out" in out
+    assert gppcs.read("out.ply") == gppcs.simplify(parts, n_points=40, method="fps").cloud
+
+
+@pytest.mark.parametrize("names", [["scan.ply"], ["a.ply", "b.ply", "--merge"]])
+def test_a_large_cloud_is_read_in_passes(gppcs_command, parts, large, names):
+    arguments = ("simplify", *names, "-o", "out.ply", "--points", 2, "--scores", "--json", *LARGE)
+    code, out, err = gppcs_command(*arguments)
+    assert (code, err) == (0, "")
+    record = json.loads(out)
+    assert record["input"] == (names[0] if len(names) == 1 else names[:2])
+    assert (record["points_in"], record["points_out"], record["passes"]) == (400, 2, 4)
+    assert gppcs.read("out.ply") == gppcs.simplify(parts, n_points=2, scores=True).cloud
+    code, out, _ = gppcs_command("simplify", *names, "-o", "out.ply", "--points", 2, "--force", *LARGE)
+    assert "4 or more over the files" in out
+
+
+def test_a_dry_run_tells_and_does_nothing(gppcs_command, parts, large):
+    before = files()
+    arguments = ("simplify", "scan.ply", "-o", "out.ply", "--points", 2, "--dry-run")
+    code, out, err = gppcs_command(*arguments, "--json", *LARGE)
+    assert (code, err) == (0, "")
+    record = json.loads(out)
+    assert (record["points_in"], record["points_out"]) == (400, 2)
+    assert (record["in_memory"], record["passes"], record["memory_limit"]) == (False, 4, 10**9)
+    assert 0 < record["memory"] < 10**9
+    assert record["seconds"] > 0
+    code, out, err = gppcs_command(*arguments, *LARGE)
+    assert (code, err) == (0, "")
+    assert "about 400 in, 2 out" in out
+    assert "in 4 passes over the files" in out
+    assert "of 1 GB allowed" in out
+    code, out, _ = gppcs_command(*arguments, "--method", "fps")
+    assert "in memory" in out
+    assert "unknown for this method" in out
+    assert files() == before
+
+
+@pytest.mark.parametrize(
+    ("options", "parts_of_message"),
+    [
+        (["--memory", "lots"], ["expected an amount of memory such as 4GB or 512MB, found 'lots'"]),
+        (["--memory", "1MB"], ["scan.ply", "expected at least", "MB of memory", "found 1 MB", "--memory"]),
+        (["--figures", *LARGE], ["--figures takes all points at once", "found 1 GB"]),
+        (["--normals", *LARGE], ["--normals takes all points at once"]),
+    ],
+)
+def test_too_little_memory_is_one_line(gppcs_command, scan, large, options, parts_of_message):
+    result = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 2, *options)
+    assert_one_line(result, *parts_of_message)
+    assert files() == ["scan.ply"]
+
+
+def test_what_the_output_cannot_hold_is_told_before_the_passes(gppcs_command, scan, large, monkeypatch):
+    monkeypatch.setattr("gppcs.out_of_core.simplify_in_passes", None)
+    result = gppcs_command("simplify", "scan.ply", "-o", "out.obj", "--points", 2, *LARGE)
+    assert_one_line(result, "OBJ cannot hold: attribute")
+
+
+def test_files_that_do_not_fit_each_other(gppcs_command, parts):
+    gppcs.write("c.ply", gppcs.PointCloud(parts.points))
+    result = gppcs_command("simplify", "a.ply", "c.ply", "--merge", "-o", "out.ply", "--points", 2)
+    assert_one_line(result, "c.ply: expected the same attributes in all files of a cloud", "curvature")
+    assert "out.ply" not in files()

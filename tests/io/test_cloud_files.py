@@ -1,0 +1,190 @@
+"""Files in chunks, and several files as one cloud."""
+
+import gzip
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.errors import FileFormatError
+from gppcs.io import FORMATS
+from gppcs.io.cloud_files import CloudFiles
+
+N = 1000
+
+
+def cloud(n=N, seed=0):
+    rng = np.random.default_rng(seed)
+    attributes = {
+        "label": rng.integers(-9, 9, n),
+        "weight": rng.random(n),
+        "red": rng.integers(0, 255, n).astype(np.uint8),
+    }
+    return gppcs.PointCloud(rng.random((n, 3)).astype(np.float32), attributes, np.dtype(np.float32))
+
+
+def split(original, folder, cuts, suffix):
+    paths = []
+    for i, rows in enumerate(np.split(np.arange(len(original)), cuts)):
+        paths.append(folder / f"{i}{suffix}")
+        gppcs.write(paths[-1], original.take(rows))
+    return paths
+
+
+def same(a, b):
+    assert a.points.tobytes() == b.points.tobytes()
+    assert list(a.attributes) == list(b.attributes)
+    for name, values in a.attributes.items():
+        assert values.dtype == b.attributes[name].dtype
+        np.testing.assert_array_equal(values, b.attributes[name])
+    assert a.coordinate_dtype == b.coordinate_dtype
+    assert a.header == b.header
+
+
+SUFFIXES = sorted({known.suffixes[0] for known in FORMATS if known.chunks})
+
+
+def test_the_usual_formats_come_in_chunks():
+    assert {".ply", ".xyz", ".csv", ".pts", ".npy"} <= set(SUFFIXES)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("rows", [1, 7, 999, 1000, 1001, 10**7])
+def test_the_chunks_of_a_file_are_what_read_returns(tmp_path, suffix, rows):
+    if suffix == ".pts":
+        original = gppcs.PointCloud(cloud().points, {"intensity": cloud().attributes["label"]})
+    else:
+        original = cloud()
+    gppcs.write(tmp_path / f"a{suffix}", original, lossy=True)  # LAS rounds
+    whole = gppcs.read(tmp_path / f"a{suffix}")
+    with CloudFiles([tmp_path / f"a{suffix}"]) as files:
+        for _ in range(2):
+            chunks = list(files.chunks(True, rows))
+            assert [len(each) for each in chunks] == [min(rows, N - start) for start in range(0, N, rows)]
+            joined = {name: np.concatenate([each.attributes[name] for each in chunks]) for name in whole.attributes}
+            points = np.concatenate([each.points for each in chunks])
+            same(gppcs.PointCloud(points, joined, chunks[0].coordinate_dtype, chunks[0].header), whole)
+        bare = list(files.chunks(False, rows))
+        assert not any(each.attributes for each in bare)
+        np.testing.assert_array_equal(np.concatenate([each.points for each in bare]), whole.points)
+        same(files.read(), whole)
+        assert files.head().points == pytest.approx(N, rel=0.02)
+
+
+def test_text_of_ply_comes_in_chunks_and_lists_as_a_whole(tmp_path):
+    rows = "".join(f"{i} 0 0 {i}\n" for i in range(300))
+    header = "ply\nformat ascii 1.0\ncomment x\nelement vertex 300\n" + "".join(f"property float {a}\n" for a in "xyz")
+    (tmp_path / "a.ply").write_text(header + "property uchar k\nend_header\n" + rows)
+    with CloudFiles([tmp_path / "a.ply"]) as files, pytest.raises(FileFormatError, match=r"uchar as k of vertex 257,"):
+        assert [len(each) for each in files.chunks(True, 100)] == []
+    (tmp_path / "a.ply").write_text(header + "property int k\nend_header\n" + rows)
+    with CloudFiles([tmp_path / "a.ply"]) as files:
+        assert [len(each) for each in files.chunks(True, 100)] == [100, 100, 100]
+        assert [each.header for each in files.chunks(True, 100)] == [gppcs.read(tmp_path / "a.ply").header] * 3
+    lists = "".join(f"{i} 0 0 1 {i}\n" for i in range(300))
+    (tmp_path / "a.ply").write_text(header + "property list uchar int k\nend_header\n" + lists)
+    with CloudFiles([tmp_path / "a.ply"]) as files:
+        assert [len(each) for each in files.chunks(True, 100)] == [300]
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".csv", ".npy", ".npz"])
+@pytest.mark.parametrize("cuts", [[], [400], [0, 0, 1, 500, 999, 1000]])
+def test_files_of_one_cloud_are_that_cloud(tmp_path, suffix, cuts):
+    gppcs.write(tmp_path / f"whole{suffix}", cloud())
+    whole = gppcs.read(tmp_path / f"whole{suffix}")
+    paths = split(whole, tmp_path, cuts, suffix)
+    if suffix == ".csv":  # an empty table has columns of another type
+        paths = [path for path in paths if len(gppcs.read(path))]
+    with CloudFiles(paths) as files:
+        same(files.read(), whole)
+        points = np.concatenate([each.points for each in files.chunks(False, 300)])
+        np.testing.assert_array_equal(points, whole.points)
+
+
+def test_compressed_files_are_read_again_in_each_pass(tmp_path):
+    gppcs.write(tmp_path / "a.xyz.gz", cloud())
+    gppcs.write(tmp_path / "b.xyz.zst", cloud(seed=1))
+    with CloudFiles([tmp_path / "a.xyz.gz", tmp_path / "b.xyz.zst"]) as files:
+        for _ in range(3):
+            assert sum(len(each) for each in files.chunks(True, 300)) == 2 * N
+        assert files.head().points == pytest.approx(2 * N, rel=0.02)
+
+
+def test_columns_that_are_whole_in_some_parts_only_are_fractions_in_all(tmp_path):
+    (tmp_path / "a.csv").write_text("x,y,z,k,n\n0,0,0,1,18446744073709551615\n")
+    (tmp_path / "b.csv").write_text("x,y,z,k,n\n0,0,0.5,1.5,1\n")
+    with CloudFiles([tmp_path / "a.csv", tmp_path / "b.csv"]) as files:
+        joined = files.read()
+    assert joined.attributes["k"].tolist() == [1.0, 1.5]
+    assert joined.attributes["n"].tolist() == [2**64 - 1, 1]
+    assert joined.attributes["n"].dtype == np.uint64
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "message"),
+    [
+        (
+            "x,y,z,k\n0,0,0,1\n",
+            "x,y,z,j\n0,0,0,1\n",
+            "same attributes in all files of a cloud, found j, k in some only",
+        ),
+        ("x,y,z,k\n0,0,0,9007199254740993\n", "x,y,z,k\n0,0,0,.5\n", "values of k that one type holds exactly"),
+    ],
+)
+def test_files_that_do_not_fit_are_refused(tmp_path, a, b, message):
+    (tmp_path / "a.csv").write_text(a)
+    (tmp_path / "b.csv").write_text(b)
+    with CloudFiles([tmp_path / "a.csv", tmp_path / "b.csv"]) as files, pytest.raises(FileFormatError, match=message):
+        files.read()
+
+
+def test_attributes_of_other_shapes_or_kinds_are_refused(tmp_path):
+    for name, values in (("a", np.zeros((1, 2))), ("b", np.zeros(1)), ("c", np.array(["x"]))):
+        gppcs.write(tmp_path / f"{name}.npy", gppcs.PointCloud(np.zeros((1, 3)), {"k": values}))
+    for pair, message in (("ab", r"values of k of one shape"), ("bc", r"values of k of one kind")):
+        paths = [tmp_path / f"{name}.npy" for name in pair]
+        with CloudFiles(paths) as files, pytest.raises(FileFormatError, match=message):
+            files.read()
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".npy"])
+def test_a_file_that_ends_early_is_named(tmp_path, suffix):
+    path = tmp_path / f"short{suffix}"
+    gppcs.write(path, cloud())
+    path.write_bytes(path.read_bytes()[:-1])
+    message = rf"short{suffix}: the file ends in (vertex|point) 1000 of 1000"
+    with CloudFiles([path]) as files, pytest.raises(FileFormatError, match=message):
+        list(files.chunks(True, 100))
+
+
+def test_damaged_and_odd_arrays_come_as_read_says(tmp_path):
+    path = tmp_path / "a.npy"
+    np.save(path, np.asfortranarray(np.arange(15.0).reshape(5, 3)))
+    with CloudFiles([path]) as files:
+        [chunk] = files.chunks(True, 2)
+        same(chunk, gppcs.read(path))
+    for content in (b"\x93NUMPY", b"\x93NUMPY\x01\x00\x05\x00abcde", b"\x93NUMPY\x09\x00\x05\x00abcde"):
+        path.write_bytes(content)
+        with CloudFiles([path]) as files, pytest.raises(FileFormatError, match="expected a whole array of numbers"):
+            list(files.chunks(True, 2))
+
+
+def test_a_missing_file_and_a_folder_are_named(tmp_path):
+    with CloudFiles([tmp_path / "none.ply"]) as files, pytest.raises(FileNotFoundError, match=r"none\.ply"):
+        files.head()
+    with CloudFiles([tmp_path]) as files, pytest.raises(FileFormatError, match="found a folder"):
+        files.read()
+
+
+def test_empty_files_hold_nothing(tmp_path):
+    gppcs.write(tmp_path / "empty.ply", cloud(0))
+    (tmp_path / "a.xyz.gz").write_bytes(gzip.compress(b""))
+    with CloudFiles([tmp_path / "empty.ply", tmp_path / "a.xyz.gz"]) as files:
+        assert list(files.chunks(True, 10)) == []
+        assert files.head().points == 0
+
+
+def test_a_header_tells_the_number_of_points(shared_data):
+    """Readers of compressed points read ahead, so that sizes would tell too few."""
+    with CloudFiles([shared_data / "autzen_airborne.laz"] * 2) as files:
+        assert files.head().points == 220_000
