@@ -31,7 +31,7 @@ export interface Cloud {
   low: [number, number, number];
   step: [number, number, number];
   spacing: number;
-  blocks: { positions: string; normals: string; rows?: string; colours?: string; originals?: string };
+  blocks: { positions: string; normals: string; spreads: string; rows?: string; colours?: string; originals?: string };
   values: Values[];
   prefixes: Prefix[];
 }
@@ -97,6 +97,7 @@ async function unpacked<A extends Numbers>(id: string, n: number, columns: numbe
 export interface Arrays {
   positions: Uint16Array<ArrayBuffer>;
   normals: Uint8Array<ArrayBuffer>;
+  spreads: Uint8Array<ArrayBuffer>;
   rows: Uint32Array<ArrayBuffer>;
   colours: Uint8Array<ArrayBuffer> | null;
   originals: Uint32Array<ArrayBuffer> | null;
@@ -108,6 +109,7 @@ export async function arraysOf(cloud: Cloud): Promise<Arrays> {
   return {
     positions: await unpacked(blocks.positions, n, 3, Uint16Array),
     normals: await unpacked(blocks.normals, n, 2, Uint8Array),
+    spreads: await unpacked(blocks.spreads, n, 1, Uint8Array),
     rows: await rows,
     colours: blocks.colours ? await unpacked(blocks.colours, n, 3, Uint8Array) : null,
     originals: blocks.originals ? await unpacked(blocks.originals, n, 1, Uint32Array) : null,

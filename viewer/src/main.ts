@@ -420,7 +420,7 @@ function tell(): void {
   for (const values of each.values) {
     const number = numbers.get(values)![index]!;
     const value = values.categories ? values.categories[number]! : values.low + values.step * number;
-    rows.push([values.title, number === UNKNOWN ? "unknown" : shown(value) + (values.unit ? ` ${values.unit}` : "")]);
+    rows.push([values.title, number === UNKNOWN ? "unknown" : shown(value)]);
   }
   const list = element("dl");
   for (const [name, value] of rows) list.append(element("dt", name), element("dd", value));

@@ -7,6 +7,7 @@ in vec2 octahedral; // the normal, folded out to a square
 in float amount;    // the value to colour by, 0 to 65535
 in vec3 colour;     // RGB of the scan
 in float rank;      // row in the file
+in float spread;    // distance to the next points, relative to the usual one: 128 + 40 log2
 
 uniform mat4 modelViewMatrix, projectionMatrix;
 uniform mat3 normalMatrix;
@@ -36,6 +37,6 @@ void main() {
   }
   float lit = 0.5 + 0.62 * max(dot(facing, normalize(vec3(-0.35, 0.45, 0.82))), 0.0);
   tint = plain * mix(1.0, lit, light);
-  gl_PointSize = clamp(2.0 * radius * pixels / -seen.z, 1.5, 64.0);
+  gl_PointSize = clamp(2.0 * radius * exp2((spread - 128.0) / 40.0) * pixels / -seen.z, 1.5, 64.0);
   if (rank >= limit) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
 }

@@ -14,9 +14,10 @@ import vertexShader from "./points.vert.glsl";
 
 const FIELD = 30; // degrees, of the camera
 const SAMPLE = 1500; // points of a cloud that decide how far away the camera stands
-const SLOW = 70; // milliseconds for a picture while the view moves; if it takes longer, fewer points are drawn
-const FAST = 30;
-const LEAST = 20_000; // points drawn of a cloud while the view moves
+const WANTED = 45; // milliseconds for a picture while the view moves; if it takes longer, fewer points are drawn
+const LEAST = 1500; // points drawn of a cloud while the view moves
+const SLOW_SHARE = 0.25; // below this share the browser draws slowly, so moving pictures are coarse and without depth
+const COARSE = 0.5; // pixels of a coarse picture, for each pixel of the page
 
 /** Where and how large the clouds are drawn: `centre` goes to the origin, `size` becomes 1. */
 export interface Frame {
@@ -53,6 +54,7 @@ export class Layer {
     geometry.setAttribute("position", new BufferAttribute(taken(arrays.positions, 3, this.shuffled), 3, true));
     geometry.setAttribute("octahedral", new BufferAttribute(taken(arrays.normals, 2, this.shuffled), 2, true));
     geometry.setAttribute("rank", new BufferAttribute(Float32Array.from(this.shuffled, (i) => arrays.rows[i]!), 1));
+    geometry.setAttribute("spread", new BufferAttribute(taken(arrays.spreads, 1, this.shuffled), 1));
     const colours = arrays.colours ? taken(arrays.colours, 3, this.shuffled) : new Uint8Array(3 * n);
     geometry.setAttribute("colour", new BufferAttribute(colours, 3, true));
     geometry.setAttribute("amount", new BufferAttribute(new Uint16Array(n), 1));
@@ -138,7 +140,10 @@ export class Views {
   private readonly target: WebGLRenderTarget;
   private readonly pass: Mesh<BufferGeometry, RawShaderMaterial>;
   private readonly passCamera = new OrthographicCamera();
-  private share = 0.25; // of the points, drawn while the view moves
+  private share = 0.3; // of the points, drawn while the view moves
+  private coarse = false;
+  private width = 0;
+  private height = 0;
   private moving = false;
   private asked = false;
   private before = 0;
@@ -263,7 +268,7 @@ export class Views {
   /** Return the point of a view that is seen at a place of the page, or the nearest one within reach. */
   pick(view: View, x: number, y: number, reach: number): number | null {
     const { layer, place } = view;
-    const { positions, rows } = layer.arrays;
+    const { positions, rows, spreads } = layer.arrays;
     const matrix = new Matrix4().multiplyMatrices(this.camera.projectionMatrix, this.camera.matrixWorldInverse)
       .multiply(this.turned.matrix);
     const { x: sx, y: sy, z: sz } = layer.scale.clone().divideScalar(65535);
@@ -280,7 +285,7 @@ export class Views {
       const dx = ((m[0]! * a + m[4]! * b + m[8]! * c + m[12]!) / w - px) * place.width / 2;
       const dy = ((m[1]! * a + m[5]! * b + m[9]! * c + m[13]!) / w - py) * place.height / 2;
       const off = Math.hypot(dx, dy);
-      const disc = Math.max(1.5, radius * this.pixels(place.height) / w);
+      const disc = Math.max(1.5, radius * 2 ** ((spreads[i]! - 128) / 40) * this.pixels(place.height) / w);
       if (off > Math.max(reach, disc)) continue;
       // Within a disc the nearest to the viewer is seen; beside all discs, the nearest on the page counts.
       const value = off <= disc ? w - 1e3 : off;
@@ -290,11 +295,18 @@ export class Views {
   }
 
   resize(width: number, height: number): void {
-    const ratio = Math.min(window.devicePixelRatio, 2);
-    this.renderer.setPixelRatio(ratio);
-    this.renderer.setSize(width, height, false);
-    this.target.setSize(Math.floor(width * ratio), Math.floor(height * ratio));
+    if (width < 1 || height < 1) return; // while the page is not shown
+    [this.width, this.height] = [width, height];
+    this.fit();
     this.draw();
+  }
+
+  /** Give the picture the size of the canvas, in finer or in coarser pixels. */
+  private fit(): void {
+    const ratio = this.coarse ? COARSE : Math.min(window.devicePixelRatio, 2);
+    this.renderer.setPixelRatio(ratio);
+    this.renderer.setSize(this.width, this.height, false);
+    this.target.setSize(Math.floor(this.width * ratio), Math.floor(this.height * ratio));
   }
 
   private get aspect(): number {
@@ -310,7 +322,7 @@ export class Views {
   private radius(layer: Layer, share: number): number {
     const { cloud, frame, limit } = layer;
     const visible = Math.max(1, Math.min(limit, cloud.points)) / cloud.points;
-    return 0.75 * this.size * cloud.spacing / frame.size / Math.sqrt(visible * share);
+    return (cloud.role === "result" ? 0.7 : 0.9) * this.size * cloud.spacing / frame.size / Math.sqrt(visible * share);
   }
 
   private move(): void {
@@ -327,9 +339,14 @@ export class Views {
   private drawNow(now: number): void {
     if (this.moving) {
       const passed = now - this.before;
-      if (this.before && passed > SLOW) this.share = Math.max(0.005, this.share * 0.6);
-      else if (this.before && passed < FAST) this.share = Math.min(1, this.share * 1.2);
+      if (this.before) this.share *= Math.min(1.25, Math.max(0.3, WANTED / passed));
+      this.share = Math.min(1, Math.max(0.002, this.share));
       this.before = now;
+    }
+    const coarse = this.moving && this.share < SLOW_SHARE;
+    if (coarse !== this.coarse) {
+      this.coarse = coarse;
+      this.fit();
     }
     const { renderer, target, camera } = this;
     const ratio = renderer.getPixelRatio();
@@ -368,7 +385,7 @@ export class Views {
     (uniforms["background"]!.value as Vector3).set(colour[0]! / 255, colour[1]! / 255, colour[2]! / 255);
     uniforms["near"]!.value = camera.near;
     uniforms["far"]!.value = camera.far;
-    uniforms["strength"]!.value = this.shading === "both" ? 25 : this.shading === "depth" ? 60 : 0;
+    uniforms["strength"]!.value = coarse ? 0 : this.shading === "both" ? 25 : this.shading === "depth" ? 60 : 0;
     renderer.setRenderTarget(null);
     renderer.render(this.pass, this.passCamera);
     this.drawn();

@@ -23,6 +23,7 @@ from gppcs.spatial.scaling import normalised
 
 PARTS = 8, 4, 2, 1  # a result is also measured after the first eighth of its points, and so on
 LEAST = 4  # points of a part that is measured
+VARIATION = "surface variation", "a ratio from 0 (flat) to 1/3"
 MOVED = 2**32 - 1  # stands for the row of the original of a point that is at none of its places
 
 Array = NDArray[np.float64]
@@ -78,7 +79,7 @@ def report_page(
     with stages("original"):
         surface = _surface(original)
         first = Layer(blocks, original.name, "original", surface, len(original.cloud))
-        first.add_values("variation", "surface variation", "0 to 1/3", surface.variation[first.shown], root=True)
+        first.add_values("variation", *VARIATION, surface.variation[first.shown], root=True)
         first.add_attributes()
     layers = [first]
     for number, result in enumerate(results, start=1):
@@ -91,7 +92,9 @@ def report_page(
                 layer.described["prefixes"] = _prefixes(surface.cloud, kept.cloud)
         except InputError as error:
             notes.append(f"{result.name}: there are no figures: {error}.")
-        first.add_values(f"distance:{number}", f"distance to {result.name}", "unit of the coordinates", distances, True)
+        first.add_values(
+            f"distance:{number}", f"distance to {result.name}", "in the unit of the coordinates", distances, True
+        )
     low, high = surface.cloud.points.min(axis=0), surface.cloud.points.max(axis=0)
     lead = f"{len(original.cloud):,} points beside {_counted(results)}"
     diagonal = float(np.linalg.norm(high - low))
@@ -123,7 +126,7 @@ def view_page(clouds: Sequence[Named], made: Sequence[tuple[str, str]], viewpoin
     for each in clouds:
         surface = _surface(each)
         layer = Layer(blocks, each.name, "cloud", surface, len(each.cloud))
-        layer.add_values("variation", "surface variation", "0 to 1/3", surface.variation[layer.shown], root=True)
+        layer.add_values("variation", *VARIATION, surface.variation[layer.shown], root=True)
         layer.add_attributes()
         layers.append(layer)
     points = sum(len(each.cloud) for each in clouds)
@@ -147,7 +150,7 @@ def _result(blocks: Blocks, result: Named, original: Surface) -> tuple[Layer, Su
     distinct = np.flatnonzero(first_occurrences(original.cloud.points))[nearest[:, 0]]
     kept = Surface(own.cloud, own.rows, original.variation[distinct], original.normals[distinct], own.tree)
     layer = Layer(blocks, result.name, "result", kept, len(result.cloud))
-    layer.add_values("variation", "surface variation", "0 to 1/3", kept.variation[layer.shown], root=True)
+    layer.add_values("variation", *VARIATION, kept.variation[layer.shown], root=True)
     layer.add_attributes()
     rows = np.where(squared[:, 0] == 0.0, original.rows[distinct], MOVED)
     layer.described["blocks"]["originals"] = blocks.add(rows[layer.shown].astype(np.uint32))

@@ -15,7 +15,6 @@ from gppcs.simplification import simplify
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
-from gppcs.spatial.spacing import nearest_distances
 from gppcs.surface.surface_variation import estimate_features
 
 MOST_SHOWN = 1_000_000  # points of a cloud on the page; larger clouds are thinned by the default method
@@ -24,6 +23,9 @@ MOST_ATTRIBUTES = 12  # of a cloud; a million values take about two megabytes
 COLOURS = (("red", "green", "blue"), ("r", "g", "b"))
 ROOT_SHARE = 98.0  # percentile at which a colour scale of skewed values ends
 LINEAR_SHARES = 1.0, 99.0  # percentiles at which other colour scales begin and end
+
+SIXTH, SPACINGS_TO_SIXTH = 6, 1.4  # the sixth neighbour is 1.4 mean spacings away
+SPREAD_PER_OCTAVE, USUAL_SPREAD, WIDEST = 40.0, 128.0, 4.0  # sizes of points in 8 bits, and the largest
 
 Array = NDArray[np.float64]
 
@@ -84,12 +86,18 @@ class Surface:
         normals = features.normals[same] if carried is None else carried
         return cls(finite, rows, variation[same], normals, tree)
 
-    @property
-    def spacing(self) -> float:
-        """The mean distance of a point to the next ones around it, in the unit of the coordinates."""
-        _, _, exponent = normalised(self.cloud.points)
-        local = np.median(nearest_distances(self.tree, 6)) / 1.4  # the sixth neighbour is 1.4 spacings away
-        return float(np.ldexp(local, exponent))
+    def spacings(self) -> Array:
+        """Return the mean distance of each point to the next ones around it.
+
+        Returns
+        -------
+        (N,) array, float64
+            In the unit of the coordinates.
+        """
+        local, _, exponent = normalised(self.cloud.points)
+        neighbours = min(SIXTH + 1, self.tree.points.shape[1])
+        squared = self.tree.nearest_of(local, neighbours)[1][:, -1]
+        return np.ldexp(np.sqrt(squared) / SPACINGS_TO_SIXTH, exponent)
 
     def shown(self) -> NDArray[np.int64]:
         """Return the points to draw: all, or as many as the page holds, chosen by the default method.
@@ -135,6 +143,8 @@ class Layer:
         self.shown = surface.shown()
         self.cloud = surface.cloud if len(self.shown) == len(surface.rows) else surface.cloud.take(self.shown)
         placed = quantised_points(self.cloud.points)
+        spacings = surface.spacings()[self.shown] * (len(surface.rows) / len(self.shown)) ** 0.5
+        usual = float(np.median(spacings)) or float(placed.step.max()) * 100
         rows, normals = surface.rows[self.shown].astype(np.uint32), surface.normals[self.shown]
         self.described: dict[str, Any] = {
             "name": name,
@@ -143,8 +153,12 @@ class Layer:
             "shown": len(self.shown),
             "low": placed.low.tolist(),
             "step": placed.step.tolist(),
-            "spacing": surface.spacing * (len(surface.rows) / len(self.shown)) ** 0.5 or float(placed.step.max()) * 100,
-            "blocks": {"positions": blocks.add(placed.numbers), "normals": blocks.add(octahedral(normals))},
+            "spacing": usual,
+            "blocks": {
+                "positions": blocks.add(placed.numbers),
+                "normals": blocks.add(octahedral(normals)),
+                "spreads": blocks.add(_spreads(spacings / usual if usual else np.ones(len(spacings)))),
+            },
             "values": [],
             "prefixes": [],
         }
@@ -206,9 +220,15 @@ class Layer:
             self.described["blocks"]["colours"] = self._blocks.add(_eight_bits(np.stack(colours, axis=1)))
         wanted = [name for name in columns if name not in NORMALS]
         for name in wanted[:MOST_ATTRIBUTES]:
-            self.add_values(f"attribute:{name}", name, "", columns[name])
+            self.add_values(f"attribute:{name}", name, "as in the file", columns[name])
         if left_out := wanted[MOST_ATTRIBUTES:]:
             self.notes.append(f"{self.described['name']}: left out of this page: attributes {', '.join(left_out)}.")
+
+
+def _spreads(relative: Array) -> NDArray[np.uint8]:
+    """Return the sizes of points, relative to the usual one, on a logarithmic scale of 8 bits."""
+    octaves = np.log2(np.clip(relative, 1.0 / WIDEST, WIDEST))
+    return np.round(USUAL_SPREAD + SPREAD_PER_OCTAVE * octaves).astype(np.uint8)
 
 
 def _columns(cloud: PointCloud) -> list[tuple[str, NDArray[Any]]]:
