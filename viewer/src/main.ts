@@ -69,8 +69,8 @@ function fillSettings(): void {
   const colouring = select("colouring");
   const add = (value: string, text: string) => colouring.append(new Option(text, value));
   for (const { key, title } of distinct(clouds.flatMap(({ values }) => values)))
-    if (!key.startsWith(DISTANCE)) add(key, title);
-  if (clouds.some(({ values }) => values.some(({ key }) => key.startsWith(DISTANCE))))
+    if (!key.startsWith(`${DISTANCE}:`)) add(key, title);
+  if (clouds.some(({ values }) => values.some((each) => isOf(each, DISTANCE))))
     add(DISTANCE, "distance of the original to the result");
   add(ORDER, original < 0 ? "order in the file" : "order of choice");
   if (clouds.some(({ blocks }) => blocks.colours)) add(RGB, "RGB");
@@ -312,9 +312,14 @@ interface Ends {
   values: Values;
 }
 
+/** Return whether a colouring shows some values; that by distance shows the distances to all results. */
+function isOf(values: Values, key: string): boolean {
+  return key === DISTANCE ? values.key.startsWith(`${DISTANCE}:`) : values.key === key;
+}
+
 /** Return the ends of the colour scale of a quantity over all clouds that have it. */
 function distinctValues(key: string): Ends | null {
-  const found = clouds.flatMap((cloud) => cloud.values.filter((values) => values.key.startsWith(key)));
+  const found = clouds.flatMap((cloud) => cloud.values.filter((values) => isOf(values, key)));
   if (found.length === 0) return null;
   return { from: Math.min(...found.map((v) => v.from)), to: Math.max(...found.map((v) => v.to)), values: found[0]! };
 }
@@ -375,7 +380,7 @@ function fillLegend(key: string, all: Ends | null): void {
 
 /** Return whether some values lie above the end of the colour scale. */
 function clipped(key: string, to: number): boolean {
-  return clouds.some((cloud) => cloud.values.some((v) => v.key.startsWith(key) && v.low + (UNKNOWN - 1) * v.step > to * (1 + 1e-9)));
+  return clouds.some((cloud) => cloud.values.some((v) => isOf(v, key) && v.low + (UNKNOWN - 1) * v.step > to * (1 + 1e-9)));
 }
 
 function bar(scale: HTMLElement, texts: string[]): void {

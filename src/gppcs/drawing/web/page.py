@@ -77,11 +77,7 @@ class Page:
         return {
             "title": self.title,
             "lead": self.lead,
-            "notes": [
-                *self.notes,
-                *(note for layer in self.layers for note in layer.notes),
-                *([] if together else [apart]),
-            ],
+            "notes": [*self.notes, *notes, *([] if together else [apart])],
             "up": viewpoint.up,
             "azimuth": viewpoint.direction[0],
             "elevation": viewpoint.direction[1],
