@@ -290,7 +290,7 @@ function recolour(): void {
   if (key === DISTANCE) {
     colourDistances();
   } else {
-    const all = distinctValues(key);
+    const all = endsOf(key);
     for (const layer of layers) {
       const { cloud, arrays } = layer;
       const values = valuesFor(cloud, key);
@@ -317,9 +317,11 @@ function isOf(values: Values, key: string): boolean {
   return key === DISTANCE ? values.key.startsWith(`${DISTANCE}:`) : values.key === key;
 }
 
-/** Return the ends of the colour scale of a quantity over all clouds that have it. */
-function distinctValues(key: string): Ends | null {
-  const found = clouds.flatMap((cloud) => cloud.values.filter((values) => isOf(values, key)));
+/** Return the ends of the colour scale of a quantity: of the original, or of all clouds if it has no such values. */
+function endsOf(key: string): Ends | null {
+  const of = (some: Cloud[]) => some.flatMap((cloud) => cloud.values.filter((values) => isOf(values, key)));
+  const first = of(clouds.filter(({ role }) => role === "original"));
+  const found = first.length > 0 ? first : of(clouds); // the original decides: results differ only by its sampling
   if (found.length === 0) return null;
   return { from: Math.min(...found.map((v) => v.from)), to: Math.max(...found.map((v) => v.to)), values: found[0]! };
 }
@@ -331,7 +333,7 @@ function scaleOf(values: Values, { from, to }: Ends): [number, number, number] {
 
 
 function colourDistances(): void {
-  const all = distinctValues(DISTANCE)!;
+  const all = endsOf(DISTANCE)!;
   const base = layers[original]!;
   base.colour(0, null, [0, 1, 1]);
   clouds.forEach((cloud, i) => {

@@ -106,7 +106,7 @@ class TestInTheBrowser:
         for moved in (seen["dragged"], seen["turned"], seen["up"]["pictures"]):
             assert all_differ(seen["start"], moved)
         assert digests(seen["reset"]) == digests(seen["start"])
-        assert "−" in seen["up"]["text"]
+        assert "\N{MINUS SIGN}" in seen["up"]["text"]
 
     def test_each_colouring_changes_the_views_and_its_legend(self, seen):
         colourings = seen["colourings"]
