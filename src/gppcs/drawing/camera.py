@@ -57,6 +57,27 @@ class Viewpoint:
                 f"{self.direction[0]:g} and {self.direction[1]:g}"
             )
 
+    def completed(self, points: Array) -> Viewpoint:
+        """Return this viewpoint with a guess for each value that is not given.
+
+        Parameters
+        ----------
+        points : (N, 3) array, float64
+            Finite coordinates, N at least 1.
+
+        Returns
+        -------
+        Viewpoint
+            With `up` and `direction`.
+        """
+        low, high = np.percentile(points, (1, 99), axis=0)
+        extent = high - low
+        up = self.up or _up(extent)
+        along = AXES.index(up[-1])
+        broad, deep = (axis for axis in range(3) if axis != along)
+        lying = extent[along] < LYING * min(extent[broad], extent[deep])
+        return Viewpoint(up, self.direction or _direction(bool(extent[broad] < extent[deep]), bool(lying)))
+
 
 GUESSED = Viewpoint()  # up and direction are guessed
 
@@ -197,15 +218,14 @@ def averaged(image: Array) -> Array:
 
 def _axes(points: Array, viewpoint: Viewpoint) -> Array:
     """Return the axes (3, 3) of a camera at a viewpoint, as defined by `Camera`."""
-    low, high = np.percentile(points, (1, 99), axis=0)
-    extent = high - low
-    up = viewpoint.up or _up(extent)
-    along = AXES.index(up[-1])
-    broad, deep = (axis for axis in range(3) if axis != along)
-    upwards, right = np.eye(3)[along] * (-1.0 if up[0] == "-" else 1.0), np.eye(3)[broad]
+    viewpoint = viewpoint.completed(points)
+    assert viewpoint.up
+    assert viewpoint.direction
+    along = AXES.index(viewpoint.up[-1])
+    broad = 1 if along == 0 else 0
+    upwards, right = np.eye(3)[along] * (-1.0 if viewpoint.up[0] == "-" else 1.0), np.eye(3)[broad]
     forward = np.cross(right, upwards)
-    lying = extent[along] < LYING * min(extent[broad], extent[deep])
-    azimuth, elevation = np.radians(viewpoint.direction or _direction(extent[broad] < extent[deep], lying))
+    azimuth, elevation = np.radians(viewpoint.direction)
     level = np.cos(azimuth) * forward + np.sin(azimuth) * right
     to_viewer = np.cos(elevation) * level + np.sin(elevation) * upwards
     sideways = np.cos(azimuth) * right - np.sin(azimuth) * forward

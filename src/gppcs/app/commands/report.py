@@ -1,0 +1,62 @@
+"""The command `gppcs report`: a page that shows simplified clouds beside their original."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gppcs.app.printing import Force, Threads
+from gppcs.app.viewpoint import Up, View, viewpoint_of
+from gppcs.engine.threads import set_threads
+
+EPILOG = (
+    "[bold]Examples[/bold]\n\n"
+    "gppcs report scan.ply small.ply -o report.html\n\n"
+    "gppcs report scan.ply gp.ply fps.ply voxel.ply -o report.html --up z --view 30,20\n\n"
+    "gppcs evaluate --help defines the figures of the page."
+)
+
+
+def report(
+    original: Annotated[Path, typer.Argument(metavar="ORIGINAL", help="The original cloud.", show_default=False)],
+    simplified: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="SIMPLIFIED...",
+            help="Simplified clouds. Their points should be in the order of choice, as gppcs simplify writes them.",
+            show_default=False,
+        ),
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="HTML", help="The page to write.")],
+    view: View = None,
+    up: Up = None,
+    threads: Threads = None,
+    force: Force = False,
+) -> None:
+    """Write a page that shows simplified clouds beside their original, to turn in the browser.
+
+    The page is one file that needs no network. It colours the points by surface variation, by the distance of the
+    original to each result, by the order of choice, by any attribute or RGB, and holds the figures of gppcs evaluate.
+    """
+    from gppcs import io
+    from gppcs.app.console import ProgressBar
+    from gppcs.app.pages import how_made, names_of
+    from gppcs.drawing.web.contents import Named, report_page
+    from gppcs.engine.stages import Stages
+
+    set_threads(threads)
+    viewpoint = viewpoint_of(view, up, picture=True)
+    inputs = [original, *simplified]
+    io.check_distinct([output], inputs)
+    io.check_writable(output, force)
+    stages = Stages(ProgressBar())
+    with stages("reading"):
+        clouds = [Named(name, io.read(path)) for name, path in zip(names_of(inputs), inputs, strict=True)]
+    options = [*(["--view", view] if view else []), *(["--up", up] if up else [])]
+    command = ["gppcs", "report", *map(str, inputs), "-o", str(output), *options]
+    page = report_page(clouds[0], clouds[1:], how_made(command, inputs), viewpoint, stages)
+    with io.whole_file(output, force) as file:
+        page.write(file)
+    typer.echo(f"{output}: {output.stat().st_size / 1e6:.1f} MB; open it in a browser")

@@ -1,0 +1,62 @@
+"""The command `gppcs view`: point clouds in the browser."""
+
+from __future__ import annotations
+
+import tempfile
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gppcs.app.printing import Force, Threads, print_error
+from gppcs.app.viewpoint import Up, View, viewpoint_of
+from gppcs.engine.threads import set_threads
+
+EPILOG = (
+    "[bold]Examples[/bold]\n\n"
+    "gppcs view scan.ply\n\n"
+    "gppcs view before.ply after.ply --up z\n\n"
+    "gppcs view scan.ply -o scan.html --no-open"
+)
+
+
+def view(
+    inputs: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Point cloud files.", show_default=False)],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="HTML",
+            help="The page to write. By default, a temporary file.",
+        ),
+    ] = None,
+    opened: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")] = True,
+    view: View = None,
+    up: Up = None,
+    threads: Threads = None,
+    force: Force = False,
+) -> None:
+    """Show point clouds side by side in the browser, in views that turn together.
+
+    Files of all formats that gppcs reads can be shown. The page is one file that needs no network.
+    """
+    from gppcs import io
+    from gppcs.app.pages import how_made, names_of
+    from gppcs.drawing.web.contents import Named, view_page
+
+    set_threads(threads)
+    viewpoint = viewpoint_of(view, up, picture=True)
+    if output:
+        io.check_distinct([output], inputs)
+        io.check_writable(output, force)
+    clouds = [Named(name, io.read(path)) for name, path in zip(names_of(inputs), inputs, strict=True)]
+    page = view_page(clouds, how_made(["gppcs", "view", *map(str, inputs)], inputs), viewpoint)
+    if output is None:
+        output = Path(tempfile.mkdtemp(prefix="gppcs-")) / "view.html"
+    with io.whole_file(output, force) as file:
+        page.write(file)
+    typer.echo(output)
+    if opened and not webbrowser.open(output.absolute().as_uri()):
+        print_error(f"note: no browser was found; open {output} yourself")

@@ -1,0 +1,54 @@
+"""What the commands share that make a page: names of clouds, and how the page was made."""
+
+from __future__ import annotations
+
+import hashlib
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+
+from gppcs import __version__
+
+
+def names_of(paths: Sequence[Path]) -> list[str]:
+    """Return a different name for each file: its own, or its path if another file has the same name.
+
+    Parameters
+    ----------
+    paths : sequence of path
+
+    Returns
+    -------
+    list of str
+    """
+    names = [path.name for path in paths]
+    return [str(path) if names.count(path.name) > 1 else path.name for path in paths]
+
+
+def how_made(command: Sequence[str], inputs: Sequence[Path]) -> list[tuple[str, str]]:
+    """Return how a page was made, so that anybody can make it again.
+
+    Parameters
+    ----------
+    command : sequence of str
+        The words of the command.
+    inputs : sequence of path
+        The files that it read.
+
+    Returns
+    -------
+    list of (str, str)
+        Names and values: the version, the command, the SHA-256 of each file, and what the views show.
+    """
+    digests = [(f"SHA-256 of {name}", _digest(path)) for name, path in zip(names_of(inputs), inputs, strict=True)]
+    return [
+        ("gppcs", __version__),
+        ("command", shlex.join(command)),
+        *digests,
+        ("views", "Coordinates in 16 bits of each bounding box, values in 16 bits of their range, normals in 16 bits."),
+    ]
+
+
+def _digest(path: Path) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

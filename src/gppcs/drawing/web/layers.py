@@ -1,0 +1,268 @@
+"""Prepares clouds for the page: what is drawn of each point, and what its colours can show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.clouds.cloud import NORMALS, PointCloud
+from gppcs.drawing.web.packing import Blocks, octahedral, quantised_points, quantised_values
+from gppcs.errors import InputError
+from gppcs.simplification import simplify
+from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.scaling import normalised
+from gppcs.surface.surface_variation import estimate_features
+
+MOST_SHOWN = 1_000_000  # points of a cloud on the page; larger clouds are thinned by the default method
+MOST_KINDS = 8  # whole numbers of at most so many different values are shown as kinds: there are as many colours
+MOST_ATTRIBUTES = 12  # of a cloud; a million values take about two megabytes
+COLOURS = (("red", "green", "blue"), ("r", "g", "b"))
+ROOT_SHARE = 98.0  # percentile at which a colour scale of skewed values ends
+LINEAR_SHARES = 1.0, 99.0  # percentiles at which other colour scales begin and end
+
+SIXTH, SPACINGS_TO_SIXTH = 6, 1.4  # the sixth neighbour is 1.4 mean spacings away
+SPREAD_PER_OCTAVE, USUAL_SPREAD, WIDEST = 40.0, 128.0, 4.0  # sizes of points in 8 bits, and the largest
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What a cloud tells of its surface at each of its points.
+
+    Attributes
+    ----------
+    cloud : PointCloud
+        Its finite points.
+    rows : (N,) array, int64
+        The row of each point in the file.
+    variation : (N,) array, float64
+        Surface variation; NaN where fewer than four points lie near, which always seem flat.
+    normals : (N, 3) array, float64
+        Unit normals of either sign.
+    tree : KdTree
+        Over the distinct points, shifted and scaled as `normalised` does.
+    """
+
+    cloud: PointCloud
+    rows: NDArray[np.int64]
+    variation: Array
+    normals: Array
+    tree: KdTree
+
+    @classmethod
+    def of(cls, cloud: PointCloud) -> Surface:
+        """Estimate the surface of a cloud.
+
+        Parameters
+        ----------
+        cloud : PointCloud
+            At least one point must be finite; others are left out.
+
+        Returns
+        -------
+        Surface
+
+        Raises
+        ------
+        InputError
+            If no point is finite.
+        """
+        rows = cloud.finite_rows()
+        if len(rows) == 0:
+            raise InputError(f"expected points with finite coordinates to show, found none among {len(cloud)}")
+        finite = cloud if len(rows) == len(cloud) else cloud.take(rows)
+        local, _, _ = normalised(finite.points)
+        distinct = local[first_occurrences(local)]
+        tree = KdTree.build(distinct)
+        features = estimate_features(distinct, tree=tree)
+        same = tree.nearest_of(local, 1)[0][:, 0]
+        variation = np.where(features.neighbours > 3, features.surface_variation, np.nan)
+        carried = finite.normals()
+        normals = features.normals[same] if carried is None else carried
+        return cls(finite, rows, variation[same], normals, tree)
+
+    def spacings(self) -> Array:
+        """Return the mean distance of each point to the next ones around it.
+
+        Returns
+        -------
+        (N,) array, float64
+            In the unit of the coordinates.
+        """
+        local, _, exponent = normalised(self.cloud.points)
+        neighbours = min(SIXTH + 1, self.tree.points.shape[1])
+        squared = self.tree.nearest_of(local, neighbours)[1][:, -1]
+        return np.ldexp(np.sqrt(squared) / SPACINGS_TO_SIXTH, exponent)
+
+    def shown(self) -> NDArray[np.int64]:
+        """Return the points to draw: all, or as many as the page holds, chosen by the default method.
+
+        Returns
+        -------
+        (K,) array, int64
+            Ascending.
+        """
+        if len(self.rows) <= MOST_SHOWN:
+            return np.arange(len(self.rows))
+        return np.sort(simplify(self.cloud.points, n_points=MOST_SHOWN).indices)
+
+
+class Layer:
+    """One cloud of the page.
+
+    Parameters
+    ----------
+    blocks : Blocks
+        Takes the packed arrays.
+    name : str
+        The title of the view.
+    role : "original", "result" or "cloud"
+        What the cloud is to the others.
+    surface : Surface
+        The cloud.
+    points : int
+        Number of points in the file.
+
+    Attributes
+    ----------
+    described : dict
+        What the page needs to know, as JSON.
+    shown : (K,) array, int64
+        The points of the surface that are drawn.
+    notes : list of str
+        What the page should say of the cloud.
+    """
+
+    def __init__(self, blocks: Blocks, name: str, role: str, surface: Surface, points: int) -> None:
+        self._blocks = blocks
+        self.shown = surface.shown()
+        self.cloud = surface.cloud if len(self.shown) == len(surface.rows) else surface.cloud.take(self.shown)
+        placed = quantised_points(self.cloud.points)
+        spacings = surface.spacings()[self.shown] * (len(surface.rows) / len(self.shown)) ** 0.5
+        usual = float(np.median(spacings)) or float(placed.step.max()) * 100
+        rows, normals = surface.rows[self.shown].astype(np.uint32), surface.normals[self.shown]
+        self.described: dict[str, Any] = {
+            "name": name,
+            "role": role,
+            "points": points,
+            "shown": len(self.shown),
+            "low": placed.low.tolist(),
+            "step": placed.step.tolist(),
+            "spacing": usual,
+            "blocks": {
+                "positions": blocks.add(placed.numbers),
+                "normals": blocks.add(octahedral(normals)),
+                "spreads": blocks.add(_spreads(spacings / usual if usual else np.ones(len(spacings)))),
+            },
+            "values": [],
+            "prefixes": [],
+        }
+        if len(rows) != points:
+            self.described["blocks"]["rows"] = blocks.add(rows)
+        self.notes = self._notes(len(surface.rows))
+
+    def _notes(self, finite: int) -> list[str]:
+        """Return what the page should say of points that are not drawn."""
+        name, points = self.described["name"], self.described["points"]
+        notes = []
+        if finite < points:
+            notes.append(f"{name}: {points - finite:,} points with NaN or infinite coordinates are left out.")
+        if len(self.shown) < finite:
+            notes.append(
+                f"{name}: {len(self.shown):,} of {finite:,} points are drawn, chosen by the method gp. "
+                "All figures are those of all points."
+            )
+        return notes
+
+    def add_values(self, key: str, title: str, unit: str, values: NDArray[Any], root: bool = False) -> None:
+        """Add a quantity that colours can show.
+
+        Parameters
+        ----------
+        key : str
+            Equal for the same quantity of several clouds, which share a scale.
+        title, unit : str
+            For the legend.
+        values : (K,) array
+            One for each point that is drawn.
+        root : bool
+            Whether colours follow the square root of the value, since most values are small.
+        """
+        whole = not np.issubdtype(values.dtype, np.floating)
+        kinds = np.unique(values) if whole else np.empty(0)
+        has_kinds = 0 < len(kinds) <= MOST_KINDS
+        held = quantised_values(np.searchsorted(kinds, values) if has_kinds else values)
+        first, last = _ends(values, root)
+        described = {
+            "key": key,
+            "title": title,
+            "unit": unit,
+            "low": held.low.item(),
+            "step": held.step.item(),
+            "from": first,
+            "to": last,
+            "root": root,
+            "whole": whole,
+            "categories": [float(kind) for kind in kinds] if has_kinds else None,
+            "block": self._blocks.add(held.numbers),
+        }
+        self.described["values"].append(described)
+
+    def add_attributes(self) -> None:
+        """Add all attributes of numbers, and RGB, up to the limit of the page."""
+        columns = dict(_columns(self.cloud))
+        if colours := _rgb(columns):
+            self.described["blocks"]["colours"] = self._blocks.add(_eight_bits(np.stack(colours, axis=1)))
+        wanted = [name for name in columns if name not in NORMALS]
+        for name in wanted[:MOST_ATTRIBUTES]:
+            self.add_values(f"attribute:{name}", name, "as in the file", columns[name])
+        if left_out := wanted[MOST_ATTRIBUTES:]:
+            self.notes.append(f"{self.described['name']}: left out of this page: attributes {', '.join(left_out)}.")
+
+
+def _spreads(relative: Array) -> NDArray[np.uint8]:
+    """Return the sizes of points, relative to the usual one, on a logarithmic scale of 8 bits."""
+    octaves = np.log2(np.clip(relative, 1.0 / WIDEST, WIDEST))
+    return np.round(USUAL_SPREAD + SPREAD_PER_OCTAVE * octaves).astype(np.uint8)
+
+
+def _columns(cloud: PointCloud) -> list[tuple[str, NDArray[Any]]]:
+    """Return the attributes of numbers as columns by name; one with several numbers per point becomes several."""
+    columns = []
+    for name, values in cloud.attributes.items():
+        if not (np.issubdtype(values.dtype, np.number) or values.dtype == bool) or np.iscomplexobj(values):
+            continue
+        flat = values.reshape(len(values), -1).T
+        columns += [(name if values.ndim == 1 else f"{name} {i}", column) for i, column in enumerate(flat)]
+    return columns
+
+
+def _rgb(columns: dict[str, NDArray[Any]]) -> list[NDArray[Any]] | None:
+    """Remove the columns of red, green and blue, and return them; None if there are none."""
+    for names in (*COLOURS, *((f"{name} 0", f"{name} 1", f"{name} 2") for name in ("rgb", "color", "colors"))):
+        if set(names) <= set(columns):
+            return [columns.pop(name) for name in names]
+    return None
+
+
+def _eight_bits(colours: NDArray[Any]) -> NDArray[np.uint8]:
+    """Return colours (K, 3) in 8 bits: floats from 0 to 1, and whole numbers of 8 or of 16 bits."""
+    largest = colours.max()
+    factor = 255.0 if np.issubdtype(colours.dtype, np.floating) and largest <= 1 else 1.0 if largest <= 255 else 1 / 257
+    return np.clip(np.nan_to_num(colours.astype(np.float64)) * factor, 0, 255).round().astype(np.uint8)
+
+
+def _ends(values: NDArray[Any], root: bool) -> tuple[float, float]:
+    """Return the ends of a colour scale."""
+    known = values[np.isfinite(values)].astype(np.float64)
+    if len(known) == 0:
+        return 0.0, 1.0
+    if root:
+        return min(0.0, float(known.min())), float(np.percentile(known, ROOT_SHARE))
+    first, last = np.percentile(known, LINEAR_SHARES)
+    return float(first), float(last)

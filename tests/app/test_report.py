@@ -1,0 +1,106 @@
+"""`gppcs report` and `gppcs view`."""
+
+import hashlib
+import webbrowser
+
+import numpy as np
+import pytest
+
+import gppcs
+from command_line import assert_one_line, files
+from web_page import WebPage
+
+
+@pytest.fixture
+def small(scan):
+    """Two simplified clouds in files."""
+    gppcs.write("small.ply", gppcs.simplify(scan, n_points=60, method="fps").cloud)
+    gppcs.write("voxel.csv", gppcs.simplify(scan, n_points=60, method="voxel").cloud)
+
+
+@pytest.fixture
+def opened(monkeypatch):
+    """The pages that were opened in the browser."""
+    pages = []
+    monkeypatch.setattr(webbrowser, "open", lambda page: pages.append(page) or True)
+    return pages
+
+
+def test_a_report_holds_the_clouds_and_how_it_was_made(gppcs_command, folder, scan, small):
+    words = ["report", "scan.ply", "small.ply", "voxel.csv", "-o", "a b.html", "--up", "y"]
+    code, out, err = gppcs_command(*words)
+    assert (code, err) == (0, "")
+    assert out.startswith("a b.html: 0.")
+    page = WebPage((folder / "a b.html").read_text(encoding="utf-8"))
+    assert [cloud["name"] for cloud in page.described["clouds"]] == ["scan.ply", "small.ply", "voxel.csv"]
+    assert all(len(cloud["prefixes"]) == 4 for cloud in page.described["clouds"][1:])
+    made = dict(page.described["made"])
+    assert made["gppcs"] == gppcs.__version__
+    assert made["command"] == "gppcs report scan.ply small.ply voxel.csv -o 'a b.html' --up y"
+    assert made["SHA-256 of scan.ply"] == hashlib.sha256((folder / "scan.ply").read_bytes()).hexdigest()
+    assert page.described["up"] == "y"
+
+
+def test_the_same_report_has_the_same_bytes(gppcs_command, folder, scan, small):
+    pages = []
+    for _ in range(2):
+        assert gppcs_command("report", "scan.ply", "small.ply", "-o", "r.html", "--force")[0] == 0
+        pages.append((folder / "r.html").read_bytes())
+    assert pages[0] == pages[1]
+
+
+def test_files_of_one_name_are_told_apart_by_their_folders(gppcs_command, folder, scan, small):
+    (folder / "other").mkdir()
+    gppcs.write("other/small.ply", scan.take(np.arange(50)))
+    assert gppcs_command("report", "scan.ply", "small.ply", "other/small.ply", "-o", "r.html")[0] == 0
+    page = WebPage((folder / "r.html").read_text(encoding="utf-8"))
+    assert [cloud["name"] for cloud in page.described["clouds"]] == ["scan.ply", "small.ply", "other/small.ply"]
+
+
+@pytest.mark.parametrize(
+    ("words", "part"),
+    [
+        (["report", "scan.ply", "small.ply", "-o", "small.ply", "--force"], "expected a file other than the input"),
+        (["view", "scan.ply", "-o", "scan.ply", "--force"], "expected a file other than the input"),
+        (["report", "scan.ply", "small.ply", "-o", "there.html"], "expected a new file"),
+        (["view", "scan.ply", "-o", "there.html"], "expected a new file"),
+        (["report", "scan.ply", "-o", "r.html"], "Missing argument 'SIMPLIFIED...'"),
+        (["report", "scan.ply", "none.ply", "-o", "r.html"], "none.ply: No such file"),
+        (["report", "scan.ply", "empty.xyz", "-o", "r.html"], "empty.xyz: "),
+        (["view", "notes.md"], "notes.md: expected one of the formats"),
+        (["view", "scan.ply", "--view", "north"], "expected --view AZIMUTH,ELEVATION"),
+    ],
+)
+def test_bad_input_leaves_no_page(gppcs_command, folder, scan, small, words, part):
+    (folder / "there.html").write_text("precious")
+    (folder / "notes.md").write_text("notes")
+    (folder / "empty.xyz").write_text("")
+    before = files()
+    assert_one_line(gppcs_command(*words), part)
+    assert files() == before
+    assert (folder / "there.html").read_text() == "precious"
+
+
+def test_view_opens_a_temporary_page(gppcs_command, scan, small, opened, tmp_path_factory, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path_factory.mktemp("temporary")))
+    code, out, err = gppcs_command("view", "scan.ply", "voxel.csv")
+    assert (code, err) == (0, "")
+    assert len(opened) == 1
+    assert opened[0].startswith("file://")
+    with open(out.strip(), encoding="utf-8") as file:
+        page = WebPage(file.read())
+    assert [cloud["role"] for cloud in page.described["clouds"]] == ["cloud", "cloud"]
+    assert files() == ["scan.ply", "small.ply", "voxel.csv"]
+
+
+def test_view_writes_a_page_without_opening_it(gppcs_command, folder, scan, opened):
+    assert gppcs_command("view", "scan.ply", "-o", "v.html", "--no-open") == (0, "v.html\n", "")
+    assert opened == []
+    assert (folder / "v.html").exists()
+
+
+def test_without_a_browser_view_says_where_the_page_is(gppcs_command, scan, monkeypatch):
+    monkeypatch.setattr(webbrowser, "open", lambda page: False)
+    code, out, err = gppcs_command("view", "scan.ply", "-o", "v.html")
+    assert (code, out) == (0, "v.html\n")
+    assert err == "gppcs: note: no browser was found; open v.html yourself\n"

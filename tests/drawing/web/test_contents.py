@@ -1,0 +1,161 @@
+"""The pages hold the clouds, their attributes and their figures."""
+
+import io
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.clouds.cloud import PointCloud
+from gppcs.drawing.camera import Viewpoint
+from gppcs.drawing.web import layers
+from gppcs.drawing.web.contents import Named, report_page, view_page
+from gppcs.errors import InputError
+from web_page import WebPage
+
+N, M = 3000, 300
+
+
+def written(page):
+    file = io.BytesIO()
+    page.write(file)
+    return WebPage(file.getvalue().decode())
+
+
+@pytest.fixture(scope="module")
+def scan():
+    cloud = gppcs.sample("medallion", n_points=N)
+    kinds = (np.arange(N) % 3).astype(np.uint8)
+    depth = np.linspace(-2.0, 5.0, N, dtype=np.float32)
+    depth[7] = np.nan
+    return PointCloud(cloud.points, {**cloud.attributes, "kind": kinds, "depth": depth, "name": np.full(N, "point")})
+
+
+@pytest.fixture(scope="module")
+def results(scan):
+    return [gppcs.simplify(scan, n_points=M, method=method).cloud for method in ("fps", "voxel")]
+
+
+@pytest.fixture(scope="module")
+def report(scan, results):
+    named = [Named(name, cloud) for name, cloud in zip(("fps.ply", "voxel.ply"), results, strict=True)]
+    original, viewpoint = Named("scan.ply", scan), Viewpoint("-y", (30, 20))
+    return written(report_page(original, named, [("command", "gppcs report")], viewpoint))
+
+
+def test_the_points_are_those_of_the_clouds_to_the_quantisation(report, scan, results):
+    clouds = report.described["clouds"]
+    assert [cloud["role"] for cloud in clouds] == ["original", "result", "result"]
+    for described, cloud in zip(clouds, [scan, *results], strict=True):
+        assert described["points"] == described["shown"] == len(cloud)
+        half = 0.5001 * np.array(described["step"])
+        assert (np.abs(report.points(described) - cloud.points) <= half).all()
+        assert (half <= np.ptp(cloud.points, axis=0) / 131_000).all()
+
+
+def test_attributes_and_colours_are_held(report, scan):
+    (original, *_) = report.described["clouds"]
+    kinds, half = report.values(original, "attribute:kind")
+    assert half == 0
+    assert (kinds == scan.attributes["kind"]).all()
+    depth, half = report.values(original, "attribute:depth")
+    assert 0 < half < 1e-4
+    np.testing.assert_allclose(depth, scan.attributes["depth"], atol=1.01 * half)
+    colours = report.array(original["blocks"]["colours"], N, 3, np.uint8)
+    assert (colours == np.stack([scan.attributes[name] for name in ("red", "green", "blue")], axis=1)).all()
+    titles = [values["title"] for values in original["values"]]
+    assert not {"name", "nx", "red"} & set(titles)
+
+
+def test_surface_variation_of_a_result_is_that_of_the_original(report, scan, results):
+    original, first, _ = report.described["clouds"]
+    variation, _ = report.values(original, "variation")
+    kept, half = report.values(first, "variation")
+    rows = report.array(first["blocks"]["originals"], M, 1, np.uint32)[:, 0]
+    assert (scan.points[rows] == results[0].points).all()
+    np.testing.assert_allclose(kept, variation[rows], atol=2 * half + 1e-5)
+    expected = gppcs.estimate_features(scan).surface_variation
+    np.testing.assert_allclose(variation, expected, atol=1e-5)
+
+
+def test_distances_and_figures_are_those_of_evaluate(report, scan, results):
+    original, *simplified = report.described["clouds"]
+    for number, (described, result) in enumerate(zip(simplified, results, strict=True), start=1):
+        figures = gppcs.evaluate(scan, result).figures()
+        distances, half = report.values(original, f"distance:{number}")
+        assert distances.mean() == pytest.approx(figures["surface_mean"], rel=1e-3)
+        assert distances.max() == pytest.approx(figures["surface_max"], abs=2 * half)
+        assert [prefix["points"] for prefix in described["prefixes"]] == [M // 8, M // 4, M // 2, M]
+        assert described["prefixes"][-1]["figures"] == figures
+        half_of_it = gppcs.evaluate(scan, result.points[: M // 2]).figures()
+        assert described["prefixes"][-2]["figures"] == half_of_it
+    errors = [prefix["figures"]["surface_mean"] for prefix in simplified[0]["prefixes"]]
+    assert all(more > less for more, less in pairwise(errors))
+
+
+def test_the_start_of_the_views_and_the_origin_are_said(report):
+    described = report.described
+    assert (described["up"], described["azimuth"], described["elevation"]) == ("-y", 30, 20)
+    assert described["made"] == [["command", "gppcs report"]]
+    assert {figure["name"] for figure in described["figures"]} == set(gppcs.figures_of(gppcs.Report))
+
+
+def test_points_that_were_moved_have_no_row_in_the_original(scan):
+    moved = PointCloud(scan.points[:100] + 1e-3)
+    page = written(report_page(Named("a", scan), [Named("b", moved)], []))
+    result = page.described["clouds"][1]
+    assert (page.array(result["blocks"]["originals"], 100, 1, np.uint32) == 2**32 - 1).all()
+
+
+def test_invalid_points_are_left_out_and_rows_stay_those_of_the_file(scan):
+    points = scan.points.copy()
+    points[[3, 50]] = np.nan
+    page = written(view_page([Named("scan.ply", PointCloud(points))], []))
+    (cloud,) = page.described["clouds"]
+    rows = page.array(cloud["blocks"]["rows"], N - 2, 1, np.uint32)[:, 0]
+    assert rows.tolist() == np.delete(np.arange(N), [3, 50]).tolist()
+    assert (cloud["points"], cloud["shown"]) == (N, N - 2)
+    assert page.described["notes"] == ["scan.ply: 2 points with NaN or infinite coordinates are left out."]
+
+
+def test_large_clouds_are_thinned_by_gp_and_the_page_says_so(scan, monkeypatch):
+    monkeypatch.setattr(layers, "MOST_SHOWN", 500)
+    page = written(view_page([Named("scan.ply", scan)], []))
+    (cloud,) = page.described["clouds"]
+    expected = np.sort(gppcs.simplify(scan, n_points=500).indices)
+    assert page.array(cloud["blocks"]["rows"], 500, 1, np.uint32)[:, 0].tolist() == expected.tolist()
+    assert "500 of 3,000 points are drawn, chosen by the method gp" in page.described["notes"][0]
+
+
+def test_a_result_that_is_elsewhere_has_no_figures_and_the_page_says_why(scan):
+    elsewhere = PointCloud(1000.0 * scan.points[:200])
+    page = written(report_page(Named("scan.ply", scan), [Named("far.ply", elsewhere)], []))
+    assert page.described["clouds"][1]["prefixes"] == []
+    first, second = page.described["notes"]
+    assert first.startswith("far.ply: there are no figures: ")
+    assert "frame of its own" in second
+    assert page.described["together"] is False
+
+
+@pytest.mark.parametrize("points", [np.empty((0, 3)), np.full((5, 3), np.nan)])
+def test_a_cloud_without_points_is_refused_by_name(points, scan):
+    with pytest.raises(InputError, match=r"empty\.ply: expected points with finite coordinates"):
+        view_page([Named("scan.ply", scan), Named("empty.ply", PointCloud(points))], [])
+
+
+@pytest.mark.parametrize("points", [[[1.0, 2.0, 3.0]], [[1.0, 2.0, 3.0]] * 9, [[0.0, 0, 0], [1.0, 0, 0], [2.0, 0, 0]]])
+def test_clouds_of_few_points_can_be_shown(points):
+    page = written(view_page([Named("few", PointCloud(np.array(points)))], []))
+    (cloud,) = page.described["clouds"]
+    np.testing.assert_allclose(page.points(cloud), points, atol=2 / 65535)
+    assert cloud["spacing"] >= 0
+    assert np.isnan(page.values(cloud, "variation")[0]).all()  # too few neighbours to measure it
+
+
+def test_markup_in_names_stays_text(scan):
+    name = "</script><script>alert(1)</script><!--"
+    page = written(view_page([Named(name, PointCloud(scan.points, {name: scan.attributes["kind"]}))], [("x", name)]))
+    assert "alert(1)</script>" not in page.text
+    assert page.described["clouds"][0]["name"] == name
+    assert page.described["made"] == [["x", name]]

@@ -1,0 +1,153 @@
+"""The page in a browser, and the built page as compared with its sources."""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.clouds.cloud import PointCloud
+from gppcs.drawing.web.contents import Named, report_page
+
+ROOT = Path(__file__).parents[3]
+VIEWER = ROOT / "viewer"
+BUILT = ROOT / "src" / "gppcs" / "drawing" / "web" / "page.html"
+BROWSERS = "chromium", "chromium-browser", "google-chrome"
+MARKUP = "<img src=x onerror=alert(1)>"
+
+
+@pytest.fixture(scope="module")
+def node():
+    found = shutil.which("node")
+    if not found:
+        pytest.skip("no Node.js")
+    if not (VIEWER / "node_modules").is_dir():
+        pytest.skip("the packages of the viewer are not installed: run npm ci in viewer")
+    return found
+
+
+@pytest.fixture(scope="module")
+def scan():
+    cloud = gppcs.sample("medallion", n_points=20_000)
+    return PointCloud(cloud.points, {**cloud.attributes, MARKUP: (np.arange(20_000) % 2).astype(np.uint8)})
+
+
+@pytest.fixture(scope="module")
+def kept(scan):
+    return gppcs.simplify(scan, n_points=1000, method="fps")
+
+
+@pytest.fixture(scope="module")
+def seen(node, scan, kept, tmp_path_factory):
+    """What a person sees and does on the page."""
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if not browser:
+        pytest.skip(f"no browser: none of {', '.join(BROWSERS)}")
+    voxels = gppcs.simplify(scan, n_points=1000, method="voxel").cloud
+    page = report_page(
+        Named(f"{MARKUP}.ply", scan),
+        [Named("fps.ply", kept.cloud), Named("voxel.ply", voxels)],
+        [("command", f"gppcs report {MARKUP}")],
+    )
+    path = tmp_path_factory.mktemp("page") / "page.html"
+    with open(path, "wb") as file:
+        page.write(file)
+    run = subprocess.run([node, VIEWER / "drive.mjs", path, browser], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    return json.loads(run.stdout)
+
+
+def digests(pictures):
+    return [picture["digest"] for picture in pictures]
+
+
+def all_differ(before, after):
+    return all(one != other for one, other in zip(digests(before), digests(after), strict=True))
+
+
+def test_the_built_page_is_that_of_its_sources(node, tmp_path):
+    built = tmp_path / "page.html"
+    subprocess.run([node, VIEWER / "build.mjs", built], check=True)
+    assert built.read_bytes() == BUILT.read_bytes(), "run make viewer, and commit what it writes"
+
+
+def test_the_types_of_the_viewer_are_right(node):
+    run = subprocess.run(
+        [node, VIEWER / "node_modules" / "typescript" / "bin" / "tsc", "--noEmit", "--project", VIEWER],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stdout
+
+
+@pytest.mark.slow
+class TestInTheBrowser:
+    def test_it_opens_without_errors_and_without_network(self, seen):
+        assert seen["messages"] == []
+        assert seen["requests"] == []
+
+    def test_each_view_draws_its_points(self, seen):
+        assert [label.splitlines()[0] for label in seen["labels"]] == [f"{MARKUP}.ply", "fps.ply", "voxel.ply"]
+        for pictures in (seen["start"], seen["narrow"]["pictures"]):
+            assert len(pictures) == 3
+            assert all(0.1 < picture["share"] < 0.9 for picture in pictures)
+
+    def test_markup_in_names_is_shown_as_text(self, seen):
+        assert seen["heading"] == f"{MARKUP}.ply"
+        assert seen["title"].startswith(MARKUP)
+        assert MARKUP in seen["colourings"]
+        assert f"gppcs report {MARKUP}" in seen["made"]
+
+    def test_the_views_turn_together_and_come_back(self, seen):
+        for moved in (seen["dragged"], seen["turned"], seen["up"]["pictures"]):
+            assert all_differ(seen["start"], moved)
+        assert digests(seen["reset"]) == digests(seen["start"])
+        assert "\N{MINUS SIGN}" in seen["up"]["text"]
+
+    def test_each_colouring_changes_the_views_and_its_legend(self, seen):
+        colourings = seen["colourings"]
+        names = ["surface variation", "distance of the original to the result", "order of choice", "RGB", "curvature"]
+        assert set(names) < set(colourings)
+        for name in names[1:]:
+            assert all_differ(seen["start"][1:], colourings[name]["pictures"][1:]), name
+            assert colourings[name]["legend"] != colourings[names[0]]["legend"]
+        assert "in the unit of the coordinates" in colourings[names[1]]["legend"]
+
+    def test_the_slider_shows_the_first_points_with_their_figures(self, seen):
+        assert all("points\nmean error" in label for label in seen["labels"][1:])
+        name, count, figure = seen["fewer"]["labels"][1].splitlines()
+        assert (name, count) == ("fps.ply", f"{round(1000**0.7)} points")
+        assert figure.startswith("first 125: mean error")
+        assert digests(seen["fewer"]["pictures"])[0] == digests(seen["start"])[0]
+        assert all_differ(seen["start"][1:], seen["fewer"]["pictures"][1:])
+
+    def test_a_picked_point_is_the_point_of_the_file(self, seen, scan, kept):
+        original, first, _ = seen["picked"]
+        for found, cloud in ((original, scan), (first, kept.cloud)):
+            row = int(found["values"]["row"].replace(",", ""))
+            place = [float(found["values"][axis]) for axis in "xyz"]
+            np.testing.assert_allclose(place, cloud.points[row], atol=np.ptp(cloud.points) / 65535)
+            assert found["values"][MARKUP] == str(cloud.attributes[MARKUP][row])
+            assert found["rings"] == 3
+        row = int(first["values"]["row"].replace(",", ""))
+        assert first["values"]["row in the original"].replace(",", "") == str(kept.indices[row])
+        assert first["values"]["chosen"] == f"number {row + 1:,} of 1,000"
+        assert seen["hidden"]
+
+    def test_the_swipe_compares_two_clouds(self, seen):
+        assert [label.splitlines()[0] for label in seen["swipe"]["labels"]] == [f"{MARKUP}.ply", "voxel.ply"]
+        assert all_differ(seen["swipe"]["middle"], seen["swipe"]["left"])
+
+    def test_figures_and_plot_are_there(self, seen):
+        assert "covering radius\nlargest distance from an original point to the nearest kept point" in seen["figures"]
+        assert seen["plotted"] == 8
+
+    def test_it_can_be_read_by_everybody(self, seen):
+        assert seen["accessible"] == seen["narrow"]["accessible"] == []
+        assert seen["narrow"]["width"] == 400
+        light, dark = seen["backgrounds"]
+        assert light != dark

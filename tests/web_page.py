@@ -1,0 +1,51 @@
+"""Reads pages of `gppcs report` and `gppcs view`, as the script in the page does."""
+
+import base64
+import json
+import re
+import zlib
+
+import numpy as np
+
+
+class WebPage:
+    """The data in a page.
+
+    Attributes
+    ----------
+    described : dict
+        The page's description.
+    """
+
+    def __init__(self, text):
+        self.text = text
+        self.described = json.loads(self._element("description"))
+
+    def _element(self, name):
+        (content,) = re.findall(rf'<script id="{name}" type="[a-z/]+">(.*?)</script>', self.text, re.DOTALL)
+        return content
+
+    def array(self, block, rows, columns, kind):
+        return unpacked(self._element(block), rows, columns, kind)
+
+    def points(self, cloud):
+        """Return the coordinates of a cloud of the description."""
+        numbers = self.array(cloud["blocks"]["positions"], cloud["shown"], 3, np.uint16)
+        return np.array(cloud["low"]) + np.array(cloud["step"]) * numbers
+
+    def values(self, cloud, key):
+        """Return the values of a cloud that colours can show, and half of the step in which they are held."""
+        (held,) = (values for values in cloud["values"] if values["key"] == key)
+        numbers = self.array(held["block"], cloud["shown"], 1, np.uint16)[:, 0]
+        if held["categories"]:
+            return np.array(held["categories"])[numbers], 0.0
+        values = held["low"] + held["step"] * numbers.astype(float)
+        return np.where(numbers == 65535, np.nan, values), held["step"] / 2
+
+
+def unpacked(text, rows, columns, kind):
+    """Return an array, (rows, columns), from a block of the page."""
+    width = np.dtype(kind).itemsize
+    planes = np.frombuffer(zlib.decompress(base64.b64decode(text)), dtype=np.uint8).reshape(columns, width, rows)
+    differences = sum(planes[:, byte].astype(np.uint64) << np.uint64(8 * byte) for byte in range(width))
+    return differences.cumsum(axis=1).astype(kind).T

@@ -1,0 +1,154 @@
+// The table of figures, the plot of quality against number of points, and how the page was made.
+import { KINDS } from "./colours";
+import { shown, type Cloud, type Description, type Figure, type Prefix } from "./data";
+
+const SVG = "http://www.w3.org/2000/svg";
+
+export function element<K extends keyof HTMLElementTagNameMap>(
+  tag: K, text = "", properties: Partial<HTMLElementTagNameMap[K]> = {},
+): HTMLElementTagNameMap[K] {
+  const made = Object.assign(document.createElement(tag), properties);
+  if (text) made.textContent = text;
+  return made;
+}
+
+/** Return the value of a figure with its unit: lengths also in thousandths of the diagonal. */
+export function worded(figure: Figure, prefix: Prefix): string {
+  const value = prefix.figures[figure.name];
+  if (value === undefined || value === null) return "–";
+  if (figure.unit === "share") return `${shown(100 * value, 3)} %`;
+  if (figure.unit === "degrees") return `${shown(value, 3)}°`;
+  return shown(value);
+}
+
+function relatively(figure: Figure, prefix: Prefix): string {
+  const value = prefix.relative[figure.name];
+  if (figure.name === "diagonal" || value === undefined || value === null) return "";
+  if (figure.unit === "length") return `${shown(1e4 * value, 3)} e-4 d`;
+  return figure.unit === "squared length" ? `${shown(1e6 * value, 3)} e-6 d²` : "";
+}
+
+export function measured(clouds: Cloud[]): Cloud[] {
+  return clouds.filter((cloud) => cloud.prefixes.length > 0);
+}
+
+export function fillTable({ clouds, figures }: Description): void {
+  const results = measured(clouds);
+  const last = (cloud: Cloud) => cloud.prefixes.at(-1)!;
+  const head = element("tr");
+  head.append(element("th", "Figure", { scope: "col" }));
+  for (const cloud of results) head.append(element("th", cloud.name, { scope: "col" }));
+  const body = element("tbody");
+  for (const figure of figures) {
+    const row = element("tr");
+    const name = element("th", "", { scope: "row" });
+    name.append(element("b", figure.title), element("span", figure.definition));
+    row.append(name);
+    const known = results.map((cloud) => last(cloud).figures[figure.name]).filter((v) => typeof v === "number");
+    const best = figure.better === "more" ? Math.max(...known) : Math.min(...known);
+    for (const cloud of results) {
+      const cell = element("td", worded(figure, last(cloud)));
+      const part = relatively(figure, last(cloud));
+      if (part) cell.append(element("span", part));
+      const distinct = new Set(known).size > 1;
+      if (figure.better && distinct && last(cloud).figures[figure.name] === best) cell.className = "best";
+      row.append(cell);
+    }
+    body.append(row);
+  }
+  const top = element("thead");
+  top.append(head);
+  document.getElementById("table")!.append(top, body);
+}
+
+export function fillMade(made: [string, string][]): void {
+  const body = element("tbody");
+  for (const [name, value] of made) {
+    const row = element("tr");
+    row.append(element("th", name, { scope: "row" }), element("td", value));
+    body.append(row);
+  }
+  document.getElementById("made")!.append(body);
+}
+
+function drawn(tag: string, attributes: Record<string, string | number>, text = ""): SVGElement {
+  const made = document.createElementNS(SVG, tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, String(value));
+  if (text) made.textContent = text;
+  return made;
+}
+
+/** Return round numbers between two ends: 1, 2 and 5 times powers of ten, at most about six. */
+export function ticks(low: number, high: number): number[] {
+  const found: number[] = [];
+  for (let power = Math.floor(Math.log10(low)); power <= Math.ceil(Math.log10(high)); power++)
+    for (const digit of [1, 2, 5]) {
+      const value = Number(`${digit}e${power}`);
+      if (value >= low && value <= high) found.push(value);
+    }
+  const every = Math.ceil(found.length / 6);
+  return found.filter((_, i) => i % every === 0);
+}
+
+/** Draw a figure against the number of points, both on logarithmic axes. */
+export function plot(figure: Figure, clouds: Cloud[], width: number): void {
+  const series = measured(clouds).map((cloud, number) => ({
+    name: cloud.name,
+    colour: KINDS[number % KINDS.length]!,
+    places: cloud.prefixes
+      .map((prefix) => [prefix.points, prefix.figures[figure.name] ?? 0] as const)
+      .filter(([, value]) => value > 0),
+  }));
+  const all = series.flatMap(({ places }) => places);
+  const holder = document.getElementById("plot")!;
+  holder.replaceChildren();
+  if (all.length === 0) {
+    holder.append(element("p", "All values are 0 or unknown."));
+    return;
+  }
+  const [left, bottom, top, height] = [64, 44, 14, 320];
+  const right = Math.min(190, 0.28 * width);
+  const ends = (axis: 0 | 1): [number, number] => {
+    const values = all.map((place) => place[axis]);
+    return [Math.min(...values) / 1.15, Math.max(...values) * 1.15];
+  };
+  const [xs, ys] = [ends(0), ends(1)];
+  const along = (value: number, [low, high]: [number, number]) => Math.log(value / low) / Math.log(high / low);
+  const x = (value: number) => left + along(value, xs) * (width - left - right);
+  const y = (value: number) => height - bottom - along(value, ys) * (height - bottom - top);
+  const picture = drawn("svg", { viewBox: `0 0 ${width} ${height}`, width, height, role: "img" });
+  picture.setAttribute("aria-label", `${figure.title} against the number of points, for each result`);
+  for (const value of ticks(...xs)) {
+    picture.append(drawn("line", { x1: x(value), x2: x(value), y1: top, y2: height - bottom, class: "grid" }));
+    picture.append(drawn("text", { x: x(value), y: height - bottom + 18, class: "middle" }, value.toLocaleString("en")));
+  }
+  for (const value of ticks(...ys)) {
+    picture.append(drawn("line", { x1: left, x2: width - right, y1: y(value), y2: y(value), class: "grid" }));
+    picture.append(drawn("text", { x: left - 8, y: y(value) + 4, class: "end" }, shown(value, 2)));
+  }
+  picture.append(drawn("text", { x: (left + width - right) / 2, y: height - 6, class: "middle name" }, "points kept"));
+  const names: { at: number; text: string; colour: string }[] = [];
+  for (const { name, colour, places } of series) {
+    const path = places.map(([p, v]) => `${x(p).toFixed(1)},${y(v).toFixed(1)}`).join(" ");
+    picture.append(drawn("polyline", { points: path, fill: "none", stroke: colour, "stroke-width": 2 }));
+    for (const [p, v] of places) {
+      const dot = drawn("circle", { cx: x(p), cy: y(v), r: 4, fill: colour });
+      dot.append(drawn("title", {}, `${name}: ${shown(v)} with ${p.toLocaleString("en")} points`));
+      picture.append(dot);
+    }
+    const end = places.at(-1);
+    if (end) names.push({ at: y(end[1]), text: name, colour });
+  }
+  names.sort((a, b) => a.at - b.at);
+  let free = top;
+  for (const { at, text, colour } of names) {
+    const place = Math.max(at + 4, free);
+    free = place + 16;
+    picture.append(drawn("rect", { x: width - right + 8, y: place - 8, width: 8, height: 8, rx: 2, fill: colour }));
+    const most = Math.max(4, Math.floor((right - 24) / 7));
+    const label = drawn("text", { x: width - right + 21, y: place }, text.length > most ? `${text.slice(0, most - 1)}…` : text);
+    label.append(drawn("title", {}, text));
+    picture.append(label);
+  }
+  holder.append(picture);
+}

@@ -1,0 +1,397 @@
+// Draws the clouds: one canvas, one camera, one view beside the other.
+import {
+  BufferAttribute, BufferGeometry, DataTexture, DepthTexture, GLSL3, Group, Matrix4, Mesh, NearestFilter,
+  OrthographicCamera, PerspectiveCamera, Points, RawShaderMaterial, Scene, Vector2, Vector3, WebGLRenderer,
+  WebGLRenderTarget,
+} from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { amounts, kinds } from "./colours";
+import type { Arrays, Cloud } from "./data";
+import depthShader from "./depth.frag.glsl";
+import passShader from "./pass.vert.glsl";
+import fragmentShader from "./points.frag.glsl";
+import vertexShader from "./points.vert.glsl";
+
+const FIELD = 30; // degrees, of the camera
+const SAMPLE = 1500; // points of a cloud that decide how far away the camera stands
+const WANTED = 45; // milliseconds for a picture while the view moves; if it takes longer, fewer points are drawn
+const LEAST = 1500; // points drawn of a cloud while the view moves
+const SLOW_SHARE = 0.25; // below this share the browser draws slowly, so moving pictures are coarse and without depth
+const COARSE = 0.5; // pixels of a coarse picture, for each pixel of the page
+
+/** Where and how large the clouds are drawn: `centre` goes to the origin, `size` becomes 1. */
+export interface Frame {
+  centre: [number, number, number];
+  size: number;
+}
+
+export interface Rectangle {
+  left: number;
+  top: number;
+  width: number;
+  height: number;
+}
+
+/** One view: a cloud in a rectangle of the page; of the rectangle only the part from `from` to `to` is drawn. */
+export interface View {
+  layer: Layer;
+  place: Rectangle;
+  from: number;
+  to: number;
+}
+
+/** A cloud on the graphics card. */
+export class Layer {
+  readonly points: Points<BufferGeometry, RawShaderMaterial>;
+  readonly shuffled: Uint32Array;
+  readonly scale: Vector3;
+  readonly origin: Vector3;
+
+  constructor(readonly cloud: Cloud, readonly arrays: Arrays, readonly frame: Frame) {
+    const n = cloud.shown;
+    this.shuffled = shuffled(n);
+    const geometry = new BufferGeometry();
+    geometry.setAttribute("position", new BufferAttribute(taken(arrays.positions, 3, this.shuffled), 3, true));
+    geometry.setAttribute("octahedral", new BufferAttribute(taken(arrays.normals, 2, this.shuffled), 2, true));
+    geometry.setAttribute("rank", new BufferAttribute(Float32Array.from(this.shuffled, (i) => arrays.rows[i]!), 1));
+    geometry.setAttribute("spread", new BufferAttribute(taken(arrays.spreads, 1, this.shuffled), 1));
+    const colours = arrays.colours ? taken(arrays.colours, 3, this.shuffled) : new Uint8Array(3 * n);
+    geometry.setAttribute("colour", new BufferAttribute(colours, 3, true));
+    geometry.setAttribute("amount", new BufferAttribute(new Uint16Array(n), 1));
+    this.scale = new Vector3(...cloud.step).multiplyScalar(65535 / frame.size);
+    this.origin = new Vector3(...cloud.low).sub(new Vector3(...frame.centre)).divideScalar(frame.size);
+    this.points = new Points(geometry, material(this.origin, this.scale));
+    this.points.frustumCulled = false;
+  }
+
+  /** Colour the points by numbers in file order. */
+  colour(mode: number, numbers: Uint16Array | null, scale: [number, number, number]): void {
+    const attribute = this.points.geometry.getAttribute("amount") as BufferAttribute;
+    if (numbers) (attribute.array as Uint16Array).set(taken(numbers, 1, this.shuffled));
+    else (attribute.array as Uint16Array).fill(mode === 1 ? 0 : 65535);
+    attribute.needsUpdate = true;
+    const { uniforms } = this.points.material;
+    uniforms["mode"]!.value = mode;
+    (uniforms["scale"]!.value as Vector3).set(...scale);
+    uniforms["table"]!.value = mode === 2 ? KINDS_TABLE : AMOUNTS_TABLE;
+  }
+
+  /** Return where a point is drawn, given its place in the arrays. */
+  place(index: number): Vector3 {
+    const { positions } = this.arrays;
+    return new Vector3(positions[3 * index]!, positions[3 * index + 1]!, positions[3 * index + 2]!)
+      .divideScalar(65535).multiply(this.scale).add(this.origin);
+  }
+
+  set limit(rows: number) {
+    this.points.material.uniforms["limit"]!.value = rows;
+  }
+
+  get limit(): number {
+    return this.points.material.uniforms["limit"]!.value as number;
+  }
+}
+
+const AMOUNTS_TABLE = table(amounts());
+const KINDS_TABLE = table(kinds());
+
+function table(colours: Uint8Array<ArrayBuffer>): DataTexture {
+  const texture = new DataTexture(colours, colours.length / 4, 1);
+  texture.needsUpdate = true;
+  return texture;
+}
+
+function material(low: Vector3, extent: Vector3): RawShaderMaterial {
+  const uniforms = {
+    low: { value: low }, extent: { value: extent }, radius: { value: 1 }, pixels: { value: 1 }, limit: { value: 1e9 },
+    light: { value: 1 }, scale: { value: new Vector3(0, 1, 1) }, mode: { value: 0 }, table: { value: AMOUNTS_TABLE },
+  };
+  return new RawShaderMaterial({ glslVersion: GLSL3, vertexShader, fragmentShader, uniforms });
+}
+
+/** Return 0 to n - 1 in an order whose beginnings are even samples; it is always the same. */
+function shuffled(n: number): Uint32Array {
+  const order = Uint32Array.from({ length: n }, (_, i) => i);
+  let state = 1;
+  for (let i = n - 1; i > 0; i--) {
+    state = (Math.imul(state, 1664525) + 1013904223) >>> 0;
+    const j = Math.floor((state / 4294967296) * (i + 1));
+    [order[i], order[j]] = [order[j]!, order[i]!];
+  }
+  return order;
+}
+
+function taken<A extends Uint8Array | Uint16Array>(array: A, columns: number, order: Uint32Array): A {
+  const result = new (array.constructor as new (n: number) => A)(order.length * columns);
+  for (let to = 0; to < order.length; to++)
+    for (let c = 0; c < columns; c++) result[to * columns + c] = array[order[to]! * columns + c]!;
+  return result;
+}
+
+export class Views {
+  readonly camera = new PerspectiveCamera(FIELD, 1, 0.001, 100);
+  views: View[] = [];
+  size = 1; // factor of the points' radii
+  shading = "both";
+  private readonly renderer: WebGLRenderer;
+  private readonly controls: OrbitControls;
+  private readonly scene = new Scene();
+  private readonly turned = new Group();
+  private readonly target: WebGLRenderTarget;
+  private readonly pass: Mesh<BufferGeometry, RawShaderMaterial>;
+  private readonly passCamera = new OrthographicCamera();
+  private share = 0.3; // of the points, drawn while the view moves
+  private coarse = false;
+  private width = 0;
+  private height = 0;
+  private moving = false;
+  private asked = false;
+  private before = 0;
+  private settled = 0;
+
+  constructor(readonly canvas: HTMLCanvasElement, readonly drawn: () => void) {
+    this.renderer = new WebGLRenderer({ canvas, antialias: false });
+    this.renderer.autoClear = false;
+    this.target = new WebGLRenderTarget(1, 1, { depthTexture: new DepthTexture(1, 1) });
+    this.target.texture.minFilter = this.target.texture.magFilter = NearestFilter;
+    const uniforms = {
+      picture: { value: this.target.texture }, depths: { value: this.target.depthTexture },
+      texel: { value: new Vector2() }, background: { value: new Vector3() }, near: { value: 0 }, far: { value: 0 },
+      strength: { value: 0 },
+    };
+    const triangle = new BufferGeometry();
+    triangle.setAttribute("position", new BufferAttribute(new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]), 3));
+    const shaders = { vertexShader: passShader, fragmentShader: depthShader };
+    this.pass = new Mesh(triangle, new RawShaderMaterial({
+      glslVersion: GLSL3, ...shaders, uniforms, depthTest: false, depthWrite: false,
+    }));
+    this.pass.frustumCulled = false;
+    this.turned.matrixAutoUpdate = false;
+    this.scene.add(this.turned);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.addEventListener("change", () => this.move());
+  }
+
+  add(layer: Layer): void {
+    this.turned.add(layer.points);
+  }
+
+  /** Put the end of an axis up: x, y, z, -x, -y or -z. */
+  turn(up: string): void {
+    const along = "xyz".indexOf(up.at(-1)!);
+    const right = along === 0 ? 1 : 0;
+    const unit = (axis: number, sign = 1) => new Vector3().setComponent(axis, sign);
+    const upwards = unit(along, up.startsWith("-") ? -1 : 1);
+    const rows = new Matrix4().makeBasis(unit(right), upwards, unit(right).cross(upwards));
+    this.turned.matrix.copy(rows.transpose());
+    this.turned.matrixWorldNeedsUpdate = true;
+    this.turned.updateMatrixWorld(true);
+  }
+
+  /** Look from a direction, in degrees, from where all of the clouds is seen. */
+  look(azimuth: number, elevation: number): void {
+    const [a, e] = [azimuth * Math.PI / 180, Math.max(-89.9, Math.min(89.9, elevation)) * Math.PI / 180];
+    const towards = new Vector3(Math.cos(e) * Math.sin(a), Math.sin(e), Math.cos(e) * Math.cos(a));
+    const right = new Vector3(Math.cos(a), 0, -Math.sin(a));
+    const upwards = new Vector3().crossVectors(towards, right);
+    const seen: Vector3[] = [];
+    for (const { layer } of this.views) {
+      const step = Math.max(1, Math.floor(layer.cloud.shown / SAMPLE));
+      for (let i = 0; i < layer.cloud.shown; i += step) {
+        const place = layer.place(layer.shuffled[i]!).applyMatrix4(this.turned.matrix);
+        seen.push(new Vector3(place.dot(right), place.dot(upwards), place.dot(towards)));
+      }
+    }
+    const middle = [0, 1, 2].map((axis) => {
+      const sorted = seen.map((place) => place.getComponent(axis)).sort((p, q) => p - q);
+      return (quantile(sorted, 0.003) + quantile(sorted, 0.997)) / 2;
+    });
+    const centre = new Vector3(...(middle as [number, number, number]));
+    const tall = Math.tan(FIELD * Math.PI / 360);
+    const needed = seen.map((place) => {
+      place.sub(centre);
+      return Math.max(Math.abs(place.x) / (tall * this.aspect), Math.abs(place.y) / tall) + place.z;
+    }).sort((p, q) => p - q);
+    const distance = Math.max(1.1 * quantile(needed, 0.995), 0.02);
+    const looked = new Vector3()
+      .addScaledVector(right, centre.x).addScaledVector(upwards, centre.y).addScaledVector(towards, centre.z);
+    this.controls.target.copy(looked);
+    this.camera.position.copy(looked).addScaledVector(towards, distance);
+    this.controls.update();
+    this.draw();
+  }
+
+  /** Turn the camera by angles in radians. */
+  orbit(sideways: number, upwards: number): void {
+    const arm = this.camera.position.clone().sub(this.controls.target);
+    const length = arm.length();
+    const azimuth = Math.atan2(arm.x, arm.z) + sideways;
+    const limit = Math.PI / 2 - 0.002;
+    const elevation = Math.max(-limit, Math.min(limit, Math.asin(arm.y / length) + upwards));
+    arm.set(Math.cos(elevation) * Math.sin(azimuth), Math.sin(elevation), Math.cos(elevation) * Math.cos(azimuth));
+    this.camera.position.copy(this.controls.target).addScaledVector(arm, length);
+    this.controls.update();
+  }
+
+  /** Move the camera sideways and up, in shares of its distance. */
+  shift(sideways: number, upwards: number): void {
+    const distance = this.camera.position.distanceTo(this.controls.target);
+    const step = new Vector3(sideways * distance, upwards * distance, 0).applyQuaternion(this.camera.quaternion);
+    this.camera.position.add(step);
+    this.controls.target.add(step);
+    this.controls.update();
+  }
+
+  zoom(factor: number): void {
+    const { target } = this.controls;
+    this.camera.position.sub(target).multiplyScalar(factor).add(target);
+    this.controls.update();
+  }
+
+  /** Draw as soon as the browser is ready; while the view moves, fewer points if that is too slow. */
+  draw(): void {
+    if (this.asked) return;
+    this.asked = true;
+    requestAnimationFrame((now) => {
+      this.asked = false;
+      this.drawNow(now);
+    });
+  }
+
+  /** Return the place on the page of a point that a view shows, and how far it lies behind the camera's plane. */
+  project(view: View, index: number): Vector3 {
+    const place = view.layer.place(index).applyMatrix4(this.turned.matrix).project(this.camera);
+    const { left, top, width, height } = view.place;
+    return new Vector3(left + (place.x + 1) / 2 * width, top + (1 - place.y) / 2 * height, place.z);
+  }
+
+  /** Return the point of a view that is seen at a place of the page, or the nearest one within reach. */
+  pick(view: View, x: number, y: number, reach: number): number | null {
+    const { layer, place } = view;
+    const { positions, rows, spreads } = layer.arrays;
+    const matrix = new Matrix4().multiplyMatrices(this.camera.projectionMatrix, this.camera.matrixWorldInverse)
+      .multiply(this.turned.matrix);
+    const { x: sx, y: sy, z: sz } = layer.scale.clone().divideScalar(65535);
+    matrix.multiply(new Matrix4().makeTranslation(layer.origin)).multiply(new Matrix4().makeScale(sx, sy, sz));
+    const m = matrix.elements as number[];
+    const [px, py] = [(x - place.left) / place.width * 2 - 1, 1 - (y - place.top) / place.height * 2];
+    const radius = this.radius(layer, 1);
+    let [best, score] = [-1, Infinity];
+    for (let i = 0; i < layer.cloud.shown; i++) {
+      if (rows[i]! >= layer.limit) continue;
+      const [a, b, c] = [positions[3 * i]!, positions[3 * i + 1]!, positions[3 * i + 2]!];
+      const w = m[3]! * a + m[7]! * b + m[11]! * c + m[15]!;
+      if (w <= 0) continue;
+      const dx = ((m[0]! * a + m[4]! * b + m[8]! * c + m[12]!) / w - px) * place.width / 2;
+      const dy = ((m[1]! * a + m[5]! * b + m[9]! * c + m[13]!) / w - py) * place.height / 2;
+      const off = Math.hypot(dx, dy);
+      const disc = Math.max(1.5, radius * 2 ** ((spreads[i]! - 128) / 40) * this.pixels(place.height) / w);
+      if (off > Math.max(reach, disc)) continue;
+      // Within a disc the nearest to the viewer is seen; beside all discs, the nearest on the page counts.
+      const value = off <= disc ? w - 1e3 : off;
+      if (value < score) [best, score] = [i, value];
+    }
+    return best < 0 ? null : best;
+  }
+
+  resize(width: number, height: number): void {
+    if (width < 1 || height < 1) return; // while the page is not shown
+    [this.width, this.height] = [width, height];
+    this.fit();
+    this.draw();
+  }
+
+  /** Give the picture the size of the canvas, in finer or in coarser pixels. */
+  private fit(): void {
+    const ratio = this.coarse ? COARSE : Math.min(window.devicePixelRatio, 2);
+    this.renderer.setPixelRatio(ratio);
+    this.renderer.setSize(this.width, this.height, false);
+    this.target.setSize(Math.floor(this.width * ratio), Math.floor(this.height * ratio));
+  }
+
+  private get aspect(): number {
+    const place = this.views[0]?.place;
+    return place ? place.width / place.height : 1;
+  }
+
+  private pixels(height: number): number {
+    return height / 2 / Math.tan(FIELD * Math.PI / 360);
+  }
+
+  /** Return the radius of the points of a layer, if a share of them is drawn. */
+  private radius(layer: Layer, share: number): number {
+    const { cloud, frame, limit } = layer;
+    const visible = Math.max(1, Math.min(limit, cloud.points)) / cloud.points;
+    return (cloud.role === "result" ? 0.7 : 0.9) * this.size * cloud.spacing / frame.size / Math.sqrt(visible * share);
+  }
+
+  private move(): void {
+    this.moving = true;
+    window.clearTimeout(this.settled);
+    this.settled = window.setTimeout(() => {
+      this.moving = false;
+      this.before = 0;
+      this.draw();
+    }, 160);
+    this.draw();
+  }
+
+  private drawNow(now: number): void {
+    if (this.moving) {
+      const passed = now - this.before;
+      if (this.before) this.share *= Math.min(1.25, Math.max(0.3, WANTED / passed));
+      this.share = Math.min(1, Math.max(0.002, this.share));
+      this.before = now;
+    }
+    const coarse = this.moving && this.share < SLOW_SHARE;
+    if (coarse !== this.coarse) {
+      this.coarse = coarse;
+      this.fit();
+    }
+    const { renderer, target, camera } = this;
+    const ratio = renderer.getPixelRatio();
+    const height = target.height;
+    camera.aspect = this.aspect;
+    const distance = camera.position.distanceTo(this.controls.target);
+    camera.near = Math.max(distance / 1000, 1e-5);
+    camera.far = distance + 50;
+    camera.updateProjectionMatrix();
+    camera.updateMatrixWorld();
+    renderer.setClearColor(0x000000, 0);
+    renderer.setRenderTarget(target);
+    target.scissorTest = false;
+    target.viewport.set(0, 0, target.width, height);
+    renderer.setRenderTarget(target);
+    renderer.clear();
+    target.scissorTest = true;
+    for (const { layer, place, from, to } of this.views) {
+      for (const other of this.turned.children) other.visible = other === layer.points;
+      const bottom = height - (place.top + place.height) * ratio;
+      target.viewport.set(place.left * ratio, bottom, place.width * ratio, place.height * ratio);
+      target.scissor.set((place.left + from * place.width) * ratio, bottom, (to - from) * place.width * ratio,
+        place.height * ratio);
+      renderer.setRenderTarget(target);
+      const count = this.moving ? Math.min(layer.cloud.shown, Math.max(LEAST, this.share * layer.cloud.shown)) : Infinity;
+      layer.points.geometry.setDrawRange(0, count);
+      const { uniforms } = layer.points.material;
+      uniforms["radius"]!.value = this.radius(layer, Math.min(1, count / layer.cloud.shown));
+      uniforms["pixels"]!.value = this.pixels(place.height * ratio);
+      uniforms["light"]!.value = this.shading === "both" || this.shading === "light" ? 1 : 0;
+      renderer.render(this.scene, camera);
+    }
+    const { uniforms } = this.pass.material;
+    (uniforms["texel"]!.value as Vector2).set(1 / target.width, 1 / height);
+    const colour = getComputedStyle(this.canvas).backgroundColor.match(/[\d.]+/g)!.map(Number);
+    (uniforms["background"]!.value as Vector3).set(colour[0]! / 255, colour[1]! / 255, colour[2]! / 255);
+    uniforms["near"]!.value = camera.near;
+    uniforms["far"]!.value = camera.far;
+    uniforms["strength"]!.value = coarse ? 0 : this.shading === "both" ? 25 : this.shading === "depth" ? 60 : 0;
+    renderer.setRenderTarget(null);
+    renderer.render(this.pass, this.passCamera);
+    this.drawn();
+  }
+}
+
+function quantile(sorted: number[], share: number): number {
+  return sorted[Math.round(share * (sorted.length - 1))] ?? 0;
+}
