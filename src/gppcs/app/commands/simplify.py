@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -38,10 +38,12 @@ from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.memory import peak_memory
 from gppcs.engine.stages import COMPILATION
 from gppcs.engine.threads import set_threads
-from gppcs.errors import OutputError, ParameterError
+from gppcs.errors import InputError, OutputError, ParameterError
 from gppcs.methods import DEFAULT, METHODS, Method, method_named
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from gppcs.clouds.cloud import PointCloud
     from gppcs.drawing.camera import Viewpoint
     from gppcs.engine.stages import Stages
@@ -123,6 +125,16 @@ def simplify(
             "--scores", help="Add to each kept point its score and standard deviation when it was chosen (method gp)."
         ),
     ] = False,
+    index_attribute: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Add to each kept point its row in the input, counted from 0, as NAME."),
+    ] = None,
+    mark: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Write all points instead, with an attribute NAME: 1 for kept points, 0 for others."
+        ),
+    ] = None,
     figures: Annotated[
         bool, typer.Option("--figures", help="Measure how good the result is, as gppcs evaluate does.")
     ] = False,
@@ -163,6 +175,10 @@ def simplify(
         "scores": scores,
     }
     viewpoint = viewpoint_of(view, up, picture is not None)
+    if mark is not None and (normals or scores or index_attribute is not None):
+        raise ParameterError(
+            "expected --mark without --normals, --scores and --index-attribute, which only kept points have"
+        )
     simplified([[0.0, 0.0, 0.0]], **options)  # checks the options before long work
     limit = None if memory is None else bytes_of(memory)
     merged = sources_of(inputs) if merge else []
@@ -172,8 +188,8 @@ def simplify(
         _check_picture(picture, sources, force)
     check_distinct([*targets, *([picture] if picture else [])], merged or sources)
     job = _Job(
-        outputs, merged, options, input_format, names_of(columns), figures, picture, viewpoint, limit, dry_run,
-        force, lossy, quiet,
+        outputs, merged, options, input_format, names_of(columns), index_attribute, mark, figures, picture, viewpoint,
+        limit, dry_run, force, lossy, quiet,
     )  # fmt: skip
     succeeded = [_reported(job, source, as_json) for source in sources]
     if not all(succeeded):
@@ -233,6 +249,8 @@ class _Job:
     options: dict[str, Any]
     input_format: str | None
     columns: list[str] | None
+    index_attribute: str | None
+    mark: str | None
     figures: bool
     picture: Path | None
     viewpoint: Viewpoint
@@ -266,6 +284,8 @@ class _Job:
                 self._check_losses(target, files.head().cloud)
                 result, points = simplify_in_passes(files, made, method, stages=stages, **options)
             unread = files.unread()
+        if self.index_attribute is not None:
+            result = replace(result, cloud=_with_attribute(result.cloud, self.index_attribute, result.indices))
         with stages("writing"):
             self.outputs.make_folder(target)
             io.write(target, result.cloud, self.outputs.format, force=self.force, lossy=self.lossy)
@@ -280,6 +300,8 @@ class _Job:
         self, files: CloudFiles, target: Path, stages: Stages
     ) -> tuple[Result, int, Report | None, bytes | None]:
         """Return the result, the number of points, and figures and picture if wanted."""
+        import numpy as np
+
         from gppcs.evaluation.judge import evaluate
         from gppcs.simplification import simplify
 
@@ -294,11 +316,20 @@ class _Job:
         if self.picture:
             with stages("picture"):
                 image = _drawn(cloud, result, self.viewpoint)
+        if self.mark is not None:
+            kept = np.zeros(len(cloud), dtype=np.uint8)
+            kept[result.indices] = 1
+            result = replace(result, cloud=_with_attribute(cloud, self.mark, kept))
         return result, len(cloud), report, image
 
     def _whole(self) -> str | None:
         """Return the option that takes all points at once, if any."""
-        wanted = {"--normals": self.options["normals"], "--figures": self.figures, "--picture": self.picture}
+        wanted = {
+            "--normals": self.options["normals"],
+            "--mark": self.mark is not None,
+            "--figures": self.figures,
+            "--picture": self.picture,
+        }
         return next((name for name, value in wanted.items() if value), None)
 
     def _check_losses(self, target: Path, cloud: PointCloud) -> None:
@@ -316,6 +347,13 @@ class _Job:
             print_error(
                 f"note: {source}: all of its {kept:,} points{usable} were kept, fewer than the {asked:,} asked for"
             )
+
+
+def _with_attribute(cloud: PointCloud, name: str, values: NDArray[Any]) -> PointCloud:
+    """Return a cloud with one more attribute."""
+    if name in cloud.attributes:
+        raise InputError(f"expected the name of a new attribute, found {name!r}, which the cloud has; choose another")
+    return replace(cloud, attributes={**cloud.attributes, name: values})
 
 
 def _drawn(cloud: PointCloud, result: Result, viewpoint: Viewpoint) -> bytes:
