@@ -24,13 +24,19 @@ Threads = Annotated[
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files, but never an input.")]
 Lossy = Annotated[
-    bool, typer.Option("--lossy", help="Leave out what the output format cannot hold. Otherwise this is an error.")
+    bool,
+    typer.Option(
+        "--lossy",
+        help="Leave out what the output format cannot hold, and round coordinates. Otherwise this is an error.",
+    ),
 ]
 
 From = Annotated[
     str | None,
     typer.Option(
-        "--from", metavar="SUFFIX", help="Format of the input, such as xyz. By default, content or name tells."
+        "--from",
+        metavar="SUFFIX",
+        help="Format of the input, such as xyz. By default, the content tells; for text and OBJ, the name.",
     ),
 ]
 To = Annotated[

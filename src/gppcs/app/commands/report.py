@@ -25,7 +25,8 @@ def report(
         list[Path],
         typer.Argument(
             metavar="SIMPLIFIED...",
-            help="Simplified clouds. Their points should be in the order of choice, as gppcs simplify writes them.",
+            help="Simplified clouds. Their points should be in the order of choice, as gppcs simplify writes them "
+            "without --mark.",
             show_default=False,
         ),
     ],

@@ -116,7 +116,8 @@ def simplify(
         typer.Option(
             "--normals",
             help="Add to each kept point a normal estimated from all points of the input, to rebuild a surface. It "
-            "replaces a normal of the input. Normals of closed pieces point outward, of flat pieces up.",
+            "replaces the normal of the input. Normals of closed pieces of the surface point outward, of flat pieces "
+            "along +z.",
         ),
     ] = False,
     scores: Annotated[
@@ -132,7 +133,8 @@ def simplify(
     mark: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="Write all points instead, with an attribute NAME: 1 for kept points, 0 for others."
+            metavar="NAME",
+            help="Write all points of the input, with an attribute NAME: 1 for kept points, 0 for others.",
         ),
     ] = None,
     figures: Annotated[
