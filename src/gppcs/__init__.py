@@ -69,6 +69,9 @@ Write a method, follow a run
     Selection                what a method returns
     Stages                   the stages of a run and the time that each took
     Listener                 hears of each stage, for instance to draw a progress bar
+    ChunkedPoints            points in chunks, of a cloud that need not fit into memory
+    Places                   some of these points
+    SparseValues             a value for each point, 0 for most
     KdTree                   a k-d tree, to search for neighbours
     set_threads              set the number of threads
 
@@ -139,6 +142,7 @@ if TYPE_CHECKING:
     from gppcs.out_of_core import simplify_files
     from gppcs.scans import sample
     from gppcs.simplification import Result, simplify
+    from gppcs.spatial.chunks import ChunkedPoints, Places, SparseValues
     from gppcs.spatial.kdtree import KdTree
     from gppcs.surface.normals import estimate_normals
     from gppcs.surface.surface_variation import Features, estimate_features
@@ -189,6 +193,7 @@ _HOMES = {  # the module that defines each public name
     "out_of_core": ("simplify_files",),
     "scans": ("sample",),
     "simplification": ("Result", "simplify"),
+    "spatial.chunks": ("ChunkedPoints", "Places", "SparseValues"),
     "spatial.kdtree": ("KdTree",),
     "surface.normals": ("estimate_normals",),
     "surface.surface_variation": ("Features", "estimate_features"),
@@ -199,6 +204,7 @@ __all__ = [
     "METHODS",
     "QEM",
     "WLOP",
+    "ChunkedPoints",
     "Entry",
     "FarthestPoint",
     "FarthestPointVariation",
@@ -220,6 +226,7 @@ __all__ = [
     "PCSimp",
     "Parameter",
     "ParameterError",
+    "Places",
     "PointCloud",
     "Random",
     "Rebuilt",
@@ -227,6 +234,7 @@ __all__ = [
     "Result",
     "SampleElimination",
     "Selection",
+    "SparseValues",
     "SpectralGP",
     "Stages",
     "Summary",

@@ -7,6 +7,7 @@ import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from time import perf_counter
 from typing import Any, Literal, NamedTuple
 
@@ -164,7 +165,7 @@ def bytes_of(memory: int | str) -> int:
     """
     text = str(memory) if isinstance(memory, int | str) and not isinstance(memory, bool) else ""
     found = re.fullmatch(r"\s*(\d+|\d*\.\d+)\s*([kmgt]i?)?b?\s*", text, re.IGNORECASE | re.ASCII)
-    size = round(float(found[1]) * _UNITS[(found[2] or "").lower()]) if found else 0
+    size = round(Decimal(found[1]) * _UNITS[(found[2] or "").lower()]) if found else 0  # floats could overflow
     if size <= 0:
         raise ParameterError(f"expected an amount of memory such as 4GB or 512MB, found {shown(memory)}")
     return size

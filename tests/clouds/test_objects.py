@@ -10,17 +10,26 @@ import gppcs
 from gppcs import InputError, MissingExtraError, PointCloud
 
 N = 7
-RANDOM = np.random.default_rng(0)
-POINTS = RANDOM.standard_normal((N, 3)) + 4e6  # float32 could not hold them
-SINGLE = RANDOM.standard_normal((N, 3)).astype(np.float32)
-COLOURS = RANDOM.integers(0, 256, (N, 4), dtype=np.uint8)
-NORMALS = RANDOM.standard_normal((N, 3)).astype(np.float32)
+
+
+def _drawn(shape, dtype=np.float64, seed=0):
+    """Random numbers; whole ones below 256 if the type is an integer type."""
+    random = np.random.default_rng([seed, *shape])
+    if np.issubdtype(dtype, np.integer):
+        return random.integers(0, 256, shape, dtype=dtype)
+    return random.standard_normal(shape).astype(dtype)
+
+
+POINTS = _drawn((N, 3)) + 4e6  # float32 could not hold them
+SINGLE = _drawn((N, 3), np.float32, 1)
+COLOURS = _drawn((N, 4), np.uint8)
+NORMALS = _drawn((N, 3), np.float32, 2)
 VALUES = {
     "intensity": np.arange(N, dtype=np.uint16),
     "time": np.linspace(1e9, 1e9 + 1, N),
     "flag": np.arange(N) % 2 == 0,
     "class": np.arange(N, dtype=np.int8),
-    "offset": RANDOM.standard_normal((N, 2)).astype(np.float32),
+    "offset": _drawn((N, 2), np.float32),
     "row": 2**63 + np.arange(N, dtype=np.uint64),
 }
 NAMED = {
@@ -133,7 +142,7 @@ def test_a_grid_of_pyvista_comes_in_with_its_corners():
 
 def test_attributes_of_more_axes_become_matrices_in_pyvista():
     pytest.importorskip("pyvista")
-    tensors = RANDOM.standard_normal((N, 3, 3))
+    tensors = _drawn((N, 3, 3))
     made = PointCloud(POINTS, {"covariances": tensors}).to_pyvista()
     np.testing.assert_array_equal(made.point_data["covariances"], tensors.reshape(N, 9))
 

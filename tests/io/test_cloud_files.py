@@ -2,6 +2,7 @@
 
 import gzip
 
+import laspy
 import numpy as np
 import pytest
 
@@ -188,3 +189,18 @@ def test_a_header_tells_the_number_of_points(shared_data):
     """Readers of compressed points read ahead, so that sizes would tell too few."""
     with CloudFiles([shared_data / "autzen_airborne.laz"] * 2) as files:
         assert files.head().points == 220_000
+
+
+def test_values_of_extra_bytes_with_different_scales_do_not_become_one_attribute(tmp_path):
+    paths = []
+    for name, scale in (("one", 0.1), ("other", 0.001)):
+        header = laspy.LasHeader(point_format=0, version="1.4")
+        header.add_extra_dim(laspy.ExtraBytesParams("height", np.int32, scales=[scale], offsets=[0.0]))
+        scan = laspy.LasData(header)
+        scan.x = scan.y = scan.z = np.arange(3.0)
+        scan["height"] = np.arange(3) * scale
+        paths.append(tmp_path / f"{name}.las")
+        scan.write(paths[-1])
+    with pytest.raises(gppcs.GppcsError, match=r"values of height of one kind .* scale of 0.1 .* scale of 0.001"):
+        gppcs.simplify_files(paths, n_points=2, method="random")
+    assert len(gppcs.simplify_files([paths[0], paths[0]], n_points=2, method="random").cloud) == 2

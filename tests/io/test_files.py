@@ -150,3 +150,18 @@ def test_shared_files(shared_data, name, count):
     assert cloud.coordinate_dtype == np.float32
     assert len(cloud.non_finite()) == 0
     assert list(cloud.attributes) == (["red", "green", "blue"] if name == "tum_desk.ply" else [])
+
+
+@pytest.mark.parametrize("known", [known for known in FORMATS if known.write], ids=lambda known: known.name)
+def test_a_colon_in_the_name_of_an_attribute_is_kept_or_refused(tmp_path, known):
+    if known.name in ("Parquet", "Feather"):
+        pytest.importorskip("pyarrow")
+    if known.name == "E57":
+        pytest.importorskip("pye57")
+    path = tmp_path / f"cloud{known.suffixes[0]}"
+    try:
+        write(path, PointCloud(np.eye(3), {"a:b": np.arange(3.0)}))
+    except OutputError as error:
+        assert "a:b" in str(error)  # noqa: PT017 - either outcome is right
+    else:
+        assert read(path).attributes["a:b"].tolist() == [0, 1, 2]

@@ -521,3 +521,11 @@ def test_reading_from_a_stream_of_bytes(tmp_path):
 
     path = save(random_las("1.4", 6), tmp_path / "a.laz")
     assert read_las(io.BufferedReader(io.BytesIO(path.read_bytes()))) == read(path)
+
+
+def test_decimal_coordinates_get_their_own_scale(tmp_path):
+    values = np.array([[0.41, 13.07, -99.99], [56.29, 0.02, 1e5 + 0.57]])
+    write(tmp_path / "decimal.las", PointCloud(values))
+    with laspy.open(tmp_path / "decimal.las") as scan:
+        assert scan.header.scales.tolist() == [0.01, 0.01, 0.01]
+    assert np.abs(read(tmp_path / "decimal.las").points - values).max() < 2e-11

@@ -394,3 +394,15 @@ def test_damage_is_read_or_refused(folder, encoding, data):
 def test_headers_are_compared_by_value():
     assert PcdHeader(colour=PackedColour()) == PcdHeader(colour=PackedColour())
     assert PcdHeader(colour=PackedColour(fourth=255)) != PcdHeader(colour=PackedColour())
+
+
+@pytest.mark.parametrize("name", ["rgb", "rgba"])
+def test_attributes_with_the_names_of_packed_colours_stay_what_they_are(tmp_path, name):
+    path = tmp_path / "cloud.pcd"
+    wide = PointCloud(np.eye(3), {name: np.array([65280, 255, 16711680])})
+    write(path, wide)
+    assert read(path).points.tolist() == np.eye(3).tolist()
+    assert read(path).attributes[name].tolist() == [65280, 255, 16711680]
+    narrow = PointCloud(np.eye(3), {name: np.array([1, 2, 3], np.int32)})
+    with pytest.raises(OutputError, match=f"PCD cannot hold: attribute {name}"):
+        write(path, narrow, force=True)

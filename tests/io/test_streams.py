@@ -106,3 +106,22 @@ def test_convert_is_a_filter():
     run = subprocess.run([sys.executable, "-c", program, *words], input=TEXT, capture_output=True, check=True)
     assert run.stdout == b"x,y,z,label\n0.5,1.0,2.0,7\n3.0,4.0,5.0,8\n"
     assert run.stderr == b""
+
+
+def test_standard_input_is_named_once(monkeypatch):
+    class Stream:
+        buffer = io.BufferedReader(io.BytesIO(TEXT))
+
+    monkeypatch.setattr(sys, "stdin", Stream)
+    read("-", "xyz")
+    with pytest.raises(FileFormatError, match="closed or was read before; name it once"):
+        read("-", "xyz")
+
+
+def test_closed_streams_are_refused(monkeypatch):
+    monkeypatch.setattr(sys, "stdin", None)
+    with pytest.raises(FileFormatError, match="expected standard input"):
+        read("-", "xyz")
+    monkeypatch.setattr(sys, "stdout", None)
+    with pytest.raises(OutputError, match="expected standard output"):
+        write("-", CLOUD, "ply")

@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeAlias, overload
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from gppcs.clouds import reading
+import gppcs.clouds.reading as reading
 from gppcs.clouds.header import Header
 from gppcs.engine.equality import ComparedByValue
 from gppcs.errors import InputError, shown

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
 
 from gppcs.engine.equality import ComparedByValue
 
@@ -24,6 +25,11 @@ class Header(ComparedByValue):
     def crs(self) -> str | None:
         """The coordinate reference system, by its name or code; None if it is not known."""
         return None
+
+    @property
+    def conventions(self) -> Mapping[str, str]:
+        """How the values of attributes are to be read, in words. Clouds that differ in it cannot be one cloud."""
+        return {}
 
     @abstractmethod
     def contents(self) -> list[str]:

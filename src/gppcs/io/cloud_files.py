@@ -229,6 +229,14 @@ class JointColumns:
                 f"expected one coordinate system in all files of a cloud, found {crs[0]} and {crs[1]}; "
                 "bring them to one first"
             )
+        conventions = [each.header.conventions if each.header else {} for each in (first, cloud)]
+        for name in cloud.attributes:
+            one, other = (each.get(name, "no scale") for each in conventions)
+            if one != other:
+                raise FileFormatError(
+                    f"expected values of {name} of one kind in all files of a cloud, found {one} and {other}; "
+                    "simplify each file for itself"
+                )
         self._coordinates.add(cloud.coordinate_dtype)
         for name, values in cloud.attributes.items():
             if values.shape[1:] != first.attributes[name].shape[1:]:

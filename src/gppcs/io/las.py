@@ -36,6 +36,7 @@ from gppcs.io.rows import BLOCK, ends_early
 _AXES = ("X", "Y", "Z")
 _UNDESCRIBED = "ExtraBytes"  # laspy's name for bytes of each point that no record describes
 _LONGEST_NAME = 32
+ROUNDING = 2.0  # Units in the last place by which 41 times 0.01 may differ from 0.41.
 FARTHEST = 1e300  # Largest coordinate. Beyond, a whole number times the scale overflows.
 _LARGEST = 2**31 - 1  # of the whole numbers that coordinates are stored as
 _LONGEST_RECORD = 2**16 - 1
@@ -419,7 +420,7 @@ def _write_file(file: BinaryIO, cloud: PointCloud, header: LasHeader, layout: _L
         file.seek(0, 2)
     else:
         for block in _blocks(cloud, header, layout):
-            file.write(block.data)
+            file.write(block.view(np.uint8).data)
     _write_extended(file, header)
 
 
@@ -586,9 +587,9 @@ def _fit_points(points: NDArray[np.float64], header: LasHeader) -> tuple[NDArray
         finite = values[np.isfinite(values)]
         if not _is_exact(finite, scales[i], offsets[i]):
             scales[i], offsets[i] = _scale_and_offset(finite)
-            if not _is_exact(finite, scales[i], offsets[i]):
-                stored[:, i] = _multiples(values, scales[i], offsets[i])
+            if not _is_exact(finite, scales[i], offsets[i], ROUNDING):
                 coarsest = max(coarsest, scales[i])
+        stored[:, i] = np.where(np.isfinite(values), _multiples(values, scales[i], offsets[i]), values)
     rounding = [f"coordinates (they are rounded to multiples of {coarsest:g})"] if coarsest else []
     return stored, header.with_fields(scales=scales, offsets=offsets), rounding
 
@@ -602,11 +603,15 @@ def _multiples(values: NDArray[np.float64], scale: float, offset: float) -> NDAr
     return result
 
 
-def _is_exact(values: NDArray[np.float64], scale: float, offset: float) -> bool:
-    """Return whether values are whole multiples of a scale that fit, as far as float64 can tell."""
-    return all(
-        np.array_equal(_multiples(part, scale, offset), part) for part in (values[:_SAMPLE], values[_SAMPLE:])
-    )  # most scales fail at the first
+def _is_exact(values: NDArray[np.float64], scale: float, offset: float, rounding: float = 0.0) -> bool:
+    """Return whether values are whole multiples of a scale that fit, but for `rounding` units in the last place."""
+
+    def all_are(part: NDArray[np.float64]) -> bool:
+        with np.errstate(over="ignore"):
+            tolerance = rounding * np.spacing(np.maximum(np.abs(part), abs(offset))) if rounding else 0.0
+        return bool((np.abs(_multiples(part, scale, offset) - part) <= tolerance).all())
+
+    return all_are(values[:_SAMPLE]) and all_are(values[_SAMPLE:])  # most scales fail at the first
 
 
 def _scale_and_offset(values: NDArray[np.float64]) -> tuple[float, float]:
@@ -615,12 +620,13 @@ def _scale_and_offset(values: NDArray[np.float64]) -> tuple[float, float]:
         return 0.01, 0.0
     low, high = float(values.min()), float(values.max())
     middle = float(np.rint(low / 2 + high / 2))
-    for offset in (0.0, middle):
+    for rounding, offset in ((0.0, 0.0), (ROUNDING, 0.0), (0.0, middle), (ROUNDING, middle)):
         reach = max(high - offset, offset - low)
         finest = _finest(reach)
         # In multiples of coarser scales than the first, all but zero are too small.
         for exponent in range(max(finest, min(finest + 10, 0)), finest - 1, -1):
-            if _is_exact(values, float(f"1e{exponent}"), offset):
+            usual = -9 <= exponent <= 0  # a scale in which people write numbers, and round them
+            if (usual or not rounding) and _is_exact(values, float(f"1e{exponent}"), offset, rounding):
                 return float(f"1e{exponent}"), offset
     return float(f"1e{finest}"), middle
 

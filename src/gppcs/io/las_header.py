@@ -54,7 +54,8 @@ _WKT, _GEO_KEYS, _GEO_TEXTS = ((b"LASF_Projection", number) for number in (2112,
 # Compression and indices of the points are right for one file only.
 _OF_ONE_FILE = {LASZIP, (b"copc", 1), (b"copc", 1000), (b"LAStools", 30)}
 _PROJECTED, _GEOGRAPHIC, _CITATIONS = 3072, 2048, (3073, 1026, 2049)  # keys of GeoTIFF
-_USES_WKT, _HOLDS_WAVEFORMS = 0b10000, 0b10  # bits of the global encoding
+# Bits of the global encoding.
+_USES_WKT, _HOLDS_WAVEFORMS, _STANDARD_TIME = 0b10000, 0b10, 0b1
 
 
 @dataclass(frozen=True)
@@ -200,6 +201,17 @@ class LasHeader(Header):
         uses_wkt = int(self.fields()["global_encoding"][0]) & _USES_WKT
         return (by_wkt or by_keys) if uses_wkt else (by_keys or by_wkt)
 
+    @property
+    def conventions(self) -> dict[str, str]:
+        """The kind of GPS time, and scale and offset of scaled extra bytes."""
+        time = "standard" if int(self.fields()["global_encoding"][0]) & _STANDARD_TIME else "of the week"
+        scaled = {
+            name: f"a scale of {_first_number(each['scale'])} and an offset of {_first_number(each['offset'])}"
+            for name, each in self.extra_bytes.items()
+            if is_scaled(each)
+        }
+        return {"gps_time": f"GPS time {time}", **scaled}
+
     def contents(self) -> list[str]:
         """Return in words the coordinate system, the number of other records, and which extra bytes are scaled."""
         known = (b"LASF_Projection",)
@@ -213,6 +225,11 @@ class LasHeader(Header):
             *([f"{others} variable-length record{'s' * (others > 1)}"] if others else []),
             *(f"scale of extra bytes {name}" for name in scaled),
         ]
+
+
+def _first_number(field: Any) -> str:
+    """Return the first of the three numbers in a scale or offset of extra bytes."""
+    return f"{np.frombuffer(bytes(field), '<f8')[0]:g}"
 
 
 def extra_name(description: NDArray[Any]) -> str:

@@ -442,7 +442,7 @@ def write_pcd(file: BinaryIO, cloud: PointCloud) -> None:
     header = cloud.header if isinstance(cloud.header, PcdHeader) else PcdHeader(colour=_usual_colour(cloud))
     columns = _columns(cloud, header.colour)
     fields = [_Field(name, values.dtype, math.prod(values.shape[1:])) for name, values in columns.items()]
-    if header.colour and header.colour.name in columns and not header.is_text:
+    if header.colour and _has_colours(cloud) and not header.is_text:
         at = list(columns).index(header.colour.name)
         fields[at] = replace(fields[at], dtype=header.colour.dtype)
     letters = [_LETTERS[each.dtype] for each in fields]
@@ -476,7 +476,7 @@ def _write_records(file: BinaryIO, columns: dict[str, Column], fields: list[_Fie
         part = block[: count - start]
         for each in fields:
             part[each.name] = columns[each.name][start : start + BLOCK].reshape(-1, *each.shape)
-        file.write(part.data)
+        file.write(part.view(np.uint8).data)
 
 
 def _columns(cloud: PointCloud, colour: PackedColour | None) -> dict[str, Column]:
@@ -512,6 +512,11 @@ def _is_channel(values: Column) -> bool:
     return values.dtype == np.uint8 and values.ndim == 1
 
 
+def _looks_packed(name: str, values: Column) -> bool:
+    """Return whether readers would take an attribute for packed colours."""
+    return name in ("rgb", "rgba") and values.dtype.itemsize == 4 and values.ndim == 1
+
+
 def _has_colours(cloud: PointCloud) -> bool:
     return all(name in cloud.attributes and _is_channel(cloud.attributes[name]) for name in _CHANNELS)
 
@@ -525,7 +530,8 @@ def _usual_colour(cloud: PointCloud) -> PackedColour:
 def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     """Return what `write_pcd` can store of a cloud, and in words what it cannot."""
     fitted, attributes = without_attributes(
-        cloud, [name for name, values in cloud.attributes.items() if not _is_exact(values)]
+        cloud,
+        [name for name, values in cloud.attributes.items() if not _is_exact(values) or _looks_packed(name, values)],
     )
     if isinstance(cloud.header, PcdHeader):
         return fitted, attributes

@@ -505,7 +505,7 @@ def write_ply(file: BinaryIO, cloud: PointCloud) -> None:
         part = block[: len(cloud) - start]
         for each in fields:
             part[each.name] = each.values[start : start + BLOCK]
-        file.write(part.data)
+        file.write(part.view(np.uint8).data)
 
 
 def _fields(cloud: PointCloud, header: PlyHeader) -> list[_Field]:

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, BinaryIO
 
-from gppcs.errors import FileFormatError
+from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.whole_file import check_writable, is_standard, whole_file
 
 COMPRESSIONS = (".gz", ".zst")  # Suffixes of compressed files.
@@ -60,15 +60,27 @@ def plain_input(path: Path) -> Iterator[tuple[Any, Path]]:
     OSError
         If the file does not exist or cannot be read.
     """
-    with sys.stdin.buffer if is_standard(path) else open(path, "rb") as file:
-        head = file.peek(4)[:4]  # type: ignore[union-attr]
-        if not is_standard(path) and not _is_compressed(head):
+    with _standard_input() if is_standard(path) else open(path, "rb") as file:
+        head = file.read(4)
+        file.seek(0)
+        if not _is_compressed(head):
             yield file, path
             return
         with tempfile.TemporaryFile() as plain:
             _copy_plain(file, head, plain)
             plain.seek(0)
             yield plain, inner_name(path)
+
+
+def _standard_input() -> IO[bytes]:
+    """Return a temporary file with all of standard input, and close that."""
+    if sys.stdin is None or sys.stdin.buffer.closed:
+        raise FileFormatError("expected standard input, found that it is closed or was read before; name it once")
+    copy = tempfile.TemporaryFile()  # noqa: SIM115 - the caller closes it
+    with sys.stdin.buffer as stream:
+        shutil.copyfileobj(stream, copy)
+    copy.seek(0)
+    return copy
 
 
 def is_plain(path: Path) -> bool:
@@ -98,16 +110,14 @@ def _is_compressed(head: bytes) -> bool:
 
 
 def _copy_plain(file: IO[bytes], head: bytes, plain: IO[bytes]) -> None:
-    """Copy a file that begins with `head` to another one, and decompress it if it is compressed."""
+    """Decompress a file that begins with `head` into another one."""
     if head.startswith(_GZIP):
         try:
             shutil.copyfileobj(gzip.GzipFile(fileobj=file), plain)
         except (EOFError, zlib.error, gzip.BadGzipFile) as error:
             raise FileFormatError(f"expected whole gzip data, but {error}; get the file again") from error
-    elif head.startswith(_ZSTANDARD):
-        _copy_zstandard(file, plain)
     else:
-        shutil.copyfileobj(file, plain)
+        _copy_zstandard(file, plain)
 
 
 def _copy_zstandard(file: IO[bytes], plain: IO[bytes]) -> None:
@@ -159,6 +169,8 @@ def whole_output(path: str | os.PathLike[str], force: bool = False) -> Iterator[
         yield plain
         plain.seek(0)
         if is_standard(path):
+            if sys.stdout is None:
+                raise OutputError("expected standard output, found that it is closed; name a file")
             shutil.copyfileobj(plain, sys.stdout.buffer)
             sys.stdout.buffer.flush()
             return

@@ -32,6 +32,12 @@ class SparseValues(NamedTuple):
     rows : (n,) array, int64
         The points with another value, ascending.
     values : (n,) array, float32
+
+    Examples
+    --------
+    >>> values = gppcs.SparseValues(np.array([2, 5]), np.array([1, 7], dtype=np.float32))
+    >>> values.dense(1, 4)
+    array([0., 1., 0.], dtype=float32)
     """
 
     rows: NDArray[np.int64]
@@ -81,6 +87,12 @@ class Places(NamedTuple):
         Ascending.
     points : (n, 3) array, float64
     values : (n,) array, float32
+
+    Examples
+    --------
+    >>> places = gppcs.Places(np.array([4, 9]), np.eye(3)[:2], np.zeros(2, dtype=np.float32))
+    >>> places.take(np.array([1])).rows
+    array([9])
     """
 
     rows: NDArray[np.int64]
@@ -112,6 +124,13 @@ class ChunkedPoints:
         N, at least 1.
     chunks : callable() -> iterable of (n, 3) arrays, float64
         Begins a pass over the points, which are the same in each pass. No chunk is empty.
+
+    Examples
+    --------
+    >>> points = gppcs.sample("sphere", n_points=1000).points
+    >>> chunked = gppcs.ChunkedPoints(1000, lambda: [points[:600], points[600:]])
+    >>> (chunked.take(np.array([5, 700])) == points[[5, 700]]).all()
+    np.True_
     """
 
     count: int
