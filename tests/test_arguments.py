@@ -129,8 +129,6 @@ def test_every_public_function_and_class_is_tried():
              and not (isinstance(value, type) and issubclass(value, Exception | gppcs.Method))}  # fmt: skip
     others = {"ChunkedPoints", "Header", "Listener", "Places", "SparseValues"}
     assert kinds - PLAIN - others == {name.split(".")[0] for name in CALLS}
-        name.split(".")[0] for name in CALLS
-    }
 
 
 @pytest.mark.parametrize(

@@ -620,13 +620,13 @@ def _scale_and_offset(values: NDArray[np.float64]) -> tuple[float, float]:
         return 0.01, 0.0
     low, high = float(values.min()), float(values.max())
     middle = float(np.rint(low / 2 + high / 2))
-    for rounding, offset in ((0.0, 0.0), (ROUNDING, 0.0), (0.0, middle), (ROUNDING, middle)):
+    for offset in (0.0, middle):
         reach = max(high - offset, offset - low)
         finest = _finest(reach)
         # In multiples of coarser scales than the first, all but zero are too small.
         for exponent in range(max(finest, min(finest + 10, 0)), finest - 1, -1):
-            usual = -9 <= exponent <= 0  # a scale in which people write numbers, and round them
-            if (usual or not rounding) and _is_exact(values, float(f"1e{exponent}"), offset, rounding):
+            rounding = ROUNDING if -9 <= exponent <= 0 else 0.0  # People write numbers in these scales.
+            if _is_exact(values, float(f"1e{exponent}"), offset, rounding):
                 return float(f"1e{exponent}"), offset
     return float(f"1e{finest}"), middle
 
