@@ -65,6 +65,11 @@ def test_several_results_go_to_a_folder_or_by_a_pattern(folder, output):
     assert targets(["a.ply", "x/b.csv"], output) == [f"{place}/a.ply", f"{place}/b.csv"]
 
 
+def test_the_suffix_of_a_compressed_file_is_that_of_both(folder):
+    assert targets(["scans/scan.v1.ply.gz"], "{stem}_small{suffix}") == ["scan.v1_small.ply.gz"]
+    assert targets(["b.csv.zst"], "{parent}/{stem}.ply") == ["b.ply"]
+
+
 def test_results_may_go_beside_their_inputs(folder):
     assert targets(["x/a.ply", "y/a.ply"], "{parent}/small.ply") == ["x/small.ply", "y/small.ply"]
 

@@ -10,7 +10,7 @@ from string import Formatter
 
 from gppcs.errors import FileFormatError, OutputError
 
-FIELDS = ("stem", "name", "suffix", "parent")  # of a pattern: those of `pathlib.Path`
+FIELDS = ("stem", "name", "suffix", "parent")  # of a pattern, named as in `pathlib.Path`
 
 
 @dataclass(frozen=True)
@@ -170,8 +170,17 @@ def _filled(pattern: str, source: Path) -> Path:
                 f"found {{{field}{f'!{conversion}' if conversion else ''}{f':{details}' if details else ''}}}"
             )
         if field is not None:
-            filled += str(getattr(source, field))
+            filled += _names(source)[field]
     return Path(filled)
+
+
+def _names(source: Path) -> dict[str, str]:
+    """Return what stands for each of `FIELDS`. The suffix of a compression belongs to the suffix of a file."""
+    from gppcs.io import inner_name
+
+    inner = inner_name(source)
+    suffix = source.name[len(inner.stem) :]
+    return {"stem": inner.stem, "name": source.name, "suffix": suffix, "parent": str(source.parent)}
 
 
 def _check_different(output: str, sources: list[Path], targets: list[Path]) -> None:

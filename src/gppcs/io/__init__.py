@@ -2,7 +2,7 @@
 
 from gppcs.io.files import FORMATS, check_losses, format_to_write, load, losses, read, write
 from gppcs.io.format import Format
-from gppcs.io.streams import COMPRESSIONS, check_output
+from gppcs.io.streams import COMPRESSIONS, check_output, inner_name
 from gppcs.io.whole_file import check_distinct, check_writable, is_standard, whole_file
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "check_output",
     "check_writable",
     "format_to_write",
+    "inner_name",
     "is_standard",
     "load",
     "losses",
