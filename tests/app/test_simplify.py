@@ -33,7 +33,7 @@ def test_simplify_writes_the_points_asked_for_with_all_they_carry(gppcs_command,
 def test_the_dragon_is_thinned_to_its_own_vertices(gppcs_command, shared_data, method):
     source = shared_data / "dragon.ply"
     code, _, err = gppcs_command("simplify", source, "-o", "out.ply", "--ratio", 0.03, "--method", method)
-    assert (code, err) == (0, "gppcs: note: out.ply: left out: 1 comment, element face (871,414)\n")
+    assert (code, err) == (0, "gppcs: note: out.ply: left out: faces (871,414)\n")
     original, kept = (_vertices(path) for path in (source, "out.ply"))
     assert len(original) == 437_645
     assert len(kept) == len(np.unique(kept)) == 13_129

@@ -1,6 +1,7 @@
 """Ctrl-C, SIGTERM and SIGHUP: one line, the exit code that shells expect, no traceback, no unfinished file."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,8 +12,8 @@ from pathlib import Path
 import pytest
 
 import gppcs
-from command_line import COMMAND, files
-from gppcs.app import console
+from command_line import files
+from gppcs.engine import compiling
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals as on Unix")
 
@@ -158,14 +159,16 @@ def test_the_library_leaves_signals_and_hooks_alone(folder):
 @pytest.mark.parametrize("seconds", [0, 1, 3])
 @pytest.mark.parametrize("times", [1, 3])
 def test_ctrl_c_while_kernels_compile(scan, tmp_path, seconds, times):
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    command = [COMMAND, "simplify", "scan.ply", "-o", "out.ply", "--points", "40"]
+    package = Path(gppcs.__file__).parent
+    shutil.copytree(package, tmp_path / "copy" / "gppcs", ignore=shutil.ignore_patterns("__pycache__"))
+    environment = os.environ | {"PYTHONPATH": str(tmp_path / "copy"), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    command = [sys.executable, "-m", "gppcs", "simplify", "scan.ply", "-o", "out.ply", "--points", "40"]
     restored = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment, **restored) as run:
-        assert run.stderr.readline() == f"{console.NOTICE}\n"
+        assert run.stderr.readline() == f"gppcs: {compiling.NOTICE}\n"
         time.sleep(seconds)
         for _ in range(times):
             run.send_signal(signal.SIGINT)
         assert run.stderr.read() == "gppcs: interrupted\n"
     assert run.returncode in (130, -signal.SIGINT)  # a late one ends Python itself, which shells see as 130, too
-    assert set(files()) <= {"scan.ply", "cache"}
+    assert set(files()) <= {"scan.ply", "copy", "cache"}

@@ -1,6 +1,6 @@
 """Reads and writes point cloud files."""
 
-from gppcs.io.files import FORMATS, check_losses, format_to_write, load, losses, read, write
+from gppcs.io.files import FORMATS, check_losses, format_to_write, load, losses, read, store, write
 from gppcs.io.format import Format
 from gppcs.io.streams import COMPRESSIONS, check_output, inner_name
 from gppcs.io.whole_file import check_distinct, check_writable, is_standard, whole_file
@@ -19,6 +19,7 @@ __all__ = [
     "load",
     "losses",
     "read",
+    "store",
     "whole_file",
     "write",
 ]

@@ -18,7 +18,7 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import check_name, coordinate_type, default_names
-from gppcs.io.format import Format, without_attributes, without_header
+from gppcs.io.format import Format, reduced
 from gppcs.io.rows import ends_early
 
 _POINTS = "points"
@@ -227,9 +227,7 @@ def write_npz(file: BinaryIO, cloud: PointCloud) -> None:
 def _without_objects(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     """Return a cloud without header and without attributes of Python objects, and in words what that leaves out."""
     objects = [name for name, values in cloud.attributes.items() if values.dtype.hasobject]
-    fitted, attributes = without_attributes(cloud, objects)
-    fitted, contents = without_header(fitted)
-    return fitted, [*attributes, *contents]
+    return reduced(cloud, objects)
 
 
 def _is_npy(head: bytes, size: int) -> bool:

@@ -16,7 +16,7 @@ from gppcs.clouds.header import Header
 from gppcs.engine.extras import require_pyarrow
 from gppcs.errors import FileFormatError, GppcsError
 from gppcs.io.columns import check_name, coordinate_type
-from gppcs.io.format import Format, without_attributes, without_header
+from gppcs.io.format import Format, reduced
 
 _ROWS = 1 << 20  # of a block: what Parquet usually has in a row group
 _ABOUT_COLUMNS = b"pandas"  # metadata that describe the columns, so that nothing is lost without them
@@ -281,13 +281,8 @@ def _batches(columns: Mapping[str, Column], schema: Any) -> Iterator[Any]:
 def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     """Return what a table can store of a cloud, and in words what it cannot."""
     require_pyarrow()  # before long work, not at its end
-    fitted, attributes = without_attributes(
-        cloud, [name for name, values in cloud.attributes.items() if not _is_storable(values)]
-    )
-    if isinstance(cloud.header, ArrowHeader):
-        return fitted, attributes
-    fitted, contents = without_header(fitted)
-    return fitted, [*attributes, *contents]
+    lost = [name for name, values in cloud.attributes.items() if not _is_storable(values)]
+    return reduced(cloud, lost, ArrowHeader)
 
 
 def _is_storable(values: Column) -> bool:

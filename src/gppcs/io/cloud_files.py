@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import exact_as_double
-from gppcs.io.files import check_input, checked_columns, format_of, left_out, naming, read_named
+from gppcs.io.files import check_input, checked_columns, format_of, left_out, naming, read_as
 from gppcs.io.format import Format
 from gppcs.io.rows import BLOCK
 from gppcs.io.streams import is_plain, plain_input
@@ -94,7 +94,7 @@ class CloudFiles:
         clouds, columns = [], JointColumns()
         for path in self.paths:
             with self._opened(path) as (file, known):
-                cloud = self._whole(file, known)
+                cloud = read_as(known, file, self._columns)
                 columns.add(cloud)
                 clouds.append(cloud)
         return clouds[0] if len(clouds) == 1 else columns.joined(clouds)
@@ -168,16 +168,12 @@ class CloudFiles:
                 found += left_out(known, file)[1]
         return found
 
-    def _whole(self, file: Any, known: Format) -> PointCloud:
-        """Read an open file."""
-        return known.read(file) if self._columns is None else read_named(known, file, self._columns)
-
     def _chunks(self, file: Any, known: Format, rows: int, attributes: bool) -> Iterator[PointCloud]:
         """Read an open file in chunks, or as a whole if that is the only way."""
         if known.chunks and self._columns is None:
             yield from known.chunks(file, rows, attributes)
         else:
-            yield self._whole(file, known)
+            yield read_as(known, file, self._columns)
 
     @contextmanager
     def _opened(self, path: Path) -> Iterator[tuple[Any, Format]]:

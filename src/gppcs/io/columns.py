@@ -12,7 +12,7 @@ import numpy as np
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column
 from gppcs.errors import OutputError
-from gppcs.io.format import without_attributes, without_header
+from gppcs.io.format import reduced
 
 _LONGEST_NAME = 1000
 _UNWRITABLE = re.compile("[\0\ud800-\udfff]")  # zip files cut names at the first, UTF-8 has no bytes for the others
@@ -124,9 +124,7 @@ def held_by_columns(cloud: PointCloud, kinds: str) -> tuple[PointCloud, list[str
     lost : list of str
     """
     others = [name for name, values in cloud.attributes.items() if values.dtype.kind not in kinds]
-    fitted, attributes = without_attributes(cloud, others)
-    fitted, contents = without_header(fitted)
-    return fitted, [*attributes, *contents]
+    return reduced(cloud, others)
 
 
 def check_name(name: str, taken: Iterable[str]) -> None:

@@ -25,7 +25,7 @@ from gppcs.clouds.header import Header
 from gppcs.engine.extras import require_libe57
 from gppcs.errors import FileFormatError, GppcsError, OutputError
 from gppcs.io.columns import attribute_columns, column_name, coordinate_type, exact_as_double
-from gppcs.io.format import Format, without_attributes, without_header
+from gppcs.io.format import Format, reduced
 from gppcs.io.rows import BLOCK, ends_early
 
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
@@ -570,18 +570,12 @@ def _storable(values: Column) -> Column:
 def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     """Return what `write_e57` can store of a cloud, and in words what it cannot."""
     require_libe57()  # before long work, not at its end
-    fitted, attributes = without_attributes(
-        cloud,
-        [
-            name
-            for name, values in cloud.attributes.items()
-            if not (_is_exact(values) and _ELEMENT.fullmatch(column_name(name)))
-        ],
-    )
-    if isinstance(cloud.header, E57Header):
-        return fitted, attributes
-    fitted, contents = without_header(fitted)
-    return fitted, [*attributes, *contents]
+    lost = [
+        name
+        for name, values in cloud.attributes.items()
+        if not (_is_exact(values) and _ELEMENT.fullmatch(column_name(name)))
+    ]
+    return reduced(cloud, lost, E57Header)
 
 
 def _is_exact(values: Column) -> bool:

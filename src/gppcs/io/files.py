@@ -126,7 +126,7 @@ def load(
     with naming(source), plain_input(source) as (file, plain):
         chosen = format_of(file, plain, format)
         with np.errstate(invalid="ignore"):  # converting a signalling NaN is no error
-            cloud = chosen.read(file) if names is None else read_named(chosen, file, names)
+            cloud = read_as(chosen, file, names)
         file.seek(0)
         faces, lost = left_out(chosen, file)
         return Loaded(cloud, faces, lost)
@@ -215,15 +215,16 @@ def checked_columns(columns: Sequence[str]) -> list[str]:
     return names
 
 
-def read_named(chosen: Format, file: BufferedReader, columns: list[str]) -> PointCloud:
-    """Read a table with these names of its columns.
+def read_as(chosen: Format, file: BufferedReader, columns: list[str] | None) -> PointCloud:
+    """Read a file of a format.
 
     Parameters
     ----------
     chosen : Format
     file : binary file
         Open for reading, at its start.
-    columns : list of str
+    columns : list of str or None
+        The name of each column of a table; None for those in the file.
 
     Returns
     -------
@@ -232,8 +233,10 @@ def read_named(chosen: Format, file: BufferedReader, columns: list[str]) -> Poin
     Raises
     ------
     FileFormatError
-        If files of the format are no tables, or the content is not as expected.
+        If names are given and files of the format are no tables, or the content is not as expected.
     """
+    if columns is None:
+        return chosen.read(file)
     if chosen.read_named is None:
         raise FileFormatError(f"expected a text table, whose columns can be named, found {chosen.name}")
     return chosen.read_named(file, columns)
@@ -272,8 +275,14 @@ def check_losses(path: str | os.PathLike[str], cloud: PointCloud, format: str | 
     OutputError
         If something would be lost.
     """
-    if lost := losses(path, cloud, format):
-        found = f"{format_to_write(path, format).name} cannot hold: {', '.join(lost)}"
+    chosen = format_to_write(path, format)
+    _refuse(path, chosen, chosen.fitted(cloud)[1])
+
+
+def _refuse(path: str | os.PathLike[str], chosen: Format, lost: list[str]) -> None:
+    """Raise an error if something would be lost."""
+    if lost:
+        found = f"{chosen.name} cannot hold: {', '.join(lost)}"
         hint = f"{path}: expected a format that holds all of the cloud, but {found}; choose another format, or leave "
         raise OutputError(f"{hint}this out with lossy=True", command=f"{hint}this out with --lossy")
 
@@ -322,14 +331,42 @@ def write(
     >>> len(gppcs.read("sphere.ply"))
     100
     """
+    store(path, cloud, format, force, lossy)
+
+
+def store(
+    path: str | os.PathLike[str],
+    cloud: CloudLike,
+    format: str | None = None,  # noqa: A002
+    force: bool = False,
+    lossy: bool = False,
+) -> list[str]:
+    """Write a point cloud file as `write` does, and tell what is left out.
+
+    Parameters
+    ----------
+    path, cloud, format, force, lossy
+        As for `write`.
+
+    Returns
+    -------
+    list of str
+        In words what the file does not hold of the cloud; nothing unless `lossy` is True.
+
+    Raises
+    ------
+    FileFormatError, OutputError, MissingExtraError, InputError, ParameterError
+        As for `write`.
+    """
     cloud, force = PointCloud.of(cloud), flag("force", force)
     chosen = format_to_write(path, format)
+    fitted, lost = chosen.fitted(cloud)
     if not flag("lossy", lossy):
-        check_losses(path, cloud, format)
-    fitted = chosen.fitted(cloud)[0]
+        _refuse(path, chosen, lost)
     with whole_output(path, force) as file:
         assert chosen.write is not None
         chosen.write(file, fitted)
+    return lost
 
 
 def format_to_write(path: str | os.PathLike[str], format: str | None = None) -> Format:  # noqa: A002

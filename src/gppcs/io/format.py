@@ -8,6 +8,7 @@ from io import BufferedReader
 from typing import BinaryIO
 
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.header import Header
 
 
 def _never(head: bytes, size: int) -> bool:
@@ -54,6 +55,31 @@ def without_attributes(cloud: PointCloud, names: Iterable[str]) -> tuple[PointCl
         for name, values in cloud.attributes.items()
         if name in lost
     ]
+
+
+def reduced(
+    cloud: PointCloud, names: Iterable[str], header: type[Header] | None = None
+) -> tuple[PointCloud, list[str]]:
+    """Return a cloud without some of its attributes and without the header of another format, and both in words.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+    names : iterable of str
+        The attributes to leave out.
+    header : type, optional
+        The class of headers that stay. By default none does.
+
+    Returns
+    -------
+    cloud : PointCloud
+    lost : list of str
+    """
+    left, attributes = without_attributes(cloud, names)
+    if header and isinstance(cloud.header, header):
+        return left, attributes
+    left, contents = without_header(left)
+    return left, [*attributes, *contents]
 
 
 def _none(file: BufferedReader) -> int:

@@ -16,7 +16,7 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, check_coordinate, cloud_of_columns
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import coordinate_type, default_names
-from gppcs.io.format import Format, without_attributes, without_header
+from gppcs.io.format import Format, reduced
 from gppcs.io.rows import (
     Block,
     as_count,
@@ -351,9 +351,7 @@ FACE_CHECKS = {".off": check_off_faces, ".obj": check_obj_faces}
 
 
 def _only_points(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
-    bare, attributes = without_attributes(cloud, cloud.attributes)
-    fitted, contents = without_header(bare)
-    return fitted, [*attributes, *contents]
+    return reduced(cloud, cloud.attributes)
 
 
 FORMATS = (

@@ -18,8 +18,8 @@ from gppcs.clouds.columns import EXACT, Column, cloud_of_columns, coordinate_nam
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.columns import check_name, column_name, coordinate_type, exact_as_double
-from gppcs.io.format import Format, without_attributes, without_header
-from gppcs.io.rows import BLOCK, as_count, ends_early, lines_of, number_blocks, shown, write_rows
+from gppcs.io.format import Format, reduced
+from gppcs.io.rows import BLOCK, as_count, ends_early, lines_of, number_blocks, shown, write_records, write_rows
 
 _TYPES = {
     (kind.upper(), str(size)): np.dtype(f"{kind}{size}")
@@ -465,18 +465,7 @@ def write_pcd(file: BinaryIO, cloud: PointCloud) -> None:
         flat = [values.reshape(len(cloud), each.count) for each, values in zip(fields, columns.values(), strict=True)]
         write_rows(file, [part for values in flat for part in values.T])
     else:
-        _write_records(file, columns, fields)
-
-
-def _write_records(file: BinaryIO, columns: dict[str, Column], fields: list[_Field]) -> None:
-    count = len(columns["x"])
-    record = np.dtype([(each.name, columns[each.name].dtype.newbyteorder("<"), each.shape) for each in fields])
-    block = np.empty(min(count, BLOCK), record)
-    for start in range(0, count, BLOCK):
-        part = block[: count - start]
-        for each in fields:
-            part[each.name] = columns[each.name][start : start + BLOCK].reshape(-1, *each.shape)
-        file.write(part.view(np.uint8).data)
+        write_records(file, [(values, values.dtype) for values in columns.values()])
 
 
 def _columns(cloud: PointCloud, colour: PackedColour | None) -> dict[str, Column]:
@@ -529,14 +518,8 @@ def _usual_colour(cloud: PointCloud) -> PackedColour:
 
 def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     """Return what `write_pcd` can store of a cloud, and in words what it cannot."""
-    fitted, attributes = without_attributes(
-        cloud,
-        [name for name, values in cloud.attributes.items() if not _is_exact(values) or _looks_packed(name, values)],
-    )
-    if isinstance(cloud.header, PcdHeader):
-        return fitted, attributes
-    fitted, contents = without_header(fitted)
-    return fitted, [*attributes, *contents]
+    lost = [name for name, values in cloud.attributes.items() if not _is_exact(values) or _looks_packed(name, values)]
+    return reduced(cloud, lost, PcdHeader)
 
 
 def _is_exact(values: Column) -> bool:

@@ -19,8 +19,8 @@ from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import attribute_columns, check_name, column_name, coordinate_type, exact_as_double
-from gppcs.io.format import Format, without_attributes, without_header
-from gppcs.io.rows import BLOCK, as_count, ends_early, lines_of, number_blocks, shown
+from gppcs.io.format import Format, reduced, without_attributes
+from gppcs.io.rows import BLOCK, as_count, ends_early, lines_of, number_blocks, shown, write_records
 
 _TYPES: dict[str, np.dtype[Any]] = {
     **{name: np.dtype("i1") for name in ("char", "int8")},
@@ -500,12 +500,7 @@ def write_ply(file: BinaryIO, cloud: PointCloud) -> None:
         for start in range(0, len(cloud), BLOCK):
             file.writelines(b"".join(row) for row in zip(*(each.rows(start) for each in fields), strict=True))
         return
-    block = np.empty(min(len(cloud), BLOCK), [(each.name, each.dtype.newbyteorder("<")) for each in fields])
-    for start in range(0, len(cloud), BLOCK):
-        part = block[: len(cloud) - start]
-        for each in fields:
-            part[each.name] = each.values[start : start + BLOCK]
-        file.write(part.view(np.uint8).data)
+    write_records(file, [(each.values, each.dtype) for each in fields])
 
 
 def _fields(cloud: PointCloud, header: PlyHeader) -> list[_Field]:
@@ -533,13 +528,8 @@ def _is_lists(values: Column) -> bool:
 
 def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     """Return what `write_ply` can store of a cloud, and in words what it cannot."""
-    fitted, attributes = without_attributes(
-        cloud, [name for name, values in cloud.attributes.items() if not (_is_exact(values) or _is_lists(values))]
-    )
-    if isinstance(cloud.header, PlyHeader):
-        return fitted, attributes
-    fitted, contents = without_header(fitted)
-    return fitted, [*attributes, *contents]
+    lost = [name for name, values in cloud.attributes.items() if not (_is_exact(values) or _is_lists(values))]
+    return reduced(cloud, lost, PlyHeader)
 
 
 def _is_exact(values: Column) -> bool:

@@ -1,4 +1,4 @@
-"""Reads and writes rows of numbers in text files."""
+"""Reads rows of numbers in text files, and writes rows as text or as records of bytes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from io import BufferedReader, TextIOWrapper
 from itertools import islice
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -259,6 +259,28 @@ def _rounded(word: str) -> FileFormatError:
         "expected columns of whole numbers that int64, uint64 or float64 holds exactly, found one that none does, with "
         f"{shown(word)}; write this with a decimal point if it may be rounded"
     )
+
+
+def write_records(file: BinaryIO, columns: Sequence[tuple[Column, np.dtype[Any]]]) -> None:
+    """Write columns as packed little-endian records, one for each point, block by block.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for writing.
+    columns : sequence of ((N, ...) array, numpy dtype)
+        At least one: values, and the type that they are written in.
+    """
+    count = len(columns[0][0])
+    # The names of the fields are numbers: those of the columns may have characters that NumPy refuses in a buffer.
+    names = [str(i) for i in range(len(columns))]
+    fields = [(name, to.newbyteorder("<"), values.shape[1:]) for name, (values, to) in zip(names, columns, strict=True)]
+    block = np.empty(min(count, BLOCK), fields)
+    for start in range(0, count, BLOCK):
+        part = block[: count - start]
+        for name, (values, _) in zip(names, columns, strict=True):
+            part[name] = values[start : start + BLOCK]
+        file.write(part.data)
 
 
 def write_rows(file: BinaryIO, columns: Sequence[Column], separator: str = " ", prefix: str = "") -> None:

@@ -37,6 +37,5 @@ def convert(
     io.check_output(target, force)
     io.check_distinct([target], [source])
     cloud, _, unread = io.load(source, input_format, names_of(columns))
-    lost = io.losses(target, cloud, output_format)
-    io.write(target, cloud, output_format, force=force, lossy=lossy)
+    lost = io.store(target, cloud, output_format, force=force, lossy=lossy)
     note_left_out(target, [*unread, *lost])

@@ -55,7 +55,6 @@ def sample(
     io.check_writable(output, force)
     options: dict[str, Any] = {"noise": noise, "outliers": outliers, "uneven": uneven, "seed": seed}
     cloud = scans.sample(name, count_of(points), **options)
-    io.write(output, cloud, force=force, lossy=lossy)
-    note_left_out(output, io.losses(output, cloud))
+    note_left_out(output, io.store(output, cloud, force=force, lossy=lossy))
     if as_json:
         print_json({"output": str(output), "name": name, "points": len(cloud), **options, "version": __version__})

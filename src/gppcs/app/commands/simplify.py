@@ -290,11 +290,11 @@ class _Job:
             result = replace(result, cloud=_with_attribute(result.cloud, self.index_attribute, result.indices))
         with stages("writing"):
             self.outputs.make_folder(target)
-            io.write(target, result.cloud, self.outputs.format, force=self.force, lossy=self.lossy)
+            lost = io.store(target, result.cloud, self.outputs.format, force=self.force, lossy=self.lossy)
             if self.picture and image:
                 with io.whole_file(self.picture, self.force) as file:
                     file.write(image)
-        note_left_out(target, [*unread, *io.losses(target, result.cloud, self.outputs.format)])
+        note_left_out(target, [*unread, *lost])
         self._note_all_kept(source, len(result.indices))
         return _Run(sources, target, points, made.passes, result, report)
 
