@@ -1,4 +1,4 @@
-"""Synthetic sample scans whose surfaces, normals and curvatures are known exactly."""
+"""Synthetic sample scans whose surfaces and normals are known exactly: objects, and scenes that a sensor measures."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from gppcs.scans.bracket import BRACKET
 from gppcs.scans.fan import FAN
 from gppcs.scans.medallion import MEDALLION
 from gppcs.scans.patch import Patch, Scan, SurfacePoints
+from gppcs.scans.scenes import SCENES, Scene
 from gppcs.scans.sphere import SPHERE
 
-__all__ = ["SCANS", "Patch", "Scan", "SurfacePoints", "sample"]
+__all__ = ["SCANS", "SCENES", "Patch", "Scan", "Scene", "SurfacePoints", "sample"]
 
 SCANS: dict[str, Scan] = {"medallion": MEDALLION, "bracket": BRACKET, "fan": FAN, "sphere": SPHERE}
 
@@ -22,8 +23,7 @@ MOST_POINTS = 10**17  # the size of an array of more is beyond the range of its 
 MOST_UNEVEN = 0.999  # of the points drawn, about the root of the rest to 1 is kept: here one in 32
 OUTLIER_BOX = 1.5  # edge lengths of the box of outliers, relative to those of the scan's bounding box
 OUTLIER_GREY = 128  # red, green and blue of outliers
-
-Sampled = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8]]
+OUTLIER_CLASS = 7  # low point (noise), by the LAS specification
 
 
 def sample(
@@ -34,38 +34,47 @@ def sample(
     uneven: float = 0.0,
     seed: int = 0,
 ) -> PointCloud:
-    """Return a synthetic scan: random points on a surface of about 100 mm, in random order.
+    """Return a synthetic scan, whose surface is known exactly.
+
+    The objects are about 100 mm long: a medallion, a bracket, a fan and a sphere. Their points are random on the
+    surface, in random order. The scenes are what a sensor sees from its place, in the order of its measurements, with
+    its noise and with shadows: a room (4 m, by a depth camera), a street (60 m, by a LiDAR on a car) and a terrain
+    (120 m, from the air).
 
     Parameters
     ----------
     name : str
-        "medallion", "bracket", "fan" or "sphere".
+        "medallion", "bracket", "fan", "sphere", "room", "street" or "terrain".
     n_points : int
         Number of points, outliers included; at least 1.
     noise : float
-        Standard deviation of the Gaussian noise on each coordinate, as a share of the bounding box's diagonal.
+        Standard deviation of the Gaussian noise on each coordinate, as a share of the bounding box's diagonal. It is
+        added to the noise of a scene's sensor.
     outliers : float
         Share of the points that are outliers, from 0 to below 1. Outliers are uniform in the bounding box, enlarged
         1.5 times about its centre. Their number is rounded.
     uneven : float
-        Loss of density along x, from 0 to 0.999: at the highest x, the density is 1 - `uneven` times that at the
-        lowest x. It falls as 1 / distance², as if from a scanner in front of the low end. With 0, points are uniform
-        by area.
+        Loss of density along x, from 0 to 0.999, of an object: at the highest x, the density is 1 - `uneven` times that
+        at the lowest x. It falls as 1 / distance², as if from a scanner in front of the low end. With 0, points are
+        uniform by area. The density of a scene is that of its sensor.
     seed : int
         The same arguments and seed give the same cloud. At least 0.
 
     Returns
     -------
     PointCloud
-        Points in millimetres, exact in float32, with these attributes: `nx`, `ny`, `nz`, the outward unit normal
-        (float32); `curvature`, the mean curvature in 1/mm (float32), positive where the surface bulges outward: 1/r
-        on a sphere of radius r; `red`, `green`, `blue` (uint8); and, if there are outliers, `outlier` (uint8, 0 or
-        1). A noisy point keeps the normal and the curvature of its place on the surface. Both are zero for outliers.
+        Points in millimetres, of scenes in metres, exact in float32, with these attributes: `nx`, `ny`, `nz`, the unit
+        normal (float32), which points outward or to the sensor; `red`, `green`, `blue` (uint8); and, if there are
+        outliers, `outlier` (uint8, 0 or 1). Objects have `curvature`, the mean curvature in 1/mm (float32), positive
+        where the surface bulges outward: 1/r on a sphere of radius r. Scenes have `classification`, the code of the LAS
+        specification (uint8): 2 ground, 5 high vegetation, 6 building, 7 outlier, 11 road, 14 wire, 15 pole or pylon,
+        and 64 for everything else. A noisy point keeps the normal and the curvature of its place on the surface. Both
+        are zero for outliers. Leaves have no surface: their normal is zero.
 
     Raises
     ------
     ParameterError
-        If the name is unknown or a number is outside its range.
+        If the name is unknown, a number is outside its range, or `uneven` is given for a scene.
 
     Examples
     --------
@@ -76,28 +85,38 @@ def sample(
     """
     scan = _checked(name, n_points, noise, outliers, uneven, seed)
     rng = np.random.default_rng(seed)
-    points, normals, curvature, colours = _on_surface(scan, n_points, uneven, rng)
-    low, high = np.array(scan.box)
+    if isinstance(scan, Scene):
+        measured = scan.scan(n_points, rng)
+        points, normals, colours = measured.points, measured.normals, measured.colours
+        own: dict[str, NDArray[np.generic]] = {"classification": measured.classification}
+        low, high = (bound.astype(np.float64) for bound in (points.min(axis=0), points.max(axis=0)))
+    else:
+        points, normals, curvature, colours = _on_surface(scan, n_points, uneven, rng)
+        own = {"curvature": curvature}
+        low, high = np.array(scan.box)
     if noise > 0.0:
         sigma = noise * float(np.linalg.norm(high - low))
         points += (sigma * rng.standard_normal(points.shape)).astype(np.float32)
-    attributes: dict[str, NDArray[np.generic]] = {}
+    marks: dict[str, NDArray[np.generic]] = {}
     if outliers > 0.0:
         stray = rng.permutation(n_points)[: round(outliers * n_points)]
         reach = OUTLIER_BOX * (high - low) / 2.0
         points[stray] = (low + high) / 2.0 + rng.uniform(-reach, reach, (len(stray), 3))
-        normals[stray], curvature[stray], colours[stray] = 0.0, 0.0, OUTLIER_GREY
-        attributes["outlier"] = np.zeros(n_points, np.uint8)
-        attributes["outlier"][stray] = 1
-    known = dict(zip(("nx", "ny", "nz"), normals.T, strict=True)) | {"curvature": curvature}
+        normals[stray], colours[stray] = 0.0, OUTLIER_GREY
+        for key, values in own.items():
+            values[stray] = OUTLIER_CLASS if key == "classification" else 0.0
+        marks["outlier"] = np.zeros(n_points, np.uint8)
+        marks["outlier"][stray] = 1
+    known = dict(zip(("nx", "ny", "nz"), normals.T, strict=True))
     painted = dict(zip(("red", "green", "blue"), colours.T, strict=True))
-    return PointCloud(points.astype(np.float64), known | painted | attributes, np.dtype(np.float32))
+    return PointCloud(points.astype(np.float64), known | own | painted | marks, np.dtype(np.float32))
 
 
-def _checked(name: str, n_points: int, noise: float, outliers: float, uneven: float, seed: int) -> Scan:
+def _checked(name: str, n_points: int, noise: float, outliers: float, uneven: float, seed: int) -> Scan | Scene:
     """Return the scan of that name, or raise a ParameterError that names the wrong argument."""
-    if not isinstance(name, str) or name not in SCANS:
-        raise ParameterError(f"expected the name of a sample scan, found {shown(name)}{nearest_name(name, SCANS)}")
+    samples: dict[str, Scan | Scene] = {**SCANS, **SCENES}
+    if not isinstance(name, str) or name not in samples:
+        raise ParameterError(f"expected the name of a sample scan, found {shown(name)}{nearest_name(name, samples)}")
     if whole_number("the number of points", n_points, 1) > MOST_POINTS:
         raise ParameterError(f"expected at most {MOST_POINTS:,} points, found {shown(n_points)}")
     if not 0.0 <= number(noise) < np.inf:
@@ -114,11 +133,15 @@ def _checked(name: str, n_points: int, noise: float, outliers: float, uneven: fl
             f"expected uneven of at most {MOST_UNEVEN}, found {shown(uneven)}: beyond, nearly all points drawn are "
             "left out"
         )
+    if uneven and name in SCENES:
+        raise ParameterError(f"expected uneven of 0 for the scene {name}, found {shown(uneven)}: its sensor decides")
     whole_number("the seed", seed, 0)
-    return SCANS[name]
+    return samples[name]
 
 
-def _on_surface(scan: Scan, n_points: int, uneven: float, rng: np.random.Generator) -> Sampled:
+def _on_surface(
+    scan: Scan, n_points: int, uneven: float, rng: np.random.Generator
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8]]:
     """Draw points by rejection sampling: points (N, 3), normals (N, 3), curvature (N,), colours (N, 3)."""
     points = np.empty((n_points, 3), np.float32)
     normals = np.empty((n_points, 3), np.float32)

@@ -15,9 +15,9 @@ EPILOG = "[bold]Example[/bold]\n\ngppcs sample fan -o fan.ply --points 50k --noi
 
 
 def _names() -> list[str]:
-    from gppcs.scans import SCANS
+    from gppcs.scans import SCANS, SCENES
 
-    return list(SCANS)
+    return [*SCANS, *SCENES]
 
 
 def sample(
@@ -25,7 +25,7 @@ def sample(
         str,
         typer.Argument(
             metavar="NAME",
-            help="medallion, bracket, fan or sphere.",
+            help="medallion, bracket, fan or sphere; or what a sensor sees of a scene: room, street or terrain.",
             show_default=False,
             autocompletion=_names,
         ),
@@ -41,14 +41,15 @@ def sample(
         float, typer.Option(help="Share of the points that are outliers, anywhere in the enlarged bounding box.")
     ] = 0.0,
     uneven: Annotated[
-        float, typer.Option(help="Share of the density that is lost from one end to the other, from 0 to 0.999.")
+        float,
+        typer.Option(help="Share of the density that is lost from one end of an object to the other, from 0 to 0.999."),
     ] = 0.0,
     seed: Annotated[int, typer.Option(help="Seed of random numbers. The same seed gives the same scan.")] = 0,
     force: Force = False,
     lossy: Lossy = False,
     as_json: Json = False,
 ) -> None:
-    """Make a synthetic scan of a surface that is known exactly, with its normals and curvature."""
+    """Make a synthetic scan of a surface that is known exactly, with its normals."""
     from gppcs import io, scans
 
     io.format_to_write(output)

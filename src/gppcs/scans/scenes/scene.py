@@ -1,0 +1,202 @@
+"""A scene that a sensor measures by rays: its surfaces are known exactly, and what it hides casts shadows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.scans.scenes.surfaces import Faces, Foliage, Polygon, Surface, Values
+
+TRIAL = 4096  # rays that tell what share of them meets something
+RESERVE = 1.02  # rays, as a multiple of those needed
+BUNDLE = 1024  # rays at most that are followed at once
+LIGHT = np.array([0.36, 0.48, 0.8])  # direction to the sun, a unit vector
+SHADE = 0.45  # lightness of a face that looks away from the light, for its colour
+NO_SURFACE = -1
+
+
+class Rays(NamedTuple):
+    """Rays of a sensor, in the order in which it measures.
+
+    Attributes
+    ----------
+    origins, directions : (N, 3) arrays, float64
+        Directions have unit length.
+    """
+
+    origins: Values
+    directions: Values
+
+
+class Measured(NamedTuple):
+    """What a sensor has measured, in the order of its rays.
+
+    Attributes
+    ----------
+    points : (N, 3) array, float32
+        In metres.
+    normals : (N, 3) array, float32
+        Unit normals of the true surface, towards the sensor; zero for leaves.
+    colours : (N, 3) array, uint8
+    classification : (N,) array, uint8
+        As in `Look`.
+    """
+
+    points: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    colours: NDArray[np.uint8]
+    classification: NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Surfaces and the sensor that measures them.
+
+    Attributes
+    ----------
+    description : str
+        One line.
+    surfaces : tuple of Surface
+    rays : callable(count) -> Rays
+        About this number of rays, at least 1.
+    measured : callable(rays, distances, rng) -> distances
+        What the sensor measures, (N,), instead of the true distances along its rays, (N,).
+    """
+
+    description: str
+    surfaces: tuple[Surface, ...]
+    rays: Callable[[int], Rays]
+    measured: Callable[[Rays, Values, np.random.Generator], Values]
+
+    def scan(self, n_points: int, rng: np.random.Generator) -> Measured:
+        """Measure the scene.
+
+        Parameters
+        ----------
+        n_points : int
+            The sensor gets so many rays that it measures at least this number of points; the surplus, random points, is
+            left out.
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        Measured
+            Exactly `n_points` points.
+        """
+        share = np.mean(self.follow(self.rays(TRIAL), rng)[1] != NO_SURFACE)
+        count, hits = n_points / share, 0
+        while hits < n_points:
+            count = RESERVE * count + 1.0
+            rays = self.rays(int(count))
+            distances, met = self.follow(rays, rng)
+            hits = int(np.count_nonzero(met != NO_SURFACE))
+        kept = np.sort(rng.permutation(np.flatnonzero(met != NO_SURFACE))[:n_points])
+        return self._seen(Rays(rays.origins[kept], rays.directions[kept]), distances[kept], met[kept], rng)
+
+    def follow(self, rays: Rays, rng: np.random.Generator) -> tuple[Values, NDArray[np.int64]]:
+        """Find what each ray meets first.
+
+        Parameters
+        ----------
+        rays : Rays
+            N rays.
+        rng : numpy.random.Generator
+            For the ways among leaves.
+
+        Returns
+        -------
+        distances : (N,) array, float64
+            True distances; infinite where a ray meets nothing.
+        surfaces : (N,) array, int64
+            Number of the surface, `NO_SURFACE` where a ray meets nothing.
+        """
+        distances = np.full(len(rays.origins), np.inf)
+        met = np.full(len(rays.origins), NO_SURFACE)
+        balls = [surface.ball for surface in self.surfaces]
+        centres, radii = np.array([centre for centre, _ in balls]), np.array([radius for _, radius in balls])
+        plain = {n: each for n, each in enumerate(self.surfaces) if isinstance(each, Polygon) and not each.holes}
+        faces, face = Faces(list(plain.values())), np.full(len(balls), NO_SURFACE)
+        face[list(plain)] = np.arange(len(plain))
+        waiting = [(np.arange(len(distances)), np.arange(len(balls)))]
+        while waiting:
+            rows, numbers = waiting.pop()
+            bundle = Rays(rays.origins[rows], rays.directions[rows])
+            numbers = numbers[_may_meet(bundle, centres[numbers], radii[numbers])]
+            if len(rows) > BUNDLE and len(numbers):
+                waiting += [(rows[half], numbers) for half in _halves(bundle, centres[numbers])]
+                continue
+            flat = numbers[face[numbers] != NO_SURFACE]
+            if len(flat):
+                distances[rows], first = faces.meet(*bundle, face[flat])
+                met[rows] = np.where(distances[rows] < np.inf, flat[first], NO_SURFACE)
+            for number in numbers[face[numbers] == NO_SURFACE]:
+                found = self.surfaces[number].meet(*bundle, rng)
+                nearer = found < distances[rows]
+                distances[rows[nearer]], met[rows[nearer]] = found[nearer], number
+        return distances, met
+
+    def distances(self, points: Values) -> Values:
+        """Return the distances of points from the scene's surfaces. Leaves have none.
+
+        Parameters
+        ----------
+        points : (N, 3) array, float64
+
+        Returns
+        -------
+        (N,) array, float64
+        """
+        solid = [surface for surface in self.surfaces if not isinstance(surface, Foliage)]
+        nearest = np.full(len(points), np.inf)
+        for surface in solid:
+            centre, radius = surface.ball
+            near = np.linalg.norm(points - centre, axis=1) - radius < nearest
+            nearest[near] = np.minimum(nearest[near], surface.distances(points[near]))
+        return nearest
+
+    def _seen(self, rays: Rays, distances: Values, met: NDArray[np.int64], rng: np.random.Generator) -> Measured:
+        """Return what the sensor tells of the places that its rays meet."""
+        true = rays.origins + distances[:, None] * rays.directions
+        normals = np.empty_like(true)
+        for number in np.unique(met):
+            rows = met == number
+            normals[rows] = self.surfaces[number].normals(true[rows])
+        normals *= np.where(np.einsum("ni,ni->n", normals, rays.directions) > 0.0, -1.0, 1.0)[:, None]
+        looks = [surface.look for surface in self.surfaces]
+        colours = np.array([look.colour for look in looks])[met]
+        lightness = SHADE + (1.0 - SHADE) * (1.0 + normals @ LIGHT) / 2.0
+        measured = rays.origins + self.measured(rays, distances, rng)[:, None] * rays.directions
+        return Measured(
+            measured.astype(np.float32),
+            normals.astype(np.float32),
+            (colours * lightness[:, None]).astype(np.uint8),
+            np.array([look.classification for look in looks], np.uint8)[met],
+        )
+
+
+def _may_meet(bundle: Rays, centres: Values, radii: Values) -> NDArray[np.bool_]:
+    """Return which balls, (S,), a cone around a bundle of rays meets; its apex is a ball around their origins."""
+    apex = bundle.origins.mean(axis=0)
+    axis = bundle.directions.mean(axis=0)
+    axis /= max(float(np.linalg.norm(axis)), 1e-9)
+    widths = radii + np.linalg.norm(bundle.origins - apex, axis=1).max()
+    half_angle = np.arccos(np.clip((bundle.directions @ axis).min(), -1.0, 1.0))
+    far = np.linalg.norm(centres - apex, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        angles = np.arccos(np.clip((centres - apex) @ axis / far, -1.0, 1.0))
+        meets: NDArray[np.bool_] = (far <= widths) | (
+            angles <= half_angle + np.arcsin(np.minimum(widths / far, 1.0)) + 1e-9
+        )
+    return meets
+
+
+def _halves(bundle: Rays, centres: Values) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the rows of two halves of a bundle of rays, whose origins and directions are as like as possible."""
+    reach = float(np.median(np.linalg.norm(centres - bundle.origins.mean(axis=0), axis=1)))
+    places = np.hstack([bundle.directions, bundle.origins / max(reach, 1e-9)])
+    order = np.argsort(places[:, np.argmax(np.ptp(places, axis=0))], kind="stable")
+    return order[: len(order) // 2], order[len(order) // 2 :]

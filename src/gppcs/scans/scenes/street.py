@@ -1,0 +1,173 @@
+"""The street: a car with a turning LiDAR of 32 lasers drives between façades, trees, poles, wires and parked cars."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from gppcs.scans.scenes.scene import Rays, Scene
+from gppcs.scans.scenes.surfaces import Cylinder, Foliage, Look, Place, Polygon, Sphere, Surface, Values, box, prism
+
+LENGTH = 60.0  # of the street, along x
+KERB, FACADE = 3.5, 6.5  # distances of the kerbs and the façades from the middle
+KERB_HEIGHT = 0.12
+SENSOR_HEIGHT, LANE = 1.9, -1.6
+DRIVE = (-12.0, 12.0)  # along x
+TURNS = 16
+LASERS = np.radians(np.linspace(-25.0, 35.0, 32))  # elevations
+RANGE, RANGE_NOISE = 100.0, 0.02
+WIRE = 0.02  # radius; thicker than a wire, as is the beam of a laser
+
+ASPHALT = Look((92, 92, 96), 11)
+PAVING = Look((160, 156, 148), 2)
+GLASS = Look((92, 118, 138), 6)
+WOOD = Look((110, 84, 60), 64)
+LEAVES = Look((92, 138, 62), 5)
+BARK = Look((96, 78, 62), 5)
+STEEL = Look((120, 124, 128), 15)
+CABLE = Look((40, 40, 44), 14)
+RUBBER = Look((40, 40, 42), 64)
+WALLS = (Look((206, 178, 140), 6), Look((186, 112, 88), 6), Look((214, 206, 190), 6), Look((168, 176, 160), 6))
+
+
+def _ground() -> list[Surface]:
+    """Return the road, both pavements and their kerbs."""
+    end = LENGTH / 2.0
+
+    def strip(a: float, b: float, z: float, look: Look) -> Polygon:
+        return Polygon([(-end, a, z), (end, a, z), (end, b, z), (-end, b, z)], look)
+
+    def kerb(y: float) -> Polygon:
+        return Polygon([(-end, y, 0), (end, y, 0), (end, y, KERB_HEIGHT), (-end, y, KERB_HEIGHT)], PAVING)
+
+    pavements = [strip(side * KERB, side * FACADE, KERB_HEIGHT, PAVING) for side in (-1.0, 1.0)]
+    return [strip(-KERB, KERB, 0.0, ASPHALT), *pavements, kerb(-KERB), kerb(KERB)]
+
+
+def _house(x: float, width: float, side: float, depth: float, height: float, look: Look) -> list[Surface]:
+    """Return a façade with rows of windows, each a niche with a pane."""
+    y = side * (FACADE + depth)
+    left, right = x, x + width
+    surfaces: list[Surface] = []
+    holes: list[list[Place]] = []
+    columns = int(width // 2.4)
+    for floor in range(int(height // 3.0)):
+        for column in range(columns):
+            centre, low = left + (column + 0.5) * width / columns, KERB_HEIGHT + 0.9 + 3.0 * floor
+            door = floor == 0 and column == columns // 2
+            low, high = (KERB_HEIGHT, 2.3) if door else (low, low + 1.5)
+            hole = [(centre + i * 0.55, y, z) for i, z in ((-1, low), (1, low), (1, high), (-1, high))]
+            pane = [(px, y + side * 0.18, pz) for px, _, pz in hole]
+            holes.append(hole)
+            surfaces.append(Polygon(pane, WOOD if door else GLASS))
+            surfaces += [Polygon([hole[i - 1], hole[i], pane[i], pane[i - 1]], look) for i in range(4)]
+    front: list[Place] = [(left, y, 0.0), (right, y, 0.0), (right, y, height), (left, y, height)]
+    ends = [
+        Polygon([(px, y, 0), (px, side * 11.0, 0), (px, side * 11.0, height), (px, y, height)], look)
+        for px in (left, right)
+    ]
+    return [Polygon(front, look, holes), *ends, *surfaces]
+
+
+def _houses() -> list[Surface]:
+    plots = (
+        (-28.0, 11.0, 1.0, 0.0, 9.5),
+        (-17.0, 8.0, 1.0, 0.5, 12.5),
+        (-6.0, 12.0, 1.0, 0.0, 6.8),
+        (8.5, 14.0, 1.0, 0.3, 10.0),
+        (-26.0, 13.0, -1.0, 0.2, 12.0),
+        (-13.0, 9.0, -1.0, 0.0, 9.3),
+        (-1.0, 10.0, -1.0, 0.8, 9.8),
+        (9.0, 16.0, -1.0, 0.0, 6.5),
+    )
+    return [face for number, plot in enumerate(plots) for face in _house(*plot, WALLS[number % len(WALLS)])]
+
+
+def _tree(x: float, y: float, height: float) -> list[Surface]:
+    crown = [
+        Foliage((x + dx, y + dy, height + dz), radius, 0.7, LEAVES)
+        for dx, dy, dz, radius in ((0, 0, 0, 1.3), (0.7, 0.3, 0.5, 0.9), (-0.6, -0.4, 0.7, 1.0), (0.1, 0.2, 1.3, 0.9))
+    ]
+    return [Cylinder((x, y, KERB_HEIGHT), (x, y, height), 0.14, BARK), *crown]
+
+
+def _car(x: float, y: float, look: Look) -> list[Surface]:
+    wheels = [
+        Cylinder((x + dx, y + side * 0.85, 0.32), (x + dx, y + side * 0.65, 0.32), 0.32, RUBBER)
+        for dx in (-1.3, 1.3)
+        for side in (-1.0, 1.0)
+    ]
+    body = box((x, y), (4.2, 1.7), (0.3, 0.85), look)
+    return [*body, *prism((x - 0.15, y), (2.6, 1.6), (1.6, 1.35), (0.85, 1.45), GLASS), *wheels]
+
+
+def _cables() -> list[Surface]:
+    """Return poles on one pavement, and two hanging wires from each to the next."""
+    places = np.linspace(-24.0, 24.0, 5)
+    y, top, sag = 4.1, 7.2, 0.6
+    surfaces: list[Surface] = [Cylinder((x, y, KERB_HEIGHT), (x, y, 7.6), 0.1, STEEL) for x in places]
+    for height in (top, top - 0.5):
+        for start, end in pairwise(places):
+            x = np.linspace(start, end, 13)
+            z = height - 4.0 * sag * (x - start) * (end - x) / (end - start) ** 2
+            nodes = list(zip(x, np.full(13, y), z, strict=True))
+            surfaces += [Cylinder(a, b, WIRE, CABLE) for a, b in pairwise(nodes)]
+    return surfaces
+
+
+def _furniture() -> list[Surface]:
+    """Return lamps, bollards, a bench, a sign and a bin."""
+    lamps = [Cylinder((x, -4.0, KERB_HEIGHT), (x, -4.0, 5.2), 0.06, STEEL) for x in (-14.0, 2.0, 18.0)]
+    heads = [Sphere((x, -4.0, 5.4), 0.22, STEEL) for x in (-14.0, 2.0, 18.0)]
+    bollards = [Cylinder((x, 3.8, KERB_HEIGHT), (x, 3.8, 1.0), 0.05, STEEL) for x in np.arange(-5.0, 5.1, 1.25)]
+    bench: list[Surface] = [
+        *box((6.0, -5.9), (1.6, 0.45), (0.5, 0.55), WOOD),
+        *box((6.0, -6.1), (1.6, 0.04), (0.65, 1.0), WOOD),
+    ]
+    legs = [face for x in (5.4, 6.6) for face in box((x, -5.9), (0.06, 0.4), (KERB_HEIGHT, 0.5), RUBBER)]
+    sign: list[Surface] = [
+        Cylinder((-9.0, 3.9, KERB_HEIGHT), (-9.0, 3.9, 2.2), 0.03, STEEL),
+        *box((-9.0, 3.9), (0.02, 0.6), (2.2, 2.8), STEEL),
+    ]
+    return [
+        *lamps,
+        *heads,
+        *bollards,
+        *bench,
+        *legs,
+        *sign,
+        Cylinder((10.0, 4.2, KERB_HEIGHT), (10.0, 4.2, 0.9), 0.25, STEEL),
+    ]
+
+
+def _cars() -> list[Surface]:
+    paints = (Look((150, 40, 40), 64), Look((220, 220, 224), 64), Look((40, 60, 110), 64), Look((60, 62, 66), 64))
+    places = ((-15.0, 2.5), (-9.5, 2.5), (7.0, 2.5), (13.0, 2.5))
+    return [face for place, paint in zip(places, paints, strict=True) for face in _car(*place, paint)]
+
+
+def _trees() -> list[Surface]:
+    places = ((-20.0, -5.0, 3.6), (-8.0, -5.0, 4.1), (13.0, -5.2, 3.8), (-12.0, 5.2, 3.9), (17.0, 5.2, 4.3))
+    return [part for place in places for part in _tree(*place)]
+
+
+def _rays(count: int) -> Rays:
+    """Return the rays of all lasers while the car drives, in the order of time."""
+    steps = -(-count // len(LASERS))
+    share = np.repeat((np.arange(steps) + 0.5) / steps, len(LASERS))
+    azimuth, elevation = 2.0 * np.pi * TURNS * share, np.tile(LASERS, steps)
+    x = DRIVE[0] + (DRIVE[1] - DRIVE[0]) * share
+    origins = np.stack([x, np.full_like(x, LANE), np.full_like(x, SENSOR_HEIGHT)], axis=1)
+    around = np.stack([np.cos(azimuth), np.sin(azimuth)]) * np.cos(elevation)
+    return Rays(origins, np.stack([*around, np.sin(elevation)], axis=1))
+
+
+def _measured(rays: Rays, distances: Values, rng: np.random.Generator) -> Values:
+    return distances + RANGE_NOISE * rng.standard_normal(len(distances))
+
+
+STREET = Scene(
+    "a street of 60 m from a moving LiDAR: façades, trees, poles, wires and cars; density falls with distance",
+    (*_ground(), *_houses(), *_trees(), *_cars(), *_cables(), *_furniture()),
+    _rays,
+    _measured,
+)

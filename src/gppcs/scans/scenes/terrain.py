@@ -1,0 +1,152 @@
+"""The terrain: hills, a stream, houses, trees and a power line, measured from an aeroplane."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from gppcs.scans.scenes.scene import Rays, Scene
+from gppcs.scans.scenes.surfaces import Cylinder, Foliage, Look, Place, Polygon, Relief, Surface, Values
+
+HALF = 60.0  # half the side of the square, in x and y
+ALTITUDE = 500.0
+STRIPS = (-36.0, 0.0, 36.0)  # x of the lines of flight
+SWATH = 40.0  # half the width of a strip on the ground
+RANGE_NOISE = 0.03
+ASPECT = 1.6  # distance of scan lines, as a multiple of that of points on a line
+
+ROOF = (Look((168, 80, 62), 6), Look((116, 116, 122), 6))
+WALL = Look((222, 212, 194), 6)
+LEAVES = (Look((84, 128, 60), 5), Look((58, 104, 62), 5))
+BARK = Look((92, 76, 60), 5)
+PYLON = Look((140, 144, 148), 15)
+CABLE = Look((50, 50, 54), 14)
+
+
+def ground(x: Values, y: Values) -> tuple[Values, Values, Values]:
+    """Return the height of the ground and its slopes.
+
+    Parameters
+    ----------
+    x, y : (N,) arrays, float64
+
+    Returns
+    -------
+    height, along_x, along_y : (N,) arrays, float64
+        The slopes are the derivatives along x and y.
+    """
+    height, along_x, along_y = 0.02 * x, np.full_like(x, 0.02), np.zeros_like(x)
+    for centre, width, tall in (((-30.0, 25.0), 22.0, 7.0), ((35.0, -30.0), 18.0, 5.0), ((10.0, 50.0), 12.0, -2.5)):
+        dx, dy = (x - centre[0]) / width, (y - centre[1]) / width
+        hill = tall * np.exp(-(dx * dx + dy * dy))
+        height, along_x, along_y = height + hill, along_x - 2.0 * dx / width * hill, along_y - 2.0 * dy / width * hill
+    bend = 8.0 * np.sin(x / 18.0)
+    across = (y + 12.0 - bend) / 2.5  # of the stream, which winds along x
+    bed = -1.6 * np.exp(-across * across)
+    along_x = along_x + 2.0 * across / 2.5 * bed * (8.0 / 18.0) * np.cos(x / 18.0)
+    return height + bed, along_x, along_y - 2.0 * across / 2.5 * bed
+
+
+def _level(x: float, y: float) -> float:
+    return float(ground(np.array([x]), np.array([y]))[0][0])
+
+
+def _house(x: float, y: float, length: float, width: float, angle: float, roof: Look) -> list[Surface]:
+    """Return a house with a gable roof."""
+    low, eaves, ridge = _level(x, y) - 1.5, _level(x, y) + 3.4, _level(x, y) + 3.4 + 0.42 * width
+    c, s = np.cos(angle), np.sin(angle)
+
+    def at(along: float, across: float, z: float) -> Place:
+        return (
+            x + c * along * length / 2 - s * across * width / 2,
+            y + s * along * length / 2 + c * across * width / 2,
+            z,
+        )
+
+    surfaces: list[Surface] = []
+    for side in (-1, 1):
+        surfaces.append(Polygon([at(-1, side, eaves), at(1, side, eaves), at(1, 0, ridge), at(-1, 0, ridge)], roof))
+        surfaces.append(Polygon([at(-1, side, low), at(1, side, low), at(1, side, eaves), at(-1, side, eaves)], WALL))
+        gable = [at(side, -1, low), at(side, 1, low), at(side, 1, eaves), at(side, 0, ridge), at(side, -1, eaves)]
+        surfaces.append(Polygon(gable, WALL))
+    return surfaces
+
+
+def _houses() -> list[Surface]:
+    plots = (
+        (14.0, 12.0, 12.0, 8.0, 0.2),
+        (32.0, 16.0, 10.0, 7.5, 1.7),
+        (20.0, 30.0, 14.0, 9.0, 0.3),
+        (44.0, 34.0, 11.0, 8.0, 0.9),
+        (-44.0, -30.0, 16.0, 9.0, 0.0),
+        (-22.0, -38.0, 9.0, 7.0, 1.2),
+        (0.0, -44.0, 11.0, 8.0, 2.1),
+    )
+    return [face for number, plot in enumerate(plots) for face in _house(*plot, ROOF[number % 2])]
+
+
+def _trees() -> list[Surface]:
+    """Return a wood on one hill, and single trees."""
+    rng = np.random.default_rng(7)
+    wood = rng.normal((-32.0, 28.0), 11.0, (45, 2))
+    single = np.array(
+        [(5.0, 22.0), (26.0, 4.0), (38.0, 24.0), (-10.0, -30.0), (-34.0, -42.0), (12.0, -32.0), (48.0, -8.0)]
+    )
+    parts: list[Surface] = []
+    for x, y in np.concatenate([wood[np.abs(wood).max(axis=1) < HALF - 4.0], single]):
+        foot, tall, radius, look = _level(x, y), rng.uniform(6.0, 12.0), rng.uniform(1.6, 2.8), LEAVES[rng.integers(2)]
+        parts.append(Cylinder((x, y, foot - 0.3), (x, y, foot + tall - radius), 0.18, BARK))
+        parts.append(Foliage((x, y, foot + tall - radius), radius, 2.4, look))
+        parts.append(Foliage((x, y, foot + tall - 0.2), 0.6 * radius, 2.4, look))
+    return parts
+
+
+def _power_line() -> list[Surface]:
+    """Return three pylons and the wires between them."""
+    feet = [(-55.0, -5.0), (2.0, -21.0), (56.0, -36.0)]
+    tops = [np.array([x, y, _level(x, y) + 16.0]) for x, y in feet]
+    parts: list[Surface] = [
+        Cylinder((x, y, _level(x, y) - 0.5), (x, y, top[2] + 0.5), 0.3, PYLON)
+        for (x, y), top in zip(feet, tops, strict=True)
+    ]
+    for start, end in pairwise(tops):
+        aside = np.cross(end - start, [0.0, 0.0, 1.0])
+        aside *= 1.8 / np.linalg.norm(aside)
+        share = np.linspace(0.0, 1.0, 21)[:, None]
+        for offset in (-aside, aside):
+            nodes = start + offset + share * (end - start) - [0.0, 0.0, 6.0] * share * (1.0 - share)
+            parts += [Cylinder(tuple(a), tuple(b), 0.06, CABLE) for a, b in pairwise(nodes)]
+    return parts
+
+
+def _rays(count: int) -> Rays:
+    """Return rays in parallel scan lines, strip by strip, in the order of time."""
+    per_strip = count / len(STRIPS)
+    on_line = max(1, round(np.sqrt(per_strip * ASPECT * SWATH / HALF)))
+    lines = max(1, int(np.ceil(per_strip / on_line)))
+    y, x = np.meshgrid(HALF * _midpoints(lines), SWATH * _midpoints(on_line), indexing="ij")
+    origins = np.concatenate(
+        [np.stack([np.full(y.size, at), y.ravel(), np.full(y.size, ALTITUDE)], axis=1) for at in STRIPS]
+    )
+    aims = np.concatenate([np.stack([at + x.ravel(), y.ravel(), np.zeros(y.size)], axis=1) for at in STRIPS])
+    # Half the rays look a little ahead, half back: so walls and trunks are seen, as by a plane that nods.
+    aims[:, 1] += np.where(np.arange(len(aims)) % 2, 1.0, -1.0) * 0.08 * ALTITUDE
+    directions = aims - origins
+    return Rays(origins, directions / np.linalg.norm(directions, axis=1, keepdims=True))
+
+
+def _midpoints(count: int) -> Values:
+    """Return the midpoints of equal parts of the range from -1 to 1."""
+    midpoints: Values = 2.0 * (np.arange(count) + 0.5) / count - 1.0
+    return midpoints
+
+
+def _measured(rays: Rays, distances: Values, rng: np.random.Generator) -> Values:
+    return distances + RANGE_NOISE * rng.standard_normal(len(distances))
+
+
+TERRAIN = Scene(
+    "a terrain of 120 m from the air: hills, a stream, roofs, trees, a power line",
+    (Relief(ground, (-HALF, -HALF), (HALF, HALF), (-5.0, 9.0)), *_houses(), *_trees(), *_power_line()),
+    _rays,
+    _measured,
+)
