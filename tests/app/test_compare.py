@@ -9,6 +9,7 @@ import pytest
 
 import gppcs
 from command_line import files
+from web_page import WebPage
 
 
 def test_compare_writes_tables_and_prints_one(gppcs_command, scan):
@@ -27,6 +28,18 @@ def test_compare_writes_tables_and_prints_one(gppcs_command, scan):
     assert ["fps", "40"] in first
     assert ["random", "40"] in first
     assert out.endswith("side: table.csv, table.md\n")
+
+
+def test_compare_writes_a_report_of_all_methods(gppcs_command, scan):
+    words = ["compare", "scan.ply", "--ratio", "10%", "--methods", "fps,random", "-o", "side", "--no-picture"]
+    code, out, err = gppcs_command(*words, "--report", "--up", "y")
+    assert (code, err) == (0, "")
+    assert out.endswith("side: table.csv, table.md, report.html\n")
+    described = WebPage(Path("side/report.html").read_text(encoding="utf-8")).described
+    assert [cloud["name"] for cloud in described["clouds"]] == ["scan.ply", "fps", "random"]
+    assert all(len(cloud["prefixes"]) == 4 for cloud in described["clouds"][1:])
+    assert dict(described["made"])["command"] == f"gppcs {' '.join(words)} --report --up y"
+    assert described["up"] == "y"
 
 
 def test_compare_json_is_one_object_a_method(gppcs_command, scan):

@@ -93,7 +93,8 @@ def run(arguments: Sequence[str]) -> int:
         sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may not show all characters of file names
     try:
         with _log_on_stderr():
-            code = app(list(arguments) or ["--help"], prog_name=NAME, standalone_mode=False)
+            words = list(arguments) or ["--help"]
+            code = app(words, prog_name=NAME, standalone_mode=False, obj=[NAME, *words])  # obj: for pages of commands
     except FAILURES as error:
         tell(error)
         return BAD_INPUT

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
     from gppcs.clouds.mesh import Mesh
     from gppcs.drawing.camera import Viewpoint
+    from gppcs.drawing.web.contents import Named
+    from gppcs.engine.stages import Stages
     from gppcs.evaluation.comparison import Entry
 
 MOST_TO_REBUILD = 1_000_000  # of a larger original no mesh is rebuilt for the picture, which would take minutes
@@ -44,6 +46,7 @@ EPILOG = (
 
 
 def compare(
+    context: typer.Context,
     cloud: Annotated[Path, typer.Argument(metavar="IN", help="A point cloud file.", show_default=False)],
     output: Annotated[
         Path,
@@ -51,7 +54,7 @@ def compare(
             "--output",
             "-o",
             metavar="DIR",
-            help="The folder for table.csv, table.md and picture.png. It is created if it does not exist.",
+            help="The folder for table.csv, table.md, picture.png and report.html. It is created if it does not exist.",
         ),
     ],
     ratio: Ratio = None,
@@ -76,6 +79,12 @@ def compare(
         bool,
         typer.Option(help="Draw the clouds and the meshes rebuilt from them. Needs the extras view and evaluate."),
     ] = True,
+    report: Annotated[
+        bool,
+        typer.Option(
+            "--report", help="Also write report.html, which shows all clouds in the browser; see gppcs report."
+        ),
+    ] = False,
     view: View = None,
     up: Up = None,
     threads: Threads = None,
@@ -86,6 +95,9 @@ def compare(
     """Simplify a cloud by several methods, evaluate each result, and write tables and a picture."""
     from gppcs import io
     from gppcs.app.console import print_comparison
+    from gppcs.app.pages import how_made
+    from gppcs.app.tables import as_csv, as_markdown
+    from gppcs.drawing.web.contents import Named
     from gppcs.engine.stages import Stages
     from gppcs.evaluation.comparison import checked_methods
     from gppcs.evaluation.comparison import compare as compared
@@ -94,14 +106,20 @@ def compare(
     set_threads(threads)
     share, count = None if ratio is None else share_of(ratio), None if points is None else count_of(points)
     chosen = checked_methods((name.strip() for name in methods.split(",")), share, count, seed)
-    viewpoint = viewpoint_of(view, up, picture)
-    targets = _targets([cloud, mesh] if mesh else [cloud], output, picture, force)
+    viewpoint = viewpoint_of(view, up, picture or report)
+    names = ["table.csv", "table.md", *(["picture.png"] if picture else []), *(["report.html"] if report else [])]
+    targets = _targets([cloud, mesh] if mesh else [cloud], output, names, force)
     surface = read_mesh(mesh) if mesh else None
     stages = Stages(progress(quiet))
     original = io.read(cloud, columns=names_of(columns))
     entries = compared(original, chosen, ratio=share, n_points=count, mesh=surface, invalid=invalid, stages=stages)
     with stages("tables and picture"):
-        contents = _contents(original, entries, surface, viewpoint if picture else None)
+        contents = {"table.csv": as_csv(entries).encode(), "table.md": as_markdown(entries).encode()}
+        if picture:
+            contents["picture.png"] = _drawn(original, entries, surface, viewpoint)
+    if report:
+        made = how_made(context.obj, [cloud, *([mesh] if mesh else [])])
+        contents["report.html"] = _page(Named(cloud.name, original), entries, made, viewpoint, stages)
     output.mkdir(exist_ok=True)
     for name, content in contents.items():
         with io.whole_file(targets[name], force) as file:
@@ -116,16 +134,16 @@ def compare(
             print_error(f"note: {entry.result.method.label}: {entry.failure}")
 
 
-def _contents(
-    original: PointCloud, entries: Sequence[Entry], mesh: Mesh | None, viewpoint: Viewpoint | None
-) -> dict[str, bytes]:
-    """Return the content of each output file by name; without a viewpoint there is no picture."""
-    from gppcs.app.tables import as_csv, as_markdown
+def _page(
+    original: Named, entries: Sequence[Entry], made: list[tuple[str, str]], viewpoint: Viewpoint, stages: Stages
+) -> bytes:
+    """Return an HTML page of the original and each simplified cloud."""
+    from gppcs.drawing.web.contents import Named, report_page
 
-    contents = {"table.csv": as_csv(entries).encode(), "table.md": as_markdown(entries).encode()}
-    if viewpoint:
-        contents["picture.png"] = _drawn(original, entries, mesh, viewpoint)
-    return contents
+    results = [Named(entry.result.method.label, entry.result.cloud) for entry in entries]
+    page = BytesIO()
+    report_page(original, results, made, viewpoint, stages).write(page)
+    return page.getvalue()
 
 
 def _drawn(original: PointCloud, entries: Sequence[Entry], mesh: Mesh | None, viewpoint: Viewpoint) -> bytes:
@@ -181,7 +199,7 @@ def _print_records(entries: Sequence[Entry]) -> None:
         print_json({**method, **measured, "failure": entry.failure})
 
 
-def _targets(inputs: list[Path], folder: Path, picture: bool, force: bool) -> dict[str, Path]:
+def _targets(inputs: list[Path], folder: Path, names: list[str], force: bool) -> dict[str, Path]:
     """Return the paths of the output files by name, after checking that each can be written."""
     from gppcs.engine.extras import require_pymeshlab, require_pyvista
     from gppcs.io import check_distinct, check_writable
@@ -195,11 +213,9 @@ def _targets(inputs: list[Path], folder: Path, picture: bool, force: bool) -> di
         )
     if not folder.absolute().parent.is_dir():
         raise OutputError(f"{folder}: expected an existing parent folder, found none; make it first")
-    names = ["table.csv", "table.md"]
-    if picture:
+    if "picture.png" in names:
         require_pymeshlab()
         require_pyvista()
-        names.append("picture.png")
     targets = {name: folder / name for name in names}
     check_distinct(list(targets.values()), inputs)
     if folder.exists():

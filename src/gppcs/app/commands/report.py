@@ -20,6 +20,7 @@ EPILOG = (
 
 
 def report(
+    context: typer.Context,
     original: Annotated[Path, typer.Argument(metavar="ORIGINAL", help="The original cloud.", show_default=False)],
     simplified: Annotated[
         list[Path],
@@ -55,9 +56,7 @@ def report(
     stages = Stages(ProgressBar())
     with stages("reading"):
         clouds = [Named(name, io.read(path)) for name, path in zip(names_of(inputs), inputs, strict=True)]
-    options = [*(["--view", view] if view else []), *(["--up", up] if up else [])]
-    command = ["gppcs", "report", *map(str, inputs), "-o", str(output), *options]
-    page = report_page(clouds[0], clouds[1:], how_made(command, inputs), viewpoint, stages)
+    page = report_page(clouds[0], clouds[1:], how_made(context.obj, inputs), viewpoint, stages)
     with io.whole_file(output, force) as file:
         page.write(file)
     typer.echo(f"{output}: {output.stat().st_size / 1e6:.1f} MB; open it in a browser")

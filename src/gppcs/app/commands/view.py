@@ -22,6 +22,7 @@ EPILOG = (
 
 
 def view(
+    context: typer.Context,
     inputs: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Point cloud files.", show_default=False)],
     output: Annotated[
         Path | None,
@@ -52,7 +53,7 @@ def view(
         io.check_distinct([output], inputs)
         io.check_writable(output, force)
     clouds = [Named(name, io.read(path)) for name, path in zip(names_of(inputs), inputs, strict=True)]
-    page = view_page(clouds, how_made(["gppcs", "view", *map(str, inputs)], inputs), viewpoint)
+    page = view_page(clouds, how_made(context.obj, inputs), viewpoint)
     if output is None:
         output = Path(tempfile.mkdtemp(prefix="gppcs-")) / "view.html"
     with io.whole_file(output, force) as file:
