@@ -3,7 +3,7 @@
 import pytest
 
 from command_line import FAST
-from gppcs.drawing.camera import Viewpoint
+from gppcs.drawing.viewpoint import Viewpoint
 
 
 @pytest.mark.parametrize("command", [("simplify", "-o", "out.ply", "--picture", "a.png"), ("compare", "-o", "side")])

@@ -9,7 +9,7 @@ import typer
 from gppcs.errors import ParameterError
 
 if TYPE_CHECKING:
-    from gppcs.drawing.camera import Viewpoint
+    from gppcs.drawing.viewpoint import Viewpoint
 
 View = Annotated[
     str | None,
@@ -46,7 +46,7 @@ def viewpoint_of(view: str | None, up: str | None, picture: bool) -> Viewpoint:
     ParameterError
         If `view` is malformed or out of range, or an option is given without a picture.
     """
-    from gppcs.drawing.camera import Viewpoint
+    from gppcs.drawing.viewpoint import Viewpoint
 
     if not picture and (view or up):
         raise ParameterError(

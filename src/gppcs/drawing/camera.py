@@ -1,4 +1,4 @@
-"""An orthographic camera, and the direction from which it looks at a cloud."""
+"""An orthographic camera."""
 
 from __future__ import annotations
 
@@ -8,15 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.errors import ParameterError
+from gppcs.drawing.viewpoint import AXES, GUESSED, Viewpoint
 
 Array = NDArray[np.float64]
 
 SUPERSAMPLING = 2  # pictures are drawn larger by this factor and averaged down, so that edges are smooth
 MARGIN = 0.04  # empty share of a panel on each side
-ELEVATION, ELEVATION_OF_LYING = 22.0, 55.0  # degrees above the horizon, for standing and for lying objects
-LYING = 0.5  # an object lies if its height is below this share of its smaller width
-AXES = "xyz"
+WIDEST = 3.0  # extent that is shown whole, as a multiple of that of nearly all points
 
 
 class Square(NamedTuple):
@@ -25,61 +23,6 @@ class Square(NamedTuple):
     column: int
     row: int
     side: int
-
-
-@dataclass(frozen=True)
-class Viewpoint:
-    """The direction from which a camera looks. A value that is not given is guessed from the extent of the cloud.
-
-    Parameters
-    ----------
-    up : str, optional
-        The axis that points up: x, y, z, -x, -y or -z.
-    direction : (azimuth, elevation), optional
-        In degrees. At azimuth 0, x points right (y if x or -x is up). A larger azimuth moves the viewer to the right
-        around the cloud. A larger elevation, from -90 to 90, moves the viewer up.
-
-    Raises
-    ------
-    ParameterError
-        If `up` is no axis, or `direction` is out of range.
-    """
-
-    up: str | None = None
-    direction: tuple[float, float] | None = None
-
-    def __post_init__(self) -> None:
-        if self.up is not None and self.up.removeprefix("-") not in tuple(AXES):
-            raise ParameterError(f"expected x, y, z, -x, -y or -z as the axis that points up, found {self.up!r}")
-        if self.direction is not None and not (abs(self.direction[0]) < np.inf and abs(self.direction[1]) <= 90.0):
-            raise ParameterError(
-                "expected a finite azimuth and an elevation from -90 to 90, in degrees, found "
-                f"{self.direction[0]:g} and {self.direction[1]:g}"
-            )
-
-    def completed(self, points: Array) -> Viewpoint:
-        """Return this viewpoint with a guess for each value that is not given.
-
-        Parameters
-        ----------
-        points : (N, 3) array, float64
-            Finite coordinates, N at least 1.
-
-        Returns
-        -------
-        Viewpoint
-            With `up` and `direction`.
-        """
-        low, high = np.percentile(points, (1, 99), axis=0)
-        extent = high - low
-        up = self.up or _up(extent)
-        along = AXES.index(up[-1])
-        broad, deep = (axis for axis in range(3) if axis != along)
-        lying = extent[along] < LYING * min(extent[broad], extent[deep])
-        return Viewpoint(up, self.direction or _direction(bool(extent[broad] < extent[deep]), bool(lying)))
-
-
-GUESSED = Viewpoint()  # up and direction are guessed
 
 
 @dataclass(frozen=True)
@@ -232,24 +175,9 @@ def _axes(points: Array, viewpoint: Viewpoint) -> Array:
     return np.stack([sideways, np.cross(to_viewer, sideways), to_viewer])
 
 
-def _up(extent: Array) -> str:
-    """Return the axis that probably points up: y if the object stands and is longer along y than along z, else z."""
-    lying = extent[2] < LYING * min(extent[0], extent[1])
-    return "y" if extent[1] > extent[2] and not lying else "z"
-
-
-def _direction(narrow: bool, lying: bool) -> tuple[float, float]:
-    """Return azimuth and elevation of a view on the broad side, turned a little if the object stands.
-
-    Models usually face -y if z is up, and +z if y is up. Both are azimuth 0.
-    """
-    if lying:
-        return (90.0 if narrow else 0.0), ELEVATION_OF_LYING
-    return (50.0 if narrow else 30.0), ELEVATION
-
-
 def _frame(flat: Array) -> tuple[Array, Array]:
     """Return the lower left and upper right corner (2,) of the points (N, 2), without distant outliers."""
     low, inner_low, inner_high, high = np.percentile(flat, (0, 0.5, 99.5, 100), axis=0)
-    reach = 0.25 * (inner_high - inner_low)
+    inner = inner_high - inner_low
+    reach = np.where(high - low <= WIDEST * inner, high - low, 0.25 * inner)
     return np.maximum(low, inner_low - reach), np.minimum(high, inner_high + reach)

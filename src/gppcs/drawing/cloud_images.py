@@ -79,14 +79,15 @@ class ColouredCloud:
         Returns
         -------
         ColouredCloud
-            With normals.
+            With normals. NaN stands for places with fewer than four points near, which always seem flat.
         """
         local = points - points.min(axis=0)
         distinct = local[first_occurrences(local)]
         tree = KdTree.build(distinct)
         features = estimate_features(distinct, tree=tree)
+        variation = np.where(features.neighbours > 3, features.surface_variation, np.nan)
         same = tree.nearest_of(local, 1)[0][:, 0]
-        return cls(points, features.surface_variation[same], features.normals[same])
+        return cls(points, variation[same], features.normals[same])
 
 
 class Original:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import BinaryIO
 
-from gppcs.drawing.camera import GUESSED, Camera, Viewpoint
+from gppcs.drawing.camera import Camera
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
 from gppcs.drawing.colours import add_bar, colour_scale, colours_of
+from gppcs.drawing.viewpoint import GUESSED, Viewpoint
 from gppcs.engine.extras import require_matplotlib
 
 WIDTH, HEIGHT = 1600, 800  # pixels

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.mesh import Mesh
-from gppcs.drawing.camera import GUESSED, SUPERSAMPLING, Camera, Square, Viewpoint
+from gppcs.drawing.camera import SUPERSAMPLING, Camera, Square
 from gppcs.drawing.close_ups import feature_squares
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
 from gppcs.drawing.colours import add_bar, colour_scale, colours_of
 from gppcs.drawing.mesh_images import mesh_images
+from gppcs.drawing.viewpoint import GUESSED, Viewpoint
 from gppcs.engine.extras import require_matplotlib, require_pyvista
 from gppcs.errors import ParameterError
 

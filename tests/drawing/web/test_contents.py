@@ -8,7 +8,7 @@ import pytest
 
 import gppcs
 from gppcs.clouds.cloud import PointCloud
-from gppcs.drawing.camera import Viewpoint
+from gppcs.drawing.viewpoint import Viewpoint
 from gppcs.drawing.web import layers
 from gppcs.drawing.web.contents import Named, report_page, view_page
 from gppcs.errors import InputError

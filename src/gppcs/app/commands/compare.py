@@ -31,7 +31,7 @@ from gppcs.methods import METHODS
 if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
     from gppcs.clouds.mesh import Mesh
-    from gppcs.drawing.camera import Viewpoint
+    from gppcs.drawing.viewpoint import Viewpoint
     from gppcs.drawing.web.contents import Named
     from gppcs.engine.stages import Stages
     from gppcs.evaluation.comparison import Entry

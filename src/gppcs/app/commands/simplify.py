@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gppcs.clouds.cloud import PointCloud
-    from gppcs.drawing.camera import Viewpoint
+    from gppcs.drawing.viewpoint import Viewpoint
     from gppcs.engine.stages import Stages
     from gppcs.evaluation.report import Report
     from gppcs.io.cloud_files import CloudFiles

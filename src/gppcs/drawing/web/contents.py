@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.drawing.camera import GUESSED, Viewpoint
+from gppcs.drawing.viewpoint import GUESSED, Viewpoint
 from gppcs.drawing.web.layers import Layer, Surface
 from gppcs.drawing.web.packing import Blocks
 from gppcs.drawing.web.page import Page

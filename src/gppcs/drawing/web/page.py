@@ -11,7 +11,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from gppcs.drawing.camera import Viewpoint
+from gppcs.drawing.viewpoint import Viewpoint
 from gppcs.drawing.web.layers import Layer
 from gppcs.drawing.web.packing import Blocks
 from gppcs.evaluation.report import Report, figures_of

@@ -1,0 +1,116 @@
+"""The direction from which a camera looks at a cloud, given or guessed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.errors import ParameterError
+
+Array = NDArray[np.float64]
+
+AXES = "xyz"
+ELEVATION, ELEVATION_OF_LYING = 22.0, 55.0  # degrees above the horizon, for standing and for lying objects
+LYING = 0.5  # an object lies if its height is below this share of its smaller width
+TALLER = 1.2  # an object stands along y if it is taller than along z by this factor
+GROUND_HEIGHT, GROUND_SHARE = 0.04, 0.15  # the lowest 4 % of the height are a ground if they hold 15 % of the points
+# A depth camera looks along z with y down. It sees one point in each direction of a rectangular field of view.
+FIELD_OF_VIEW = 0.3, 3.0  # least and greatest width and height of the field, at distance 1
+DIRECTIONS, FILLED = 16, 0.9  # the field has 16 by 16 cells, of which 90 % hold points
+BESIDE_THE_CAMERA = (20.0, 20.0)  # azimuth and elevation for the image of a depth camera, in degrees
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """The direction from which a camera looks. A value that is not given is guessed from the cloud.
+
+    Parameters
+    ----------
+    up : str, optional
+        The axis that points up: x, y, z, -x, -y or -z.
+    direction : (azimuth, elevation), optional
+        In degrees. At azimuth 0, x points right (y if x or -x is up). A larger azimuth moves the viewer to the right
+        around the cloud. A larger elevation, from -90 to 90, moves the viewer up.
+
+    Raises
+    ------
+    ParameterError
+        If `up` is no axis, or `direction` is out of range.
+    """
+
+    up: str | None = None
+    direction: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.up is not None and self.up.removeprefix("-") not in tuple(AXES):
+            raise ParameterError(f"expected x, y, z, -x, -y or -z as the axis that points up, found {self.up!r}")
+        if self.direction is not None and not (abs(self.direction[0]) < np.inf and abs(self.direction[1]) <= 90.0):
+            raise ParameterError(
+                "expected a finite azimuth and an elevation from -90 to 90, in degrees, found "
+                f"{self.direction[0]:g} and {self.direction[1]:g}"
+            )
+
+    def completed(self, points: Array) -> Viewpoint:
+        """Return this viewpoint with a guess for each value that is not given.
+
+        Parameters
+        ----------
+        points : (N, 3) array, float64
+            Finite coordinates, N at least 1.
+
+        Returns
+        -------
+        Viewpoint
+            With `up` and `direction`.
+        """
+        low, high = np.percentile(points, (1, 99), axis=0)
+        extent = high - low
+        framed = _is_depth_image(points, extent)
+        up = self.up or ("-y" if framed else _up(points, low, extent))
+        along = AXES.index(up[-1])
+        broad, deep = (axis for axis in range(3) if axis != along)
+        lying = extent[along] < LYING * min(extent[broad], extent[deep])
+        if self.direction or framed:
+            return Viewpoint(up, self.direction or BESIDE_THE_CAMERA)
+        return Viewpoint(up, _direction(bool(extent[broad] < extent[deep]), bool(lying)))
+
+
+GUESSED = Viewpoint()  # up and direction are guessed
+
+
+def _is_depth_image(points: Array, extent: Array) -> bool:
+    """Return whether points, (N, 3), are probably what one image of a depth camera at the origin shows."""
+    x, y, z = points.T
+    if z.min() <= 0.0 or extent[2] < LYING * extent.max():
+        return False
+    right, down = x / z, y / z
+    size = np.ptp(right), np.ptp(down)
+    if min(size) < FIELD_OF_VIEW[0] or max(size) > FIELD_OF_VIEW[1]:
+        return False
+    cells, _, _ = np.histogram2d(right, down, DIRECTIONS)
+    return bool(np.mean(cells > 0) >= FILLED)
+
+
+def _up(points: Array, low: Array, extent: Array) -> str:
+    """Return the axis that probably points up, given the lower corner and the extent (3,) of nearly all points.
+
+    That is z if the cloud lies; the axis along which it stands on a ground; else y if it is taller along y, or z.
+    """
+    if extent[2] < LYING * min(extent[0], extent[1]):
+        return "z"
+    for axis in (2, 1):
+        if np.mean(points[:, axis] <= low[axis] + GROUND_HEIGHT * extent[axis]) >= GROUND_SHARE:
+            return AXES[axis]
+    return "y" if extent[1] > TALLER * extent[2] else "z"
+
+
+def _direction(narrow: bool, lying: bool) -> tuple[float, float]:
+    """Return azimuth and elevation of a view on the broad side, turned a little if the object stands.
+
+    Models usually face -y if z is up, and +z if y is up. Both are azimuth 0.
+    """
+    if lying:
+        return (90.0 if narrow else 0.0), ELEVATION_OF_LYING
+    return (50.0 if narrow else 30.0), ELEVATION
