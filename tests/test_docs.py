@@ -118,7 +118,7 @@ def test_the_figures_that_are_explained_are_those_of_the_commands(tmp_path, monk
         assert [float(number) for number in new] == pytest.approx([float(number) for number in known], rel=0.1)
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/usage.md"])
+@pytest.mark.parametrize("page", ["README.md", "docs/tutorial.md", "docs/usage.md"])
 @pytest.mark.slow
 def test_commands_run(page, workplace):
     commands = [line for line in console_lines(page) if Path(line[0]).name == "gppcs"]
@@ -235,3 +235,8 @@ def test_the_page_on_evaluation_defines_each_figure_as_the_code_does():
             for name, figure in gppcs.figures_of(report).items()
         ]
         assert "\n".join(rows) in text("docs/evaluation.md")
+
+
+def test_the_page_on_the_api_has_each_public_name():
+    named = re.findall(r"^::: gppcs\.(\w+)$", text("docs/api.md"), re.MULTILINE)
+    assert sorted([*named, "METHODS", "__version__"]) == sorted(gppcs.__all__)
