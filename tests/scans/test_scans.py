@@ -92,7 +92,7 @@ def test_curvature_has_its_closed_form():
     np.testing.assert_allclose(curvature[fillet & (np.abs(x) < 29.99)], -1.0 / 16.0, rtol=1e-4)
 
 
-@pytest.mark.parametrize("name", ["bracket", "fan", "sphere"])
+@pytest.mark.parametrize("name", ["bracket", "fan", "statue", "sphere"])
 def test_closed_scans_are_closed(name):
     """Over a closed surface the normals add up to nothing (Gauss)."""
     normals = normals_of(sample(name, 100_000, seed=3))
@@ -201,7 +201,7 @@ def test_uneven_density_falls_with_the_square_of_the_distance():
     np.testing.assert_allclose(counts / counts.sum(), expected / expected.sum(), rtol=0.04)
 
 
-@pytest.mark.parametrize("name", ["sphere", "medallion", "bracket", "fan"])
+@pytest.mark.parametrize("name", [*SCANS])
 def test_the_most_uneven_scan_has_the_points_asked_for(name):
     for uneven in (0.999, 1e-310):
         assert len(sample(name, 300, uneven=uneven)) == 300
@@ -211,7 +211,7 @@ def test_the_most_uneven_scan_has_the_points_asked_for(name):
     ("arguments", "message"),
     [
         ({"name": "braket"}, "found 'braket'; did you mean 'bracket'"),
-        ({"name": "teapot"}, "medallion, bracket, fan, sphere"),
+        ({"name": "teapot"}, "medallion, bracket, fan, statue, sphere, room, street, terrain"),
         ({"n_points": 0}, "number of points to be a whole number from 1 on, found 0"),
         ({"n_points": 2.5}, "number of points to be a whole number from 1 on, found 2.5"),
         ({"noise": -0.1}, "0 or more, found -0.1"),

@@ -13,10 +13,17 @@ from gppcs.scans.medallion import MEDALLION
 from gppcs.scans.patch import Patch, Scan, SurfacePoints
 from gppcs.scans.scenes import SCENES, Scene
 from gppcs.scans.sphere import SPHERE
+from gppcs.scans.statue import STATUE
 
 __all__ = ["SCANS", "SCENES", "Patch", "Scan", "Scene", "SurfacePoints", "sample"]
 
-SCANS: dict[str, Scan] = {"medallion": MEDALLION, "bracket": BRACKET, "fan": FAN, "sphere": SPHERE}
+SCANS: dict[str, Scan] = {
+    "medallion": MEDALLION,
+    "bracket": BRACKET,
+    "fan": FAN,
+    "statue": STATUE,
+    "sphere": SPHERE,
+}
 
 BATCH = 32_768  # points drawn at once: few enough for their derivatives to stay in the CPU cache
 MOST_POINTS = 10**17  # the size of an array of more is beyond the range of its numbers
@@ -36,15 +43,15 @@ def sample(
 ) -> PointCloud:
     """Return a synthetic scan, whose surface is known exactly.
 
-    The objects are about 100 mm long: a medallion, a bracket, a fan and a sphere. Their points are random on the
-    surface, in random order. The scenes are what a sensor sees from its place, in the order of its measurements, with
+    The objects are about 100 mm long: a medallion, a bracket, a fan, a statue and a sphere. Their points are random on
+    the surface, in random order. The scenes are what a sensor sees from its place, in the order of its measurements, with
     its noise and with shadows: a room (4 m, by a depth camera), a street (60 m, by a LiDAR on a car) and a terrain
     (120 m, from the air).
 
     Parameters
     ----------
     name : str
-        "medallion", "bracket", "fan", "sphere", "room", "street" or "terrain".
+        "medallion", "bracket", "fan", "statue", "sphere", "room", "street" or "terrain".
     n_points : int
         Number of points, outliers included; at least 1.
     noise : float

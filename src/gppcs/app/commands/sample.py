@@ -25,7 +25,7 @@ def sample(
         str,
         typer.Argument(
             metavar="NAME",
-            help="medallion, bracket, fan or sphere; or what a sensor sees of a scene: room, street or terrain.",
+            help="medallion, bracket, fan, statue or sphere; or a scene as a sensor sees it: room, street or terrain.",
             show_default=False,
             autocompletion=_names,
         ),
