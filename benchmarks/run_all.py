@@ -49,6 +49,7 @@ SCRIPTS = (
     Script("speed.py", "speed", ("matplotlib",)),
     Script("lidar.py", "lidar"),
     Script("why_not_voxels.py", "why_not_voxels", ("pymeshlab", "matplotlib", "pyvista")),
+    Script("gallery.py", "gallery", ("matplotlib",)),
     Script("gp_ablation.py", "gp_ablation", ("pymeshlab",)),
     Script("gp_prefixes.py", "gp_prefixes", ("pymeshlab",)),
     Script("normals.py", "normals", ("pymeshlab",)),

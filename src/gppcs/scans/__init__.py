@@ -44,8 +44,8 @@ def sample(
     """Return a synthetic scan, whose surface is known exactly.
 
     The objects are about 100 mm long: a medallion, a bracket, a fan, a statue and a sphere. Their points are random on
-    the surface, in random order. The scenes are what a sensor sees from its place, in the order of its measurements, with
-    its noise and with shadows: a room (4 m, by a depth camera), a street (60 m, by a LiDAR on a car) and a terrain
+    the surface, in random order. The scenes are what a sensor sees from its place, with its noise and with shadows, in
+    the order of its measurements: a room (4 m, by a depth camera), a street (60 m, by a LiDAR on a car) and a terrain
     (120 m, from the air).
 
     Parameters
