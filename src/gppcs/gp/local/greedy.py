@@ -11,16 +11,8 @@ from numpy.typing import NDArray
 from gppcs.gp.local.choice import TAKEN, Choice, begin_choice
 from gppcs.gp.local.conditioning import condition
 from gppcs.gp.local.kernel import LocalField
-from gppcs.gp.local.parts import (
-    Chosen,
-    Parts,
-    choose,
-    choose_all_above,
-    chosen_by,
-    divide,
-    number_of_parts,
-)
-from gppcs.gp.local.posterior import posterior, sites_of
+from gppcs.gp.local.parts import Parts, choose, choose_all_above, chosen_by, divide, number_of_parts
+from gppcs.gp.local.posterior import posterior
 from gppcs.spatial.kdtree import KdTree
 
 STEP = 0.7  # From one level to the next. Larger steps leave more points in doubt, smaller ones take more rounds.
@@ -65,30 +57,28 @@ def extend(
     scores, deviations : (n_points - m,) arrays
         Score and sigma of each new point when it was chosen.
     """
-    sites = sites_of(field)
     conditioning = condition(field, tree, chosen, neighbours)
-    variances, scores = posterior(field, sites, conditioning, error_weight)[1:]
-    scores[chosen] = TAKEN
-    choice = begin_choice(field, tree, sites, conditioning, variances, scores)
+    choice = begin_choice(field, tree, chosen, conditioning, posterior(field, conditioning, error_weight))
     wanted = n_points - len(chosen)
-    whole, count = divide(choice, 1), number_of_parts(len(sites), len(chosen), tree.leaves, neighbours)
+    whole, count = divide(choice, 1), number_of_parts(len(field.y), len(chosen), tree.leaves, neighbours)
     if count == 1:
         choose(0, 1, TAKEN, wanted, field, error_weight, choice, whole)
-        added = chosen_by(whole)
+        added, scores = chosen_by(whole)
     else:
-        added = _choose_by_levels(wanted, len(chosen), field, error_weight, choice, divide(choice, count), whole)
-    return np.concatenate([chosen, added.positions]), added.scores, np.sqrt(added.variances)
+        parts = divide(choice, count)
+        added, scores = _choose_by_levels(wanted, len(chosen), field, error_weight, choice, parts, whole)
+    return np.concatenate([chosen, added]), scores, np.sqrt(choice.variances[added])
 
 
 def _choose_by_levels(
     wanted: int, chosen: int, field: LocalField, error_weight: float, choice: Choice, parts: Parts, rest: Parts
-) -> Chosen:
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Choose the `wanted` best points, level by level, after `chosen` others; parts as in `choose_all_above`."""
     level = float(choice.best[1])
     while (taken := int(parts.counts.sum() + rest.counts.sum())) < wanted:
         step = ((chosen + taken) / (chosen + SPARE * wanted)) ** FALL
         level = min(level, float(choice.best[1])) * max(STEP, step)
         choose_all_above(level, field, error_weight, choice, parts, rest)
-    added = Chosen._make(map(np.concatenate, zip(chosen_by(parts), chosen_by(rest), strict=True)))
-    best = np.argsort(-added.scores, kind="stable")[:wanted]
-    return Chosen._make(values[best] for values in added)
+    added, scores = map(np.concatenate, zip(chosen_by(parts), chosen_by(rest), strict=True))
+    best = np.argsort(-scores, kind="stable")[:wanted]
+    return added[best], scores[best]

@@ -17,22 +17,9 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.gp.local.choice import (
-    INDEX,
-    REACH,
-    SCORE,
-    SPACING,
-    TAKEN,
-    Choice,
-    leaf_and_column,
-    observe,
-    renew_upper,
-    room_below,
-    set_score,
-    within_reach,
-)  # fmt: skip
+from gppcs.gp.local.choice import TAKEN, Choice, observe, renew_upper, room_below, set_score, within_reach
 from gppcs.gp.local.kernel import LocalField, field_distance
-from gppcs.spatial.kdtree import LEAF_SIZE, leaf_range, squared_distance_of_boxes
+from gppcs.spatial.kdtree import first_leaf, leaf_range, squared_distance_of_boxes
 
 POINTS = 4096  # Points of a part at least: with fewer, most of them are near others.
 CHOSEN_PER_NEIGHBOUR = 16  # Chosen points of a part at least, for each point that a posterior is conditioned on.
@@ -49,7 +36,7 @@ class Parts(NamedTuple):
         The parts that a point of the part may affect, or be affected by, without gaps.
     positions : (n,) array, int64
         What each part has chosen, in its order, from the first of its points on.
-    scores, variances : (n,) arrays
+    scores : (n,) array
         Of these, when they were chosen.
     counts : (parts,) array, int64
         Number of points that each part has chosen.
@@ -57,7 +44,7 @@ class Parts(NamedTuple):
         How many of these its neighbours know of.
     best, reach : (nodes,) arrays
         Largest score and reach of each node at the start of the round.
-    seen : (leaves, LEAF_SIZE) array
+    seen : (n,) array
         Scores of the points at the start of the round.
     """
 
@@ -65,7 +52,6 @@ class Parts(NamedTuple):
     neighbours: NDArray[np.int64]
     positions: NDArray[np.int64]
     scores: NDArray[np.float64]
-    variances: NDArray[np.float64]
     counts: NDArray[np.int64]
     told: NDArray[np.int64]
     best: NDArray[np.float64]
@@ -108,14 +94,13 @@ def divide(choice: Choice, count: int) -> Parts:
     -------
     Parts
     """
-    n, nodes = len(choice.sites), len(choice.best)
+    n, nodes = len(choice.scores), len(choice.best)
     near = np.zeros((count, count), dtype=np.bool_)
     _find_neighbours(choice.boxes, near)
     starts = np.concatenate([[0], np.cumsum(near.sum(axis=1))])
     return Parts(
-        starts, np.ascontiguousarray(np.nonzero(near)[1]), np.empty(n, dtype=np.int64), np.empty(n), np.empty(n),
-        np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64),
-        np.empty(nodes), np.empty(nodes), np.empty((nodes // 2, LEAF_SIZE)),
+        starts, np.ascontiguousarray(np.nonzero(near)[1]), np.empty(n, dtype=np.int64), np.empty(n),
+        np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), np.empty(nodes), np.empty(nodes), np.empty(n),
     )  # fmt: skip
 
 
@@ -130,15 +115,7 @@ def _find_neighbours(boxes, near):
             near[a, b] = a != b and squared <= max(one[6], other[6]) * 0.5 * (one[7] + other[7])
 
 
-class Chosen(NamedTuple):
-    """Chosen points: positions in tree order, and scores and variances when they were chosen; (m,) each."""
-
-    positions: NDArray[np.int64]
-    scores: NDArray[np.float64]
-    variances: NDArray[np.float64]
-
-
-def chosen_by(parts: Parts) -> Chosen:
+def chosen_by(parts: Parts) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return what the parts have chosen, part by part.
 
     Parameters
@@ -147,11 +124,12 @@ def chosen_by(parts: Parts) -> Chosen:
 
     Returns
     -------
-    Chosen
+    positions, scores : (m,) arrays
+        Positions in tree order, and scores when they were chosen.
     """
     n, count = len(parts.positions), len(parts.counts)
     slots = np.concatenate([n * part // count + np.arange(chosen) for part, chosen in enumerate(parts.counts)])
-    return Chosen(parts.positions[slots], parts.scores[slots], parts.variances[slots])
+    return parts.positions[slots], parts.scores[slots]
 
 
 def choose_all_above(
@@ -171,7 +149,7 @@ def choose_all_above(
     rest : Parts
         A single part, the whole. It takes what the parts leave in doubt.
     """
-    n, count = len(choice.sites), len(parts.counts)
+    n, count = len(choice.scores), len(parts.counts)
     chosen = count
     while chosen >= count:  # with fewer, a round costs more than to choose one after another
         _exchange(field, error_weight, choice, parts)
@@ -191,23 +169,19 @@ def _exchange(field: LocalField, error_weight: float, choice: Choice, parts: Par
 @kernel
 def _hear(begin, end, field, error_weight, choice, parts):
     """Condition the points of some parts on what their neighbours have chosen; note their own scores."""
-    n, leaves, count = len(choice.sites), len(choice.leaves), len(parts.counts)
+    n, leaves, count = len(choice.scores), first_leaf(choice.best), len(parts.counts)
     room = room_below(choice, count)
-    in_part = leaves // count
     for part in range(begin, end):
         root = count + part
         for other in parts.neighbours[parts.starts[part] : parts.starts[part + 1]]:
             first = n * other // count
             for slot in range(first + parts.told[other], first + parts.counts[other]):
                 new = parts.positions[slot]
-                x, y, z, spacing = (
-                    choice.sites[new, 0], choice.sites[new, 1], choice.sites[new, 2], choice.sites[new, SPACING],
-                )  # fmt: skip
-                if within_reach(choice.boxes, root, x, y, z, spacing, choice.boxes[root, 6]):
+                x, y, z = field.positions[0, new], field.positions[1, new], field.positions[2, new]
+                if within_reach(choice.boxes, root, x, y, z, field.spacings[new], choice.boxes[root, 6]):
                     observe(new, root, field, error_weight, choice, room)
-        for leaf in range(part * in_part, (part + 1) * in_part):
-            for p in range(LEAF_SIZE):
-                parts.seen[leaf, p] = choice.leaves[leaf, SCORE, p]
+        first, last = n * part // count, n * (part + 1) // count
+        parts.seen[first:last] = choice.scores[first:last]
         first, last = root, root + 1
         while first < 2 * leaves:
             for node in range(first, last):
@@ -240,9 +214,9 @@ def choose(begin, end, level, most, field, error_weight, choice, parts):
     for part in range(begin, end):
         root, doubts = count + part, 0
         while choice.best[root] >= level and choice.best[root] > TAKEN and parts.counts[part] < most:
-            new = choice.position[choice.holder[root]]
-            if _in_doubt(new, choice.best[root], part, doubtful[:doubts], field.normal_weight, choice, parts):
-                doubtful[doubts], scores[doubts] = new, choice.best[root]
+            new = choice.holder[root]
+            if _in_doubt(new, part, doubtful[:doubts], field, choice, parts):
+                doubtful[doubts], scores[doubts] = new, choice.scores[new]
                 doubts += 1
                 set_score(choice, root, new, TAKEN)
             else:
@@ -255,35 +229,30 @@ def choose(begin, end, level, most, field, error_weight, choice, parts):
 @kernel
 def _take(new, part, choice, parts):
     """Choose a point for a part."""
-    leaf, column = leaf_and_column(choice, new)
-    slot = len(choice.sites) * part // len(parts.counts) + parts.counts[part]
-    parts.positions[slot], parts.scores[slot] = new, choice.leaves[leaf, SCORE, column]
-    parts.variances[slot] = choice.variances[new]
+    slot = len(choice.scores) * part // len(parts.counts) + parts.counts[part]
+    parts.positions[slot], parts.scores[slot] = new, choice.scores[new]
     parts.counts[part] += 1
-    choice.leaves[leaf, SCORE, column] = choice.leaves[leaf, REACH, column] = TAKEN
+    choice.scores[new] = choice.reach[new] = TAKEN
 
 
 @kernel
-def _in_doubt(new, score, part, doubtful, normal_weight, choice, parts):
+def _in_doubt(new, part, doubtful, field, choice, parts):
     """Return whether a better point, outside or in doubt itself, may affect a point of a part or be affected by it."""
-    leaf, column = leaf_and_column(choice, new)
-    reach, index = choice.leaves[leaf, REACH, column], choice.leaves[leaf, INDEX, column]
     for other in doubtful:
-        at, there = leaf_and_column(choice, other)
-        gap = _gap(choice.sites, new, other, normal_weight)
-        if gap < max(reach, choice.leaves[at, REACH, there]):
+        if _gap(field, new, other) < max(choice.reach[new], choice.reach[other]):
             return True
     for other in parts.neighbours[parts.starts[part] : parts.starts[part + 1]]:
-        if _affected(new, score, reach, index, len(parts.counts) + other, normal_weight, choice, parts):
+        if _affected(new, len(parts.counts) + other, field, choice, parts):
             return True
     return False
 
 
 @kernel
-def _affected(new, score, reach, index, root, normal_weight, choice, parts):
+def _affected(new, root, field, choice, parts):
     """Return whether a better point below the node `root` may affect a point or be affected by it."""
-    n, leaves = len(choice.sites), len(choice.leaves)
-    x, y, z, spacing = choice.sites[new, 0], choice.sites[new, 1], choice.sites[new, 2], choice.sites[new, SPACING]
+    n, leaves = len(choice.scores), first_leaf(choice.best)
+    score, reach, index = choice.scores[new], choice.reach[new], choice.order[new]
+    x, y, z, spacing = field.positions[0, new], field.positions[1, new], field.positions[2, new], field.spacings[new]
     stack = np.empty(64, dtype=np.int64)
     stack[0] = root
     height = 1
@@ -297,20 +266,19 @@ def _affected(new, score, reach, index, root, normal_weight, choice, parts):
             stack[height], stack[height + 1] = 2 * node, 2 * node + 1
             height += 2
             continue
-        first, last = leaf_range(n, leaves, node)
-        for p in range(last - first):
-            other = parts.seen[node - leaves, p]
-            better = other > score or (other == score and choice.leaves[node - leaves, INDEX, p] < index)
-            if better and _gap(choice.sites, new, first + p, normal_weight) < farther:
+        for other in range(*leaf_range(n, leaves, node)):
+            better = parts.seen[other] > score or (parts.seen[other] == score and choice.order[other] < index)
+            if better and _gap(field, new, other) < farther:
                 return True
     return False
 
 
 @kernel(fastmath=False)
-def _gap(sites, i, j, normal_weight):
-    """Return the squared distance in the field between two points; `sites` is (n, 9)."""
+def _gap(field, i, j):
+    """Return the squared distance in the field between two points."""
+    places, normals = field.positions, field.normals
     return field_distance(
-        sites[i, 0] - sites[j, 0], sites[i, 1] - sites[j, 1], sites[i, 2] - sites[j, 2],
-        sites[i, 3] * sites[j, 3] + sites[i, 4] * sites[j, 4] + sites[i, 5] * sites[j, 5],
-        sites[i, SPACING], sites[j, SPACING], normal_weight,
+        places[0, i] - places[0, j], places[1, i] - places[1, j], places[2, i] - places[2, j],
+        normals[0, i] * normals[0, j] + normals[1, i] * normals[1, j] + normals[2, i] * normals[2, j],
+        field.spacings[i], field.spacings[j], field.normal_weight,
     )  # fmt: skip

@@ -72,7 +72,7 @@ def workspace(neighbours):
 
 
 @kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"})
-def posteriors(field, all_sites, nearest, which, begin, end, error_weight, work):
+def posteriors(field, nearest, which, begin, end, error_weight, work):
     """Compute mean, variance and score at the points `which[begin:end]`.
 
     `gppcs.gp.local.greedy.extend` defines the score.
@@ -80,8 +80,6 @@ def posteriors(field, all_sites, nearest, which, begin, end, error_weight, work)
     Parameters
     ----------
     field : LocalField
-    all_sites : (n, 9) array
-        As returned by `sites_of`.
     nearest : (n, K) array, int32
         As in `Conditioning`.
     which : (count,) array, int64
@@ -95,7 +93,7 @@ def posteriors(field, all_sites, nearest, which, begin, end, error_weight, work)
     """
     neighbours = nearest.shape[1]
     sites, factor, cross, observed, pivot, mean, variance, score = work
-    _gather(all_sites, nearest, which, begin, end, sites)
+    _gather(field, nearest, which, begin, end, sites)
     for p in range(LANES):
         mean[p], variance[p] = 0.0, 1.0
     for a in range(neighbours):
@@ -129,8 +127,8 @@ def posteriors(field, all_sites, nearest, which, begin, end, error_weight, work)
 
 
 @kernel
-def _gather(all_sites, nearest, which, begin, end, sites):
-    """Copy sites, (n, 9), into lanes, (K + 1, 9, LANES).
+def _gather(field, nearest, which, begin, end, sites):
+    """Copy what the kernel and the observation need of each point into lanes, (K + 1, 9, LANES).
 
     The last point fills lanes that are left over. A neighbour that is lacking is placed far away.
     """
@@ -139,36 +137,13 @@ def _gather(all_sites, nearest, which, begin, end, sites):
         i = which[min(begin + p, end - 1)]
         for a in range(neighbours + 1):
             j = nearest[i, a] if a < neighbours else i
-            for number in range(SITE):
-                sites[a, number, p] = all_sites[j, number] if j >= 0 else 0.0
             if j < 0:
+                sites[a, :, p] = 0.0
                 sites[a, 0, p], sites[a, 6, p], sites[a, 8, p] = (a + 1) / NEGLIGIBLE, 1.0, 1.0
-
-
-def sites_of(field: LocalField) -> NDArray[np.float64]:
-    """Return what kernel and observation need of each point, side by side in memory.
-
-    Parameters
-    ----------
-    field : LocalField
-
-    Returns
-    -------
-    (n, 9) array
-        Position, normal, desired spacing, y, 1 + variance of the observation.
-    """
-    sites = np.empty((len(field.y), SITE))
-    on_ranges(_fill_sites, len(sites), field, sites, least=POINTS_AT_ONCE)
-    return sites
-
-
-@kernel
-def _fill_sites(begin, end, field, sites):
-    """Fill the rows `begin` to `end` of `sites`, (n, 9)."""
-    for i in range(begin, end):
-        for axis in range(3):
-            sites[i, axis], sites[i, 3 + axis] = field.positions[axis, i], field.normals[axis, i]
-        sites[i, 6], sites[i, 7], sites[i, 8] = field.spacings[i], field.y[i], 1.0 + field.noise[i]
+                continue
+            for axis in range(3):
+                sites[a, axis, p], sites[a, 3 + axis, p] = field.positions[axis, j], field.normals[axis, j]
+            sites[a, 6, p], sites[a, 7, p], sites[a, 8, p] = field.spacings[j], field.y[j], 1.0 + field.noise[j]
 
 
 class Posterior(NamedTuple):
@@ -179,16 +154,12 @@ class Posterior(NamedTuple):
     scores: NDArray[np.float64]
 
 
-def posterior(
-    field: LocalField, sites: NDArray[np.float64], conditioning: Conditioning, error_weight: float
-) -> Posterior:
+def posterior(field: LocalField, conditioning: Conditioning, error_weight: float) -> Posterior:
     """Return the posterior at every point.
 
     Parameters
     ----------
     field : LocalField
-    sites : (n, 9) array
-        As returned by `sites_of`.
     conditioning : Conditioning
     error_weight : float
         w, the weight of the error in the score.
@@ -197,22 +168,22 @@ def posterior(
     -------
     Posterior
     """
-    found = Posterior(np.empty(len(sites)), np.empty(len(sites)), np.empty(len(sites)))
+    n = len(field.y)
+    found = Posterior(np.empty(n), np.empty(n), np.empty(n))
     on_ranges(
-        _posterior_everywhere, len(sites), field, sites, conditioning.nearest, error_weight, *found,
-        least=POINTS_AT_ONCE,
+        _posterior_everywhere, n, field, conditioning.nearest, error_weight, *found, least=POINTS_AT_ONCE
     )  # fmt: skip
     return found
 
 
 @kernel
-def _posterior_everywhere(begin, end, field, sites, nearest, error_weight, means, variances, scores):
-    """Fill the entries `begin` to `end` of the results, (n,) each, given sites, (n, 9), and nearest, (n, K)."""
+def _posterior_everywhere(begin, end, field, nearest, error_weight, means, variances, scores):
+    """Fill the entries `begin` to `end` of the results, (n,) each, given nearest, (n, K)."""
     work = workspace(nearest.shape[1])
     which = np.arange(begin, end)
     for some in range(0, len(which), LANES):
         count = min(LANES, len(which) - some)
-        posteriors(field, sites, nearest, which, some, some + count, error_weight, work)
+        posteriors(field, nearest, which, some, some + count, error_weight, work)
         for p in range(count):
             i = begin + some + p
             means[i], variances[i], scores[i] = work.mean[p], work.variance[p], work.score[p]
