@@ -24,13 +24,16 @@ from gppcs.engine.kernel_cache import folder_to_write, folders, sources_have_cha
 CHECKSUM_BYTES = 16
 
 
-def kernel(function: Callable[..., Any] | None = None, /, **options: Any) -> Any:
+def kernel(function: Callable[..., Any] | None = None, /, *, allocates: bool = True, **options: Any) -> Any:
     """Compile a function when it is first called with arguments of new types, or load the code that was kept.
 
     Parameters
     ----------
     function : callable
         Its body, and all that it calls, must be what Numba can compile.
+    allocates : bool
+        Whether the function makes or returns arrays. If it does not, it need not count references to its arguments.
+        Each count takes a locked instruction, which holds up other threads that use the same arrays.
     **options
         Options of `numba.njit`, such as `fastmath`. The compiled code always runs without Python's global lock, and a
         division by zero gives infinity or NaN.
@@ -41,9 +44,9 @@ def kernel(function: Callable[..., Any] | None = None, /, **options: Any) -> Any
         The compiled function; or the decorator, if there is no `function`.
     """
     if function is None:
-        return lambda function: kernel(function, **options)
+        return lambda function: kernel(function, allocates=allocates, **options)
     # Less code compiles sooner: nobody calls kernels from C, and none needs ZeroDivisionError.
-    every: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy"}
+    every: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy", "_nrt": allocates}
     compiled: Any = nb.njit(**every, **options)(function)
     if compiled is not function:  # as it is with NUMBA_DISABLE_JIT
         compiled._cache = _KernelCache(function)

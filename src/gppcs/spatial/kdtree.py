@@ -137,6 +137,15 @@ class KdTree(ComparedByValue):
         """
         return KdTree(self.order, self.points * factor, self.low * factor, self.high * factor)
 
+    def in_own_order(self) -> KdTree:
+        """Return the tree over the points in tree order: what is computed for its input is then in tree order.
+
+        Returns
+        -------
+        KdTree
+        """
+        return KdTree(np.arange(len(self.order)), self.points, self.low, self.high)
+
     def positions(self) -> NDArray[np.int64]:
         """Return the position in tree order of each point of the input.
 

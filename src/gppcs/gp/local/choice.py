@@ -88,7 +88,7 @@ def begin_choice(
     return choice
 
 
-@kernel
+@kernel(allocates=False)
 def _begin_leaves(begin, end, spacings, choice):
     """Fill the nodes of a range of leaves, given the desired spacings, (n,)."""
     leaves = first_leaf(choice.best)
@@ -100,7 +100,7 @@ def _begin_leaves(begin, end, spacings, choice):
         _renew_leaf(leaf, choice)
 
 
-@kernel
+@kernel(allocates=False)
 def renew_upper(choice, count):
     """Update the nodes above a level of `count` nodes from the nodes of that level."""
     for node in range(count - 1, 0, -1):
@@ -119,12 +119,15 @@ class Room(NamedTuple):
         Points whose posteriors it changes.
     gaps : (LEAF_SIZE,) array
         Squared distances in the field between the new point and the points of a leaf.
+    stack : (64,) array, int64
+        Nodes to visit.
     work : Work
     """
 
     visited: NDArray[np.int64]
     changed: NDArray[np.int64]
     gaps: NDArray[np.float64]
+    stack: NDArray[np.int64]
     work: Work
 
 
@@ -135,11 +138,12 @@ def room_below(choice, count):
         np.empty(len(choice.best) // count, dtype=np.int64),
         np.empty(len(choice.scores) // count + 1, dtype=np.int64),
         np.empty(LEAF_SIZE, dtype=np.float64),
+        np.empty(64, dtype=np.int64),
         workspace(choice.conditioning.nearest.shape[1]),
     )
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, allocates=False)
 def observe(new, root, field, error_weight, choice, room):
     """Condition the points below the node `root` on a new chosen point, and update their scores and nodes."""
     nodes, points = _tell(new, root, field, choice, room)
@@ -156,7 +160,7 @@ def observe(new, root, field, error_weight, choice, room):
             _renew_leaf(room.visited[v], choice)
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, allocates=False)
 def _tell(new, root, field, choice, room):
     """Condition the points around a new point on it.
 
@@ -167,7 +171,7 @@ def _tell(new, root, field, choice, room):
     x, y, z = field.positions[0, new], field.positions[1, new], field.positions[2, new]
     u, v, w = field.normals[0, new], field.normals[1, new], field.normals[2, new]
     spacing = field.spacings[new]
-    stack = np.empty(64, dtype=np.int64)
+    stack = room.stack
     stack[0] = root
     height, seen, count = 1, 0, 0
     while height:
@@ -197,7 +201,7 @@ def _tell(new, root, field, choice, room):
     return seen, count
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, allocates=False)
 def within_reach(boxes, node, x, y, z, spacing, reach):
     """Return whether a point may be within a reach of a point of the node; `boxes` is (nodes, 8)."""
     dx = max(boxes[node, 0] - x, x - boxes[node, 3], 0.0)
@@ -206,7 +210,7 @@ def within_reach(boxes, node, x, y, z, spacing, reach):
     return dx * dx + dy * dy + dz * dz <= reach * (0.5 * (boxes[node, 7] + spacing**2))
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, allocates=False)
 def _keep_nearest(conditioning, i, new, gap):
     """Insert a chosen point among those that point i is conditioned on, and drop the last."""
     slot = conditioning.nearest.shape[1] - 1
@@ -217,7 +221,7 @@ def _keep_nearest(conditioning, i, new, gap):
     conditioning.squared[i, slot], conditioning.nearest[i, slot] = gap, new
 
 
-@kernel
+@kernel(allocates=False)
 def set_score(choice, root, i, score):
     """Set the score of a point, and update the nodes from its leaf up to the node `root`."""
     leaves = first_leaf(choice.best)
@@ -229,7 +233,7 @@ def set_score(choice, root, i, score):
         _renew_inner(node, choice)
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, allocates=False)
 def _renew_inner(node, choice):
     """Update score, holder and reach of a node from its children."""
     best, holder, a, b = choice.best, choice.holder, 2 * node, 2 * node + 1
@@ -240,7 +244,7 @@ def _renew_inner(node, choice):
     choice.boxes[node, 6] = max(choice.boxes[a, 6], choice.boxes[b, 6])
 
 
-@kernel(fastmath={"nnan", "nsz"})
+@kernel(fastmath={"nnan", "nsz"}, allocates=False)
 def _renew_leaf(node, choice):
     """Update score, holder and reach of a leaf's node from its points."""
     begin, end = leaf_range(len(choice.scores), first_leaf(choice.best), node)

@@ -47,7 +47,7 @@ class LocalField(NamedTuple):
     normal_weight: float
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, allocates=False)
 def field_distance(dx, dy, dz, cosine, s, r, normal_weight):
     """Return the squared distance in the field, |x - x'|^2 / ((s^2 + s'^2) / 2) + beta^2 (1 - (n . n')^2).
 
@@ -73,7 +73,7 @@ def field_distance(dx, dy, dz, cosine, s, r, normal_weight):
     return (dx * dx + dy * dy + dz * dz) / (0.5 * (s * s + r * r)) + across
 
 
-@kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"})
+@kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"}, allocates=False)
 def correlate(sites, a, b, lengthscale, normal_weight, out):
     """Compute the kernel between the a-th and the b-th site of each lane, in units of the prior variance.
 

@@ -104,7 +104,7 @@ def divide(choice: Choice, count: int) -> Parts:
     )  # fmt: skip
 
 
-@kernel
+@kernel(allocates=False)
 def _find_neighbours(boxes, near):
     """Mark the pairs of parts, (parts, parts), one of which may be within the reach of the other; boxes (nodes, 8)."""
     count = len(near)
@@ -169,24 +169,30 @@ def _exchange(field: LocalField, error_weight: float, choice: Choice, parts: Par
 @kernel
 def _hear(begin, end, field, error_weight, choice, parts):
     """Condition the points of some parts on what their neighbours have chosen; note their own scores."""
-    n, leaves, count = len(choice.scores), first_leaf(choice.best), len(parts.counts)
-    room = room_below(choice, count)
+    room = room_below(choice, len(parts.counts))
     for part in range(begin, end):
-        root = count + part
-        for other in parts.neighbours[parts.starts[part] : parts.starts[part + 1]]:
-            first = n * other // count
-            for slot in range(first + parts.told[other], first + parts.counts[other]):
-                new = parts.positions[slot]
-                x, y, z = field.positions[0, new], field.positions[1, new], field.positions[2, new]
-                if within_reach(choice.boxes, root, x, y, z, field.spacings[new], choice.boxes[root, 6]):
-                    observe(new, root, field, error_weight, choice, room)
-        first, last = n * part // count, n * (part + 1) // count
-        parts.seen[first:last] = choice.scores[first:last]
-        first, last = root, root + 1
-        while first < 2 * leaves:
-            for node in range(first, last):
-                parts.best[node], parts.reach[node] = choice.best[node], choice.boxes[node, 6]
-            first, last = 2 * first, 2 * last
+        _hear_in_part(part, field, error_weight, choice, parts, room)
+
+
+@kernel(allocates=False)
+def _hear_in_part(part, field, error_weight, choice, parts, room):
+    """Condition the points of a part on what its neighbours have chosen; note their scores."""
+    n, leaves, count = len(choice.scores), first_leaf(choice.best), len(parts.counts)
+    root = count + part
+    for other in parts.neighbours[parts.starts[part] : parts.starts[part + 1]]:
+        first = n * other // count
+        for slot in range(first + parts.told[other], first + parts.counts[other]):
+            new = parts.positions[slot]
+            x, y, z = field.positions[0, new], field.positions[1, new], field.positions[2, new]
+            if within_reach(choice.boxes, root, x, y, z, field.spacings[new], choice.boxes[root, 6]):
+                observe(new, root, field, error_weight, choice, room)
+    for i in range(n * part // count, n * (part + 1) // count):
+        parts.seen[i] = choice.scores[i]
+    first, last = root, root + 1
+    while first < 2 * leaves:
+        for node in range(first, last):
+            parts.best[node], parts.reach[node] = choice.best[node], choice.boxes[node, 6]
+        first, last = 2 * first, 2 * last
 
 
 @kernel
@@ -212,21 +218,27 @@ def choose(begin, end, level, most, field, error_weight, choice, parts):
     doubtful = np.empty(len(room.changed), dtype=np.int64)
     scores = np.empty(len(doubtful), dtype=np.float64)
     for part in range(begin, end):
-        root, doubts = count + part, 0
-        while choice.best[root] >= level and choice.best[root] > TAKEN and parts.counts[part] < most:
-            new = choice.holder[root]
-            if _in_doubt(new, part, doubtful[:doubts], field, choice, parts):
-                doubtful[doubts], scores[doubts] = new, choice.scores[new]
-                doubts += 1
-                set_score(choice, root, new, TAKEN)
-            else:
-                _take(new, part, choice, parts)
-                observe(new, root, field, error_weight, choice, room)
-        for doubt in range(doubts):
-            set_score(choice, root, doubtful[doubt], scores[doubt])
+        _choose_in_part(part, level, most, field, error_weight, choice, parts, room, doubtful, scores)
 
 
-@kernel
+@kernel(allocates=False)
+def _choose_in_part(part, level, most, field, error_weight, choice, parts, room, doubtful, scores):
+    """Let a part choose; `doubtful` and `scores`, with an entry for each of its points, are room."""
+    root, doubts = len(parts.counts) + part, 0
+    while choice.best[root] >= level and choice.best[root] > TAKEN and parts.counts[part] < most:
+        new = choice.holder[root]
+        if _in_doubt(new, part, doubtful[:doubts], field, choice, parts, room.stack):
+            doubtful[doubts], scores[doubts] = new, choice.scores[new]
+            doubts += 1
+            set_score(choice, root, new, TAKEN)
+        else:
+            _take(new, part, choice, parts)
+            observe(new, root, field, error_weight, choice, room)
+    for doubt in range(doubts):
+        set_score(choice, root, doubtful[doubt], scores[doubt])
+
+
+@kernel(allocates=False)
 def _take(new, part, choice, parts):
     """Choose a point for a part."""
     slot = len(choice.scores) * part // len(parts.counts) + parts.counts[part]
@@ -235,25 +247,24 @@ def _take(new, part, choice, parts):
     choice.scores[new] = choice.reach[new] = TAKEN
 
 
-@kernel
-def _in_doubt(new, part, doubtful, field, choice, parts):
+@kernel(allocates=False)
+def _in_doubt(new, part, doubtful, field, choice, parts, stack):
     """Return whether a better point, outside or in doubt itself, may affect a point of a part or be affected by it."""
     for other in doubtful:
         if _gap(field, new, other) < max(choice.reach[new], choice.reach[other]):
             return True
     for other in parts.neighbours[parts.starts[part] : parts.starts[part + 1]]:
-        if _affected(new, len(parts.counts) + other, field, choice, parts):
+        if _affected(new, len(parts.counts) + other, field, choice, parts, stack):
             return True
     return False
 
 
-@kernel
-def _affected(new, root, field, choice, parts):
+@kernel(allocates=False)
+def _affected(new, root, field, choice, parts, stack):
     """Return whether a better point below the node `root` may affect a point or be affected by it."""
     n, leaves = len(choice.scores), first_leaf(choice.best)
     score, reach, index = choice.scores[new], choice.reach[new], choice.order[new]
     x, y, z, spacing = field.positions[0, new], field.positions[1, new], field.positions[2, new], field.spacings[new]
-    stack = np.empty(64, dtype=np.int64)
     stack[0] = root
     height = 1
     while height:
@@ -273,7 +284,7 @@ def _affected(new, root, field, choice, parts):
     return False
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, allocates=False)
 def _gap(field, i, j):
     """Return the squared distance in the field between two points."""
     places, normals = field.positions, field.normals

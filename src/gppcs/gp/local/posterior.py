@@ -71,7 +71,7 @@ def workspace(neighbours):
     )
 
 
-@kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"})
+@kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"}, allocates=False)
 def posteriors(field, nearest, which, begin, end, error_weight, work):
     """Compute mean, variance and score at the points `which[begin:end]`.
 
@@ -126,7 +126,7 @@ def posteriors(field, nearest, which, begin, end, error_weight, work):
         score[p] = np.sqrt(gain * variance[p]) + error_weight * gain * abs(mean[p] - sites[neighbours, 7, p])
 
 
-@kernel
+@kernel(allocates=False)
 def _gather(field, nearest, which, begin, end, sites):
     """Copy what the kernel and the observation need of each point into lanes, (K + 1, 9, LANES).
 

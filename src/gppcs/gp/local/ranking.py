@@ -98,7 +98,7 @@ def rank(
     chosen = np.empty(0, dtype=np.int64)
     scores, deviations = [], []
     for stage in candidates:
-        tree, field = _observed(points[stage.indices], stage, criterion, noise, clock)
+        tree, field = _observed(points, stage, criterion, noise, clock)
         with clock("greedy selection", stage.target - len(chosen)) as advanced:
             before = tree.positions()[np.searchsorted(stage.indices, chosen)]  # they are candidates of this stage
             extended, score, deviation = extend(
@@ -112,17 +112,29 @@ def rank(
 
 
 def _observed(
-    places: NDArray[np.float64], stage: Candidates, criterion: Criterion, noise: Noise, clock: Stages
+    points: NDArray[np.float64], stage: Candidates, criterion: Criterion, noise: Noise, clock: Stages
 ) -> tuple[KdTree, LocalField]:
-    """Return the tree over a stage's n candidates, (n, 3) `places`, in units of its target spacing, and their field."""
+    """Return the tree over a stage's candidates, in units of its target spacing, and the field over them."""
     spacing = float(np.sqrt(stage.area / stage.target)) or 1.0
     with clock("noise"):
-        tree = KdTree.build(places)
-        feet, variances = noise.observe(tree)
-        tree, on_surface = tree.scaled(1.0 / spacing), feet.scaled(1.0 / spacing)
+        tree, on_surface, variances = _denoised(points[stage.indices], noise, spacing)
     with clock("features"):
         features = features_in_radius(on_surface, 1.0) if stage.thinned else features_of_nearest(on_surface, NEAREST)
-        return tree, local_field(tree, features, variances / spacing**2, criterion)
+        return tree, local_field(tree, features, variances, criterion)
+
+
+def _denoised(
+    places: NDArray[np.float64], noise: Noise, spacing: float
+) -> tuple[KdTree, KdTree, NDArray[np.float64]]:
+    """Return trees over places, (n, 3), and where their features are measured, and the variances of observations.
+
+    All are in units of the spacing, and in tree order; the order of the second tree is its own.
+    """
+    tree = KdTree.build(places)
+    feet, variances = noise.observe(tree)
+    on_surface = feet.scaled(1.0 / spacing)
+    tree = on_surface if feet is tree else tree.scaled(1.0 / spacing)
+    return tree, on_surface.in_own_order(), variances / spacing**2
 
 
 def local_field(tree: KdTree, features: Features, noise: NDArray[np.float64], criterion: Criterion) -> LocalField:
@@ -133,7 +145,7 @@ def local_field(tree: KdTree, features: Features, noise: NDArray[np.float64], cr
     tree : KdTree
         Over the n candidates, in units of the target spacing.
     features : Features
-        Of the candidates, in the tree's input order.
+        Of the candidates, in tree order.
     noise : (n,) array
         Variance of the observation at each, in units of the prior's, in tree order.
     criterion : Criterion
@@ -143,13 +155,13 @@ def local_field(tree: KdTree, features: Features, noise: NDArray[np.float64], cr
     LocalField
         At n points, in tree order.
     """
-    variation = features.surface_variation[tree.order]
+    variation = features.surface_variation
     roughness = np.sqrt(variation)
     roundness = (1.0 - segregation(roughness) ** 2) ** 4
     spread = float(np.std(variation))
     return LocalField(
         positions=tree.points,
-        normals=np.ascontiguousarray(features.normals[tree.order].T),
+        normals=np.ascontiguousarray(features.normals.T),
         spacings=desired_spacings(tree, roughness, criterion.density_power * roundness),
         y=(variation - np.mean(variation)) / spread if spread > ROUNDING else np.zeros(len(noise)),
         noise=NUGGET + noise,
