@@ -25,7 +25,7 @@ from gppcs.drawing.cloud_images import ColouredCloud, Original, View
 from gppcs.drawing.viewpoint import Viewpoint
 from gppcs.gp.local import ranking
 from gppcs.gp.local.conditioning import condition
-from gppcs.gp.local.posterior import posterior, sites_of
+from gppcs.gp.local.posterior import posterior
 
 PICTURE = Path(__file__).parents[1] / "docs" / "local-field.png"
 POINTS, KEPT = 200_000, 3_000
@@ -73,8 +73,8 @@ def last_stage(cloud: gppcs.PointCloud) -> LastStage:
     (tree, features, *_), field = fields.last
     (*_, chosen, _, neighbours, error_weight), (kept, *_) = choices.last
     given_chosen = condition(field, tree, chosen, neighbours)
-    variances = posterior(field, sites_of(field), given_chosen, error_weight).variances
-    roughness = np.sqrt(features.surface_variation[tree.order])
+    variances = posterior(field, given_chosen, error_weight).variances
+    roughness = np.sqrt(features.surface_variation)
     return LastStage(tree.points.T.copy(), roughness, field.spacings, np.sqrt(variances), chosen, kept)
 
 

@@ -10,7 +10,7 @@ from scipy.spatial.distance import cdist
 import dense
 from gppcs.gp.local.conditioning import Conditioning, condition
 from gppcs.gp.local.kernel import LANES, LocalField, correlate, field_distance
-from gppcs.gp.local.posterior import posterior, sites_of
+from gppcs.gp.local.posterior import posterior
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
 
@@ -56,7 +56,7 @@ def conditioned(field, chosen, k):
 
 def of_posterior(field, conditioning):
     """Mean and variance of every point."""
-    return posterior(field, sites_of(field), conditioning, 0.0)[:2]
+    return posterior(field, conditioning, 0.0)[:2]
 
 
 def kernel_of(field):

@@ -20,6 +20,7 @@ from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range
 
 LEAVES_AT_ONCE = 32  # Leaves that a thread takes at once, at least.
 TAKEN = -1.0  # Score and reach of a chosen point: below those of all others.
+UNSCORED = -2.0  # Score of a point that a new point has changed, until it is computed.
 
 
 class Choice(NamedTuple):
@@ -146,25 +147,18 @@ def room_below(choice, count):
 @kernel(fastmath=False, allocates=False)
 def observe(new, root, field, error_weight, choice, room):
     """Condition the points below the node `root` on a new chosen point, and update their scores and nodes."""
-    nodes, points = _tell(new, root, field, choice, room)
-    for begin in range(0, points, LANES):
-        end = min(begin + LANES, points)
-        posteriors(field, choice.conditioning.nearest, room.changed, begin, end, error_weight, room.work)
-        for p in range(end - begin):
-            i = room.changed[begin + p]
-            choice.variances[i], choice.scores[i] = room.work.variance[p], room.work.score[p]
+    nodes, points = tell(new, root, field, choice, room, 0)
+    score_changed(points, field, error_weight, choice, room)
     for v in range(nodes - 1, -1, -1):  # children before their parents
-        if room.visited[v] < first_leaf(choice.best):
-            _renew_inner(room.visited[v], choice)
-        else:
-            _renew_leaf(room.visited[v], choice)
+        renew(room.visited[v], choice)
 
 
 @kernel(fastmath=False, allocates=False)
-def _tell(new, root, field, choice, room):
-    """Condition the points around a new point on it.
+def tell(new, root, field, choice, room, count):
+    """Condition the points below the node `root` on a new chosen point; mark those that it changes as unscored.
 
-    Fill `visited` and `changed` of the room, and return how many entries of each are valid.
+    Fill `visited` of the room, add to the first `count` points in `changed` those that were not unscored, and return
+    how many entries of each are valid.
     """
     boxes, reach, last = choice.boxes, choice.reach, choice.conditioning.nearest.shape[1] - 1
     n, leaves = len(reach), first_leaf(boxes)
@@ -173,7 +167,7 @@ def _tell(new, root, field, choice, room):
     spacing = field.spacings[new]
     stack = room.stack
     stack[0] = root
-    height, seen, count = 1, 0, 0
+    height, seen = 1, 0
     while height:
         height -= 1
         node = stack[height]
@@ -196,8 +190,10 @@ def _tell(new, root, field, choice, room):
             if room.gaps[i - begin] < reach[i]:
                 _keep_nearest(choice.conditioning, i, new, room.gaps[i - begin])
                 reach[i] = choice.conditioning.squared[i, last]
-                room.changed[count] = i
-                count += 1
+                if choice.scores[i] != UNSCORED:
+                    choice.scores[i] = UNSCORED
+                    room.changed[count] = i
+                    count += 1
     return seen, count
 
 
@@ -222,6 +218,17 @@ def _keep_nearest(conditioning, i, new, gap):
 
 
 @kernel(allocates=False)
+def score_changed(count, field, error_weight, choice, room):
+    """Compute the posteriors of the first `count` points in `changed` of the room."""
+    for begin in range(0, count, LANES):
+        end = min(begin + LANES, count)
+        posteriors(field, choice.conditioning.nearest, room.changed, begin, end, error_weight, room.work)
+        for p in range(end - begin):
+            i = room.changed[begin + p]
+            choice.variances[i], choice.scores[i] = room.work.variance[p], room.work.score[p]
+
+
+@kernel(allocates=False)
 def set_score(choice, root, i, score):
     """Set the score of a point, and update the nodes from its leaf up to the node `root`."""
     leaves = first_leaf(choice.best)
@@ -231,6 +238,15 @@ def set_score(choice, root, i, score):
     while node > root:
         node //= 2
         _renew_inner(node, choice)
+
+
+@kernel(allocates=False)
+def renew(node, choice):
+    """Update score, holder and reach of a node, from its children or from its points."""
+    if node < first_leaf(choice.best):
+        _renew_inner(node, choice)
+    else:
+        _renew_leaf(node, choice)
 
 
 @kernel(fastmath=False, allocates=False)

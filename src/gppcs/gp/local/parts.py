@@ -17,7 +17,18 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.gp.local.choice import TAKEN, Choice, observe, renew_upper, room_below, set_score, within_reach
+from gppcs.gp.local.choice import (
+    TAKEN,
+    Choice,
+    observe,
+    renew,
+    renew_upper,
+    room_below,
+    score_changed,
+    set_score,
+    tell,
+    within_reach,
+)
 from gppcs.gp.local.kernel import LocalField, field_distance
 from gppcs.spatial.kdtree import first_leaf, leaf_range, squared_distance_of_boxes
 
@@ -177,22 +188,25 @@ def _hear(begin, end, field, error_weight, choice, parts):
 @kernel(allocates=False)
 def _hear_in_part(part, field, error_weight, choice, parts, room):
     """Condition the points of a part on what its neighbours have chosen; note their scores."""
-    n, leaves, count = len(choice.scores), first_leaf(choice.best), len(parts.counts)
-    root = count + part
+    n, count = len(choice.scores), len(parts.counts)
+    root, changed = count + part, 0
     for other in parts.neighbours[parts.starts[part] : parts.starts[part + 1]]:
         first = n * other // count
         for slot in range(first + parts.told[other], first + parts.counts[other]):
             new = parts.positions[slot]
             x, y, z = field.positions[0, new], field.positions[1, new], field.positions[2, new]
             if within_reach(choice.boxes, root, x, y, z, field.spacings[new], choice.boxes[root, 6]):
-                observe(new, root, field, error_weight, choice, room)
+                _, changed = tell(new, root, field, choice, room, changed)
+    score_changed(changed, field, error_weight, choice, room)
     for i in range(n * part // count, n * (part + 1) // count):
         parts.seen[i] = choice.scores[i]
-    first, last = root, root + 1
-    while first < 2 * leaves:
-        for node in range(first, last):
+    width = first_leaf(choice.best) // count
+    while width:  # children before their parents
+        for node in range(root * width, (root + 1) * width):
+            if changed:
+                renew(node, choice)
             parts.best[node], parts.reach[node] = choice.best[node], choice.boxes[node, 6]
-        first, last = 2 * first, 2 * last
+        width //= 2
 
 
 @kernel

@@ -123,9 +123,7 @@ def _observed(
         return tree, local_field(tree, features, variances, criterion)
 
 
-def _denoised(
-    places: NDArray[np.float64], noise: Noise, spacing: float
-) -> tuple[KdTree, KdTree, NDArray[np.float64]]:
+def _denoised(places: NDArray[np.float64], noise: Noise, spacing: float) -> tuple[KdTree, KdTree, NDArray[np.float64]]:
     """Return trees over places, (n, 3), and where their features are measured, and the variances of observations.
 
     All are in units of the spacing, and in tree order; the order of the second tree is its own.
