@@ -221,7 +221,7 @@ def first_leaf(low):
     return low.shape[0] // 2
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, allocates=False)
 def leaf_range(n, leaves, leaf):
     """Return the start and the end of a leaf's points in tree order.
 
@@ -271,7 +271,7 @@ def _grow(begin, end, top, depth, records, numbers, order, points, low, high):
             _fill_leaf(records, numbers, leaf, depth, order, points, low, high)
 
 
-@kernel
+@kernel(allocates=False)
 def _fill_leaf(records, numbers, leaf, depth, order, points, low, high):
     """Copy a leaf's records, (N, 4), to `order` (N,) and `points` (3, N), and fill its box in `low` and `high`."""
     begin, end = _range(len(records), leaf, depth)
@@ -282,7 +282,7 @@ def _fill_leaf(records, numbers, leaf, depth, order, points, low, high):
             points[axis, i] = records[i, axis]
 
 
-@kernel
+@kernel(allocates=False)
 def _range(n, node, level):
     """Return the start and the end in tree order of a node of a level, of n points."""
     j = node - (1 << level)
@@ -301,7 +301,7 @@ def _split(records, node, level, low, high):
     _part(records, axis, begin, _range(len(records), 2 * node, level + 1)[1], end)
 
 
-@kernel(fastmath={"nnan", "nsz"})
+@kernel(fastmath={"nnan", "nsz"}, allocates=False)
 def _bound(records, begin, end, low, high):
     """Fill `low` and `high`, (3,), with the bounds of the records begin..end of (N, 4)."""
     a = b = c = np.inf
@@ -347,7 +347,7 @@ def _part(records, axis, begin, middle, end):
             begin = parted
 
 
-@kernel
+@kernel(allocates=False)
 def _pivot(records, axis, begin, middle, end, sample):
     """Return a key of the records, (N, 4), that probably leaves `middle` in a small part (Floyd and Rivest 1975)."""
     count = end - begin
@@ -367,7 +367,7 @@ def _pivot(records, axis, begin, middle, end, sample):
     return sample[min(below + PAST_MIDDLE, SAMPLED - 1)] if 2 * below < SAMPLED else sample[max(below - PAST_MIDDLE, 0)]
 
 
-@kernel
+@kernel(allocates=False)
 def _move_forward(records, axis, begin, end, pivot, equal):
     """Move records, (N, 4), with keys below the pivot to the front of begin..end; return where the others start.
 
@@ -385,7 +385,7 @@ def _move_forward(records, axis, begin, end, pivot, equal):
     return free
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, allocates=False)
 def squared_distance_to_box(low, high, x, y, z):
     """Return the squared distance of (x, y, z) to a box, zero inside.
 
@@ -497,7 +497,7 @@ def leaves_near(low, high, box_low, box_high, squared_radius, found):
     return count
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, allocates=False)
 def squared_distance_of_boxes(low, high, other_low, other_high):
     """Return the squared distance between two boxes, zero if they overlap.
 
@@ -518,7 +518,7 @@ def squared_distance_of_boxes(low, high, other_low, other_high):
     return dx * dx + dy * dy + dz * dz
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, allocates=False)
 def points_near(points, low, high, leaves, box_low, box_high, squared_radius, found):
     """Find the points of some leaves within a radius of a box.
 
@@ -599,7 +599,7 @@ def greatest_in_leaf(node, order, values, greatest, holder):
     greatest[node], holder[node] = best, index
 
 
-@kernel
+@kernel(allocates=False)
 def greater_child(node, greatest, holder):
     """Update the greatest value of one inner node from its two children.
 

@@ -50,7 +50,7 @@ def room_for(leaves):
     )
 
 
-@kernel
+@kernel(allocates=False)
 def pack(points, room, count):
     """Copy the coordinates of the found points into `room.packed`, and pad them with far points.
 
@@ -213,7 +213,7 @@ def steps_by_itself(points, low, high, x, y, z, search):
     return search.gaps[-1]
 
 
-@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
 def reach_of_nearest(packed, count, x, y, z, k, squared_radius, squared):
     """Return a squared distance from (x, y, z) within which exactly k packed points lie.
 
@@ -260,7 +260,7 @@ def reach_of_nearest(packed, count, x, y, z, k, squared_radius, squared):
     return -1.0
 
 
-@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
 def _within(squared, limit):
     """Return how many of the squared distances, (m,), are at most `limit`."""
     count = 0.0

@@ -19,7 +19,7 @@ _CHEBYSHEV = np.polynomial.Chebyshev.interpolate(lambda x: -np.cos(2 / 3 * np.ar
 SMALLEST_ROOT = np.polynomial.chebyshev.cheb2poly(_CHEBYSHEV.coef)[::-1].copy()
 
 
-@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
 def moments_in_ball(packed, count, x, y, z, squared_radius, moments, p):
     """Compute the moments of the packed points within a radius of (x, y, z), relative to (x, y, z).
 
@@ -81,7 +81,7 @@ def node_moments(points, low, high, moments):
             add_shifted(point, points[0, i] - x, points[1, i] - y, points[2, i] - z, moments[node])
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, allocates=False)
 def middle(low, high):
     """Return the middle of a box.
 
@@ -97,7 +97,7 @@ def middle(low, high):
     return 0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2])
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, allocates=False)
 def add_shifted(moments, x, y, z, total):
     """Add moments relative to one origin to moments relative to another origin.
 
@@ -123,7 +123,7 @@ def add_shifted(moments, x, y, z, total):
     total[9] += moments[9] + 2.0 * z * sz + n * z * z
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, allocates=False)
 def flattest(xx, xy, xz, yy, yz, zz, normal):
     """Find the smallest eigenvalue lambda_0 of a symmetric 3 x 3 matrix C, and its eigenvector.
 
@@ -160,7 +160,7 @@ def flattest(xx, xy, xz, yy, yz, zz, normal):
     return max(0.0, smallest)
 
 
-@kernel
+@kernel(allocates=False)
 def _null_vector(xx, xy, xz, yy, yz, zz, normal):
     """Fill `normal`, (3,), with a unit vector that a singular symmetric matrix maps to zero."""
     crosses = (
@@ -191,7 +191,7 @@ def _null_vector(xx, xy, xz, yy, yz, zz, normal):
             normal[0], normal[1], normal[2] = x / length, y / length, z / length
 
 
-@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
 def flattest_side_by_side(moments, variation, normals, sure):
     """Find what `flattest` finds, for the covariances of AT_ONCE neighbourhoods in one vectorised loop.
 

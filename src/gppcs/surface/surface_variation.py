@@ -278,7 +278,7 @@ def _around(group, low, high, moments, squared_radius, near, shared):
     return count
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, allocates=False)
 def _farthest(low, high, other_low, other_high):
     """Return the largest squared distance between a point of one box and a point of another; corners are (3,)."""
     dx = max(high[0] - other_low[0], other_high[0] - low[0])

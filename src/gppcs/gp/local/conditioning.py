@@ -101,7 +101,7 @@ def _condition_leaves(begin, end, tasks, field, low, high, chosen, conditioning)
             squared_radius = needed if needed > 0.0 else 1.0  # a radius of 0 could not grow
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, allocates=False)
 def _condition_leaf(field, low, high, chosen, leaf, squared_radius, near, found, side, conditioning):
     """Condition the points of a leaf; return the squared radius of the search that the leaf needed.
 
@@ -159,7 +159,7 @@ def _side_by_side(neighbours):
     )
 
 
-@kernel
+@kernel(allocates=False)
 def _take_up(field, begin, end, side):
     """Copy the points `begin` to `end` of the field into the columns; the last one fills the rest."""
     for p in range(LEAF_SIZE):
@@ -169,7 +169,7 @@ def _take_up(field, begin, end, side):
         side.points[6, p] = field.spacings[i]
 
 
-@kernel(fastmath=False)
+@kernel(fastmath=False, allocates=False)
 def _keep_nearest_side_by_side(field, chosen, found, side):
     """Keep, for each point of a leaf, the nearest of the chosen points `found`, (count,).
 

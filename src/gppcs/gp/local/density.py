@@ -180,7 +180,7 @@ def _limit_leaves(begin, end, points, low, high, spacings, slope, least, result)
                 stack[a], stack[b], bounds[a], bounds[b] = stack[b], stack[a], bounds[b], bounds[a]
 
 
-@kernel
+@kernel(allocates=False)
 def _greatest(values, first, last):
     """Return the greatest of the values, (N,), from `first` to `last`."""
     greatest = values[first]
@@ -189,7 +189,7 @@ def _greatest(values, first, last):
     return greatest
 
 
-@kernel
+@kernel(allocates=False)
 def _lower(places, source, spacing, slope, result):
     """Lower the spacings, (m,), at places, (3, m), to the limit that one point, (3,), with its spacing sets."""
     for i in range(len(result)):
