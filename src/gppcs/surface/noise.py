@@ -6,7 +6,7 @@ The rows "noise off" and "wide neighbourhoods off" of the ablation
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +35,8 @@ class Noise:
 
     Attributes
     ----------
-    tree : KdTree
-        Over the points to which quadrics are fitted.
+    tree : KdTree or None
+        Over the points to which quadrics are fitted; None if no noise matters, so that its memory is free.
     neighbours : int
         Points of each fit.
     thick : bool
@@ -47,7 +47,7 @@ class Noise:
         Target spacing, in the same unit.
     """
 
-    tree: KdTree
+    tree: KdTree | None
     neighbours: int
     thick: bool
     level: float
@@ -75,12 +75,13 @@ class Noise:
         """
         within = int(np.pi * len(tree.order) / n_points)  # points within the target spacing of a point, on average
         if within < FEWEST:
-            return cls(tree, within, False, 0.0, spacing)
+            return cls(None, within, False, 0.0, spacing)
         neighbours, level = neighbours_across_noise(tree)
         thick = neighbours > NEIGHBOURS
         if neighbours > within:
             neighbours, level = within, level_and_radius(tree, within)[0]
-        return cls(tree, neighbours, thick, level, spacing)
+        noise = cls(tree, neighbours, thick, level, spacing)
+        return replace(noise, tree=None) if noise.quiet else noise
 
     @property
     def quiet(self) -> bool:
@@ -103,7 +104,7 @@ class Noise:
             Variance of each observation, in tree order; 0 without noise. Divided by h^2 it is in units of the prior
             variance of a field with target spacing h.
         """
-        if self.quiet:
+        if self.tree is None:
             return places, np.zeros(len(places.order))
         feet, _ = projections(self.tree, places, self.neighbours)
         squared = ((feet.points - places.points) ** 2).sum(axis=0)

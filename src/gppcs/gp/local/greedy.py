@@ -79,6 +79,7 @@ def _choose_by_levels(
         step = ((chosen + taken) / (chosen + SPARE * wanted)) ** FALL
         level = min(level, float(choice.best[1])) * max(STEP, step)
         choose_all_above(level, field, error_weight, choice, parts, rest)
-    added, scores = map(np.concatenate, zip(chosen_by(parts), chosen_by(rest), strict=True))
+    (added, scores), (others, of_others) = chosen_by(parts), chosen_by(rest)
+    added, scores = np.concatenate([added, others]), np.concatenate([scores, of_others])
     best = np.argsort(-scores, kind="stable")[:wanted]
     return added[best], scores[best]

@@ -98,17 +98,29 @@ def rank(
     chosen = np.empty(0, dtype=np.int64)
     scores, deviations = [], []
     for stage in candidates:
-        tree, field = _observed(points, stage, criterion, noise, clock)
-        with clock("greedy selection", stage.target - len(chosen)) as advanced:
-            before = tree.positions()[np.searchsorted(stage.indices, chosen)]  # they are candidates of this stage
-            extended, score, deviation = extend(
-                field, tree, before, stage.target, criterion.neighbours, criterion.error_weight
-            )
-            advanced(stage.target - len(chosen))
+        chosen, score, deviation = _extended(chosen, points, stage, criterion, noise, clock)
         scores.append(score)
         deviations.append(deviation)
-        chosen = stage.indices[tree.order[extended]]
     return Ranking(chosen, np.concatenate(scores), np.concatenate(deviations))
+
+
+def _extended(
+    chosen: NDArray[np.int64],
+    points: NDArray[np.float64],
+    stage: Candidates,
+    criterion: Criterion,
+    noise: Noise,
+    clock: Stages,
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the rows chosen before with those that a stage adds, and the scores and deviations of these."""
+    tree, field = _observed(points, stage, criterion, noise, clock)
+    with clock("greedy selection", stage.target - len(chosen)) as advanced:
+        before = tree.positions()[np.searchsorted(stage.indices, chosen)]  # they are candidates of this stage
+        extended, scores, deviations = extend(
+            field, tree, before, stage.target, criterion.neighbours, criterion.error_weight
+        )
+        advanced(stage.target - len(chosen))
+    return stage.indices[tree.order[extended]], scores, deviations
 
 
 def _observed(
