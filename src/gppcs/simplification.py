@@ -271,6 +271,10 @@ def choose(points: ChunkedPoints, count: int, method: Method, stages: Stages) ->
     if missing >= 0:  # of the first M points, at least this many are repeats
         repeats = np.setdiff1d(np.arange(count), distinct.rows, assume_unique=True)[:missing]
         return Selection(np.concatenate([distinct.rows, repeats]))
+    if len(distinct.rows) == len(points):
+        places = distinct.points
+        del distinct  # to free the memory of its rows
+        return method(places, count, stages)
     selection = method(distinct.points, count, stages)
     return dataclasses.replace(selection, indices=distinct.rows[selection.indices])
 
