@@ -24,6 +24,7 @@ QUOTED = {
     "docs/local-field.md": 1,
     "docs/results.md": 6,
     "docs/cost.md": 1,
+    "docs/gallery.md": 1,
     "docs/evaluation.md": 1,
 }  # tables of measurements
 
