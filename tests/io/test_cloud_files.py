@@ -8,7 +8,7 @@ import pytest
 
 import gppcs
 from gppcs.errors import FileFormatError
-from gppcs.io import FORMATS
+from gppcs.io import FORMATS, cloud_files, files
 from gppcs.io.cloud_files import CloudFiles
 
 N = 1000
@@ -109,6 +109,31 @@ def test_compressed_files_are_read_again_in_each_pass(tmp_path):
         for _ in range(3):
             assert sum(len(each) for each in files.chunks(True, 300)) == 2 * N
         assert files.head().points == pytest.approx(2 * N, rel=0.02)
+
+
+@pytest.mark.parametrize("columns", [None, ["x", "y", "z", "label", "weight", "red"]])
+def test_what_the_head_reads_as_a_whole_is_read_once(tmp_path, monkeypatch, columns):
+    name = "a.csv" if columns else "a.npz"
+    gppcs.write(tmp_path / name, cloud())
+    opened = []
+
+    def counted(*arguments):
+        opened.append(name)
+        return files.read_as(*arguments)
+
+    monkeypatch.setattr(cloud_files, "read_as", counted)
+    whole = gppcs.read(tmp_path / name, columns=columns)
+    with CloudFiles([tmp_path / name] * 2, columns=columns) as two:
+        assert two.head().whole
+        both = two.read()
+        assert len(opened) == 2
+        same(both.take(np.arange(N)), whole)
+        same(both.take(np.arange(N, 2 * N)), whole)
+        two.read()
+        assert len(opened) == 4  # nothing is held on to
+        two.head()
+        list(two.chunks(True))  # by which --dry-run finds how fast files are read
+        assert len(opened) == 7
 
 
 def test_columns_that_are_whole_in_some_parts_only_are_fractions_in_all(tmp_path):

@@ -67,6 +67,7 @@ class CloudFiles:
         self._format = format
         self._columns = None if columns is None else checked_columns(columns)
         self._copies: dict[Path, tuple[Any, Path]] = {}
+        self._whole: dict[Path, PointCloud] = {}  # what `head` had to read as a whole, for `read`
         self._stack = ExitStack()
 
     def __enter__(self) -> CloudFiles:
@@ -75,6 +76,7 @@ class CloudFiles:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
+        self._whole.clear()
         self._stack.close()
 
     def read(self) -> PointCloud:
@@ -93,11 +95,17 @@ class CloudFiles:
         """
         clouds, columns = [], JointColumns()
         for path in self.paths:
-            with self._opened(path) as (file, known):
-                cloud = read_as(known, file, self._columns)
-                columns.add(cloud)
-                clouds.append(cloud)
+            clouds.append(self._read(path))
+            with naming(path):
+                columns.add(clouds[-1])
         return clouds[0] if len(clouds) == 1 else columns.joined(clouds)
+
+    def _read(self, path: Path) -> PointCloud:
+        """Read a file, unless `head` has read it as a whole; each cloud is held until then only."""
+        if path in self._whole:
+            return self._whole.pop(path)
+        with self._opened(path) as (file, known):
+            return read_as(known, file, self._columns)
 
     def chunks(self, attributes: bool, rows: int = ROWS) -> Iterator[PointCloud]:
         """Read all points once, in chunks.
@@ -126,6 +134,8 @@ class CloudFiles:
     def head(self) -> Head:
         """Read the first points, and estimate the number of all by the size of the files.
 
+        A file that has to be read as a whole is kept for the next `read`.
+
         Returns
         -------
         Head
@@ -141,6 +151,7 @@ class CloudFiles:
                 clouds.append(next(self._chunks(file, known, BLOCK, True)))
                 if not known.chunks or self._columns or len(clouds[-1]) > BLOCK:
                     whole = known.name
+                    self._whole[path] = clouds[-1]
                 read += file.tell() if len(clouds[-1]) == BLOCK else _size(file)
                 seen += len(clouds[-1])
                 if len(clouds[-1]):

@@ -78,7 +78,8 @@ def read(
     >>> cloud
     PointCloud(2 points, each with intensity)
     """
-    return load(path, format, columns).cloud
+    with _opened(path, format, columns) as (file, chosen, names):
+        return read_as(chosen, file, names)
 
 
 class Loaded(NamedTuple):
@@ -119,17 +120,26 @@ def load(
     FileFormatError, ParameterError, OSError
         As for `read`.
     """
+    with _opened(path, format, columns) as (file, chosen, names):
+        cloud = read_as(chosen, file, names)
+        file.seek(0)
+        return Loaded(cloud, *left_out(chosen, file))
+
+
+@contextmanager
+def _opened(
+    path: str | os.PathLike[str],
+    format: str | None,  # noqa: A002
+    columns: Sequence[str] | None,
+) -> Iterator[tuple[BufferedReader, Format, list[str] | None]]:
+    """Open a file, decompressed, and find its format, after checking the arguments of `read`."""
     source = file_path(path)
     _require_text(format)
     names = None if columns is None else checked_columns(columns)
     check_input(source)
-    with naming(source), plain_input(source) as (file, plain):
-        chosen = format_of(file, plain, format)
-        with np.errstate(invalid="ignore"):  # converting a signalling NaN is no error
-            cloud = read_as(chosen, file, names)
-        file.seek(0)
-        faces, lost = left_out(chosen, file)
-        return Loaded(cloud, faces, lost)
+    # Converting a signalling NaN is no error.
+    with naming(source), plain_input(source) as (file, plain), np.errstate(invalid="ignore"):
+        yield file, format_of(file, plain, format), names
 
 
 def left_out(known: Format, file: BufferedReader) -> tuple[int, list[str]]:
