@@ -157,6 +157,7 @@ def file_path(path: Any) -> Path:
     Returns
     -------
     pathlib.Path
+        Absolute for "./-" and the like, which `Path` makes the name "-" of standard input and output.
 
     Raises
     ------
@@ -169,7 +170,7 @@ def file_path(path: Any) -> Path:
         raise ParameterError(f"expected the name of a file or a path, found {shown(path)}") from error
     if "\0" in str(source):
         raise ParameterError(f"expected the name of a file without zero characters, found {str(path)!r}")
-    return source
+    return source.absolute() if str(source) == "-" and isinstance(path, str) and path != "-" else source
 
 
 def flag(name: str, value: Any) -> bool:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import gppcs
+from command_line import assert_one_line
 
 FACES = "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n"
 
@@ -44,3 +45,14 @@ def test_the_input_and_existing_files_are_safe(gppcs_command, scan, folder):
     assert gppcs_command("convert", "scan.ply", "other.csv")[0] == 2
     assert (folder / "other.csv").read_text() == "precious"
     assert (folder / "scan.ply").read_bytes() == before
+
+
+def test_points_that_are_not_finite_are_kept_or_dropped_with_a_word(gppcs_command, folder):
+    (folder / "a.csv").write_text("x,y,z,label\n0,0,0,1\nnan,0,0,2\n1,2,inf,3\n1,2,3,4\n")
+    assert gppcs_command("convert", "a.csv", "kept.ply") == (0, "", "")
+    assert gppcs.read("kept.ply").attributes["label"].tolist() == [1, 2, 3, 4]
+    result = gppcs_command("convert", "a.csv", "a.las")
+    assert_one_line(result, "found 2 points with NaN or infinite ones, the first at index 1", "--invalid drop")
+    note = "gppcs: note: a.las: left out: points with NaN or infinite coordinates (2)\n"
+    assert gppcs_command("convert", "a.csv", "a.las", "--invalid", "drop") == (0, "", note)
+    assert gppcs.read("a.las").attributes["label"].tolist() == [1, 4]

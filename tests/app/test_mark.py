@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import gppcs
+from command_line import assert_one_line
 
 FPS = ["--points", 40, "--method", "fps"]
 
@@ -35,6 +36,59 @@ def test_attributes_of_the_cloud_are_not_replaced(gppcs_command, folder, scan, o
     code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", option, "red", *FPS)
     assert (code, "scan.ply: expected the name of a new attribute, found 'red'" in err) == (2, True)
     assert not (folder / "out.ply").exists()
+
+
+@pytest.fixture
+def no_work(monkeypatch):
+    """Fail when a method begins."""
+
+    def begins(*_):
+        raise AssertionError("the method has begun")
+
+    monkeypatch.setattr(gppcs.FarthestPoint, "__call__", begins)
+
+
+@pytest.mark.parametrize("option", ["--index-attribute", "--mark"])
+@pytest.mark.parametrize(
+    ("name", "target", "message"),
+    [
+        ("", "out.npz", "expected a name of 1 to 1,000 characters"),
+        ("x", "out.csv", "expected columns of different names, found 'x' twice"),
+        ("points", "out.npz", "expected columns of different names, found 'points' twice"),
+        ("long" * 9, "out.las", "expected a name of at most 32 bytes"),
+        ("red", "out.ply", "expected the name of a new attribute"),
+        ("row", "out.pts", "PTS cannot hold: "),
+    ],
+)
+def test_names_that_cannot_be_written_are_found_before_the_work(
+    gppcs_command, folder, scan, no_work, option, name, target, message
+):
+    result = gppcs_command("simplify", "scan.ply", "-o", target, option, name, *FPS)
+    assert_one_line(result, message)
+    assert not (folder / target).exists()
+
+
+@pytest.mark.parametrize(("option", "lost"), [("--normals", "nx (float32)"), ("--scores", "score (float32)")])
+def test_what_the_output_cannot_hold_of_the_result_is_found_before_the_work(
+    gppcs_command, folder, no_work, monkeypatch, option, lost
+):
+    gppcs.write("bare.xyz", gppcs.sample("bracket", 400).points)
+    monkeypatch.setattr(gppcs.FarthestPoint, "attributes", ("score",))
+    result = gppcs_command("simplify", "bare.xyz", "-o", "out.obj", option, *FPS)
+    assert_one_line(result, f"OBJ cannot hold: attribute {lost}")
+    assert not (folder / "out.obj").exists()
+
+
+def test_points_that_are_dropped_need_not_be_held(gppcs_command, folder):
+    points = gppcs.sample("bracket", 400).points
+    points = points.round(2)
+    points[7] = np.nan
+    gppcs.write("bare.xyz", points)
+    words = ["simplify", "bare.xyz", "-o", "out.las", "--lossy", "--invalid", "drop", "-q", *FPS]
+    assert gppcs_command(*words, "--mark", "kept")[0] == 2
+    assert not (folder / "out.las").exists()
+    assert gppcs_command(*words, "--index-attribute", "row") == (0, "", "")
+    assert 7 not in gppcs.read("out.las").attributes["row"]
 
 
 @pytest.mark.parametrize("other", [["--normals"], ["--index-attribute", "row"]])

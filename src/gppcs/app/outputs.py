@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from string import Formatter
 
-from gppcs.errors import FileFormatError, OutputError
+from gppcs.errors import FileFormatError, OutputError, file_path
 
 FIELDS = ("stem", "name", "suffix", "parent")  # of a pattern, named as in `pathlib.Path`
 
@@ -101,7 +101,7 @@ def outputs_of(inputs: Sequence[Path], output: str, format: str | None = None) -
             "end it with a slash, or write a pattern such as '{stem}_small.ply'"
         )
     else:
-        return Outputs({sources[0]: Path(output)}, makes_folders=False, format=format)
+        return Outputs({sources[0]: file_path(output)}, makes_folders=False, format=format)
     _check_different(output, sources, targets)
     return Outputs(dict(zip(sources, targets, strict=True)), makes_folders=True, format=format)
 
@@ -171,7 +171,7 @@ def _filled(pattern: str, source: Path) -> Path:
             )
         if field is not None:
             filled += _names(source)[field]
-    return Path(filled)
+    return file_path(filled)
 
 
 def _names(source: Path) -> dict[str, str]:

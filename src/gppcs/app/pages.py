@@ -38,9 +38,16 @@ def how_made(command: Sequence[str], inputs: Sequence[Path]) -> list[tuple[str, 
     Returns
     -------
     list of (str, str)
-        Names and values: the version, the command, the SHA-256 of each file, and what the views show.
+        Names and values: the version, the command, the SHA-256 of each file, and what the views show. Standard input
+        is read by then, and has no digest.
     """
-    digests = [(f"SHA-256 of {name}", _digest(path)) for name, path in zip(names_of(inputs), inputs, strict=True)]
+    from gppcs.io import is_standard
+
+    digests = [
+        (f"SHA-256 of {name}", _digest(path))
+        for name, path in zip(names_of(inputs), inputs, strict=True)
+        if not is_standard(path)
+    ]
     return [
         ("gppcs", __version__),
         ("command", shlex.join(command)),

@@ -1,8 +1,8 @@
 """Reads and writes point cloud files."""
 
-from gppcs.io.files import FORMATS, check_losses, format_to_write, load, losses, read, store, write
+from gppcs.io.files import FORMATS, check_storable, format_to_write, load, losses, read, store, write
 from gppcs.io.format import Format
-from gppcs.io.streams import COMPRESSIONS, check_output, inner_name
+from gppcs.io.streams import COMPRESSIONS, check_output, inner_name, whole_output
 from gppcs.io.whole_file import check_distinct, check_writable, is_standard, whole_file
 
 __all__ = [
@@ -10,8 +10,8 @@ __all__ = [
     "FORMATS",
     "Format",
     "check_distinct",
-    "check_losses",
     "check_output",
+    "check_storable",
     "check_writable",
     "format_to_write",
     "inner_name",
@@ -21,5 +21,6 @@ __all__ = [
     "read",
     "store",
     "whole_file",
+    "whole_output",
     "write",
 ]

@@ -6,6 +6,7 @@ To add a format, write a module with a `Format` and add it to `FORMATS`.
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import BufferedReader
@@ -272,21 +273,31 @@ def losses(path: str | os.PathLike[str], cloud: PointCloud, format: str | None =
     return format_to_write(path, format).fitted(cloud)[1]
 
 
-def check_losses(path: str | os.PathLike[str], cloud: PointCloud, format: str | None = None) -> None:  # noqa: A002
-    """Check that a file can hold all of a cloud. Call it before long work.
+def check_storable(
+    path: str | os.PathLike[str],
+    cloud: PointCloud,
+    format: str | None = None,  # noqa: A002
+    lossy: bool = False,
+) -> None:
+    """Check that `write` can write a cloud, by writing one of its points to a temporary file. Call it before long work.
 
     Parameters
     ----------
-    path, cloud, format
-        As for `losses`.
+    path, cloud, format, lossy
+        As for `write`. The file is neither written nor looked for.
 
     Raises
     ------
-    OutputError
-        If something would be lost.
+    FileFormatError, OutputError, MissingExtraError
+        As for `write`.
     """
     chosen = format_to_write(path, format)
-    _refuse(path, chosen, chosen.fitted(cloud)[1])
+    fitted, lost = chosen.fitted(cloud)
+    if not lossy:
+        _refuse(path, chosen, lost)
+    with tempfile.TemporaryFile() as trial:
+        assert chosen.write is not None
+        chosen.write(trial, fitted[:1])
 
 
 def _refuse(path: str | os.PathLike[str], chosen: Format, lost: list[str]) -> None:

@@ -362,26 +362,17 @@ def write_las(file: BinaryIO, cloud: PointCloud, compressed: bool) -> None:
     file : binary file
         Open for writing.
     cloud : PointCloud
-        It has a `LasHeader` whose scale, point format and extra bytes are those of its points.
+        It has been fitted, so it has a `LasHeader` whose scale, point format and extra bytes are those of its points.
     compressed : bool
         Whether to write LAZ.
 
     Raises
     ------
     OutputError
-        If a coordinate is NaN or infinite, or there are more points than the version can count.
+        If there are more points than the version can count.
     """
     header = cloud.header
     assert isinstance(header, LasHeader)
-    if len(bad := cloud.non_finite()):
-        raise OutputError(
-            f"expected finite coordinates, which alone LAS can hold, found {len(bad):,} points with NaN or infinite "
-            f"ones, the first at index {bad[0]}: drop them first, or write PLY"
-        )
-    if np.abs(cloud.points).max(initial=0.0) > FARTHEST:
-        raise OutputError(
-            f"expected coordinates of at most {FARTHEST:g} in LAS, found larger ones: drop them first, or write PLY"
-        )
     if header.minor_version < 4 and len(cloud) >= 2**32:
         raise OutputError(f"expected fewer than 2^32 points in LAS 1.{header.minor_version}, found {len(cloud):,}")
     layout = _standard_layout(header.point_format)
@@ -466,6 +457,7 @@ def _blocks(cloud: PointCloud, header: LasHeader, layout: _Layout) -> Iterator[N
 
 def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     """Return a cloud as `write_las` writes it, with a `LasHeader`, and in words what that leaves out."""
+    _check_coordinates(cloud)
     lost: list[str] = []
     if isinstance(cloud.header, LasHeader):
         header = cloud.header
@@ -479,6 +471,22 @@ def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
         *lost,
         *rounding,
     ]
+
+
+def _check_coordinates(cloud: PointCloud) -> None:
+    if len(bad := cloud.non_finite()):
+        found = (
+            f"expected finite coordinates, which alone LAS can hold, found {len(bad):,} points with NaN or infinite "
+            f"ones, the first at index {bad[0]}: drop them first"
+        )
+        raise OutputError(
+            f"{found}, as with cloud[cloud.finite_rows()], or write PLY",
+            command=f"{found} with gppcs convert --invalid drop, or write PLY",
+        )
+    if np.abs(cloud.points).max(initial=0.0) > FARTHEST:
+        raise OutputError(
+            f"expected coordinates of at most {FARTHEST:g} in LAS, found larger ones: drop them first, or write PLY"
+        )
 
 
 def _new_header(cloud: PointCloud) -> LasHeader:
@@ -584,12 +592,11 @@ def _fit_points(points: NDArray[np.float64], header: LasHeader) -> tuple[NDArray
     scales, offsets = fields["scales"][0], fields["offsets"][0]
     stored, coarsest = points.copy(), 0.0
     for i, values in enumerate(points.T):
-        finite = values[np.isfinite(values)]
-        if not _is_exact(finite, scales[i], offsets[i]):
-            scales[i], offsets[i] = _scale_and_offset(finite)
-            if not _is_exact(finite, scales[i], offsets[i], ROUNDING):
+        if not _is_exact(values, scales[i], offsets[i]):
+            scales[i], offsets[i] = _scale_and_offset(values)
+            if not _is_exact(values, scales[i], offsets[i], ROUNDING):
                 coarsest = max(coarsest, scales[i])
-        stored[:, i] = np.where(np.isfinite(values), _multiples(values, scales[i], offsets[i]), values)
+        stored[:, i] = _multiples(values, scales[i], offsets[i])
     rounding = [f"coordinates (they are rounded to multiples of {coarsest:g})"] if coarsest else []
     return stored, header.with_fields(scales=scales, offsets=offsets), rounding
 

@@ -25,7 +25,7 @@ from gppcs.app.printing import (
 from gppcs.app.quantities import Points, Ratio, count_of, share_of
 from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.threads import set_threads
-from gppcs.errors import OutputError
+from gppcs.errors import OutputError, file_path
 from gppcs.methods import METHODS
 
 if TYPE_CHECKING:
@@ -47,13 +47,16 @@ EPILOG = (
 
 def compare(
     context: typer.Context,
-    cloud: Annotated[Path, typer.Argument(metavar="IN", help="A point cloud file.", show_default=False)],
+    cloud: Annotated[
+        Path, typer.Argument(metavar="IN", parser=file_path, help="A point cloud file.", show_default=False)
+    ],
     output: Annotated[
         Path,
         typer.Option(
             "--output",
             "-o",
             metavar="DIR",
+            parser=file_path,
             help="The folder for table.csv, table.md, picture.png and report.html. It is created if it does not exist.",
         ),
     ],
@@ -202,8 +205,10 @@ def _print_records(entries: Sequence[Entry]) -> None:
 def _targets(inputs: list[Path], folder: Path, names: list[str], force: bool) -> dict[str, Path]:
     """Return the paths of the output files by name, after checking that each can be written."""
     from gppcs.engine.extras import require_pymeshlab, require_pyvista
-    from gppcs.io import check_distinct, check_writable
+    from gppcs.io import check_distinct, check_writable, is_standard
 
+    if is_standard(folder):
+        raise OutputError(f"{folder}: expected a folder, found the name of standard output; name a folder")
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder}: expected a folder, found a file; name a folder")
     if not force and folder.is_dir() and any(folder.iterdir()):

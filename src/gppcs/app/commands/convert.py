@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from gppcs.app.printing import Columns, Force, From, Lossy, To, names_of, note_left_out
+from gppcs.errors import file_path
 
 EPILOG = (
     "[bold]Examples[/bold]\n\n"
@@ -18,11 +19,19 @@ EPILOG = (
 
 
 def convert(
-    source: Annotated[Path, typer.Argument(metavar="IN", help="A point cloud file.", show_default=False)],
-    target: Annotated[Path, typer.Argument(metavar="OUT", help="The file to write.", show_default=False)],
+    source: Annotated[
+        Path, typer.Argument(metavar="IN", parser=file_path, help="A point cloud file.", show_default=False)
+    ],
+    target: Annotated[
+        Path, typer.Argument(metavar="OUT", parser=file_path, help="The file to write.", show_default=False)
+    ],
     input_format: From = None,
     output_format: To = None,
     columns: Columns = None,
+    invalid: Annotated[
+        Literal["keep", "drop"],
+        typer.Option(help="For NaN and infinite coordinates: keep these points, or drop them."),
+    ] = "keep",
     force: Force = False,
     lossy: Lossy = False,
 ) -> None:
@@ -37,5 +46,8 @@ def convert(
     io.check_output(target, force)
     io.check_distinct([target], [source])
     cloud, _, unread = io.load(source, input_format, names_of(columns))
+    if invalid == "drop" and (n := len(cloud.non_finite())):
+        cloud = cloud.take(cloud.finite_rows())
+        unread = [*unread, f"points with NaN or infinite coordinates ({n:,})"]
     lost = io.store(target, cloud, output_format, force=force, lossy=lossy)
     note_left_out(target, [*unread, *lost])

@@ -9,6 +9,7 @@ import typer
 
 from gppcs.app.printing import Json, Threads, figure_rows, print_error, print_json
 from gppcs.engine.threads import set_threads
+from gppcs.errors import file_path
 from gppcs.evaluation.report import Rebuilt, Report, figures_of
 
 
@@ -31,8 +32,12 @@ EPILOG = (
 
 
 def evaluate(
-    original: Annotated[Path, typer.Argument(metavar="ORIGINAL", help="The original cloud.", show_default=False)],
-    simplified: Annotated[Path, typer.Argument(metavar="SIMPLIFIED", help="The simplified cloud.", show_default=False)],
+    original: Annotated[
+        Path, typer.Argument(metavar="ORIGINAL", parser=file_path, help="The original cloud.", show_default=False)
+    ],
+    simplified: Annotated[
+        Path, typer.Argument(metavar="SIMPLIFIED", parser=file_path, help="The simplified cloud.", show_default=False)
+    ],
     mesh: Annotated[
         Path | None,
         typer.Option(

@@ -11,6 +11,7 @@ import typer
 
 from gppcs.app.outputs import sources_of
 from gppcs.app.printing import BAD_INPUT, FAILURES, Columns, Json, names_of, print_json, tell
+from gppcs.errors import file_path
 
 EPILOG = "[bold]Examples[/bold]\n\ngppcs info scan.ply --json\n\ngppcs info a.ply b.xyz folder"
 
@@ -20,6 +21,7 @@ def info(
         list[Path],
         typer.Argument(
             metavar="FILE...",
+            parser=file_path,
             help="Point cloud files. A folder stands for all files in it that gppcs reads.",
             show_default=False,
         ),

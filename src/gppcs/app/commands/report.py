@@ -10,6 +10,7 @@ import typer
 from gppcs.app.printing import Force, Threads
 from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.threads import set_threads
+from gppcs.errors import file_path
 
 EPILOG = (
     "[bold]Examples[/bold]\n\n"
@@ -21,17 +22,25 @@ EPILOG = (
 
 def report(
     context: typer.Context,
-    original: Annotated[Path, typer.Argument(metavar="ORIGINAL", help="The original cloud.", show_default=False)],
+    original: Annotated[
+        Path, typer.Argument(metavar="ORIGINAL", parser=file_path, help="The original cloud.", show_default=False)
+    ],
     simplified: Annotated[
         list[Path],
         typer.Argument(
             metavar="SIMPLIFIED...",
+            parser=file_path,
             help="Simplified clouds. Their points should be in the order of choice, as gppcs simplify writes them "
             "without --mark.",
             show_default=False,
         ),
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="HTML", help="The page to write.")],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output", "-o", metavar="HTML", parser=file_path, help="The page to write; - is standard output."
+        ),
+    ],
     view: View = None,
     up: Up = None,
     threads: Threads = None,
@@ -52,11 +61,12 @@ def report(
     viewpoint = viewpoint_of(view, up, picture=True)
     inputs = [original, *simplified]
     io.check_distinct([output], inputs)
-    io.check_writable(output, force)
+    io.check_output(output, force)
     stages = Stages(ProgressBar())
     with stages("reading"):
         clouds = [Named(name, io.read(path)) for name, path in zip(names_of(inputs), inputs, strict=True)]
     page = report_page(clouds[0], clouds[1:], how_made(context.obj, inputs), viewpoint, stages)
-    with io.whole_file(output, force) as file:
+    with io.whole_output(output, force) as file:
         page.write(file)
-    typer.echo(f"{output}: {output.stat().st_size / 1e6:.1f} MB; open it in a browser")
+    if not io.is_standard(output):
+        typer.echo(f"{output}: {output.stat().st_size / 1e6:.1f} MB; open it in a browser")

@@ -8,8 +8,9 @@ from typing import Annotated, Any
 import typer
 
 from gppcs import __version__
-from gppcs.app.printing import Force, Json, Lossy, note_left_out, print_json
+from gppcs.app.printing import Force, Json, Lossy, To, note_left_out, print_json
 from gppcs.app.quantities import count_of
+from gppcs.errors import file_path
 
 EPILOG = "[bold]Example[/bold]\n\ngppcs sample fan -o fan.ply --points 50k --noise 0.002"
 
@@ -30,7 +31,7 @@ def sample(
             autocompletion=_names,
         ),
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT", help="The file to write.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT", parser=file_path, help="The file to write.")],
     points: Annotated[
         str, typer.Option(metavar="N", help="Number of points, outliers included, such as 50000, 50k or 1.5M.")
     ] = "200k",
@@ -45,17 +46,21 @@ def sample(
         typer.Option(help="Share of the density that is lost from one end of an object to the other, from 0 to 0.999."),
     ] = 0.0,
     seed: Annotated[int, typer.Option(help="Seed of random numbers. The same seed gives the same scan.")] = 0,
+    output_format: To = None,
     force: Force = False,
     lossy: Lossy = False,
     as_json: Json = False,
 ) -> None:
-    """Make a synthetic scan of a surface that is known exactly, with its normals."""
+    """Make a synthetic scan of a surface that is known exactly, with its normals.
+
+    With --to, the name - stands for standard output.
+    """
     from gppcs import io, scans
 
-    io.format_to_write(output)
-    io.check_writable(output, force)
+    io.format_to_write(output, output_format)
+    io.check_output(output, force)
     options: dict[str, Any] = {"noise": noise, "outliers": outliers, "uneven": uneven, "seed": seed}
     cloud = scans.sample(name, count_of(points), **options)
-    note_left_out(output, io.store(output, cloud, force=force, lossy=lossy))
-    if as_json:
+    note_left_out(output, io.store(output, cloud, output_format, force=force, lossy=lossy))
+    if as_json and not io.is_standard(output):  # there the scan goes
         print_json({"output": str(output), "name": name, "points": len(cloud), **options, "version": __version__})

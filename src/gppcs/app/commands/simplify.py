@@ -38,7 +38,7 @@ from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.memory import peak_memory
 from gppcs.engine.stages import COMPILATION
 from gppcs.engine.threads import set_threads
-from gppcs.errors import InputError, OutputError, ParameterError
+from gppcs.errors import InputError, OutputError, ParameterError, file_path
 from gppcs.methods import DEFAULT, METHODS, Method, method_named
 
 if TYPE_CHECKING:
@@ -79,6 +79,7 @@ def simplify(
         list[Path],
         typer.Argument(
             metavar="IN...",
+            parser=file_path,
             help="Point cloud files. A folder stands for all files in it that gppcs reads.",
             show_default=False,
         ),
@@ -283,7 +284,7 @@ class _Job:
             if made.in_memory:
                 result, points, report, image = self._in_memory(files, target, stages)
             else:
-                self._check_losses(target, files.head().cloud)
+                self._check_storable(target, files.head().cloud)
                 result, points = simplify_in_passes(files, made, method, stages=stages, **options)
             unread = files.unread()
         if self.index_attribute is not None:
@@ -309,7 +310,7 @@ class _Job:
 
         with stages("reading"):
             cloud = files.read()
-        self._check_losses(target, cloud)
+        self._check_storable(target, cloud)
         result = simplify(cloud, stages=stages, **self.options)
         report = image = None
         if self.figures:
@@ -334,12 +335,25 @@ class _Job:
         }
         return next((name for name, value in wanted.items() if value), None)
 
-    def _check_losses(self, target: Path, cloud: PointCloud) -> None:
-        """Check that the output can hold all of a cloud, unless it need not."""
-        from gppcs import io
+    def _check_storable(self, target: Path, cloud: PointCloud) -> None:
+        """Check that the output can hold points of a cloud with the attributes that the options add."""
+        import numpy as np
 
-        if not self.lossy:
-            io.check_losses(target, cloud, self.outputs.format)
+        from gppcs import io
+        from gppcs.clouds.cloud import NORMALS
+
+        if self.mark is None and len(cloud.non_finite()):
+            cloud = cloud.take(cloud.finite_rows())  # only these are kept
+        names = [
+            *(NORMALS if self.options["normals"] else ()),
+            *(self.options["method"].attributes if self.options["scores"] else ()),
+        ]
+        zeros = dict.fromkeys(names, np.zeros(len(cloud), np.float32))
+        cloud = replace(cloud, attributes={**cloud.attributes, **zeros})
+        for name, dtype in ((self.index_attribute, np.int64), (self.mark, np.uint8)):
+            if name is not None:
+                cloud = _with_attribute(cloud, name, np.zeros(len(cloud), dtype))
+        io.check_storable(target, cloud, self.outputs.format, self.lossy)
 
     def _note_all_kept(self, source: Path, kept: int) -> None:
         """Print a note if the input has fewer points than were asked for."""

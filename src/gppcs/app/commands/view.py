@@ -12,6 +12,7 @@ import typer
 from gppcs.app.printing import Force, Threads, print_error
 from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.threads import set_threads
+from gppcs.errors import file_path
 
 EPILOG = (
     "[bold]Examples[/bold]\n\n"
@@ -23,14 +24,18 @@ EPILOG = (
 
 def view(
     context: typer.Context,
-    inputs: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Point cloud files.", show_default=False)],
+    inputs: Annotated[
+        list[Path], typer.Argument(metavar="FILE...", parser=file_path, help="Point cloud files.", show_default=False)
+    ],
     output: Annotated[
         Path | None,
         typer.Option(
             "--output",
             "-o",
             metavar="HTML",
-            help="The page to write. By default, a temporary file.",
+            parser=file_path,
+            help="The page to write. By default, a temporary file. With -, the page goes to standard output and is not "
+            "opened.",
         ),
     ] = None,
     opened: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")] = True,
@@ -51,13 +56,15 @@ def view(
     viewpoint = viewpoint_of(view, up, picture=True)
     if output:
         io.check_distinct([output], inputs)
-        io.check_writable(output, force)
+        io.check_output(output, force)
     clouds = [Named(name, io.read(path)) for name, path in zip(names_of(inputs), inputs, strict=True)]
     page = view_page(clouds, how_made(context.obj, inputs), viewpoint)
     if output is None:
         output = Path(tempfile.mkdtemp(prefix="gppcs-")) / "view.html"
-    with io.whole_file(output, force) as file:
+    with io.whole_output(output, force) as file:
         page.write(file)
+    if io.is_standard(output):
+        return
     typer.echo(output)
     if opened and not webbrowser.open(output.absolute().as_uri()):
         print_error(f"note: no browser was found; open {output} yourself")

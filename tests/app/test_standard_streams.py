@@ -1,0 +1,75 @@
+"""The name `-` of standard input and standard output, in all commands."""
+
+import io
+import sys
+from pathlib import Path
+
+import pytest
+
+import gppcs
+from command_line import assert_one_line, files
+from web_page import WebPage
+
+SMALL = ("--points", 60, "--method", "random")
+
+
+@pytest.fixture
+def piped(monkeypatch):
+    """Put a file on standard input."""
+
+    def pipe(path):
+        class Stream:
+            buffer = io.BufferedReader(io.BytesIO(Path(path).read_bytes()))
+
+        monkeypatch.setattr(sys, "stdin", Stream)
+
+    return pipe
+
+
+def test_a_sample_goes_to_standard_output(gppcs_command, folder):
+    words = ["sample", "fan", "--points", 30]
+    code, out, err = gppcs_command(*words, "-o", "-", "--to", "csv", "--json")
+    assert (code, err) == (0, "")
+    assert gppcs_command(*words, "-o", "fan.csv") == (0, "", "")
+    assert out == Path("fan.csv").read_text()
+    assert files() == ["fan.csv"]
+
+
+def test_a_sample_on_standard_output_needs_a_format(gppcs_command, folder):
+    assert_one_line(gppcs_command("sample", "fan", "-o", "-"), "expected the format of standard output", "--to ply")
+    assert not files()
+
+
+def test_a_sample_has_the_format_of_the_option(gppcs_command, folder):
+    assert gppcs_command("sample", "fan", "-o", "fan.ply", "--to", "csv", "--points", 30) == (0, "", "")
+    assert Path("fan.ply").read_text().startswith("x,y,z,nx")
+
+
+@pytest.mark.parametrize("words", [["view", "scan.ply"], ["report", "scan.ply", "scan.ply"], ["view", "-"]])
+def test_pages_go_to_standard_output(gppcs_command, scan, piped, monkeypatch, words):
+    monkeypatch.setattr("webbrowser.open", lambda page: pytest.fail(f"opens {page}"))
+    piped("scan.ply")
+    code, out, err = gppcs_command(*words, "-o", "-")
+    assert (code, err, files()) == (0, "", ["scan.ply"])
+    assert [each["name"] for each in WebPage(out).described["clouds"]] == words[1:]
+
+
+def test_a_comparison_is_no_stream(gppcs_command, scan):
+    result = gppcs_command("compare", "scan.ply", "-o", "-", "--no-picture", *SMALL[:2])
+    assert_one_line(result, "-: expected a folder, found the name of standard output")
+    assert files() == ["scan.ply"]
+
+
+def test_a_file_may_be_called_like_standard_output(gppcs_command, scan, folder):
+    """`./-` names it, as in other programs."""
+    assert gppcs_command("sample", "fan", "-o", "./-", "--to", "ply", "--points", 30) == (0, "", "")
+    assert files() == ["-", "scan.ply"]
+    code, out, _ = gppcs_command("info", "./-", "--json")
+    assert (code, '"points": 30' in out) == (0, True)
+    assert gppcs_command("convert", "./-", ".//-", "--to", "csv", "--force")[0] == 2  # the input itself
+    code, out, err = gppcs_command("simplify", "./-", "-o", ".//-", "--to", "csv", "--force", *SMALL)
+    assert (code, "expected a file other than the input" in err) == (2, True)
+    assert gppcs_command("simplify", "scan.ply", "-o", "././-", "--to", "csv", "--force", "-q", *SMALL) == (0, "", "")
+    assert len(gppcs.read("./-", "csv")) == 60
+    gppcs.write("./-", gppcs.read("scan.ply"), "ply", force=True)
+    assert len(gppcs.read("./-")) == 400
