@@ -123,3 +123,20 @@ def test_a_file_is_no_folder(folder):
     made = outputs_of([Path("b.ply")], "a.ply/deeper/")
     with pytest.raises(OutputError, match=r"expected a folder .*a.ply, found a file"):
         made.check(Path("a.ply/deeper/b.ply"), force=False)
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".pcd"])
+def test_outputs_are_text_or_binary_as_wanted(gppcs_command, scan, folder, suffix):
+    def is_text(name):
+        head = (folder / name).read_bytes()[:500]
+        assert (b"ascii" in head) != (b"binary" in head)
+        return b"ascii" in head
+
+    assert gppcs_command("sample", "fan", "-o", f"a{suffix}", "--points", 50, "--ascii") == (0, "", "")
+    assert gppcs_command("convert", f"a{suffix}", f"b{suffix}", "--binary") == (0, "", "")
+    words = ["--points", 5, "--method", "random", "-q"]
+    assert gppcs_command("simplify", f"b{suffix}", "-o", f"c{suffix}", "--ascii", *words) == (0, "", "")
+    assert [is_text(f"{name}{suffix}") for name in "abc"] == [True, False, True]
+    for command in (["convert", "scan.ply", "d.las"], ["simplify", "scan.ply", "-o", "d.las", *words]):
+        code, _, err = gppcs_command(*command, "--ascii")
+        assert (code, "d.las: expected PLY or PCD with a choice" in err) == (2, True)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import FileFormatError, OutputError
+from gppcs.errors import FileFormatError, OutputError, ParameterError
 from gppcs.io import FORMATS, files, format_to_write, load, losses, read, write
 
 CLOUD = PointCloud([[1.5, 2.5, 3.5]])
@@ -69,6 +69,17 @@ def test_stl_cannot_hold_points(tmp_path):
     for attempt in (lambda: write(tmp_path / "a.stl", CLOUD), lambda: format_to_write(tmp_path / "a.stl")):
         with pytest.raises(FileFormatError, match=r"a\.stl: .* holds points, found STL; choose one of \.ply"):
             attempt()
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("suffix", [".las", ".xyz", ".npz"])
+def test_formats_without_a_choice_of_text_are_refused(tmp_path, suffix):
+    for choice in (True, False):
+        with pytest.raises(FileFormatError, match=r"PLY or PCD with a choice .* leave out ascii=") as caught:
+            write(tmp_path / f"a{suffix}", CLOUD, ascii=choice)
+        assert caught.value.command.endswith("leave out --ascii and --binary")
+    with pytest.raises(ParameterError, match="expected ascii to be True or False, found 'yes'"):
+        write(tmp_path / "a.ply", CLOUD, ascii="yes")
     assert not any(tmp_path.iterdir())
 
 

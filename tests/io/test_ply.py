@@ -4,10 +4,12 @@ import struct
 
 import numpy as np
 import pytest
+import trimesh
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io import load, losses, read, write
+from gppcs.io.ply import PlyHeader
 
 NAMES = {
     "i1": ("char", "int8"),
@@ -299,3 +301,32 @@ def test_lists_without_a_header_get_a_type_for_their_lengths(tmp_path):
 def test_malformed_lists_in_text_are_refused(ply, row):
     with pytest.raises(FileFormatError, match="expected"):
         read(ply("ascii", ["element vertex 1", *XYZ, "property list uchar short friends"], f"{row}\n".encode()))
+
+
+def test_text_has_lists_comments_and_special_numbers(tmp_path):
+    lists = np.empty(3, dtype=object)
+    lists[:] = [np.array([1, 2], np.int16), np.array([], np.int16), np.array([-3], np.int16)]
+    attributes = {"links": lists, "weight": np.array([np.nan, np.inf, 1e-40], np.float32)}
+    cloud = PointCloud(np.arange(9.0).reshape(3, 3), attributes, np.dtype("f4"), PlyHeader(("comment a b",)))
+    write(tmp_path / "a.ply", cloud, ascii=True)
+    rows = ["0.0 1.0 2.0 nan 2 1 2", "3.0 4.0 5.0 inf 0", "6.0 7.0 8.0 1e-40 1 -3"]
+    assert (tmp_path / "a.ply").read_text().splitlines() == [
+        "ply",
+        "format ascii 1.0",
+        "comment a b",
+        "element vertex 3",
+        *(f"property float {name}" for name in ("x", "y", "z", "weight")),
+        "property list uchar short links",
+        "end_header",
+        *rows,
+    ]
+    back = read(tmp_path / "a.ply")
+    assert [each.tolist() for each in back.attributes["links"]] == [[1, 2], [], [-3]]
+    assert back.attributes["weight"].tobytes() == attributes["weight"].tobytes()
+    assert back.header.remarks == ("comment a b",)
+
+
+def test_text_of_a_scan_is_read_by_another_program(tmp_path, shared_data):
+    scan = read(shared_data / "bunny.ply")
+    write(tmp_path / "a.ply", scan, ascii=True)
+    assert (trimesh.load(tmp_path / "a.ply").vertices.astype(np.float32) == scan.points).all()

@@ -72,6 +72,22 @@ def test_ply_keeps_every_type(folder, cloud):
 
 
 @given(cloud=clouds([*PLY_TYPES, "i8", "u8", "f2", "?"]))
+@pytest.mark.parametrize("suffix", [".ply", ".pcd"])
+def test_text_holds_what_binary_data_does(folder, cloud, suffix):
+    assume("_" not in cloud.attributes)
+    paths = {choice: folder / f"{choice}{suffix}" for choice in (True, False)}
+    for choice, path in paths.items():
+        write(path, cloud, force=True, ascii=choice)
+    assert_same(read(paths[True]), read(paths[False]))
+    header = paths[True].read_bytes()
+    assert b"format ascii 1.0" in header or b"DATA ascii" in header
+    write(paths[False], read(paths[True]), force=True, ascii=False)
+    again = paths[False].read_bytes()
+    assert b"format binary_little_endian 1.0" in again or b"DATA binary" in again
+    assert_same(read(paths[False]), read(paths[True]))
+
+
+@given(cloud=clouds([*PLY_TYPES, "i8", "u8", "f2", "?"]))
 @pytest.mark.parametrize("suffix", [".npy", ".npz"])
 def test_numpy_files_keep_every_type(folder, cloud, suffix):
     assert_same(through(folder, cloud, suffix), cloud)

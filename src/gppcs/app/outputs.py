@@ -25,11 +25,14 @@ class Outputs:
         Whether the folders of the output files are made if they are missing.
     format : str, optional
         Suffix of the format of all output files. By default, their names tell.
+    ascii : bool, optional
+        Whether they are text, if their format has a choice.
     """
 
     targets: dict[Path, Path]
     makes_folders: bool
     format: str | None = None
+    ascii: bool | None = None
 
     def check(self, target: Path, force: bool) -> None:
         """Check that an output file can be written, in a format that gppcs writes. Call it before long work.
@@ -48,7 +51,7 @@ class Outputs:
         """
         from gppcs import io
 
-        io.format_to_write(target, self.format)
+        io.format_to_write(target, self.format, self.ascii)
         if not io.is_standard(target):
             io.check_writable(target, force, makes_folders=self.makes_folders)
 
@@ -64,7 +67,12 @@ class Outputs:
             target.parent.mkdir(parents=True, exist_ok=True)
 
 
-def outputs_of(inputs: Sequence[Path], output: str, format: str | None = None) -> Outputs:  # noqa: A002
+def outputs_of(
+    inputs: Sequence[Path],
+    output: str,
+    format: str | None = None,  # noqa: A002
+    ascii: bool | None = None,  # noqa: A002
+) -> Outputs:
     """Return the output file of each input.
 
     Parameters
@@ -77,6 +85,8 @@ def outputs_of(inputs: Sequence[Path], output: str, format: str | None = None) -
         output.
     format : str, optional
         Suffix of the format of all output files.
+    ascii : bool, optional
+        Whether they are text, if their format has a choice.
 
     Returns
     -------
@@ -101,9 +111,9 @@ def outputs_of(inputs: Sequence[Path], output: str, format: str | None = None) -
             "end it with a slash, or write a pattern such as '{stem}_small.ply'"
         )
     else:
-        return Outputs({sources[0]: file_path(output)}, makes_folders=False, format=format)
+        return Outputs({sources[0]: file_path(output)}, makes_folders=False, format=format, ascii=ascii)
     _check_different(output, sources, targets)
-    return Outputs(dict(zip(sources, targets, strict=True)), makes_folders=True, format=format)
+    return Outputs(dict(zip(sources, targets, strict=True)), makes_folders=True, format=format, ascii=ascii)
 
 
 def sources_of(inputs: Sequence[Path]) -> list[Path]:

@@ -43,6 +43,14 @@ To = Annotated[
     str | None,
     typer.Option("--to", metavar="SUFFIX", help="Format of the output, such as ply. By default, the name tells."),
 ]
+Ascii = Annotated[
+    bool | None,
+    typer.Option(
+        "--ascii/--binary",
+        help="Write PLY or PCD as text, or as binary data. By default, only PCD that comes from such text is text.",
+        show_default=False,
+    ),
+]
 Quiet = Annotated[
     bool, typer.Option("--quiet", "-q", help="Show no progress and print no table. Errors and notes are still printed.")
 ]

@@ -9,6 +9,8 @@ import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
 from io import BufferedReader
 from pathlib import Path
 from typing import NamedTuple
@@ -278,12 +280,13 @@ def check_storable(
     cloud: PointCloud,
     format: str | None = None,  # noqa: A002
     lossy: bool = False,
+    ascii: bool | None = None,  # noqa: A002
 ) -> None:
     """Check that `write` can write a cloud, by writing one of its points to a temporary file. Call it before long work.
 
     Parameters
     ----------
-    path, cloud, format, lossy
+    path, cloud, format, lossy, ascii
         As for `write`. The file is neither written nor looked for.
 
     Raises
@@ -291,7 +294,7 @@ def check_storable(
     FileFormatError, OutputError, MissingExtraError
         As for `write`.
     """
-    chosen = format_to_write(path, format)
+    chosen = format_to_write(path, format, ascii)
     fitted, lost = chosen.fitted(cloud)
     if not lossy:
         _refuse(path, chosen, lost)
@@ -314,6 +317,7 @@ def write(
     format: str | None = None,  # noqa: A002
     force: bool = False,
     lossy: bool = False,
+    ascii: bool | None = None,  # noqa: A002
 ) -> None:
     """Write a cloud: PLY, LAS, LAZ, XYZ, CSV, PTS, NPY, NPZ, OFF, OBJ, PCD, E57, Parquet or Feather.
 
@@ -332,11 +336,14 @@ def write(
         Whether to overwrite an existing file.
     lossy : bool
         Whether to leave out what the format cannot hold. OFF and OBJ files, for instance, hold no attributes.
+    ascii : bool, optional
+        Whether to write PLY and PCD as text, or else as binary data. By default, a cloud that was read from PCD as text
+        is written as such again; all others are binary. Other formats have no such choice.
 
     Raises
     ------
     FileFormatError
-        If the format is unknown, or gppcs only reads it (STL, PTX).
+        If the format is unknown, gppcs only reads it (STL, PTX), or it leaves no choice and `ascii` is given.
     OutputError
         If the file exists and `force` is False, the folder is missing or not writable, the format cannot hold all of
         the cloud and `lossy` is False, or it cannot hold its points.
@@ -352,7 +359,7 @@ def write(
     >>> len(gppcs.read("sphere.ply"))
     100
     """
-    store(path, cloud, format, force, lossy)
+    store(path, cloud, format, force, lossy, ascii)
 
 
 def store(
@@ -361,12 +368,13 @@ def store(
     format: str | None = None,  # noqa: A002
     force: bool = False,
     lossy: bool = False,
+    ascii: bool | None = None,  # noqa: A002
 ) -> list[str]:
     """Write a point cloud file as `write` does, and tell what is left out.
 
     Parameters
     ----------
-    path, cloud, format, force, lossy
+    path, cloud, format, force, lossy, ascii
         As for `write`.
 
     Returns
@@ -380,7 +388,7 @@ def store(
         As for `write`.
     """
     cloud, force = PointCloud.of(cloud), flag("force", force)
-    chosen = format_to_write(path, format)
+    chosen = format_to_write(path, format, ascii)
     fitted, lost = chosen.fitted(cloud)
     if not flag("lossy", lossy):
         _refuse(path, chosen, lost)
@@ -390,7 +398,11 @@ def store(
     return lost
 
 
-def format_to_write(path: str | os.PathLike[str], format: str | None = None) -> Format:  # noqa: A002
+def format_to_write(
+    path: str | os.PathLike[str],
+    format: str | None = None,  # noqa: A002
+    ascii: bool | None = None,  # noqa: A002
+) -> Format:
     """Return the format that `write` would use. Call it before long work, to find a bad choice early.
 
     Parameters
@@ -399,16 +411,18 @@ def format_to_write(path: str | os.PathLike[str], format: str | None = None) -> 
         The file to be written.
     format : str, optional
         Suffix of the format. It overrides the suffix of `path`.
+    ascii : bool, optional
+        As for `write`.
 
     Returns
     -------
     Format
-        A format with a `write` function.
+        A format with a `write` function, which writes as `ascii` says.
 
     Raises
     ------
     FileFormatError
-        If the format is unknown, or gppcs only reads it.
+        If the format is unknown, gppcs only reads it, or it leaves no choice and `ascii` is given.
     """
     _require_text(format)
     target = file_path(path)
@@ -423,7 +437,16 @@ def format_to_write(path: str | os.PathLike[str], format: str | None = None) -> 
         raise FileFormatError(
             f"{path}: expected a format that holds points, found {chosen.name}; choose one of {_listed(writable=True)}"
         )
-    return chosen
+    return chosen if ascii is None else _encoded(path, chosen, flag("ascii", ascii))
+
+
+def _encoded(path: str | os.PathLike[str], chosen: Format, ascii: bool) -> Format:  # noqa: A002
+    """Return a format that writes as text or as binary data."""
+    if chosen.write_encoded is None:
+        both = " or ".join(known.name for known in FORMATS if known.write_encoded)
+        found = f"{path}: expected {both} with a choice between text and binary data, found {chosen.name}; leave out "
+        raise FileFormatError(f"{found}ascii=", command=f"{found}--ascii and --binary")
+    return replace(chosen, write=partial(chosen.write_encoded, ascii=ascii))
 
 
 def format_of(file: BufferedReader, path: Path, format: str | None = None) -> Format:  # noqa: A002

@@ -102,6 +102,8 @@ class Format:
     write : callable(file, cloud), optional
         Writes a cloud that `fitted` has returned to a binary file. It raises OutputError if the format cannot store it.
         None if gppcs does not write the format.
+    write_encoded : callable(file, cloud, ascii=bool), optional
+        Writes as `write` does, but as text if `ascii` is true, else as binary data. None if the format has not both.
     recognises : callable(head, size) -> bool, optional
         Whether a file is of this format, given its first 1024 bytes and its size in bytes. By default False, for
         formats without a signature.
@@ -130,6 +132,7 @@ class Format:
     unread: Callable[[BufferedReader], list[str]] = _nothing
     fitted: Callable[[PointCloud], tuple[PointCloud, list[str]]] = without_header
     faces: Callable[[BufferedReader], int] = _none
+    write_encoded: Callable[..., None] | None = None
     read_named: Callable[[BufferedReader, list[str]], PointCloud] | None = None
     chunks: Callable[[BufferedReader, int, bool], Iterator[PointCloud]] | None = None
     count: Callable[[BufferedReader], int] | None = None

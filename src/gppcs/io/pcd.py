@@ -1,4 +1,4 @@
-"""Reads PCD files, text, binary and compressed, and writes binary ones, or text if the cloud came from text."""
+"""Reads PCD files, text, binary and compressed, and writes text and binary ones."""
 
 from __future__ import annotations
 
@@ -419,8 +419,8 @@ def _unpacked(columns: dict[str, Column], layout: _Layout) -> tuple[dict[str, Co
     return unpacked, PackedColour(colour.name, colour.dtype, fourth)
 
 
-def write_pcd(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write a PCD file with the attributes as fields: as text if the cloud was read from one in text, else binary.
+def write_pcd(file: BinaryIO, cloud: PointCloud, ascii: bool | None = None) -> None:  # noqa: A002
+    """Write a PCD file with the attributes as fields.
 
     Attributes `red`, `green` and `blue` of type uint8 are packed, as other programs expect it, unless they were fields
     of their own in the PCD file that the cloud was read from. Arrays of k numbers for each point become fields of k
@@ -432,6 +432,8 @@ def write_pcd(file: BinaryIO, cloud: PointCloud) -> None:
         Open for writing.
     cloud : PointCloud
         The points and their attributes.
+    ascii : bool, optional
+        Whether the points are written as text. By default, they are if the cloud was read from such a file.
 
     Raises
     ------
@@ -440,6 +442,7 @@ def write_pcd(file: BinaryIO, cloud: PointCloud) -> None:
         `coordinate_dtype`.
     """
     header = cloud.header if isinstance(cloud.header, PcdHeader) else PcdHeader(colour=_usual_colour(cloud))
+    header = header if ascii is None else replace(header, is_text=ascii)
     columns = _columns(cloud, header.colour)
     fields = [_Field(name, values.dtype, math.prod(values.shape[1:])) for name, values in columns.items()]
     if header.colour and _has_colours(cloud) and not header.is_text:
@@ -545,4 +548,5 @@ FORMAT = Format(
     lambda head, size: _LOOK.match(head) is not None,
     unread_pcd,
     _fitted,
+    write_encoded=write_pcd,
 )

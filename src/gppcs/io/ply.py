@@ -1,4 +1,4 @@
-"""Reads PLY files, text and binary of both byte orders, and writes binary ones."""
+"""Reads PLY files, text and binary of both byte orders, and writes text and little-endian ones."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import attribute_columns, check_name, column_name, coordinate_type, exact_as_double
 from gppcs.io.format import Format, reduced, without_attributes
-from gppcs.io.rows import BLOCK, as_count, ends_early, lines_of, number_blocks, shown, write_records
+from gppcs.io.rows import BLOCK, as_count, ends_early, lines_of, number_blocks, shown, texts_of, write_records
 
 _TYPES: dict[str, np.dtype[Any]] = {
     **{name: np.dtype("i1") for name in ("char", "int8")},
@@ -466,9 +466,17 @@ class _Field:
             else:
                 yield items
 
+    def texts(self, start: int) -> Iterator[str]:
+        """Yield the text of each vertex of a block."""
+        block = self.values[start : start + BLOCK]
+        if self.length is None:
+            yield from texts_of(block.astype(self.dtype))
+        else:
+            yield from (" ".join([str(len(each)), *texts_of(np.asarray(each, self.dtype))]) for each in block)
 
-def write_ply(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write a binary little-endian PLY file with the attributes as properties.
+
+def write_ply(file: BinaryIO, cloud: PointCloud, ascii: bool = False) -> None:  # noqa: A002
+    """Write a PLY file with the attributes as properties.
 
     Booleans are written as uchar and half-precision numbers as float. PLY has no 64-bit integers: they are written as
     int, uint or double, the first that represents all values exactly.
@@ -479,6 +487,8 @@ def write_ply(file: BinaryIO, cloud: PointCloud) -> None:
         Open for writing.
     cloud : PointCloud
         The points and their attributes.
+    ascii : bool
+        Whether to write text instead of little-endian binary data.
 
     Raises
     ------
@@ -489,18 +499,23 @@ def write_ply(file: BinaryIO, cloud: PointCloud) -> None:
     fields = _fields(cloud, header)
     lines = [
         "ply",
-        "format binary_little_endian 1.0",
+        f"format {'ascii' if ascii else 'binary_little_endian'} 1.0",
         *header.remarks,
         f"element vertex {len(cloud)}",
         *(each.line() for each in fields),
         "end_header\n",
     ]
     file.write("\n".join(lines).encode("utf-8", "surrogateescape"))
-    if any(each.length is not None for each in fields):
+    if ascii:
+        for start in range(0, len(cloud), BLOCK):
+            file.writelines(
+                f"{' '.join(row)}\n".encode() for row in zip(*(each.texts(start) for each in fields), strict=True)
+            )
+    elif any(each.length is not None for each in fields):
         for start in range(0, len(cloud), BLOCK):
             file.writelines(b"".join(row) for row in zip(*(each.rows(start) for each in fields), strict=True))
-        return
-    write_records(file, [(each.values, each.dtype) for each in fields])
+    else:
+        write_records(file, [(each.values, each.dtype) for each in fields])
 
 
 def _fields(cloud: PointCloud, header: PlyHeader) -> list[_Field]:
@@ -570,4 +585,5 @@ FORMAT = Format(
     _fitted,
     faces=count_ply_faces,
     chunks=read_ply_chunks,
+    write_encoded=write_ply,
 )

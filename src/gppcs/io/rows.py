@@ -298,11 +298,22 @@ def write_rows(file: BinaryIO, columns: Sequence[Column], separator: str = " ", 
         Text at the start of each line.
     """
     for start in range(0, len(columns[0]), BLOCK):
-        fields = (_texts(column[start : start + BLOCK]) for column in columns)
+        fields = (texts_of(column[start : start + BLOCK]) for column in columns)
         file.writelines(f"{prefix}{separator.join(row)}\n".encode() for row in zip(*fields, strict=True))
 
 
-def _texts(values: Column) -> list[str]:
+def texts_of(values: Column) -> list[str]:
+    """Return each value as the shortest text that reads back as the same value of the same type.
+
+    Parameters
+    ----------
+    values : (N,) array
+        Truth values become 0 and 1. Text is put in quotes where that is needed.
+
+    Returns
+    -------
+    list of N str
+    """
     if values.dtype.kind == "U":
         return list(map(quoted, values.tolist()))
     if values.dtype.kind == "b":

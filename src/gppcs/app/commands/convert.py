@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from gppcs.app.printing import Columns, Force, From, Lossy, To, names_of, note_left_out
+from gppcs.app.printing import Ascii, Columns, Force, From, Lossy, To, names_of, note_left_out
 from gppcs.errors import file_path
 
 EPILOG = (
@@ -27,6 +27,7 @@ def convert(
     ],
     input_format: From = None,
     output_format: To = None,
+    ascii: Ascii = None,  # noqa: A002
     columns: Columns = None,
     invalid: Annotated[
         Literal["keep", "drop"],
@@ -42,12 +43,12 @@ def convert(
     """
     from gppcs import io
 
-    io.format_to_write(target, output_format)
+    io.format_to_write(target, output_format, ascii)
     io.check_output(target, force)
     io.check_distinct([target], [source])
     cloud, _, unread = io.load(source, input_format, names_of(columns))
     if invalid == "drop" and (n := len(cloud.non_finite())):
         cloud = cloud.take(cloud.finite_rows())
         unread = [*unread, f"points with NaN or infinite coordinates ({n:,})"]
-    lost = io.store(target, cloud, output_format, force=force, lossy=lossy)
+    lost = io.store(target, cloud, output_format, force, lossy, ascii)
     note_left_out(target, [*unread, *lost])

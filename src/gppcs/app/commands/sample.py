@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from gppcs import __version__
-from gppcs.app.printing import Force, Json, Lossy, To, note_left_out, print_json
+from gppcs.app.printing import Ascii, Force, Json, Lossy, To, note_left_out, print_json
 from gppcs.app.quantities import count_of
 from gppcs.errors import file_path
 
@@ -47,6 +47,7 @@ def sample(
     ] = 0.0,
     seed: Annotated[int, typer.Option(help="Seed of random numbers. The same seed gives the same scan.")] = 0,
     output_format: To = None,
+    ascii: Ascii = None,  # noqa: A002
     force: Force = False,
     lossy: Lossy = False,
     as_json: Json = False,
@@ -57,10 +58,10 @@ def sample(
     """
     from gppcs import io, scans
 
-    io.format_to_write(output, output_format)
+    io.format_to_write(output, output_format, ascii)
     io.check_output(output, force)
     options: dict[str, Any] = {"noise": noise, "outliers": outliers, "uneven": uneven, "seed": seed}
     cloud = scans.sample(name, count_of(points), **options)
-    note_left_out(output, io.store(output, cloud, output_format, force=force, lossy=lossy))
+    note_left_out(output, io.store(output, cloud, output_format, force, lossy, ascii))
     if as_json and not io.is_standard(output):  # there the scan goes
         print_json({"output": str(output), "name": name, "points": len(cloud), **options, "version": __version__})

@@ -16,6 +16,7 @@ from gppcs.app.outputs import Outputs, outputs_of, sources_of
 from gppcs.app.printing import (
     BAD_INPUT,
     FAILURES,
+    Ascii,
     Columns,
     Force,
     From,
@@ -110,6 +111,7 @@ def simplify(
     ] = None,
     input_format: From = None,
     output_format: To = None,
+    ascii: Ascii = None,  # noqa: A002
     columns: Columns = None,
     invalid: Invalid = "error",
     normals: Annotated[
@@ -185,7 +187,7 @@ def simplify(
     simplified([[0.0, 0.0, 0.0]], **options)  # checks the options before long work
     limit = None if memory is None else bytes_of(memory)
     merged = sources_of(inputs) if merge else []
-    outputs = outputs_of(merged[:1] or inputs, output, output_format)
+    outputs = outputs_of(merged[:1] or inputs, output, output_format, ascii)
     sources, targets = list(outputs.targets), list(outputs.targets.values())
     if picture:
         _check_picture(picture, sources, force)
@@ -291,7 +293,8 @@ class _Job:
             result = replace(result, cloud=_with_attribute(result.cloud, self.index_attribute, result.indices))
         with stages("writing"):
             self.outputs.make_folder(target)
-            lost = io.store(target, result.cloud, self.outputs.format, force=self.force, lossy=self.lossy)
+            to = self.outputs
+            lost = io.store(target, result.cloud, to.format, self.force, self.lossy, to.ascii)
             if self.picture and image:
                 with io.whole_file(self.picture, self.force) as file:
                     file.write(image)
@@ -353,7 +356,7 @@ class _Job:
         for name, dtype in ((self.index_attribute, np.int64), (self.mark, np.uint8)):
             if name is not None:
                 cloud = _with_attribute(cloud, name, np.zeros(len(cloud), dtype))
-        io.check_storable(target, cloud, self.outputs.format, self.lossy)
+        io.check_storable(target, cloud, self.outputs.format, self.lossy, self.outputs.ascii)
 
     def _note_all_kept(self, source: Path, kept: int) -> None:
         """Print a note if the input has fewer points than were asked for."""
