@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from command_line import assert_one_line
+from command_line import assert_one_line, files
 
 FACES = "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n"
 
@@ -56,3 +56,38 @@ def test_points_that_are_not_finite_are_kept_or_dropped_with_a_word(gppcs_comman
     note = "gppcs: note: a.las: left out: points with NaN or infinite coordinates (2)\n"
     assert gppcs_command("convert", "a.csv", "a.las", "--invalid", "drop") == (0, "", note)
     assert gppcs.read("a.las").attributes["label"].tolist() == [1, 4]
+
+
+def test_a_part_is_read(gppcs_command, scan, folder):
+    def n(box):
+        low, high = box
+        return int(((scan.points[:, :2] >= low) & (scan.points[:, :2] <= high)).all(axis=1).sum())
+
+    words = ["--box", "-20,-5.5,1e2,30"]
+    expected = n(([-20, -5.5], [100, 30]))
+    assert 0 < expected < 400
+    assert gppcs_command("convert", "scan.ply", "part.ply", *words) == (0, "", "")
+    assert len(gppcs.read("part.ply")) == expected
+    code, out, _ = gppcs_command("info", "scan.ply", *words, "--json")
+    assert (code, f'"points": {expected},' in out) == (0, True)
+    code, out, _ = gppcs_command("simplify", "scan.ply", "-o", "a.ply", *words, "--points", 3, "--method", "random")
+    assert (code, f"{expected} in, 3 out" in out) == (0, True)
+    few = ["--points", 3, "--memory", "300MB", "--json"]
+    code, out, _ = gppcs_command("simplify", "scan.ply", "-o", "b.ply", "--box", "900,900,901,901", *few)
+    assert (code, out, (folder / "b.ply").exists()) == (2, "", False)
+
+
+@pytest.mark.parametrize(
+    ("words", "part"),
+    [
+        (["--box", "0,0,x,1"], "expected --box with numbers"),
+        (["--box", "0,0,1"], "expected a box xmin, ymin"),
+        (["--resolution", "-1"], "expected a resolution above 0"),
+        (["--resolution", "1"], "scan.ply: expected a COPC file"),
+    ],
+)
+def test_what_cannot_be_read_is_refused(gppcs_command, scan, words, part):
+    for command in (["convert", "scan.ply", "out.ply"], ["info", "scan.ply"],
+                    ["simplify", "scan.ply", "-o", "out.ply", "--points", 3]):  # fmt: skip
+        assert_one_line(gppcs_command(*command, *words), part)
+    assert files() == ["scan.ply"]

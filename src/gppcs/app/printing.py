@@ -11,7 +11,7 @@ import typer
 
 from gppcs.app.tables import FIGURES
 from gppcs.engine.stages import Listener
-from gppcs.errors import GppcsError, InputError
+from gppcs.errors import GppcsError, InputError, ParameterError, shown
 from gppcs.evaluation.report import Report
 
 BAD_INPUT = 2
@@ -62,6 +62,21 @@ Columns = Annotated[
     ),
 ]
 
+Box = Annotated[
+    str | None,
+    typer.Option(
+        metavar="XMIN,YMIN,...",
+        help="Read only the points in this box: xmin,ymin,xmax,ymax or xmin,ymin,zmin,xmax,ymax,zmax.",
+    ),
+]
+Resolution = Annotated[
+    float | None,
+    typer.Option(
+        metavar="LENGTH",
+        help="Read a COPC file only down to the level on which neighbours are about that far from each other.",
+    ),
+]
+
 Invalid = Annotated[
     Literal["error", "drop"],
     typer.Option(help="For NaN and infinite coordinates: stop with an error, or drop these points."),
@@ -100,6 +115,29 @@ def names_of(columns: str | None) -> list[str] | None:
     list of str or None
     """
     return None if columns is None else [name.strip() for name in columns.split(",")]
+
+
+def numbers_of(box: str | None) -> list[float] | None:
+    """Return the numbers in the option `--box`.
+
+    Parameters
+    ----------
+    box : str or None
+        Numbers, separated by commas.
+
+    Returns
+    -------
+    list of float or None
+
+    Raises
+    ------
+    ParameterError
+        If one is no number.
+    """
+    try:
+        return None if box is None else [float(limit) for limit in box.split(",")]
+    except ValueError:
+        raise ParameterError(f"expected --box with numbers, such as 0,0,100,50, found {shown(box)}") from None
 
 
 def print_json(record: dict[str, Any]) -> None:

@@ -17,6 +17,7 @@ from gppcs.errors import FileFormatError
 from gppcs.io.columns import exact_as_double
 from gppcs.io.files import check_input, checked_columns, format_of, left_out, naming, read_as
 from gppcs.io.format import Format
+from gppcs.io.query import Query
 from gppcs.io.rows import BLOCK
 from gppcs.io.streams import is_plain, plain_input
 
@@ -55,6 +56,8 @@ class CloudFiles:
         Suffix of the format of all files. It overrides their contents and names.
     columns : sequence of str, optional
         The name of each column of text tables, with x, y and z. They replace any names in the files.
+    query : Query, optional
+        Which points to read.
     """
 
     def __init__(
@@ -62,10 +65,12 @@ class CloudFiles:
         paths: Sequence[Path],
         format: str | None = None,  # noqa: A002
         columns: Sequence[str] | None = None,
+        query: Query | None = None,
     ) -> None:
         self.paths = paths
         self._format = format
         self._columns = None if columns is None else checked_columns(columns)
+        self._query = query
         self._copies: dict[Path, tuple[Any, Path]] = {}
         self._whole: dict[Path, PointCloud] = {}  # what `head` had to read as a whole, for `read`
         self._stack = ExitStack()
@@ -195,7 +200,7 @@ class CloudFiles:
                 self._copies[path] = self._stack.enter_context(plain_input(path))
             file, name = self._copies.get(path) or stack.enter_context(plain_input(path))
             file.seek(0)
-            yield file, format_of(file, name, self._format)
+            yield file, format_of(file, name, self._format, self._query)
 
 
 def _size(file: Any) -> int:

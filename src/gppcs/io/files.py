@@ -21,6 +21,7 @@ from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.errors import FileFormatError, InputError, OutputError, ParameterError, file_path, flag, shown
 from gppcs.io import arrays, arrow, e57, las, meshes, pcd, ply, ptx, text
 from gppcs.io.format import Format
+from gppcs.io.query import Query, restricted
 from gppcs.io.streams import inner_name, plain_input, whole_output
 from gppcs.io.whole_file import is_standard
 
@@ -43,6 +44,8 @@ def read(
     path: str | os.PathLike[str],
     format: str | None = None,  # noqa: A002 - as numpy, pandas say
     columns: Sequence[str] | None = None,
+    box: Sequence[float] | None = None,
+    resolution: float | None = None,
 ) -> PointCloud:
     """Read a cloud: PLY, LAS, LAZ, COPC, XYZ, CSV, PTS, NPY, NPZ, OFF, OBJ, STL, PCD, PTX, E57, Parquet or Feather.
 
@@ -57,6 +60,12 @@ def read(
         Suffix of the format, such as "ply" or ".ply". It overrides content and name.
     columns : sequence of str, optional
         The name of each column of a text table, with x, y and z. They replace any names in the file.
+    box : sequence of 4 or 6 float, optional
+        Read only the points in the box xmin, ymin, xmax, ymax or xmin, ymin, zmin, xmax, ymax, zmax, border included.
+        Of a COPC file, only the parts that meet the box are decompressed.
+    resolution : float, optional
+        Read a COPC file only down to the level on which neighbours are about that far from each other, in the unit of
+        the coordinates.
 
     Returns
     -------
@@ -66,9 +75,10 @@ def read(
     Raises
     ------
     FileFormatError
-        If the format is unknown, or the content does not follow it.
+        If the format is unknown, the content does not follow it, or there is a resolution and the file is not COPC.
     ParameterError
-        If `path` is neither text nor a path, `format` is no text, or `columns` are not different names with x, y and z.
+        If `path` is neither text nor a path, `format` is no text, `columns` are not different names with x, y and z,
+        or `box` or `resolution` are not as above.
     MissingExtraError
         If the format needs a package that is not installed (E57, Parquet, Feather).
     OSError
@@ -81,7 +91,7 @@ def read(
     >>> cloud
     PointCloud(2 points, each with intensity)
     """
-    with _opened(path, format, columns) as (file, chosen, names):
+    with _opened(path, format, columns, box, resolution) as (file, chosen, names):
         return read_as(chosen, file, names)
 
 
@@ -106,12 +116,14 @@ def load(
     path: str | os.PathLike[str],
     format: str | None = None,  # noqa: A002
     columns: Sequence[str] | None = None,
+    box: Sequence[float] | None = None,
+    resolution: float | None = None,
 ) -> Loaded:
     """Read a point cloud file as `read` does, and tell what is left out.
 
     Parameters
     ----------
-    path, format, columns
+    path, format, columns, box, resolution
         As for `read`.
 
     Returns
@@ -123,7 +135,7 @@ def load(
     FileFormatError, ParameterError, OSError
         As for `read`.
     """
-    with _opened(path, format, columns) as (file, chosen, names):
+    with _opened(path, format, columns, box, resolution) as (file, chosen, names):
         cloud = read_as(chosen, file, names)
         file.seek(0)
         return Loaded(cloud, *left_out(chosen, file))
@@ -134,15 +146,18 @@ def _opened(
     path: str | os.PathLike[str],
     format: str | None,  # noqa: A002
     columns: Sequence[str] | None,
+    box: Sequence[float] | None,
+    resolution: float | None,
 ) -> Iterator[tuple[BufferedReader, Format, list[str] | None]]:
     """Open a file, decompressed, and find its format, after checking the arguments of `read`."""
     source = file_path(path)
     _require_text(format)
     names = None if columns is None else checked_columns(columns)
+    query = Query.of(box, resolution)
     check_input(source)
     # Converting a signalling NaN is no error.
     with naming(source), plain_input(source) as (file, plain), np.errstate(invalid="ignore"):
-        yield file, format_of(file, plain, format), names
+        yield file, format_of(file, plain, format, query), names
 
 
 def left_out(known: Format, file: BufferedReader) -> tuple[int, list[str]]:
@@ -449,7 +464,12 @@ def _encoded(path: str | os.PathLike[str], chosen: Format, ascii: bool) -> Forma
     return replace(chosen, write=partial(chosen.write_encoded, ascii=ascii))
 
 
-def format_of(file: BufferedReader, path: Path, format: str | None = None) -> Format:  # noqa: A002
+def format_of(
+    file: BufferedReader,
+    path: Path,
+    format: str | None = None,  # noqa: A002
+    query: Query | None = None,
+) -> Format:
     """Return the format of a file by its content or else its name; leave the file at its start.
 
     Parameters
@@ -460,6 +480,8 @@ def format_of(file: BufferedReader, path: Path, format: str | None = None) -> Fo
         Its name, without the suffix of a compression.
     format : str, optional
         Suffix of the format, which overrides both.
+    query : Query, optional
+        Which points the format should read.
 
     Returns
     -------
@@ -468,13 +490,13 @@ def format_of(file: BufferedReader, path: Path, format: str | None = None) -> Fo
     Raises
     ------
     FileFormatError
-        If the format is unknown.
+        If the format is unknown, or cannot answer the query.
     """
-    if format:
-        return _of_suffix(format)
     head, size = file.read(_HEAD), os.fstat(file.fileno()).st_size
     file.seek(0)
-    return next((known for known in FORMATS if known.recognises(head, size)), None) or _of_suffix(path.suffix)
+    known = None if format else next((known for known in FORMATS if known.recognises(head, size)), None)
+    known = known or _of_suffix(format or path.suffix)
+    return restricted(known, query) if query else known
 
 
 def _require_text(suffix: str | None) -> None:

@@ -122,11 +122,13 @@ class Format:
         comes as one cloud. None if the format always has to be read as a whole.
     count : callable(file) -> int, optional
         Returns how many points a file has, as its header says. By default, the size of the file tells about how many.
+    takes_query : bool
+        Whether `read` and `chunks` take `query=`, a `Query` or None, and read no more than they must for it.
     """
 
     name: str
     suffixes: tuple[str, ...]
-    read: Callable[[BufferedReader], PointCloud]
+    read: Callable[..., PointCloud]
     write: Callable[[BinaryIO, PointCloud], None] | None = None
     recognises: Callable[[bytes, int], bool] = _never
     unread: Callable[[BufferedReader], list[str]] = _nothing
@@ -134,5 +136,6 @@ class Format:
     faces: Callable[[BufferedReader], int] = _none
     write_encoded: Callable[..., None] | None = None
     read_named: Callable[[BufferedReader, list[str]], PointCloud] | None = None
-    chunks: Callable[[BufferedReader, int, bool], Iterator[PointCloud]] | None = None
+    chunks: Callable[..., Iterator[PointCloud]] | None = None
     count: Callable[[BufferedReader], int] | None = None
+    takes_query: bool = False

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from io import BufferedReader
@@ -18,19 +17,22 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.columns import check_name, exact_as_double
+from gppcs.io.copc import chunks_of
 from gppcs.io.format import Format, without_attributes, without_header
 from gppcs.io.las_header import (
+    COPC,
     EXTRA_BYTES,
     LASZIP,
     SIZES,
     TYPES,
     LasHeader,
-    Record,
     extra_name,
     read_header,
     record_of,
     waveforms_at,
 )
+from gppcs.io.laz import decompressed, decompressed_chunks
+from gppcs.io.query import Query, not_empty, without_levels
 from gppcs.io.rows import BLOCK, ends_early
 
 _AXES = ("X", "Y", "Z")
@@ -40,7 +42,6 @@ ROUNDING = 2.0  # Units in the last place by which 41 times 0.01 may differ from
 FARTHEST = 1e300  # Largest coordinate. Beyond, a whole number times the scale overflows.
 _LARGEST = 2**31 - 1  # of the whole numbers that coordinates are stored as
 _LONGEST_RECORD = 2**16 - 1
-_MOST_IN_CHUNK = 10_000_000  # points; of chunks up to this size, all cores decompress one each, which takes memory
 _SAMPLE = 1000  # coordinates by which a scale is tried first
 _FINEST = -300  # the smallest power of ten of a scale
 # Point formats for clouds of other sources, in the order of preference, and the versions that have them.
@@ -146,13 +147,15 @@ def _type_of_extra(description: NDArray[Any]) -> tuple[np.dtype[Any], tuple[int,
     return TYPES[kind], (several + 1,) if several else ()
 
 
-def read_las(file: BufferedReader) -> PointCloud:
+def read_las(file: BufferedReader, query: Query | None = None) -> PointCloud:
     """Read a LAS, LAZ or COPC file.
 
     Parameters
     ----------
     file : binary file
         Open for reading, at its start.
+    query : Query, optional
+        Which points to read. A box needs only the chunks of a COPC file that it meets.
 
     Returns
     -------
@@ -163,9 +166,10 @@ def read_las(file: BufferedReader) -> PointCloud:
     Raises
     ------
     FileFormatError
-        If the file is damaged, ends early, or has a scale with which coordinates cannot be told apart.
+        If the file is damaged, ends early, or has a scale with which coordinates cannot be told apart; or if the query
+        has a resolution and the file is not COPC.
     """
-    parts = list(_blocks_as_clouds(file, attributes=True))
+    parts = list(_blocks_as_clouds(file, attributes=True, query=query))
     header = parts[0].header
     points = np.concatenate([part.points for part in parts])
     columns = {name: [part.attributes[name] for part in parts] for name in parts[0].attributes}
@@ -174,7 +178,9 @@ def read_las(file: BufferedReader) -> PointCloud:
     return PointCloud(points, {name: np.concatenate(columns.pop(name)) for name in list(columns)}, header=header)
 
 
-def read_las_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
+def read_las_chunks(
+    file: BufferedReader, rows: int, attributes: bool, query: Query | None = None
+) -> Iterator[PointCloud]:
     """Read a LAS, LAZ or COPC file as `read_las` does, in chunks.
 
     Parameters
@@ -185,6 +191,8 @@ def read_las_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterat
         Points of a chunk at most.
     attributes : bool
         Whether to return the attributes, too.
+    query : Query, optional
+        As for `read_las`.
 
     Yields
     ------
@@ -195,17 +203,11 @@ def read_las_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterat
     FileFormatError
         As `read_las`, after the chunks before the fault.
     """
-    blocks = _blocks_as_clouds(file, attributes)
-    empty = next(blocks)
-    count = 0
-    for block in blocks:
-        count += len(block)
+    for block in not_empty(_blocks_as_clouds(file, attributes, query)):
         if len(block) <= rows:
             yield block
         else:
             yield from (block[start : start + rows] for start in range(0, len(block), rows))
-    if not count:
-        yield empty
 
 
 def count_las_points(file: BufferedReader) -> int:
@@ -232,21 +234,33 @@ def _count(fields: NDArray[Any]) -> int:
     return int(fields["count"][0]) or int(fields["legacy_count"][0])
 
 
-def _blocks_as_clouds(file: BufferedReader, attributes: bool) -> Iterator[PointCloud]:
+def _blocks_as_clouds(file: BufferedReader, attributes: bool, query: Query | None) -> Iterator[PointCloud]:
     """Yield a cloud without points, and then one for each block of points."""
-    header, fields, laszip = read_header(file)
+    header, fields, own = read_header(file)
     size, compressed = int(fields["point_size"][0]), int(fields["point_format"][0]) & 0b11000000
     layout = _layout(header, size)
     count = _count(fields)
-    blocks = _compressed(file, layout, count, laszip) if compressed else _uncompressed(file, layout, count)
     scales, offsets = fields["scales"][0], fields["offsets"][0]
+    if query and compressed and COPC in own:
+        chunks = chunks_of(file, own[COPC].data, query, scales)
+        blocks = decompressed_chunks(file, layout.record, chunks, own.get(LASZIP))
+    elif query and query.resolution is not None:
+        raise without_levels("LAZ without them" if compressed else "LAS")
+    elif compressed:
+        blocks = decompressed(file, layout.record, count, own.get(LASZIP))
+    else:
+        blocks = _uncompressed(file, layout, count)
     wanted = layout.dimensions if attributes else {}
     for block in chain([np.empty(0, layout.record)], blocks):
+        points = _coordinates(block, scales, offsets)
+        if query:
+            inside = query.holds(points)
+            points, block = points[inside], block[inside]
         columns = {
             name: np.ascontiguousarray(dimension.values(block), dimension.dtype.newbyteorder("="))
             for name, dimension in wanted.items()
         }
-        yield PointCloud(_coordinates(block, scales, offsets), columns, header=header)
+        yield PointCloud(points, columns, header=header)
 
 
 def _uncompressed(file: BufferedReader, layout: _Layout, count: int) -> Iterator[NDArray[Any]]:
@@ -259,84 +273,6 @@ def _uncompressed(file: BufferedReader, layout: _Layout, count: int) -> Iterator
     for first in range(0, count, BLOCK):
         n = min(BLOCK, count - first)
         yield np.frombuffer(file.read(n * size), layout.record, n)
-
-
-def _compressed(file: BufferedReader, layout: _Layout, count: int, laszip: Record | None) -> Iterator[NDArray[Any]]:
-    """Yield points in blocks, so that a header that lies about their number takes no memory."""
-    import lazrs
-
-    if laszip is None:
-        raise FileFormatError("expected a record that describes the compression of the points, found none")
-    if not count:
-        return
-    size = layout.record.itemsize
-    with _reported():
-        kind = lazrs.LazVlr(laszip.data)
-        if kind.item_size() != size:
-            raise FileFormatError(f"expected compressed points of {size} bytes, found {kind.item_size()}")
-        largest = _largest_chunk(file, laszip, size)
-        reader = lazrs.ParLasZipDecompressor if largest <= _MOST_IN_CHUNK else lazrs.LasZipDecompressor
-        decompressor = reader(file, laszip.data, lazrs.DecompressionSelection(lazrs.SELECTIVE_DECOMPRESS_ALL))
-    for first in range(0, count, BLOCK):
-        block = np.empty(min(BLOCK, count - first), layout.record)
-        with _reported():
-            decompressor.decompress_many(block.view(np.uint8))
-        yield block
-
-
-def _largest_chunk(file: BufferedReader, laszip: Record, point_size: int) -> int:
-    """Check the sizes by which lazrs takes memory: those of chunks and of layers in them. Return the largest chunk.
-
-    The file is at its first point before and after. The largest chunk is in points.
-    """
-    import lazrs
-
-    start = file.tell()
-    size = file.seek(0, 2)
-    table = _whole_number(file, start, 8)
-    if table == -1:  # of a file that was written without going back
-        table = _whole_number(file, size - 8, 8)
-    n_chunks = _whole_number(file, table + 4, 4) & 0xFFFFFFFF if start < table <= size - 8 else -1
-    file.seek(start)
-    if not 0 < n_chunks <= size:
-        raise FileFormatError("expected a table of the compressed points, found none; get the whole file again")
-    chunks = lazrs.read_chunk_table(file, lazrs.LazVlr(laszip.data))
-    n_layers, position = _layers(laszip), start + 8
-    for _, length in chunks:
-        file.seek(position + point_size + 4)
-        needed = int(np.frombuffer(file.read(4 * n_layers).ljust(4 * n_layers, b"\0"), "<u4").sum(dtype=np.int64))
-        position += length
-        if needed > length or position > size:
-            raise FileFormatError("expected all compressed points within the file, found fewer; get it again")
-    file.seek(start)
-    return max(points for points, _ in chunks)
-
-
-def _layers(laszip: Record) -> int:
-    """Return the number of layers in each chunk, whose sizes follow its first point and its number of points."""
-    items = np.frombuffer(laszip.data, [("type", "<u2"), ("size", "<u2"), ("version", "<u2")], offset=34)
-    known = {10: 9, 11: 1, 12: 2, 13: 1}  # points from format 6 on, colours, near infrared, wave packets
-    return sum(int(each["size"]) if each["type"] == 14 else known.get(int(each["type"]), 0) for each in items)
-
-
-def _whole_number(file: BufferedReader, position: int, length: int) -> int:
-    file.seek(max(position, 0))
-    return int.from_bytes(file.read(length), "little", signed=True)
-
-
-@contextmanager
-def _reported() -> Iterator[None]:
-    """Raise errors of lazrs, and a panic in it, as a FileFormatError."""
-    try:
-        yield
-    except BaseException as error:
-        # A panic of Rust is no Exception, and its class cannot be imported.
-        if isinstance(error, FileFormatError) or not (
-            isinstance(error, Exception) or type(error).__name__ == "PanicException"
-        ):
-            raise
-        reason = " ".join(str(error).split())
-        raise FileFormatError(f"expected whole compressed points, but lazrs reports: {reason}") from error
 
 
 def _coordinates(
@@ -654,8 +590,9 @@ def _format(name: str, suffix: str, compressed: bool) -> Format:
     write: Callable[[BinaryIO, PointCloud], None] = partial(write_las, compressed=compressed)
     recognises = partial(_is_las, compressed=compressed)
     return Format(
-        name, (suffix,), read_las, write, recognises, fitted=_fitted, chunks=read_las_chunks, count=count_las_points
-    )
+        name, (suffix,), read_las, write, recognises, fitted=_fitted, chunks=read_las_chunks, count=count_las_points,
+        takes_query=True,
+    )  # fmt: skip
 
 
 FORMATS = (_format("LAS", ".las", False), _format("LAZ", ".laz", True))

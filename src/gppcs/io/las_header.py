@@ -50,9 +50,10 @@ _MIN_AND_MAX, _SCALE, _OFFSET = 0b00110, 0b01000, 0b10000  # options of extra by
 _EXTRA_BYTES_RECORD = (b"LASF_Spec", 4)
 _WAVEFORMS = (b"LASF_Spec", 65535)
 LASZIP = (b"laszip encoded", 22204)
+COPC = (b"copc", 1)
 _WKT, _GEO_KEYS, _GEO_TEXTS = ((b"LASF_Projection", number) for number in (2112, 34735, 34737))
 # Compression and indices of the points are right for one file only.
-_OF_ONE_FILE = {LASZIP, (b"copc", 1), (b"copc", 1000), (b"LAStools", 30)}
+_OF_ONE_FILE = {LASZIP, COPC, (b"copc", 1000), (b"LAStools", 30)}
 _PROJECTED, _GEOGRAPHIC, _CITATIONS = 3072, 2048, (3073, 1026, 2049)  # keys of GeoTIFF
 # Bits of the global encoding.
 _USES_WKT, _HOLDS_WAVEFORMS, _STANDARD_TIME = 0b10000, 0b10, 0b1
@@ -285,7 +286,7 @@ def _in_one_line(text: str) -> str:
     return re.sub(r"[\s\x00-\x1f\x7f-\x9f]+", " ", text)
 
 
-def read_header(file: BufferedReader) -> tuple[LasHeader, NDArray[Any], Record | None]:
+def read_header(file: BufferedReader) -> tuple[LasHeader, NDArray[Any], dict[tuple[bytes, int], Record]]:
     """Read all but the points of a LAS file. Leave the file at its first point.
 
     Parameters
@@ -298,8 +299,8 @@ def read_header(file: BufferedReader) -> tuple[LasHeader, NDArray[Any], Record |
     header : LasHeader
     fields : array of one row, of type `BLOCK`
         The public header block as it stands in the file.
-    laszip : Record or None
-        The record that describes the compression of the points.
+    own : dict of kind to Record
+        The records that are right for this file only: of its compression (`LASZIP`) and of its index (`COPC`).
 
     Raises
     ------
@@ -320,11 +321,11 @@ def read_header(file: BufferedReader) -> tuple[LasHeader, NDArray[Any], Record |
     records += _read_extended(file, size, fields)
     file.seek(start)
     kept = tuple(_without_bounds(each) for each in records if each.kind not in _OF_ONE_FILE)
-    laszip = next((each for each in records if each.kind == LASZIP), None)
+    own = {each.kind: each for each in reversed(records) if each.kind in _OF_ONE_FILE}
     header = LasHeader(block, kept, padding)
     number = int(fields["point_format"][0]) & 0b111111  # the other bits tell that points are compressed
     zeros = dict.fromkeys(_DERIVED, 0)
-    return header.with_fields(**zeros, point_format=number), fields, laszip
+    return header.with_fields(**zeros, point_format=number), fields, own
 
 
 def _read_block(file: BufferedReader, size: int) -> tuple[NDArray[Any], bytes]:

@@ -7,7 +7,19 @@ from typing import Annotated, Literal
 
 import typer
 
-from gppcs.app.printing import Ascii, Columns, Force, From, Lossy, To, names_of, note_left_out
+from gppcs.app.printing import (
+    Ascii,
+    Box,
+    Columns,
+    Force,
+    From,
+    Lossy,
+    Resolution,
+    To,
+    names_of,
+    note_left_out,
+    numbers_of,
+)
 from gppcs.errors import file_path
 
 EPILOG = (
@@ -29,6 +41,8 @@ def convert(
     output_format: To = None,
     ascii: Ascii = None,  # noqa: A002
     columns: Columns = None,
+    box: Box = None,
+    resolution: Resolution = None,
     invalid: Annotated[
         Literal["keep", "drop"],
         typer.Option(help="For NaN and infinite coordinates: keep these points, or drop them."),
@@ -46,7 +60,7 @@ def convert(
     io.format_to_write(target, output_format, ascii)
     io.check_output(target, force)
     io.check_distinct([target], [source])
-    cloud, _, unread = io.load(source, input_format, names_of(columns))
+    cloud, _, unread = io.load(source, input_format, names_of(columns), numbers_of(box), resolution)
     if invalid == "drop" and (n := len(cloud.non_finite())):
         cloud = cloud.take(cloud.finite_rows())
         unread = [*unread, f"points with NaN or infinite coordinates ({n:,})"]

@@ -5,12 +5,23 @@ from __future__ import annotations
 import dataclasses
 import re
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from gppcs.app.outputs import sources_of
-from gppcs.app.printing import BAD_INPUT, FAILURES, Columns, Json, names_of, print_json, tell
+from gppcs.app.printing import (
+    BAD_INPUT,
+    FAILURES,
+    Box,
+    Columns,
+    Json,
+    Resolution,
+    names_of,
+    numbers_of,
+    print_json,
+    tell,
+)
 from gppcs.errors import file_path
 
 EPILOG = "[bold]Examples[/bold]\n\ngppcs info scan.ply --json\n\ngppcs info a.ply b.xyz folder"
@@ -27,6 +38,8 @@ def info(
         ),
     ],
     columns: Columns = None,
+    box: Box = None,
+    resolution: Resolution = None,
     as_json: Json = False,
 ) -> None:
     """Print the number of points, bounding box, spacing, attributes, repeats and invalid points.
@@ -34,10 +47,11 @@ def info(
     If the file is a mesh, it also says how many faces there are. If one of several files cannot be read, the others are
     still shown, and the exit code is 2.
     """
-    names, failed = names_of(columns), False
+    part: dict[str, Any] = {"columns": names_of(columns), "box": numbers_of(box), "resolution": resolution}
+    failed = False
     for file in sources_of(files):
         try:
-            _print(file, names, as_json)
+            _print(file, part, as_json)
         except FAILURES as error:
             tell(error, file)
             failed = True
@@ -45,13 +59,13 @@ def info(
         raise typer.Exit(BAD_INPUT)
 
 
-def _print(file: Path, columns: list[str] | None, as_json: bool) -> None:
-    """Print the facts about one file."""
+def _print(file: Path, part: dict[str, Any], as_json: bool) -> None:
+    """Print the facts about one file; `part` are arguments of `gppcs.read`."""
     from gppcs import io
     from gppcs.app.console import print_table
     from gppcs.clouds.summary import info as summarise
 
-    cloud, faces, _ = io.load(file, columns=columns)
+    cloud, faces, _ = io.load(file, **part)
     summary = summarise(cloud)
     if as_json:
         print_json({"file": str(file), **dataclasses.asdict(summary), "faces": faces})

@@ -17,6 +17,7 @@ from gppcs.app.printing import (
     BAD_INPUT,
     FAILURES,
     Ascii,
+    Box,
     Columns,
     Force,
     From,
@@ -24,11 +25,13 @@ from gppcs.app.printing import (
     Json,
     Lossy,
     Quiet,
+    Resolution,
     Threads,
     To,
     figure_rows,
     names_of,
     note_left_out,
+    numbers_of,
     print_error,
     print_json,
     progress,
@@ -50,6 +53,7 @@ if TYPE_CHECKING:
     from gppcs.engine.stages import Stages
     from gppcs.evaluation.report import Report
     from gppcs.io.cloud_files import CloudFiles
+    from gppcs.io.query import Query
     from gppcs.out_of_core import Plan
     from gppcs.simplification import Result
 
@@ -113,6 +117,8 @@ def simplify(
     output_format: To = None,
     ascii: Ascii = None,  # noqa: A002
     columns: Columns = None,
+    box: Box = None,
+    resolution: Resolution = None,
     invalid: Invalid = "error",
     normals: Annotated[
         bool,
@@ -131,7 +137,11 @@ def simplify(
     ] = False,
     index_attribute: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Add to each kept point its row in the input, counted from 0, as NAME."),
+        typer.Option(
+            metavar="NAME",
+            help="Add to each kept point its row in the input, counted from 0, as NAME; with --box, its row among the "
+            "points in the box.",
+        ),
     ] = None,
     mark: Annotated[
         str | None,
@@ -166,6 +176,7 @@ def simplify(
     for standard input, or for standard output with --to.
     """
     from gppcs.io import check_distinct
+    from gppcs.io.query import Query
     from gppcs.out_of_core import bytes_of
     from gppcs.simplification import simplify as simplified
 
@@ -186,6 +197,7 @@ def simplify(
         )
     simplified([[0.0, 0.0, 0.0]], **options)  # checks the options before long work
     limit = None if memory is None else bytes_of(memory)
+    query = Query.of(numbers_of(box), resolution)
     merged = sources_of(inputs) if merge else []
     outputs = outputs_of(merged[:1] or inputs, output, output_format, ascii)
     sources, targets = list(outputs.targets), list(outputs.targets.values())
@@ -193,8 +205,8 @@ def simplify(
         _check_picture(picture, sources, force)
     check_distinct([*targets, *([picture] if picture else [])], merged or sources)
     job = _Job(
-        outputs, merged, options, input_format, names_of(columns), index_attribute, mark, figures, picture, viewpoint,
-        limit, dry_run, force, lossy, quiet,
+        outputs, merged, options, input_format, names_of(columns), query, index_attribute, mark, figures, picture,
+        viewpoint, limit, dry_run, force, lossy, quiet,
     )  # fmt: skip
     succeeded = [_reported(job, source, as_json) for source in sources]
     if not all(succeeded):
@@ -254,6 +266,7 @@ class _Job:
     options: dict[str, Any]
     input_format: str | None
     columns: list[str] | None
+    query: Query | None
     index_attribute: str | None
     mark: str | None
     figures: bool
@@ -278,9 +291,11 @@ class _Job:
         stages = Stages(progress(self.quiet))
         report = image = None
         options = {name: self.options[name] for name in ("ratio", "n_points", "invalid", "scores")}
-        with CloudFiles(sources, self.input_format, self.columns) as files:
+        with CloudFiles(sources, self.input_format, self.columns, self.query) as files:
             method = resolved(self.options["method"], self.options["seed"])
             made = plan(files, method, options["ratio"], options["n_points"], self.limit, self._whole())
+            if self.query and not made.points:
+                raise InputError("expected points in the box, found none; gppcs info shows where the points lie")
             if self.dry_run:
                 return _DryRun(sources, target, made, expected_seconds(files, made, method))
             if made.in_memory:

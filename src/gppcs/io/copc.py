@@ -1,0 +1,100 @@
+"""Finds the chunks of a COPC file that a query asks for, by the octree in the file.
+
+laspy's reader is not used: it holds all points that it finds at once, and some damaged files keep it busy for ever.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from io import BufferedReader
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.errors import FileFormatError
+from gppcs.io.query import Query
+
+# As the COPC specification names and places them. The chunk of an entry holds the points of one cell of the octree.
+_INFO = np.dtype(
+    [("center", "<f8", 3), ("halfsize", "<f8"), ("spacing", "<f8"), ("root_offset", "<u8"), ("root_size", "<u8")]
+)
+_ENTRY = np.dtype([("level", "<i4"), ("cell", "<i4", 3), ("offset", "<u8"), ("size", "<i4"), ("count", "<i4")])
+_PAGE = -1  # the count of an entry that stands for a page with more entries
+
+
+def chunks_of(
+    file: BufferedReader, info: bytes, query: Query, scales: NDArray[np.float64]
+) -> list[tuple[int, int, int]]:
+    """Return the chunks with all points that a query asks for.
+
+    Parameters
+    ----------
+    file : binary file
+        A COPC file.
+    info : bytes
+        The data of its record `COPC`.
+    query : Query
+        With a resolution, the levels of the octree are taken down to the first on which points are that close.
+    scales : (3,) array
+        Of the coordinates.
+
+    Returns
+    -------
+    list of (int, int, int)
+        Position in the file, size in bytes and number of points of each chunk, in the order of the file.
+
+    Raises
+    ------
+    FileFormatError
+        If the octree is damaged.
+    """
+    if len(info) < _INFO.itemsize:
+        raise FileFormatError(f"expected at least {_INFO.itemsize} bytes about the COPC index, found {len(info)}")
+    fields = np.frombuffer(info, _INFO, 1)[0]
+    if not (0 < fields["spacing"] < math.inf and 0 < fields["halfsize"] < math.inf):
+        raise FileFormatError(
+            "expected a COPC index with a spacing and a size above 0, found "
+            f"{fields['spacing']:g} and {fields['halfsize']:g}; get the whole file again"
+        )
+    deepest = np.iinfo(np.int32).max
+    if query.resolution is not None:
+        deepest = math.ceil(math.log2(fields["spacing"]) - math.log2(query.resolution))
+    found: list[tuple[int, int, int]] = []
+    for page in _pages(file, fields, query, max(0, deepest), scales):
+        filled = page[page["count"] > 0]
+        found += zip(filled["offset"].tolist(), filled["size"].tolist(), filled["count"].tolist(), strict=True)
+    found.sort()
+    if any(offset + size > after for (offset, size, _), (after, _, _) in pairwise(found)):
+        raise FileFormatError("expected a COPC index of chunks side by side, found some that overlap; get it again")
+    return found
+
+
+def _pages(
+    file: BufferedReader, info: Any, query: Query, deepest: int, scales: NDArray[np.float64]
+) -> Iterator[NDArray[Any]]:
+    """Yield the entries that a query asks for, page by page."""
+    size = left = file.seek(0, 2)
+    places = [(int(info["root_offset"]), int(info["root_size"]))]
+    while places:
+        offset, length = places.pop()
+        left -= length
+        if not 0 <= length <= size - offset or left < 0:  # pages that lead to each other would be read for ever
+            raise FileFormatError("expected a COPC index within the file, found another; get the whole file again")
+        file.seek(offset)
+        page = np.frombuffer(file.read(length // _ENTRY.itemsize * _ENTRY.itemsize), _ENTRY)
+        page = page[(page["level"] <= deepest) & _meets(page, info, query, scales)]
+        further = page[page["count"] == _PAGE]
+        places += zip(further["offset"].tolist(), further["size"].tolist(), strict=True)
+        yield page
+
+
+def _meets(page: NDArray[Any], info: Any, query: Query, scales: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return whether the cell of each entry meets the box."""
+    with np.errstate(all="ignore"):  # an entry of no possible level meets nothing
+        side = np.ldexp(2 * info["halfsize"], -page["level"])[:, np.newaxis]
+        low = info["center"] - info["halfsize"] + page["cell"] * side
+        # Coordinates are rounded to the scale, which may move a point out of its cell.
+        return np.logical_and.reduce((low - scales <= query.high) & (low + side + scales >= query.low), axis=1)

@@ -1,0 +1,184 @@
+"""Decompresses the points of LAZ and COPC files, by the library lazrs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from io import BufferedReader
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.errors import FileFormatError
+from gppcs.io.las_header import Record
+from gppcs.io.rows import BLOCK
+
+_MOST_IN_CHUNK = 10_000_000  # points; of chunks up to this size, all cores decompress one each, which takes memory
+
+
+def decompressed(
+    file: BufferedReader, record: np.dtype[Any], count: int, laszip: Record | None
+) -> Iterator[NDArray[Any]]:
+    """Yield all points of a file in blocks, so that a header that lies about their number takes no memory.
+
+    Parameters
+    ----------
+    file : binary file
+        At its first point.
+    record : numpy dtype
+        The record of a point.
+    count : int
+        The number of points.
+    laszip : Record or None
+        The record that describes the compression.
+
+    Yields
+    ------
+    (n,) array of type `record`
+
+    Raises
+    ------
+    FileFormatError
+        If the points are damaged or end early.
+    """
+    import lazrs
+
+    if not count:
+        return
+    with _reported():
+        laszip = _checked(laszip, record)
+        largest = _largest_chunk(file, laszip, record.itemsize)
+        reader = lazrs.ParLasZipDecompressor if largest <= _MOST_IN_CHUNK else lazrs.LasZipDecompressor
+        decompressor = reader(file, laszip.data, lazrs.DecompressionSelection(lazrs.SELECTIVE_DECOMPRESS_ALL))
+    for first in range(0, count, BLOCK):
+        block = np.empty(min(BLOCK, count - first), record)
+        with _reported():
+            decompressor.decompress_many(block.view(np.uint8))
+        yield block
+
+
+def decompressed_chunks(
+    file: BufferedReader, record: np.dtype[Any], chunks: Sequence[tuple[int, int, int]], laszip: Record | None
+) -> Iterator[NDArray[Any]]:
+    """Yield the points of some chunks of a file, in blocks of at least one chunk.
+
+    Parameters
+    ----------
+    file : binary file
+    record : numpy dtype
+        The record of a point.
+    chunks : sequence of (int, int, int)
+        Position, size in bytes and number of points of each chunk.
+    laszip : Record or None
+        The record that describes the compression.
+
+    Yields
+    ------
+    (n,) array of type `record`
+
+    Raises
+    ------
+    FileFormatError
+        If the points are damaged or end early.
+    """
+    import lazrs
+
+    with _reported():
+        laszip = _checked(laszip, record)
+        layers, file_size = _layers(laszip), file.seek(0, 2)
+    content, table, n = bytearray(), [], 0
+    for i, (position, size, count) in enumerate(chunks):
+        if not 0 < count <= _MOST_IN_CHUNK:
+            raise FileFormatError(f"expected chunks of 1 to {_MOST_IN_CHUNK:,} points, found one of {count:,}")
+        if not 0 < size <= file_size - position or _size_of_layers(file, position, record.itemsize, layers) > size:
+            raise _ends_early()
+        file.seek(position)
+        content += file.read(size)
+        table.append((count, size))
+        n += count
+        if n >= BLOCK or i == len(chunks) - 1:
+            block = np.empty(n, record)
+            with _reported():
+                lazrs.decompress_points_with_chunk_table(
+                    content, laszip.data, block.view(np.uint8), table,
+                    lazrs.DecompressionSelection(lazrs.SELECTIVE_DECOMPRESS_ALL),
+                )  # fmt: skip
+            yield block
+            content, table, n = bytearray(), [], 0
+
+
+def _checked(laszip: Record | None, record: np.dtype[Any]) -> Record:
+    """Return the record that describes the compression, if it is there and fits the record of a point."""
+    import lazrs
+
+    if laszip is None:
+        raise FileFormatError("expected a record that describes the compression of the points, found none")
+    size = lazrs.LazVlr(laszip.data).item_size()
+    if size != record.itemsize:
+        raise FileFormatError(f"expected compressed points of {record.itemsize} bytes, found {size}")
+    return laszip
+
+
+def _largest_chunk(file: BufferedReader, laszip: Record, point_size: int) -> int:
+    """Check the sizes by which lazrs takes memory: those of chunks and of layers in them. Return the largest chunk.
+
+    The file is at its first point before and after. The largest chunk is in points.
+    """
+    import lazrs
+
+    start = file.tell()
+    size = file.seek(0, 2)
+    table = _whole_number(file, start, 8)
+    if table == -1:  # of a file that was written without going back
+        table = _whole_number(file, size - 8, 8)
+    n_chunks = _whole_number(file, table + 4, 4) & 0xFFFFFFFF if start < table <= size - 8 else -1
+    file.seek(start)
+    if not 0 < n_chunks <= size:
+        raise FileFormatError("expected a table of the compressed points, found none; get the whole file again")
+    chunks = lazrs.read_chunk_table(file, lazrs.LazVlr(laszip.data))
+    n_layers, position = _layers(laszip), start + 8
+    for _, length in chunks:
+        needed = _size_of_layers(file, position, point_size, n_layers)
+        position += length
+        if needed > length or position > size:
+            raise _ends_early()
+    file.seek(start)
+    return max(points for points, _ in chunks)
+
+
+def _size_of_layers(file: BufferedReader, position: int, point_size: int, n_layers: int) -> int:
+    """Return how many bytes the layers of a chunk take, as the chunk says behind its first point."""
+    file.seek(position + point_size + 4)
+    return int(np.frombuffer(file.read(4 * n_layers).ljust(4 * n_layers, b"\0"), "<u4").sum(dtype=np.int64))
+
+
+def _ends_early() -> FileFormatError:
+    return FileFormatError("expected all compressed points within the file, found fewer; get it again")
+
+
+def _layers(laszip: Record) -> int:
+    """Return the number of layers in each chunk, whose sizes follow its first point and its number of points."""
+    items = np.frombuffer(laszip.data, [("type", "<u2"), ("size", "<u2"), ("version", "<u2")], offset=34)
+    known = {10: 9, 11: 1, 12: 2, 13: 1}  # points from format 6 on, colours, near infrared, wave packets
+    return sum(int(each["size"]) if each["type"] == 14 else known.get(int(each["type"]), 0) for each in items)
+
+
+def _whole_number(file: BufferedReader, position: int, length: int) -> int:
+    file.seek(max(position, 0))
+    return int.from_bytes(file.read(length), "little", signed=True)
+
+
+@contextmanager
+def _reported() -> Iterator[None]:
+    """Raise errors of lazrs, and a panic in it, as a FileFormatError."""
+    try:
+        yield
+    except BaseException as error:
+        # A panic of Rust is no Exception, and its class cannot be imported.
+        if isinstance(error, FileFormatError) or not (
+            isinstance(error, Exception) or type(error).__name__ == "PanicException"
+        ):
+            raise
+        reason = " ".join(str(error).split())
+        raise FileFormatError(f"expected whole compressed points, but lazrs reports: {reason}") from error

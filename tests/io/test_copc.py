@@ -1,0 +1,200 @@
+"""A box and a resolution of COPC files, and a box of other files."""
+
+import laspy
+import numpy as np
+import pytest
+
+import gppcs
+from copc_file import ENTRY, write_copc
+from gppcs.errors import FileFormatError, ParameterError
+from gppcs.io import load
+from gppcs.io.cloud_files import CloudFiles
+from gppcs.io.query import Query
+
+N, DEPTH, SPACING = 5000, 4, 8.0
+CORNERS = ([1000.0, 2000.0, 0.0], [1100.0, 2050.0, 20.0])
+BOX = [1020.0, 2010.0, 1060.0, 2030.0]
+BOXES = [None, BOX, [*BOX[:2], 5.0, *BOX[2:], 9.0], [0.0, 0.0, 9e5, 9e5], [0.0, 0.0, 1.0, 1.0]]
+
+
+@pytest.fixture(scope="module")
+def las():
+    rng = np.random.default_rng(0)
+    header = laspy.LasHeader(point_format=7, version="1.4")
+    header.scales, header.offsets = [0.01] * 3, [1000.0, 2000.0, 0.0]
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = rng.uniform(*CORNERS, (N, 3)).T
+    las.gps_time = np.arange(N)
+    las.intensity, las.red = rng.integers(0, 2**16, (2, N))
+    return las
+
+
+@pytest.fixture(params=[False, True])
+def copc(las, tmp_path, request):
+    """A COPC file with an index of one page or of several."""
+    write_copc(tmp_path / "a.copc.laz", las, DEPTH, SPACING, paged=request.param)
+    return tmp_path / "a.copc.laz"
+
+
+def same(found, expected):
+    assert found.points.tobytes() == expected.points.tobytes()
+    assert found.header == expected.header
+    for name, values in expected.attributes.items():
+        assert found.attributes[name].tobytes() == values.tobytes()
+
+
+def inside(cloud, box):
+    low, high = np.reshape(box, (2, -1))
+    points = cloud.points[:, : len(low)]
+    return cloud[((points >= low) & (points <= high)).all(axis=1)]
+
+
+def test_the_file_is_one_that_laspy_reads(copc, las):
+    with laspy.CopcReader.open(copc) as reader:
+        assert sorted(reader.query().gps_time) == las.gps_time.tolist()
+    whole = gppcs.read(copc)
+    assert sorted(whole.attributes["gps_time"]) == las.gps_time.tolist()
+
+
+@pytest.mark.parametrize("resolution", [None, 100, 8, 7.9, 4, 3, 0.1, 1e-9])
+@pytest.mark.parametrize("box", BOXES)
+def test_the_points_are_those_that_laspy_finds(copc, box, resolution):
+    found = gppcs.read(copc, box=box, resolution=resolution)
+    bounds = None if box is None else laspy.Bounds(*np.reshape(box, (2, -1)))
+    with laspy.CopcReader.open(copc) as reader:
+        expected = reader.query(bounds, resolution)
+    assert sorted(found.attributes["gps_time"]) == sorted(expected.gps_time)
+    whole = gppcs.read(copc)
+    rows = np.searchsorted(np.sort(whole.attributes["gps_time"]), found.attributes["gps_time"])
+    rows = np.argsort(whole.attributes["gps_time"])[rows]
+    assert (np.diff(rows) > 0).all()  # in the order of the file
+    same(found, whole.take(rows))
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz", ".ply", ".csv", ".npz", ".xyz.gz"])
+@pytest.mark.parametrize("box", BOXES[1:])
+def test_every_file_can_be_read_with_a_box(copc, tmp_path, suffix, box):
+    path = tmp_path / f"b{suffix}"
+    gppcs.write(path, gppcs.read(copc), lossy=True)
+    whole = gppcs.read(path)
+    same(gppcs.read(path, box=box), inside(whole, box))
+    same(load(path, box=box).cloud, inside(whole, box))
+
+
+def test_the_border_belongs_to_the_box_and_nan_to_no_box(tmp_path):
+    points = [[0, 0, 0], [1, 1, 1], [2, 2, np.nan], [np.nan, 1, 1], [3, 1, 1]]
+    gppcs.write(tmp_path / "a.csv", points)
+    assert gppcs.read(tmp_path / "a.csv", box=[0, 0, 2, 2]).points[:, 0].tolist() == [0, 1, 2]
+    assert gppcs.read(tmp_path / "a.csv", box=[0, 0, 0, 2, 2, 2]).points[:, 0].tolist() == [0, 1]
+    names = ["a", "x", "z"]
+    with pytest.raises(ParameterError, match="names of columns"):
+        gppcs.read(tmp_path / "a.csv", columns=names, box=[0, 0, 2, 2])
+    (tmp_path / "b.txt").write_text("".join(f"{a} {b} {c}\n" for a, b, c in points))
+    assert gppcs.read(tmp_path / "b.txt", columns=["y", "x", "z"], box=[1, 3, 1, 3]).points.tolist() == [[1, 3, 1]]
+
+
+@pytest.mark.parametrize("suffix", [".laz", ".ply", ".npz"])
+def test_chunks_of_several_files_are_in_the_box(copc, tmp_path, suffix):
+    gppcs.write(tmp_path / f"b{suffix}", gppcs.read(copc), lossy=True)
+    paths = [tmp_path / f"b{suffix}", copc] if suffix == ".laz" else [tmp_path / f"b{suffix}"] * 2
+    expected = np.concatenate([inside(gppcs.read(path), BOX).points for path in paths])
+    with CloudFiles(paths, query=Query.of(BOX, None)) as files:
+        assert files.head().points == len(expected)
+        assert len(files.head().cloud)
+        for attributes in (True, False):
+            chunks = list(files.chunks(attributes, 50))
+            assert suffix == ".npz" or max(map(len, chunks)) <= 50
+            assert np.concatenate([chunk.points for chunk in chunks]).tobytes() == expected.tobytes()
+        assert files.read().points.tobytes() == expected.tobytes()
+    with CloudFiles(paths, query=Query.of([0, 0, 1, 1], None)) as files:
+        assert files.head().points == len(files.read()) == 0
+        assert not list(files.chunks(True))
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz", ".ply", ".xyz"])
+def test_only_copc_has_a_resolution(copc, tmp_path, suffix):
+    gppcs.write(tmp_path / f"b{suffix}", gppcs.read(copc), lossy=True)
+    with pytest.raises(FileFormatError, match=r"b\.\w+: expected a COPC file, .* leave out resolution=") as caught:
+        gppcs.read(tmp_path / f"b{suffix}", resolution=1)
+    assert caught.value.__cause__.command.endswith("leave out --resolution")
+
+
+@pytest.mark.parametrize("box", [[], [1, 2, 3], [1] * 5, [1, 0, 0, 1], [0, 0, np.nan, 1], "0,0,1,1", [0, 0, "1", 1], 7])
+def test_what_is_no_box_is_refused(box):
+    with pytest.raises(ParameterError, match="expected a box xmin, ymin, xmax, ymax or"):
+        gppcs.read("a.laz", box=box)
+
+
+@pytest.mark.parametrize("resolution", [0, -1, np.inf, np.nan, "1"])
+def test_what_is_no_resolution_is_refused(resolution):
+    with pytest.raises(ParameterError, match="expected a resolution above 0, found"):
+        gppcs.read("a.laz", resolution=resolution)
+
+
+def damaged(path, place, values):
+    content = bytearray(path.read_bytes())
+    content[place : place + len(values)] = values
+    path.write_bytes(content)
+
+
+INFO = 375 + 54  # where the record with the index begins
+
+
+@pytest.mark.parametrize(
+    ("place", "values", "message"),
+    [
+        (INFO + 32, np.float64(0).tobytes(), "a COPC index with a spacing and a size above 0, found 0"),
+        (INFO + 24, np.float64(np.nan).tobytes(), "a COPC index with a spacing and a size above 0"),
+        (INFO + 40, np.uint64(2**60).tobytes(), "a COPC index within the file"),
+        (INFO + 48, np.uint64(2**60).tobytes(), "a COPC index within the file"),
+    ],
+)
+def test_a_damaged_index_is_refused(copc, place, values, message):
+    damaged(copc, place, values)
+    with pytest.raises(FileFormatError, match=message):
+        gppcs.read(copc, box=BOX)
+    assert len(gppcs.read(copc)) == N  # which needs no index
+
+
+def test_an_index_that_leads_to_itself_or_twice_to_the_same_points_is_refused(las, tmp_path):
+    path = tmp_path / "a.copc.laz"
+    index = write_copc(path, las, DEPTH, SPACING)
+    place, whole = path.stat().st_size - index.nbytes, path.read_bytes()
+    loop = index.copy()
+    loop[0] = (0, (0, 0, 0), place, index.nbytes, -1)
+    twice = index.copy()
+    twice[1] = index[0]
+    beyond = index.copy()
+    beyond["size"][-1] = 2**30
+    many = index.copy()
+    many["count"][-1] = 2**31 - 1
+    more = index.copy()
+    more["count"][-1] += 1000
+    for entries, message in (
+        (loop, "a COPC index within the file"),
+        (twice, "found some that overlap"),
+        (beyond, "expected all compressed points within the file"),
+        (many, "expected chunks of 1 to 10,000,000 points, found one of 2,147,483,647"),
+        (more, "expected whole compressed points, but lazrs reports"),
+    ):
+        path.write_bytes(whole)
+        damaged(path, place, entries.tobytes())
+        with pytest.raises(FileFormatError, match=message):
+            gppcs.read(path, resolution=1e-9)
+    assert ENTRY.itemsize == 32
+
+
+def test_damage_gives_an_error_or_points(las, tmp_path):
+    path = tmp_path / "a.copc.laz"
+    write_copc(path, las[:500], DEPTH, SPACING, paged=True)
+    whole, rng = path.read_bytes(), np.random.default_rng(0)
+    failed = 0
+    for _ in range(80):
+        damaged(path, int(rng.integers(len(whole))), rng.bytes(4))
+        try:
+            gppcs.read(path, box=BOX, resolution=1)
+        except FileFormatError as error:
+            assert str(path) in str(error)  # noqa: PT017 - either outcome is right
+            failed += 1
+        path.write_bytes(whole)
+    assert failed
