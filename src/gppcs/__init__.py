@@ -278,6 +278,7 @@ def _imported_when_used(name: str, home: str) -> property:
 
 # Clouds are below the files that hold them, so this is where a path given as a cloud finds its reader.
 reading.read = lambda path: importlib.import_module("gppcs.io").read(path)
+reading.laspy_of = lambda cloud: importlib.import_module("gppcs.io.las").laspy_of(cloud)
 
 # Tab completion offers the properties of a module's class without running them. `help(gppcs)` prints in full only what
 # `dir(gppcs)` lists, which are the names used so far; so it stays short.

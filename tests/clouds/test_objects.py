@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs import InputError, MissingExtraError, PointCloud
+from gppcs import InputError, MissingExtraError, OutputError, PointCloud
 
 N = 7
 
@@ -317,6 +317,43 @@ def test_data_of_laspy_come_in_with_all_dimensions():
         assert type(values) is np.ndarray
     types = {"intensity": "u2", "gps_time": "f8", "red": "u2", "echo": "f4", "return_number": "u1", "scan_angle": "i2"}
     assert {name: cloud.attributes[name].dtype for name in types} == types
+
+
+def test_a_scan_becomes_data_of_laspy_with_its_header(shared_data):
+    laspy = pytest.importorskip("laspy")
+    path = shared_data / "autzen_airborne.laz"
+    scan, expected = gppcs.read(path), laspy.read(path)
+    rows = np.arange(0, len(scan), 7)
+    made = scan.take(rows).to_laspy()
+    assert type(made) is laspy.LasData
+    assert made.points.array.tobytes() == expected.points.array[rows].tobytes()
+    kept = [vlr.record_data_bytes() for vlr in expected.header.vlrs if vlr.user_id != "laszip encoded"]
+    assert [vlr.record_data_bytes() for vlr in made.header.vlrs] == kept
+    assert (made.header.scales == expected.header.scales).all()
+    back = PointCloud.of(made)
+    assert back.points.tobytes() == scan.points[rows].tobytes()
+    assert all((back.attributes[name] == values[rows]).all() for name, values in scan.attributes.items())
+
+
+def test_any_cloud_becomes_data_of_laspy():
+    pytest.importorskip("laspy")
+    made = gppcs.sample("bracket", 100).to_laspy()
+    cloud = gppcs.sample("bracket", 100)
+    assert np.abs(made.xyz - cloud.points).max() < 1e-7  # the finest scale that fits 32 bits
+    for name, values in cloud.attributes.items():
+        np.testing.assert_array_equal(made[name], values)
+    exact = PointCloud([[0.25, 1, 2], [3, 4, 5.5]], {"intensity": [7, 9], "label": np.array([-1, 2**40])})
+    made = exact.to_laspy()
+    assert made.xyz.tolist() == exact.points.tolist()
+    assert (made.intensity.dtype, made["label"].tolist()) == (np.uint16, [-1, 2**40])
+
+
+def test_what_laspy_cannot_hold_is_refused():
+    pytest.importorskip("laspy")
+    with pytest.raises(InputError, match=r"types that LAS has, found attribute name \(text\); convert or drop it"):
+        PointCloud(np.zeros((1, 3)), {"name": np.array(["a"])}).to_laspy()
+    with pytest.raises(OutputError, match="expected finite coordinates"):
+        PointCloud([[np.nan, 0, 0]]).to_laspy()
 
 
 # Open3D, and something that looks like it

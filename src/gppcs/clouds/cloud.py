@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeAlias, overload
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-import gppcs.clouds.reading as reading
+import gppcs.clouds.reading as reading  # "from gppcs.clouds" would put all its modules into the digest of the kernels
 from gppcs.clouds.header import Header
 from gppcs.engine.equality import ComparedByValue
 from gppcs.errors import InputError, shown
@@ -359,6 +359,31 @@ class PointCloud(ComparedByValue):
         from gppcs.clouds.objects import pandas_of
 
         return pandas_of(self)
+
+    def to_laspy(self) -> Any:
+        """Return the cloud as data of laspy, with all attributes.
+
+        Returns
+        -------
+        laspy.LasData
+            A copy, as `gppcs.write` would write it to a LAS file and laspy read it: with the header and records of a
+            cloud that comes from LAS, otherwise with the point format that holds the most attributes; the others are
+            extra dimensions. Coordinates that are not whole multiples of a scale are rounded to the finest one.
+
+        Raises
+        ------
+        InputError
+            If LAS has no such type as an attribute.
+        OutputError
+            If a coordinate is NaN or infinite, or an attribute has a name that LAS cannot hold.
+
+        Examples
+        --------
+        >>> cloud = gppcs.PointCloud([[0, 0, 0], [0.25, 0, 0]], {"intensity": [7, 9]})
+        >>> cloud.to_laspy().intensity
+        array([7, 9], dtype=uint16)
+        """
+        return reading.laspy_of(self)
 
     def non_finite(self) -> NDArray[np.int64]:
         """Return the indices of the points that have a NaN or infinite coordinate.

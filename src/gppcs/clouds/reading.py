@@ -1,12 +1,17 @@
-"""How a path becomes a cloud. Reading files is the work of a room above this one, so the package names the reader."""
+"""How a path becomes a cloud, and a cloud data of laspy.
+
+Files are the work of a room above this one, so the package names the functions.
+"""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
 
-read: Callable[[str | os.PathLike[str]], PointCloud]  # set by the package `gppcs`
+# Set by the package `gppcs`.
+read: Callable[[str | os.PathLike[str]], PointCloud]
+laspy_of: Callable[[PointCloud], Any]

@@ -6,16 +6,16 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from io import BufferedReader
+from io import BufferedReader, BytesIO
 from itertools import chain
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column
-from gppcs.errors import FileFormatError, OutputError
+from gppcs.errors import FileFormatError, InputError, OutputError
 from gppcs.io.columns import check_name, exact_as_double
 from gppcs.io.copc import chunks_of
 from gppcs.io.format import Format, without_attributes, without_header
@@ -391,8 +391,43 @@ def _blocks(cloud: PointCloud, header: LasHeader, layout: _Layout) -> Iterator[N
         yield block
 
 
-def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
-    """Return a cloud as `write_las` writes it, with a `LasHeader`, and in words what that leaves out."""
+def laspy_of(cloud: PointCloud) -> Any:
+    """Make data of laspy, as `PointCloud.to_laspy` describes it.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+
+    Returns
+    -------
+    laspy.LasData
+
+    Raises
+    ------
+    InputError, OutputError
+        As for `PointCloud.to_laspy`.
+    """
+    import laspy
+
+    fit = _fit(cloud)
+    if fit.attributes:
+        raise InputError(f"expected types that LAS has, found {', '.join(fit.attributes)}; convert or drop it")
+    with BytesIO() as file:
+        write_las(file, fit.cloud, compressed=False)
+        file.seek(0)
+        return laspy.read(file)
+
+
+class _Fit(NamedTuple):
+    """A cloud as `write_las` writes it, with a `LasHeader`, and in words what that leaves out."""
+
+    cloud: PointCloud
+    attributes: list[str]
+    header: list[str]
+    rounding: list[str]
+
+
+def _fit(cloud: PointCloud) -> _Fit:
     _check_coordinates(cloud)
     lost: list[str] = []
     if isinstance(cloud.header, LasHeader):
@@ -402,11 +437,13 @@ def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
         header = _new_header(cloud)
     cloud, header, attributes = _fit_attributes(cloud, header)
     points, header, rounding = _fit_points(cloud.points, header)
-    return replace(cloud, points=points, coordinate_dtype=np.dtype(np.float64), header=header), [
-        *attributes,
-        *lost,
-        *rounding,
-    ]
+    fitted = replace(cloud, points=points, coordinate_dtype=np.dtype(np.float64), header=header)
+    return _Fit(fitted, attributes, lost, rounding)
+
+
+def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
+    fit = _fit(cloud)
+    return fit.cloud, [*fit.attributes, *fit.header, *fit.rounding]
 
 
 def _check_coordinates(cloud: PointCloud) -> None:
