@@ -153,3 +153,22 @@ def test_messages_name_options_and_not_arguments_of_python(gppcs_command, scan):
     gppcs.write("scan.ply", scan, force=True)
     told = gppcs_command("simplify", "scan.ply", "-o", "other.ply", "--points", 9)[2]
     assert told.endswith("drop them with --invalid drop\n")
+
+
+def test_a_virtual_point_cloud_stands_for_its_files(gppcs_command, folder):
+    features = []
+    for i in range(3):
+        gppcs.write(f"t{i}.ply", gppcs.sample("fan", 50, seed=i))
+        features.append({"assets": {"data": {"href": f"./t{i}.ply"}}})
+    Path("all.vpc").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    words = ["--points", 20, "--method", "random", "-q"]
+    assert gppcs_command("simplify", "all.vpc", "-o", "out/", *words) == (0, "", "")
+    assert [len(gppcs.read(f"out/t{i}.ply")) for i in range(3)] == [20] * 3
+    assert gppcs_command("simplify", "all.vpc", "--merge", "-o", "one.ply", *words) == (0, "", "")
+    whole = np.concatenate([gppcs.read(f"t{i}.ply").points for i in range(3)])
+    expected = gppcs.simplify(whole, n_points=20, method="random").cloud.points
+    assert (gppcs.read("one.ply").points == expected).all()
+    code, out, _ = gppcs_command("info", "all.vpc", "--json")
+    assert (code, out.count('"points": 50')) == (0, 3)
+    assert_one_line(gppcs_command("simplify", "all.vpc", "-o", "out.ply", *words), "expected a folder")
+    assert_one_line(gppcs_command("info", "none.vpc"), "none.vpc: No such file")

@@ -2,6 +2,7 @@
 
 import json
 
+import laspy
 import numpy as np
 import pytest
 
@@ -93,3 +94,19 @@ def test_files_that_do_not_fit_each_other(gppcs_command, parts):
     result = gppcs_command("simplify", "a.ply", "c.ply", "--merge", "-o", "out.ply", "--points", 2)
     assert_one_line(result, "c.ply: expected the same attributes in all files of a cloud", "curvature")
     assert "out.ply" not in files()
+
+
+def test_files_with_different_coordinate_systems(gppcs_command, folder):
+    """They are merged only if the user says that it is the same system under two names."""
+    for name, crs in (("a.las", b"UTM 32N"), ("b.las", b"ETRS89 / UTM 32N")):
+        las = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+        las.x = las.y = las.z = np.arange(500.0)
+        las.header.global_encoding.wkt = True
+        las.header.vlrs.append(laspy.VLR("LASF_Projection", 2112, "", b'PROJCS["' + crs + b'"]\0'))
+        las.write(name)
+    words = ["simplify", "a.las", "b.las", "--merge", "-o", "out.las", "--points", 20, "-q", *FAST]
+    result = gppcs_command(*words)
+    assert_one_line(result, "b.las: expected one coordinate system", "found UTM 32N and ETRS89", "--assume-same-crs")
+    assert "out.las" not in files()
+    assert gppcs_command(*words, "--assume-same-crs") == (0, "", "")
+    assert gppcs.info("out.las").crs == "UTM 32N"

@@ -116,7 +116,7 @@ def test_only_copc_has_a_resolution(copc, tmp_path, suffix):
     gppcs.write(tmp_path / f"b{suffix}", gppcs.read(copc), lossy=True)
     with pytest.raises(FileFormatError, match=r"b\.\w+: expected a COPC file, .* leave out resolution=") as caught:
         gppcs.read(tmp_path / f"b{suffix}", resolution=1)
-    assert caught.value.__cause__.command.endswith("leave out --resolution")
+    assert caught.value.command.endswith("leave out --resolution")
 
 
 @pytest.mark.parametrize("box", [[], [1, 2, 3], [1] * 5, [1, 0, 0, 1], [0, 0, np.nan, 1], "0,0,1,1", [0, 0, "1", 1], 7])

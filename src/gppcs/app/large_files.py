@@ -13,6 +13,14 @@ if TYPE_CHECKING:
 Merge = Annotated[
     bool, typer.Option("--merge", help="Take all inputs as one cloud, in the order in which they are given.")
 ]
+AssumeSameCrs = Annotated[
+    bool,
+    typer.Option(
+        "--assume-same-crs",
+        help="With --merge, take the coordinate system of the first file for that of all. Otherwise, files with "
+        "different ones are an error.",
+    ),
+]
 Memory = Annotated[
     str | None,
     typer.Option(

@@ -78,7 +78,7 @@ def outputs_of(
     Parameters
     ----------
     inputs : sequence of path
-        Files, and folders, which stand for all files in them that gppcs reads.
+        Files, and folders and virtual point clouds, which stand for files as in `sources_of`.
     output : str
         A file; or a folder, if it is one, ends with a slash, or has no suffix while there are several inputs; or a
         pattern of names with the fields of `FIELDS` in braces. Double braces stand for single ones. `-` is standard
@@ -95,12 +95,12 @@ def outputs_of(
     Raises
     ------
     FileFormatError
-        If a folder has no file that gppcs reads.
+        As for `sources_of`.
     OutputError
         If several inputs go to one file, or the pattern is malformed or has an unknown field.
     """
     sources = sources_of(inputs)
-    several = len(sources) > 1 or any(path.is_dir() for path in inputs)
+    several = len(sources) > 1 or any(path.is_dir() or _is_list(path) for path in inputs)
     if "{" in output or "}" in output:
         targets = [_filled(output, source) for source in sources]
     elif _means_folder(output, several):
@@ -123,7 +123,8 @@ def sources_of(inputs: Sequence[Path]) -> list[Path]:
     ----------
     inputs : sequence of path
         A folder stands for the files in it whose names end as those of the formats that gppcs reads, sorted by name.
-        Files in folders below it do not count, nor do hidden files, whose names begin with a dot.
+        Files in folders below it do not count, nor do hidden files, whose names begin with a dot. A virtual point cloud
+        (.vpc) stands for the files that it lists.
 
     Returns
     -------
@@ -132,9 +133,25 @@ def sources_of(inputs: Sequence[Path]) -> list[Path]:
     Raises
     ------
     FileFormatError
-        If a folder has no such file.
+        If a folder has no such file, or a virtual point cloud is damaged.
+    OSError
+        If a virtual point cloud does not exist or cannot be read.
     """
-    return [file for path in inputs for file in (_files_in(path) if path.is_dir() else [path])]
+    from gppcs.io import files_of
+
+    files = []
+    for path in inputs:
+        if path.is_dir():
+            files += _files_in(path)
+        else:
+            files += files_of(path) if _is_list(path) else [path]
+    return files
+
+
+def _is_list(path: Path) -> bool:
+    from gppcs.io import VPC
+
+    return path.suffix.lower() == VPC
 
 
 def _files_in(folder: Path) -> list[Path]:

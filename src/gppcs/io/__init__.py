@@ -3,16 +3,20 @@
 from gppcs.io.files import FORMATS, check_storable, format_to_write, load, losses, read, store, write
 from gppcs.io.format import Format
 from gppcs.io.streams import COMPRESSIONS, check_output, inner_name, whole_output
+from gppcs.io.vpc import SUFFIX as VPC
+from gppcs.io.vpc import files_of
 from gppcs.io.whole_file import check_distinct, check_writable, is_standard, whole_file
 
 __all__ = [
     "COMPRESSIONS",
     "FORMATS",
+    "VPC",
     "Format",
     "check_distinct",
     "check_output",
     "check_storable",
     "check_writable",
+    "files_of",
     "format_to_write",
     "inner_name",
     "is_standard",

@@ -58,6 +58,8 @@ class CloudFiles:
         The name of each column of text tables, with x, y and z. They replace any names in the files.
     query : Query, optional
         Which points to read.
+    assume_same_crs : bool
+        Whether to take the coordinate system of the first file for that of all.
     """
 
     def __init__(
@@ -66,11 +68,13 @@ class CloudFiles:
         format: str | None = None,  # noqa: A002
         columns: Sequence[str] | None = None,
         query: Query | None = None,
+        assume_same_crs: bool = False,
     ) -> None:
         self.paths = paths
         self._format = format
         self._columns = None if columns is None else checked_columns(columns)
         self._query = query
+        self.assume_same_crs = assume_same_crs
         self._copies: dict[Path, tuple[Any, Path]] = {}
         self._whole: dict[Path, PointCloud] = {}  # what `head` had to read as a whole, for `read`
         self._stack = ExitStack()
@@ -98,7 +102,7 @@ class CloudFiles:
         OSError
             If a file does not exist or cannot be read.
         """
-        clouds, columns = [], JointColumns()
+        clouds, columns = [], JointColumns(self.assume_same_crs)
         for path in self.paths:
             clouds.append(self._read(path))
             with naming(path):
@@ -208,9 +212,16 @@ def _size(file: Any) -> int:
 
 
 class JointColumns:
-    """The attributes and types that the parts of a cloud have in common."""
+    """The attributes and types that the parts of a cloud have in common.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    assume_same_crs : bool
+        Whether parts may name different coordinate systems.
+    """
+
+    def __init__(self, assume_same_crs: bool = False) -> None:
+        self._assume_same_crs = assume_same_crs
         self._first: PointCloud | None = None
         self._types: dict[str, set[np.dtype[Any]]] = {}
         self._coordinates: set[np.dtype[Any]] = set()
@@ -236,11 +247,12 @@ class JointColumns:
                 "write them anew with the same attributes, or simplify each file for itself"
             )
         crs = [each.header.crs if each.header else None for each in (first, cloud)]
-        if None not in crs and crs[0] != crs[1]:
-            raise FileFormatError(
+        if None not in crs and crs[0] != crs[1] and not self._assume_same_crs:
+            found = (
                 f"expected one coordinate system in all files of a cloud, found {crs[0]} and {crs[1]}; "
                 "bring them to one first"
             )
+            raise FileFormatError(found, command=f"{found}, or take them for the same with --assume-same-crs")
         conventions = [each.header.conventions if each.header else {} for each in (first, cloud)]
         for name in cloud.attributes:
             one, other = (each.get(name, "no scale") for each in conventions)

@@ -214,7 +214,7 @@ def naming(path: Path) -> Iterator[None]:
         yield
     except (FileFormatError, InputError) as error:
         name = "standard input" if is_standard(path) else path
-        raise FileFormatError(f"{name}: {error}") from error
+        raise FileFormatError(f"{name}: {error}", command=f"{name}: {error.command}") from error
 
 
 def checked_columns(columns: Sequence[str]) -> list[str]:

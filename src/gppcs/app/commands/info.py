@@ -33,7 +33,8 @@ def info(
         typer.Argument(
             metavar="FILE...",
             parser=file_path,
-            help="Point cloud files. A folder stands for all files in it that gppcs reads.",
+            help="Point cloud files. A folder stands for all files in it that gppcs reads, a .vpc file for those that "
+            "it lists.",
             show_default=False,
         ),
     ],

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gppcs import __version__
-from gppcs.app.large_files import DryRun, Memory, Merge, plan_record, print_plan, titled
+from gppcs.app.large_files import AssumeSameCrs, DryRun, Memory, Merge, plan_record, print_plan, titled
 from gppcs.app.outputs import Outputs, outputs_of, sources_of
 from gppcs.app.printing import (
     BAD_INPUT,
@@ -85,7 +85,8 @@ def simplify(
         typer.Argument(
             metavar="IN...",
             parser=file_path,
-            help="Point cloud files. A folder stands for all files in it that gppcs reads.",
+            help="Point cloud files. A folder stands for all files in it that gppcs reads, a .vpc file for those that "
+            "it lists.",
             show_default=False,
         ),
     ],
@@ -163,6 +164,7 @@ def simplify(
     up: Up = None,
     threads: Threads = None,
     merge: Merge = False,
+    assume_same_crs: AssumeSameCrs = False,
     memory: Memory = None,
     dry_run: DryRun = False,
     force: Force = False,
@@ -206,7 +208,7 @@ def simplify(
     check_distinct([*targets, *([picture] if picture else [])], merged or sources)
     job = _Job(
         outputs, merged, options, input_format, names_of(columns), query, index_attribute, mark, figures, picture,
-        viewpoint, limit, dry_run, force, lossy, quiet,
+        viewpoint, limit, assume_same_crs, dry_run, force, lossy, quiet,
     )  # fmt: skip
     succeeded = [_reported(job, source, as_json) for source in sources]
     if not all(succeeded):
@@ -273,6 +275,7 @@ class _Job:
     picture: Path | None
     viewpoint: Viewpoint
     limit: int | None
+    assume_same_crs: bool
     dry_run: bool
     force: bool
     lossy: bool
@@ -291,7 +294,7 @@ class _Job:
         stages = Stages(progress(self.quiet))
         report = image = None
         options = {name: self.options[name] for name in ("ratio", "n_points", "invalid", "scores")}
-        with CloudFiles(sources, self.input_format, self.columns, self.query) as files:
+        with CloudFiles(sources, self.input_format, self.columns, self.query, self.assume_same_crs) as files:
             method = resolved(self.options["method"], self.options["seed"])
             made = plan(files, method, options["ratio"], options["n_points"], self.limit, self._whole())
             if self.query and not made.points:
