@@ -96,17 +96,31 @@ def test_files_that_do_not_fit_each_other(gppcs_command, parts):
     assert "out.ply" not in files()
 
 
-def test_files_with_different_coordinate_systems(gppcs_command, folder):
-    """They are merged only if the user says that it is the same system under two names."""
+@pytest.fixture
+def two_systems(folder):
+    """Files of which each names another coordinate system."""
     for name, crs in (("a.las", b"UTM 32N"), ("b.las", b"ETRS89 / UTM 32N")):
         las = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
-        las.x = las.y = las.z = np.arange(500.0)
+        las.x, las.y, las.z = np.random.default_rng(len(crs)).uniform(0, 9, (500, 3)).T
         las.header.global_encoding.wkt = True
         las.header.vlrs.append(laspy.VLR("LASF_Projection", 2112, "", b'PROJCS["' + crs + b'"]\0'))
         las.write(name)
-    words = ["simplify", "a.las", "b.las", "--merge", "-o", "out.las", "--points", 20, "-q", *FAST]
-    result = gppcs_command(*words)
+
+
+MERGED = ("simplify", "a.las", "b.las", "--merge", "-o", "out.las", "--points", 2, "-q")
+
+
+def test_files_with_different_coordinate_systems(gppcs_command, two_systems):
+    """They are merged only if the user says that it is the same system under two names."""
+    result = gppcs_command(*MERGED)
     assert_one_line(result, "b.las: expected one coordinate system", "found UTM 32N and ETRS89", "--assume-same-crs")
     assert "out.las" not in files()
-    assert gppcs_command(*words, "--assume-same-crs") == (0, "", "")
+    assert gppcs_command(*MERGED, "--assume-same-crs") == (0, "", "")
+    assert gppcs.info("out.las").crs == "UTM 32N"
+
+
+def test_files_with_different_coordinate_systems_in_passes(gppcs_command, two_systems, large):
+    result = gppcs_command(*MERGED, *LARGE)
+    assert_one_line(result, "expected one coordinate system", "--assume-same-crs")
+    assert gppcs_command(*MERGED, *LARGE, "--assume-same-crs") == (0, "", "")
     assert gppcs.info("out.las").crs == "UTM 32N"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import exact_as_double
 from gppcs.io.files import check_input, checked_columns, format_of, left_out, naming, read_as
@@ -74,7 +76,8 @@ class CloudFiles:
         self._format = format
         self._columns = None if columns is None else checked_columns(columns)
         self._query = query
-        self.assume_same_crs = assume_same_crs
+        self._assume_same_crs = assume_same_crs
+        self._header: Header | None = None  # of the first file that has one
         self._copies: dict[Path, tuple[Any, Path]] = {}
         self._whole: dict[Path, PointCloud] = {}  # what `head` had to read as a whole, for `read`
         self._stack = ExitStack()
@@ -102,9 +105,9 @@ class CloudFiles:
         OSError
             If a file does not exist or cannot be read.
         """
-        clouds, columns = [], JointColumns(self.assume_same_crs)
+        clouds, columns = [], JointColumns()
         for path in self.paths:
-            clouds.append(self._read(path))
+            clouds.append(self._in_one_system(self._read(path)))
             with naming(path):
                 columns.add(clouds[-1])
         return clouds[0] if len(clouds) == 1 else columns.joined(clouds)
@@ -138,7 +141,8 @@ class CloudFiles:
         """
         for path in self.paths:
             with self._opened(path) as (file, known):
-                yield from (cloud for cloud in self._chunks(file, known, rows, attributes) if len(cloud))
+                parts = self._chunks(file, known, rows, attributes)
+                yield from (self._in_one_system(cloud) for cloud in parts if len(cloud))
 
     def head(self) -> Head:
         """Read the first points, and estimate the number of all by the size of the files.
@@ -195,6 +199,17 @@ class CloudFiles:
         else:
             yield read_as(known, file, self._columns)
 
+    def _in_one_system(self, cloud: PointCloud) -> PointCloud:
+        """Return a cloud with the header of the first file, if its coordinate system counts for all files.
+
+        A cloud whose attributes are to be read in another way keeps its own header, which says so.
+        """
+        if not self._assume_same_crs or cloud.header is None:
+            return cloud
+        first = self._header = self._header or cloud.header
+        ours, own = first.conventions, cloud.header.conventions
+        return cloud if any(ours.get(n) != own.get(n) for n in cloud.attributes) else replace(cloud, header=first)
+
     @contextmanager
     def _opened(self, path: Path) -> Iterator[tuple[Any, Format]]:
         """Open a file, decompressed, and find its format."""
@@ -212,16 +227,9 @@ def _size(file: Any) -> int:
 
 
 class JointColumns:
-    """The attributes and types that the parts of a cloud have in common.
+    """The attributes and types that the parts of a cloud have in common."""
 
-    Parameters
-    ----------
-    assume_same_crs : bool
-        Whether parts may name different coordinate systems.
-    """
-
-    def __init__(self, assume_same_crs: bool = False) -> None:
-        self._assume_same_crs = assume_same_crs
+    def __init__(self) -> None:
         self._first: PointCloud | None = None
         self._types: dict[str, set[np.dtype[Any]]] = {}
         self._coordinates: set[np.dtype[Any]] = set()
@@ -246,13 +254,6 @@ class JointColumns:
                 f"expected the same attributes in all files of a cloud, found {differing} in some only; "
                 "write them anew with the same attributes, or simplify each file for itself"
             )
-        crs = [each.header.crs if each.header else None for each in (first, cloud)]
-        if None not in crs and crs[0] != crs[1] and not self._assume_same_crs:
-            found = (
-                f"expected one coordinate system in all files of a cloud, found {crs[0]} and {crs[1]}; "
-                "bring them to one first"
-            )
-            raise FileFormatError(found, command=f"{found}, or take them for the same with --assume-same-crs")
         conventions = [each.header.conventions if each.header else {} for each in (first, cloud)]
         for name in cloud.attributes:
             one, other = (each.get(name, "no scale") for each in conventions)
@@ -261,6 +262,13 @@ class JointColumns:
                     f"expected values of {name} of one kind in all files of a cloud, found {one} and {other}; "
                     "simplify each file for itself"
                 )
+        crs = [each.header.crs if each.header else None for each in (first, cloud)]
+        if None not in crs and crs[0] != crs[1]:
+            found = (
+                f"expected one coordinate system in all files of a cloud, found {crs[0]} and {crs[1]}; "
+                "bring them to one first"
+            )
+            raise FileFormatError(found, command=f"{found}, or take them for the same with --assume-same-crs")
         self._coordinates.add(cloud.coordinate_dtype)
         for name, values in cloud.attributes.items():
             if values.shape[1:] != first.attributes[name].shape[1:]:
