@@ -16,8 +16,8 @@ def main() -> None:
     Raises
     ------
     SystemExit
-        Always. Code 0 for success, 2 after an error, which is printed as one line on stderr, and 128 and the number of
-        the signal after Ctrl-C (130), SIGTERM (143) or SIGHUP (129).
+        Code 0 for success, 2 after an error, which is printed as one line on stderr. After Ctrl-C, SIGTERM or SIGHUP
+        the process ends with 128 and the number of the signal (130, 143, 129) instead.
     """
     stopping.catch_signals()
     try:
@@ -26,5 +26,5 @@ def main() -> None:
 
         code = run(sys.argv[1:])
     except stopping.Stopped:
-        code = stopping.finish()
+        stopping.end()
     sys.exit(code)

@@ -38,14 +38,18 @@ def catch_signals() -> None:
     sys.unraisablehook = _on_swallowed
 
 
-def finish() -> int:
-    """Remove unfinished files, and print why the program stops, as one line on stderr.
+def end() -> NoReturn:
+    """End the process after a signal, with the exit code that shells expect: 128 and the number of the signal.
 
-    Returns
-    -------
-    int
-        The exit code that shells expect: 128 and the number of the signal.
+    Unfinished files are removed, and one line on stderr says why the program stops. Python does not tidy up after
+    itself: if the signal came in the middle of the compiler, that can crash.
     """
+    with suppress(OSError, ValueError):  # nobody may read it any more
+        sys.stdout.flush()
+    _end_at_once()
+
+
+def _end_at_once() -> NoReturn:
     global _told
     assert _received is not None
     unfinished.remove_all()
@@ -54,7 +58,7 @@ def finish() -> int:
         with suppress(OSError):  # the terminal may be gone
             # Not by `print`: the signal may have come in the middle of one, and Python refuses a second inside it.
             os.write(2, f"gppcs: {WORDS[signal.Signals(_received).name]}\n".encode())
-    return 128 + _received
+    os._exit(128 + _received)
 
 
 def _on_signal(number: int, frame: FrameType | None) -> None:
@@ -75,7 +79,3 @@ def _on_swallowed(fault: sys.UnraisableHookArgs) -> None:
     if isinstance(fault.exc_value, Stopped):
         _end_at_once()
     sys.__unraisablehook__(fault)
-
-
-def _end_at_once() -> NoReturn:
-    os._exit(finish())
