@@ -37,6 +37,10 @@ $(VENV)/.oracles: $(VENV)/.installed
 		&& $(PIP) --editable '.[registration]' || echo "without Open3D: the tests that need it are skipped"
 	touch $@
 
+# Without these packages, and without Chromium, the tests of the page in a browser are skipped.
+viewer/node_modules: viewer/package-lock.json
+	cd viewer && npm ci --no-audit --no-fund || echo "without Node.js: the tests in a browser are skipped"
+
 demo: $(VENV)/.installed  ## Make a sample scan, simplify it, draw a picture, print the figures
 	mkdir -p demo
 	$(BIN)/gppcs sample medallion -o demo/scan.ply --points 400000 --noise 0.0001 --force
@@ -49,7 +53,7 @@ test: $(VENV)/.installed  ## Check style and types, run all tests but the slow o
 	$(MAKE) --no-print-directory $(VENV)/.compiled
 	$(BIN)/python -m pytest $(PARALLEL) -m "$(FAST)" --cov --cov-report=
 
-test-all: test $(VENV)/.oracles  ## The same, then the slow tests and those that need large packages; shows the coverage
+test-all: test $(VENV)/.oracles viewer/node_modules  ## The same, then the slow tests and those that need large packages; shows the coverage
 	$(BIN)/python -m pytest $(PARALLEL) -m "not ($(FAST))" --cov --cov-append
 
 test-lowest:  ## Run the tests of `make test` with the lowest versions of all dependencies
