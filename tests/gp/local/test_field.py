@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.sparse import diags_array, eye_array, kron
+from scipy.sparse import diags, eye, kron
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
@@ -191,10 +191,10 @@ def stochastic_equation(side, step, alpha, kappa):
 
     Lumped mass, second differences, and borders across which nothing flows (Lindgren, Rue and Lindström 2011).
     """
-    path = diags_array([-np.ones(side - 1), np.r_[1, np.full(side - 2, 2), 1], -np.ones(side - 1)], offsets=(-1, 0, 1))
-    stiffness = kron(path, eye_array(side)) + kron(eye_array(side), path)
+    path = diags([-np.ones(side - 1), np.r_[1, np.full(side - 2, 2), 1], -np.ones(side - 1)], offsets=(-1, 0, 1))
+    stiffness = kron(path, eye(side)) + kron(eye(side), path)
     mass = step**2
-    shifted = kappa**2 * mass * eye_array(side**2) + stiffness
+    shifted = kappa**2 * mass * eye(side**2) + stiffness
     precision = shifted
     for _ in range(alpha - 1):
         precision = shifted @ precision / mass
@@ -205,7 +205,7 @@ def posterior_by_precision(precision, variance, chosen, y, noise, queries):
     """Mean and variance at the queries, in units of the prior's variance."""
     observed = np.zeros(precision.shape[0])
     observed[chosen] = 1 / noise
-    factors = splu(precision * variance + diags_array(observed).tocsc())
+    factors = splu(precision * variance + diags(observed).tocsc())
     unit = np.zeros((precision.shape[0], len(queries)))
     unit[queries, np.arange(len(queries))] = 1
     mean = factors.solve(observed * y)
