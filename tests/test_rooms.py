@@ -16,6 +16,7 @@ FLOORS = (
     ("gppcs.clouds",),
     ("gppcs.io", "gppcs.scans", "gppcs.surface"),
     ("gppcs.gp", "gppcs.gp.local", "gppcs.gp.spectral"),
+    ("gppcs.gp.tiled",),
     ("gppcs.methods",),
     ("gppcs.simplification",),
     ("gppcs.out_of_core",),

@@ -6,6 +6,7 @@ The rows "noise off" and "wide neighbourhoods off" of the ablation
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -127,11 +128,28 @@ def neighbours_across_noise(tree: KdTree) -> tuple[int, float]:
     level : float
         Root mean square distance of the points from these quadrics, in the unit of the tree.
     """
+    return across_noise(lambda neighbours: level_and_radius(tree, neighbours))
+
+
+def across_noise(level_and_radius: Callable[[int], tuple[float, float]]) -> tuple[int, float]:
+    """Double neighbourhoods as `neighbours_across_noise` does.
+
+    Parameters
+    ----------
+    level_and_radius : callable
+        Takes the number of points of each fit: `NEIGHBOURS`, doubled up to `WIDEST`. Returns what the function
+        `level_and_radius` returns.
+
+    Returns
+    -------
+    neighbours : int
+    level : float
+    """
     neighbours = NEIGHBOURS
-    level, radius = level_and_radius(tree, neighbours)
+    level, radius = level_and_radius(neighbours)
     while level > THICK * radius and neighbours < WIDEST:
         neighbours *= 2
-        level, radius = level_and_radius(tree, neighbours)
+        level, radius = level_and_radius(neighbours)
     return neighbours, level
 
 

@@ -64,9 +64,23 @@ def segregation(roughness: NDArray[np.float64]) -> float:
         1 for flat faces and right-angled edges only, 0 if all places are alike.
     """
     clipped = np.minimum(roughness, EDGE_ROUGHNESS)
-    mean = float(np.mean(clipped))
+    return segregation_of(float(np.mean(clipped)), float(np.var(clipped)))
+
+
+def segregation_of(mean: float, variance: float) -> float:
+    """Return the same as `segregation`, given mean and variance of the roughness.
+
+    Parameters
+    ----------
+    mean, variance : float
+        Of the roughness, where values above `EDGE_ROUGHNESS` count as that.
+
+    Returns
+    -------
+    float
+    """
     most = mean * (EDGE_ROUGHNESS - mean)
-    return float(np.var(clipped)) / most if most > ROUNDING else 0.0
+    return variance / most if most > ROUNDING else 0.0
 
 
 def graded(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArray[np.float64]:

@@ -19,6 +19,7 @@ STEP = 0.7  # From one level to the next. Larger steps leave more points in doub
 SPARE = 1.01  # Points chosen for each one wanted: the last level is aimed a little too low.
 # Scores fall about as the number of chosen points to this power. A wrong power costs another level, nothing else.
 FALL = 0.7
+LEAST_STEP = 1e-6  # A level below this is the last.
 
 
 def extend(
@@ -57,17 +58,64 @@ def extend(
     scores, deviations : (n_points - m,) arrays
         Score and sigma of each new point when it was chosen.
     """
-    conditioning = condition(field, tree, chosen, neighbours)
-    choice = begin_choice(field, tree, chosen, conditioning, posterior(field, conditioning, error_weight))
-    wanted = n_points - len(chosen)
-    whole, count = divide(choice, 1), number_of_parts(len(field.y), len(chosen), tree.leaves, neighbours)
-    if count == 1:
+    choice, parts = _begun(field, tree, chosen, neighbours, error_weight)
+    wanted, whole = n_points - len(chosen), divide(choice, 1)
+    if parts is None:
         choose(0, 1, TAKEN, wanted, field, error_weight, choice, whole)
         added, scores = chosen_by(whole)
     else:
-        parts = divide(choice, count)
         added, scores = _choose_by_levels(wanted, len(chosen), field, error_weight, choice, parts, whole)
     return np.concatenate([chosen, added]), scores, np.sqrt(choice.variances[added])
+
+
+def extend_down_to(
+    level: float,
+    field: LocalField,
+    tree: KdTree,
+    chosen: NDArray[np.int64],
+    neighbours: int,
+    error_weight: float,
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Choose the point with the largest score, again and again, as long as that is at least `level`.
+
+    Parameters
+    ----------
+    level : float
+        Not negative.
+    field, tree, chosen, neighbours, error_weight
+        As for `extend`.
+
+    Returns
+    -------
+    added : (n,) array
+        Columns of the new points, in the order of falling scores.
+    scores, deviations : (n,) arrays
+        As `extend` returns them.
+    """
+    choice, parts = _begun(field, tree, chosen, neighbours, error_weight)
+    whole = divide(choice, 1)
+    if parts is None:
+        choose(0, 1, level, len(tree.order), field, error_weight, choice, whole)
+        added, scores = chosen_by(whole)
+    else:
+        reached = np.inf
+        while reached > level:
+            reached = STEP * min(reached, float(choice.best[1]))
+            reached = reached if reached > max(level, LEAST_STEP) else level
+            choose_all_above(reached, field, error_weight, choice, parts, whole)
+        added, scores = _joined(parts, whole)
+    order = np.argsort(-scores, kind="stable")
+    return added[order], scores[order], np.sqrt(choice.variances[added[order]])
+
+
+def _begun(
+    field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighbours: int, error_weight: float
+) -> tuple[Choice, Parts | None]:
+    """Return the state after `chosen`, and the parts that choose at once, or None if they would be too small."""
+    conditioning = condition(field, tree, chosen, neighbours)
+    choice = begin_choice(field, tree, chosen, conditioning, posterior(field, conditioning, error_weight))
+    count = number_of_parts(len(field.y), len(chosen), tree.leaves, neighbours)
+    return choice, divide(choice, count) if count > 1 else None
 
 
 def _choose_by_levels(
@@ -79,7 +127,12 @@ def _choose_by_levels(
         step = ((chosen + taken) / (chosen + SPARE * wanted)) ** FALL
         level = min(level, float(choice.best[1])) * max(STEP, step)
         choose_all_above(level, field, error_weight, choice, parts, rest)
-    (added, scores), (others, of_others) = chosen_by(parts), chosen_by(rest)
-    added, scores = np.concatenate([added, others]), np.concatenate([scores, of_others])
+    added, scores = _joined(parts, rest)
     best = np.argsort(-scores, kind="stable")[:wanted]
     return added[best], scores[best]
+
+
+def _joined(parts: Parts, rest: Parts) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return what the parts and the whole have chosen, and the scores."""
+    (added, scores), (others, of_others) = chosen_by(parts), chosen_by(rest)
+    return np.concatenate([added, others]), np.concatenate([scores, of_others])

@@ -1,0 +1,174 @@
+"""Boxes that divide space, and tiles: runs of boxes that are worked on one after another.
+
+The boxes are the leaves of a k-d tree over a sample. So each holds about as many points, wherever a cloud is dense. A
+tile is a node of that tree with no more points than fit into memory. What is done in a tile may look at a *halo*: the
+points of other boxes within some distance of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Tile(NamedTuple):
+    """Some boxes that follow each other.
+
+    Attributes
+    ----------
+    first, last : int
+        The boxes from `first` to `last`, the latter excluded.
+    low, high : (3,) arrays
+        Corners of the box around them.
+    """
+
+    first: int
+    last: int
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Boxes:
+    """A division of a cloud's bounding box into 2^d boxes. Each node of a perfect binary tree is cut into two.
+
+    Node 1 is the root, and node n has the children 2n and 2n + 1.
+
+    Attributes
+    ----------
+    axes : (nodes,) array, int64
+        The axis along which a node is cut.
+    cuts : (nodes,) array
+        Where it is cut. Points on the cut belong to the upper child.
+    low, high : (2 nodes, 3) arrays
+        Corners of all nodes, with those that are not cut, the boxes; row 0 is unused.
+    """
+
+    axes: NDArray[np.int64]
+    cuts: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, sample: NDArray[np.float64], count: int) -> Boxes:
+        """Divide space so that each box holds about as many points of a sample.
+
+        Parameters
+        ----------
+        sample : (n, 3) array
+            At least one point.
+        count : int
+            Number of boxes, a power of two.
+
+        Returns
+        -------
+        Boxes
+        """
+        axes, cuts = np.zeros(count, dtype=np.int64), np.zeros(count)
+        low, high = np.empty((2 * count, 3)), np.empty((2 * count, 3))
+        low[1], high[1] = sample.min(axis=0), sample.max(axis=0)
+        inside = {1: sample}
+        for node in range(1, count):
+            points = inside.pop(node)
+            sides = np.ptp(points, axis=0) if len(points) else high[node] - low[node]
+            axis = int(np.argmax(sides))
+            cut = float(np.median(points[:, axis])) if len(points) else (low[node, axis] + high[node, axis]) / 2.0
+            axes[node], cuts[node] = axis, cut
+            low[2 * node : 2 * node + 2], high[2 * node : 2 * node + 2] = low[node], high[node]
+            high[2 * node, axis] = low[2 * node + 1, axis] = cut
+            above = points[:, axis] >= cut
+            inside[2 * node], inside[2 * node + 1] = points[~above], points[above]
+        return cls(axes, cuts, low, high)
+
+    def __len__(self) -> int:
+        return len(self.cuts)
+
+    def box_of(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the box of each point, from 0. Points outside all boxes belong to the nearest along each cut.
+
+        Parameters
+        ----------
+        points : (n, 3) array
+
+        Returns
+        -------
+        (n,) array, int64
+        """
+        node, flat, start = np.ones(len(points), dtype=np.int64), points.ravel(), 3 * np.arange(len(points))
+        for _ in range(len(self).bit_length() - 1):
+            node = 2 * node + (flat[start + self.axes[node]] >= self.cuts[node])
+        return node - len(self)
+
+    def tiles(self, counts: NDArray[np.int64], most: int) -> list[Tile]:
+        """Return the largest nodes that hold few enough points, those without points left out.
+
+        Parameters
+        ----------
+        counts : (boxes,) array, int64
+            Number of points in each box.
+        most : int
+            Points of a tile at most, unless it is a single box.
+
+        Returns
+        -------
+        list of Tile
+            In the order of the boxes.
+        """
+        below = np.concatenate([[0], np.cumsum(counts)])
+        found: list[Tile] = []
+        waiting = [(1, 0, len(self))]
+        while waiting:
+            node, first, last = waiting.pop()
+            held = below[last] - below[first]
+            if held > most and last - first > 1:
+                middle = (first + last) // 2
+                waiting += [(2 * node + 1, middle, last), (2 * node, first, middle)]
+            elif held:
+                found.append(Tile(first, last, self.low[node], self.high[node]))
+        return found
+
+    def around(self, tile: Tile, width: float) -> NDArray[np.int64]:
+        """Return the boxes outside a tile that are within some distance of it along each axis.
+
+        Parameters
+        ----------
+        tile : Tile
+        width : float
+
+        Returns
+        -------
+        (n,) array, int64
+            Ascending.
+        """
+        low, high = self.low[len(self) :], self.high[len(self) :]
+        near = ((low <= tile.high + width) & (high >= tile.low - width)).all(axis=1)
+        near[tile.first : tile.last] = False
+        return np.flatnonzero(near)
+
+
+def classes(tiles: Sequence[Tile], width: float) -> list[list[Tile]]:
+    """Divide tiles into classes so that no two of a class are within some distance of each other.
+
+    Parameters
+    ----------
+    tiles : sequence of Tile
+    width : float
+
+    Returns
+    -------
+    list of list of Tile
+        Each tile is in the first class in which it can be, given the tiles before it.
+    """
+    low, high = np.array([tile.low for tile in tiles]), np.array([tile.high for tile in tiles])
+    of_tile = np.empty(len(tiles), dtype=np.int64)
+    for i in range(len(tiles)):
+        near = ((low[:i] <= high[i] + width) & (high[:i] >= low[i] - width)).all(axis=1)
+        taken = set(of_tile[:i][near].tolist())
+        of_tile[i] = next(number for number in range(len(tiles)) if number not in taken)
+    return [
+        [tile for tile, own in zip(tiles, of_tile, strict=True) if own == number] for number in range(of_tile.max() + 1)
+    ]

@@ -1,0 +1,78 @@
+"""Random samples of rows that depend on nothing but the number of each row."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+LARGEST = float(2**64)
+
+
+def row_hashes(rows: NDArray[np.int64]) -> NDArray[np.uint64]:
+    """Return a random number for each row (SplitMix64; Steele, Lea and Flood 2014).
+
+    Parameters
+    ----------
+    rows : (n,) array, int64
+
+    Returns
+    -------
+    (n,) array, uint64
+    """
+    mixed = (rows.astype(np.uint64) + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
+    mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return mixed ^ (mixed >> np.uint64(31))
+
+
+def drawn(rows: NDArray[np.int64], share: float) -> NDArray[np.bool_]:
+    """Mark the rows of a random sample.
+
+    Parameters
+    ----------
+    rows : (n,) array, int64
+    share : float
+        The probability of each row.
+
+    Returns
+    -------
+    (n,) array, bool
+    """
+    return row_hashes(rows) < share * LARGEST if share < 1.0 else np.ones(len(rows), dtype=np.bool_)
+
+
+class RowSample:
+    """A random sample of points that come in chunks: those whose rows have the smallest hashes.
+
+    Parameters
+    ----------
+    size : int
+        Number of points; all if there are fewer.
+    """
+
+    def __init__(self, size: int) -> None:
+        self._size = size
+        self._hashes = np.empty(0, dtype=np.uint64)
+        self._points = np.empty((0, 3))
+        self._seen = 0
+
+    def add(self, points: NDArray[np.float64]) -> None:
+        """Take the next points into account.
+
+        Parameters
+        ----------
+        points : (n, 3) array
+        """
+        hashes = row_hashes(np.arange(self._seen, self._seen + len(points)))
+        self._seen += len(points)
+        if len(self._hashes) == self._size:
+            few = np.flatnonzero(hashes < self._hashes[-1])
+            hashes, points = hashes[few], points[few]
+        hashes, points = np.concatenate([self._hashes, hashes]), np.concatenate([self._points, points])
+        order = np.argsort(hashes)[: self._size]
+        self._hashes, self._points = hashes[order], points[order]
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """The sample, (n, 3), in an order that is as random."""
+        return self._points
