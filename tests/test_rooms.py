@@ -19,7 +19,7 @@ FLOORS = (
     ("gppcs.gp.tiled",),
     ("gppcs.methods",),
     ("gppcs.simplification",),
-    ("gppcs.out_of_core",),
+    ("gppcs.streaming",),
     ("gppcs.evaluation",),
     ("gppcs.drawing",),
     ("gppcs",),

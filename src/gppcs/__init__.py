@@ -139,11 +139,11 @@ if TYPE_CHECKING:
         Voxel,
     )
     from gppcs.methods.method import Parameter, parameter
-    from gppcs.out_of_core import simplify_files
     from gppcs.scans import sample
     from gppcs.simplification import Result, simplify
     from gppcs.spatial.chunks import ChunkedPoints, Places, SparseValues
     from gppcs.spatial.kdtree import KdTree
+    from gppcs.streaming.files import simplify_files
     from gppcs.surface.normals import estimate_normals
     from gppcs.surface.surface_variation import Features, estimate_features
 
@@ -190,7 +190,7 @@ _HOMES = {  # the module that defines each public name
         "Voxel",
     ),
     "methods.method": ("Parameter", "parameter"),
-    "out_of_core": ("simplify_files",),
+    "streaming.files": ("simplify_files",),
     "scans": ("sample",),
     "simplification": ("Result", "simplify"),
     "spatial.chunks": ("ChunkedPoints", "Places", "SparseValues"),

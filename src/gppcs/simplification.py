@@ -260,6 +260,8 @@ def choose(points: ChunkedPoints, count: int, method: Method, stages: Stages) ->
     Selection
         M points. All N are in their order.
     """
+    from gppcs.spatial.chunks import first_repeats
+
     if count >= len(points):
         return Selection(np.arange(len(points)))
     selection = method.in_passes(points, count, stages)
@@ -267,10 +269,8 @@ def choose(points: ChunkedPoints, count: int, method: Method, stages: Stages) ->
         return selection
     with stages("repeats", len(points)) as advanced:
         distinct = points.distinct(advanced)
-    missing = count - len(distinct.rows)
-    if missing >= 0:  # of the first M points, at least this many are repeats
-        repeats = np.setdiff1d(np.arange(count), distinct.rows, assume_unique=True)[:missing]
-        return Selection(np.concatenate([distinct.rows, repeats]))
+    if len(distinct.rows) <= count:
+        return Selection(np.concatenate([distinct.rows, first_repeats(distinct.rows, count)]))
     if len(distinct.rows) == len(points):
         places = distinct.points
         del distinct  # to free the memory of its rows

@@ -84,7 +84,7 @@ def test_too_little_memory_is_one_line(gppcs_command, scan, large, options, part
 
 
 def test_what_the_output_cannot_hold_is_told_before_the_passes(gppcs_command, scan, large, monkeypatch):
-    monkeypatch.setattr("gppcs.out_of_core.simplify_in_passes", None)
+    monkeypatch.setattr("gppcs.streaming.passes.simplify_in_passes", None)
     result = gppcs_command("simplify", "scan.ply", "-o", "out.obj", "--points", 2, *LARGE)
     assert_one_line(result, "OBJ cannot hold: attribute")
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from gppcs.out_of_core import Plan
+    from gppcs.streaming.plan import Plan
 
 Merge = Annotated[
     bool, typer.Option("--merge", help="Take all inputs as one cloud, in the order in which they are given.")
@@ -71,7 +71,7 @@ def print_plan(sources: list[Path], target: Path, plan: Plan, seconds: float | N
         How long it takes, if that is known.
     """
     from gppcs.app.console import print_table
-    from gppcs.out_of_core import size_of
+    from gppcs.streaming.sizes import size_of
 
     limit = "unknown" if plan.limit is None else size_of(plan.limit)
     print_table(

@@ -1,8 +1,9 @@
-"""Temporary files that hold unfinished output, so that a process that ends at once can still remove them."""
+"""Temporary files and folders, so that a process that ends at once can still remove them."""
 
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
@@ -11,12 +12,12 @@ _paths: set[str] = set()
 
 @contextmanager
 def unfinished(path: str) -> Iterator[None]:
-    """Remove a temporary file at the end of the block, if it is still there.
+    """Remove a temporary file or folder at the end of the block, if it is still there.
 
     Parameters
     ----------
     path : str
-        The file. It need not exist yet.
+        The file, which need not exist yet, or the folder.
     """
     _paths.add(path)
     try:
@@ -27,11 +28,14 @@ def unfinished(path: str) -> Iterator[None]:
 
 
 def remove_all() -> None:
-    """Remove the temporary files of all blocks that have not ended. Call it before a process ends at once."""
+    """Remove the files and folders of all blocks that have not ended. Call it before a process ends at once."""
     for path in _paths.copy():
         _remove(path)
 
 
 def _remove(path: str) -> None:
+    if os.path.isdir(path):
+        shutil.rmtree(path, ignore_errors=True)
+        return
     with suppress(FileNotFoundError):
         os.unlink(path)

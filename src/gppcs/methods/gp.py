@@ -9,10 +9,13 @@ from gppcs.engine.stages import Stages
 from gppcs.methods.method import Method, Selection, parameter
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import numpy as np
     from numpy.typing import NDArray
 
     from gppcs.gp.local.ranking import Criterion
+    from gppcs.spatial.boxes import Each
     from gppcs.spatial.chunks import ChunkedPoints
 
 
@@ -21,6 +24,8 @@ POINT = 24  # Coordinates of a point.
 HASHED = 16  # For each point, while cells are looked up.
 MEASURED = 100  # For each point of the sample.
 RANKED = 300  # For each candidate.
+TILED, TILED_KEPT = 400_000_000, 100  # Beyond a chunk, if tiles are on disk; and for each kept point.
+STORED, STORED_CANDIDATE = 32, 140  # On disk, for each point and for each candidate.
 CELLS_ON_SLOPES = 1.5  # Occupied cells for each that a surface along the grid occupies.
 SECONDS, SECONDS_KEPT = 1e-7, 1e-4  # For each point read, and for each point kept, on two cores.
 
@@ -160,6 +165,32 @@ class LocalGP(Method):
         if not is_sampled(n, n_points):
             return 3 * POINT * n + self.memory(n, n_points)
         return MEASURED * sample_size(n_points) + self._memory_of_ranking(n, n_points)
+
+    def in_tiles(
+        self, points: ChunkedPoints, n_points: int, folder: Path, stages: Stages, each: Each = map
+    ) -> Selection:
+        """Choose the points with all but one tile on disk; see `Method.in_tiles` and `gppcs.gp.tiled`."""
+        import numpy as np
+
+        from gppcs.gp.tiled.ranking import rank_in_tiles
+        from gppcs.spatial.chunks import first_repeats
+
+        ranking, noise = rank_in_tiles(points, n_points, self.criterion, self.candidates, folder, stages, each)
+        repeats = first_repeats(ranking.indices, n_points)
+        scores, deviations = (np.pad(values, (0, len(repeats))) for values in (ranking.scores, ranking.deviations))
+        return Selection(
+            np.concatenate([ranking.indices, repeats]),
+            {"noise_in_spacings": noise.level / noise.spacing if noise.spacing > 0.0 else 0.0},
+            attributes={"score": scores, "deviation": deviations},
+        )
+
+    def memory_in_tiles(self, n: int, n_points: int) -> int:
+        """Return about how much memory `in_tiles` takes, beyond one chunk of points; see `Method.memory_in_tiles`."""
+        return TILED + TILED_KEPT * n_points
+
+    def disk_in_tiles(self, n: int, n_points: int) -> int:
+        """Return about how much disk space `in_tiles` takes; see `Method.disk_in_tiles`."""
+        return STORED * n + STORED_CANDIDATE * min(n, round(CELLS_ON_SLOPES * self.candidates * n_points))
 
     def seconds(self, n: int, n_points: int) -> float:
         """Return about how long a call takes on two cores.

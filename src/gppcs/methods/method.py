@@ -19,9 +19,12 @@ from gppcs.engine.stages import Stages
 from gppcs.errors import ParameterError, nearest_name, number, shown
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import numpy as np
     from numpy.typing import NDArray
 
+    from gppcs.spatial.boxes import Each
     from gppcs.spatial.chunks import ChunkedPoints
 
 
@@ -277,6 +280,68 @@ class Method(ABC):
             Bytes; None if the method must be called on all points.
         """
         return None
+
+    def in_tiles(
+        self, points: ChunkedPoints, n_points: int, folder: Path, stages: Stages, each: Each = map
+    ) -> Selection:
+        """Choose points of a cloud for which `in_passes` takes too much memory.
+
+        A method whose `memory_in_tiles` is not None overrides this. The chosen points may be others than in memory,
+        but they do not depend on the chunks.
+
+        Parameters
+        ----------
+        points : ChunkedPoints
+            N finite points, which may repeat each other.
+        n_points : int
+            M, from 1 to N - 1.
+        folder : path
+            An empty folder for temporary files.
+        stages : Stages
+            Measures the time of each stage, and reports progress to its listener.
+        each : callable, optional
+            Applies a function to each tile of the cloud, like `map`.
+
+        Returns
+        -------
+        Selection
+            M points. Repeats are among them only if there are fewer different places.
+        """
+        raise NotImplementedError
+
+    def memory_in_tiles(self, n: int, n_points: int) -> int | None:
+        """Return about how much memory `in_tiles` takes, beyond one chunk of points.
+
+        Parameters
+        ----------
+        n : int
+            N, the number of points.
+        n_points : int
+            M, the number of points to keep.
+
+        Returns
+        -------
+        int or None
+            Bytes; None if the method has no `in_tiles`.
+        """
+        return None
+
+    def disk_in_tiles(self, n: int, n_points: int) -> int:
+        """Return about how much disk space `in_tiles` takes.
+
+        Parameters
+        ----------
+        n : int
+            N, the number of points.
+        n_points : int
+            M, the number of points to keep.
+
+        Returns
+        -------
+        int
+            Bytes.
+        """
+        return 0
 
     def __post_init__(self) -> None:
         """Check the types and the ranges of all parameters. Subclasses that check more call this first.

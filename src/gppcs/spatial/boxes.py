@@ -7,9 +7,9 @@ points of other boxes within some distance of it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,9 @@ class Tile(NamedTuple):
     last: int
     low: NDArray[np.float64]
     high: NDArray[np.float64]
+
+
+Each = Callable[[Callable[[Tile], Any], Sequence[Tile]], Iterable[Any]]  # Like `map`: results in the order of tiles.
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +148,7 @@ class Boxes:
             Ascending.
         """
         low, high = self.low[len(self) :], self.high[len(self) :]
-        near = ((low <= tile.high + width) & (high >= tile.low - width)).all(axis=1)
+        near = np.asarray(((low <= tile.high + width) & (high >= tile.low - width)).all(axis=1))
         near[tile.first : tile.last] = False
         return np.flatnonzero(near)
 

@@ -248,6 +248,24 @@ class ChunkedPoints:
             advanced(len(chunk))
 
 
+def first_repeats(distinct: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Return the repeats that have to be kept if there are too few different places.
+
+    Parameters
+    ----------
+    distinct : (n,) array, int64
+        Rows of the points that repeat no earlier one, n < count.
+    count : int
+        M, the number of points to keep.
+
+    Returns
+    -------
+    (count - n,) array, int64
+        The first of the other rows.
+    """
+    return np.setdiff1d(np.arange(count), distinct, assume_unique=True)[: count - len(distinct)]
+
+
 def _merged(parts: Iterable[Places], reduced: Callable[[Places], Places]) -> Places:
     """Return what `reduced` leaves of the finds of all chunks.
 

@@ -11,7 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.stages import Stages
 from gppcs.spatial.boxes import Boxes, Tile
+from gppcs.spatial.chunks import ChunkedPoints
+from gppcs.spatial.row_sample import RowSample
+
+SAMPLED = 1 << 18  # Points of the sample by which space is divided.
+PER_BOX = 16  # Sampled points of a box at least.
+BOX = 1 << 16  # Points of a box, unless there are more boxes than the sample can tell apart.
 
 _RECORD = np.dtype([("row", np.int64), ("place", np.float64, 3)])
 
@@ -79,7 +86,7 @@ class StoredPoints:
         records = np.empty(len(points), dtype=_RECORD)
         records["row"], records["place"] = first + order, points[order]
         counts = np.bincount(boxes, minlength=len(self.boxes))
-        for box, last in zip(np.flatnonzero(counts), np.cumsum(counts[counts > 0]), strict=True):
+        for box, last in zip(np.flatnonzero(counts).tolist(), np.cumsum(counts[counts > 0]), strict=True):
             with self._path(box).open("ab") as file:
                 records[last - counts[box] : last].tofile(file)
         self.counts[:] += counts
@@ -109,7 +116,7 @@ class StoredPoints:
 
     def remove(self) -> None:
         """Remove the files."""
-        for box in np.flatnonzero(self.counts):
+        for box in np.flatnonzero(self.counts).tolist():
             self._path(box).unlink()
 
     def _read(self, box: int) -> NDArray[Any]:
@@ -117,6 +124,42 @@ class StoredPoints:
 
     def _path(self, box: int) -> Path:
         return self.folder / f"{box}.points"
+
+
+def store(points: ChunkedPoints, folder: Path, stages: Stages) -> tuple[StoredPoints, NDArray[np.float64]]:
+    """Store points by boxes, in two passes over them.
+
+    Parameters
+    ----------
+    points : ChunkedPoints
+        N points.
+    folder : path
+        An existing folder. It takes 32 bytes for each point.
+    stages : Stages
+        Times "sample" and "boxes". A step is a point.
+
+    Returns
+    -------
+    stored : StoredPoints
+    sample : (n, 3) array
+        The random sample of the points by which space is divided into boxes.
+    """
+    with stages("sample", len(points)) as advanced:
+        sample = RowSample(SAMPLED)
+        for chunk in points.chunks():
+            sample.add(chunk)
+            advanced(len(chunk))
+    wanted, most = -(-len(points) // BOX), max(1, len(sample.points) // PER_BOX)
+    stored = StoredPoints.none(
+        folder, Boxes.of(sample.points, 1 << min((wanted - 1).bit_length(), most.bit_length() - 1))
+    )
+    with stages("boxes", len(points)) as advanced:
+        first = 0
+        for chunk in points.chunks():
+            stored.add(first, chunk)
+            first += len(chunk)
+            advanced(len(chunk))
+    return stored, sample.points
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +233,7 @@ class StoredTable:
             Of the type and the shape of its values.
         """
         shape = (len(self), *like.shape[1:])
-        np.lib.format.open_memmap(self._path(column), mode="w+", dtype=like.dtype, shape=shape)  # type: ignore[no-untyped-call]
+        np.lib.format.open_memmap(self._path(column), mode="w+", dtype=like.dtype, shape=shape)
 
     def take(self, column: str, rows: slice | NDArray[np.int64]) -> NDArray[Any]:
         """Read some values of a column.

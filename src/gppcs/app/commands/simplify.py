@@ -54,8 +54,8 @@ if TYPE_CHECKING:
     from gppcs.evaluation.report import Report
     from gppcs.io.cloud_files import CloudFiles
     from gppcs.io.query import Query
-    from gppcs.out_of_core import Plan
     from gppcs.simplification import Result
+    from gppcs.streaming.plan import Plan
 
 EPILOG = (
     "[bold]Examples[/bold]\n\n"
@@ -179,8 +179,8 @@ def simplify(
     """
     from gppcs.io import check_distinct
     from gppcs.io.query import Query
-    from gppcs.out_of_core import bytes_of
     from gppcs.simplification import simplify as simplified
+    from gppcs.streaming.sizes import bytes_of
 
     set_threads(threads)
     options: dict[str, Any] = {
@@ -286,8 +286,9 @@ class _Job:
         from gppcs import io
         from gppcs.engine.stages import Stages
         from gppcs.io.cloud_files import CloudFiles
-        from gppcs.out_of_core import expected_seconds, plan, simplify_in_passes
         from gppcs.simplification import resolved
+        from gppcs.streaming.passes import simplify_in_passes
+        from gppcs.streaming.plan import expected_seconds, plan
 
         target, sources = self.outputs.targets[source], self.merged or [source]
         self.outputs.check(target, self.force)
@@ -426,7 +427,7 @@ class _DryRun:
 
     def line(self) -> str:
         """Return the plan as one line."""
-        from gppcs.out_of_core import size_of
+        from gppcs.streaming.sizes import size_of
 
         way = "in memory" if self.plan.in_memory else f"in {self.plan.passes} passes"
         return f"{titled(self.sources)} → {self.target}: {way}, about {size_of(self.plan.memory)}"

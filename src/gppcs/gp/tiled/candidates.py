@@ -8,15 +8,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.gp.local.candidates import ENOUGH, SMALLEST_AREA, TOO_MANY
 from gppcs.gp.local.density import ROUNDING
-from gppcs.gp.tiled.survey import Each, TiledNoise, TiledSurvey, sampled_places
-from gppcs.spatial.boxes import Tile
+from gppcs.gp.tiled.survey import TiledNoise, TiledSurvey, sampled_places
+from gppcs.spatial.boxes import Each, Tile
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.stored import StoredPoints, StoredTable, joined, store_part
@@ -91,7 +91,9 @@ class Search:
         """Return the edge length of the cells of a stage."""
         return math.sqrt(area / (self.density * target)) or 1.0
 
-    def table(self, source: StoredPoints | StoredTable, thin: Thin, columns: Sequence[str], folder: Path) -> StoredTable:
+    def table(
+        self, source: StoredPoints | StoredTable, thin: Thin, columns: Sequence[str], folder: Path
+    ) -> StoredTable:
         """Return a table of what `thin` leaves of each tile."""
         tiles, parts = source.boxes.tiles(source.counts, self.most), []
         for tile, kept in zip(tiles, self.each(partial(thin, folder), tiles), strict=True):
@@ -186,12 +188,13 @@ def _thin_points(
     if noise.quiet and tree:
         variation = variation_in_radius(tree, edge)
         sharpness[some] = np.where(variation > ROUNDING, variation, 0.0)
-    kept = greatest_in_cells(near.points, edge, sharpness) if thinned else np.flatnonzero(first_occurrences(near.points))
+    kept = (
+        greatest_in_cells(near.points, edge, sharpness) if thinned else np.flatnonzero(first_occurrences(near.points))
+    )
     kept = kept[near.inside[kept]]
-    found = {"row": near.rows[kept], "place": near.points[kept], "sharpness": sharpness[kept]}
-    if not noise.quiet:
-        found |= _observed(noise, tree, found["place"])
-    return store_part(folder, tile, points.boxes, found)
+    found: dict[str, NDArray[Any]] = {"row": near.rows[kept], "place": near.points[kept], "sharpness": sharpness[kept]}
+    observed = {} if noise.quiet else _observed(noise, tree, near.points[kept])
+    return store_part(folder, tile, points.boxes, found | observed)
 
 
 def _observed(noise: TiledNoise, tree: KdTree | None, places: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:

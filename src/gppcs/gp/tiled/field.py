@@ -18,8 +18,8 @@ from gppcs.gp.local.density import EDGE_ROUGHNESS, GRADATION, LEAST_ROUGHNESS, R
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.ranking import NEAREST, NUGGET, Criterion
 from gppcs.gp.tiled.candidates import Stage
-from gppcs.gp.tiled.survey import Each, TiledNoise
-from gppcs.spatial.boxes import Tile
+from gppcs.gp.tiled.survey import TiledNoise
+from gppcs.spatial.boxes import Each, Tile
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.surface_variation import features_in_radius, features_of_nearest
 
@@ -137,7 +137,9 @@ def _roughness(stage: Stage) -> Iterator[NDArray[np.float64]]:
     return map(np.sqrt, stage.table.chunks_of("variation", ROWS))
 
 
-def _mean(chunks: Iterator[NDArray[np.float64]], function: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> float:
+def _mean(
+    chunks: Iterator[NDArray[np.float64]], function: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+) -> float:
     sums = [(len(chunk), float(np.sum(function(chunk)))) for chunk in chunks]
     return math.fsum(total for _, total in sums) / sum(count for count, _ in sums)
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.engine.stages import Stages
 from gppcs.gp.local.candidates import FIRST_STAGE
@@ -15,15 +13,11 @@ from gppcs.gp.local.ranking import Criterion, Ranking
 from gppcs.gp.tiled.candidates import Search, Stage, coarser_stage, finest_stage
 from gppcs.gp.tiled.choice import choose_in_tiles
 from gppcs.gp.tiled.field import tiled_field
-from gppcs.gp.tiled.survey import Each, TiledNoise, rough_area, survey_tiles
-from gppcs.spatial.boxes import Boxes
+from gppcs.gp.tiled.survey import TiledNoise, rough_area, survey_tiles
+from gppcs.spatial.boxes import Each
 from gppcs.spatial.chunks import ChunkedPoints
-from gppcs.spatial.row_sample import RowSample
-from gppcs.spatial.stored import StoredPoints
+from gppcs.spatial.stored import store
 
-SAMPLED = 1 << 18  # Points of the sample by which space is divided.
-PER_BOX = 16  # Sampled points of a box at least.
-BOX = 1 << 16  # Points of a box, unless there are more boxes than the sample can tell apart.
 TILE = 1 << 19  # Points or candidates of a tile at most. With fewer, halos cost more than the tiles themselves.
 
 
@@ -72,13 +66,8 @@ def rank_in_tiles(
     -------
     TiledRanking
     """
-    with stages("sample", len(points)) as advanced:
-        sample = RowSample(SAMPLED)
-        for chunk in points.chunks():
-            sample.add(chunk)
-            advanced(len(chunk))
-    area = rough_area(sample.points, density)
-    stored = _stored(points, sample.points, folder, stages)
+    stored, sample = store(points, folder, stages)
+    area = rough_area(sample, density)
     tiles = stored.boxes.tiles(stored.counts, TILE)
     with stages("survey", len(points)) as advanced:
         survey = survey_tiles(stored, tiles, n_points, area, each, advanced)
@@ -92,20 +81,6 @@ def rank_in_tiles(
         while found[-1].target > FIRST_STAGE:
             found.append(coarser_stage(found[-1], search))
     return TiledRanking(_ranked(found[::-1], survey.noise, criterion, stages, each), survey.noise)
-
-
-def _stored(points: ChunkedPoints, sample: NDArray[np.float64], folder: Path, stages: Stages) -> StoredPoints:
-    """Store the points by boxes."""
-    wanted, most = -(-len(points) // BOX), max(1, len(sample) // PER_BOX)
-    boxes = Boxes.of(sample, 1 << min((wanted - 1).bit_length(), most.bit_length() - 1))
-    stored = StoredPoints.none(folder, boxes)
-    with stages("tiles", len(points)) as advanced:
-        first = 0
-        for chunk in points.chunks():
-            stored.add(first, chunk)
-            first += len(chunk)
-            advanced(len(chunk))
-    return stored
 
 
 def _ranked(found: list[Stage], noise: TiledNoise, criterion: Criterion, stages: Stages, each: Each) -> Ranking:

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.gp.local.candidates import corrected_area
 from gppcs.gp.local.survey import PER_POINT, sample_size
-from gppcs.spatial.boxes import Tile
+from gppcs.spatial.boxes import Each, Tile
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.row_sample import drawn
 from gppcs.spatial.spacing import surface_area
 from gppcs.spatial.stored import Neighbourhood, StoredPoints
 from gppcs.surface.noise import FEWEST, NEIGHBOURS, QUIET, SAMPLES, WIDEST, Noise, across_noise, projections
-
-Each = Callable[[Callable[[Tile], Any], Sequence[Tile]], Iterable[Any]]  # Like `map`: the results in the same order.
 
 HALO = 4.0  # In rough target spacings: 120 of 26 points in a square spacing lie within 1.2 of them.
 DISCS = 16_384  # Points whose neighbours tell the area, as `surface_area` takes them.

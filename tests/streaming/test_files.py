@@ -9,10 +9,14 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import gppcs
-from gppcs import out_of_core
 from gppcs.engine.stages import Stages
 from gppcs.io.cloud_files import CloudFiles
-from gppcs.out_of_core import Plan, bytes_of, expected_seconds, plan, simplify_in_passes, size_of
+from gppcs.streaming import files as streaming_files
+from gppcs.streaming import passes as streaming_passes
+from gppcs.streaming import plan as planning
+from gppcs.streaming.passes import simplify_in_passes
+from gppcs.streaming.plan import Plan, Way, expected_seconds, plan
+from gppcs.streaming.sizes import bytes_of, size_of
 
 N = 12_000
 
@@ -62,7 +66,7 @@ def written(cloud, folder, cuts, suffix=".npy"):
 
 
 def in_passes(paths, rows, n_points, method=None, **options):
-    made = Plan(N, n_points, 4, 0, None, rows)
+    made = Plan(Way.PASSES, N, n_points, 0, None, rows)
     options = {"invalid": "drop", "scores": True, **options}
     with CloudFiles(paths) as files:
         return simplify_in_passes(
@@ -125,7 +129,7 @@ def test_no_more_passes_than_planned(tmp_path, monkeypatch):
     plain = CloudFiles.chunks
     monkeypatch.setattr(CloudFiles, "chunks", lambda *of: passes.append(1) or plain(*of))
     in_passes(paths, 1_000, 70)
-    assert len(passes) == out_of_core.PASSES
+    assert len(passes) == planning.PASSES
 
 
 class Heard:
@@ -145,7 +149,7 @@ class Heard:
 def test_each_pass_tells_its_progress(tmp_path):
     heard = Heard()
     with CloudFiles(written(cloud_of(VARIANTS["plain"]), tmp_path, [5_000])) as files:
-        made = Plan(N, 70, 4, 0, None, 1_000)
+        made = Plan(Way.PASSES, N, 70, 0, None, 1_000)
         simplify_in_passes(files, made, gppcs.LocalGP(), None, 70, "error", False, Stages(heard))
     whole = [stage for stage, total, steps in heard.stages if total == steps == N]
     assert whole == ["bounds", "sample", "candidates", "kept points"]
@@ -166,13 +170,13 @@ def test_points_that_are_not_finite_are_told_as_in_memory(tmp_path):
 
 def test_files_that_change_meanwhile_are_refused(tmp_path, monkeypatch):
     [path] = written(cloud_of(VARIANTS["plain"]), tmp_path, [])
-    choose = out_of_core.choose
+    choose = streaming_passes.choose
 
     def truncated(*arguments):
         gppcs.write(path, cloud_of(VARIANTS["plain"][:-1]), force=True)
         return choose(*arguments)
 
-    monkeypatch.setattr(out_of_core, "choose", truncated)
+    monkeypatch.setattr(streaming_passes, "choose", truncated)
     with pytest.raises(gppcs.InputError, match=r"expected 12,000 points again, found 11,999: the files have changed"):
         in_passes([path], 1_000, 70)
 
@@ -189,7 +193,7 @@ def test_files_in_passes_from_python(tmp_path, large, monkeypatch, method):
     cloud = cloud_of(VARIANTS["noisy"])
     paths = written(cloud, tmp_path, [4_000])
     expected = gppcs.simplify(cloud, n_points=70, method=method, scores=True)
-    monkeypatch.setattr(out_of_core, "simplify", None)  # which takes a cloud in memory
+    monkeypatch.setattr(streaming_files, "simplify", None)  # which takes a cloud in memory
     for names in (paths, tuple(map(str, paths))):
         assert_same(gppcs.simplify_files(names, n_points=70, method=method, scores=True, memory="1GB"), expected)
 
@@ -197,7 +201,7 @@ def test_files_in_passes_from_python(tmp_path, large, monkeypatch, method):
 def test_files_that_fit_are_read(tmp_path, monkeypatch):
     cloud = cloud_of(VARIANTS["plain"])
     paths = written(cloud, tmp_path, [4_000])
-    monkeypatch.setattr(out_of_core, "simplify_in_passes", None)
+    monkeypatch.setattr(streaming_files, "simplify_in_passes", None)
     assert_same(gppcs.simplify_files(paths, ratio=0.01), gppcs.simplify(cloud, ratio=0.01))
     found = gppcs.simplify_files(paths[0], n_points=9, method="random", seed=3, normals=True)
     assert_same(found, gppcs.simplify(cloud.take(np.arange(4_000)), n_points=9, method="random", seed=3, normals=True))
@@ -266,7 +270,7 @@ def test_a_plan_grows_with_the_cloud(tmp_path, monkeypatch):
 
 
 def test_without_word_of_free_memory_all_is_read(tmp_path, monkeypatch, large):
-    monkeypatch.setattr(out_of_core, "available_memory", lambda: None)
+    monkeypatch.setattr(planning, "available_memory", lambda: None)
     with CloudFiles(written(cloud_of(VARIANTS["plain"]), tmp_path, [])) as files:
         made = plan(files, gppcs.LocalGP(), 0.1, None)
     assert (made.in_memory, made.limit) == (True, None)

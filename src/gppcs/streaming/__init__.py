@@ -1,0 +1,1 @@
+"""Clouds in files that are larger than memory."""

@@ -1,0 +1,96 @@
+"""Simplify files that may be larger than memory."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any, Literal
+
+from gppcs.engine.stages import Stages
+from gppcs.errors import ParameterError, file_path, flag, shown
+from gppcs.io.cloud_files import CloudFiles
+from gppcs.methods import DEFAULT, Method
+from gppcs.simplification import Result, resolved, simplify
+from gppcs.streaming.passes import simplify_in_passes
+from gppcs.streaming.plan import plan
+from gppcs.streaming.sizes import bytes_of
+
+
+def simplify_files(
+    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    *,
+    ratio: float | None = None,
+    n_points: int | None = None,
+    method: str | Method = DEFAULT,
+    seed: int | None = None,
+    invalid: Literal["error", "drop"] = "error",
+    normals: bool = False,
+    scores: bool = False,
+    memory: int | str | None = None,
+    scratch: str | os.PathLike[str] | None = None,
+    stages: Stages | None = None,
+) -> Result:
+    """Choose exactly M points of a cloud in files, which may be larger than memory.
+
+    If the cloud fits into the memory allowed, it is read and simplified as by `gppcs.simplify`. Otherwise the method
+    `gp` reads the files several times, in chunks, and holds a sample of the points, candidates and the kept points
+    alone. It chooses the same points, to the last bit of `indices`. If the candidates do not fit, either, it stores the
+    points in temporary files and chooses tile by tile: other points than in memory, but as good ones, and no seam
+    shows. In no case does the result depend on how the points are divided into files and chunks. The other methods need
+    all points in memory.
+
+    Parameters
+    ----------
+    paths : path, or sequence of paths
+        One file or several, in any format that `gppcs.read` reads. Several files are one cloud: its points are those of
+        the first, then those of the second and so on. They must have the same attributes.
+    ratio, n_points, method, seed, invalid, normals, scores, stages
+        As for `gppcs.simplify`. Normals need all points in memory.
+    memory : int or str, optional
+        How much memory the process may hold: bytes, or a text such as "4GB" or "512 MiB". By default, half of what is
+        free.
+    scratch : path, optional
+        An existing folder for temporary files, on a disk with enough space; by default the system's.
+
+    Returns
+    -------
+    Result
+        As of `gppcs.simplify` for the whole cloud.
+
+    Raises
+    ------
+    FileFormatError
+        If a file is damaged, its format is unknown, or the files do not fit each other.
+    InputError
+        As for `gppcs.simplify`, and if the work would take more memory than allowed.
+    ParameterError
+        As for `gppcs.simplify`, and if `memory` is no number of bytes.
+    OutputError
+        If `scratch` does not exist, or its disk has too little space.
+    OSError
+        If a file does not exist or cannot be read.
+
+    Examples
+    --------
+    >>> cloud = gppcs.sample("bracket", n_points=20_000)
+    >>> gppcs.write("east.ply", cloud.take(range(12_000)))
+    >>> gppcs.write("west.ply", cloud.take(range(12_000, 20_000)))
+    >>> result = gppcs.simplify_files(["east.ply", "west.ply"], n_points=500, memory="2GB")
+    >>> (result.indices == gppcs.simplify(cloud, n_points=500).indices).all()
+    np.True_
+    """
+    if isinstance(paths, str | os.PathLike):
+        paths = [paths]
+    if not isinstance(paths, Sequence) or not paths:
+        raise ParameterError(f"expected a file or a list of files, found {shown(paths)}")
+    stages, normals, scores = Stages.of(stages), flag("normals", normals), flag("scores", scores)
+    options: dict[str, Any] = {"ratio": ratio, "n_points": n_points, "invalid": invalid, "scores": scores}
+    with CloudFiles([file_path(path) for path in paths]) as files:
+        chosen, limit = resolved(method, seed), None if memory is None else bytes_of(memory)
+        made = plan(files, chosen, ratio, n_points, limit, "normals" if normals else None)
+        if made.in_memory:
+            with stages("reading"):
+                cloud = files.read()
+            return simplify(cloud, method=chosen, normals=normals, stages=stages, **options)
+        folder = None if scratch is None else file_path(scratch)
+        return simplify_in_passes(files, made, chosen, stages=stages, scratch=folder, **options)[0]

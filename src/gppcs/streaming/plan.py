@@ -1,0 +1,175 @@
+"""Decide whether a cloud in files is simplified in memory, in passes over the files, or tile by tile."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+from time import perf_counter
+
+from gppcs.clouds.cloud import PointCloud
+from gppcs.engine.memory import available_memory
+from gppcs.errors import InputError
+from gppcs.io.cloud_files import ROWS, CloudFiles, Head
+from gppcs.methods import Method
+from gppcs.simplification import number_to_keep
+from gppcs.streaming.sizes import size_of
+
+PASSES = 4  # Bounds, a sample, candidates, and the kept points. One or two more if the area is far off.
+PROGRAM = 250_000_000  # Bytes that the program itself takes, with its libraries and compiled kernels.
+COPIES = 4  # A chunk is held so often at once: as it is in the file, as it is, shifted and scaled, and hashed.
+FEWEST_ROWS = 1 << 16  # Points of a chunk, however little memory there is.
+ROWS_PER_KEPT = 40  # Points of a chunk for each point kept: some for each cell, so that most are dropped at once.
+
+
+class Way(Enum):
+    """How a cloud is simplified."""
+
+    MEMORY = "in memory"
+    PASSES = "in passes over the files"
+    TILES = "in tiles on disk"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How files are going to be simplified.
+
+    Attributes
+    ----------
+    way : Way
+    points, kept : int
+        About how many points there are, and how many of them are kept.
+    memory : int
+        About how many bytes of memory the program is going to hold at most.
+    limit : int or None
+        How many it may hold; None if the platform does not tell what is free.
+    rows : int
+        Points of a chunk at most.
+    disk : int
+        About how many bytes of disk space temporary files are going to take.
+    """
+
+    way: Way
+    points: int
+    kept: int
+    memory: int
+    limit: int | None
+    rows: int
+    disk: int = 0
+
+    @property
+    def in_memory(self) -> bool:
+        """Whether all points are going to be in memory at once."""
+        return self.way is Way.MEMORY
+
+    @property
+    def passes(self) -> int:
+        """How often the files are read, at least."""
+        return 1 if self.in_memory else PASSES
+
+
+def plan(
+    files: CloudFiles,
+    method: Method,
+    ratio: float | None,
+    n_points: int | None,
+    limit: int | None = None,
+    whole: str | None = None,
+) -> Plan:
+    """Decide whether a cloud is simplified in memory or in passes.
+
+    Parameters
+    ----------
+    files : CloudFiles
+    method : Method
+    ratio, n_points
+        As for `gppcs.simplify`.
+    limit : int, optional
+        Bytes of memory that the process may hold; by default half of what is free.
+    whole : str, optional
+        What needs all points in memory besides the method, as messages name it.
+
+    Returns
+    -------
+    Plan
+
+    Raises
+    ------
+    InputError
+        If it would take more memory than allowed.
+    FileFormatError, OSError, ParameterError
+        As for `simplify_files`.
+    """
+    free = available_memory()
+    limit = limit or (free // 2 if free else None)
+    head = files.head()
+    n, row = head.points, _bytes_of_row(head.cloud)
+    kept = number_to_keep(n, ratio, n_points) if n else 0
+    in_memory = PROGRAM + max(2 * row * n, row * n + 24 * n + method.memory(n, kept))
+    if limit is None or in_memory <= limit:
+        return Plan(Way.MEMORY, n, kept, in_memory, limit, ROWS)
+    chunked = not (whole or head.whole)
+    passes = method.memory_in_passes(n, kept) if chunked else None
+    tiles = method.memory_in_tiles(n, kept) if chunked else None
+    needed = in_memory
+    for way, takes in ((Way.PASSES, passes), (Way.TILES, tiles)):
+        if takes is not None:
+            fixed = PROGRAM + takes + 2 * row * kept
+            rows = min(n, max(ROWS, ROWS_PER_KEPT * kept), max(FEWEST_ROWS, (limit - fixed) // (COPIES * row)))
+            needed = fixed + COPIES * row * rows
+            if needed <= limit:
+                return Plan(way, n, kept, needed, limit, rows, method.disk_in_tiles(n, kept) if way is Way.TILES else 0)
+    if passes is None and tiles is None:
+        raise _too_large(head, method, whole, in_memory, limit)
+    found = (
+        f"expected at least {size_of(needed)} of memory to choose {kept:,} of about {n:,} points in passes "
+        f"over the files, found {size_of(limit)}"
+    )
+    raise InputError(
+        f"{found}; raise memory=, or keep fewer points", command=f"{found}; raise --memory, or keep fewer points"
+    )
+
+
+def expected_seconds(files: CloudFiles, plan: Plan, method: Method) -> float | None:
+    """Return about how long a plan takes. To find how fast the files are read, this reads one chunk.
+
+    Parameters
+    ----------
+    files : CloudFiles
+    plan : Plan
+        Made for them.
+    method : Method
+
+    Returns
+    -------
+    float or None
+        None if it is not known of the method.
+    """
+    read = plan.passes * plan.points
+    choosing = method.seconds(read, plan.kept)
+    begin = perf_counter()
+    some = next(files.chunks(plan.in_memory, plan.rows), ())
+    reading = (perf_counter() - begin) / max(1, len(some))
+    return None if choosing is None else choosing + read * reading
+
+
+def _bytes_of_row(cloud: PointCloud) -> int:
+    """Return how many bytes a point of a cloud takes in memory, with its attributes."""
+    return 24 + sum(
+        values.dtype.itemsize * math.prod(values.shape[1:]) for values in cloud.attributes.values()
+    )  # of lists, the references alone
+
+
+def _too_large(head: Head, method: Method, whole: str | None, needed: int, limit: int) -> InputError:
+    """Return the error for a cloud that has to be in memory as a whole but would take too much of it."""
+    if whole:
+        reason = f"{whole} takes all points at once"
+    elif head.whole:
+        reason = f"{head.whole} files are read as a whole"
+    else:
+        reason = f"method {method.name!r} takes all points at once"
+    found = (
+        f"expected at least {size_of(needed)} of memory, as {reason} and there are about {head.points:,}, "
+        f"found {size_of(limit)}"
+    )
+    return InputError(f"{found}; raise memory=, or do without", command=f"{found}; raise --memory, or do without")

@@ -1,0 +1,52 @@
+"""Amounts of memory and disk, as people write them."""
+
+from __future__ import annotations
+
+import math
+import re
+from decimal import Decimal
+
+from gppcs.errors import ParameterError, shown
+
+_UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "t": 10**12, "ki": 2**10, "mi": 2**20, "gi": 2**30, "ti": 2**40}
+
+
+def bytes_of(memory: int | str) -> int:
+    """Return a number of bytes that is written with a unit.
+
+    Parameters
+    ----------
+    memory : int or str
+        Bytes, or a text such as "4GB", "1.5 GB" or "512MiB".
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    ParameterError
+        If it is neither, or not above 0.
+    """
+    text = str(memory) if isinstance(memory, int | str) and not isinstance(memory, bool) else ""
+    found = re.fullmatch(r"\s*(\d+|\d*\.\d+)\s*([kmgt]i?)?b?\s*", text, re.IGNORECASE | re.ASCII)
+    size = round(Decimal(found[1]) * _UNITS[(found[2] or "").lower()]) if found else 0  # floats could overflow
+    if size <= 0:
+        raise ParameterError(f"expected an amount of memory such as 4GB or 512MB, found {shown(memory)}")
+    return size
+
+
+def size_of(memory: int) -> str:
+    """Return a number of bytes as messages show it.
+
+    Parameters
+    ----------
+    memory : int
+
+    Returns
+    -------
+    str
+    """
+    if memory < 1e9:
+        return f"{math.ceil(memory / 1e6)} MB"
+    return f"{memory / 1e9:.2g} GB" if memory < 1e10 else f"{memory / 1e9:,.0f} GB"
