@@ -6,7 +6,7 @@ import math
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,6 +25,7 @@ from gppcs.surface.surface_variation import variation_in_radius
 Thin = Callable[[Path, Tile], NDArray[np.int64]]  # Stores what it leaves of a tile; returns how many in each box.
 
 DIAGONAL = math.sqrt(3.0)  # Of a cell, in edge lengths. A halo this wide holds all points of the cells of a tile.
+HALVINGS = 4  # Of the area at once, if too few cells are occupied. Doublings take back what is too much.
 NOISE_HALO = 3.0  # In target spacings: the points of a fit lie within 1.2 of them where a cloud is not sparse.
 
 
@@ -123,10 +124,13 @@ def finest_stage(points: StoredPoints, survey: TiledSurvey, n_points: int, searc
         thin = partial(_thin_points, points, survey, search.edge(area, n_points), thinned)
         return search.table(points, thin, search.columns, folder)
 
-    area, table = _fitting(found, survey.area, n_points, int(points.counts.sum()), search)
-    if table is None:
-        return Stage(n_points, found(area, _folder(search, n_points, area, "all"), thinned=False), False, area)
-    return Stage(n_points, table, True, area)
+    @cache
+    def all_places() -> StoredTable:
+        return found(survey.area, _folder(search, n_points, survey.area, "all"), thinned=False)
+
+    n = int(points.counts.sum())
+    area, table = _fitting(found, survey.area, n_points, n, lambda: len(all_places()), search)
+    return Stage(n_points, table or all_places(), table is not None, area)
 
 
 def coarser_stage(finer: Stage, search: Search) -> Stage:
@@ -148,21 +152,36 @@ def coarser_stage(finer: Stage, search: Search) -> Stage:
         thin = partial(_thin_candidates, finer.table, search.edge(area, target), columns)
         return search.table(finer.table, thin, columns, folder)
 
-    area, table = _fitting(found, finer.area, target, len(finer.table), search)
+    area, table = _fitting(found, finer.area, target, len(finer.table), lambda: len(finer.table), search)
     return Stage(target, table or finer.table, table is not None, area)
 
 
 def _fitting(
-    found: Callable[[float, Path], StoredTable], area: float, target: int, n: int, search: Search
+    found: Callable[[float, Path], StoredTable],
+    area: float,
+    target: int,
+    n: int,
+    places: Callable[[], int],
+    search: Search,
 ) -> tuple[float, StoredTable | None]:
-    """Return the area, doubled or halved until the number of occupied cells fits, and the candidates if enough."""
+    """Return the area, doubled or halved until the number of occupied cells fits, and the candidates if enough.
+
+    There are n points, at so many `places`. As in memory, several halvings at once are tried and then taken back.
+    """
     many, few = TOO_MANY * search.density * target, ENOUGH * target
     table = found(area, _folder(search, target, area))
-    factor = 2.0 if len(table) > many else 0.5
-    while len(table) > many if factor > 1.0 else len(table) < few and n > many and area > SMALLEST_AREA:
+    halve = len(table) < few and n > many and places() >= few
+    while halve and len(table) < few and area > SMALLEST_AREA:
         shutil.rmtree(table.folder)
-        area *= factor
+        area /= 2.0**HALVINGS
         table = found(area, _folder(search, target, area))
+    while len(table) > many or (halve and len(table) >= few):
+        coarser = found(2.0 * area, _folder(search, target, 2.0 * area))
+        if len(table) <= many and len(coarser) < few:
+            shutil.rmtree(coarser.folder)
+            break
+        shutil.rmtree(table.folder)
+        area, table = 2.0 * area, coarser
     if len(table) >= few:
         return area, table
     shutil.rmtree(table.folder)

@@ -1,0 +1,85 @@
+"""Boxes divide space, and tiles divide the boxes."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gppcs.spatial.boxes import Boxes, classes
+
+SEEDS = st.integers(0, 999)
+
+
+def cloud(seed, n=2_000):
+    rng = np.random.default_rng(seed)
+    return rng.random((n, 3)) * 10.0 ** rng.integers(-3, 3, 3)
+
+
+@given(SEEDS, st.sampled_from([1, 2, 8, 64]))
+@settings(max_examples=30)
+def test_points_lie_in_their_boxes(seed, count):
+    points = cloud(seed)
+    boxes = Boxes.of(points[:500], count)
+    own = boxes.box_of(points)
+    assert len(boxes) == count
+    low, high = boxes.low[count:][own], boxes.high[count:][own]
+    inside = ((points >= boxes.low[1]) & (points <= boxes.high[1])).all(axis=1)
+    assert ((points >= low) & (points <= high))[inside].all()
+    held = np.bincount(boxes.box_of(points[:500]), minlength=count)
+    assert held.sum() == 500
+    assert held.max() - held.min() <= 1 + np.log2(count)
+
+
+def test_equal_points_lie_in_one_box():
+    points = np.random.default_rng(0).integers(0, 3, (1_000, 3)).astype(float)
+    own = Boxes.of(points, 64).box_of(points)
+    places = np.unique(np.column_stack([points, own]), axis=0)
+    assert len(places) == 27
+
+
+@given(SEEDS, st.integers(1, 3_000))
+@settings(max_examples=30)
+def test_tiles_divide_the_boxes(seed, most):
+    points = cloud(seed)
+    boxes = Boxes.of(points, 64)
+    counts = np.bincount(boxes.box_of(points), minlength=64)
+    counts[20:30] = 0
+    tiles = boxes.tiles(counts, most)
+    held = [counts[tile.first : tile.last].sum() for tile in tiles]
+    assert all(0 < number <= most or tile.last - tile.first == 1 for number, tile in zip(held, tiles, strict=True))
+    assert sum(held) == counts.sum()
+    assert [tile.first for tile in tiles] == sorted(tile.first for tile in tiles)
+    low, high = boxes.low[64:], boxes.high[64:]
+    for tile in tiles:
+        assert (low[tile.first : tile.last].min(axis=0) == tile.low).all()
+        assert (high[tile.first : tile.last].max(axis=0) == tile.high).all()
+
+
+@given(SEEDS, st.sampled_from([0.0, 0.01, 0.2]))
+@settings(max_examples=20)
+def test_boxes_around_a_tile_hold_all_that_is_near(seed, width):
+    points = np.random.default_rng(seed).random((2_000, 3))
+    boxes = Boxes.of(points, 64)
+    own = boxes.box_of(points)
+    for tile in boxes.tiles(np.bincount(own, minlength=64), 300):
+        near = ((points >= tile.low - width) & (points <= tile.high + width)).all(axis=1)
+        outside = (own < tile.first) | (own >= tile.last)
+        assert (
+            set(own[near & outside])
+            <= set(boxes.around(tile, width))
+            <= set(range(64)) - set(range(tile.first, tile.last))
+        )
+
+
+@pytest.mark.parametrize("width", [0.0, 0.05, 3.0])
+def test_tiles_of_a_class_are_far_apart(width):
+    points = np.random.default_rng(0).random((2_000, 3))
+    boxes = Boxes.of(points, 64)
+    tiles = boxes.tiles(np.bincount(boxes.box_of(points), minlength=64), 300)
+    found = classes(tiles, width)
+    assert sorted(tile.first for some in found for tile in some) == [tile.first for tile in tiles]
+    for some in found:
+        for i, one in enumerate(some):
+            for other in some[:i]:
+                gap = np.maximum(one.low - other.high, other.low - one.high).max()
+                assert gap > width
