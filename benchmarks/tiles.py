@@ -211,7 +211,7 @@ def main() -> None:
         sorted({path for case in CASES for path in case.condition.files}),
         (
             f"Geometric means and standard errors over {len(TURNS)} turns of the cloud.",
-            "Density and distance are those of the choice in tiles, relative to the choice in memory in the same places."
+            "Density and distance are those of the choice in tiles, divided by those in memory in the same places."
             f" They are compared with {PLACEBOS} shifts of the borders to where none is; the standard error is the "
             "standard deviation of these. A difference as large as in the columns that say what would be detected is "
             "found in four of five cases by a test at the level of 5 %.",

@@ -24,6 +24,7 @@ from gppcs.surface.noise import FEWEST, NEIGHBOURS, QUIET, SAMPLES, WIDEST, Nois
 HALO = 4.0  # In rough target spacings: 120 of 26 points in a square spacing lie within 1.2 of them.
 DISCS = 16_384  # Points whose neighbours tell the area, as `surface_area` takes them.
 NEIGHBOURS_OF_DISC = 8
+NOISE_TILES = 64  # Tiles in which the noise is measured, at most.
 
 
 @dataclass(frozen=True)
@@ -119,21 +120,17 @@ def survey_tiles(
     -------
     TiledSurvey
     """
-    n = int(points.counts.sum())
-    share = min(1.0, sample_size(n_points) / n)
-    sampled = share * n
-    within = int(np.pi * sampled / n_points)
-    fits = [NEIGHBOURS << i for i in range((WIDEST // NEIGHBOURS).bit_length())]
-    fits = sorted({*fits, min(within, WIDEST)}) if within >= FEWEST else []
-    measure = partial(_measured, points, share, HALO * math.sqrt(area / n_points), max(1.0, sampled / DISCS), fits)
-    found = []
+    share = min(1.0, sample_size(n_points) / int(points.counts.sum()))
+    halo = HALO * math.sqrt(area / n_points)
+    measure, found = partial(_discs, points, share, halo), []
     for tile, measured in zip(tiles, each(measure, tiles), strict=True):
         found.append(measured)
         advanced(int(points.counts[tile.first : tile.last].sum()))
-    squared = np.concatenate([measured.discs for measured in found])
-    places = sum(measured.places for measured in found)
-    area = np.pi / NEIGHBOURS_OF_DISC * places * np.minimum(squared, np.quantile(squared, 0.99)).mean()
-    return TiledSurvey(float(area), _noise([measured.fits for measured in found], fits, within, area, n_points), share)
+    places = sum(count for count, _ in found)
+    squared = np.concatenate([discs for _, discs in found])
+    area = float(np.pi / NEIGHBOURS_OF_DISC * places * np.minimum(squared, np.quantile(squared, 0.99)).mean())
+    noise = _noise(points, tiles, share, halo, places, n_points, area, each)
+    return TiledSurvey(area, noise, share)
 
 
 def sampled_places(near: Neighbourhood, share: float) -> NDArray[np.int64]:
@@ -154,62 +151,61 @@ def sampled_places(near: Neighbourhood, share: float) -> NDArray[np.int64]:
     return some[first_occurrences(near.points[some])]
 
 
-class _Measured(NamedTuple):
-    """What is measured in a tile.
-
-    Attributes
-    ----------
-    places : int
-        Number of sampled points.
-    discs : (n,) array
-        Squared distances of some of them to their 8th neighbours.
-    fits : (fits, 3) array
-        For each number of neighbours: the number of measured points, and the sums of the squared distances from the
-        quadrics and of the squared radii.
-    """
-
-    places: int
-    discs: NDArray[np.float64]
-    fits: NDArray[np.float64]
-
-
-def _measured(
-    points: StoredPoints, share: float, halo: float, step: float, neighbours: Sequence[int], tile: Tile
-) -> _Measured:
+def _sampled_tree(points: StoredPoints, share: float, halo: float, tile: Tile) -> tuple[KdTree, NDArray[np.int64]]:
+    """Return a tree over the sampled points of a tile and its halo, and the positions of those in the tile itself."""
     near = points.near(tile, halo)
     some = sampled_places(near, share)
-    own = near.inside[some]
-    if len(some) == 0 or not own.any():
-        return _Measured(0, np.empty(0), np.zeros((len(neighbours), 3)))
-    tree = KdTree.build(near.points[some])
-    inside = np.flatnonzero(own[tree.order])
-    k = min(NEIGHBOURS_OF_DISC, len(some) - 1)
-    queries = _every(inside, step)
-    discs = tree.nearest_of(np.ascontiguousarray(tree.points[:, queries].T), k + 1)[1][:, -1]
-    fits = np.zeros((len(neighbours), 3))
-    places = KdTree.over(np.ascontiguousarray(tree.points[:, _every(inside, step * DISCS / SAMPLES)]))
-    for row, count in enumerate(neighbours):
-        feet, radii = projections(tree, places, count)
-        fits[row] = len(radii), ((feet.points - places.points) ** 2).sum(), (radii**2).sum()
-    return _Measured(len(inside), discs, fits)
+    tree = KdTree.build(near.points[some] if len(some) else near.points[:1])
+    return tree, np.flatnonzero(near.inside[some][tree.order]) if len(some) else np.empty(0, dtype=np.int64)
 
 
-def _every(values: NDArray[np.int64], step: float) -> NDArray[np.int64]:
-    """Return about every `step`-th of the values, at least one."""
-    return values[np.linspace(0, len(values), max(1, round(len(values) / step)), endpoint=False).astype(np.int64)]
+def _discs(points: StoredPoints, share: float, halo: float, tile: Tile) -> tuple[int, NDArray[np.float64]]:
+    """Return the number of sampled points of a tile, and squared distances of some to their 8th neighbours."""
+    tree, inside = _sampled_tree(points, share, halo, tile)
+    step = max(1, round(share * int(points.counts.sum()) / DISCS))
+    queries = np.ascontiguousarray(tree.points[:, inside[::step]].T)
+    k = min(NEIGHBOURS_OF_DISC, len(tree.order) - 1)
+    return len(inside), tree.nearest_of(queries, k + 1)[1][:, -1]
 
 
 def _noise(
-    found: Sequence[NDArray[np.float64]], fits: Sequence[int], within: int, area: float, n_points: int
+    points: StoredPoints,
+    tiles: Sequence[Tile],
+    share: float,
+    halo: float,
+    places: int,
+    n_points: int,
+    area: float,
+    each: Each,
 ) -> TiledNoise:
-    """Decide about the noise as `Noise.measure` does."""
-    spacing = math.sqrt(area / n_points)
-    if not fits:
+    """Measure the noise as `Noise.measure` does, in some tiles, given the number of sampled points of all tiles."""
+    within, spacing = int(np.pi * places / n_points), math.sqrt(area / n_points)
+    if within < FEWEST:
         return TiledNoise(within, False, 0.0, spacing)
-    total = np.sum(found, axis=0)
+    fits = sorted({*(NEIGHBOURS << i for i in range((WIDEST // NEIGHBOURS).bit_length())), min(within, WIDEST)})
+    some = tiles[:: -(-len(tiles) // NOISE_TILES)]
+    step = max(1, round(places * len(some) / len(tiles) / SAMPLES))
+    total = np.sum(list(each(partial(_distances, points, share, halo, fits, step), some)), axis=0)
     measured = {k: tuple(np.sqrt(sums[1:] / sums[0])) for k, sums in zip(fits, total, strict=True)}
     neighbours, level = across_noise(measured.__getitem__)
     thick = neighbours > NEIGHBOURS
     if neighbours > within:
         neighbours, level = within, measured[within][0]
     return TiledNoise(neighbours, thick, float(level), spacing)
+
+
+def _distances(
+    points: StoredPoints, share: float, halo: float, fits: Sequence[int], step: int, tile: Tile
+) -> NDArray[np.float64]:
+    """Return how far every `step`-th point of a tile lies off quadrics.
+
+    For each number of neighbours: the number of points, and the sums of the squared distances and of the squared radii.
+    """
+    tree, inside = _sampled_tree(points, share, halo, tile)
+    found = np.zeros((len(fits), 3))
+    if len(inside):
+        places = KdTree.over(np.ascontiguousarray(tree.points[:, inside[::step]]))
+        for row, count in enumerate(fits):
+            feet, radii = projections(tree, places, count)
+            found[row] = len(radii), ((feet.points - places.points) ** 2).sum(), (radii**2).sum()
+    return found
