@@ -52,6 +52,7 @@ SCRIPTS = (
     Script("gallery.py", "gallery", ("matplotlib",)),
     Script("gp_ablation.py", "gp_ablation", ("pymeshlab",)),
     Script("gp_prefixes.py", "gp_prefixes", ("pymeshlab",)),
+    Script("tiles.py", "tiles", ("pymeshlab",)),
     Script("normals.py", "normals", ("pymeshlab",)),
     Script("perception.py", "perception", ("pymeshlab", "pyvista")),
     Script("rivals.py", "rivals", ("CGAL",)),

@@ -1,5 +1,6 @@
 """Files in passes: the same points as in memory, whatever the files and chunks; and when passes are taken."""
 
+import dataclasses
 import tempfile
 from pathlib import Path
 
@@ -274,3 +275,61 @@ def test_without_word_of_free_memory_all_is_read(tmp_path, monkeypatch, large):
     with CloudFiles(written(cloud_of(VARIANTS["plain"]), tmp_path, [])) as files:
         made = plan(files, gppcs.LocalGP(), 0.1, None)
     assert (made.in_memory, made.limit) == (True, None)
+
+
+@pytest.fixture
+def small_tiles(large, monkeypatch):
+    """Let no passes fit into memory, and let a tile be small."""
+    monkeypatch.setattr(gppcs.LocalGP, "memory_in_passes", lambda self, n, n_points: 10**12)
+    monkeypatch.setattr("gppcs.gp.tiled.ranking.TILE", 3_000)
+    monkeypatch.setattr("gppcs.spatial.stored.BOX", 250)
+
+
+def test_files_in_tiles(tmp_path, small_tiles):
+    """Neither files nor chunks make a difference; the folder for temporary files is empty afterwards."""
+    cloud = cloud_of(VARIANTS["with gaps"])
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    results = []
+    for name, cuts, rows in (("one", [], 15_000), ("many", list(range(300, N, 1_700)), 700)):
+        (tmp_path / name).mkdir()
+        with CloudFiles(written(cloud, tmp_path / name, cuts)) as files:
+            made = plan(files, gppcs.LocalGP(), None, 1_000, 3 * 10**9)
+            assert made.way is Way.TILES
+            made = dataclasses.replace(made, rows=rows)
+            results.append(
+                simplify_in_passes(files, made, gppcs.LocalGP(), None, 1_000, "drop", True, Stages(), scratch)[0]
+            )
+        assert not list(scratch.iterdir())
+    assert_same(results[1], results[0])
+    kept = results[0]
+    assert len(np.unique(kept.indices)) == 1_000
+    assert kept.cloud.take(np.arange(1_000)).attributes["row"].tolist() == kept.indices.tolist()
+    np.testing.assert_array_equal(kept.cloud.points, cloud.points[kept.indices])
+    assert (kept.cloud.attributes["score"] > 0).all()
+
+
+def test_all_points_of_files_in_tiles_are_kept(tmp_path, small_tiles):
+    cloud = cloud_of(VARIANTS["tiny"])
+    found = gppcs.simplify_files(written(cloud, tmp_path, [4]), n_points=50, memory="3GB")
+    assert_same(found, gppcs.simplify(cloud, n_points=50))
+
+
+def test_a_failure_leaves_no_temporary_files(tmp_path, small_tiles, monkeypatch):
+    paths = written(cloud_of(VARIANTS["plain"]), tmp_path, [])
+    (tmp_path / "scratch").mkdir()
+    monkeypatch.setattr("gppcs.gp.tiled.ranking.tiled_field", None)
+    with pytest.raises(TypeError):
+        gppcs.simplify_files(paths, n_points=1_000, memory="3GB", scratch=tmp_path / "scratch")
+    assert not list((tmp_path / "scratch").iterdir())
+
+
+def test_too_little_disk_space_is_told(tmp_path, small_tiles, monkeypatch):
+    paths = written(cloud_of(VARIANTS["plain"]), tmp_path, [])
+    monkeypatch.setattr(gppcs.LocalGP, "disk_in_tiles", lambda self, n, n_points: 10**16)
+    with pytest.raises(
+        gppcs.OutputError, match=r"at least 10,000,000 GB of disk space for temporary files, found .*GB"
+    ):
+        gppcs.simplify_files(paths, n_points=1_000, memory="3GB", scratch=tmp_path)
+    with pytest.raises(gppcs.OutputError, match="expected an existing folder for temporary files"):
+        gppcs.simplify_files(paths, n_points=1_000, memory="3GB", scratch=tmp_path / "none")

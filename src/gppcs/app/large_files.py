@@ -26,7 +26,14 @@ Memory = Annotated[
     typer.Option(
         metavar="SIZE",
         help="How much memory to use, such as 2GB; half of what is free by default. A larger cloud is read in several "
-        "passes (method gp), to the same result.",
+        "passes (method gp), to the same result; and if more points are kept than these can hold, in tiles.",
+    ),
+]
+Scratch = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FOLDER",
+        help="Existing folder for the temporary files of a cloud in tiles; by default that of the system.",
     ),
 ]
 DryRun = Annotated[
@@ -51,10 +58,12 @@ def plan_record(plan: Plan, seconds: float | None) -> dict[str, Any]:
     return {
         "points_in": plan.points,
         "points_out": plan.kept,
+        "way": plan.way.value,
         "in_memory": plan.in_memory,
         "passes": plan.passes,
         "memory": plan.memory,
         "memory_limit": plan.limit,
+        "disk": plan.disk,
         "seconds": seconds,
     }
 
@@ -78,11 +87,22 @@ def print_plan(sources: list[Path], target: Path, plan: Plan, seconds: float | N
         f"{titled(sources)} → {target}: nothing is done",
         {
             "points": f"about {plan.points:,} in, {plan.kept:,} out",
-            "way": "in memory" if plan.in_memory else f"in {plan.passes} passes over the files, or a few more",
+            "way": _way(plan),
             "memory": f"about {size_of(plan.memory)}, of {limit} allowed",
+            **({"temporary files": f"about {size_of(plan.disk)}"} if plan.disk else {}),
             "time": "unknown for this method" if seconds is None else f"about {_duration(seconds)}",
         },
     )
+
+
+def _way(plan: Plan) -> str:
+    from gppcs.streaming.plan import Way
+
+    return {
+        Way.MEMORY: "in memory",
+        Way.PASSES: f"in {plan.passes} passes over the files, or a few more",
+        Way.TILES: f"in {plan.passes} passes over the files, and in tiles on disk",
+    }[plan.way]
 
 
 def titled(sources: list[Path]) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gppcs import __version__
-from gppcs.app.large_files import AssumeSameCrs, DryRun, Memory, Merge, plan_record, print_plan, titled
+from gppcs.app.large_files import AssumeSameCrs, DryRun, Memory, Merge, Scratch, plan_record, print_plan, titled
 from gppcs.app.outputs import Outputs, outputs_of, sources_of
 from gppcs.app.printing import (
     BAD_INPUT,
@@ -166,6 +166,7 @@ def simplify(
     merge: Merge = False,
     assume_same_crs: AssumeSameCrs = False,
     memory: Memory = None,
+    scratch: Scratch = None,
     dry_run: DryRun = False,
     force: Force = False,
     lossy: Lossy = False,
@@ -208,7 +209,7 @@ def simplify(
     check_distinct([*targets, *([picture] if picture else [])], merged or sources)
     job = _Job(
         outputs, merged, options, input_format, names_of(columns), query, index_attribute, mark, figures, picture,
-        viewpoint, limit, assume_same_crs, dry_run, force, lossy, quiet,
+        viewpoint, limit, assume_same_crs, scratch, dry_run, force, lossy, quiet,
     )  # fmt: skip
     succeeded = [_reported(job, source, as_json) for source in sources]
     if not all(succeeded):
@@ -276,6 +277,7 @@ class _Job:
     viewpoint: Viewpoint
     limit: int | None
     assume_same_crs: bool
+    scratch: Path | None
     dry_run: bool
     force: bool
     lossy: bool
@@ -306,7 +308,7 @@ class _Job:
                 result, points, report, image = self._in_memory(files, target, stages)
             else:
                 self._check_storable(target, files.head().cloud)
-                result, points = simplify_in_passes(files, made, method, stages=stages, **options)
+                result, points = simplify_in_passes(files, made, method, stages=stages, scratch=self.scratch, **options)
             unread = files.unread()
         if self.index_attribute is not None:
             result = replace(result, cloud=_with_attribute(result.cloud, self.index_attribute, result.indices))
@@ -429,8 +431,7 @@ class _DryRun:
         """Return the plan as one line."""
         from gppcs.streaming.sizes import size_of
 
-        way = "in memory" if self.plan.in_memory else f"in {self.plan.passes} passes"
-        return f"{titled(self.sources)} → {self.target}: {way}, about {size_of(self.plan.memory)}"
+        return f"{titled(self.sources)} → {self.target}: {self.plan.way.value}, about {size_of(self.plan.memory)}"
 
     def print(self) -> None:
         """Print the plan as a table."""
