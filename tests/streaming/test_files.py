@@ -187,6 +187,7 @@ def large(monkeypatch):
     """Let `gp` take as much memory as if the cloud were large, unless it goes in passes."""
     monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
     monkeypatch.setattr(gppcs.Random, "memory", lambda self, n, n_points: 10**12)
+    monkeypatch.setattr(gppcs.AIVS, "memory", lambda self, n, n_points: 10**12)
 
 
 @pytest.mark.parametrize("method", ["gp", gppcs.LocalGP(feature_weight=0.9)])
@@ -212,7 +213,7 @@ def test_files_that_fit_are_read(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"method": "random"}, r"at least 1,000 GB of memory, as method 'random' takes all points at once and there"),
+        ({"method": "aivs"}, r"at least 1,000 GB of memory, as method 'aivs' takes all points at once and there"),
         ({"normals": True}, r"as normals takes all points at once and there are about 12,\d\d\d, found 1 GB; raise m"),
         ({"memory": "1MB"}, r"at least \d+ MB of memory to choose 70 of about 1\d,\d+ points in passes .*found 1 MB"),
     ],
@@ -333,3 +334,27 @@ def test_too_little_disk_space_is_told(tmp_path, small_tiles, monkeypatch):
         gppcs.simplify_files(paths, n_points=1_000, memory="3GB", scratch=tmp_path)
     with pytest.raises(gppcs.OutputError, match="expected an existing folder for temporary files"):
         gppcs.simplify_files(paths, n_points=1_000, memory="3GB", scratch=tmp_path / "none")
+
+
+def test_random_points_of_files(tmp_path, large):
+    cloud = cloud_of(VARIANTS["with gaps"])
+    (tmp_path / "many").mkdir()
+    one, many = (
+        gppcs.simplify_files(
+            written(cloud, folder, cuts), n_points=500, method="random", seed=2, invalid="drop", memory="1GB"
+        )
+        for folder, cuts in ((tmp_path, []), (tmp_path / "many", [90, 4_000]))
+    )
+    assert_same(many, one)
+    assert len(np.unique(one.indices)) == 500
+    assert np.isfinite(one.cloud.points).all()
+
+
+def test_means_of_cells_of_files(tmp_path, monkeypatch):
+    """They are moved points: in the unit of the files, not in that of the choice."""
+    monkeypatch.setattr(gppcs.Voxel, "memory", lambda self, n, n_points: 10**12)
+    method, cloud = gppcs.Voxel(place="mean"), cloud_of(VARIANTS["far away"])
+    expected = gppcs.simplify(cloud, n_points=200, method=method)
+    found = gppcs.simplify_files(written(cloud, tmp_path, [5_000]), n_points=200, method=method, memory="1GB")
+    np.testing.assert_array_equal(found.indices, expected.indices)
+    np.testing.assert_array_equal(found.cloud.points, expected.cloud.points)

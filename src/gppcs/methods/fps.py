@@ -9,8 +9,13 @@ from gppcs.engine.stages import Stages
 from gppcs.methods.method import Method, Selection
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import numpy as np
     from numpy.typing import NDArray
+
+    from gppcs.spatial.boxes import Each
+    from gppcs.spatial.chunks import ChunkedPoints
 
 
 @dataclass(frozen=True)
@@ -29,7 +34,8 @@ class FarthestPoint(Method):
     summary = "farthest point sampling: the most even cover"
     description = (
         "Starts with the point nearest the centroid. Each further point is the farthest from all points chosen before "
-        "it; this is exact. A smaller selection is the start of a larger one."
+        "it; this is exact. A smaller selection is the start of a larger one. Of files larger than memory it chooses "
+        "other points, tile by tile, which are as far from each other."
     )
     source = "Eldar, Lindenbaum, Porat and Zeevi 1997"
     bytes_per_point: ClassVar[int] = 150
@@ -42,3 +48,25 @@ class FarthestPoint(Method):
         with stages("farthest points", n_points) as advanced:
             indices, _ = farthest_points(points, n_points, advanced=advanced)
         return Selection(indices)
+
+    def in_tiles(
+        self, points: ChunkedPoints, n_points: int, folder: Path, stages: Stages, each: Each = map
+    ) -> Selection:
+        """Choose points as far from each other as in memory, with all but one tile on disk; see `Method.in_tiles`."""
+        import numpy as np
+
+        from gppcs.spatial.chunks import first_repeats
+        from gppcs.spatial.farthest_in_tiles import farthest_in_tiles
+        from gppcs.spatial.stored import store
+
+        stored, sample = store(points, folder, stages)
+        rows = farthest_in_tiles(stored, sample, n_points, stages, each)
+        return Selection(np.concatenate([rows, first_repeats(rows, n_points)]))
+
+    def memory_in_tiles(self, n: int, n_points: int) -> int:
+        """Return about how much memory `in_tiles` takes; see `Method.memory_in_tiles`."""
+        return 300_000_000 + 200 * n_points
+
+    def disk_in_tiles(self, n: int, n_points: int) -> int:
+        """Return about how much disk space `in_tiles` takes; see `Method.disk_in_tiles`."""
+        return 32 * n

@@ -9,8 +9,13 @@ from gppcs.engine.stages import Stages
 from gppcs.methods.method import Method, Selection, parameter
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import numpy as np
     from numpy.typing import NDArray
+
+    from gppcs.spatial.boxes import Each
+    from gppcs.spatial.chunks import ChunkedPoints
 
 
 @dataclass(frozen=True)
@@ -28,7 +33,8 @@ class Random(Method):
     name = "random"
     summary = "random points, all equally likely"
     description = (
-        "Chooses the first points of a random permutation, so a smaller selection is the start of a larger one."
+        "Chooses the first points of a random permutation, so a smaller selection is the start of a larger one. Of "
+        "files larger than memory it chooses other points, which are as random."
     )
     source = "baseline"
     bytes_per_point: ClassVar[int] = 60
@@ -42,3 +48,23 @@ class Random(Method):
         stages = Stages.of(stages)
         with stages("permutation"):
             return Selection(np.random.default_rng(self.seed).permutation(len(points))[:n_points])
+
+    def in_tiles(
+        self, points: ChunkedPoints, n_points: int, folder: Path, stages: Stages, each: Each = map
+    ) -> Selection:
+        """Choose other points than in memory, as random, in one pass without files; see `Method.in_tiles`."""
+        import numpy as np
+
+        from gppcs.spatial.chunks import first_repeats
+        from gppcs.spatial.row_sample import PlaceSample
+
+        sample = PlaceSample(n_points, self.seed)
+        with stages("sample", len(points)) as advanced:
+            for chunk in points.chunks():
+                sample.add(chunk)
+                advanced(len(chunk))
+        return Selection(np.concatenate([sample.rows, first_repeats(sample.rows, n_points)]))
+
+    def memory_in_tiles(self, n: int, n_points: int) -> int:
+        """Return about how much memory `in_tiles` takes; see `Method.memory_in_tiles`."""
+        return 120 * n_points

@@ -32,7 +32,7 @@ class Tile(NamedTuple):
     high: NDArray[np.float64]
 
 
-Each = Callable[[Callable[[Tile], Any], Sequence[Tile]], Iterable[Any]]  # Like `map`: results in the order of tiles.
+Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]  # Like `map`: results in the order of tiles.
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,6 +29,7 @@ def farthest_points(
     *,
     first: int | None = None,
     others: NDArray[np.float64] | None = None,
+    least: float = 0.0,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Choose points one by one; each is the farthest from all points chosen before it.
 
@@ -50,6 +51,8 @@ def farthest_points(
         point nearest the centroid.
     others : (K, 3) array, float64, optional
         Points chosen elsewhere; distances to them count as well.
+    least : float
+        Points that are nearer than this to all others are not chosen. So there may be fewer than M.
 
     Returns
     -------
@@ -85,7 +88,10 @@ def farthest_points(
         )  # fmt: skip
         if advanced:
             advanced(end - begin)
-    return chosen, np.sqrt(distances)
+        if distances[end - 1] < least * least:
+            n_points = int(np.argmax(distances[:end] < least * least))
+            break
+    return chosen[:n_points], np.sqrt(distances[:n_points])
 
 
 @kernel

@@ -15,7 +15,7 @@ from gppcs.engine.stages import Stages
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles, JointColumns
 from gppcs.methods import Method
-from gppcs.simplification import Result, check_scores, check_usable, choose, number_to_keep, with_scores
+from gppcs.simplification import Result, check_scores, check_usable, choose, moved, number_to_keep, with_scores
 from gppcs.spatial.chunks import ChunkedPoints
 from gppcs.spatial.scaling import Frame, bounds
 from gppcs.streaming.plan import Plan, Way
@@ -95,6 +95,8 @@ def simplify_in_passes(
         back = np.empty_like(order)
         back[order] = np.arange(count)
         kept = seen.columns.joined(clouds).take(back)
+    if selection.points is not None:
+        kept = moved(kept, np.ldexp(selection.points, frame.exponent) + frame.corner)
     if scores:
         kept = with_scores(kept, method, selection)
     return Result(np.concatenate(indices)[back], kept, method, stages.seconds, selection.diagnostics), seen.count

@@ -9,8 +9,13 @@ from gppcs.engine.stages import Stages
 from gppcs.methods.method import Method, Selection, parameter
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import numpy as np
     from numpy.typing import NDArray
+
+    from gppcs.spatial.boxes import Each
+    from gppcs.spatial.chunks import ChunkedPoints
 
 
 @dataclass(frozen=True)
@@ -56,3 +61,29 @@ class Voxel(Method):
         with stages("elimination"):
             kept, _ = thin(points[indices], n_points)
         return Selection(indices[kept], {}, means[kept] + corner if self.place == "mean" else None)
+
+    def in_tiles(
+        self, points: ChunkedPoints, n_points: int, folder: Path, stages: Stages, each: Each = map
+    ) -> Selection:
+        """Choose the same points as in memory, with all but one tile on disk; see `Method.in_tiles`."""
+        import numpy as np
+
+        from gppcs.methods.sample_elimination.elimination import thin
+        from gppcs.methods.voxel.tiles import representatives_in_tiles
+        from gppcs.spatial.chunks import first_repeats
+
+        found = representatives_in_tiles(points, n_points, folder, stages, each)
+        with stages("elimination"):
+            kept = thin(found.places, n_points)[0] if len(found.rows) > n_points else np.arange(len(found.rows))
+        rows = found.rows[kept]
+        repeats = first_repeats(rows, n_points)
+        moved = found.means[kept] if self.place == "mean" and not len(repeats) else None
+        return Selection(np.concatenate([rows, repeats]), {}, moved)
+
+    def memory_in_tiles(self, n: int, n_points: int) -> int:
+        """Return about how much memory `in_tiles` takes; see `Method.memory_in_tiles`."""
+        return 250_000_000 + 500 * n_points
+
+    def disk_in_tiles(self, n: int, n_points: int) -> int:
+        """Return about how much disk space `in_tiles` takes; see `Method.disk_in_tiles`."""
+        return 32 * n

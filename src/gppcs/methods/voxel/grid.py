@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +16,7 @@ FINEST = 2.0**-40  # edge length as a share of the cloud's size, below which cel
 
 
 def cell_edge(points: NDArray[np.float64], n_points: int) -> float:
-    """Return an edge length for which at least M cells are occupied, and few more.
-
-    As the edge length decreases, the number of occupied cells does not grow steadily: it jumps, most of all for flat
-    faces parallel to the axes, and it can fall. The edge length is halved until there are enough cells; then the last
-    step is bisected.
+    """Return an edge length for which at least M cells are occupied, and few more; see `searched_edge`.
 
     Parameters
     ----------
@@ -33,10 +30,34 @@ def cell_edge(points: NDArray[np.float64], n_points: int) -> float:
     float
         In the unit of the points.
     """
-    edge = float(points.max())
+    return searched_edge(float(points.max()), n_points, lambda edge: occupied(points, edge))
+
+
+def searched_edge(size: float, n_points: int, occupied: Callable[[float], int]) -> float:
+    """Return an edge length for which at least M cells are occupied, and few more.
+
+    As the edge length decreases, the number of occupied cells does not grow steadily: it jumps, most of all for flat
+    faces parallel to the axes, and it can fall. The edge length is halved until there are enough cells; then the last
+    step is bisected.
+
+    Parameters
+    ----------
+    size : float
+        The largest coordinate, above zero. None is negative.
+    n_points : int
+        M, from 1 to the number of different places.
+    occupied : callable
+        Returns the number of occupied cells for an edge length.
+
+    Returns
+    -------
+    float
+        In the unit of the points.
+    """
+    edge = size
     too_long = 2.0 * edge
     finest = FINEST * edge
-    while (fewest := occupied(points, edge)) < n_points:
+    while (fewest := occupied(edge)) < n_points:
         too_long, edge = edge, edge / 2.0
         if edge < finest:  # division by a power of two does not round, so distinct points end in distinct cells
             edge = math.ldexp(0.5, math.frexp(edge)[1])
@@ -45,7 +66,7 @@ def cell_edge(points: NDArray[np.float64], n_points: int) -> float:
         if fewest - n_points <= SURPLUS * n_points:
             break
         middle = (edge + too_long) / 2.0
-        count = occupied(points, middle)
+        count = occupied(middle)
         if count < n_points:
             too_long = middle
         else:
