@@ -83,6 +83,7 @@ Errors
     FileFormatError          the content of a file is not what its format promises
     OutputError              a file cannot be written
     MissingExtraError        an optional package is not installed
+    ClusterError             the workers of a cluster cannot be used
 
 Each name is imported when it is first used. The version is a string:
 
@@ -107,6 +108,7 @@ if TYPE_CHECKING:
     from gppcs.engine.stages import Listener, Stages
     from gppcs.engine.threads import set_threads
     from gppcs.errors import (
+        ClusterError,
         FileFormatError,
         GppcsError,
         InputError,
@@ -158,6 +160,7 @@ _HOMES = {  # the module that defines each public name
     "engine.stages": ("Listener", "Stages"),
     "engine.threads": ("set_threads",),
     "errors": (
+        "ClusterError",
         "FileFormatError",
         "GppcsError",
         "InputError",
@@ -205,6 +208,7 @@ __all__ = [
     "QEM",
     "WLOP",
     "ChunkedPoints",
+    "ClusterError",
     "Entry",
     "FarthestPoint",
     "FarthestPointVariation",

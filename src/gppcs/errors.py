@@ -99,6 +99,17 @@ class MissingExtraError(GppcsError, ImportError):
     """
 
 
+class ClusterError(GppcsError, RuntimeError):
+    """The workers of a cluster cannot be reached, do not fit this program, or end.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> issubclass(gppcs.ClusterError, RuntimeError)
+    True
+    """
+
+
 class OutputError(GppcsError, OSError):
     """A file cannot be written: it exists already, its folder is missing, or its format cannot hold the cloud.
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gppcs.errors import ParameterError
+
 if TYPE_CHECKING:
+    from gppcs.streaming.cluster import Cluster
     from gppcs.streaming.plan import Plan
 
 Merge = Annotated[
@@ -36,10 +41,57 @@ Scratch = Annotated[
         help="Existing folder for the temporary files of a cloud in tiles; by default that of the system.",
     ),
 ]
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        metavar="COUNT", min=1, help="Work on so many processes of this machine, each file by itself (needs Dask)."
+    ),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(metavar="ADDRESS", help="Work on the workers of a Dask scheduler, such as tcp://10.0.0.5:8786."),
+]
 DryRun = Annotated[
     bool,
     typer.Option("--dry-run", help="Print what would be done, in how much memory and about how long, and do nothing."),
 ]
+
+
+@contextmanager
+def cluster_of(workers: int | None, scheduler: str | None) -> Iterator[Cluster | None]:
+    """Start or find the workers that the options name.
+
+    Parameters
+    ----------
+    workers : int or None
+    scheduler : str or None
+
+    Yields
+    ------
+    Cluster or None
+        None if neither is given.
+
+    Raises
+    ------
+    ClusterError
+        If they cannot be used.
+    MissingExtraError
+        If Dask is not installed.
+    ParameterError
+        If both are given.
+    """
+    from gppcs.streaming.cluster import local_cluster, scheduler_at
+
+    if workers is not None and scheduler is not None:
+        raise ParameterError("expected either --workers or --scheduler, found both")
+    if workers is not None:
+        with local_cluster(workers) as cluster:
+            yield cluster
+    elif scheduler is not None:
+        with scheduler_at(scheduler) as cluster:
+            yield cluster
+    else:
+        yield None
 
 
 def plan_record(plan: Plan, seconds: float | None) -> dict[str, Any]:

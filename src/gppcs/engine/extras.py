@@ -13,6 +13,7 @@ from gppcs.errors import MissingExtraError
 # What `pip install 'gppcs[extra]'` would install. That line works only if gppcs is on a package index.
 EXTRAS = {
     "arrow": ("pyarrow>=15",),
+    "dask": ("distributed>=2024.8",),
     "e57": ("pye57>=0.4.13",),
     "picture": ("matplotlib>=3.8",),
     "evaluate": ("pymeshlab>=2023.12",),
@@ -55,6 +56,26 @@ def require_pyarrow() -> Any:
     except ImportError as error:
         raise _missing("Parquet and Feather files need PyArrow", "arrow") from error
     return pyarrow
+
+
+def require_distributed() -> Any:
+    """Import Dask's distributed.
+
+    Returns
+    -------
+    module
+        The module `distributed`.
+
+    Raises
+    ------
+    MissingExtraError
+        If distributed is not installed.
+    """
+    try:
+        import distributed
+    except ImportError as error:
+        raise _missing("work on several processes or machines needs Dask's distributed", "dask") from error
+    return distributed
 
 
 def require_libe57() -> Any:

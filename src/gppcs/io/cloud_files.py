@@ -91,6 +91,15 @@ class CloudFiles:
         self._whole.clear()
         self._stack.close()
 
+    def each(self) -> list[CloudFiles]:
+        """Return each file by itself, to be opened anew, also by another process.
+
+        Returns
+        -------
+        list of CloudFiles
+        """
+        return [CloudFiles([path], self._format, self._columns) for path in self.paths]
+
     def read(self) -> PointCloud:
         """Read all points with their attributes.
 
@@ -279,6 +288,30 @@ class JointColumns:
             self._types.setdefault(name, set()).add(values.dtype)
             if values.dtype == np.int64 and name not in self._signed and values.size and values.min() < 0:
                 self._signed.add(name)
+
+    def merge(self, other: JointColumns) -> None:
+        """Take note of the parts that another has noted.
+
+        Parameters
+        ----------
+        other : JointColumns
+
+        Raises
+        ------
+        FileFormatError
+            As for `add`.
+        """
+        if other._first is not None:
+            self.add(other._first)
+        self._coordinates |= other._coordinates
+        self._signed |= other._signed
+        for name, types in other._types.items():
+            self._types[name] |= types
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process needs: no points."""
+        nothing = np.empty(0, dtype=np.int64)
+        return {**vars(self), "_first": self._first and self._first.take(nothing)}
 
     def joined(self, clouds: Iterable[PointCloud]) -> PointCloud:
         """Return several clouds as one, in the types of all parts.

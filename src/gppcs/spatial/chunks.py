@@ -278,11 +278,21 @@ def _merged(parts: Iterable[Places], reduced: Callable[[Places], Places]) -> Pla
         waiting.append(part)
         held += len(part.rows)
         if held > most and len(waiting) > 1:
-            waiting = [reduced(_joined(waiting))]
+            waiting = [reduced(joined_places(waiting))]
             held = len(waiting[0].rows)
             most = max(3 * held, FEWEST)
-    return waiting[0] if len(waiting) == 1 else reduced(_joined(waiting))
+    return waiting[0] if len(waiting) == 1 else reduced(joined_places(waiting))
 
 
-def _joined(parts: list[Places]) -> Places:
+def joined_places(parts: list[Places]) -> Places:
+    """Return the places of several parts, in their order.
+
+    Parameters
+    ----------
+    parts : list of Places
+
+    Returns
+    -------
+    Places
+    """
     return Places(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))

@@ -11,6 +11,7 @@ from gppcs.errors import ParameterError, file_path, flag, shown
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import DEFAULT, Method
 from gppcs.simplification import Result, resolved, simplify
+from gppcs.streaming.cluster import Cluster
 from gppcs.streaming.passes import simplify_in_passes
 from gppcs.streaming.plan import plan
 from gppcs.streaming.sizes import bytes_of
@@ -28,6 +29,7 @@ def simplify_files(
     scores: bool = False,
     memory: int | str | None = None,
     scratch: str | os.PathLike[str] | None = None,
+    client: Any = None,
     stages: Stages | None = None,
 ) -> Result:
     """Choose exactly M points of a cloud in files, which may be larger than memory.
@@ -36,8 +38,8 @@ def simplify_files(
     `gp` reads the files several times, in chunks, and holds a sample of the points, candidates and the kept points
     alone. It chooses the same points, to the last bit of `indices`. If the candidates do not fit, either, it stores the
     points in temporary files and chooses tile by tile: other points than in memory, but as good ones, and no seam
-    shows. In no case does the result depend on how the points are divided into files and chunks. So do `random`, `fps` and
-    `voxel`. The other methods need all points in memory.
+    shows. In no case does the result depend on how the points are divided into files and chunks. So do `random`, `fps`
+    and `voxel`. The other methods need all points in memory.
 
     Parameters
     ----------
@@ -51,6 +53,9 @@ def simplify_files(
         free.
     scratch : path, optional
         An existing folder for temporary files, on a disk with enough space; by default the system's.
+    client : distributed.Client, optional
+        Of a Dask cluster, whose workers then make the passes and work on the tiles (docs/cluster.md). They must see the
+        files, and `scratch`, at the same paths.
 
     Returns
     -------
@@ -59,6 +64,8 @@ def simplify_files(
 
     Raises
     ------
+    ClusterError
+        If the workers cannot be reached, have another version of gppcs, or end again and again.
     FileFormatError
         If a file is damaged, its format is unknown, or the files do not fit each other.
     InputError
@@ -87,10 +94,11 @@ def simplify_files(
     options: dict[str, Any] = {"ratio": ratio, "n_points": n_points, "invalid": invalid, "scores": scores}
     with CloudFiles([file_path(path) for path in paths]) as files:
         chosen, limit = resolved(method, seed), None if memory is None else bytes_of(memory)
-        made = plan(files, chosen, ratio, n_points, limit, "normals" if normals else None)
+        cluster = None if client is None else Cluster(client)
+        made = plan(files, chosen, ratio, n_points, limit, "normals" if normals else None, cluster is not None)
         if made.in_memory:
             with stages("reading"):
                 cloud = files.read()
             return simplify(cloud, method=chosen, normals=normals, stages=stages, **options)
         folder = None if scratch is None else file_path(scratch)
-        return simplify_in_passes(files, made, chosen, stages=stages, scratch=folder, **options)[0]
+        return simplify_in_passes(files, made, chosen, stages=stages, scratch=folder, cluster=cluster, **options)[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 from enum import Enum
 from time import perf_counter
@@ -75,8 +76,9 @@ def plan(
     n_points: int | None,
     limit: int | None = None,
     whole: str | None = None,
+    shared: bool = False,
 ) -> Plan:
-    """Decide whether a cloud is simplified in memory or in passes.
+    """Decide whether a cloud is simplified in memory, in passes, or in tiles.
 
     Parameters
     ----------
@@ -88,6 +90,8 @@ def plan(
         Bytes of memory that the process may hold; by default half of what is free.
     whole : str, optional
         What needs all points in memory besides the method, as messages name it.
+    shared : bool
+        Whether workers are to share the work. They cannot if all points have to be in memory.
 
     Returns
     -------
@@ -96,7 +100,7 @@ def plan(
     Raises
     ------
     InputError
-        If it would take more memory than allowed.
+        If it would take more memory than allowed, or workers cannot share it.
     FileFormatError, OSError, ParameterError
         As for `simplify_files`.
     """
@@ -106,12 +110,13 @@ def plan(
     n, row = head.points, _bytes_of_row(head.cloud)
     kept = number_to_keep(n, ratio, n_points) if n else 0
     in_memory = PROGRAM + max(2 * row * n, row * n + 24 * n + method.memory(n, kept))
-    if limit is None or in_memory <= limit:
+    if (limit is None or in_memory <= limit) and not shared:
         return Plan(Way.MEMORY, n, kept, in_memory, limit, ROWS)
     chunked = not (whole or head.whole)
     passes = method.memory_in_passes(n, kept) if chunked else None
     tiles = method.memory_in_tiles(n, kept) if chunked else None
     needed = in_memory
+    limit = limit or sys.maxsize
     for way, takes in ((Way.PASSES, passes), (Way.TILES, tiles)):
         if takes is not None:
             fixed = PROGRAM + takes + 2 * row * kept
@@ -120,6 +125,8 @@ def plan(
             if needed <= limit:
                 return Plan(way, n, kept, needed, limit, rows, method.disk_in_tiles(n, kept) if way is Way.TILES else 0)
     if passes is None and tiles is None:
+        if shared:
+            raise InputError(f"expected work that several workers can share, but {_reason(head, method, whole)}")
         raise _too_large(head, method, whole, in_memory, limit)
     found = (
         f"expected at least {size_of(needed)} of memory to choose {kept:,} of about {n:,} points in passes "
@@ -162,14 +169,17 @@ def _bytes_of_row(cloud: PointCloud) -> int:
 
 def _too_large(head: Head, method: Method, whole: str | None, needed: int, limit: int) -> InputError:
     """Return the error for a cloud that has to be in memory as a whole but would take too much of it."""
-    if whole:
-        reason = f"{whole} takes all points at once"
-    elif head.whole:
-        reason = f"{head.whole} files are read as a whole"
-    else:
-        reason = f"method {method.name!r} takes all points at once"
     found = (
-        f"expected at least {size_of(needed)} of memory, as {reason} and there are about {head.points:,}, "
-        f"found {size_of(limit)}"
+        f"expected at least {size_of(needed)} of memory, as {_reason(head, method, whole)} and there are about "
+        f"{head.points:,}, found {size_of(limit)}"
     )
     return InputError(f"{found}; raise memory=, or do without", command=f"{found}; raise --memory, or do without")
+
+
+def _reason(head: Head, method: Method, whole: str | None) -> str:
+    """Return why a cloud has to be in memory as a whole."""
+    if whole:
+        return f"{whole} takes all points at once"
+    if head.whole:
+        return f"{head.whole} files are read as a whole"
+    return f"method {method.name!r} takes all points at once"

@@ -11,7 +11,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gppcs import __version__
-from gppcs.app.large_files import AssumeSameCrs, DryRun, Memory, Merge, Scratch, plan_record, print_plan, titled
+from gppcs.app.large_files import (
+    AssumeSameCrs,
+    DryRun,
+    Memory,
+    Merge,
+    Scheduler,
+    Scratch,
+    Workers,
+    cluster_of,
+    plan_record,
+    print_plan,
+    titled,
+)
 from gppcs.app.outputs import Outputs, outputs_of, sources_of
 from gppcs.app.printing import (
     BAD_INPUT,
@@ -55,6 +67,7 @@ if TYPE_CHECKING:
     from gppcs.io.cloud_files import CloudFiles
     from gppcs.io.query import Query
     from gppcs.simplification import Result
+    from gppcs.streaming.cluster import Cluster
     from gppcs.streaming.plan import Plan
 
 EPILOG = (
@@ -167,6 +180,8 @@ def simplify(
     assume_same_crs: AssumeSameCrs = False,
     memory: Memory = None,
     scratch: Scratch = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     dry_run: DryRun = False,
     force: Force = False,
     lossy: Lossy = False,
@@ -207,11 +222,12 @@ def simplify(
     if picture:
         _check_picture(picture, sources, force)
     check_distinct([*targets, *([picture] if picture else [])], merged or sources)
-    job = _Job(
-        outputs, merged, options, input_format, names_of(columns), query, index_attribute, mark, figures, picture,
-        viewpoint, limit, assume_same_crs, scratch, dry_run, force, lossy, quiet,
-    )  # fmt: skip
-    succeeded = [_reported(job, source, as_json) for source in sources]
+    with cluster_of(workers, scheduler) as cluster:
+        job = _Job(
+            outputs, merged, options, input_format, names_of(columns), query, index_attribute, mark, figures, picture,
+            viewpoint, limit, assume_same_crs, scratch, cluster, dry_run, force, lossy, quiet,
+        )  # fmt: skip
+        succeeded = [_reported(job, source, as_json) for source in sources]
     if not all(succeeded):
         raise typer.Exit(BAD_INPUT)
 
@@ -278,6 +294,7 @@ class _Job:
     limit: int | None
     assume_same_crs: bool
     scratch: Path | None
+    cluster: Cluster | None
     dry_run: bool
     force: bool
     lossy: bool
@@ -299,7 +316,8 @@ class _Job:
         options = {name: self.options[name] for name in ("ratio", "n_points", "invalid", "scores")}
         with CloudFiles(sources, self.input_format, self.columns, self.query, self.assume_same_crs) as files:
             method = resolved(self.options["method"], self.options["seed"])
-            made = plan(files, method, options["ratio"], options["n_points"], self.limit, self._whole())
+            shared = self.cluster is not None
+            made = plan(files, method, options["ratio"], options["n_points"], self.limit, self._whole(), shared)
             if self.query and not made.points:
                 raise InputError("expected points in the box, found none; gppcs info shows where the points lie")
             if self.dry_run:
@@ -308,7 +326,8 @@ class _Job:
                 result, points, report, image = self._in_memory(files, target, stages)
             else:
                 self._check_storable(target, files.head().cloud)
-                result, points = simplify_in_passes(files, made, method, stages=stages, scratch=self.scratch, **options)
+                where: dict[str, Any] = {"scratch": self.scratch, "cluster": self.cluster}
+                result, points = simplify_in_passes(files, made, method, stages=stages, **options, **where)
             unread = files.unread()
         if self.index_attribute is not None:
             result = replace(result, cloud=_with_attribute(result.cloud, self.index_attribute, result.indices))

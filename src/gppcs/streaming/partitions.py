@@ -1,0 +1,220 @@
+"""The passes over the files of a cloud as tasks of a cluster: a partition is a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.io.cloud_files import CloudFiles
+from gppcs.spatial.cells import first_occurrences, greatest_in_cells
+from gppcs.spatial.chunks import Advanced, ChunkedPoints, Places, SparseValues, joined_places
+from gppcs.spatial.scaling import Frame
+from gppcs.streaming.cluster import Cluster
+from gppcs.streaming.overview import Overview
+from gppcs.streaming.reading import FilePasses, Kept
+
+
+class ClusterPasses:
+    """Passes over files, each by a task of its own.
+
+    Parameters
+    ----------
+    files : CloudFiles
+    rows : int
+        Points of a chunk at most.
+    cluster : Cluster
+    """
+
+    def __init__(self, files: CloudFiles, rows: int, cluster: Cluster) -> None:
+        self._files, self._rows, self._cluster = files, rows, cluster
+        self._passes = [FilePasses(each, rows) for each in files.each()]
+        self._seen: list[Overview] = []
+
+    def overview(self, advanced: Advanced) -> Overview:
+        """As `FilePasses.overview`.
+
+        Parameters
+        ----------
+        advanced : callable
+
+        Returns
+        -------
+        Overview
+        """
+        whole, self._seen = Overview(), []
+        for seen in self._cluster.each(_overview, self._passes):
+            self._seen.append(seen)
+            if seen.count:
+                whole.merge(seen)
+            advanced(seen.count)
+        return whole
+
+    def points(self, seen: Overview, frame: Frame) -> ChunkedPoints:
+        """As `FilePasses.points`.
+
+        Parameters
+        ----------
+        seen : Overview
+        frame : Frame
+
+        Returns
+        -------
+        ClusterPoints
+        """
+        parts, first = [], 0
+        for passes, own in zip(self._passes, self._seen, strict=True):
+            if own.finite:
+                parts.append(Partition(passes, own, frame, first))
+            first += own.finite
+        local = FilePasses(self._files, self._rows).points(seen, frame)
+        return ClusterPoints(local.count, local.chunks, parts, self._cluster)
+
+    def kept(self, seen: Overview, finite: NDArray[np.int64], advanced: Advanced) -> Kept:
+        """As `FilePasses.kept`.
+
+        Parameters
+        ----------
+        seen : Overview
+        finite : (n,) array, int64
+        advanced : callable
+
+        Returns
+        -------
+        Kept
+        """
+        asked, first = [], 0
+        for passes, own in zip(self._passes, self._seen, strict=True):
+            begin, end = np.searchsorted(finite, [first, first + own.finite])
+            asked.append((passes, own, finite[begin:end] - first))
+            first += own.finite
+        rows, clouds, before = [], [], 0
+        for (_, own, _), found in zip(asked, self._cluster.each(_kept, asked), strict=True):
+            rows.append(before + found.rows)
+            clouds += found.clouds
+            before += own.count
+            advanced(own.finite)
+        return Kept(np.concatenate(rows), clouds)
+
+
+class Partition(NamedTuple):
+    """The finite points of a file.
+
+    Attributes
+    ----------
+    passes : FilePasses
+    seen : Overview
+    frame : Frame
+    first : int
+        Row of its first point among the finite points of all files.
+    """
+
+    passes: FilePasses
+    seen: Overview
+    frame: Frame
+    first: int
+
+    def slice(self, rows: NDArray[np.int64]) -> slice:
+        """Return which of some ascending rows of all files lie in this one."""
+        begin, end = np.searchsorted(rows, [self.first, self.first + self.seen.finite])
+        return slice(int(begin), int(end))
+
+    def opened(self, work: Callable[[ChunkedPoints], Any]) -> Any:
+        """Do some work on the points."""
+        with self.passes.files:
+            return work(self.passes.points(self.seen, self.frame))
+
+
+@dataclass(frozen=True, eq=False)
+class ClusterPoints(ChunkedPoints):
+    """Points in files. Its passes are tasks; `chunks` reads in this process.
+
+    Attributes
+    ----------
+    parts : sequence of Partition
+    cluster : Cluster
+    """
+
+    parts: Sequence[Partition]
+    cluster: Cluster
+
+    def take(self, rows: NDArray[np.int64], advanced: Advanced = lambda steps: None) -> NDArray[np.float64]:
+        """As `ChunkedPoints.take`."""
+        asked = [(part, rows[part.slice(rows)] - part.first) for part in self.parts]
+        found = [np.empty((0, 3))]
+        for part, places in zip(self.parts, self.cluster.each(_taken, asked), strict=True):
+            found.append(places)
+            advanced(part.seen.finite)
+        return np.concatenate(found)
+
+    def every(self, step: int, advanced: Advanced = lambda steps: None) -> NDArray[np.float64]:
+        """As `ChunkedPoints.every`."""
+        return self.take(np.arange(0, self.count, step), advanced)
+
+    def greatest_in_cells(self, edge: float, values: SparseValues, advanced: Advanced = lambda steps: None) -> Places:
+        """As `ChunkedPoints.greatest_in_cells`; the finds of two partitions are merged by a task, and so on."""
+        asked = []
+        for part in self.parts:
+            own = part.slice(values.rows)
+            asked.append((part, edge, SparseValues(values.rows[own] - part.first, values.values[own])))
+        return self._merged(_greatest, asked, partial(_greatest_of, edge), advanced)
+
+    def distinct(self, advanced: Advanced = lambda steps: None) -> Places:
+        """As `ChunkedPoints.distinct`, merged as by `greatest_in_cells`."""
+        return self._merged(_distinct, [(part,) for part in self.parts], _distinct_of, advanced)
+
+    def _merged(
+        self,
+        find: Callable[[Any], Places],
+        asked: Sequence[Any],
+        merge: Callable[[Places, Places], Places],
+        advanced: Advanced,
+    ) -> Places:
+        counts = iter(part.seen.finite for part in self.parts)
+        found: Places = self.cluster.merged(find, asked, merge, lambda: advanced(next(counts)))
+        return found
+
+
+def _overview(passes: FilePasses) -> Overview:
+    with passes.files:
+        return passes.overview(lambda steps: None)
+
+
+def _kept(asked: tuple[FilePasses, Overview, NDArray[np.int64]]) -> Kept:
+    passes, seen, finite = asked
+    with passes.files:
+        rows, clouds = passes.kept(seen, finite, lambda steps: None)
+        return Kept(rows, [seen.columns.joined(clouds)] if len(rows) else [])
+
+
+def _taken(asked: tuple[Partition, NDArray[np.int64]]) -> Any:
+    part, rows = asked
+    return part.opened(lambda points: points.take(rows))
+
+
+def _greatest(asked: tuple[Partition, float, SparseValues]) -> Places:
+    part, edge, values = asked
+    return _shifted(part, part.opened(lambda points: points.greatest_in_cells(edge, values)))
+
+
+def _distinct(asked: tuple[Partition]) -> Places:
+    [part] = asked
+    return _shifted(part, part.opened(lambda points: points.distinct()))
+
+
+def _shifted(part: Partition, found: Places) -> Places:
+    return found._replace(rows=part.first + found.rows)
+
+
+def _greatest_of(edge: float, one: Places, other: Places) -> Places:
+    both = joined_places([one, other])
+    return both.take(greatest_in_cells(both.points, edge, both.values))
+
+
+def _distinct_of(one: Places, other: Places) -> Places:
+    both = joined_places([one, other])
+    return both.take(np.flatnonzero(first_occurrences(both.points)))

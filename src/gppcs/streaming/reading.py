@@ -1,0 +1,140 @@
+"""The passes over the files of a cloud, one chunk after another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.clouds.cloud import PointCloud
+from gppcs.errors import InputError
+from gppcs.io.cloud_files import CloudFiles
+from gppcs.spatial.chunks import ChunkedPoints
+from gppcs.spatial.scaling import Frame, bounds
+from gppcs.streaming.overview import Overview
+
+Advanced = Callable[[int], None]
+
+
+class Kept(NamedTuple):
+    """Some points of a cloud.
+
+    Attributes
+    ----------
+    rows : (n,) array, int64
+        Ascending.
+    clouds : list of PointCloud
+        These points with their attributes, in parts.
+    """
+
+    rows: NDArray[np.int64]
+    clouds: list[PointCloud]
+
+
+@dataclass(frozen=True)
+class FilePasses:
+    """Passes over some files.
+
+    Attributes
+    ----------
+    files : CloudFiles
+    rows : int
+        Points of a chunk at most.
+    """
+
+    files: CloudFiles
+    rows: int
+
+    def overview(self, advanced: Advanced) -> Overview:
+        """Read the bounds, the number of points and the types of attributes.
+
+        Parameters
+        ----------
+        advanced : callable
+            Called with the number of points read since the last call.
+
+        Returns
+        -------
+        Overview
+        """
+        seen = Overview()
+        for cloud in self.files.chunks(True, self.rows):
+            seen.add(cloud)
+            advanced(len(cloud))
+        return seen
+
+    def points(self, seen: Overview, frame: Frame) -> ChunkedPoints:
+        """Return the finite points.
+
+        Parameters
+        ----------
+        seen : Overview
+            Of these files.
+        frame : Frame
+            In which the points are given.
+
+        Returns
+        -------
+        ChunkedPoints
+        """
+
+        def chunks() -> Iterator[NDArray[np.float64]]:
+            for part in self._finite_parts(seen.count, attributes=False):
+                yield frame.local(part.cloud.points)
+
+        return ChunkedPoints(seen.finite, chunks)
+
+    def kept(self, seen: Overview, finite: NDArray[np.int64], advanced: Advanced) -> Kept:
+        """Read some points with all their attributes.
+
+        Parameters
+        ----------
+        seen : Overview
+            Of these files.
+        finite : (n,) array, int64
+            Their rows among the finite points, ascending.
+        advanced : callable
+            Called with the number of finite points read since the last call.
+
+        Returns
+        -------
+        Kept
+            Rows among all points of these files.
+        """
+        rows: list[NDArray[np.int64]] = [np.empty(0, dtype=np.int64)]
+        clouds: list[PointCloud] = []
+        first = 0
+        for part in self._finite_parts(seen.count, attributes=True):
+            begin, end = np.searchsorted(finite, [first, first + len(part.cloud)])
+            taken = finite[begin:end] - first
+            rows.append(part.rows[taken])
+            clouds.append(part.cloud.take(taken))
+            first += len(part.cloud)
+            advanced(len(part.cloud))
+        return Kept(np.concatenate(rows), clouds)
+
+    def _finite_parts(self, count: int, attributes: bool) -> Iterator[_Part]:
+        """Yield the finite points of all chunks; raise an error if there are not as many points as at first."""
+        first = 0
+        for cloud in self.files.chunks(attributes, self.rows):
+            here = np.arange(first, first + len(cloud))
+            first += len(cloud)
+            if not np.isfinite(bounds(cloud.points)).all():
+                finite = cloud.finite_rows()
+                cloud, here = cloud.take(finite), here[finite]
+            if len(cloud):
+                yield _Part(cloud, here)
+        if first != count:
+            raise InputError(
+                f"expected {count:,} points again, found {first:,}: the files have changed meanwhile; start anew"
+            )
+
+
+class _Part(NamedTuple):
+    """The finite points of a chunk, and their rows in the whole cloud."""
+
+    cloud: PointCloud
+    rows: NDArray[np.int64]

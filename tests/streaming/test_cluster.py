@@ -1,0 +1,191 @@
+"""Several workers: the same result for any number of them, also if one is killed."""
+
+import os
+import signal
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.engine.stages import Stages
+from gppcs.streaming import cluster
+from gppcs.streaming.cluster import Cluster, local_cluster, scheduler_at
+
+distributed = pytest.importorskip("distributed")
+
+N = 12_000
+PARTS = (1, 700, 4_000, 4_500, 9_000, 11_000)
+
+
+@pytest.fixture(scope="module")
+def three():
+    with (
+        distributed.LocalCluster(n_workers=3, threads_per_worker=1, dashboard_address=":0") as started,
+        distributed.Client(started) as client,
+    ):
+        yield client
+
+
+@pytest.fixture(scope="module")
+def cloud():
+    points = gppcs.sample("bracket", N, seed=3).points
+    points[500:520, 1] = np.nan
+    return gppcs.PointCloud(points, {"row": np.arange(N, dtype=np.int32)})
+
+
+@pytest.fixture(scope="module")
+def paths(cloud, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("parts")
+    found = []
+    for number, rows in enumerate(np.split(np.arange(N), PARTS)):
+        found.append(folder / f"{number}.ply")
+        gppcs.write(found[-1], cloud.take(rows))
+    return found
+
+
+@pytest.fixture(autouse=True)
+def small_sample(monkeypatch):
+    """Let a cloud of thousands be a large one. The workers do not look at this."""
+    monkeypatch.setattr("gppcs.gp.local.survey.LARGE", 2_000)
+
+
+def assert_same(found, expected):
+    np.testing.assert_array_equal(found.indices, expected.indices)
+    assert found.cloud == expected.cloud
+    assert found.diagnostics == expected.diagnostics
+
+
+@pytest.mark.parametrize("n_points", [1, 70, 3_000, 10**9])
+def test_workers_choose_what_memory_chooses(three, cloud, paths, n_points):
+    expected = gppcs.simplify(cloud, n_points=n_points, invalid="drop", scores=True)
+    found = gppcs.simplify_files(paths, n_points=n_points, invalid="drop", scores=True, client=three)
+    assert_same(found, expected)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_the_number_of_workers_makes_no_difference(cloud, paths, workers):
+    expected = gppcs.simplify(cloud, n_points=70, invalid="drop")
+    with local_cluster(workers) as some:
+        assert_same(gppcs.simplify_files(paths, n_points=70, invalid="drop", client=some.client), expected)
+
+
+@pytest.fixture
+def small_tiles(monkeypatch):
+    monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
+    monkeypatch.setattr(gppcs.LocalGP, "memory_in_passes", lambda self, n, n_points: 10**12)
+    monkeypatch.setattr("gppcs.gp.tiled.ranking.TILE", 3_000)
+    monkeypatch.setattr("gppcs.spatial.stored.BOX", 250)
+
+
+class Killer:
+    """Kills a worker when the first task of a stage is done."""
+
+    def __init__(self, client, stage):
+        self._client, self._stage = client, stage
+        self._now = ""
+        self.killed = 0
+
+    def started(self, stage, total):
+        self._now = stage
+
+    def advanced(self, steps):
+        if self._now == self._stage and not self.killed:
+            self.killed = next(iter(self._client.run(os.getpid).values()))
+            os.kill(self.killed, signal.SIGKILL)
+
+    def finished(self):
+        pass
+
+
+@pytest.mark.parametrize("stage", ["bounds", "sample", "candidates", "kept points"])
+def test_a_killed_worker_makes_no_difference(three, cloud, paths, stage):
+    expected = gppcs.simplify(cloud, n_points=70, invalid="drop")
+    killer = Killer(three, stage)
+    found = gppcs.simplify_files(paths, n_points=70, invalid="drop", client=three, stages=Stages(killer))
+    assert killer.killed
+    assert_same(found, expected)
+
+
+def test_tiles_are_worked_on_by_workers(three, paths, small_tiles, tmp_path):
+    expected = gppcs.simplify_files(paths, n_points=1_000, invalid="drop", memory="3GB")
+    for killer in (Killer(three, "survey"), Killer(three, "candidates"), Killer(three, "greedy selection")):
+        found = gppcs.simplify_files(
+            paths, n_points=1_000, invalid="drop", memory="3GB", scratch=tmp_path, client=three, stages=Stages(killer)
+        )
+        assert killer.killed
+        assert_same(found, expected)
+        assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("method", ["random", "voxel", "fps"])
+def test_other_methods(three, paths, method, tmp_path):
+    found = gppcs.simplify_files(paths, n_points=300, method=method, invalid="drop", client=three)
+    assert len(np.unique(found.indices)) == 300
+
+
+def die(item):
+    time.sleep(0.1)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_workers_that_end_again_and_again_are_told(three):
+    with pytest.raises(gppcs.ClusterError, match="the workers ended again and again during a task"):
+        list(Cluster(three).each(die, [1]))
+
+
+def test_errors_of_workers_are_those_of_one_process(three, paths, tmp_path):
+    with pytest.raises(gppcs.InputError, match="20 of 12000 points have coordinates that are NaN"):
+        gppcs.simplify_files(paths, n_points=70, client=three)
+    (tmp_path / "cut.ply").write_bytes(paths[2].read_bytes()[:-9])
+    with pytest.raises(gppcs.FileFormatError, match=r"cut\.ply"):
+        gppcs.simplify_files([paths[1], tmp_path / "cut.ply"], n_points=70, client=three)
+    gppcs.write(tmp_path / "other.ply", np.eye(3))
+    with pytest.raises(gppcs.FileFormatError, match="the same attributes in all files"):
+        gppcs.simplify_files([paths[1], tmp_path / "other.ply"], n_points=2, client=three)
+    with pytest.raises(FileNotFoundError):
+        gppcs.simplify_files([paths[1], tmp_path / "none.ply"], n_points=2, client=three)
+
+
+def test_work_that_cannot_be_shared_is_refused(three, paths):
+    with pytest.raises(gppcs.InputError, match="several workers can share, but method 'hc' takes all points at once"):
+        gppcs.simplify_files(paths, n_points=70, method="hc", client=three)
+    with pytest.raises(gppcs.InputError, match="several workers can share, but normals takes all points at once"):
+        gppcs.simplify_files(paths, n_points=70, normals=True, client=three)
+
+
+def test_another_version_at_workers_is_refused(three, paths, monkeypatch):
+    monkeypatch.setattr(gppcs, "__version__", "9.9")
+    with pytest.raises(gppcs.ClusterError, match=r"expected gppcs 9\.9 at all workers, found gppcs .* at tcp://"):
+        gppcs.simplify_files(paths, n_points=70, client=three)
+
+
+def test_a_scheduler_that_does_not_answer(monkeypatch):
+    monkeypatch.setattr(cluster, "TIMEOUT", "1s")
+    with (
+        pytest.raises(gppcs.ClusterError, match=r"expected a Dask scheduler at tcp://127\.0\.0\.1:9"),
+        scheduler_at("tcp://127.0.0.1:9"),
+    ):
+        pass
+
+
+def test_a_scheduler_without_workers(monkeypatch):
+    monkeypatch.setattr(cluster, "TIMEOUT", "2s")
+    with (
+        distributed.LocalCluster(n_workers=0, dashboard_address=":0") as started,
+        pytest.raises(gppcs.ClusterError, match="expected at least one worker, found none"),
+        scheduler_at(started.scheduler_address),
+    ):
+        pass
+
+
+def test_a_client_is_a_client(paths):
+    with pytest.raises(gppcs.ParameterError, match=r"expected a distributed\.Client, found 'localhost'"):
+        gppcs.simplify_files(paths, n_points=70, client="localhost")
+
+
+def test_without_dask(paths, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(gppcs.MissingExtraError, match=r"needs Dask's distributed.*\(the extra dask\): pip install"):
+        gppcs.simplify_files(paths, n_points=70, client="anything")
