@@ -53,6 +53,7 @@ SCRIPTS = (
     Script("gp_ablation.py", "gp_ablation", ("pymeshlab",)),
     Script("gp_prefixes.py", "gp_prefixes", ("pymeshlab",)),
     Script("tiles.py", "tiles", ("pymeshlab",)),
+    Script("cluster.py", "cluster"),
     Script("normals.py", "normals", ("pymeshlab",)),
     Script("perception.py", "perception", ("pymeshlab", "pyvista")),
     Script("rivals.py", "rivals", ("CGAL",)),
