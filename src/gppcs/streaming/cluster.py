@@ -182,7 +182,11 @@ def scheduler_at(address: str) -> Iterator[Cluster]:
 
 def _check_versions(client: Any) -> None:
     """Check that there are workers, and that all have this version of gppcs."""
-    from gppcs import __version__
+
+    def version() -> str | None:  # a function in a function is sent as code, so it also runs where there is no gppcs
+        from importlib import import_module, util
+
+        return import_module("gppcs").__version__ if util.find_spec("gppcs") else None
 
     try:
         client.wait_for_workers(1, timeout=TIMEOUT)
@@ -190,14 +194,11 @@ def _check_versions(client: Any) -> None:
         raise ClusterError(
             f"expected at least one worker, found none within {TIMEOUT}; start some by `dask worker ADDRESS`"
         ) from error
-    # The function is sent as code, so that it also runs where no gppcs is installed.
-    found = client.run(lambda: __import__("importlib.util").util.find_spec("gppcs") and __import__("gppcs").__version__)
-    others = {address: version for address, version in sorted(found.items()) if version != __version__}
+    own = version()
+    others = {address: found for address, found in sorted(client.run(version).items()) if found != own}
     if others:
-        named = ", ".join(f"gppcs {version or 'not at all'} at {address}" for address, version in others.items())
-        raise ClusterError(
-            f"expected gppcs {__version__} at all workers, found {named}; install the same version there"
-        )
+        named = ", ".join(f"gppcs {found or 'not at all'} at {address}" for address, found in others.items())
+        raise ClusterError(f"expected gppcs {own} at all workers, found {named}; install that version there")
 
 
 def _done(function: Callable[[Any], Any], item: bytes) -> Any:
