@@ -51,6 +51,14 @@ Scheduler = Annotated[
     str | None,
     typer.Option(metavar="ADDRESS", help="Work on the workers of a Dask scheduler, such as tcp://10.0.0.5:8786."),
 ]
+Resume = Annotated[
+    bool,
+    typer.Option(
+        "--resume",
+        help="If the work in passes or tiles is interrupted, keep what is done in the folder of --scratch; go on from "
+        "what an interrupted run kept.",
+    ),
+]
 DryRun = Annotated[
     bool,
     typer.Option("--dry-run", help="Print what would be done, in how much memory and about how long, and do nothing."),

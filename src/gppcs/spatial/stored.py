@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.journal import Journal
 from gppcs.engine.stages import Stages
 from gppcs.spatial.boxes import Boxes, Tile
 from gppcs.spatial.chunks import ChunkedPoints
@@ -117,7 +118,7 @@ class StoredPoints:
     def remove(self) -> None:
         """Remove the files."""
         for box in np.flatnonzero(self.counts).tolist():
-            self._path(box).unlink()
+            self._path(box).unlink(missing_ok=True)
 
     def _read(self, box: int) -> NDArray[Any]:
         return np.fromfile(self._path(box), dtype=_RECORD) if self.counts[box] else np.empty(0, dtype=_RECORD)
@@ -134,7 +135,7 @@ def store(points: ChunkedPoints, folder: Path, stages: Stages) -> tuple[StoredPo
     points : ChunkedPoints
         N points.
     folder : path
-        An existing folder. It takes 32 bytes for each point.
+        An existing folder. It takes 32 bytes for each point. If the same points are there already, they stay.
     stages : Stages
         Times "sample" and "boxes". A step is a point.
 
@@ -144,6 +145,12 @@ def store(points: ChunkedPoints, folder: Path, stages: Stages) -> tuple[StoredPo
     sample : (n, 3) array
         The random sample of the points by which space is divided into boxes.
     """
+    return Journal(folder).once("boxes", lambda: _store(points, folder, stages))
+
+
+def _store(points: ChunkedPoints, folder: Path, stages: Stages) -> tuple[StoredPoints, NDArray[np.float64]]:
+    for left in folder.glob("*.points"):  # by an interrupted run
+        left.unlink()
     with stages("sample", len(points)) as advanced:
         sample = RowSample(SAMPLED)
         for chunk in points.chunks():
@@ -278,7 +285,7 @@ class StoredTable:
 
     def remove(self) -> None:
         """Remove the files."""
-        shutil.rmtree(self.folder)
+        shutil.rmtree(self.folder, ignore_errors=True)
 
     def _path(self, column: str) -> Path:
         return self.folder / f"{column}.npy"

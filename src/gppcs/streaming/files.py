@@ -30,6 +30,7 @@ def simplify_files(
     memory: int | str | None = None,
     scratch: str | os.PathLike[str] | None = None,
     client: Any = None,
+    resume: bool = False,
     stages: Stages | None = None,
 ) -> Result:
     """Choose exactly M points of a cloud in files, which may be larger than memory.
@@ -56,6 +57,11 @@ def simplify_files(
     client : distributed.Client, optional
         Of a Dask cluster, whose workers then make the passes and work on the tiles (docs/cluster.md). They must see the
         files, and `scratch`, at the same paths.
+
+    resume : bool
+        Whether to keep, if the work is interrupted, what is done of it in a folder in `scratch`, and to go on from what
+        an interrupted call with the same files and parameters has kept. A call that succeeds removes the folder. Work
+        in memory begins anew.
 
     Returns
     -------
@@ -91,6 +97,7 @@ def simplify_files(
     if not isinstance(paths, Sequence) or not paths:
         raise ParameterError(f"expected a file or a list of files, found {shown(paths)}")
     stages, normals, scores = Stages.of(stages), flag("normals", normals), flag("scores", scores)
+    resume = flag("resume", resume)
     options: dict[str, Any] = {"ratio": ratio, "n_points": n_points, "invalid": invalid, "scores": scores}
     with CloudFiles([file_path(path) for path in paths]) as files:
         chosen, limit = resolved(method, seed), None if memory is None else bytes_of(memory)
@@ -101,4 +108,5 @@ def simplify_files(
                 cloud = files.read()
             return simplify(cloud, method=chosen, normals=normals, stages=stages, **options)
         folder = None if scratch is None else file_path(scratch)
-        return simplify_in_passes(files, made, chosen, stages=stages, scratch=folder, cluster=cluster, **options)[0]
+        options |= {"scratch": folder, "cluster": cluster, "resume": resume}
+        return simplify_in_passes(files, made, chosen, stages=stages, **options)[0]

@@ -19,12 +19,15 @@ class Overview:
     low, high : (3,) arrays
         Bounds of the finite points; infinite if there are none.
     columns : JointColumns
+    parts : list of Overview
+        Those that were merged.
     """
 
     def __init__(self) -> None:
         self.count = self.bad = self.first_bad = 0
         self.low, self.high = np.full(3, np.inf), np.full(3, -np.inf)
         self.columns = JointColumns()
+        self.parts: list[Overview] = []
 
     @property
     def finite(self) -> int:
@@ -67,6 +70,7 @@ class Overview:
         FileFormatError
             If they do not fit those before.
         """
+        self.parts.append(other)
         self.columns.merge(other.columns)
         if other.bad and not self.bad:
             self.first_bad = self.count + other.first_bad

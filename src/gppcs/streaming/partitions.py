@@ -33,7 +33,6 @@ class ClusterPasses:
     def __init__(self, files: CloudFiles, rows: int, cluster: Cluster) -> None:
         self._files, self._rows, self._cluster = files, rows, cluster
         self._passes = [FilePasses(each, rows) for each in files.each()]
-        self._seen: list[Overview] = []
 
     def overview(self, advanced: Advanced) -> Overview:
         """As `FilePasses.overview`.
@@ -46,11 +45,9 @@ class ClusterPasses:
         -------
         Overview
         """
-        whole, self._seen = Overview(), []
+        whole = Overview()
         for seen in self._cluster.each(_overview, self._passes):
-            self._seen.append(seen)
-            if seen.count:
-                whole.merge(seen)
+            whole.merge(seen)
             advanced(seen.count)
         return whole
 
@@ -67,7 +64,7 @@ class ClusterPasses:
         ClusterPoints
         """
         parts, first = [], 0
-        for passes, own in zip(self._passes, self._seen, strict=True):
+        for passes, own in zip(self._passes, seen.parts, strict=True):
             if own.finite:
                 parts.append(Partition(passes, own, frame, first))
             first += own.finite
@@ -88,7 +85,7 @@ class ClusterPasses:
         Kept
         """
         asked, first = [], 0
-        for passes, own in zip(self._passes, self._seen, strict=True):
+        for passes, own in zip(self._passes, seen.parts, strict=True):
             begin, end = np.searchsorted(finite, [first, first + own.finite])
             asked.append((passes, own, finite[begin:end] - first))
             first += own.finite

@@ -16,6 +16,7 @@ from gppcs.app.large_files import (
     DryRun,
     Memory,
     Merge,
+    Resume,
     Scheduler,
     Scratch,
     Workers,
@@ -182,6 +183,7 @@ def simplify(
     scratch: Scratch = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
+    resume: Resume = False,
     dry_run: DryRun = False,
     force: Force = False,
     lossy: Lossy = False,
@@ -225,7 +227,7 @@ def simplify(
     with cluster_of(workers, scheduler) as cluster:
         job = _Job(
             outputs, merged, options, input_format, names_of(columns), query, index_attribute, mark, figures, picture,
-            viewpoint, limit, assume_same_crs, scratch, cluster, dry_run, force, lossy, quiet,
+            viewpoint, limit, assume_same_crs, scratch, cluster, resume, dry_run, force, lossy, quiet,
         )  # fmt: skip
         succeeded = [_reported(job, source, as_json) for source in sources]
     if not all(succeeded):
@@ -295,6 +297,7 @@ class _Job:
     assume_same_crs: bool
     scratch: Path | None
     cluster: Cluster | None
+    resume: bool
     dry_run: bool
     force: bool
     lossy: bool
@@ -326,7 +329,7 @@ class _Job:
                 result, points, report, image = self._in_memory(files, target, stages)
             else:
                 self._check_storable(target, files.head().cloud)
-                where: dict[str, Any] = {"scratch": self.scratch, "cluster": self.cluster}
+                where: dict[str, Any] = {"scratch": self.scratch, "cluster": self.cluster, "resume": self.resume}
                 result, points = simplify_in_passes(files, made, method, stages=stages, **options, **where)
             unread = files.unread()
         if self.index_attribute is not None:

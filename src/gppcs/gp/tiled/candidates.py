@@ -191,6 +191,7 @@ def _fitting(
 def _folder(search: Search, target: int, area: float, kind: str = "cells") -> Path:
     """Return a new folder for a table."""
     folder = search.folder / f"{kind}-{target}-{area!r}"
+    shutil.rmtree(folder, ignore_errors=True)  # what an interrupted run left
     folder.mkdir()
     return folder
 

@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gppcs.engine.journal import Journal
 from gppcs.engine.stages import Stages
 from gppcs.gp.local.candidates import FIRST_STAGE
 from gppcs.gp.local.ranking import Criterion, Ranking
 from gppcs.gp.tiled.candidates import Search, Stage, coarser_stage, finest_stage
 from gppcs.gp.tiled.choice import choose_in_tiles
 from gppcs.gp.tiled.field import tiled_field
-from gppcs.gp.tiled.survey import TiledNoise, rough_area, survey_tiles
+from gppcs.gp.tiled.survey import TiledNoise, TiledSurvey, rough_area, survey_tiles
 from gppcs.spatial.boxes import Each
 from gppcs.spatial.chunks import ChunkedPoints
 from gppcs.spatial.stored import store
@@ -56,9 +57,10 @@ def rank_in_tiles(
     density : float
         Number of candidate cells in a square whose side is the target spacing.
     folder : path
-        An empty folder. It takes about 32 bytes for each point and 2.5 kB for each point to keep.
+        An empty folder, or that of an interrupted call, from which this one goes on. It takes about 32 bytes for each
+        point and 2.5 kB for each point to keep.
     stages : Stages
-        Times "sample", "tiles", "survey", "candidates", "features" and "greedy selection".
+        Times "sample", "boxes", "survey", "candidates", "features" and "greedy selection".
     each : callable
         Applies a function to all tiles, like `map`.
 
@@ -66,41 +68,58 @@ def rank_in_tiles(
     -------
     TiledRanking
     """
+    journal = Journal(folder)
     stored, sample = store(points, folder, stages)
-    area = rough_area(sample, density)
-    tiles = stored.boxes.tiles(stored.counts, TILE)
-    with stages("survey", len(points)) as advanced:
-        survey = survey_tiles(stored, tiles, n_points, area, each, advanced)
-    del sample
-    with stages("candidates", len(points)) as advanced:
-        search = Search(folder, density, survey.noise, each, advanced, TILE)
-        found = [finest_stage(stored, survey, n_points, search)]
+
+    def surveyed() -> TiledSurvey:
+        tiles = stored.boxes.tiles(stored.counts, TILE)
+        with stages("survey", len(points)) as advanced:
+            return survey_tiles(stored, tiles, n_points, rough_area(sample, density), each, advanced)
+
+    def finest() -> Stage:
+        with stages("candidates", len(points)) as advanced:
+            return finest_stage(stored, survey, n_points, Search(folder, density, survey.noise, each, advanced, TILE))
+
+    def coarser() -> Stage:
+        with stages("candidates"):
+            search = Search(folder, density, survey.noise, each, lambda steps: None, TILE)
+            return coarser_stage(found[-1], search)
+
+    survey = journal.once("survey", surveyed)
+    found = [journal.once("finest candidates", finest)]
     stored.remove()
-    with stages("candidates"):
-        search = Search(folder, density, survey.noise, each, lambda steps: None, TILE)
-        while found[-1].target > FIRST_STAGE:
-            found.append(coarser_stage(found[-1], search))
-    return TiledRanking(_ranked(found[::-1], survey.noise, criterion, stages, each), survey.noise)
+    while found[-1].target > FIRST_STAGE:
+        found.append(journal.once(f"candidates below {found[-1].target}", coarser))
+    ranking = _ranked(found[::-1], survey.noise, criterion, stages, each, journal)
+    return TiledRanking(ranking, survey.noise)
 
 
-def _ranked(found: list[Stage], noise: TiledNoise, criterion: Criterion, stages: Stages, each: Each) -> Ranking:
+def _ranked(
+    found: list[Stage], noise: TiledNoise, criterion: Criterion, stages: Stages, each: Each, journal: Journal
+) -> Ranking:
     """Choose stage by stage, from coarse to fine."""
-    chosen, scores, deviations = np.empty(0, dtype=np.int64), np.empty(0), np.empty(0)
-    last_score = 1.0
-    for stage, finer in zip(found, [*found[1:], None], strict=True):
+    ranking, last_score = Ranking(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0)), 1.0
+
+    def chosen() -> tuple[Ranking, float]:
+        """Return the ranking with what the stage adds; its rows are those of the next stage, or of the cloud."""
         tiles = stage.table.boxes.tiles(stage.table.counts, TILE)
-        wanted = min(stage.target, len(stage.table)) - len(chosen)
+        wanted = min(stage.target, len(stage.table)) - len(ranking.indices)
         with stages("features", 2 * len(stage.table)) as advanced:
             field = tiled_field(stage, tiles, noise, criterion, each, advanced)
         with stages("greedy selection", wanted) as advanced:
-            added = choose_in_tiles(field, tiles, chosen, last_score, each, advanced)
-        if len(added.scores):
-            last_score = float(added.scores.min())
-        chosen = np.concatenate([chosen, added.rows])
-        scores, deviations = np.concatenate([scores, added.scores]), np.concatenate([deviations, added.deviations])
-        if finer is None:
-            return Ranking(stage.table.take("row", chosen), scores, deviations)
-        if finer.table is not stage.table:
-            chosen = stage.table.take("parent", chosen)
+            added = choose_in_tiles(field, tiles, ranking.indices, last_score, each, advanced)
+        rows = np.concatenate([ranking.indices, added.rows])
+        if finer is None or finer.table is not stage.table:
+            rows = stage.table.take("row" if finer is None else "parent", rows)
+        extended = Ranking(
+            rows,
+            np.concatenate([ranking.scores, added.scores]),
+            np.concatenate([ranking.deviations, added.deviations]),
+        )
+        return extended, float(added.scores.min()) if len(added.scores) else last_score
+
+    for stage, finer in zip(found, [*found[1:], None], strict=True):
+        ranking, last_score = journal.once(f"choice of {stage.target}", chosen)
+        if finer is not None and finer.table is not stage.table:
             stage.table.remove()
-    raise AssertionError("expected at least one stage")
+    return ranking

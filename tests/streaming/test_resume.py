@@ -1,0 +1,136 @@
+"""InterruptionError work goes on from the steps that are done, and gives the same result."""
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.engine.journal import Journal
+from gppcs.engine.stages import Stages
+
+N = 12_000
+
+
+class InterruptionError(Exception):
+    pass
+
+
+class Interrupt:
+    """Interrupts a run where a stage makes its first step, the n-th time that the stage begins; notes all stages."""
+
+    def __init__(self, stage=None, times=1):
+        self.stage, self.times = stage, times
+        self.seen = []
+
+    def started(self, stage, total):
+        self.seen.append(stage)
+
+    def advanced(self, steps):
+        if self.stage == self.seen[-1] and self.seen.count(self.stage) == self.times:
+            raise InterruptionError
+
+    def finished(self):
+        pass
+
+
+@pytest.fixture
+def path(tmp_path, monkeypatch):
+    """A file that seems too large for memory; the temporary files go to the folder `scratch` beside it."""
+    monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
+    monkeypatch.setattr("gppcs.gp.local.survey.LARGE", 2_000)
+    monkeypatch.setattr("gppcs.gp.tiled.ranking.TILE", 3_000)
+    monkeypatch.setattr("gppcs.spatial.stored.BOX", 250)
+    gppcs.write(tmp_path / "scan.npy", gppcs.sample("bracket", N, seed=3).points)
+    (tmp_path / "scratch").mkdir()
+    return tmp_path / "scan.npy"
+
+
+@pytest.fixture
+def in_tiles(monkeypatch):
+    monkeypatch.setattr(gppcs.LocalGP, "memory_in_passes", lambda self, n, n_points: 10**12)
+
+
+def run(path, n_points, listener=None, resume=True, **options):
+    scratch = path.parent / "scratch"
+    return gppcs.simplify_files(
+        path, n_points=n_points, memory="3GB", scratch=scratch, resume=resume, stages=Stages(listener), **options
+    )
+
+
+def assert_goes_on(path, n_points, interrupt, done):
+    """Interrupt a run, and check that the next one gives the right result without the stages that are done."""
+    expected = run(path, n_points, resume=False)
+    scratch = path.parent / "scratch"
+    assert not list(scratch.iterdir())
+    with pytest.raises(InterruptionError):
+        run(path, n_points, interrupt)
+    assert len(list(scratch.iterdir())) == 1
+    heard = Interrupt()
+    found = run(path, n_points, heard)
+    np.testing.assert_array_equal(found.indices, expected.indices)
+    assert found.cloud == expected.cloud
+    assert found.diagnostics == expected.diagnostics
+    assert not set(done) & set(heard.seen)
+    assert not list(scratch.iterdir())
+    return heard
+
+
+@pytest.mark.parametrize(
+    ("stage", "done"),
+    [("bounds", []), ("candidates", ["bounds"]), ("kept points", ["bounds", "sample", "greedy selection"])],
+)
+def test_passes(path, stage, done):
+    times = 2 if stage == "candidates" else 1  # the first measures the sample
+    assert_goes_on(path, 70, Interrupt(stage, times), done)
+
+
+@pytest.mark.parametrize(
+    ("stage", "times", "done"),
+    [
+        ("boxes", 1, ["bounds"]),
+        ("survey", 1, ["bounds", "sample", "boxes"]),
+        ("candidates", 1, ["bounds", "boxes", "survey"]),
+        ("features", 3, ["survey", "candidates"]),
+        ("greedy selection", 5, ["survey", "candidates"]),
+        ("kept points", 1, ["boxes", "survey", "candidates", "greedy selection"]),
+    ],
+)
+def test_tiles(path, in_tiles, stage, times, done):
+    heard = assert_goes_on(path, 1_000, Interrupt(stage, times), done)
+    if stage == "greedy selection":  # there are five stages: 63, 125, 250, 500 and 1,000 points
+        assert heard.seen.count(stage) == 1
+
+
+@pytest.mark.parametrize("method", ["voxel", "fps"])
+def test_other_methods(path, monkeypatch, method):
+    for kind in (gppcs.Voxel, gppcs.FarthestPoint):
+        monkeypatch.setattr(kind, "memory", lambda self, n, n_points: 10**12)
+    expected = run(path, 300, resume=False, method=method)
+    with pytest.raises(InterruptionError):
+        run(path, 300, Interrupt("boxes"), method=method)
+    np.testing.assert_array_equal(run(path, 300, method=method).indices, expected.indices)
+
+
+def test_other_files_and_parameters_begin_anew(path):
+    with pytest.raises(InterruptionError):
+        run(path, 70, Interrupt("kept points"))
+    heard = Interrupt()
+    run(path, 71, heard)
+    assert "bounds" in heard.seen
+    gppcs.write(path, gppcs.sample("bracket", N, seed=4).points, force=True)
+    expected = gppcs.simplify(path, n_points=70).indices
+    np.testing.assert_array_equal(run(path, 70).indices, expected)
+
+
+def test_without_the_option_nothing_is_kept(path):
+    with pytest.raises(InterruptionError):
+        run(path, 70, Interrupt("kept points"), resume=False)
+    assert not list((path.parent / "scratch").iterdir())
+
+
+def test_a_step_is_done_once(tmp_path):
+    done = []
+    for _ in range(2):
+        assert Journal(tmp_path).once("one", lambda: done.append(1) or len(done)) == 1
+    with pytest.raises(ZeroDivisionError):
+        Journal(tmp_path).once("two", lambda: 1 // 0)
+    assert Journal(tmp_path).once("two", lambda: 5) == 5
