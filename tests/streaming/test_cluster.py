@@ -189,3 +189,24 @@ def test_without_dask(paths, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(gppcs.MissingExtraError, match=r"needs Dask's distributed.*\(the extra dask\): pip install"):
         gppcs.simplify_files(paths, n_points=70, client="anything")
+
+
+def test_settings_of_files_reach_the_workers(three, tmp_path):
+    """A part of the points, and one coordinate system for files that name two."""
+    from gppcs.io.cloud_files import CloudFiles
+    from gppcs.io.query import Query
+    from gppcs.streaming.partitions import ClusterPasses
+    from gppcs.streaming.reading import FilePasses
+
+    scan = gppcs.sample("bracket", 1_000)
+    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    for path in paths:
+        np.savetxt(path, scan.points, delimiter=",")
+    box = Query.of((-50, -50, -50, 0, 50, 50), None)
+    with CloudFiles(paths, "xyz", None, box) as files:
+        expected = FilePasses(files, 300).overview(lambda steps: None)
+        found = ClusterPasses(files, 300, Cluster(three)).overview(lambda steps: None)
+    assert 0 < expected.count < 2_000
+    assert (found.count, found.low.tolist(), found.high.tolist()) == (
+        expected.count, expected.low.tolist(), expected.high.tolist()
+    )  # fmt: skip

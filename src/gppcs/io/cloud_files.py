@@ -98,7 +98,17 @@ class CloudFiles:
         -------
         list of CloudFiles
         """
-        return [CloudFiles([path], self._format, self._columns) for path in self.paths]
+        found = [CloudFiles([path], *self.settings) for path in self.paths]
+        if self._assume_same_crs:
+            header = self.head().cloud.header
+            for each in found:
+                each._header = header
+        return found
+
+    @property
+    def settings(self) -> tuple[str | None, Sequence[str] | None, Query | None, bool]:
+        """How the files are read: all arguments but the paths."""
+        return self._format, self._columns, self._query, self._assume_same_crs
 
     def read(self) -> PointCloud:
         """Read all points with their attributes.

@@ -67,7 +67,7 @@ def work_name(files: CloudFiles, asked: object) -> str:
     Parameters
     ----------
     files : CloudFiles
-        Their names, sizes and times of change count, and their order.
+        Their names, sizes and times of change count, their order, and how they are read.
     asked : object
         All that decides the result; its `repr` counts.
 
@@ -83,5 +83,5 @@ def work_name(files: CloudFiles, asked: object) -> str:
     if any(is_standard(path) for path in files.paths):
         raise ParameterError("expected files to resume from, found standard input; write it to a file first")
     known = [(str(path.resolve()), path.stat().st_size, path.stat().st_mtime_ns) for path in files.paths]
-    decisive = repr((known, asked, importlib.import_module("gppcs").__version__))
+    decisive = repr((known, files.settings, asked, importlib.import_module("gppcs").__version__))
     return f"gppcs-{hashlib.sha256(decisive.encode()).hexdigest()[:16]}"
