@@ -266,7 +266,7 @@ class JointColumns:
         FileFormatError
             If its attributes or its coordinate system are not those of the parts before.
         """
-        first = self._first = self._first or cloud
+        first = self._first = cloud if self._first is None else self._first  # which may have no points
         if set(cloud.attributes) != set(first.attributes):
             differing = ", ".join(sorted(set(cloud.attributes) ^ set(first.attributes)))
             raise FileFormatError(
@@ -321,7 +321,7 @@ class JointColumns:
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process needs: no points."""
         nothing = np.empty(0, dtype=np.int64)
-        return {**vars(self), "_first": self._first and self._first.take(nothing)}
+        return {**vars(self), "_first": None if self._first is None else self._first.take(nothing)}
 
     def joined(self, clouds: Iterable[PointCloud]) -> PointCloud:
         """Return several clouds as one, in the types of all parts.
