@@ -52,7 +52,25 @@ class FarthestPoint(Method):
     def in_tiles(
         self, points: ChunkedPoints, n_points: int, folder: Path, stages: Stages, each: Each = map
     ) -> Selection:
-        """Choose points as far from each other as in memory, with all but one tile on disk; see `Method.in_tiles`."""
+        """Choose points as far from each other as in memory, with all but one tile on disk; see `Method.in_tiles`.
+
+        Parameters
+        ----------
+        points : ChunkedPoints
+            N finite points, which may repeat each other.
+        n_points : int
+            M, from 1 to N - 1.
+        folder : path
+            An empty folder, or that of an interrupted call.
+        stages : Stages
+            Times "sample", "boxes" and "farthest points".
+        each : callable, optional
+            Applies a function to each tile, like `map`.
+
+        Returns
+        -------
+        Selection
+        """
         import numpy as np
 
         from gppcs.spatial.chunks import first_repeats
@@ -64,9 +82,35 @@ class FarthestPoint(Method):
         return Selection(np.concatenate([rows, first_repeats(rows, n_points)]))
 
     def memory_in_tiles(self, n: int, n_points: int) -> int:
-        """Return about how much memory `in_tiles` takes; see `Method.memory_in_tiles`."""
+        """Return about how much memory `in_tiles` takes; see `Method.memory_in_tiles`.
+
+        Parameters
+        ----------
+        n : int
+            N, the number of points.
+        n_points : int
+            M, the number of points to keep.
+
+        Returns
+        -------
+        int
+            Bytes.
+        """
         return 300_000_000 + 200 * n_points
 
     def disk_in_tiles(self, n: int, n_points: int) -> int:
-        """Return about how much disk space `in_tiles` takes; see `Method.disk_in_tiles`."""
+        """Return about how much disk space `in_tiles` takes; see `Method.disk_in_tiles`.
+
+        Parameters
+        ----------
+        n : int
+            N, the number of points.
+        n_points : int
+            M, the number of points to keep.
+
+        Returns
+        -------
+        int
+            Bytes.
+        """
         return 32 * n

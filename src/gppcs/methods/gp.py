@@ -169,7 +169,25 @@ class LocalGP(Method):
     def in_tiles(
         self, points: ChunkedPoints, n_points: int, folder: Path, stages: Stages, each: Each = map
     ) -> Selection:
-        """Choose the points with all but one tile on disk; see `Method.in_tiles` and `gppcs.gp.tiled`."""
+        """Choose the points with all but one tile on disk; see `Method.in_tiles` and `gppcs.gp.tiled`.
+
+        Parameters
+        ----------
+        points : ChunkedPoints
+            N finite points, which may repeat each other.
+        n_points : int
+            M, from 1 to N - 1.
+        folder : path
+            An empty folder, or that of an interrupted call.
+        stages : Stages
+            Times "sample", "boxes", "survey", "candidates", "features" and "greedy selection".
+        each : callable, optional
+            Applies a function to each tile, like `map`.
+
+        Returns
+        -------
+        Selection
+        """
         import numpy as np
 
         from gppcs.gp.tiled.ranking import rank_in_tiles
@@ -185,11 +203,37 @@ class LocalGP(Method):
         )
 
     def memory_in_tiles(self, n: int, n_points: int) -> int:
-        """Return about how much memory `in_tiles` takes, beyond one chunk of points; see `Method.memory_in_tiles`."""
+        """Return about how much memory `in_tiles` takes, beyond one chunk of points; see `Method.memory_in_tiles`.
+
+        Parameters
+        ----------
+        n : int
+            N, the number of points.
+        n_points : int
+            M, the number of points to keep.
+
+        Returns
+        -------
+        int
+            Bytes.
+        """
         return TILED + TILED_KEPT * n_points
 
     def disk_in_tiles(self, n: int, n_points: int) -> int:
-        """Return about how much disk space `in_tiles` takes; see `Method.disk_in_tiles`."""
+        """Return about how much disk space `in_tiles` takes; see `Method.disk_in_tiles`.
+
+        Parameters
+        ----------
+        n : int
+            N, the number of points.
+        n_points : int
+            M, the number of points to keep.
+
+        Returns
+        -------
+        int
+            Bytes.
+        """
         return STORED * n + STORED_CANDIDATE * min(n, round(CELLS_ON_SLOPES * self.candidates * n_points))
 
     def seconds(self, n: int, n_points: int) -> float:

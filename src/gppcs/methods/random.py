@@ -52,7 +52,25 @@ class Random(Method):
     def in_tiles(
         self, points: ChunkedPoints, n_points: int, folder: Path, stages: Stages, each: Each = map
     ) -> Selection:
-        """Choose other points than in memory, as random, in one pass without files; see `Method.in_tiles`."""
+        """Choose other points than in memory, as random, in one pass without files; see `Method.in_tiles`.
+
+        Parameters
+        ----------
+        points : ChunkedPoints
+            N finite points, which may repeat each other.
+        n_points : int
+            M, from 1 to N - 1.
+        folder : path
+            Unused.
+        stages : Stages
+            Times "sample".
+        each : callable, optional
+            Applies a function to each tile, like `map`.
+
+        Returns
+        -------
+        Selection
+        """
         import numpy as np
 
         from gppcs.spatial.chunks import first_repeats
@@ -66,5 +84,18 @@ class Random(Method):
         return Selection(np.concatenate([sample.rows, first_repeats(sample.rows, n_points)]))
 
     def memory_in_tiles(self, n: int, n_points: int) -> int:
-        """Return about how much memory `in_tiles` takes; see `Method.memory_in_tiles`."""
+        """Return about how much memory `in_tiles` takes; see `Method.memory_in_tiles`.
+
+        Parameters
+        ----------
+        n : int
+            N, the number of points.
+        n_points : int
+            M, the number of points to keep.
+
+        Returns
+        -------
+        int
+            Bytes.
+        """
         return 120 * n_points
