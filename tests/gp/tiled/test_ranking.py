@@ -54,7 +54,7 @@ def test_exactly_m_points_whatever_the_chunks_and_threads(tmp_path, monkeypatch)
 
 @pytest.mark.parametrize("noise", [0.0, 0.4])
 def test_as_good_as_in_memory(tmp_path, noise):
-    """The bounds are what three standard errors of one choice allow; benchmarks/results/tiles.md has narrower ones."""
+    """The bounds are what three standard errors of one choice allow; benchmarks/tiles.py has narrower ones."""
     points = bracket() + 0.01 * noise * np.random.default_rng(0).standard_normal((N, 3))
     points = normalised(points)[0]
     kept = points[in_tiles(points, M, tmp_path).indices]
