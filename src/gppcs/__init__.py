@@ -28,6 +28,12 @@ Simplify it
     Result                   the simplified cloud, the rows chosen, and the time it took
     write                    write a cloud to a file
 
+Make a mesh of it
+    mesh                     make a light mesh straight from a dense cloud
+    MeshResult               the mesh, the rows of its vertices, and the time it took
+    Mesh                     triangles between vertices
+    read_mesh                read a mesh file; needs PyMeshLab
+
 Measure a cloud
     info                     bounding box, spacing, attributes, repeats and invalid points
     Summary                  what `info` returns
@@ -43,8 +49,6 @@ Judge a simplification
     Figure                   unit and definition of one figure
     compare                  run several methods on one cloud and evaluate each result
     Entry                    what `compare` returns for one method
-    Mesh                     triangles between vertices
-    read_mesh                read a mesh file; needs PyMeshLab
 
 Methods of simplification
     METHODS                  every method by the name that `simplify` takes, such as "gp"
@@ -120,6 +124,7 @@ if TYPE_CHECKING:
     from gppcs.evaluation.report import Figure, Rebuilt, Report, figures_of
     from gppcs.io import read, write
     from gppcs.io.mesh_files import read_mesh
+    from gppcs.meshing.pipeline import MeshResult, mesh
     from gppcs.methods import (
         AIVS,
         METHODS,
@@ -171,6 +176,7 @@ _HOMES = {  # the module that defines each public name
     "evaluation.report": ("Figure", "Rebuilt", "Report", "figures_of"),
     "io": ("read", "write"),
     "io.mesh_files": ("read_mesh",),
+    "meshing.pipeline": ("MeshResult", "mesh"),
     "methods": (
         "AIVS",
         "METHODS",
@@ -219,6 +225,7 @@ __all__ = [
     "Listener",
     "LocalGP",
     "Mesh",
+    "MeshResult",
     "Method",
     "MissingExtraError",
     "NoSurfaceError",
@@ -248,6 +255,7 @@ __all__ = [
     "figures_of",
     "from_depth",
     "info",
+    "mesh",
     "parameter",
     "read",
     "read_mesh",

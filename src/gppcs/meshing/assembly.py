@@ -14,6 +14,7 @@ from gppcs.meshing.triangles import area_vector, dot, minus, row
 
 SMALL_GAP = 8  # corners of a gap that is filled before triangles of a single fan are tried
 LARGEST_GAP = 40  # corners of a gap that is filled at the end
+MOST_CORNERS = 1000  # of a hole that is filled on request: its filling takes the cube of their number in time
 FEWEST = 12  # triangles of a piece; smaller ones are scraps
 BEND = 4.0  # weight of the bend of a filling, beside its area
 LENGTH = 0.02  # weight of its squared edges, which keeps its triangles compact
@@ -371,3 +372,41 @@ def without_scraps(faces: NDArray[np.int64], n: int, fewest: int = FEWEST) -> ND
     _, pieces = connected_components(coo_array((np.ones(ends.shape[1]), ends), shape=(n, n)), directed=False)
     sizes = np.bincount(pieces[faces[:, 0]], minlength=1)
     return faces[sizes[pieces[faces[:, 0]]] >= fewest]
+
+
+def holes_filled(
+    faces: NDArray[np.int64],
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    size: float,
+    cover: Cover,
+) -> NDArray[np.int64]:
+    """Close holes up to a size, whether dense points cover them or not.
+
+    Parameters
+    ----------
+    faces : (F, 3) array, int64
+        An oriented manifold.
+    points, normals : (n, 3) arrays, float64
+        Of the vertices.
+    size : float
+        Diagonal of the box around the border of a hole, at most.
+    cover : Cover
+        The dense points.
+
+    Returns
+    -------
+    (F', 3) array, int64
+        The faces and, behind them, those of the fillings.
+    """
+    mesh = HalfEdges.of(faces, len(points))
+    loops, ends = border_loops(mesh)
+    runs = [loop for loop in np.split(loops, ends[:-1]) if len(loop)]
+    small = [loop for loop in runs if np.linalg.norm(np.ptp(points[loop], axis=0)) <= size]
+    if not small:
+        return faces
+    loops, ends = np.concatenate(small), np.cumsum([len(loop) for loop in small])
+    keys = new_keys(3 * len(faces) + 3 * len(loops))
+    added = np.empty((len(loops), 3), dtype=np.int64)
+    count = _fill_all(mesh, loops, ends, MOST_CORNERS, points, normals, np.ones(len(points)), cover, False, keys, added)
+    return np.concatenate([faces, added[:count]])

@@ -84,7 +84,7 @@ def area_vector(a, b, c):
 
 @kernel
 def quality(a, b, c):
-    """Return the quality of a triangle: 2 sqrt(3) times its area over the sum of its squared edges.
+    """Return the quality of a triangle: 4 sqrt(3) times its area over the sum of its squared edges.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def quality(a, b, c):
     normal = area_vector(a, b, c)
     ab, bc, ca = minus(b, a), minus(c, b), minus(a, c)
     squared = dot(ab, ab) + dot(bc, bc) + dot(ca, ca)
-    return 1.7320508075688772 * dot(normal, normal) ** 0.5 / squared if squared > 0.0 else 0.0
+    return 3.4641016151377544 * dot(normal, normal) ** 0.5 / squared if squared > 0.0 else 0.0
 
 
 @kernel
