@@ -22,7 +22,7 @@ from gppcs.meshing.triangles import area_vector, dot, minus, quality, row
 
 TURN = 0.2, -0.3  # least cosine between a triangle's normals before and after: in the first pass, and in the second
 THIN = 0.3  # triangles below this quality cost extra
-EXTRA = 3e-3  # that cost, in squared edges for each unit of quality and each dense point of a vertex
+EXTRA = 1e-3  # that cost, in squared edges for each unit of quality and each dense point of a vertex
 AT_ONCE = 16_384  # collapses until progress is reported
 
 

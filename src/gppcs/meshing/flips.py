@@ -20,8 +20,7 @@ from gppcs.meshing.triangles import (
 
 SWEEPS = 8  # tries of each edge at most, on average
 UPRIGHT = 0.1  # least cosine between a new triangle's normal and the mean of its corners'
-THIN = 0.3  # triangles below this quality cost extra
-EXTRA = 1e-3  # that cost, in squared longest edges for each unit of quality and each dense point of a vertex
+THIN = 0.22  # triangles below this quality cost extra
 LESS = 1.0 - 1e-7  # an energy counts as lower if it is below this share: rounding flips nothing
 
 
@@ -31,7 +30,7 @@ def flip(
     normals: NDArray[np.float64],
     points: NDArray[np.float64],
     assigned: Assignment,
-    density: float,
+    extra: float,
 ) -> int:
     """Flip edges while the energy falls.
 
@@ -47,8 +46,8 @@ def flip(
         The dense points.
     assigned : Assignment
         Their triangles, changed in place; the weights are no longer valid.
-    density : float
-        Dense points for each vertex of the mesh.
+    extra : float
+        Cost of a triangle without area; the cost falls to 0 at the quality `THIN`.
 
     Returns
     -------
@@ -57,7 +56,7 @@ def flip(
     """
     first = np.full(len(mesh.origin) // 3, -1)
     after = np.full(len(points), -1)
-    return int(_flip_all(mesh, vertices, normals, points, assigned, EXTRA * density, first, after))
+    return int(_flip_all(mesh, vertices, normals, points, assigned, extra, first, after))
 
 
 @kernel
@@ -164,7 +163,7 @@ def _is_better(mesh, vertices, points, assigned, extra, first, after, h):
 
 @kernel
 def thinness(a, b, c):
-    """Return how far the quality of a triangle is below `THIN`, times its longest squared edge.
+    """Return how far the quality of a triangle is below `THIN`, as a share of this.
 
     Parameters
     ----------
@@ -175,11 +174,7 @@ def thinness(a, b, c):
     float
         0 for triangles that are not thin.
     """
-    thin = THIN - quality(a, b, c)
-    if thin <= 0.0:
-        return 0.0
-    ab, bc, ca = minus(b, a), minus(c, b), minus(a, c)
-    return thin * max(dot(ab, ab), dot(bc, bc), dot(ca, ca))
+    return max(0.0, 1.0 - quality(a, b, c) / THIN)
 
 
 @kernel
@@ -243,7 +238,7 @@ def _share_out(mesh, vertices, points, assigned, first, after, f, g):
             i = behind
 
 
-def energy(mesh: HalfEdges, vertices: NDArray[np.float64], assigned: Assignment, density: float) -> float:
+def energy(mesh: HalfEdges, vertices: NDArray[np.float64], assigned: Assignment, extra: float) -> float:
     """Return the energy that flips lower.
 
     Parameters
@@ -251,15 +246,14 @@ def energy(mesh: HalfEdges, vertices: NDArray[np.float64], assigned: Assignment,
     mesh : HalfEdges
     vertices : (V, 3) array, float64
     assigned : Assignment
-    density : float
-        Dense points for each vertex.
+    extra : float
+        Cost of a triangle without area.
 
     Returns
     -------
     float
     """
     a, b, c = (vertices[corner] for corner in mesh.faces().T)
-    edges = np.stack([((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a))])
-    doubled = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    thin = np.maximum(0.0, THIN - 2.0 * np.sqrt(3.0) * doubled / edges.sum(axis=0)) * edges.max(axis=0)
-    return float(assigned.squared.sum() + EXTRA * density * thin.sum())
+    squared = sum(((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a)))
+    qualities = 2.0 * np.sqrt(3.0) * np.linalg.norm(np.cross(b - a, c - a), axis=1) / squared
+    return float(assigned.squared.sum() + extra * np.maximum(0.0, 1.0 - qualities / THIN).sum())

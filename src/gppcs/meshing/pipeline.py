@@ -33,6 +33,7 @@ LEVEL = 8  # points of the first mesh, in vertices of the result
 LEVEL_OF_NOISY = 3  # the same for noisy clouds, whose finest points are not worth joining
 NEIGHBOURS = 24  # of a point of the first mesh, among which those of its fan are
 LEAST_JOINED = 0.5  # share of the points that must be on the first mesh; below it, they lie on no surface
+THIN_COST = 5.0  # what flips may cost to remove a thin triangle, in mean squared distances of a triangle's points
 ROUNDS = 4  # of fitting and flipping
 FLAT = 1e-6  # points whose second widest extent is below this share of the widest lie on a line
 FIRST_TRY = 2_000  # vertices of the first mesh of a search for a tolerance
@@ -323,18 +324,20 @@ class _Maker:
         with stages("collapse", max(0, there - n_vertices)) as advanced:
             into = collapse(mesh, vertices, normals, quadrics, target, kept, density, counts_faces, advanced)
         start = np.where(nearest >= 0, into[nearest], -1)
-        density = len(dense.rows) / max(1, int(np.count_nonzero(mesh.leaving >= 0)))
 
         def assigned() -> Assignment:
             return Assignment.of(mesh, vertices, dense.places, dense.normals, start)
 
         with stages("flips"):
-            flip(mesh, vertices, normals, dense.places, assigned(), density)
+            first = assigned()
+            flip(mesh, vertices, normals, dense.places, first, 0.0)
+            extra = THIN_COST * float(first.squared.sum()) / len(mesh.faces())
+            flip(mesh, vertices, normals, dense.places, assigned(), extra)
         if self.moved:
             with stages("fit"):
                 for _ in range(ROUNDS):
                     vertices = fitted(mesh, vertices, normals, dense.raw, assigned())
-                    flip(mesh, vertices, normals, dense.places, assigned(), density)
+                    flip(mesh, vertices, normals, dense.places, assigned(), extra)
         with stages("distances"):
             distances = assigned()
             there_too = distances.face >= 0
