@@ -18,6 +18,7 @@ FLOORS = (
     ("gppcs.gp", "gppcs.gp.local", "gppcs.gp.spectral"),
     ("gppcs.methods",),
     ("gppcs.simplification",),
+    ("gppcs.meshing",),
     ("gppcs.out_of_core",),
     ("gppcs.evaluation",),
     ("gppcs.drawing",),

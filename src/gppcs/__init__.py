@@ -31,6 +31,7 @@ Simplify it
 Make a mesh of it
     mesh                     make a light mesh straight from a dense cloud
     MeshResult               the mesh, the rows of its vertices, and the time it took
+    write_mesh               write a mesh file: PLY, OBJ, STL, OFF or glTF
     Mesh                     triangles between vertices
     read_mesh                read a mesh file; needs PyMeshLab
 
@@ -124,6 +125,7 @@ if TYPE_CHECKING:
     from gppcs.evaluation.report import Figure, Rebuilt, Report, figures_of
     from gppcs.io import read, write
     from gppcs.io.mesh_files import read_mesh
+    from gppcs.io.mesh_writing import write_mesh
     from gppcs.meshing.pipeline import MeshResult, mesh
     from gppcs.methods import (
         AIVS,
@@ -176,6 +178,7 @@ _HOMES = {  # the module that defines each public name
     "evaluation.report": ("Figure", "Rebuilt", "Report", "figures_of"),
     "io": ("read", "write"),
     "io.mesh_files": ("read_mesh",),
+    "io.mesh_writing": ("write_mesh",),
     "meshing.pipeline": ("MeshResult", "mesh"),
     "methods": (
         "AIVS",
@@ -264,6 +267,7 @@ __all__ = [
     "simplify",
     "simplify_files",
     "write",
+    "write_mesh",
 ]
 
 

@@ -141,6 +141,6 @@ def corners_from(mesh, vertices, f, point):
 @kernel
 def _longest(mesh, vertices, f):
     """Return the squared length of the longest edge of a triangle."""
-    a, b, c = corners_from(mesh, vertices, f, row(vertices, mesh.origin[3 * f]))
+    _, b, c = corners_from(mesh, vertices, f, row(vertices, mesh.origin[3 * f]))
     bc = minus(c, b)
     return max(dot(b, b), dot(c, c), dot(bc, bc))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +14,7 @@ from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import COMPILATION, Stages
-from gppcs.errors import InputError, NoSurfaceError, ParameterError, flag, number, shown, whole_number
+from gppcs.errors import NoSurfaceError, ParameterError, flag, number, shown, whole_number
 from gppcs.meshing.assembly import assembled, holes_filled, without_scraps
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.collapse import collapse
@@ -24,6 +24,7 @@ from gppcs.meshing.fit import fitted
 from gppcs.meshing.flips import flip
 from gppcs.meshing.halfedges import HalfEdges
 from gppcs.meshing.quadrics import add_borders, dense_quadrics, nearest_vertices
+from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
@@ -154,81 +155,87 @@ def mesh(
     """
     from gppcs.simplification import check_usable
 
-    stages = Stages.of(stages)
-    moved = flag("moved", moved)
+    stages, moved = Stages.of(stages), flag("moved", moved)
+    check_size(
+        n_points=n_points, ratio=ratio, n_faces=n_faces, tolerance=tolerance, keep=keep, fill_holes=fill_holes
+    )  # fmt: skip
     with stages("preparation"):
         cloud = PointCloud.of(cloud)
         rows = cloud.finite_rows()
         bad = cloud.non_finite()
         check_usable(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, invalid)
         points, corner, exponent = normalised(cloud.points[rows])
-        chosen = _chosen_rows(keep, rows, len(cloud))
-        wanted = _Wanted.of(len(points), n_points, ratio, n_faces, tolerance, chosen)
-        size = None if fill_holes is None else _size("the size of holes to fill", fill_holes)
+        chosen = None if keep is None else _chosen_rows(keep, rows, points, len(cloud))
+        count = _number_of_vertices(len(points), n_points, ratio)
         _require_surface(points)
-    maker = _Maker(points, chosen, moved, None if size is None else np.ldexp(size, -exponent), stages)
-    if wanted.tolerance is None:
-        made = maker.make(wanted.count, wanted.counts_faces)
+    unit = 2.0**exponent
+    maker = _Maker(points, chosen, moved, None if fill_holes is None else fill_holes / unit, stages)
+    if tolerance is not None:
+        made = maker.search(tolerance / unit, unit)
+    elif n_faces is not None:
+        made = maker.make(n_faces, counts_faces=True)
     else:
-        made = maker.search(float(np.ldexp(wanted.tolerance, -exponent)), 2.0**exponent)
+        made = maker.make(count if chosen is None else len(chosen))
     return _result(cloud, rows, made, moved, corner, exponent, stages)
 
 
-@dataclass(frozen=True)
-class _Wanted:
-    """How large the mesh shall be: a number of vertices or triangles, or the tolerance."""
+def check_size(
+    *,
+    n_points: int | None,
+    ratio: float | None,
+    n_faces: int | None,
+    tolerance: float | None,
+    keep: Any | None,
+    fill_holes: float | None,
+) -> None:
+    """Check how large a mesh shall be, as far as that is possible without the cloud.
 
-    count: int
-    counts_faces: bool = False
-    tolerance: float | None = None
+    Parameters
+    ----------
+    n_points, ratio, n_faces, tolerance, keep, fill_holes
+        As for `mesh`; of `keep` it only matters whether it is None.
 
-    @classmethod
-    def of(
-        cls,
-        n: int,
-        n_points: int | None,
-        ratio: float | None,
-        n_faces: int | None,
-        tolerance: float | None,
-        chosen: NDArray[np.int64] | None,
-    ) -> _Wanted:
-        """Return what the arguments of `mesh` ask for, of n points."""
-        given = {
-            "n_points": n_points, "ratio": ratio, "n_faces": n_faces, "tolerance": tolerance, "keep": chosen
-        }  # fmt: skip
-        names = [name for name, value in given.items() if value is not None]
-        if len(names) != 1:
-            found = " and ".join(names) or "none"
-            raise ParameterError(f"expected one of n_points, ratio, n_faces, tolerance and keep, found {found}")
-        if n_points is not None:
-            return cls(whole_number("the number of points", n_points, FEWEST_VERTICES))
-        if n_faces is not None:
-            return cls(whole_number("the number of triangles", n_faces, FEWEST_VERTICES), counts_faces=True)
-        if tolerance is not None:
-            return cls(0, tolerance=_size("the tolerance", tolerance))
-        if chosen is not None:
-            return cls(len(chosen))
-        share = number(ratio)
-        if not 0 < share <= 1:
-            raise ParameterError(f"expected a ratio above 0 and at most 1, found {shown(ratio)}")
-        if round(share * n) < FEWEST_VERTICES:
-            raise ParameterError(
-                f"expected a ratio that keeps at least {FEWEST_VERTICES} of the {n} points, found {shown(ratio)}"
-            )
-        return cls(round(share * n))
-
-
-def _size(name: str, value: float) -> float:
-    """Return a length; raise an error unless it is finite and above 0."""
-    if not 0 < number(value) < np.inf:
-        raise ParameterError(f"expected {name} to be a number above 0, found {shown(value)}")
-    return number(value)
+    Raises
+    ------
+    ParameterError
+        If not exactly one of the first five is given, or a value is outside its range.
+    """
+    given = {"n_points": n_points, "ratio": ratio, "n_faces": n_faces, "tolerance": tolerance, "keep": keep}
+    names = [name for name, value in given.items() if value is not None]
+    if len(names) != 1:
+        expected, options = (
+            "expected exactly one of",
+            ("--points", "--ratio", "--faces", "--tolerance", "--keep-points"),
+        )
+        found = " and ".join(option for option, name in zip(options, given, strict=True) if name in names) or "none"
+        raise ParameterError(
+            f"{expected} {', '.join(given)}, found {' and '.join(names) or 'none'}",
+            command=f"{expected} {', '.join(options)}, found {found}",
+        )
+    if n_points is not None:
+        whole_number("the number of points", n_points, FEWEST_VERTICES)
+    if n_faces is not None:
+        whole_number("the number of triangles", n_faces, FEWEST_VERTICES)
+    if ratio is not None and not 0 < number(ratio) <= 1:
+        raise ParameterError(f"expected a ratio above 0 and at most 1, found {shown(ratio)}")
+    for name, value in (("the tolerance", tolerance), ("the size of holes to fill", fill_holes)):
+        if value is not None and not 0 < number(value) < np.inf:
+            raise ParameterError(f"expected {name} to be a number above 0, found {shown(value)}")
 
 
-def _chosen_rows(keep: ArrayLike | None, rows: NDArray[np.int64], n: int) -> NDArray[np.int64] | None:
-    """Return the positions of chosen rows among the usable rows, ascending."""
-    if keep is None:
-        return None
+def _number_of_vertices(n: int, n_points: int | None, ratio: float | None) -> int:
+    """Return M, the number of vertices of a mesh of n points."""
+    if ratio is None:
+        return n_points or 0
+    if round(number(ratio) * n) < FEWEST_VERTICES:
+        raise ParameterError(
+            f"expected a ratio that keeps at least {FEWEST_VERTICES} of the {n} points, found {shown(ratio)}"
+        )
+    return round(number(ratio) * n)
+
+
+def _chosen_rows(keep: ArrayLike, rows: NDArray[np.int64], points: NDArray[np.float64], n: int) -> NDArray[np.int64]:
+    """Return the positions of chosen rows among the usable rows, ascending; of repeats, that of the first."""
     chosen = np.asarray(keep)
     if chosen.ndim != 1 or not np.issubdtype(chosen.dtype, np.integer) or len(chosen) < FEWEST_VERTICES:
         raise ParameterError(f"expected keep to be at least {FEWEST_VERTICES} indices of rows, found {shown(keep)}")
@@ -237,7 +244,9 @@ def _chosen_rows(keep: ArrayLike | None, rows: NDArray[np.int64], n: int) -> NDA
         raise ParameterError(
             f"expected keep to be rows of the cloud from 0 to {n - 1} with finite coordinates, found {unusable[0]}"
         )
-    return np.searchsorted(rows, np.unique(chosen))
+    distinct = np.flatnonzero(first_occurrences(points))
+    nearest, _ = KdTree.build(points[distinct]).nearest_of(points[np.searchsorted(rows, chosen)], 1)
+    return np.unique(distinct[nearest[:, 0]])
 
 
 def _require_surface(points: NDArray[np.float64]) -> None:
@@ -277,7 +286,7 @@ class _Maker:
         enough, too_few = np.inf, 0
         while tries < MOST_TRIES:
             tries += 1
-            made = self.make(count, False)
+            made = self.make(count)
             distance = made.diagnostics["mean_distance"]
             if distance <= tolerance:
                 best, enough = made, len(made.vertices)
@@ -297,10 +306,10 @@ class _Maker:
             if count in (too_few, enough):
                 break
         if best is None:
-            return self.make(len(self.points), False)
+            return self.make(len(self.points))
         return best
 
-    def make(self, count: int, counts_faces: bool) -> _Made:
+    def make(self, count: int, counts_faces: bool = False) -> _Made:
         """Return a mesh of that many vertices or triangles."""
         stages = self.stages
         n_vertices = -(-count // 2) if counts_faces else count
@@ -403,6 +412,4 @@ def _result(
         columns = np.ascontiguousarray(made.normals.T, dtype=np.float32)
         kept = dataclasses.replace(kept, attributes={**kept.attributes, **dict(zip(NORMALS, columns, strict=True))})
     scaled = {name: made.diagnostics[name] * 2.0**exponent for name in ("noise", "mean_distance")}
-    return MeshResult(
-        Mesh(kept.points, made.faces), indices, kept, stages.seconds, {**made.diagnostics, **scaled}
-    )
+    return MeshResult(Mesh(kept.points, made.faces), indices, kept, stages.seconds, {**made.diagnostics, **scaled})

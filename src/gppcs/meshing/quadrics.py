@@ -100,9 +100,7 @@ def _add_dense(points, normals, vertices, nearest, quadrics):
             add_plane(quadrics[v], normal, dot(normal, minus(row(vertices, v), row(points, i))), 1.0)
 
 
-def add_borders(
-    mesh: HalfEdges, vertices: NDArray[np.float64], weight: float, quadrics: NDArray[np.float64]
-) -> None:
+def add_borders(mesh: HalfEdges, vertices: NDArray[np.float64], weight: float, quadrics: NDArray[np.float64]) -> None:
     """Add to the ends of each edge on a border the plane through it that is upright on its triangle.
 
     Parameters
