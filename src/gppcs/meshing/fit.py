@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, diags_array
 from scipy.sparse.linalg import cg
 
+from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.halfedges import HalfEdges
@@ -14,9 +15,11 @@ from gppcs.meshing.triangles import area_vector, dot, row
 
 PULL = 0.02  # weight with which a vertex is held where it is, in mean weights of a vertex
 LEAST_COSINE = 0.2  # between a triangle's normal and the mean of its corners' after a move
+MOST_ITERATIONS = 100  # of conjugate gradients
 ROUNDS = 4  # of undoing moves that turn triangles over
 
 
+@one_blas_thread()
 def fitted(
     mesh: HalfEdges,
     vertices: NDArray[np.float64],
@@ -54,10 +57,9 @@ def fitted(
     normal_matrix = (matrix.T @ matrix).tocsr()
     hold = pull * normal_matrix.diagonal().sum() / np.count_nonzero(mesh.leaving >= 0)
     normal_matrix = (normal_matrix + diags_array(np.full(len(vertices), hold))).tocsr()
-    right = matrix.T @ points[there] + hold * vertices
-    moved = np.column_stack(
-        [cg(normal_matrix, right[:, axis], x0=vertices[:, axis], rtol=1e-6, maxiter=100)[0] for axis in range(3)]
-    )
+    right = matrix.T @ (points[there] - matrix @ vertices)  # what the present vertices leave
+    steps = [cg(normal_matrix, axis, rtol=1e-6, maxiter=MOST_ITERATIONS)[0] for axis in right.T]
+    moved = vertices + np.column_stack(steps)
     _undo_turns(mesh, vertices, normals, moved)
     return moved
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
+from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import COMPILATION, Stages
 from gppcs.errors import NoSurfaceError, ParameterError, flag, number, shown, whole_number
@@ -33,7 +34,8 @@ FEWEST_VERTICES = 4  # of a mesh: those of a tetrahedron
 LEVEL = 8  # points of the first mesh, in vertices of the result
 LEVEL_OF_NOISY = 3  # the same for noisy clouds, whose finest points are not worth joining
 NEIGHBOURS = 24  # of a point of the first mesh, among which those of its fan are
-LEAST_JOINED = 0.5  # share of the points that must be on the first mesh; below it, they lie on no surface
+LEAST_VERTICES = 256  # the first mesh of a lighter result is made as for this many
+LEAST_AGREED = 0.38  # of the fans' triangles, the share that another fan has too; below it, points lie on no surface
 THIN_COST = 5.0  # what flips may cost to remove a thin triangle, in mean squared distances of a triangle's points
 ROUNDS = 4  # of fitting and flipping
 FLAT = 1e-6  # points whose second widest extent is below this share of the widest lie on a line
@@ -249,6 +251,7 @@ def _chosen_rows(keep: ArrayLike, rows: NDArray[np.int64], points: NDArray[np.fl
     return np.unique(distinct[nearest[:, 0]])
 
 
+@one_blas_thread()
 def _require_surface(points: NDArray[np.float64]) -> None:
     """Raise an error if the points, (N, 3), are too few or lie on a line."""
     distinct = len(np.unique(points[: 10 * FEWEST_VERTICES], axis=0))
@@ -315,9 +318,9 @@ class _Maker:
         n_vertices = -(-count // 2) if counts_faces else count
         chosen = np.empty(0, dtype=np.int64) if self.chosen is None else self.chosen
         with stages("normals"):
-            dense = DensePoints.of(self.points, n_vertices, chosen)
+            dense = DensePoints.of(self.points, max(n_vertices, LEAST_VERTICES), chosen)
         with stages("first mesh"):
-            level = self._level(dense, n_vertices, chosen)
+            level = self._level(dense, max(n_vertices, LEAST_VERTICES), chosen)
             faces, left_out = _first_mesh(dense, level)
         places = dense.places if self.moved else dense.raw
         vertices, normals = places[level], dense.normals[level]
@@ -383,15 +386,17 @@ def _first_mesh(dense: DensePoints, level: NDArray[np.int64]) -> tuple[NDArray[n
     places, normals, reaches = dense.places[level], dense.normals[level], dense.cover.reaches[level]
     tree = KdTree.over(np.ascontiguousarray(places.T))
     near, _ = tree.neighbours(min(NEIGHBOURS, len(level) - 1))
-    faces = assembled(*fans_of(places, normals, near), places, normals, reaches, dense.cover)
-    faces = without_scraps(faces, len(level))
-    joined = len(np.unique(faces)) / len(level)
-    if joined < LEAST_JOINED:
+    triangles, votes, radii = fans_of(places, normals, near)
+    if not np.count_nonzero(votes > 1) >= LEAST_AGREED * max(1, len(votes)):
         raise NoSurfaceError(
-            f"expected points on a surface, found that only {joined:.0%} of them can be joined to one: the points fill "
-            "a volume, or they are too far apart for the detail that they show"
+            f"expected points on a surface, found {len(level)} points of whose triangles only "
+            f"{np.mean(votes > 1):.0%} fit together: they fill a volume, are too few, or have noise thicker than their spacing"
         )
-    return faces, 1.0 - joined
+    faces = assembled(triangles, votes, radii, places, normals, reaches, dense.cover)
+    faces = without_scraps(faces, len(level))
+    if not len(faces):
+        raise NoSurfaceError(f"expected points on a surface, found {len(level)} points of which no triangles join")
+    return faces, 1.0 - len(np.unique(faces)) / len(level)
 
 
 def _result(
