@@ -46,6 +46,8 @@ Judge a simplification
     evaluate                 compare a simplified cloud with the original
     Report                   what `evaluate` returns: distances, errors and angles
     Rebuilt                  the part of a report that compares rebuilt meshes
+    evaluate_mesh            compare a simplified mesh with the original
+    MeshReport               what `evaluate_mesh` returns: distances, topology and thin triangles
     figures_of               unit and definition of each figure of a report
     Figure                   unit and definition of one figure
     compare                  run several methods on one cloud and evaluate each result
@@ -121,8 +123,8 @@ if TYPE_CHECKING:
         ParameterError,
     )
     from gppcs.evaluation.comparison import Entry, compare
-    from gppcs.evaluation.judge import evaluate
-    from gppcs.evaluation.report import Figure, Rebuilt, Report, figures_of
+    from gppcs.evaluation.judge import evaluate, evaluate_mesh
+    from gppcs.evaluation.report import Figure, MeshReport, Rebuilt, Report, figures_of
     from gppcs.io import read, write
     from gppcs.io.mesh_files import read_mesh
     from gppcs.io.mesh_writing import write_mesh
@@ -174,8 +176,8 @@ _HOMES = {  # the module that defines each public name
         "ParameterError",
     ),
     "evaluation.comparison": ("Entry", "compare"),
-    "evaluation.judge": ("evaluate",),
-    "evaluation.report": ("Figure", "Rebuilt", "Report", "figures_of"),
+    "evaluation.judge": ("evaluate", "evaluate_mesh"),
+    "evaluation.report": ("Figure", "MeshReport", "Rebuilt", "Report", "figures_of"),
     "io": ("read", "write"),
     "io.mesh_files": ("read_mesh",),
     "io.mesh_writing": ("write_mesh",),
@@ -228,6 +230,7 @@ __all__ = [
     "Listener",
     "LocalGP",
     "Mesh",
+    "MeshReport",
     "MeshResult",
     "Method",
     "MissingExtraError",
@@ -255,6 +258,7 @@ __all__ = [
     "estimate_features",
     "estimate_normals",
     "evaluate",
+    "evaluate_mesh",
     "figures_of",
     "from_depth",
     "info",

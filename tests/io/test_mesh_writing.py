@@ -99,7 +99,9 @@ def test_an_existing_file_is_kept_unless_forced(tmp_path, mesh):
 
 @pytest.mark.parametrize("name", ["mesh.las", "mesh", "mesh.gltf"])
 def test_other_formats_are_an_error_that_lists_those_of_meshes(tmp_path, mesh, name):
-    with pytest.raises(gppcs.FileFormatError, match=r"one of the formats of meshes \.ply \.obj \.stl \.off \.glb, found"):
+    with pytest.raises(
+        gppcs.FileFormatError, match=r"one of the formats of meshes \.ply \.obj \.stl \.off \.glb, found"
+    ):
         gppcs.write_mesh(tmp_path / name, mesh)
     assert not list(tmp_path.iterdir())
 

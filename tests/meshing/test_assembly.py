@@ -28,7 +28,7 @@ from shapes import ball, sheet
 def test_any_triangles_become_a_manifold(seed):
     """Triangles of several triangulations of the same points, in any order, and random ones."""
     rng = np.random.default_rng(seed)
-    points, _, faces = ball(60, seed)
+    _, _, faces = ball(60, seed)
     soup = np.concatenate([faces, rng.permutation(60)[faces][:30], rng.integers(0, 60, (100, 3))])
     soup = soup[(soup[:, 0] != soup[:, 1]) & (soup[:, 1] != soup[:, 2]) & (soup[:, 2] != soup[:, 0])]
     chosen = without_bow_ties(taken(rng.permutation(soup), 60), 60)
@@ -38,7 +38,7 @@ def test_any_triangles_become_a_manifold(seed):
 
 
 def test_triangles_of_a_manifold_are_all_taken():
-    points, _, faces = ball(100)
+    _, _, faces = ball(100)
     assert np.array_equal(taken(np.concatenate([faces, faces[:, [0, 2, 1]]]), 100), faces)
 
 
@@ -97,7 +97,8 @@ def test_a_gap_is_filled_by_the_cheapest_triangles(seed):
         sum(cost(points, t) for t in triangles)
         for triangles in triangulations(loop.tolist())
         if not any(
-            frozenset(pair) in edges and abs(list(loop).index(pair[0]) - list(loop).index(pair[1])) not in (1, len(loop) - 1)
+            frozenset(pair) in edges
+            and abs(list(loop).index(pair[0]) - list(loop).index(pair[1])) not in (1, len(loop) - 1)
             for t in triangles
             for pair in itertools.combinations(t, 2)
         )
@@ -116,6 +117,6 @@ def test_only_covered_gaps_are_filled_unless_the_holes_shall_be():
 
 
 def test_scraps_are_left_out():
-    points, _, faces = ball(50)
+    _, _, faces = ball(50)
     scrap = np.array([[50, 51, 52], [51, 53, 52]])
     assert np.array_equal(without_scraps(np.concatenate([faces, scrap]), 54), faces)

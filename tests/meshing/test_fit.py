@@ -23,9 +23,7 @@ def test_the_fit_is_that_of_a_dense_solver(coarse):
     mesh, points, normals, dense, assigned = coarse
     matrix = np.zeros((len(dense), 200))
     rows = np.arange(len(dense))[:, None]
-    matrix[rows, mesh.faces()[assigned.face]] = np.column_stack(
-        [1 - assigned.weights.sum(axis=1), assigned.weights]
-    )
+    matrix[rows, mesh.faces()[assigned.face]] = np.column_stack([1 - assigned.weights.sum(axis=1), assigned.weights])
     hold = 0.02 * (matrix**2).sum() / 200
     stacked = np.vstack([matrix, np.sqrt(hold) * np.eye(200)])
     expected = np.linalg.lstsq(stacked, np.vstack([dense, np.sqrt(hold) * points]))[0]

@@ -76,7 +76,7 @@ def test_a_torus_keeps_its_handle(moved):
 
 
 def test_two_balls_are_two_pieces(ball):
-    result = gppcs.mesh(np.concatenate([ball.points, ball.points + [200, 0, 0]]), n_points=200)
+    result = gppcs.mesh(np.concatenate([ball.points, ball.points + np.array([200, 0, 0])]), n_points=200)
     assert topology_of(result.mesh.faces) == (0, 0, 0, 2, 0)
 
 

@@ -60,7 +60,7 @@ def topology_of(faces: NDArray[np.int64]) -> Topology:
     pairs = order[:-1][edge[order[1:]] == edge[order[:-1]]], order[1:][edge[order[1:]] == edge[order[:-1]]]
     alike = begin[pairs[0]] == begin[pairs[1]]
     first = np.where(alike, pairs[1], next_corner[pairs[1]]), np.where(alike, next_corner[pairs[1]], pairs[1])
-    fans, fan = _components((pairs[0], next_corner[pairs[0]]), first, len(corners))
+    _, fan = _components((pairs[0], next_corner[pairs[0]]), first, len(corners))
     several = np.bincount(np.unique(np.stack([begin, fan]), axis=1)[0])
     on_border = counts[edge] == 1
     borders = len(np.unique(_components((begin[on_border],), (end[on_border],), n)[1][begin[on_border]]))

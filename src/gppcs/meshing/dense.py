@@ -17,6 +17,7 @@ from gppcs.surface.normals import estimate_normals
 PER_VERTEX = 32  # dense points for each vertex of the result: more make the quadrics hardly better
 NOISY = 0.25  # least noise that counts, in distances to the neighbour of rank `RANK`
 FITS = 20, 40  # points of the quadrics that tell noise from detail; points go to the feet on those of the second
+WIDER = 2.0  # how far a point covers the surface at most, in median distances that its neighbours cover
 STEPS = 2  # such projections
 
 
@@ -76,8 +77,7 @@ class DensePoints:
                 places = np.ascontiguousarray(feet.points.T)
             tree = KdTree.build(places)
             rows, raw, places, normals = (values[tree.order] for values in (rows, raw, places, normals))
-        rank = min(RANK, len(rows) - 1)
-        reaches = np.sqrt(tree.neighbours(rank)[1][:, -1])
+        reaches = _reaches(tree)
         cover = Cover(tree.points, tree.low, tree.high, normals, reaches)
         return cls(rows, raw, places, normals, cover, noise)
 
@@ -90,6 +90,17 @@ def _some_rows(points: NDArray[np.float64], n_vertices: int, chosen: NDArray[np.
         return distinct
     order = KdTree.build(points[distinct]).order  # neighbours follow each other, so every k-th point is an even sample
     return np.union1d(distinct[order[::step]], chosen)
+
+
+def _reaches(tree: KdTree) -> NDArray[np.float64]:
+    """Return how far each point of a tree covers the surface: to a near neighbour, but not much farther than these do.
+
+    Otherwise a stray point would cover all the way to the surface.
+    """
+    near, squared = tree.neighbours(min(RANK, len(tree.order) - 1))
+    reaches = np.sqrt(squared[:, -1])
+    usual = np.partition(reaches[near], (near.shape[1] - 1) // 2, axis=1)[:, (near.shape[1] - 1) // 2]
+    return np.minimum(reaches, WIDER * usual)
 
 
 def _noise(tree: KdTree) -> float:

@@ -390,7 +390,8 @@ def _first_mesh(dense: DensePoints, level: NDArray[np.int64]) -> tuple[NDArray[n
     if not np.count_nonzero(votes > 1) >= LEAST_AGREED * max(1, len(votes)):
         raise NoSurfaceError(
             f"expected points on a surface, found {len(level)} points of whose triangles only "
-            f"{np.mean(votes > 1):.0%} fit together: they fill a volume, are too few, or have noise thicker than their spacing"
+            f"{np.mean(votes > 1):.0%} fit together: they fill a volume, are too few, or have noise thicker than "
+            "their spacing"
         )
     faces = assembled(triangles, votes, radii, places, normals, reaches, dense.cover)
     faces = without_scraps(faces, len(level))
