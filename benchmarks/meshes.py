@@ -1,8 +1,8 @@
 """Put `gppcs mesh` beside screened Poisson reconstruction and decimation, in one run on one core.
 
-Needs the extra `evaluate`. The rival is what people do today: PyMeshLab rebuilds a surface from the whole cloud by screened
-Poisson reconstruction of depth 8, membranes far from all points are cut off, and quadric decimation leaves twice as
-many triangles as the mesh of ours has vertices. Its time includes the normals that it needs; ours includes all.
+Needs the extra `evaluate`. The rival is what people do today: PyMeshLab rebuilds a surface from the whole cloud by
+screened Poisson reconstruction of depth 8, membranes far from all points are cut off, and quadric decimation leaves
+twice as many triangles as the mesh of ours has vertices. Its time includes the normals that it needs.
 Distances are in 1e-4 diagonals, by `gppcs.evaluate_mesh`: from the vertices of the original mesh, or where there is
 none from the points. Names of clouds may be given; by default, all are measured.
 """
@@ -84,8 +84,8 @@ def measured(name: str) -> list[tuple[str, ...]]:
                         "self_intersections")
         )  # fmt: skip
         rows.append(
-            (name if work == "points" else "", f"{len(cloud):,}", f"{figures['vertices']:,.0f}", work, *lengths, *counts,
-             f"{100 * figures['slivers']:.2f}", f"{seconds:.1f}")
+            (name if work == "points" else "", f"{len(cloud):,}", f"{figures['vertices']:,.0f}", work, *lengths,
+             *counts, f"{100 * figures['slivers']:.2f}", f"{seconds:.1f}")
         )  # fmt: skip
         print(*rows[-1], file=sys.stderr, flush=True)
     return rows
@@ -112,9 +112,9 @@ def main() -> None:
         ],
         sorted(Path(report.DATA / f"{file}.ply") for file in files),
         [f"the last {len(CLOUDS) - UNSEEN} clouds were not used to choose any constant"],
-        "Distances in 1e-4 diagonals: mean and max from the original mesh's vertices (from the points where there is no "
-        "mesh) to the mesh; back from the mesh's vertices. Cutting counts triangles that cut another. All on one core; "
-        "the time of Poisson includes normals.",
+        "Distances in 1e-4 diagonals: mean and max from the original mesh's vertices (from the points where there is "
+        "no mesh) to the mesh; back from the mesh's vertices. Cutting counts triangles that cut another. All on one "
+        "core; the time of Poisson includes normals.",
     )  # fmt: skip
 
 

@@ -102,7 +102,7 @@ def test_scraps_are_told(gppcs_command, folder):
         (["--faces", "many"], ["expected --faces to be a whole number"]),
         (["--tolerance", 0], ["the tolerance to be a number above 0"]),
         (["--points", 9, "--fill-holes", -1], ["the size of holes to fill"]),
-        (["--keep-points", "other.ply"], ["other.ply: expected points of the cloud, found 5 that are none, the first at index 0"]),
+        (["--keep-points", "other.ply"], ["other.ply: expected points of the cloud, found 5", "the first at index 0"]),
         (["--keep-points", "nothing.ply"], ["nothing.ply: No such file"]),
     ],
 )  # fmt: skip

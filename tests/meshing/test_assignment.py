@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from dense import distances_to_triangles
 
+from dense import distances_to_triangles
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.halfedges import HalfEdges
 from shapes import ball
