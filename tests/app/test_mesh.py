@@ -87,10 +87,10 @@ def test_fewer_points_than_asked_for_are_told(gppcs_command, ball):
 
 def test_scraps_are_told(gppcs_command, folder):
     ball = gppcs.sample("sphere", 3000).points
-    gppcs.write("two.ply", np.concatenate([ball, [300, 0, 0] + np.eye(3)[[0, 1, 2, 0]] * [[1], [1], [1], [2]]]))
+    gppcs.write("two.ply", np.concatenate([ball, [300, 0, 0] + np.eye(3)[[0, 1, 2, 0]] * [[20], [20], [20], [40]]]))
     code, _, err = gppcs_command("mesh", "two.ply", "-o", "small.ply", "--points", 200)
     assert code == 0
-    assert err == "gppcs: note: two.ply: 0.1% of the points are on no piece of the surface that is large enough\n"
+    assert err == "gppcs: note: two.ply: 0.2% of the points are on no piece of the surface that is large enough\n"
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,14 @@ from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, following, new_keys,
 from gppcs.meshing.triangles import area_vector, dot, minus, row
 
 SMALL_GAP = 8  # corners of a gap that is filled before triangles of a single fan are tried
+PINHOLE, PINHOLE_SIZE = (
+    6,
+    4.0,
+)  # corners and size, in usual edges, of a gap that is filled though no points cover it, as random samples have
 LARGEST_GAP = 40  # corners of a gap that is filled at the end
 MOST_CORNERS = 1000  # of a hole that is filled on request: its filling takes the cube of their number in time
 FEWEST = 12  # triangles of a piece; smaller ones are scraps
+EMPTY = 2.0  # radius of a circle without dense points in which a triangle is a hole, in what its corners cover
 BEND = 4.0  # weight of the bend of a filling, beside its area
 LENGTH = 0.02  # weight of its squared edges, which keeps its triangles compact
 
@@ -28,11 +33,12 @@ def assembled(
     normals: NDArray[np.float64],
     reaches: NDArray[np.float64],
     cover: Cover,
+    spread: float,
 ) -> NDArray[np.int64]:
     """Choose triangles of the fans that together are an oriented manifold, and fill gaps that dense points cover.
 
     Triangles on which two or three fans agree come first, those with small circumcircles before others. Small gaps
-    are filled; then triangles of a single fan are added where there is room; then larger gaps are filled.
+    are filled; then triangles of a single fan are added where there is room; then larger gaps are filled, and pinholes.
 
     Parameters
     ----------
@@ -44,6 +50,8 @@ def assembled(
         How far the vertices cover the surface.
     cover : Cover
         The dense points.
+    spread : float
+        No dense point is farther than this from a vertex. So a larger circle around a triangle holds an empty place.
 
     Returns
     -------
@@ -51,6 +59,7 @@ def assembled(
         Corners of the chosen triangles.
     """
     kept = are_covered(cover, triangles, points, reaches)
+    kept &= radii <= spread + EMPTY * reaches[triangles].min(axis=1)
     triangles, votes, radii = triangles[kept], votes[kept], radii[kept]
     order = np.lexsort((radii, -votes))
     agreed = votes[order] > 1
@@ -60,6 +69,11 @@ def assembled(
     faces = taken(np.concatenate([faces, triangles[order[~agreed]]]), len(points))
     faces = filled(without_bow_ties(faces, len(points)), *gaps, LARGEST_GAP)
     faces = filled(without_bow_ties(faces, len(points)), *gaps, LARGEST_GAP)
+    corners = points[faces]
+    usual = np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1))
+    faces = holes_filled(
+        without_bow_ties(faces, len(points)), points, normals, PINHOLE_SIZE * usual, cover, PINHOLE
+    )  # fmt: skip
     return without_bow_ties(faces, len(points))
 
 
@@ -380,6 +394,7 @@ def holes_filled(
     normals: NDArray[np.float64],
     size: float,
     cover: Cover,
+    most: int = MOST_CORNERS,
 ) -> NDArray[np.int64]:
     """Close holes up to a size, whether dense points cover them or not.
 
@@ -393,6 +408,8 @@ def holes_filled(
         Diagonal of the box around the border of a hole, at most.
     cover : Cover
         The dense points.
+    most : int
+        Corners of a hole at most.
 
     Returns
     -------
@@ -408,5 +425,5 @@ def holes_filled(
     loops, ends = np.concatenate(small), np.cumsum([len(loop) for loop in small])
     keys = new_keys(3 * len(faces) + 3 * len(loops))
     added = np.empty((len(loops), 3), dtype=np.int64)
-    count = _fill_all(mesh, loops, ends, MOST_CORNERS, points, normals, np.ones(len(points)), cover, False, keys, added)
+    count = _fill_all(mesh, loops, ends, most, points, normals, np.ones(len(points)), cover, False, keys, added)
     return np.concatenate([faces, added[:count]])
