@@ -20,7 +20,6 @@ PINHOLE, PINHOLE_SIZE = (
 LARGEST_GAP = 40  # corners of a gap that is filled at the end
 MOST_CORNERS = 1000  # of a hole that is filled on request: its filling takes the cube of their number in time
 FEWEST = 12  # triangles of a piece; smaller ones are scraps
-EMPTY = 2.0  # radius of a circle without dense points in which a triangle is a hole, in what its corners cover
 BEND = 4.0  # weight of the bend of a filling, beside its area
 LENGTH = 0.02  # weight of its squared edges, which keeps its triangles compact
 
@@ -33,7 +32,6 @@ def assembled(
     normals: NDArray[np.float64],
     reaches: NDArray[np.float64],
     cover: Cover,
-    spread: float,
 ) -> NDArray[np.int64]:
     """Choose triangles of the fans that together are an oriented manifold, and fill gaps that dense points cover.
 
@@ -50,8 +48,6 @@ def assembled(
         How far the vertices cover the surface.
     cover : Cover
         The dense points.
-    spread : float
-        No dense point is farther than this from a vertex. So a larger circle around a triangle holds an empty place.
 
     Returns
     -------
@@ -59,7 +55,6 @@ def assembled(
         Corners of the chosen triangles.
     """
     kept = are_covered(cover, triangles, points, reaches)
-    kept &= radii <= spread + EMPTY * reaches[triangles].min(axis=1)
     triangles, votes, radii = triangles[kept], votes[kept], radii[kept]
     order = np.lexsort((radii, -votes))
     agreed = votes[order] > 1

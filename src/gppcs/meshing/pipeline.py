@@ -320,8 +320,8 @@ class _Maker:
         with stages("normals"):
             dense = DensePoints.of(self.points, max(n_vertices, LEAST_VERTICES), chosen)
         with stages("first mesh"):
-            level, spread = self._level(dense, max(n_vertices, LEAST_VERTICES), chosen)
-            faces, left_out = _first_mesh(dense, level, spread)
+            level = self._level(dense, max(n_vertices, LEAST_VERTICES), chosen)
+            faces, left_out = _first_mesh(dense, level)
         places = dense.places if self.moved else dense.raw
         vertices, normals = places[level], dense.normals[level]
         mesh = HalfEdges.of(faces, len(level))
@@ -368,20 +368,20 @@ class _Maker:
         used, faces = np.unique(faces, return_inverse=True)
         return _Made(faces.reshape(-1, 3), vertices[used], normals[used], dense.rows[level[used]], diagnostics)
 
-    def _level(self, dense: DensePoints, n_vertices: int, chosen: NDArray[np.int64]) -> tuple[NDArray[np.int64], float]:
-        """Return the positions of the points of the first mesh, ascending, and how far from them the others lie."""
+    def _level(self, dense: DensePoints, n_vertices: int, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the positions of the points of the first mesh, ascending."""
         n = len(dense.rows)
         wanted = (LEVEL_OF_NOISY if dense.noise else LEVEL) * n_vertices
         if wanted >= n:
-            return np.arange(n), 0.0
+            return np.arange(n)
         forced = np.flatnonzero(np.isin(dense.rows, chosen))
         tree = KdTree.over(np.ascontiguousarray(dense.places.T))
         others = dense.places[forced] if len(forced) else None
-        even, distances = farthest_points(dense.places, max(1, wanted - len(forced)), tree, others=others)
-        return np.union1d(even, forced), float(distances[-1])
+        even, _ = farthest_points(dense.places, max(1, wanted - len(forced)), tree, others=others)
+        return np.union1d(even, forced)
 
 
-def _first_mesh(dense: DensePoints, level: NDArray[np.int64], spread: float) -> tuple[NDArray[np.int64], float]:
+def _first_mesh(dense: DensePoints, level: NDArray[np.int64]) -> tuple[NDArray[np.int64], float]:
     """Return the triangles, (F, 3), of the mesh of some points, and the share of these that are not on it."""
     places, normals, reaches = dense.places[level], dense.normals[level], dense.cover.reaches[level]
     tree = KdTree.over(np.ascontiguousarray(places.T))
@@ -393,7 +393,7 @@ def _first_mesh(dense: DensePoints, level: NDArray[np.int64], spread: float) -> 
             f"{np.mean(votes > 1):.0%} fit together: they fill a volume, are too few, or have noise thicker than "
             "their spacing"
         )
-    faces = assembled(triangles, votes, radii, places, normals, reaches, dense.cover, spread)
+    faces = assembled(triangles, votes, radii, places, normals, reaches, dense.cover)
     faces = without_scraps(faces, len(level))
     if not len(faces):
         raise NoSurfaceError(f"expected points on a surface, found {len(level)} points of which no triangles join")
