@@ -53,6 +53,7 @@ SCRIPTS = (
     Script("gp_ablation.py", "gp_ablation", ("pymeshlab",)),
     Script("gp_prefixes.py", "gp_prefixes", ("pymeshlab",)),
     Script("normals.py", "normals", ("pymeshlab",)),
+    Script("meshes.py", "meshes", ("pymeshlab",)),
     Script("perception.py", "perception", ("pymeshlab", "pyvista")),
     Script("rivals.py", "rivals", ("CGAL",)),
     Script("paper/table1.py", "paper_table1", ("pymeshlab",)),

@@ -26,7 +26,7 @@ from gppcs.app.quantities import Ratio, count_of, share_of
 from gppcs.engine.memory import peak_memory
 from gppcs.engine.stages import COMPILATION
 from gppcs.engine.threads import set_threads
-from gppcs.errors import InputError
+from gppcs.errors import InputError, file_path
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,11 +45,13 @@ EPILOG = (
 
 
 def mesh(
-    cloud: Annotated[Path, typer.Argument(metavar="IN", help="A point cloud file.", show_default=False)],
+    cloud: Annotated[
+        Path, typer.Argument(metavar="IN", parser=file_path, help="A point cloud file.", show_default=False)
+    ],
     output: Annotated[
         Path,
         typer.Option(
-            "--output", "-o", metavar="OUT", help="The mesh file to write: .ply, .obj, .stl, .off or .glb (glTF)."
+            "--output", "-o", metavar="OUT", parser=file_path, help="The mesh file to write: .ply, .obj, .stl, .off or .glb (glTF)."
         ),
     ],
     points: Annotated[
