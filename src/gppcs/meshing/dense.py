@@ -76,7 +76,9 @@ class DensePoints:
                 feet, _ = projections(tree, KdTree.over(np.ascontiguousarray(places.T)), FITS[1])
                 places = np.ascontiguousarray(feet.points.T)
             tree = KdTree.build(places)
-            rows, raw, places, normals = (values[tree.order] for values in (rows, raw, places, normals))
+            rows, raw, places, normals = (
+                rows[tree.order], raw[tree.order], places[tree.order], normals[tree.order]
+            )  # fmt: skip
         reaches = _reaches(tree)
         cover = Cover(tree.points, tree.low, tree.high, normals, reaches)
         return cls(rows, raw, places, normals, cover, noise)

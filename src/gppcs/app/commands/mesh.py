@@ -51,7 +51,11 @@ def mesh(
     output: Annotated[
         Path,
         typer.Option(
-            "--output", "-o", metavar="OUT", parser=file_path, help="The mesh file to write: .ply, .obj, .stl, .off or .glb (glTF)."
+            "--output",
+            "-o",
+            metavar="OUT",
+            parser=file_path,
+            help="The mesh file to write: .ply, .obj, .stl, .off or .glb (glTF).",
         ),
     ],
     points: Annotated[
