@@ -73,8 +73,13 @@ def measured(name: str) -> list[tuple[str, ...]]:
     }
     rows = []
     for work, make in works.items():
+        first = name if work == "points" else ""
         start = perf_counter()
-        mesh = make()
+        try:
+            mesh = make()
+        except gppcs.NoSurfaceError:
+            rows.append((first, f"{len(cloud):,}", f"{n_vertices:,}", work, "no surface found", *[""] * 11))
+            continue
         seconds = perf_counter() - start
         figures = gppcs.evaluate_mesh(cloud, mesh, surface).figures(relative=True)
         lengths = (f"{1e4 * figures[f'mesh_{key}']:.2f}" for key in ("mean", "max", "back_mean", "back_max"))
@@ -84,7 +89,7 @@ def measured(name: str) -> list[tuple[str, ...]]:
                         "self_intersections")
         )  # fmt: skip
         rows.append(
-            (name if work == "points" else "", f"{len(cloud):,}", f"{figures['vertices']:,.0f}", work, *lengths,
+            (first, f"{len(cloud):,}", f"{figures['vertices']:,.0f}", work, *lengths,
              *counts, f"{100 * figures['slivers']:.2f}", f"{seconds:.1f}")
         )  # fmt: skip
         print(*rows[-1], file=sys.stderr, flush=True)
