@@ -55,6 +55,7 @@ SCRIPTS = (
     Script("tiles.py", "tiles", ("pymeshlab",)),
     Script("cluster.py", "cluster"),
     Script("normals.py", "normals", ("pymeshlab",)),
+    Script("meshes.py", "meshes", ("pymeshlab",)),
     Script("perception.py", "perception", ("pymeshlab", "pyvista")),
     Script("rivals.py", "rivals", ("CGAL",)),
     Script("paper/table1.py", "paper_table1", ("pymeshlab",)),

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 import gppcs
+from meshes import hull_mesh
 
 OURS = (gppcs.ParameterError, gppcs.InputError, gppcs.FileFormatError)
 CLOUD = gppcs.sample("bracket", n_points=300)
+BALL = gppcs.sample("sphere", n_points=1000)
+HULL = hull_mesh(BALL.points)
 WRONG = [None, 3, 1.5, math.nan, True, "text", "5", b"5", {"a": 1}, {1, 2}, [], [1, [2]], (1, 2), object(), len, 1j]
 WRONG += [np.zeros(2), np.zeros((2, 2)), np.array("a"), np.array([[None] * 3]), np.zeros((2, 3), dtype="M8[s]")]
 WRONG += [[["a", "b", "c"]], 10**400, type]
@@ -102,6 +105,12 @@ CALLS = {  # a public function, and arguments with which it works
     "compare": (gppcs.compare, {"cloud": CLOUD, "methods": ["random"], "n_points": 9, "ratio": None, "mesh": None,
                                 "seed": None, "invalid": "error", "stages": None}),
     "evaluate": (gppcs.evaluate, {"original": CLOUD, "simplified": CLOUD, "mesh": None, "stages": None}),
+    "evaluate_mesh": (gppcs.evaluate_mesh, {"original": BALL, "simplified": HULL, "mesh": None,
+                                            "stages": None}),
+    "mesh": (gppcs.mesh, {"cloud": BALL, "n_points": 9, "ratio": None, "n_faces": None, "tolerance": None,
+                          "keep": None, "moved": False, "fill_holes": None, "invalid": "error", "stages": None}),
+    "write_mesh": (gppcs.write_mesh, {"path": "new.stl", "mesh": HULL, "vertices": None,
+                                      "force": True}),
     "estimate_features": (gppcs.estimate_features, {"cloud": CLOUD, "neighbours": 9, "search": "radius", "tree": None}),
     "estimate_normals": (gppcs.estimate_normals, {"cloud": CLOUD, "at": None, "neighbours": None}),
     "info": (gppcs.info, {"cloud": CLOUD}),
@@ -120,7 +129,10 @@ CALLS = {  # a public function, and arguments with which it works
     "set_threads": (gppcs.set_threads, {"count": None}),
     "KdTree.build": (gppcs.KdTree.build, {"points": CLOUD.points}),
 }  # fmt: skip
-PLAIN = {"Entry", "Features", "Figure", "Parameter", "Rebuilt", "Report", "Result", "Selection", "Summary"}
+PLAIN = {
+    "Entry", "Features", "Figure", "MeshReport", "MeshResult", "Parameter", "Rebuilt", "Report", "Result", "Selection",
+    "Summary",
+}  # fmt: skip
 
 
 def test_every_public_function_and_class_is_tried():
@@ -140,7 +152,7 @@ def test_arguments_of_wrong_types_give_our_errors(name, argument, tmp_path, monk
     gppcs.write("there.ply", CLOUD)
     (tmp_path / "mesh.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
     function, usual = CALLS[name]
-    if name == "read_mesh":
+    if name in ("read_mesh", "evaluate_mesh"):
         pytest.importorskip("pymeshlab")
     function(**usual)
     refused = 0

@@ -14,7 +14,12 @@ import gppcs
 
 # Names without a docstring of their own are explained by that of the package.
 DOCUMENTED = {name: getattr(gppcs, name) for name in gppcs.__all__ if hasattr(getattr(gppcs, name), "__module__")}
-NEEDED = {"read_mesh": "pymeshlab", "Rebuilt": "pymeshlab"}  # packages of extras that examples need
+NEEDED = {
+    "read_mesh": "pymeshlab",
+    "Rebuilt": "pymeshlab",
+    "MeshReport": "pymeshlab",
+    "evaluate_mesh": "pymeshlab",
+}  # packages of extras that examples need
 ERRORS = {name for name in vars(gppcs.errors) if name.endswith("Error")}
 
 

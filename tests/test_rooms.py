@@ -19,7 +19,7 @@ FLOORS = (
     ("gppcs.gp.tiled",),
     ("gppcs.methods",),
     ("gppcs.simplification",),
-    ("gppcs.streaming",),
+    ("gppcs.meshing", "gppcs.streaming"),
     ("gppcs.evaluation",),
     ("gppcs.drawing",),
     ("gppcs",),

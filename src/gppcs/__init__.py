@@ -28,6 +28,13 @@ Simplify it
     Result                   the simplified cloud, the rows chosen, and the time it took
     write                    write a cloud to a file
 
+Make a mesh of it
+    mesh                     make a light mesh straight from a dense cloud
+    MeshResult               the mesh, the rows of its vertices, and the time it took
+    write_mesh               write a mesh file: PLY, OBJ, STL, OFF or glTF
+    Mesh                     triangles between vertices
+    read_mesh                read a mesh file; needs PyMeshLab
+
 Measure a cloud
     info                     bounding box, spacing, attributes, repeats and invalid points
     Summary                  what `info` returns
@@ -39,12 +46,12 @@ Judge a simplification
     evaluate                 compare a simplified cloud with the original
     Report                   what `evaluate` returns: distances, errors and angles
     Rebuilt                  the part of a report that compares rebuilt meshes
+    evaluate_mesh            compare a simplified mesh with the original
+    MeshReport               what `evaluate_mesh` returns: distances, topology and thin triangles
     figures_of               unit and definition of each figure of a report
     Figure                   unit and definition of one figure
     compare                  run several methods on one cloud and evaluate each result
     Entry                    what `compare` returns for one method
-    Mesh                     triangles between vertices
-    read_mesh                read a mesh file; needs PyMeshLab
 
 Methods of simplification
     METHODS                  every method by the name that `simplify` takes, such as "gp"
@@ -118,10 +125,12 @@ if TYPE_CHECKING:
         ParameterError,
     )
     from gppcs.evaluation.comparison import Entry, compare
-    from gppcs.evaluation.judge import evaluate
-    from gppcs.evaluation.report import Figure, Rebuilt, Report, figures_of
+    from gppcs.evaluation.judge import evaluate, evaluate_mesh
+    from gppcs.evaluation.report import Figure, MeshReport, Rebuilt, Report, figures_of
     from gppcs.io import read, write
     from gppcs.io.mesh_files import read_mesh
+    from gppcs.io.mesh_writing import write_mesh
+    from gppcs.meshing.pipeline import MeshResult, mesh
     from gppcs.methods import (
         AIVS,
         METHODS,
@@ -170,10 +179,12 @@ _HOMES = {  # the module that defines each public name
         "ParameterError",
     ),
     "evaluation.comparison": ("Entry", "compare"),
-    "evaluation.judge": ("evaluate",),
-    "evaluation.report": ("Figure", "Rebuilt", "Report", "figures_of"),
+    "evaluation.judge": ("evaluate", "evaluate_mesh"),
+    "evaluation.report": ("Figure", "MeshReport", "Rebuilt", "Report", "figures_of"),
     "io": ("read", "write"),
     "io.mesh_files": ("read_mesh",),
+    "io.mesh_writing": ("write_mesh",),
+    "meshing.pipeline": ("MeshResult", "mesh"),
     "methods": (
         "AIVS",
         "METHODS",
@@ -223,6 +234,8 @@ __all__ = [
     "Listener",
     "LocalGP",
     "Mesh",
+    "MeshReport",
+    "MeshResult",
     "Method",
     "MissingExtraError",
     "NoSurfaceError",
@@ -249,9 +262,11 @@ __all__ = [
     "estimate_features",
     "estimate_normals",
     "evaluate",
+    "evaluate_mesh",
     "figures_of",
     "from_depth",
     "info",
+    "mesh",
     "parameter",
     "read",
     "read_mesh",
@@ -260,6 +275,7 @@ __all__ = [
     "simplify",
     "simplify_files",
     "write",
+    "write_mesh",
 ]
 
 

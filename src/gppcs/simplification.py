@@ -142,30 +142,13 @@ def simplify(
     indices = selection.indices if rows is None else rows[selection.indices]
     kept = cloud.take(indices)
     if selection.points is not None:
-        kept = moved(kept, np.ldexp(selection.points, exponent) + corner)
+        kept = kept.moved(np.ldexp(selection.points, exponent) + corner)
     if normals:
         with stages("normals"):
             kept = _with_normals(kept, points, selection)
     if scores:
         kept = with_scores(kept, chosen_method, selection)
     return Result(indices, kept, chosen_method, stages.seconds, selection.diagnostics)
-
-
-def moved(cloud: PointCloud, points: NDArray[np.float64]) -> PointCloud:
-    """Return a cloud with other coordinates; integer types become float64 to hold them.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-        M points.
-    points : (M, 3) array
-
-    Returns
-    -------
-    PointCloud
-    """
-    kept = cloud.coordinate_dtype if np.issubdtype(cloud.coordinate_dtype, np.floating) else np.dtype(np.float64)
-    return dataclasses.replace(cloud, points=points, coordinate_dtype=kept)
 
 
 def _with_normals(kept: PointCloud, points: NDArray[np.float64], selection: Selection) -> PointCloud:

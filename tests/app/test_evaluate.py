@@ -81,6 +81,38 @@ def test_what_evaluate_refuses(gppcs_command, scan, arguments, parts):
 
 def test_the_help_of_evaluate_defines_every_figure(gppcs_command):
     out = " ".join(gppcs_command("evaluate", "--help")[1].split())
-    for report in (gppcs.Report, gppcs.Rebuilt):
+    for report in (gppcs.Report, gppcs.Rebuilt, gppcs.MeshReport):
         for name in gppcs.figures_of(report):
             assert f"{name.replace('_', ' ')} (" in out
+
+
+@pytest.mark.parametrize("with_surface", [False, True])
+def test_evaluate_judges_a_mesh(gppcs_command, with_surface):
+    pytest.importorskip("pymeshlab")
+    ball = gppcs.sample("sphere", 3000)
+    gppcs.write("scan.ply", ball)
+    gppcs.write_mesh("surface.ply", hull_mesh(ball.points))
+    gppcs.write_mesh("small.ply", gppcs.mesh(ball, n_points=100).mesh)
+    options = ["--mesh", "surface.ply"] if with_surface else []
+    code, out, err = gppcs_command("evaluate", "scan.ply", "--simplified-mesh", "small.ply", *options)
+    assert (code, err) == (0, "")
+    for name in gppcs.figures_of(gppcs.MeshReport):
+        assert name.replace("_", " ") in out
+    code, out, _ = gppcs_command("evaluate", "scan.ply", "--simplified-mesh", "small.ply", *options, "--json")
+    surface = gppcs.read_mesh("surface.ply") if with_surface else None
+    report = gppcs.evaluate_mesh("scan.ply", gppcs.read_mesh("small.ply"), surface)
+    assert code == 0
+    assert json.loads(out) == {
+        "original": "scan.ply", "simplified_mesh": "small.ply", "mesh": "surface.ply" if with_surface else None,
+        "figures": report.figures(), "relative": report.figures(relative=True),
+    }  # fmt: skip
+
+
+def test_evaluate_judges_either_a_cloud_or_a_mesh(gppcs_command, scan):
+    for arguments, found in (
+        (["scan.ply"], "neither"),
+        (["scan.ply", "scan.ply", "--simplified-mesh", "mesh.ply"], "both"),
+    ):
+        code, out, err = gppcs_command("evaluate", *arguments)
+        assert (code, out) == (2, "")
+        assert err == f"gppcs: expected either SIMPLIFIED or --simplified-mesh, found {found}\n"

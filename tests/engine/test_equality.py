@@ -47,6 +47,7 @@ def test_clouds_are_unequal_if_anything_is(other):
 def public_objects(seed):
     points = np.random.default_rng(seed).random((60, 3))
     triangle = gppcs.Mesh(points[:3], [[0, 1, 2]])
+    ball = gppcs.sample("sphere", n_points=500, seed=seed)
     method = gppcs.FarthestPoint()
     return {
         "cloud": gppcs.PointCloud(points),
@@ -57,6 +58,7 @@ def public_objects(seed):
         "result": dataclasses.replace(gppcs.simplify(points, n_points=5, method=method), seconds={}),
         "report": gppcs.evaluate(points, points),
         "summary": gppcs.info(points),
+        "mesh_result": dataclasses.replace(gppcs.mesh(ball, n_points=20), seconds={}),
         "rebuilt": gppcs.Rebuilt(triangle, 1.0, 2.0, seed, 4.0, 1, 0.0),
     }
 

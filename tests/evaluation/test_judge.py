@@ -486,3 +486,43 @@ def test_a_far_point_does_not_blow_up_the_radius(sphere, far):
         gppcs.evaluate(np.concatenate([sphere, stray]), np.concatenate([sphere[:4000], stray])),
     )
     assert with_far.mean_surface_variation == pytest.approx(near.mean_surface_variation, rel=0.05)
+
+
+def test_a_mesh_is_measured_in_both_directions():
+    pytest.importorskip("pymeshlab")
+    ball = gppcs.sample("sphere", n_points=2000)
+    surface, small = hull_mesh(ball.points), hull_mesh(ball.points[:150])
+    report = gppcs.evaluate_mesh(ball, small)
+    forth = distances_to_triangles(ball.points, small.vertices[small.faces])
+    assert report.mesh_mean == pytest.approx(forth.mean(), rel=1e-4)
+    assert report.mesh_max == pytest.approx(forth.max(), rel=1e-4)
+    assert report.mesh_back_max == pytest.approx(0, abs=1e-9)  # its vertices are points of the cloud
+    corners = small.vertices[small.faces]
+    edges = ((np.roll(corners, 1, axis=1) - corners) ** 2).sum(axis=(1, 2))
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    assert report.slivers == pytest.approx((4 * np.sqrt(3) * areas / edges < 0.2).mean())
+    assert (report.mesh_pieces, report.borders, report.genus) == (1, 0, 0)
+    shrunk = gppcs.Mesh(0.95 * small.vertices, small.faces)
+    with_surface = gppcs.evaluate_mesh(ball, shrunk, surface)
+    back = distances_to_triangles(shrunk.vertices, surface.vertices[surface.faces])
+    assert with_surface.mesh_back_mean == pytest.approx(back.mean(), rel=1e-3)
+
+
+def test_triangles_that_cut_each_other_are_counted():
+    pytest.importorskip("pymeshlab")
+    ball = gppcs.sample("sphere", n_points=2000)
+    crossed = np.array([[0, -20, -20], [0, 20, -20], [0, 0, 20], [-20, 0, -5], [20, 2, -5], [0, 4, 15]])
+    points = np.concatenate([ball.points[:1000], crossed])
+    faces = np.concatenate([hull_mesh(ball.points[:1000]).faces, [[1000, 1001, 1002], [1003, 1004, 1005]]])
+    assert gppcs.evaluate_mesh(ball, gppcs.Mesh(points, faces)).self_intersections == 2
+    assert gppcs.evaluate_mesh(ball, hull_mesh(ball.points)).self_intersections == 0
+
+
+def test_a_mesh_elsewhere_is_an_error():
+    pytest.importorskip("pymeshlab")
+    ball = gppcs.sample("sphere", n_points=2000)
+    hull = hull_mesh(ball.points)
+    with pytest.raises(gppcs.InputError, match="does not lie on the original"):
+        gppcs.evaluate_mesh(ball, hull.shifted(np.array([1e4, 0, 0])))
+    with pytest.raises(gppcs.InputError, match=r"expected a gppcs\.Mesh"):
+        gppcs.evaluate_mesh(ball, ball)

@@ -8,7 +8,8 @@ from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.distance import cdist
 
 from dense import distances_to_triangles
-from gppcs.evaluation.local_surface import LocalSurface, nearest_in_triangle
+from gppcs.evaluation.local_surface import LocalSurface
+from gppcs.meshing.triangles import nearest_in_triangle
 
 
 def triangles(surface):

@@ -29,6 +29,7 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
     from gppcs.clouds.cloud import PointCloud
     from gppcs.clouds.summary import info
     from gppcs.evaluation.judge import evaluate
+    from gppcs.meshing.pipeline import mesh
     from gppcs.methods import METHODS
     from gppcs.methods.hc.clustering import hierarchical_clusters
     from gppcs.simplification import simplify
@@ -40,6 +41,7 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
         advanced(1)
     evaluate(original, kept)
     estimate_normals(original, kept)
+    mesh(original, n_points=100, moved=True)
     hierarchical_clusters(original.points, size=10, variation=0.1)
     original.points.flags.writeable = False  # like memory-mapped arrays; another type for Numba
     info(PointCloud(original.points))

@@ -12,7 +12,7 @@ import typer
 from gppcs.app.tables import FIGURES
 from gppcs.engine.stages import Listener
 from gppcs.errors import GppcsError, InputError, ParameterError, shown
-from gppcs.evaluation.report import Report
+from gppcs.evaluation.report import MeshReport, Report
 
 BAD_INPUT = 2
 FAILURES = (GppcsError, OSError, MemoryError)  # printed as one line, without a traceback
@@ -161,12 +161,12 @@ def print_json(record: dict[str, Any]) -> None:
     typer.echo(json.dumps(strict(record), allow_nan=False))
 
 
-def figure_rows(report: Report) -> dict[str, str]:
+def figure_rows(report: Report | MeshReport) -> dict[str, str]:
     """Return the figures of a report as rows of a table, with units.
 
     Parameters
     ----------
-    report : Report
+    report : Report or MeshReport
         The figures.
 
     Returns
@@ -181,7 +181,7 @@ def figure_rows(report: Report) -> dict[str, str]:
             continue
         unit = FIGURES[name.removeprefix("carried_")].unit
         rows[name.replace("_", " ")] = {
-            "count": f"{value:,}",
+            "count": f"{value:,.0f}",
             "length": f"{value:.4g}" + (f"  ({relative[name]:.3g} of the diagonal)" if name != "diagonal" else ""),
             "squared length": f"{value:.4g}  ({relative[name]:.3g} of the squared diagonal)",
             "degrees": f"{value:.4g} degrees",

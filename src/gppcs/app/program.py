@@ -13,7 +13,7 @@ import typer
 import typer.core
 
 from gppcs import __version__
-from gppcs.app.commands import compare, convert, evaluate, info, methods, report, sample, simplify, view, warmup
+from gppcs.app.commands import compare, convert, evaluate, info, mesh, methods, report, sample, simplify, view, warmup
 from gppcs.app.printing import BAD_INPUT, FAILURES, print_error, tell
 
 NAME = "gppcs"  # also if it runs as `python -m gppcs`
@@ -48,6 +48,7 @@ app = typer.Typer(
     epilog="[bold]Examples[/bold]\n\n"
     "gppcs sample bracket -o scan.ply\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.03 --picture small.png\n\n"
+    "gppcs mesh scan.ply -o mesh.ply --points 5000\n\n"
     "gppcs compare scan.ply --points 5000 --methods gp-spectral,fps,hc -o comparison\n\n"
     "gppcs info small.ply\n\n"
     "gppcs --install-completion\n\n"
@@ -65,6 +66,7 @@ def _root(
 
 
 app.command(cls=_Command, epilog=simplify.EPILOG)(simplify.simplify)
+app.command(cls=_Command, epilog=mesh.EPILOG)(mesh.mesh)
 app.command(cls=_Command, epilog=evaluate.EPILOG)(evaluate.evaluate)
 app.command(cls=_Command, epilog=compare.EPILOG)(compare.compare)
 app.command(cls=_Command, epilog=report.EPILOG)(report.report)

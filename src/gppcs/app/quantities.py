@@ -31,14 +31,16 @@ _COUNT = re.compile(
 _PERCENT = re.compile(r"(?P<number>[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?) ?%", re.ASCII)
 
 
-def count_of(text: str) -> int:
-    """Return the number of points that a text means.
+def count_of(text: str, option: str = "--points") -> int:
+    """Return the number of points, or of something else, that a text means.
 
     Parameters
     ----------
     text : str
         Digits, with commas between thousands or underscores if wanted, a fraction, a power of ten as in 1e3, and one of
         the units k, M and G (thousand, million, thousand million) in either case.
+    option : str
+        Whose value the text is, for the error message.
 
     Returns
     -------
@@ -54,11 +56,11 @@ def count_of(text: str) -> int:
     if not found or not digits or not any(map(str.isdigit, digits)):
         hint = "; for a share of the points use --ratio" if text.strip().endswith("%") else ""
         raise ParameterError(
-            f"expected --points to be a whole number, such as 5000, 5,000, 5k or 1.5M, found {shown(text)}{hint}"
+            f"expected {option} to be a whole number, such as 5000, 5,000, 5k or 1.5M, found {shown(text)}{hint}"
         )
     value = Fraction(digits + (found["power"] or "")) * _UNITS[found["unit"].lower()]
     if value.denominator != 1 or abs(value) > _MOST:
-        raise ParameterError(f"expected --points to be a whole number of at most 1e18, found {shown(text)}")
+        raise ParameterError(f"expected {option} to be a whole number of at most 1e18, found {shown(text)}")
     return value.numerator
 
 

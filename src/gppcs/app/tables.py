@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from io import StringIO
 from typing import TYPE_CHECKING, Literal
 
-from gppcs.evaluation.report import Rebuilt, Report, figures_of
+from gppcs.evaluation.report import MeshReport, Rebuilt, Report, figures_of
 
 if TYPE_CHECKING:
     from gppcs.evaluation.comparison import Entry
 
-FIGURES = {**figures_of(Report), **figures_of(Rebuilt)}
+FIGURES = {**figures_of(Report), **figures_of(Rebuilt), **figures_of(MeshReport)}
 FACTORS = {"length": 1e4, "squared length": 1e6}
 UNITS = "Lengths in 1e-4 diagonals of the original's bounding box, Chamfer in 1e-6 squared diagonals, angles in degrees"
 SHOWN = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, TypeAlias, overload
 
 import numpy as np
@@ -252,6 +252,21 @@ class PointCloud(ComparedByValue):
             self.coordinate_dtype,
             self.header,
         )
+
+    def moved(self, points: NDArray[np.float64]) -> PointCloud:
+        """Return the cloud with other coordinates and the same attributes.
+
+        Parameters
+        ----------
+        points : (N, 3) array, float64
+
+        Returns
+        -------
+        PointCloud
+            If `coordinate_dtype` is a type of integers, it becomes float64, to hold the coordinates.
+        """
+        kept = self.coordinate_dtype if np.issubdtype(self.coordinate_dtype, np.floating) else np.dtype(np.float64)
+        return replace(self, points=points, coordinate_dtype=kept)
 
     def to_open3d(self) -> Any:
         """Return the cloud as an object of Open3D, with all attributes.

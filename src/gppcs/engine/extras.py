@@ -15,6 +15,7 @@ EXTRAS = {
     "arrow": ("pyarrow>=15",),
     "dask": ("distributed>=2024.8",),
     "e57": ("pye57>=0.4.13",),
+    "gltf": ("trimesh>=4",),
     "picture": ("matplotlib>=3.8",),
     "evaluate": ("pymeshlab>=2023.12",),
     "view": ("matplotlib>=3.8", "pyvista>=0.45"),
@@ -116,6 +117,26 @@ def require_pymeshlab() -> Any:
     except ImportError as error:
         raise _missing("meshes need PyMeshLab", "evaluate") from error
     return pymeshlab
+
+
+def require_trimesh() -> Any:
+    """Import trimesh.
+
+    Returns
+    -------
+    module
+        The module `trimesh`.
+
+    Raises
+    ------
+    MissingExtraError
+        If trimesh is not installed.
+    """
+    try:
+        import trimesh
+    except ImportError as error:
+        raise _missing("glTF files need trimesh", "gltf") from error
+    return trimesh
 
 
 def require_pyvista() -> None:

@@ -15,7 +15,7 @@ from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.engine.stages import Stages
 from gppcs.errors import InputError, NoSurfaceError, shown
-from gppcs.evaluation.report import Rebuilt, Report, figures_of
+from gppcs.evaluation.report import MeshReport, Rebuilt, Report, figures_of
 
 if TYPE_CHECKING:
     from gppcs.spatial.kdtree import KdTree
@@ -27,10 +27,11 @@ SMALL_SIZE = 0.5  # a cloud below this share of the original's size must be clos
 MAX_DISTANCE_OF_SMALL = 0.05  # its median distance must be at most this share of its own size
 MEASURABLE = 1e-70, 1e70  # range of sizes whose squared ratios neither overflow nor vanish
 STRAY_DISTANCE = 0.05  # parts of the rebuilt mesh farther than this from the original mesh, in diagonals, are stray
+SLIVER = 0.2  # triangles of a lower quality are thin
 VARIATION_NEIGHBOURS = 25  # points in the neighbourhoods of surface variation: k in the paper
 
 Points = NDArray[np.float64]
-ReportPart = TypeVar("ReportPart", Report, Rebuilt)
+ReportPart = TypeVar("ReportPart", Report, Rebuilt, MeshReport)
 
 
 def evaluate(
@@ -85,6 +86,102 @@ def evaluate(
     if failure:
         raise failure
     return report
+
+
+def evaluate_mesh(
+    original: CloudLike,
+    simplified: Mesh,
+    mesh: Mesh | None = None,
+    stages: Stages | None = None,
+) -> MeshReport:
+    """Compare a simplified mesh with the original.
+
+    Parameters
+    ----------
+    original : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
+        Finite coordinates.
+    simplified : Mesh
+        In the unit and frame of the original.
+    mesh : Mesh, optional
+        The surface that the original was sampled from. With it, distances are measured from its vertices, and to it.
+    stages : Stages, optional
+        Records the time of each stage. Its listener, if any, hears of the progress.
+
+    Returns
+    -------
+    MeshReport
+        Lengths in the unit of the cloud. `gppcs.figures_of(gppcs.MeshReport)` defines each figure.
+
+    Raises
+    ------
+    InputError
+        If the cloud is empty, malformed or not finite, or its size is outside 1e-70 to 1e70. If a mesh does not lie
+        on the original, or has no area.
+    MissingExtraError
+        If PyMeshLab is not installed.
+
+    Examples
+    --------
+    >>> cloud = gppcs.sample("sphere", n_points=3000)
+    >>> coarse, fine = (gppcs.mesh(cloud, n_points=n).mesh for n in (50, 500))
+    >>> gppcs.evaluate_mesh(cloud, fine).mesh_mean < gppcs.evaluate_mesh(cloud, coarse).mesh_mean
+    True
+    """
+    from gppcs.clouds.topology import topology_of
+    from gppcs.evaluation.local_surface import LocalSurface
+    from gppcs.evaluation.reconstruction import count_self_intersections, distances_to
+    from gppcs.spatial.cells import first_occurrences
+
+    before = PointCloud.of(original).usable("original cloud")
+    meshes = [simplified] if mesh is None else [simplified, mesh]
+    for points, name in ((before, "original cloud"), *((each.vertices, "mesh") for each in map(_checked, meshes))):
+        _require_measurable(points, name)
+    frame = _Frame.of(before)
+    before = frame.inside(before[first_occurrences(before)])
+    simplified = Mesh(frame.inside(simplified.vertices), simplified.faces)
+    mesh = None if mesh is None else Mesh(frame.inside(mesh.vertices), mesh.faces)
+    with Stages.of(stages)("distances"):
+        _require_mesh_near(simplified, before, before, frame)
+        used = simplified.vertices[np.unique(simplified.faces)]
+        if mesh is None:
+            forth, back = distances_to(simplified, before), LocalSurface.of(before).nearest_to(used)[0]
+        else:
+            _require_mesh_near(mesh, before, before, frame)
+            forth, back = distances_to(simplified, mesh.vertices), distances_to(mesh, used)
+        intersections = count_self_intersections(simplified)
+    topology = topology_of(simplified.faces)
+    report = MeshReport(
+        vertices=len(used),
+        triangles=len(simplified.faces),
+        diagonal=frame.diagonal,
+        mesh_mean=float(forth.mean()),
+        mesh_max=float(forth.max()),
+        mesh_back_mean=float(back.mean()),
+        mesh_back_max=float(back.max()),
+        mesh_pieces=topology.pieces,
+        borders=topology.borders,
+        genus=math.nan if topology.genus is None else float(topology.genus),
+        non_manifold_edges=topology.non_manifold_edges,
+        non_manifold_vertices=topology.non_manifold_vertices,
+        self_intersections=intersections,
+        slivers=float((_qualities(simplified) < SLIVER).mean()),
+    )
+    return frame.outside(report)
+
+
+def _checked(mesh: Any) -> Mesh:
+    """Return a mesh; raise an error if it is none."""
+    require_mesh(mesh)
+    checked: Mesh = mesh
+    return checked
+
+
+def _qualities(mesh: Mesh) -> Points:
+    """Return for each triangle 4 sqrt(3) times its area over the sum of its squared edges, (F,); 0 without edges."""
+    corners = mesh.vertices[mesh.faces]
+    squared = ((np.roll(corners, -1, axis=1) - corners) ** 2).sum(axis=(1, 2))
+    doubled = 4.0 * np.sqrt(3.0) * mesh.face_areas()
+    return np.divide(doubled, squared, out=np.zeros_like(squared), where=squared > 0)
 
 
 def judged(

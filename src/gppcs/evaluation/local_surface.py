@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
+from gppcs.meshing.triangles import dot, nearest_in_triangle, squared_distance
 from gppcs.spatial.kdtree import KdTree, nearest_in_tree
 from gppcs.surface.moments import tangents
 from gppcs.surface.surface_variation import features_of_nearest
@@ -130,7 +131,7 @@ def _lay_out(points, i, normal, found, squared, inverse, index):
         if j == i or squared[slot] == 0.0:
             continue
         away = _from(points, j, points[0, i], points[1, i], points[2, i])
-        a, b = _dot(away, u), _dot(away, v)
+        a, b = dot(away, u), dot(away, v)
         in_plane, distance = np.sqrt(a * a + b * b), np.sqrt(squared[slot])
         if in_plane * in_plane < (1.0 - SIN_MAX_SLOPE * SIN_MAX_SLOPE) * squared[slot]:
             continue
@@ -232,7 +233,7 @@ def _search(begin, end, points, low, high, normals, corners, queries, distances,
                     break
                 b, c = _from(points, j, x, y, z), _from(points, m, x, y, z)
                 new_v, new_w = nearest_in_triangle(a, b, c)
-                d = _squared(a, b, c, new_v, new_w)
+                d = squared_distance(a, b, c, new_v, new_w)
                 if d < least:
                     least, first, second, third, v, w = d, i, j, m, new_v, new_w
         distances[q] = np.sqrt(least)
@@ -243,15 +244,6 @@ def _search(begin, end, points, low, high, normals, corners, queries, distances,
 def _from(points, i, x, y, z):
     """Return the vector from (x, y, z) to point i of points (3, M)."""
     return points[0, i] - x, points[1, i] - y, points[2, i] - z
-
-
-@kernel
-def _squared(a, b, c, v, w):
-    """Return the squared length of a + v (b - a) + w (c - a), for vectors of three numbers."""
-    x = a[0] + v * (b[0] - a[0]) + w * (c[0] - a[0])
-    y = a[1] + v * (b[1] - a[1]) + w * (c[1] - a[1])
-    z = a[2] + v * (b[2] - a[2]) + w * (c[2] - a[2])
-    return x * x + y * y + z * z
 
 
 @kernel
@@ -269,40 +261,3 @@ def _interpolate(normals, first, second, third, v, w, normal):
             if x * x + y * y + z * z > longest:
                 longest = x * x + y * y + z * z
                 normal[0], normal[1], normal[2] = x, y, z
-
-
-@kernel
-def nearest_in_triangle(a, b, c):
-    """Return v and w such that a + v (b - a) + w (c - a) is the point of the triangle nearest to the origin.
-
-    The corners a, b and c have three coordinates each. The nearest point is at a corner, on an edge, or inside
-    (Ericson, Real-Time Collision Detection, section 5.1.5).
-    """
-    ab, ac = _minus(b, a), _minus(c, a)
-    ab_a, ac_a, ab_b, ac_b, ab_c, ac_c = _dot(ab, a), _dot(ac, a), _dot(ab, b), _dot(ac, b), _dot(ab, c), _dot(ac, c)
-    if ab_a >= 0.0 and ac_a >= 0.0:
-        return 0.0, 0.0
-    if ab_b <= 0.0 and ac_b >= ab_b:
-        return 1.0, 0.0
-    if ac_c <= 0.0 and ab_c >= ac_c:
-        return 0.0, 1.0
-    beside_ab, beside_ac, beside_bc = ab_a * ac_b - ab_b * ac_a, ab_c * ac_a - ab_a * ac_c, ab_b * ac_c - ab_c * ac_b
-    if beside_ab <= 0.0 and ab_a <= 0.0 <= ab_b:
-        return ab_a / (ab_a - ab_b), 0.0
-    if beside_ac <= 0.0 and ac_a <= 0.0 <= ac_c:
-        return 0.0, ac_a / (ac_a - ac_c)
-    if beside_bc <= 0.0 and ab_b >= ac_b and ac_c >= ab_c:
-        share = (ab_b - ac_b) / (ab_b - ac_b + ac_c - ab_c)
-        return 1.0 - share, share
-    area = beside_ab + beside_ac + beside_bc
-    return beside_ac / area, beside_ab / area
-
-
-@kernel
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@kernel
-def _minus(a, b):
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]

@@ -128,6 +128,29 @@ def distances_to(mesh: Mesh, points: NDArray[np.float64]) -> NDArray[np.float64]
     return distances
 
 
+def count_self_intersections(mesh: Mesh) -> int:
+    """Return the number of triangles that cut another triangle.
+
+    Parameters
+    ----------
+    mesh : Mesh
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    MissingExtraError
+        If PyMeshLab is not installed.
+    """
+    pymeshlab = require_pymeshlab()
+    meshes = pymeshlab.MeshSet(verbose=False)
+    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
+    meshes.compute_selection_by_self_intersections_per_face()
+    return int(meshes.current_mesh().selected_face_number())
+
+
 def _mesh_set(points: NDArray[np.float64], **columns: NDArray[np.float64]) -> Any:
     """Return a PyMeshLab MeshSet with one mesh of points (M, 3) and no faces."""
     pymeshlab = require_pymeshlab()

@@ -90,7 +90,7 @@ def figures_of(report: type) -> Mapping[str, Figure]:
     Parameters
     ----------
     report : type
-        `gppcs.Report` or `gppcs.Rebuilt`.
+        `gppcs.Report`, `gppcs.Rebuilt` or `gppcs.MeshReport`.
 
     Returns
     -------
@@ -107,8 +107,8 @@ def figures_of(report: type) -> Mapping[str, Figure]:
     >>> gppcs.figures_of(gppcs.Report)["covering_radius"].definition
     'largest distance from an original point to the nearest kept point'
     """
-    if not (isinstance(report, type) and issubclass(report, Report | Rebuilt)):
-        raise ParameterError(f"expected gppcs.Report or gppcs.Rebuilt, found {shown(report)}")
+    if not (isinstance(report, type) and issubclass(report, Report | Rebuilt | MeshReport)):
+        raise ParameterError(f"expected gppcs.Report, gppcs.Rebuilt or gppcs.MeshReport, found {shown(report)}")
     return {field.name: field.metadata["figure"] for field in dataclasses.fields(report) if "figure" in field.metadata}
 
 
@@ -160,6 +160,83 @@ class Rebuilt:
         "share of the rebuilt mesh's area in triangles with a corner farther from the original mesh than a twentieth "
         "of the diagonal, such as stray pieces and membranes over open borders",
     )
+
+
+@dataclass(frozen=True)
+class MeshReport:
+    """The figures of a simplified mesh.
+
+    Lengths are in the unit of the coordinates; `figures(relative=True)` divides them by the diagonal.
+    `gppcs.figures_of(gppcs.MeshReport)` defines each figure.
+
+    Attributes
+    ----------
+    vertices, triangles : int
+        The size of the mesh.
+    diagonal : float
+        Length of the diagonal of the original's bounding box.
+    mesh_mean, mesh_max : float
+        Mean and largest distance from the original to the mesh.
+    mesh_back_mean, mesh_back_max : float
+        Mean and largest distance from the vertices of the mesh to the original.
+    mesh_pieces, borders : int
+        Connected pieces, and closed curves of edges with one triangle.
+    genus : float
+        Handles; NaN if the mesh is no oriented manifold.
+    non_manifold_edges, non_manifold_vertices, self_intersections : int
+        What other programs may refuse.
+    slivers : float
+        Share of the triangles that are thin.
+
+    Examples
+    --------
+    >>> cloud = gppcs.sample("sphere", n_points=3000)
+    >>> report = gppcs.evaluate_mesh(cloud, gppcs.mesh(cloud, n_points=100).mesh)
+    >>> isinstance(report, gppcs.MeshReport)
+    True
+    >>> report.triangles, report.borders, report.genus
+    (196, 0, 0.0)
+    """
+
+    vertices: int = figure("count", "vertices of the mesh", None)
+    triangles: int = figure("count", "triangles of the mesh", None)
+    diagonal: float = figure("length", "diagonal of the original's bounding box", None)
+    mesh_mean: float = figure(
+        "length",
+        "mean distance from the original points, or with an original mesh from its vertices, to the simplified mesh",
+    )
+    mesh_max: float = figure("length", "largest of those distances")
+    mesh_back_mean: float = figure(
+        "length",
+        "mean distance from the vertices of the simplified mesh to the local surface of the original points, or to the "
+        "original mesh",
+    )
+    mesh_back_max: float = figure("length", "largest of those distances")
+    mesh_pieces: int = figure("count", "connected pieces of the simplified mesh", None)
+    borders: int = figure("count", "closed curves of edges with one triangle, such as the rims of holes", None)
+    genus: float = figure("count", "handles of all pieces together; NaN if the mesh is no oriented manifold", None)
+    non_manifold_edges: int = figure("count", "edges of more than two triangles, or of two not oriented alike")
+    non_manifold_vertices: int = figure("count", "vertices at which several fans of triangles meet")
+    self_intersections: int = figure("count", "triangles that cut another triangle, by PyMeshLab")
+    slivers: float = figure(
+        "share",
+        "share of the triangles of a quality below 0.2: 4 sqrt(3) times the area over the sum of the squared edges, "
+        "which is 1 if all edges are equal",
+    )
+
+    def figures(self, relative: bool = False) -> dict[str, float]:
+        """Return all figures by name.
+
+        Parameters
+        ----------
+        relative : bool
+            Whether to divide lengths by the diagonal. The diagonal itself stays.
+
+        Returns
+        -------
+        dict of str to float
+        """
+        return _values(self, self.diagonal if relative else None)
 
 
 @dataclass(frozen=True)
@@ -255,8 +332,16 @@ class Report:
         """
         values = {}
         for prefix, part in (("", self), ("", self.rebuilt), ("carried_", self.rebuilt_carried)):
-            for name, known in figures_of(type(part)).items() if part else ():
-                value = getattr(part, name)
-                scaled = known.relative(value, self.diagonal) if relative and name != "diagonal" else None
-                values[prefix + name] = value if scaled is None else scaled
+            of_part = _values(part, self.diagonal if relative else None) if part else {}
+            values.update({prefix + name: value for name, value in of_part.items()})
         return values
+
+
+def _values(part: Report | Rebuilt | MeshReport, diagonal: float | None) -> dict[str, float]:
+    """Return the figures of a report by name, relative to a diagonal if one is given."""
+    values = {}
+    for name, known in figures_of(type(part)).items():
+        value = getattr(part, name)
+        scaled = known.relative(value, diagonal) if diagonal is not None and name != "diagonal" else None
+        values[name] = value if scaled is None else scaled
+    return values

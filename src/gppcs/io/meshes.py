@@ -32,7 +32,7 @@ from gppcs.io.rows import (
 _OFF_HEADER = re.compile(r"\s*(ST)?(C)?(N)?OFF(?![A-Za-z])(.*)", re.DOTALL)
 _OFF_LOOK = re.compile(rb"\s*(ST)?C?N?4?n?OFF(?![A-Za-z])")
 _COLOUR = ["red", "green", "blue", "alpha"]
-_STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("extra", "<u2")])
+STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("extra", "<u2")])
 _STL_START = 84  # a comment of 80 bytes, then the number of facets
 
 
@@ -257,12 +257,12 @@ def _corners(file: BufferedReader) -> Column:
 
 def _binary_corners(data: bytes) -> Column:
     count = int.from_bytes(data[80:_STL_START], "little")
-    whole = (len(data) - _STL_START) // _STL_FACET.itemsize
+    whole = (len(data) - _STL_START) // STL_FACET.itemsize
     if len(data) < _STL_START:
         raise FileFormatError(f"expected an STL file of at least {_STL_START} bytes, found {len(data)}")
     if whole < count:
         raise ends_early("facet", whole, count)
-    corners: Column = np.frombuffer(data, _STL_FACET, count, _STL_START)["corners"].reshape(-1, 3)
+    corners: Column = np.frombuffer(data, STL_FACET, count, _STL_START)["corners"].reshape(-1, 3)
     return corners
 
 
@@ -289,7 +289,7 @@ def _is_text_stl(head: bytes, size: int) -> bool:
 
 def _is_binary_stl(head: bytes, size: int) -> bool:
     count = int.from_bytes(head[80:_STL_START], "little")
-    return size == _STL_START + count * _STL_FACET.itemsize
+    return size == _STL_START + count * STL_FACET.itemsize
 
 
 def _looks_like_stl(head: bytes, size: int) -> bool:

@@ -20,7 +20,17 @@ from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import attribute_columns, check_name, column_name, coordinate_type, exact_as_double
 from gppcs.io.format import Format, reduced, without_attributes
-from gppcs.io.rows import BLOCK, as_count, ends_early, lines_of, number_blocks, shown, texts_of, write_records
+from gppcs.io.rows import (
+    BLOCK,
+    as_count,
+    ends_early,
+    lines_of,
+    number_blocks,
+    shown,
+    texts_of,
+    write_records,
+    write_rows,
+)
 
 _TYPES: dict[str, np.dtype[Any]] = {
     **{name: np.dtype("i1") for name in ("char", "int8")},
@@ -475,7 +485,12 @@ class _Field:
             yield from (" ".join([str(len(each)), *texts_of(np.asarray(each, self.dtype))]) for each in block)
 
 
-def write_ply(file: BinaryIO, cloud: PointCloud, ascii: bool = False) -> None:  # noqa: A002
+def write_ply(
+    file: BinaryIO,
+    cloud: PointCloud,
+    ascii: bool = False,  # noqa: A002
+    faces: NDArray[np.int64] | None = None,
+) -> None:
     """Write a PLY file with the attributes as properties.
 
     Booleans are written as uchar and half-precision numbers as float. PLY has no 64-bit integers: they are written as
@@ -489,6 +504,8 @@ def write_ply(file: BinaryIO, cloud: PointCloud, ascii: bool = False) -> None:  
         The points and their attributes.
     ascii : bool
         Whether to write text instead of little-endian binary data.
+    faces : (F, 3) array, int64, optional
+        Triangles between the points. By default, the file has no faces.
 
     Raises
     ------
@@ -503,6 +520,7 @@ def write_ply(file: BinaryIO, cloud: PointCloud, ascii: bool = False) -> None:  
         *header.remarks,
         f"element vertex {len(cloud)}",
         *(each.line() for each in fields),
+        *([] if faces is None else [f"element face {len(faces)}", "property list uchar int vertex_indices"]),
         "end_header\n",
     ]
     file.write("\n".join(lines).encode("utf-8", "surrogateescape"))
@@ -516,6 +534,10 @@ def write_ply(file: BinaryIO, cloud: PointCloud, ascii: bool = False) -> None:  
             file.writelines(b"".join(row) for row in zip(*(each.rows(start) for each in fields), strict=True))
     else:
         write_records(file, [(each.values, each.dtype) for each in fields])
+    if faces is not None and ascii:
+        write_rows(file, list(faces.T), prefix="3 ")
+    elif faces is not None:
+        write_records(file, [(np.full(len(faces), 3), np.dtype("u1")), (faces, np.dtype("i4"))])
 
 
 def _fields(cloud: PointCloud, header: PlyHeader) -> list[_Field]:

@@ -13,7 +13,7 @@ from gppcs.engine.journal import Journal
 from gppcs.engine.stages import Stages
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import Method, Selection
-from gppcs.simplification import Result, check_scores, check_usable, choose, moved, number_to_keep, with_scores
+from gppcs.simplification import Result, check_scores, check_usable, choose, number_to_keep, with_scores
 from gppcs.spatial.scaling import Frame
 from gppcs.streaming.cluster import Cluster
 from gppcs.streaming.overview import Overview
@@ -87,7 +87,7 @@ def simplify_in_passes(
         selection = journal.once("choice", chosen)
         rows, kept = _kept(passes, seen, selection, stages)
     if selection.points is not None:
-        kept = moved(kept, np.ldexp(selection.points, frame.exponent) + frame.corner)
+        kept = kept.moved(np.ldexp(selection.points, frame.exponent) + frame.corner)
     if scores:
         kept = with_scores(kept, method, selection)
     return Result(rows, kept, method, stages.seconds, selection.diagnostics), seen.count

@@ -1,0 +1,196 @@
+"""The command `gppcs mesh`: a cloud to a light mesh."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gppcs import __version__
+from gppcs.app.printing import (
+    Columns,
+    Force,
+    From,
+    Invalid,
+    Json,
+    Quiet,
+    Threads,
+    names_of,
+    note_left_out,
+    print_error,
+    print_json,
+    progress,
+)
+from gppcs.app.quantities import Ratio, count_of, share_of
+from gppcs.engine.memory import peak_memory
+from gppcs.engine.stages import COMPILATION
+from gppcs.engine.threads import set_threads
+from gppcs.errors import InputError, file_path
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from gppcs.clouds.cloud import PointCloud
+    from gppcs.meshing.pipeline import MeshResult
+
+EPILOG = (
+    "[bold]Examples[/bold]\n\n"
+    "gppcs mesh scan.ply -o small.ply --points 5k\n\n"
+    "gppcs mesh scan.ply -o small.glb --faces 20k --moved\n\n"
+    "gppcs mesh scan.ply -o small.stl --tolerance 0.5 --fill-holes 20\n\n"
+    "gppcs simplify scan.ply -o kept.ply --ratio 5% && gppcs mesh scan.ply -o small.ply --keep-points kept.ply\n\n"
+    "gppcs evaluate scan.ply --simplified-mesh small.ply measures how good a mesh is."
+)
+
+
+def mesh(
+    cloud: Annotated[
+        Path, typer.Argument(metavar="IN", parser=file_path, help="A point cloud file.", show_default=False)
+    ],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="OUT",
+            parser=file_path,
+            help="The mesh file to write: .ply, .obj, .stl, .off or .glb (glTF).",
+        ),
+    ],
+    points: Annotated[
+        str | None, typer.Option(metavar="M", help="Number of vertices, such as 5000, 5,000, 5k or 1.5M.")
+    ] = None,
+    ratio: Ratio = None,
+    faces: Annotated[str | None, typer.Option(metavar="F", help="Number of triangles at most.")] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(metavar="T", help="Mean distance from the points to the mesh at most, in the unit of the cloud."),
+    ] = None,
+    keep_points: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="A file of points of IN: they become the vertices. They may come from gppcs simplify."
+        ),
+    ] = None,
+    moved: Annotated[
+        bool, typer.Option("--moved", help="Let the vertices leave the points, so that the mesh fits these better.")
+    ] = False,
+    fill_holes: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SIZE",
+            help="Also close holes up to this size: the diagonal of the box around the border, in the unit of the "
+            "cloud.",
+        ),
+    ] = None,
+    input_format: From = None,
+    columns: Columns = None,
+    invalid: Invalid = "error",
+    threads: Threads = None,
+    force: Force = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Make a light mesh straight from a dense cloud.
+
+    Give one of --points, --ratio, --faces, --tolerance and --keep-points. The vertices are points of the cloud, with
+    all their attributes. Where the points leave holes, the mesh is open.
+    """
+    from gppcs import io
+    from gppcs.engine.stages import Stages
+    from gppcs.io.cloud_files import CloudFiles
+    from gppcs.io.mesh_writing import check_mesh_format, write_mesh
+    from gppcs.meshing.pipeline import check_size
+    from gppcs.meshing.pipeline import mesh as meshed
+
+    set_threads(threads)
+    size: dict[str, Any] = {
+        "n_points": None if points is None else count_of(points),
+        "ratio": None if ratio is None else share_of(ratio),
+        "n_faces": None if faces is None else count_of(faces, "--faces"),
+        "tolerance": tolerance,
+    }
+    check_size(**size, keep=keep_points, fill_holes=fill_holes)
+    check_mesh_format(output)
+    io.check_distinct([output], [cloud, *([keep_points] if keep_points else [])])
+    io.check_writable(output, force)
+    stages = Stages(progress(quiet))
+    with stages("reading"), CloudFiles([cloud], input_format, names_of(columns)) as files:
+        original = files.read()
+        kept = None if keep_points is None else _rows_of(original, io.read(keep_points), keep_points)
+    result = meshed(original, **size, keep=kept, moved=moved, fill_holes=fill_holes, invalid=invalid, stages=stages)
+    with stages("writing"):
+        lost = write_mesh(output, result.mesh, result.cloud, force)
+    note_left_out(output, lost)
+    _note_fewer(cloud, result, size["n_points"])
+    if as_json:
+        print_json(_record(cloud, output, len(original), result))
+    elif not quiet:
+        _print(cloud, output, len(original), result)
+
+
+def _rows_of(original: PointCloud, kept: PointCloud, path: Path) -> NDArray[Any]:
+    """Return the rows of the points of a file in the original."""
+    import numpy as np
+
+    from gppcs.spatial.kdtree import KdTree
+
+    rows = original.finite_rows()
+    usable = kept.usable("cloud of points to keep")
+    nearest, squared = KdTree.build(original.points[rows]).nearest_of(usable, 1)
+    if len(strange := np.flatnonzero(squared[:, 0] > 0)):
+        raise InputError(
+            f"{path}: expected points of the cloud, found {len(strange)} that are none, the first at index "
+            f"{strange[0]}: methods that move points, such as wlop, give no such points"
+        )
+    return rows[nearest[:, 0]]
+
+
+def _note_fewer(source: Path, result: MeshResult, asked: int | None) -> None:
+    """Print notes if there are fewer vertices than were asked for."""
+    made = len(result.indices)
+    if asked is not None and made < asked:
+        print_error(f"note: {source}: the mesh has {made:,} vertices, fewer than the {asked:,} asked for")
+    if missing := int(result.diagnostics.get("missing", 0)):
+        print_error(
+            f"note: {source}: {missing:,} of the points to keep are on no piece of the surface, so they are left out"
+        )
+    if (share := result.diagnostics["left_out"]) > 0.001:
+        print_error(f"note: {source}: {share:.1%} of the points are on no piece of the surface that is large enough")
+
+
+def _record(source: Path, output: Path, n: int, result: MeshResult) -> dict[str, Any]:
+    """Return the run as the record that `--json` prints."""
+    return {
+        "input": str(source),
+        "output": str(output),
+        "points_in": n,
+        "vertices": len(result.mesh.vertices),
+        "triangles": len(result.mesh.faces),
+        "diagnostics": dict(result.diagnostics),
+        "seconds": dict(result.seconds),
+        "seconds_compiling": result.seconds.get(COMPILATION, 0.0),
+        "peak_memory": peak_memory(),
+        "version": __version__,
+    }
+
+
+def _print(source: Path, output: Path, n: int, result: MeshResult) -> None:
+    """Print the run as a table."""
+    from gppcs.app.console import print_table
+
+    seconds = dict(result.seconds)
+    total = f"{sum(seconds.values()):.2f}"
+    if compilation := seconds.pop(COMPILATION, 0.0):
+        total += f", of which {compilation:.2f} compiling kernels"
+    print_table(
+        f"{source} → {output}",
+        {
+            "points": f"{n:,}",
+            "mesh": f"{len(result.mesh.vertices):,} vertices, {len(result.mesh.faces):,} triangles",
+            **{name.replace("_", " "): f"{value:.4g}" for name, value in result.diagnostics.items()},
+            **{f"{stage}, s": f"{value:.2f}" for stage, value in seconds.items()},
+            "all, s": total,
+        },
+    )

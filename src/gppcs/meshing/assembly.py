@@ -1,0 +1,424 @@
+"""Put triangles together so that they stay an oriented manifold, and fill small gaps between them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from gppcs.engine.kernels import kernel
+from gppcs.meshing.coverage import NEAREST, Cover, are_covered, is_covered
+from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, following, new_keys, preceding, slot_of
+from gppcs.meshing.triangles import area_vector, dot, minus, row
+
+SMALL_GAP = 8  # corners of a gap that is filled before triangles of a single fan are tried
+PINHOLE, PINHOLE_SIZE = (
+    6,
+    4.0,
+)  # corners and size, in usual edges, of a gap that is filled though no points cover it, as random samples have
+LARGEST_GAP = 40  # corners of a gap that is filled at the end
+MOST_CORNERS = 1000  # of a hole that is filled on request: its filling takes the cube of their number in time
+FEWEST = 12  # triangles of a piece; smaller ones are scraps
+BEND = 4.0  # weight of the bend of a filling, beside its area
+LENGTH = 0.02  # weight of its squared edges, which keeps its triangles compact
+
+
+def assembled(
+    triangles: NDArray[np.int64],
+    votes: NDArray[np.int64],
+    radii: NDArray[np.float64],
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    reaches: NDArray[np.float64],
+    cover: Cover,
+) -> NDArray[np.int64]:
+    """Choose triangles of the fans that together are an oriented manifold, and fill gaps that dense points cover.
+
+    Triangles on which two or three fans agree come first, those with small circumcircles before others. Small gaps
+    are filled; then triangles of a single fan are added where there is room; then larger gaps are filled, and pinholes.
+
+    Parameters
+    ----------
+    triangles, votes, radii
+        As `fans_of` returns them.
+    points, normals : (n, 3) arrays, float64
+        Of the vertices.
+    reaches : (n,) array, float64
+        How far the vertices cover the surface.
+    cover : Cover
+        The dense points.
+
+    Returns
+    -------
+    (F, 3) array, int64
+        Corners of the chosen triangles.
+    """
+    kept = are_covered(cover, triangles, points, reaches)
+    triangles, votes, radii = triangles[kept], votes[kept], radii[kept]
+    order = np.lexsort((radii, -votes))
+    agreed = votes[order] > 1
+    gaps = points, normals, reaches, cover
+    faces = without_bow_ties(taken(triangles[order[agreed]], len(points)), len(points))
+    faces = filled(faces, *gaps, SMALL_GAP)
+    faces = taken(np.concatenate([faces, triangles[order[~agreed]]]), len(points))
+    faces = filled(without_bow_ties(faces, len(points)), *gaps, LARGEST_GAP)
+    faces = filled(without_bow_ties(faces, len(points)), *gaps, LARGEST_GAP)
+    corners = points[faces]
+    usual = np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1))
+    faces = holes_filled(
+        without_bow_ties(faces, len(points)), points, normals, PINHOLE_SIZE * usual, cover, PINHOLE
+    )  # fmt: skip
+    return without_bow_ties(faces, len(points))
+
+
+def taken(triangles: NDArray[np.int64], n: int) -> NDArray[np.int64]:
+    """Take triangles one after another, each if all of them stay an oriented manifold.
+
+    Bow-ties, vertices at which several fans meet, are allowed here: later triangles may join the fans.
+
+    Parameters
+    ----------
+    triangles : (t, 3) array, int64
+        In the order in which they are tried.
+    n : int
+        Number of vertices.
+
+    Returns
+    -------
+    (F, 3) array, int64
+    """
+    triangles = np.ascontiguousarray(triangles)
+    keys = new_keys(3 * len(triangles))
+    take = np.zeros(len(triangles), dtype=np.bool_)
+    _take(triangles, keys, np.empty_like(keys), np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.bool_), take)
+    return triangles[take]
+
+
+@kernel
+def _take(triangles, keys, thirds, degrees, closed, take):
+    """Mark in `take`, (t,), the triangles that are taken.
+
+    The table `keys`, `thirds` has the third corner for each directed edge p q, by p n + q. `degrees` and `closed`,
+    (n,), are the number of triangles at each vertex, and whether they close around it.
+    """
+    n = len(degrees)
+    for t in range(len(triangles)):
+        fits = True
+        for k in range(3):
+            p, a, b = triangles[t, k], triangles[t, (k + 1) % 3], triangles[t, (k + 2) % 3]
+            if closed[p] or degrees[p] == MOST_AROUND or p == a or keys[slot_of(keys, p * n + a)] >= 0:
+                fits = False
+                break
+            reached, steps = _walk(keys, thirds, p * n, b, a)
+            if reached and (steps < degrees[p] or steps < 2):  # it closes only a part of the triangles at p
+                fits = False
+                break
+        if not fits:
+            continue
+        take[t] = True
+        for k in range(3):
+            p, a, b = triangles[t, k], triangles[t, (k + 1) % 3], triangles[t, (k + 2) % 3]
+            slot = slot_of(keys, p * n + a)
+            keys[slot], thirds[slot] = p * n + a, b
+            degrees[p] += 1
+            closed[p] = _walk(keys, thirds, p * n, b, a)[0]
+
+
+@kernel
+def _walk(keys, thirds, row_of_p, start, end):
+    """Walk around a vertex p from the edge to `start`; return whether `end` is reached, and after how many steps."""
+    here, steps = start, 0
+    while here != end:
+        slot = slot_of(keys, row_of_p + here)
+        if keys[slot] < 0:
+            return False, steps
+        here = thirds[slot]
+        steps += 1
+    return True, steps
+
+
+def without_bow_ties(faces: NDArray[np.int64], n: int) -> NDArray[np.int64]:
+    """Leave out triangles so that those at each vertex are one fan: the largest stays, of equal ones the first.
+
+    Parameters
+    ----------
+    faces : (F, 3) array, int64
+        Oriented, each directed edge in one triangle.
+    n : int
+        Number of vertices.
+
+    Returns
+    -------
+    (F', 3) array, int64
+    """
+    while True:
+        mesh = HalfEdges.of(faces, n)
+        fan = np.full(len(mesh.origin), -1)
+        sizes = _number_fans(mesh, fan)
+        vertex = np.empty(len(sizes), dtype=np.int64)
+        vertex[fan] = mesh.origin
+        order = np.lexsort((-sizes, vertex))
+        smaller = np.zeros(len(sizes), dtype=np.bool_)
+        smaller[order[1:]] = vertex[order[1:]] == vertex[order[:-1]]
+        if not smaller.any():
+            return faces
+        faces = faces[~smaller[fan].reshape(-1, 3).any(axis=1)]
+
+
+@kernel
+def _number_fans(mesh, fan):
+    """Fill `fan`, (3 F,), with the number of the fan of each half-edge around its origin; return the fans' sizes."""
+    sizes = np.zeros(len(fan), dtype=np.int64)
+    count = 0
+    for first in range(len(fan)):
+        if fan[first] >= 0:
+            continue
+        start = first
+        while mesh.opposite[start] >= 0:
+            start = following(mesh.opposite[start])
+            if start == first:
+                break
+        h = start
+        while h >= 0 and fan[h] < 0:
+            fan[h] = count
+            sizes[count] += 1
+            h = mesh.opposite[preceding(h)]
+        count += 1
+    return sizes[:count]
+
+
+def filled(
+    faces: NDArray[np.int64],
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    reaches: NDArray[np.float64],
+    cover: Cover,
+    most: int,
+) -> NDArray[np.int64]:
+    """Fill the gaps that have few corners and that the dense points cover.
+
+    Parameters
+    ----------
+    faces : (F, 3) array, int64
+        An oriented manifold.
+    points, normals, reaches, cover
+        As in `assembled`.
+    most : int
+        Corners of a gap at most.
+
+    Returns
+    -------
+    (F', 3) array, int64
+        The faces and, behind them, those of the fillings.
+    """
+    mesh = HalfEdges.of(faces, len(points))
+    loops, ends = border_loops(mesh)
+    keys = new_keys(3 * len(faces) + 3 * len(loops))
+    added = np.empty((len(loops), 3), dtype=np.int64)
+    count = _fill_all(mesh, loops, ends, most, points, normals, reaches, cover, True, keys, added)
+    return np.concatenate([faces, added[:count]])
+
+
+def border_loops(mesh: HalfEdges) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the borders of a mesh, each as its vertices in the order in which a filling would run around it.
+
+    Parameters
+    ----------
+    mesh : HalfEdges
+
+    Returns
+    -------
+    loops : (B,) array, int64
+        The vertices of all borders, one border after another.
+    ends : (borders,) array, int64
+        Where each ends in `loops`.
+    """
+    loops = np.empty(int(((mesh.opposite < 0) & (mesh.origin >= 0)).sum()), dtype=np.int64)
+    ends = np.empty(len(loops), dtype=np.int64)
+    return loops, ends[: _list_loops(mesh, loops, ends)]
+
+
+@kernel
+def _list_loops(mesh, loops, ends):
+    """Fill `loops`, (B,), and `ends`, as `border_loops` returns them; return the number of borders."""
+    seen = np.zeros(len(mesh.origin), dtype=np.bool_)
+    length, count = 0, 0
+    for first in range(len(mesh.origin)):
+        if mesh.origin[first] < 0 or mesh.opposite[first] >= 0 or seen[first]:
+            continue
+        h = first
+        while not seen[h]:
+            seen[h] = True
+            loops[length] = mesh.origin[following(h)]
+            length += 1
+            h = preceding(h)
+            while mesh.opposite[h] >= 0:
+                h = preceding(mesh.opposite[h])
+        ends[count] = length
+        count += 1
+    return count
+
+
+@kernel
+def _fill_all(mesh, loops, ends, most, points, normals, reaches, cover, covered, keys, added):
+    """Fill `added`, (B, 3), with triangles that close borders of at most `most` corners; return their number.
+
+    `keys`, (slots,), becomes the table of all directed edges, so that no filling repeats one. With `covered`, only
+    what the dense points cover is filled.
+    """
+    n = len(mesh.leaving)
+    for h in range(len(mesh.origin)):
+        if mesh.origin[h] >= 0:
+            key = mesh.origin[h] * n + mesh.origin[following(h)]
+            keys[slot_of(keys, key)] = key
+    found, squared = np.empty(NEAREST, dtype=np.int64), np.empty(NEAREST, dtype=np.float64)
+    degrees = np.zeros(n, dtype=np.int64)
+    for v in mesh.origin:
+        if v >= 0:
+            degrees[v] += 1
+    count, begin = 0, 0
+    for end in ends:
+        loop = loops[begin:end]
+        begin = end
+        if not 3 <= len(loop) <= most:
+            continue
+        new = _fill(loop, points, normals, keys, n, added[count : count + len(loop) - 2])
+        fits = new > 0
+        for t in range(count, count + new):
+            for k in range(3):
+                p, q = added[t, k], added[t, (k + 1) % 3]
+                degrees[p] += 1
+                fits = fits and keys[slot_of(keys, p * n + q)] < 0 and degrees[p] <= MOST_AROUND
+            if fits and covered:
+                fits = is_covered(cover, points, reaches, added[t, 0], added[t, 1], added[t, 2], found, squared)
+        for t in range(count, count + new):
+            for k in range(3):
+                p, q = added[t, k], added[t, (k + 1) % 3]
+                if fits:
+                    keys[slot_of(keys, p * n + q)] = p * n + q
+                else:
+                    degrees[p] -= 1
+        if fits:
+            count += new
+    return count
+
+
+@kernel
+def _fill(loop, points, normals, keys, n, triangles):
+    """Fill `triangles`, (L - 2, 3), with the cheapest that close a loop, (L,); return their number, 0 if none do.
+
+    The cost is the area, more where the filling bends away from the normals of its corners (Barequet and Sharir 1995;
+    Liepa 2003). The inner edges are none that the table `keys` has.
+    """
+    length = len(loop)
+    costs = np.full((length, length), np.inf)
+    middles = np.empty((length, length), dtype=np.int64)
+    for i in range(length - 1):
+        costs[i, i + 1] = 0.0
+    for gap in range(2, length):
+        for i in range(length - gap):
+            k = i + gap
+            inner = gap < length - 1
+            p, q = loop[i], loop[k]
+            if inner and (keys[slot_of(keys, p * n + q)] >= 0 or keys[slot_of(keys, q * n + p)] >= 0):
+                continue
+            for m in range(i + 1, k):
+                cost = costs[i, m] + costs[m, k]
+                if cost < costs[i, k]:
+                    cost += _cost(points, normals, p, loop[m], q)
+                    if cost < costs[i, k]:
+                        costs[i, k], middles[i, k] = cost, m
+    if costs[0, length - 1] == np.inf:
+        return 0
+    stack = np.empty((length, 2), dtype=np.int64)
+    stack[0, 0], stack[0, 1] = 0, length - 1
+    height, count = 1, 0
+    while height:
+        height -= 1
+        i, k = stack[height]
+        if k - i < 2:
+            continue
+        m = middles[i, k]
+        triangles[count, 0], triangles[count, 1], triangles[count, 2] = loop[i], loop[m], loop[k]
+        count += 1
+        stack[height, 0], stack[height, 1] = i, m
+        stack[height + 1, 0], stack[height + 1, 1] = m, k
+        height += 2
+    return count
+
+
+@kernel
+def _cost(points, normals, a, b, c):
+    """Return the cost of a triangle of a filling."""
+    pa, pb, pc = row(points, a), row(points, b), row(points, c)
+    normal = area_vector(pa, pb, pc)
+    doubled = np.sqrt(dot(normal, normal))
+    agreement = 1.0
+    if doubled > 0.0:
+        for v in (a, b, c):
+            agreement = min(agreement, dot(normal, row(normals, v)) / doubled)
+    ab, ca = minus(pb, pa), minus(pa, pc)
+    return 0.5 * doubled * (1.0 + BEND * (1.0 - agreement) ** 2) + LENGTH * max(dot(ab, ab), dot(ca, ca))
+
+
+def without_scraps(faces: NDArray[np.int64], n: int, fewest: int = FEWEST) -> NDArray[np.int64]:
+    """Leave out connected pieces of few triangles.
+
+    Parameters
+    ----------
+    faces : (F, 3) array, int64
+    n : int
+        Number of vertices.
+    fewest : int
+        Triangles of a piece that stays.
+
+    Returns
+    -------
+    (F', 3) array, int64
+    """
+    ends = np.concatenate([faces[:, :2], faces[:, 1:]]).T
+    _, pieces = connected_components(coo_array((np.ones(ends.shape[1]), ends), shape=(n, n)), directed=False)
+    sizes = np.bincount(pieces[faces[:, 0]], minlength=1)
+    return faces[sizes[pieces[faces[:, 0]]] >= fewest]
+
+
+def holes_filled(
+    faces: NDArray[np.int64],
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    size: float,
+    cover: Cover,
+    most: int = MOST_CORNERS,
+) -> NDArray[np.int64]:
+    """Close holes up to a size, whether dense points cover them or not.
+
+    Parameters
+    ----------
+    faces : (F, 3) array, int64
+        An oriented manifold.
+    points, normals : (n, 3) arrays, float64
+        Of the vertices.
+    size : float
+        Diagonal of the box around the border of a hole, at most.
+    cover : Cover
+        The dense points.
+    most : int
+        Corners of a hole at most.
+
+    Returns
+    -------
+    (F', 3) array, int64
+        The faces and, behind them, those of the fillings.
+    """
+    mesh = HalfEdges.of(faces, len(points))
+    loops, ends = border_loops(mesh)
+    runs = [loop for loop in np.split(loops, ends[:-1]) if len(loop)]
+    small = [loop for loop in runs if np.linalg.norm(np.ptp(points[loop], axis=0)) <= size]
+    if not small:
+        return faces
+    loops, ends = np.concatenate(small), np.cumsum([len(loop) for loop in small])
+    keys = new_keys(3 * len(faces) + 3 * len(loops))
+    added = np.empty((len(loops), 3), dtype=np.int64)
+    count = _fill_all(mesh, loops, ends, most, points, normals, np.ones(len(points)), cover, False, keys, added)
+    return np.concatenate([faces, added[:count]])

@@ -1,0 +1,131 @@
+"""Whether points of the dense cloud lie under the whole of a triangle: where they do not, the surface is open."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.engine.kernels import kernel
+from gppcs.engine.threads import on_ranges
+from gppcs.meshing.triangles import dot, minus, row
+from gppcs.spatial.kdtree import nearest_in_tree
+
+RANK = 6  # a point covers the surface as far as its neighbour of this rank, times
+SPAN = 1.5  # this; less opens pinholes in random samples
+NEAREST = 4  # dense points that may cover a place: the nearest ones
+MOST_STEPS = 8  # steps of the lattice of places along an edge, at most
+RISE = 0.2  # a covering point may lie this far off the triangle, in its longest edges: curved parts are covered too
+TRIANGLES_AT_ONCE = 64  # triangles that a thread takes at once, at least
+
+
+class Cover(NamedTuple):
+    """The dense points in the order of a `KdTree`.
+
+    Attributes
+    ----------
+    points : (3, N) array, float64
+    low, high : (nodes, 3) arrays, float64
+        The boxes of the tree.
+    normals : (N, 3) array, float64
+        Unit normals; their signs do not matter.
+    reaches : (N,) array, float64
+        How far each point covers the surface.
+    """
+
+    points: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    reaches: NDArray[np.float64]
+
+
+def are_covered(
+    cover: Cover, triangles: NDArray[np.int64], points: NDArray[np.float64], reaches: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Tell which triangles the dense points cover.
+
+    A place on a triangle is covered if one of the nearest dense points reaches it along its tangent plane. The places
+    are those of a lattice, about as dense as the points.
+
+    Parameters
+    ----------
+    cover : Cover
+    triangles : (t, 3) array, int64
+        Corners.
+    points : (n, 3) array, float64
+        Places of the corners.
+    reaches : (n,) array, float64
+        How far the corners themselves, which are dense points, cover the surface.
+
+    Returns
+    -------
+    (t,) array, bool
+    """
+    covered = np.empty(len(triangles), dtype=np.bool_)
+    on_ranges(_cover_all, len(triangles), cover, triangles, points, reaches, covered, least=TRIANGLES_AT_ONCE)
+    return covered
+
+
+@kernel
+def _cover_all(begin, end, cover, triangles, points, reaches, covered):
+    """Fill `covered`, (t,); other arrays as in `are_covered`."""
+    found, squared = np.empty(NEAREST, dtype=np.int64), np.empty(NEAREST, dtype=np.float64)
+    for t in range(begin, end):
+        a, b, c = triangles[t]
+        covered[t] = is_covered(cover, points, reaches, a, b, c, found, squared)
+
+
+@kernel
+def is_covered(cover, points, reaches, a, b, c, found, squared):
+    """Return whether the dense points cover the triangle of three corners.
+
+    Parameters
+    ----------
+    cover : Cover
+    points : (n, 3) array
+        Places of the corners.
+    reaches : (n,) array
+        How far the corners cover the surface.
+    a, b, c : int
+    found, squared : (NEAREST,) arrays, int64 and float64
+        Buffers.
+
+    Returns
+    -------
+    bool
+    """
+    pa, pb, pc = row(points, a), row(points, b), row(points, c)
+    ab, bc, ca = minus(pb, pa), minus(pc, pb), minus(pa, pc)
+    edge = np.sqrt(max(dot(ab, ab), dot(bc, bc), dot(ca, ca)))
+    reach = SPAN * min(reaches[a], reaches[b], reaches[c])
+    if edge <= reach:  # every place is that near a corner
+        return True
+    steps = min(MOST_STEPS, max(2, int(np.ceil(edge / reach))))
+    if not _is_place_covered(cover, pa, ab, ca, 1 / 3, 1 / 3, edge, found, squared):
+        return False
+    for i in range(steps + 1):
+        for j in range(steps + 1 - i):
+            corner = i == steps or j == steps or i + j == 0
+            if not corner and not _is_place_covered(cover, pa, ab, ca, i / steps, j / steps, edge, found, squared):
+                return False
+    return True
+
+
+@kernel
+def _is_place_covered(cover, a, ab, ca, v, w, edge, found, squared):
+    """Return whether a dense point covers the place a + v ab - w ca."""
+    x, y, z = a[0] + v * ab[0] - w * ca[0], a[1] + v * ab[1] - w * ca[1], a[2] + v * ab[2] - w * ca[2]
+    squared[:] = np.inf
+    nearest_in_tree(cover.points, cover.low, cover.high, x, y, z, found, squared)
+    for slot in range(len(found)):
+        if squared[slot] == np.inf:
+            return False
+        j = found[slot]
+        step = x - cover.points[0, j], y - cover.points[1, j], z - cover.points[2, j]
+        rise = dot(step, row(cover.normals, j))
+        reach = SPAN * cover.reaches[j]
+        if squared[slot] - rise * rise <= reach * reach and abs(rise) <= max(RISE * edge, reach):
+            return True
+    return False

@@ -1,0 +1,118 @@
+"""The dense points that a mesh is made from: without repeats, with signed normals, freed from thick noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.meshing.coverage import RANK, Cover
+from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.spacing import nearest_distances
+from gppcs.surface.noise import level_and_radius, projections
+from gppcs.surface.normals import estimate_normals
+
+PER_VERTEX = 32  # dense points for each vertex of the result: more make the quadrics hardly better
+NOISY = 0.25  # least noise that counts, in distances to the neighbour of rank `RANK`
+FITS = 20, 40  # points of the quadrics that tell noise from detail; points go to the feet on those of the second
+WIDER = 2.0  # how far a point covers the surface at most, in median distances that its neighbours cover
+STEPS = 2  # such projections
+
+
+@dataclass(frozen=True)
+class DensePoints:
+    """Points of a cloud, in the order of their tree.
+
+    Attributes
+    ----------
+    rows : (n,) array, int64
+        The row of each in the cloud.
+    raw : (n, 3) array, float64
+        Where the cloud has them.
+    places : (n, 3) array, float64
+        Where they lie on the surface: the same, unless the cloud is noisy.
+    normals : (n, 3) array, float64
+        Unit normals with signs.
+    cover : Cover
+        What the places cover.
+    noise : float
+        Root mean square distance of the points from the surface; 0 if it is too small to count.
+    """
+
+    rows: NDArray[np.int64]
+    raw: NDArray[np.float64]
+    places: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    cover: Cover
+    noise: float
+
+    @classmethod
+    def of(cls, points: NDArray[np.float64], n_vertices: int, chosen: NDArray[np.int64]) -> DensePoints:
+        """Take enough points of a cloud for a mesh, evenly.
+
+        Parameters
+        ----------
+        points : (N, 3) array, float64
+            Of about unit size.
+        n_vertices : int
+            Vertices of the mesh.
+        chosen : (m,) array, int64
+            Rows that are taken in any case.
+
+        Returns
+        -------
+        DensePoints
+        """
+        rows = _some_rows(points, n_vertices, chosen)
+        tree = KdTree.build(points[rows])
+        rows, raw = rows[tree.order], np.ascontiguousarray(tree.points.T)
+        normals = estimate_normals(raw)
+        noise = _noise(tree)
+        places = raw
+        if noise:
+            for _ in range(STEPS):
+                feet, _ = projections(tree, KdTree.over(np.ascontiguousarray(places.T)), FITS[1])
+                places = np.ascontiguousarray(feet.points.T)
+            tree = KdTree.build(places)
+            rows, raw, places, normals = (
+                rows[tree.order], raw[tree.order], places[tree.order], normals[tree.order]
+            )  # fmt: skip
+        reaches = _reaches(tree)
+        cover = Cover(tree.points, tree.low, tree.high, normals, reaches)
+        return cls(rows, raw, places, normals, cover, noise)
+
+
+def _some_rows(points: NDArray[np.float64], n_vertices: int, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return rows of points without repeats, ascending: all, or about `PER_VERTEX` for each vertex."""
+    distinct = np.flatnonzero(first_occurrences(points))
+    step = len(distinct) // (PER_VERTEX * n_vertices)
+    if step <= 1:
+        return distinct
+    order = KdTree.build(points[distinct]).order  # neighbours follow each other, so every k-th point is an even sample
+    return np.union1d(distinct[order[::step]], chosen)
+
+
+def _reaches(tree: KdTree) -> NDArray[np.float64]:
+    """Return how far each point of a tree covers the surface: to a near neighbour, but not much farther than these do.
+
+    Otherwise a stray point would cover all the way to the surface.
+    """
+    near, squared = tree.neighbours(min(RANK, len(tree.order) - 1))
+    reaches = np.sqrt(squared[:, -1])
+    usual = np.partition(reaches[near], (near.shape[1] - 1) // 2, axis=1)[:, (near.shape[1] - 1) // 2]
+    return np.minimum(reaches, WIDER * usual)
+
+
+def _noise(tree: KdTree) -> float:
+    """Return the noise of the points of a tree, 0 if it is small or if it is detail of the surface.
+
+    The distance of noise from quadrics does not depend on how many points these are fitted to. That of detail grows
+    about as the radius of the fits.
+    """
+    if len(tree.order) <= 2 * FITS[1]:
+        return 0.0
+    (fine, near), (level, wide) = (level_and_radius(tree, k) for k in FITS)
+    spacing = float(np.median(nearest_distances(tree, RANK)))
+    return level if level > NOISY * spacing and level * near <= fine * wide else 0.0

@@ -1,0 +1,291 @@
+"""Oriented triangles as half-edges, and the ways around a vertex.
+
+Half-edge 3 f + k leads from corner k of triangle f to its next corner. The triangle lies to the left.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.engine.kernels import kernel
+
+MOST_AROUND = 64  # triangles around a vertex at most: buffers have this size, and no operation exceeds it
+MIX = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)  # of splitmix64 (Steele, Lea and Flood 2014)
+
+
+class HalfEdges(NamedTuple):
+    """Triangles of an oriented manifold, perhaps with borders. Kernels change them in place.
+
+    Attributes
+    ----------
+    origin : (3 F,) array, int64
+        Vertex at which each half-edge begins; -1 for triangles that were removed.
+    opposite : (3 F,) array, int64
+        The half-edge of the neighbouring triangle that leads the other way; -1 on a border.
+    leaving : (V,) array, int64
+        For each vertex, a half-edge that begins there; on a border, the one from which all others follow
+        counter-clockwise. -1 for a vertex without triangles.
+    """
+
+    origin: NDArray[np.int64]
+    opposite: NDArray[np.int64]
+    leaving: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, faces: NDArray[np.int64], n: int) -> Self:
+        """Connect triangles.
+
+        Parameters
+        ----------
+        faces : (F, 3) array, int64
+            Corners, counter-clockwise. Each directed edge belongs to at most one triangle.
+        n : int
+            Number of vertices, V.
+
+        Returns
+        -------
+        HalfEdges
+        """
+        origin = np.ascontiguousarray(faces, dtype=np.int64).ravel().copy()
+        mesh = cls(origin, np.full(len(origin), -1), np.full(n, -1))
+        keys = new_keys(len(origin))
+        _connect(mesh, keys, np.empty_like(keys))
+        return mesh
+
+    def faces(self) -> NDArray[np.int64]:
+        """Return the triangles that are left.
+
+        Returns
+        -------
+        (F, 3) array, int64
+            Corners, counter-clockwise.
+        """
+        faces = self.origin.reshape(-1, 3)
+        return faces[faces[:, 0] >= 0]
+
+
+def new_keys(count: int) -> NDArray[np.int64]:
+    """Return the empty slots of a hash table.
+
+    Parameters
+    ----------
+    count : int
+        Entries at most.
+
+    Returns
+    -------
+    (slots,) array, int64
+        -1 in each; `slots` is a power of two.
+    """
+    return np.full(1 << (2 * count + 16).bit_length(), -1)
+
+
+@kernel
+def slot_of(keys, key):
+    """Return the slot of a hash table that holds a key, or the empty one that may take it.
+
+    Parameters
+    ----------
+    keys : (slots,) array, int64
+    key : int
+        Not negative.
+
+    Returns
+    -------
+    int
+    """
+    most = len(keys) - 1
+    mixed = np.uint64(key)
+    mixed = (mixed ^ (mixed >> np.uint64(30))) * MIX[0]
+    mixed = (mixed ^ (mixed >> np.uint64(27))) * MIX[1]
+    slot = np.int64((mixed ^ (mixed >> np.uint64(31))) & np.uint64(most))
+    while keys[slot] != -1 and keys[slot] != key:
+        slot = (slot + 1) & most
+    return slot
+
+
+@kernel
+def following(h):
+    """Return the next half-edge around the triangle.
+
+    Parameters
+    ----------
+    h : int
+
+    Returns
+    -------
+    int
+    """
+    return h - 2 if h % 3 == 2 else h + 1
+
+
+@kernel
+def preceding(h):
+    """Return the previous half-edge around the triangle.
+
+    Parameters
+    ----------
+    h : int
+
+    Returns
+    -------
+    int
+    """
+    return h + 2 if h % 3 == 0 else h - 1
+
+
+@kernel
+def _connect(mesh, keys, halves):
+    """Fill `opposite` and `leaving` of a mesh; `keys` and `halves`, (slots,), become a table of its half-edges."""
+    n = len(mesh.leaving)
+    for h in range(len(mesh.origin)):
+        key = mesh.origin[h] * n + mesh.origin[following(h)]
+        slot = slot_of(keys, key)
+        keys[slot], halves[slot] = key, h
+    for h in range(len(mesh.origin)):
+        slot = slot_of(keys, mesh.origin[following(h)] * n + mesh.origin[h])
+        mesh.opposite[h] = halves[slot] if keys[slot] >= 0 else -1
+    for h in range(len(mesh.origin)):
+        v = mesh.origin[h]
+        if mesh.leaving[v] < 0 or mesh.opposite[h] < 0:
+            mesh.leaving[v] = h
+
+
+@kernel
+def around(mesh, v, found):
+    """List the half-edges that leave a vertex, counter-clockwise.
+
+    Parameters
+    ----------
+    mesh : HalfEdges
+    v : int
+    found : (MOST_AROUND,) array, int64
+        Filled.
+
+    Returns
+    -------
+    count : int
+        Number of half-edges.
+    closed : bool
+        Whether the triangles close around the vertex; otherwise, it is on a border.
+    """
+    first = mesh.leaving[v]
+    if first < 0:
+        return 0, False
+    h, count = first, 0
+    while True:
+        found[count] = h
+        count += 1
+        h = mesh.opposite[preceding(h)]
+        if h < 0:
+            return count, False
+        if h == first:
+            return count, True
+
+
+@kernel
+def neighbours(mesh, v, halves, found):
+    """List the vertices around a vertex, counter-clockwise.
+
+    Parameters
+    ----------
+    mesh : HalfEdges
+    v : int
+    halves : (MOST_AROUND,) array, int64
+        Filled by `around`.
+    found : (MOST_AROUND + 1,) array, int64
+        Filled; on a border, there is one more vertex than half-edges.
+
+    Returns
+    -------
+    count : int
+        Number of vertices.
+    edges : int
+        Number of half-edges.
+    closed : bool
+    """
+    edges, closed = around(mesh, v, halves)
+    for slot in range(edges):
+        found[slot] = mesh.origin[following(halves[slot])]
+    if closed or edges == 0:
+        return edges, edges, closed
+    found[edges] = mesh.origin[preceding(halves[edges - 1])]
+    return edges + 1, edges, False
+
+
+@kernel
+def leave_by(mesh, v, h):
+    """Let a vertex be left by a half-edge, or on a border by the first one.
+
+    Parameters
+    ----------
+    mesh : HalfEdges
+    v : int
+    h : int
+        A half-edge that begins at v, or -1 if there is none.
+    """
+    mesh.leaving[v] = h
+    if h < 0:
+        return
+    first = h
+    while mesh.opposite[h] >= 0:
+        h = following(mesh.opposite[h])
+        if h == first:
+            return
+    mesh.leaving[v] = h
+
+
+def faults(mesh: HalfEdges) -> list[str]:
+    """Return in words where the half-edges contradict each other.
+
+    Parameters
+    ----------
+    mesh : HalfEdges
+
+    Returns
+    -------
+    list of str
+        Empty for a sound mesh.
+    """
+    origin, opposite, leaving = mesh
+    h = np.flatnonzero(origin >= 0)
+    target = origin[np.where(h % 3 == 2, h - 2, h + 1)]
+    inner = opposite[h] >= 0
+    other = opposite[h[inner]]
+    edges = origin[h] * len(leaving) + target
+    used = np.unique(origin[h])
+    found = {
+        "a half-edge leads nowhere": (origin[h] == target).any() or (target < 0).any(),
+        "opposite half-edges do not agree": (opposite[other] != h[inner]).any(),
+        "opposite half-edges have different ends": (origin[other] != target[inner]).any()
+        or (origin[np.where(other % 3 == 2, other - 2, other + 1)] != origin[h[inner]]).any(),
+        "a directed edge is there twice": len(np.unique(edges)) < len(edges),
+        "an edge on a border has a neighbour": np.isin(
+            edges[~inner], target * len(leaving) + origin[h]
+        ).any(),
+        "a vertex is not left by a half-edge of its own": (leaving[used] < 0).any()
+        or (origin[leaving[used]] != used).any()
+        or (np.delete(leaving, used) >= 0).any(),
+    }  # fmt: skip
+    words = [fault for fault, there in found.items() if there]
+    if not words:
+        reached = np.zeros(len(leaving), dtype=np.int64)
+        _count_reached(mesh, reached)
+        if (reached != np.bincount(origin[h], minlength=len(leaving))).any():
+            words.append("the triangles at a vertex are not one fan")
+    return words
+
+
+@kernel
+def _count_reached(mesh, reached):
+    """Fill the number of half-edges that `around` would find at each vertex, (V,)."""
+    for v in range(len(reached)):
+        h = first = mesh.leaving[v]
+        while h >= 0 and reached[v] <= len(mesh.origin):
+            reached[v] += 1
+            h = mesh.opposite[preceding(h)]
+            if h == first:
+                break

@@ -1,0 +1,421 @@
+"""Make a light mesh straight from a dense cloud: the function `mesh` and its result."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
+from gppcs.clouds.mesh import Mesh
+from gppcs.engine.blas import one_blas_thread
+from gppcs.engine.equality import ComparedByValue
+from gppcs.engine.stages import COMPILATION, Stages
+from gppcs.errors import NoSurfaceError, ParameterError, flag, number, shown, whole_number
+from gppcs.meshing.assembly import assembled, holes_filled, without_scraps
+from gppcs.meshing.assignment import Assignment
+from gppcs.meshing.collapse import collapse
+from gppcs.meshing.dense import DensePoints
+from gppcs.meshing.fans import fans_of
+from gppcs.meshing.fit import fitted
+from gppcs.meshing.flips import flip
+from gppcs.meshing.halfedges import HalfEdges
+from gppcs.meshing.quadrics import add_borders, dense_quadrics, nearest_vertices
+from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.farthest_points import farthest_points
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.scaling import normalised
+
+FEWEST_VERTICES = 4  # of a mesh: those of a tetrahedron
+LEVEL = 8  # points of the first mesh, in vertices of the result
+LEVEL_OF_NOISY = 3  # the same for noisy clouds, whose finest points are not worth joining
+NEIGHBOURS = 24  # of a point of the first mesh, among which those of its fan are
+LEAST_VERTICES = 256  # the first mesh of a lighter result is made as for this many
+LEAST_AGREED = 0.38  # of the fans' triangles, the share that another fan has too; below it, points lie on no surface
+THIN_COST = 5.0  # what flips may cost to remove a thin triangle, in mean squared distances of a triangle's points
+ROUNDS = 4  # of fitting and flipping
+FLAT = 1e-6  # points whose second widest extent is below this share of the widest lie on a line
+FIRST_TRY = 2_000  # vertices of the first mesh of a search for a tolerance
+NEAR_ENOUGH = 0.9  # a mean distance above this share of the tolerance ends the search
+MOST_TRIES = 8  # meshes of such a search
+
+
+@dataclass(frozen=True, eq=False)
+class MeshResult(ComparedByValue):
+    """A light mesh of a cloud, with the times of the run.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        Oriented triangles between M vertices.
+    indices : (M,) array, int64
+        The row in the input of each vertex: the point that it is, or with `moved` the point that it was.
+    cloud : PointCloud
+        The vertices as a cloud, with all attributes of these points. If the input has no normals, those estimated
+        from all points are added as `nx`, `ny` and `nz`.
+    seconds : mapping of str to float
+        Wall time of each stage in seconds, in the order of the run. If kernels were compiled meanwhile, that time is
+        in an entry of its own, `compilation`.
+    diagnostics : mapping of str to float
+        `dense_points`, from which the mesh was made; `noise`, their root mean square distance from the surface, 0 if
+        it is too small to count; `mean_distance` of the dense points from the mesh; `left_out`, the share of the
+        points of the first mesh that are on no piece of it that is large enough; with `keep` also `missing`, the
+        number of these points that are no vertices.
+
+    Examples
+    --------
+    >>> result = gppcs.mesh(gppcs.sample("sphere", n_points=3000), n_points=100)
+    >>> isinstance(result, gppcs.MeshResult)
+    True
+    >>> len(result.mesh.vertices), len(result.mesh.faces)
+    (100, 196)
+    """
+
+    mesh: Mesh
+    indices: NDArray[np.int64]
+    cloud: PointCloud
+    seconds: Mapping[str, float]
+    diagnostics: Mapping[str, float]
+
+    def __repr__(self) -> str:
+        compilation = self.seconds.get(COMPILATION, 0.0)
+        seconds = f"{sum(self.seconds.values()) - compilation:.3g} s"
+        if compilation:
+            seconds += f" and {compilation:.3g} s of compilation"
+        return f"MeshResult({len(self.mesh.vertices):,} vertices, {len(self.mesh.faces):,} triangles in {seconds})"
+
+
+def mesh(
+    cloud: CloudLike,
+    *,
+    n_points: int | None = None,
+    ratio: float | None = None,
+    n_faces: int | None = None,
+    tolerance: float | None = None,
+    keep: ArrayLike | None = None,
+    moved: bool = False,
+    fill_holes: float | None = None,
+    invalid: Literal["error", "drop"] = "error",
+    stages: Stages | None = None,
+) -> MeshResult:
+    """Make a light mesh straight from a dense cloud.
+
+    Some of the points are joined to a mesh: about eight times as many as wanted, evenly spread. Its vertices are then
+    removed, the cheapest first; what that costs is told by the tangent planes of all points (quadrics). At last,
+    edges are flipped where that brings the mesh nearer to the points. The mesh is oriented and a manifold. It is open
+    where the points leave holes.
+
+    Parameters
+    ----------
+    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
+        Points on a surface. Exact repeats count once.
+    n_points : int, optional
+        M, the number of vertices, at least 4. If fewer points are on the surface, all of these are. Give exactly one
+        of `n_points`, `ratio`, `n_faces`, `tolerance` and `keep`.
+    ratio : float, optional
+        M / N, above 0 and at most 1.
+    n_faces : int, optional
+        The number of triangles at most, at least 4.
+    tolerance : float, optional
+        Mean distance from the points to the mesh at most, in the unit of the cloud. The mesh has about as few
+        vertices as it allows.
+    keep : (M,) array-like of int, optional
+        Rows of the points that become the vertices, such as the `indices` of `gppcs.simplify`.
+    moved : bool
+        Whether vertices may leave the points, so that the mesh fits these better.
+    fill_holes : float, optional
+        Also close holes up to this size, the diagonal of the box around their border in the unit of the cloud.
+    invalid : "error" or "drop"
+        What to do with points whose coordinates are NaN or infinite: raise an error, or leave them out.
+    stages : Stages, optional
+        Measures the time of each stage, and reports progress to its listener.
+
+    Returns
+    -------
+    MeshResult
+        The same input gives the same result, for any number of threads.
+
+    Raises
+    ------
+    InputError
+        If the cloud is empty, has a wrong shape or has coordinates that are not finite.
+    NoSurfaceError
+        If the points do not lie on a surface: there are fewer than four, they lie on a line, or they fill a volume.
+    ParameterError
+        If a parameter is outside its range, or the tolerance is below what all points give.
+
+    Examples
+    --------
+    >>> cloud = gppcs.sample("bracket", n_points=20_000)
+    >>> result = gppcs.mesh(cloud, n_points=500)
+    >>> result.mesh.vertices.shape, (cloud.points[result.indices] == result.mesh.vertices).all()
+    ((500, 3), np.True_)
+    """
+    from gppcs.simplification import check_usable
+
+    stages, moved = Stages.of(stages), flag("moved", moved)
+    check_size(
+        n_points=n_points, ratio=ratio, n_faces=n_faces, tolerance=tolerance, keep=keep, fill_holes=fill_holes
+    )  # fmt: skip
+    with stages("preparation"):
+        cloud = PointCloud.of(cloud)
+        rows = cloud.finite_rows()
+        bad = cloud.non_finite()
+        check_usable(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, invalid)
+        points, corner, exponent = normalised(cloud.points[rows])
+        chosen = None if keep is None else _chosen_rows(keep, rows, points, len(cloud))
+        count = _number_of_vertices(len(points), n_points, ratio)
+        _require_surface(points)
+    unit = 2.0**exponent
+    maker = _Maker(points, chosen, moved, None if fill_holes is None else fill_holes / unit, stages)
+    if tolerance is not None:
+        made = maker.search(tolerance / unit, unit)
+    elif n_faces is not None:
+        made = maker.make(n_faces, counts_faces=True)
+    else:
+        made = maker.make(count if chosen is None else len(chosen))
+    return _result(cloud, rows, made, moved, corner, exponent, stages)
+
+
+def check_size(
+    *,
+    n_points: int | None,
+    ratio: float | None,
+    n_faces: int | None,
+    tolerance: float | None,
+    keep: Any | None,
+    fill_holes: float | None,
+) -> None:
+    """Check how large a mesh shall be, as far as that is possible without the cloud.
+
+    Parameters
+    ----------
+    n_points, ratio, n_faces, tolerance, keep, fill_holes
+        As for `mesh`; of `keep` it only matters whether it is None.
+
+    Raises
+    ------
+    ParameterError
+        If not exactly one of the first five is given, or a value is outside its range.
+    """
+    given = {"n_points": n_points, "ratio": ratio, "n_faces": n_faces, "tolerance": tolerance, "keep": keep}
+    names = [name for name, value in given.items() if value is not None]
+    if len(names) != 1:
+        expected, options = (
+            "expected exactly one of",
+            ("--points", "--ratio", "--faces", "--tolerance", "--keep-points"),
+        )
+        found = " and ".join(option for option, name in zip(options, given, strict=True) if name in names) or "none"
+        raise ParameterError(
+            f"{expected} {', '.join(given)}, found {' and '.join(names) or 'none'}",
+            command=f"{expected} {', '.join(options)}, found {found}",
+        )
+    if n_points is not None:
+        whole_number("the number of points", n_points, FEWEST_VERTICES)
+    if n_faces is not None:
+        whole_number("the number of triangles", n_faces, FEWEST_VERTICES)
+    if ratio is not None and not 0 < number(ratio) <= 1:
+        raise ParameterError(f"expected a ratio above 0 and at most 1, found {shown(ratio)}")
+    for name, value in (("the tolerance", tolerance), ("the size of holes to fill", fill_holes)):
+        if value is not None and not 0 < number(value) < np.inf:
+            raise ParameterError(f"expected {name} to be a number above 0, found {shown(value)}")
+
+
+def _number_of_vertices(n: int, n_points: int | None, ratio: float | None) -> int:
+    """Return M, the number of vertices of a mesh of n points."""
+    if ratio is None:
+        return n_points or 0
+    if round(number(ratio) * n) < FEWEST_VERTICES:
+        raise ParameterError(
+            f"expected a ratio that keeps at least {FEWEST_VERTICES} of the {n} points, found {shown(ratio)}"
+        )
+    return round(number(ratio) * n)
+
+
+def _chosen_rows(keep: ArrayLike, rows: NDArray[np.int64], points: NDArray[np.float64], n: int) -> NDArray[np.int64]:
+    """Return the positions of chosen rows among the usable rows, ascending; of repeats, that of the first."""
+    chosen = np.asarray(keep)
+    if chosen.ndim != 1 or not np.issubdtype(chosen.dtype, np.integer) or len(chosen) < FEWEST_VERTICES:
+        raise ParameterError(f"expected keep to be at least {FEWEST_VERTICES} indices of rows, found {shown(keep)}")
+    unusable = np.setdiff1d(chosen, rows)
+    if len(unusable):
+        raise ParameterError(
+            f"expected keep to be rows of the cloud from 0 to {n - 1} with finite coordinates, found {unusable[0]}"
+        )
+    distinct = np.flatnonzero(first_occurrences(points))
+    nearest, _ = KdTree.build(points[distinct]).nearest_of(points[np.searchsorted(rows, chosen)], 1)
+    return np.unique(distinct[nearest[:, 0]])
+
+
+@one_blas_thread()
+def _require_surface(points: NDArray[np.float64]) -> None:
+    """Raise an error if the points, (N, 3), are too few or lie on a line."""
+    distinct = len(np.unique(points[: 10 * FEWEST_VERTICES], axis=0))
+    if len(points) <= 10 * FEWEST_VERTICES and distinct < FEWEST_VERTICES:
+        raise NoSurfaceError(f"expected at least {FEWEST_VERTICES} points on a surface, found {distinct}")
+    extents = np.sqrt(np.abs(np.linalg.eigvalsh(np.cov(points.T))))
+    if extents[1] <= FLAT * extents[2]:
+        raise NoSurfaceError(f"expected points on a surface, found {len(points)} points on a line")
+
+
+@dataclass(frozen=True)
+class _Made:
+    """A mesh in the frame of the points: its triangles, and for each vertex its place, normal and row."""
+
+    faces: NDArray[np.int64]
+    vertices: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    rows: NDArray[np.int64]
+    diagnostics: dict[str, float]
+
+
+@dataclass(frozen=True)
+class _Maker:
+    """Makes meshes of points, (N, 3), of about unit size."""
+
+    points: NDArray[np.float64]
+    chosen: NDArray[np.int64] | None
+    moved: bool
+    hole_size: float | None
+    stages: Stages
+
+    def search(self, tolerance: float, unit: float) -> _Made:
+        """Return a mesh of about as few vertices as a mean distance of the points allows."""
+        count, best, tries = min(FIRST_TRY, len(self.points)), None, 0
+        enough, too_few = np.inf, 0
+        while tries < MOST_TRIES:
+            tries += 1
+            made = self.make(count)
+            distance = made.diagnostics["mean_distance"]
+            if distance <= tolerance:
+                best, enough = made, len(made.vertices)
+                if distance > NEAR_ENOUGH * tolerance:
+                    break
+            else:
+                too_few = count
+                if len(made.vertices) < count or count == len(self.points):
+                    raise ParameterError(
+                        f"expected a tolerance that the mesh of all points reaches, of about {unit * distance:.3g}, "
+                        f"found {unit * tolerance:.3g}"
+                    )
+            wanted = count * distance / (0.95 * tolerance)  # the distance falls about as one over the vertices
+            if not too_few < wanted < enough:
+                wanted = np.sqrt(max(too_few, FEWEST_VERTICES) * enough)
+            count = int(np.clip(wanted, FEWEST_VERTICES, min(len(self.points), 8 * count)))
+            if count in (too_few, enough):
+                break
+        if best is None:
+            return self.make(len(self.points))
+        return best
+
+    def make(self, count: int, counts_faces: bool = False) -> _Made:
+        """Return a mesh of that many vertices or triangles."""
+        stages = self.stages
+        n_vertices = -(-count // 2) if counts_faces else count
+        chosen = np.empty(0, dtype=np.int64) if self.chosen is None else self.chosen
+        with stages("normals"):
+            dense = DensePoints.of(self.points, max(n_vertices, LEAST_VERTICES), chosen)
+        with stages("first mesh"):
+            level = self._level(dense, max(n_vertices, LEAST_VERTICES), chosen)
+            faces, left_out = _first_mesh(dense, level)
+        places = dense.places if self.moved else dense.raw
+        vertices, normals = places[level], dense.normals[level]
+        mesh = HalfEdges.of(faces, len(level))
+        with stages("quadrics"):
+            nearest = nearest_vertices(dense.places, dense.normals, dense.places[level], normals, np.unique(faces))
+            quadrics = dense_quadrics(dense.places, dense.normals, vertices, nearest)
+            density = len(dense.rows) / len(level)
+            add_borders(mesh, vertices, density, quadrics)
+        kept = np.isin(dense.rows[level], chosen)
+        there = int(np.count_nonzero(mesh.leaving >= 0))
+        target = int(np.count_nonzero(kept & (mesh.leaving >= 0))) if self.chosen is not None else count
+        with stages("collapse", max(0, there - n_vertices)) as advanced:
+            into = collapse(mesh, vertices, normals, quadrics, target, kept, density, counts_faces, advanced)
+        start = np.where(nearest >= 0, into[nearest], -1)
+
+        def assigned() -> Assignment:
+            return Assignment.of(mesh, vertices, dense.places, dense.normals, start)
+
+        with stages("flips"):
+            first = assigned()
+            flip(mesh, vertices, normals, dense.places, first, 0.0)
+            extra = THIN_COST * float(first.squared.sum()) / len(mesh.faces())
+            flip(mesh, vertices, normals, dense.places, assigned(), extra)
+        if self.moved:
+            with stages("fit"):
+                for _ in range(ROUNDS):
+                    vertices = fitted(mesh, vertices, normals, dense.raw, assigned())
+                    flip(mesh, vertices, normals, dense.places, assigned(), extra)
+        with stages("distances"):
+            distances = assigned()
+            there_too = distances.face >= 0
+            diagnostics = {
+                "dense_points": float(len(dense.rows)),
+                "noise": dense.noise,
+                "mean_distance": float(np.sqrt(distances.squared[there_too]).mean()),
+                "left_out": left_out,
+            }
+            if self.chosen is not None:
+                diagnostics["missing"] = float(len(chosen) - target)
+        faces = mesh.faces()
+        if self.hole_size is not None:
+            with stages("holes"):
+                faces = holes_filled(faces, vertices, normals, self.hole_size, dense.cover)
+        used, faces = np.unique(faces, return_inverse=True)
+        return _Made(faces.reshape(-1, 3), vertices[used], normals[used], dense.rows[level[used]], diagnostics)
+
+    def _level(self, dense: DensePoints, n_vertices: int, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the positions of the points of the first mesh, ascending."""
+        n = len(dense.rows)
+        wanted = (LEVEL_OF_NOISY if dense.noise else LEVEL) * n_vertices
+        if wanted >= n:
+            return np.arange(n)
+        forced = np.flatnonzero(np.isin(dense.rows, chosen))
+        tree = KdTree.over(np.ascontiguousarray(dense.places.T))
+        others = dense.places[forced] if len(forced) else None
+        even, _ = farthest_points(dense.places, max(1, wanted - len(forced)), tree, others=others)
+        return np.union1d(even, forced)
+
+
+def _first_mesh(dense: DensePoints, level: NDArray[np.int64]) -> tuple[NDArray[np.int64], float]:
+    """Return the triangles, (F, 3), of the mesh of some points, and the share of these that are not on it."""
+    places, normals, reaches = dense.places[level], dense.normals[level], dense.cover.reaches[level]
+    tree = KdTree.over(np.ascontiguousarray(places.T))
+    near, _ = tree.neighbours(min(NEIGHBOURS, len(level) - 1))
+    triangles, votes, radii = fans_of(places, normals, near)
+    if not np.count_nonzero(votes > 1) >= LEAST_AGREED * max(1, len(votes)):
+        raise NoSurfaceError(
+            f"expected points on a surface, found {len(level)} points of whose triangles only "
+            f"{np.mean(votes > 1):.0%} fit together: they fill a volume, are too few, or have noise thicker than "
+            "their spacing"
+        )
+    faces = assembled(triangles, votes, radii, places, normals, reaches, dense.cover)
+    faces = without_scraps(faces, len(level))
+    if not len(faces):
+        raise NoSurfaceError(f"expected points on a surface, found {len(level)} points of which no triangles join")
+    return faces, 1.0 - len(np.unique(faces)) / len(level)
+
+
+def _result(
+    cloud: PointCloud,
+    rows: NDArray[np.int64],
+    made: _Made,
+    moved: bool,
+    corner: NDArray[np.float64],
+    exponent: int,
+    stages: Stages,
+) -> MeshResult:
+    """Return a mesh in the unit of the cloud, with the attributes of its points."""
+    indices = rows[made.rows]
+    kept = cloud.take(indices)
+    if moved:
+        kept = kept.moved(np.ldexp(made.vertices, exponent) + corner)
+    if kept.normals() is None:
+        columns = np.ascontiguousarray(made.normals.T, dtype=np.float32)
+        kept = dataclasses.replace(kept, attributes={**kept.attributes, **dict(zip(NORMALS, columns, strict=True))})
+    scaled = {name: made.diagnostics[name] * 2.0**exponent for name in ("noise", "mean_distance")}
+    return MeshResult(Mesh(kept.points, made.faces), indices, kept, stages.seconds, {**made.diagnostics, **scaled})

@@ -1,0 +1,203 @@
+"""Quadrics: sums of squared distances to planes, each relative to its own vertex so that little precision is lost.
+
+The quadric of a vertex p is q(x) = (x - p) A (x - p) + 2 b (x - p) + c. Its ten numbers are the elements xx, xy, xz,
+yy, yz and zz of A, the three of b, and c.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.engine.kernels import kernel
+from gppcs.engine.threads import on_ranges
+from gppcs.meshing.halfedges import HalfEdges, following
+from gppcs.meshing.triangles import cross, dot, minus, row
+from gppcs.spatial.kdtree import KdTree, nearest_in_tree
+
+NUMBERS = 10  # of a quadric
+NEAREST = 4  # vertices among which that of a dense point is chosen
+QUERIES_AT_ONCE = 256  # dense points that a thread takes at once, at least
+
+
+def nearest_vertices(
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    vertices: NDArray[np.float64],
+    vertex_normals: NDArray[np.float64],
+    members: NDArray[np.int64],
+) -> NDArray[np.int64]:
+    """Return for each dense point the nearest vertex of its sheet.
+
+    Parameters
+    ----------
+    points, normals : (N, 3) arrays, float64
+        Of the dense points.
+    vertices, vertex_normals : (V, 3) arrays, float64
+    members : (V',) array, int64
+        The vertices that may be chosen.
+
+    Returns
+    -------
+    (N,) array, int64
+        The nearest of the four nearest vertices whose normal is less than 90 degrees off; -1 if none is.
+    """
+    tree = KdTree.build(vertices[members])
+    found = np.empty(len(points), dtype=np.int64)
+    on_ranges(
+        _find_vertices, len(points), points, normals, tree.points, tree.low, tree.high,
+        np.ascontiguousarray(vertex_normals[members][tree.order]), members[tree.order], found, least=QUERIES_AT_ONCE,
+    )  # fmt: skip
+    return found
+
+
+@kernel
+def _find_vertices(begin, end, points, normals, vertices, low, high, vertex_normals, members, found):
+    """Fill `found`, (N,), with one of `members`, (V',); vertices, (3, V'), and boxes are those of a tree."""
+    k = min(NEAREST, vertices.shape[1])
+    near, squared = np.empty(k, dtype=np.int64), np.empty(k, dtype=np.float64)
+    for i in range(begin, end):
+        nearest_in_tree(vertices, low, high, points[i, 0], points[i, 1], points[i, 2], near, squared)
+        found[i] = -1
+        for j in near:
+            if dot(row(normals, i), row(vertex_normals, j)) > 0.0:
+                found[i] = members[j]
+                break
+
+
+def dense_quadrics(
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    vertices: NDArray[np.float64],
+    nearest: NDArray[np.int64],
+) -> NDArray[np.float64]:
+    """Return for each vertex the sum of the squared distances to the tangent planes of the dense points nearest to it.
+
+    Parameters
+    ----------
+    points, normals : (N, 3) arrays, float64
+        Of the dense points.
+    vertices : (V, 3) array, float64
+    nearest : (N,) array, int64
+        The vertex of each dense point, or -1.
+
+    Returns
+    -------
+    (V, 10) array, float64
+    """
+    quadrics = np.zeros((len(vertices), NUMBERS))
+    _add_dense(points, normals, vertices, nearest, quadrics)
+    return quadrics
+
+
+@kernel
+def _add_dense(points, normals, vertices, nearest, quadrics):
+    """Add the planes of all dense points to `quadrics`, (V, 10)."""
+    for i in range(len(points)):
+        v = nearest[i]
+        if v >= 0:
+            normal = row(normals, i)
+            add_plane(quadrics[v], normal, dot(normal, minus(row(vertices, v), row(points, i))), 1.0)
+
+
+def add_borders(mesh: HalfEdges, vertices: NDArray[np.float64], weight: float, quadrics: NDArray[np.float64]) -> None:
+    """Add to the ends of each edge on a border the plane through it that is upright on its triangle.
+
+    Parameters
+    ----------
+    mesh : HalfEdges
+    vertices : (V, 3) array, float64
+    weight : float
+        Weight of each plane, in planes of dense points.
+    quadrics : (V, 10) array, float64
+        Changed in place.
+    """
+    _add_borders(mesh, vertices, weight, quadrics)
+
+
+@kernel
+def _add_borders(mesh, vertices, weight, quadrics):
+    """See `add_borders`."""
+    for h in range(len(mesh.origin)):
+        if mesh.origin[h] < 0 or mesh.opposite[h] >= 0:
+            continue
+        v, w = mesh.origin[h], mesh.origin[following(h)]
+        edge = minus(row(vertices, w), row(vertices, v))
+        third = minus(row(vertices, mesh.origin[following(following(h))]), row(vertices, v))
+        upright = cross(edge, cross(edge, third))
+        length = np.sqrt(dot(upright, upright))
+        if length > 0.0:
+            normal = upright[0] / length, upright[1] / length, upright[2] / length
+            add_plane(quadrics[v], normal, 0.0, weight)
+            add_plane(quadrics[w], normal, 0.0, weight)
+
+
+@kernel
+def add_plane(quadric, normal, height, weight):
+    """Add a plane to a quadric.
+
+    Parameters
+    ----------
+    quadric : (10,) array
+        Changed in place.
+    normal : three floats
+        Of unit length.
+    height : float
+        Of the vertex above the plane.
+    weight : float
+    """
+    x, y, z = normal
+    quadric[0] += weight * x * x
+    quadric[1] += weight * x * y
+    quadric[2] += weight * x * z
+    quadric[3] += weight * y * y
+    quadric[4] += weight * y * z
+    quadric[5] += weight * z * z
+    quadric[6] += weight * height * x
+    quadric[7] += weight * height * y
+    quadric[8] += weight * height * z
+    quadric[9] += weight * height * height
+
+
+@kernel
+def value(quadric, step):
+    """Return the value of a quadric.
+
+    Parameters
+    ----------
+    quadric : (10,) array
+    step : three floats
+        From its vertex to the place.
+
+    Returns
+    -------
+    float
+        Not negative.
+    """
+    x, y, z = step
+    found = x * (quadric[0] * x + 2.0 * (quadric[1] * y + quadric[2] * z + quadric[6]))
+    found += y * (quadric[3] * y + 2.0 * (quadric[4] * z + quadric[7]))
+    found += z * (quadric[5] * z + 2.0 * quadric[8]) + quadric[9]
+    return max(found, 0.0)
+
+
+@kernel
+def add_moved(quadric, step, total):
+    """Add a quadric to that of another vertex.
+
+    Parameters
+    ----------
+    quadric : (10,) array
+    step : three floats
+        From its vertex to the other.
+    total : (10,) array
+        The other's quadric, changed in place.
+    """
+    x, y, z = step
+    at_other = value(quadric, step)
+    for number in range(6):
+        total[number] += quadric[number]
+    total[6] += quadric[6] + quadric[0] * x + quadric[1] * y + quadric[2] * z
+    total[7] += quadric[7] + quadric[1] * x + quadric[3] * y + quadric[4] * z
+    total[8] += quadric[8] + quadric[2] * x + quadric[4] * y + quadric[5] * z
+    total[9] += at_other

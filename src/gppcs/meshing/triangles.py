@@ -1,0 +1,156 @@
+"""Vectors of three numbers, and the nearest place of a triangle, for kernels."""
+
+from __future__ import annotations
+
+from gppcs.engine.kernels import kernel
+
+
+@kernel
+def dot(a, b):
+    """Return the dot product of two vectors.
+
+    Parameters
+    ----------
+    a, b : three floats each
+
+    Returns
+    -------
+    float
+    """
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def minus(a, b):
+    """Return the difference a - b of two vectors.
+
+    Parameters
+    ----------
+    a, b : three floats each
+
+    Returns
+    -------
+    tuple of three floats
+    """
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@kernel
+def row(points, i):
+    """Return a row of an array as a tuple.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+    i : int
+
+    Returns
+    -------
+    tuple of three floats
+    """
+    return points[i, 0], points[i, 1], points[i, 2]
+
+
+@kernel
+def cross(a, b):
+    """Return the cross product of two vectors.
+
+    Parameters
+    ----------
+    a, b : three floats each
+
+    Returns
+    -------
+    tuple of three floats
+    """
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
+def area_vector(a, b, c):
+    """Return the normal of a triangle whose length is twice its area.
+
+    Parameters
+    ----------
+    a, b, c : three floats each
+        The corners, counter-clockwise.
+
+    Returns
+    -------
+    tuple of three floats
+    """
+    return cross(minus(b, a), minus(c, a))
+
+
+@kernel
+def quality(a, b, c):
+    """Return the quality of a triangle: 4 sqrt(3) times its area over the sum of its squared edges.
+
+    Parameters
+    ----------
+    a, b, c : three floats each
+        The corners.
+
+    Returns
+    -------
+    float
+        1 if all edges are equal; 0 if the corners lie on a line.
+    """
+    normal = area_vector(a, b, c)
+    ab, bc, ca = minus(b, a), minus(c, b), minus(a, c)
+    squared = dot(ab, ab) + dot(bc, bc) + dot(ca, ca)
+    return 3.4641016151377544 * dot(normal, normal) ** 0.5 / squared if squared > 0.0 else 0.0
+
+
+@kernel
+def nearest_in_triangle(a, b, c):
+    """Return v and w such that a + v (b - a) + w (c - a) is the point of the triangle nearest to the origin.
+
+    The nearest point is at a corner, on an edge, or inside (Ericson, Real-Time Collision Detection, section 5.1.5).
+
+    Parameters
+    ----------
+    a, b, c : three floats each
+        The corners.
+
+    Returns
+    -------
+    v, w : float
+    """
+    ab, ac = minus(b, a), minus(c, a)
+    ab_a, ac_a, ab_b, ac_b, ab_c, ac_c = dot(ab, a), dot(ac, a), dot(ab, b), dot(ac, b), dot(ab, c), dot(ac, c)
+    if ab_a >= 0.0 and ac_a >= 0.0:
+        return 0.0, 0.0
+    if ab_b <= 0.0 and ac_b >= ab_b:
+        return 1.0, 0.0
+    if ac_c <= 0.0 and ab_c >= ac_c:
+        return 0.0, 1.0
+    beside_ab, beside_ac, beside_bc = ab_a * ac_b - ab_b * ac_a, ab_c * ac_a - ab_a * ac_c, ab_b * ac_c - ab_c * ac_b
+    if beside_ab <= 0.0 and ab_a <= 0.0 <= ab_b:
+        return ab_a / (ab_a - ab_b), 0.0
+    if beside_ac <= 0.0 and ac_a <= 0.0 <= ac_c:
+        return 0.0, ac_a / (ac_a - ac_c)
+    if beside_bc <= 0.0 and ab_b >= ac_b and ac_c >= ab_c:
+        share = (ab_b - ac_b) / (ab_b - ac_b + ac_c - ab_c)
+        return 1.0 - share, share
+    area = beside_ab + beside_ac + beside_bc
+    return beside_ac / area, beside_ab / area
+
+
+@kernel
+def squared_distance(a, b, c, v, w):
+    """Return the squared length of a + v (b - a) + w (c - a).
+
+    Parameters
+    ----------
+    a, b, c : three floats each
+    v, w : float
+
+    Returns
+    -------
+    float
+    """
+    x = a[0] + v * (b[0] - a[0]) + w * (c[0] - a[0])
+    y = a[1] + v * (b[1] - a[1]) + w * (c[1] - a[1])
+    z = a[2] + v * (b[2] - a[2]) + w * (c[2] - a[2])
+    return x * x + y * y + z * z

@@ -1,0 +1,138 @@
+"""`gppcs mesh`."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gppcs
+from command_line import assert_one_line, files
+
+
+@pytest.fixture
+def ball(folder):
+    """The cloud in the file ball.ply."""
+    cloud = gppcs.sample("sphere", 3000)
+    gppcs.write("ball.ply", cloud)
+    return gppcs.read("ball.ply")
+
+
+@pytest.fixture(autouse=True, scope="session")
+def compiled():
+    """Compile the kernels of meshes, so that the command does not print the notice of a first run."""
+    gppcs.mesh(gppcs.sample("sphere", 3000), n_points=100, moved=True)
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".off"])
+def test_a_mesh_is_written_with_its_vertices(gppcs_command, ball, suffix):
+    code, out, err = gppcs_command("mesh", "ball.ply", "-o", f"small{suffix}", "--points", 100, "-q")
+    expected = gppcs.mesh(ball, n_points=100)
+    assert (code, out) == (0, "")
+    assert err == ("" if suffix == ".ply" else f"gppcs: note: small{suffix}: left out: curvature\n")
+    read = gppcs.read(f"small{suffix}")
+    assert np.array_equal(read.points.astype(np.float32), expected.mesh.vertices.astype(np.float32))
+    if suffix == ".ply":
+        assert set(read.attributes) == set(ball.attributes)
+        faces = np.frombuffer(Path("small.ply").read_bytes()[-196 * 13 :], "u1")
+        assert np.array_equal(faces.reshape(196, 13)[:, 1:].copy().view("<i4"), expected.mesh.faces)
+
+
+@pytest.mark.parametrize(
+    ("options", "arguments"),
+    [
+        (["--ratio", "5%"], {"ratio": 0.05}),
+        (["--faces", "0.2k"], {"n_faces": 200}),
+        (["--tolerance", "1.5"], {"tolerance": 1.5}),
+        (["--points", "80", "--moved"], {"n_points": 80, "moved": True}),
+        (["--points", "80", "--fill-holes", "30"], {"n_points": 80, "fill_holes": 30}),
+    ],
+)
+def test_options_are_arguments_of_the_function(gppcs_command, ball, options, arguments):
+    code, out, _ = gppcs_command("mesh", "ball.ply", "-o", "small.ply", *options, "--json")
+    expected = gppcs.mesh(ball, **arguments)
+    record = json.loads(out)
+    assert code == 0
+    assert (record["points_in"], record["vertices"], record["triangles"]) == (
+        3000,
+        len(expected.mesh.vertices),
+        len(expected.mesh.faces),
+    )
+    assert record["diagnostics"] == pytest.approx(dict(expected.diagnostics))
+    assert gppcs.read("small.ply").points == pytest.approx(expected.mesh.vertices, rel=1e-6)
+
+
+def test_the_run_is_printed_as_a_table(gppcs_command, ball):
+    code, out, err = gppcs_command("mesh", "ball.ply", "-o", "small.ply", "--points", 100)
+    assert (code, err) == (0, "")
+    text = " ".join(out.split())
+    assert "ball.ply → small.ply" in text
+    assert "mesh 100 vertices, 196 triangles" in text
+    assert "mean distance" in text
+    assert "all, s" in text
+
+
+def test_points_that_a_method_has_chosen_become_the_vertices(gppcs_command, ball):
+    gppcs_command("simplify", "ball.ply", "-o", "kept.ply", "--points", 150, "--method", "fps")
+    code, _, err = gppcs_command("mesh", "ball.ply", "-o", "small.ply", "--keep-points", "kept.ply")
+    assert (code, err) == (0, "")
+    kept, made = gppcs.read("kept.ply").points, gppcs.read("small.ply").points
+    assert np.array_equal(kept[np.lexsort(kept.T)], made[np.lexsort(made.T)])
+
+
+def test_fewer_points_than_asked_for_are_told(gppcs_command, ball):
+    code, _, err = gppcs_command("mesh", "ball.ply", "-o", "small.ply", "--points", "5k")
+    assert (code, err) == (0, "gppcs: note: ball.ply: the mesh has 3,000 vertices, fewer than the 5,000 asked for\n")
+
+
+def test_scraps_are_told(gppcs_command, folder):
+    ball = gppcs.sample("sphere", 3000).points
+    gppcs.write("two.ply", np.concatenate([ball, [300, 0, 0] + np.eye(3)[[0, 1, 2, 0]] * [[20], [20], [20], [40]]]))
+    code, _, err = gppcs_command("mesh", "two.ply", "-o", "small.ply", "--points", 200)
+    assert code == 0
+    assert err == "gppcs: note: two.ply: 0.2% of the points are on no piece of the surface that is large enough\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        ([], ["exactly one of --points, --ratio, --faces, --tolerance, --keep-points, found none"]),
+        (["--points", 9, "--faces", 9], ["found --points and --faces"]),
+        (["--points", 3], ["the number of points to be a whole number from 4 on, found 3"]),
+        (["--faces", "many"], ["expected --faces to be a whole number"]),
+        (["--tolerance", 0], ["the tolerance to be a number above 0"]),
+        (["--points", 9, "--fill-holes", -1], ["the size of holes to fill"]),
+        (["--keep-points", "other.ply"], ["other.ply: expected points of the cloud, found 5", "the first at index 0"]),
+        (["--keep-points", "nothing.ply"], ["nothing.ply: No such file"]),
+    ],
+)  # fmt: skip
+def test_bad_options_are_one_line_and_leave_no_file(gppcs_command, ball, arguments, parts):
+    gppcs.write("other.ply", ball.points[:5] + 0.25)
+    assert_one_line(gppcs_command("mesh", "ball.ply", "-o", "small.ply", *arguments, "-q"), *parts)
+    assert files() == ["ball.ply", "other.ply"]
+
+
+@pytest.mark.parametrize(
+    ("points", "part"),
+    [
+        (np.eye(3), "at least 4 points on a surface, found 3"),
+        (np.outer(np.arange(9.0), [1, 0, 2]), "9 points on a line"),
+        (np.random.default_rng(0).random((2000, 3)), "they fill a volume"),
+        (
+            np.full((5, 3), np.nan),
+            "5 of 5 points have coordinates that are NaN or infinite, the first at index 0; drop",
+        ),
+    ],
+)
+def test_clouds_without_a_surface_are_one_line_and_leave_no_file(gppcs_command, folder, points, part):
+    gppcs.write("cloud.ply", points)
+    assert_one_line(gppcs_command("mesh", "cloud.ply", "-o", "small.ply", "--points", 9, "-q"), part)
+    assert files() == ["cloud.ply"]
+
+
+@pytest.mark.parametrize(("name", "part"), [("small.las", "formats of meshes"), ("ball.ply", "ball.ply")])
+def test_the_output_is_checked_before_the_work(gppcs_command, ball, name, part):
+    assert_one_line(
+        gppcs_command("mesh", "missing.ply" if name == "small.las" else "ball.ply", "-o", name, "--points", 9), part
+    )
+    assert files() == ["ball.ply"]

@@ -1,0 +1,120 @@
+"""Meshes that are written are read back, with what the format holds."""
+
+import io
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.engine import extras
+from gppcs.io.mesh_writing import check_mesh_format
+
+CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.1]])
+FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+COLOURS = {
+    "red": np.array([0, 255, 10, 7], np.uint8),
+    "green": np.array([1, 2, 3, 128], np.uint8),
+    "blue": np.array([255, 0, 4, 9], np.uint8),
+}
+NORMALS = {name: np.float32([0.6, 0, 0.6, 0])[[i, 1, 2, 3]] for i, name in enumerate(("nx", "ny", "nz"))}
+
+
+@pytest.fixture
+def mesh():
+    return gppcs.Mesh(CORNERS, FACES)
+
+
+@pytest.fixture
+def vertices():
+    return gppcs.PointCloud(CORNERS, {**COLOURS, **NORMALS, "label": np.arange(4)})
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".off", ".stl"])
+@pytest.mark.parametrize("with_attributes", [False, True])
+def test_another_program_reads_the_triangles(tmp_path, mesh, vertices, suffix, with_attributes):
+    pytest.importorskip("pymeshlab")
+    path = tmp_path / f"mesh{suffix}"
+    lost = gppcs.write_mesh(path, mesh, vertices if with_attributes else None)
+    read = gppcs.read_mesh(path)
+    order = np.lexsort(read.vertices.T), np.lexsort(CORNERS.T)
+    assert read.vertices[order[0]] == pytest.approx(CORNERS[order[1]], abs=1e-7)
+    volume = np.linalg.det(read.vertices[read.faces]).sum() / 6
+    assert volume == pytest.approx(1.1 / 6)  # so the triangles are those, with their orientation
+    expected = {".ply": [], ".stl": [*COLOURS, *NORMALS, "label"]}.get(suffix, ["label"])
+    assert lost == (expected if with_attributes else [])
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".off", ".obj"])
+def test_we_read_the_vertices_with_what_the_format_holds(tmp_path, mesh, vertices, suffix):
+    path = tmp_path / f"mesh{suffix}"
+    gppcs.write_mesh(path, mesh, vertices)
+    read = gppcs.read(path)
+    assert np.array_equal(read.points, CORNERS)
+    if suffix == ".obj":
+        for name, values in COLOURS.items():
+            assert np.round(255 * read.attributes[name]) == pytest.approx(values)
+        return
+    for name, values in {**COLOURS, **NORMALS}.items():
+        assert np.array_equal(read.attributes[name].astype(values.dtype), values), name
+    assert ("label" in read.attributes) == (suffix == ".ply")
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".glb.gz"])
+def test_gltf_is_what_trimesh_reads(tmp_path, mesh, vertices, suffix):
+    import gzip
+
+    trimesh = pytest.importorskip("trimesh")
+    path = tmp_path / f"mesh{suffix}"
+    assert gppcs.write_mesh(path, mesh, vertices) == ["label"]
+    content = path.read_bytes() if suffix == ".glb" else gzip.decompress(path.read_bytes())
+    read = trimesh.load(io.BytesIO(content), file_type="glb", force="mesh", process=False)
+    assert read.vertices == pytest.approx(CORNERS, abs=1e-6)
+    assert np.array_equal(read.faces, FACES)
+    assert np.array_equal(read.visual.vertex_colors[:, :3], np.column_stack(list(COLOURS.values())))
+
+
+def test_normals_of_obj_files_are_those_of_the_corners(tmp_path, mesh, vertices):
+    gppcs.write_mesh(tmp_path / "mesh.obj", mesh, vertices)
+    lines = (tmp_path / "mesh.obj").read_text().splitlines()
+    assert [line for line in lines if line.startswith("f")][1] == "f 1//1 2//2 4//4"
+    assert sum(line.startswith("vn ") for line in lines) == 4
+
+
+def test_float_coordinates_keep_their_type(tmp_path, mesh, vertices):
+    import dataclasses
+
+    single = dataclasses.replace(vertices, coordinate_dtype=np.float32)
+    gppcs.write_mesh(tmp_path / "mesh.ply", mesh, single)
+    assert gppcs.read(tmp_path / "mesh.ply").coordinate_dtype == np.float32
+
+
+def test_an_existing_file_is_kept_unless_forced(tmp_path, mesh):
+    (tmp_path / "mesh.ply").write_text("mine")
+    with pytest.raises(gppcs.OutputError, match="expected a new file"):
+        gppcs.write_mesh(tmp_path / "mesh.ply", mesh)
+    assert (tmp_path / "mesh.ply").read_text() == "mine"
+    gppcs.write_mesh(tmp_path / "mesh.ply", mesh, force=True)
+    assert len(gppcs.read(tmp_path / "mesh.ply")) == 4
+
+
+@pytest.mark.parametrize("name", ["mesh.las", "mesh", "mesh.gltf"])
+def test_other_formats_are_an_error_that_lists_those_of_meshes(tmp_path, mesh, name):
+    with pytest.raises(
+        gppcs.FileFormatError, match=r"one of the formats of meshes \.ply \.obj \.stl \.off \.glb, found"
+    ):
+        gppcs.write_mesh(tmp_path / name, mesh)
+    assert not list(tmp_path.iterdir())
+
+
+def test_vertices_of_another_mesh_are_an_error(tmp_path, mesh):
+    with pytest.raises(gppcs.InputError, match="the vertices of the mesh"):
+        gppcs.write_mesh(tmp_path / "mesh.ply", mesh, gppcs.PointCloud(CORNERS + 1))
+
+
+def test_gltf_without_trimesh_names_the_extra(monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    with pytest.raises(gppcs.MissingExtraError, match="the extra gltf"):
+        check_mesh_format("mesh.glb")
+    assert extras.EXTRAS["gltf"] == ("trimesh>=4",)

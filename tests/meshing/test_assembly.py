@@ -1,0 +1,122 @@
+"""What is put together is an oriented manifold; gaps are filled, holes are not."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gppcs.clouds.topology import topology_of
+from gppcs.meshing.assembly import (
+    BEND,
+    LENGTH,
+    border_loops,
+    filled,
+    holes_filled,
+    taken,
+    without_bow_ties,
+    without_scraps,
+)
+from gppcs.meshing.halfedges import HalfEdges, faults
+from meshing.test_coverage import cover_of
+from shapes import ball, sheet
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10_000))
+def test_any_triangles_become_a_manifold(seed):
+    """Triangles of several triangulations of the same points, in any order, and random ones."""
+    rng = np.random.default_rng(seed)
+    _, _, faces = ball(60, seed)
+    soup = np.concatenate([faces, rng.permutation(60)[faces][:30], rng.integers(0, 60, (100, 3))])
+    soup = soup[(soup[:, 0] != soup[:, 1]) & (soup[:, 1] != soup[:, 2]) & (soup[:, 2] != soup[:, 0])]
+    chosen = without_bow_ties(taken(rng.permutation(soup), 60), 60)
+    assert faults(HalfEdges.of(chosen, 60)) == []
+    assert topology_of(chosen)[:2] == (0, 0)
+    assert len(np.unique(np.sort(chosen), axis=0)) == len(chosen)
+
+
+def test_triangles_of_a_manifold_are_all_taken():
+    _, _, faces = ball(100)
+    assert np.array_equal(taken(np.concatenate([faces, faces[:, [0, 2, 1]]]), 100), faces)
+
+
+def test_at_a_bow_tie_the_larger_fan_stays():
+    faces = np.array([[0, 1, 2], [0, 2, 3], [0, 4, 5]])
+    assert np.array_equal(without_bow_ties(faces, 6), faces[:2])
+
+
+@pytest.mark.parametrize("hole", [0.0, 0.2])
+def test_borders_run_around_the_mesh_and_its_holes(hole):
+    points, _, faces = sheet(300, hole=hole)
+    loops, ends = border_loops(HalfEdges.of(faces, len(points)))
+    edges = {(a, b) for face in faces for a, b in zip(face, np.roll(face, -1), strict=True)}
+    begin = 0
+    for end in ends:
+        loop = loops[begin:end]
+        begin = end
+        for a, b in zip(loop, np.roll(loop, -1), strict=True):
+            assert (b, a) in edges
+            assert (a, b) not in edges
+    assert len(ends) == topology_of(faces).borders == (2 if hole else 1)
+
+
+def triangulations(corners):
+    """All triangulations of a polygon."""
+    if len(corners) < 3:
+        yield []
+        return
+    for m in range(1, len(corners) - 1):
+        for left, right in itertools.product(triangulations(corners[: m + 1]), triangulations(corners[m:])):
+            yield [*left, *right, (corners[0], corners[m], corners[-1])]
+
+
+def cost(points, triangle):
+    a, b, c = (points[v] for v in triangle)
+    product = np.cross(b - a, c - a)
+    doubled = np.linalg.norm(product)
+    bend = (1 - min(product[2] / doubled, 1)) ** 2
+    return doubled / 2 * (1 + BEND * bend) + LENGTH * max(((b - a) ** 2).sum(), ((a - c) ** 2).sum())
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_gap_is_filled_by_the_cheapest_triangles(seed):
+    points, normals, faces = sheet(400, seed)
+    points[:, 2] += 0.03 * np.random.default_rng(seed).random(len(points))
+    inner = np.argmin(np.linalg.norm(points[:, :2] - 0.5, axis=1))
+    around = faces[(faces == inner).any(axis=1)]
+    left = faces[(faces != inner).all(axis=1)]
+    cover, _ = cover_of(points, normals)
+    new = filled(left, points, normals, cover.reaches, cover, 12)[len(left) :]
+    assert len(new) == len(around) - 2
+    loops, ends = border_loops(HalfEdges.of(left, len(points)))
+    loop = next(part for part in np.split(loops, ends) if set(part) == set(around.ravel()) - {inner})
+    edges = {frozenset(pair) for face in left for pair in itertools.combinations(face, 2)}
+    costs = [
+        sum(cost(points, t) for t in triangles)
+        for triangles in triangulations(loop.tolist())
+        if not any(
+            frozenset(pair) in edges
+            and abs(list(loop).index(pair[0]) - list(loop).index(pair[1])) not in (1, len(loop) - 1)
+            for t in triangles
+            for pair in itertools.combinations(t, 2)
+        )
+    ]
+    assert sum(cost(points, t) for t in new) == pytest.approx(min(costs))
+
+
+def test_only_covered_gaps_are_filled_unless_the_holes_shall_be():
+    points, normals, faces = sheet(2000, hole=0.3)
+    cover, _ = cover_of(points, normals)
+    assert np.array_equal(filled(faces, points, normals, cover.reaches, cover, 1000), faces)
+    closed = holes_filled(faces, points, normals, 0.9, cover)
+    assert topology_of(closed).borders == 1
+    assert faults(HalfEdges.of(closed, len(points))) == []
+    assert np.array_equal(holes_filled(faces, points, normals, 0.5, cover), faces)
+
+
+def test_scraps_are_left_out():
+    _, _, faces = ball(50)
+    scrap = np.array([[50, 51, 52], [51, 53, 52]])
+    assert np.array_equal(without_scraps(np.concatenate([faces, scrap]), 54), faces)

@@ -1,0 +1,113 @@
+"""Collapses keep the link condition: the topology of random meshes does not change."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gppcs.clouds.topology import topology_of
+from gppcs.meshing.collapse import collapse, is_allowed, move_triangles
+from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, faults, neighbours
+from gppcs.meshing.quadrics import add_borders, dense_quadrics
+from shapes import ball, random_mesh, sheet
+
+
+def collapsed(points, normals, mesh, target, kept=None, faces=False):
+    quadrics = dense_quadrics(points, normals, points, np.arange(len(points)))
+    kept = np.zeros(len(points), dtype=bool) if kept is None else kept
+    return collapse(mesh, points, normals, quadrics, target, kept, 1.0, faces)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10_000), choice=st.integers(0, 2**32))
+def test_allowed_collapses_keep_the_topology(seed, choice):
+    """Any allowed collapse, not only a cheap one, and many in a row."""
+    _, _, mesh = random_mesh(seed)
+    before = topology_of(mesh.faces())
+    rng = np.random.default_rng(choice)
+    halves, found = np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_AROUND + 1, dtype=np.int64)
+    others, beyond = halves.copy(), found.copy()
+    made = 0
+    for v in rng.integers(0, len(mesh.leaving), 150):
+        count, edges, closed = neighbours(mesh, v, halves, found)
+        if count == 0:
+            continue
+        slot = int(rng.integers(count))
+        left = np.count_nonzero(mesh.leaving >= 0)
+        if is_allowed(mesh, v, slot, count, edges, closed, halves, found, others, beyond):
+            move_triangles(mesh, v, found[slot], halves)
+            made += 1
+            assert np.count_nonzero(mesh.leaving >= 0) == left - 1
+            assert faults(mesh) == []
+    assert made > 10
+    assert topology_of(mesh.faces()) == before
+
+
+def test_collapses_that_change_the_topology_are_not_allowed():
+    """Every collapse of small meshes that is refused would leave a mesh that is no manifold or has another topology."""
+    tetrahedron = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    strip = np.array([[0, 1, 2], [1, 3, 2], [2, 3, 4]])
+    for faces, n in ((tetrahedron, 4), (strip, 5), (np.array([[0, 1, 2]]), 3)):
+        mesh = HalfEdges.of(faces, n)
+        halves, found = np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_AROUND + 1, dtype=np.int64)
+        for v in range(n):
+            count, edges, closed = neighbours(mesh, v, halves, found)
+            for slot in range(count):
+                u = found[slot]
+                left = np.where(faces == v, u, faces)
+                left = left[(left[:, 0] != left[:, 1]) & (left[:, 1] != left[:, 2]) & (left[:, 2] != left[:, 0])]
+                same = len(left) > 0 and topology_of(left) == topology_of(faces)
+                same = same and len(np.unique(left)) == n - 1
+                same = same and len(np.unique(np.sort(left), axis=0)) == len(left)
+                others, beyond = np.empty_like(halves), np.empty_like(found)
+                assert is_allowed(mesh, v, slot, count, edges, closed, halves, found, others, beyond) == same, (v, u)
+
+
+@pytest.mark.parametrize("target", [4, 10, 37])
+def test_the_target_is_reached_exactly(target):
+    points, normals, faces = ball(200)
+    mesh = HalfEdges.of(faces, 200)
+    into = collapsed(points, normals, mesh, target)
+    used = np.unique(mesh.faces())
+    assert len(used) == target
+    assert len(mesh.faces()) == 2 * target - 4
+    assert faults(mesh) == []
+    assert set(into) == set(used)
+    assert (into[used] == used).all()
+
+
+def test_a_number_of_triangles_is_an_upper_bound():
+    points, normals, faces = sheet(200)
+    mesh = HalfEdges.of(faces, len(points))
+    collapsed(points, normals, mesh, 100, faces=True)
+    assert 98 < len(mesh.faces()) <= 100
+
+
+def test_kept_vertices_stay():
+    points, normals, faces = ball(200)
+    kept = np.zeros(200, dtype=bool)
+    kept[::5] = True
+    mesh = HalfEdges.of(faces, 200)
+    collapsed(points, normals, mesh, 40, kept)
+    assert np.array_equal(np.unique(mesh.faces()), np.flatnonzero(kept))
+
+
+def test_flat_parts_go_first():
+    """Of a square with a raised half, the points on the fold stay in a line while the flat parts go."""
+    x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(0, 1, 11), np.linspace(0, 1, 11)))
+    points = np.column_stack([x, y, np.maximum(0, x - 0.5)])
+    i = np.arange(100) + np.arange(100) // 10
+    faces = np.concatenate([np.column_stack([i, i + 1, i + 12]), np.column_stack([i, i + 12, i + 11])])
+    mesh = HalfEdges.of(faces, 121)
+    a, b, c = (points[corner] for corner in faces.T)
+    upright = np.cross(b - a, c - a)
+    upright /= np.linalg.norm(upright, axis=1)[:, None]
+    dense, nearest = np.tile((a + b + c) / 3, (3, 1)), faces.T.ravel()
+    quadrics = dense_quadrics(dense, np.tile(upright, (3, 1)), points, nearest)
+    add_borders(mesh, points, 1.0, quadrics)
+    collapse(mesh, points, np.tile([0.0, 0.0, 1.0], (121, 1)), quadrics, 30, np.zeros(121, dtype=bool), 1.0)
+    a, b, c = (points[corner] for corner in mesh.faces().T)
+    left = np.cross(b - a, c - a)
+    left /= np.linalg.norm(left, axis=1)[:, None]
+    assert len(np.unique(mesh.faces())) == 30
+    assert np.abs(left @ upright[[0, 9]].T - 1).min(axis=1).max() < 1e-9  # all in one of the two planes

@@ -1,0 +1,56 @@
+"""Triangles are covered where the points are, and only there."""
+
+import numpy as np
+import pytest
+
+from gppcs.meshing.coverage import RANK, SPAN, Cover, are_covered
+from gppcs.spatial.kdtree import KdTree
+
+
+def cover_of(points, normals):
+    tree = KdTree.build(points)
+    reaches = np.sqrt(tree.neighbours(RANK)[1][:, -1])
+    return Cover(tree.points, tree.low, tree.high, np.ascontiguousarray(normals[tree.order]), reaches), tree
+
+
+@pytest.fixture(scope="module")
+def with_hole():
+    """A random square of spacing 0.007 with a round hole of radius 0.25."""
+    plane = np.random.default_rng(0).random((20_000, 2))
+    plane = plane[np.linalg.norm(plane - 0.5, axis=1) > 0.25]
+    points = np.column_stack([plane, np.zeros(len(plane))])
+    cover, tree = cover_of(points, np.tile([0.0, 0.0, 1.0], (len(points), 1)))
+    return np.ascontiguousarray(tree.points.T), cover
+
+
+def test_triangles_over_a_hole_are_not_covered(with_hole):
+    points, cover = with_hole
+    rng = np.random.default_rng(1)
+    first = rng.integers(0, len(points), 3000)
+    near = KdTree.build(points).nearest_of(points[first], 400)[0]
+    small = np.column_stack([first, near[np.arange(3000), rng.integers(1, 400, 3000)], near[:, 399]])
+    triangles = np.concatenate([small, rng.integers(0, len(points), (3000, 3))])
+    covered = are_covered(cover, triangles, points, cover.reaches)
+    share = rng.dirichlet(np.ones(3), 200)
+    places = np.einsum("sk,tkx->tsx", share, points[triangles])[..., :2]
+    inside = 0.25 - np.linalg.norm(places - 0.5, axis=2).min(axis=1)  # how far the hole reaches into a triangle
+    outside = inside < -0.02
+    reach = SPAN * cover.reaches.max()
+    assert outside.sum() > 500
+    assert (inside > 2 * reach).sum() > 50
+    assert covered[outside].mean() > 0.999  # random samples have gaps, but hardly any of this size
+    assert not covered[inside > 2 * reach].any()
+
+
+def test_a_triangle_far_above_the_points_is_not_covered(with_hole):
+    _, cover = with_hole
+    low, reaches = np.array([[0.1, 0.1, 0], [0.15, 0.1, 0], [0.1, 0.15, 0]]), np.zeros(3)
+    triangle = np.array([[0, 1, 2]])
+    assert are_covered(cover, triangle, low, reaches)[0]
+    assert not are_covered(cover, triangle, low + np.array([0, 0, 0.2]), reaches)[0]
+
+
+def test_short_edges_between_points_are_covered_without_a_search(with_hole):
+    points, cover = with_hole
+    near = KdTree.build(points).nearest_of(points[:100], 3)[0]
+    assert are_covered(cover, near, points, cover.reaches).all()

@@ -1,0 +1,62 @@
+"""Fans equal SciPy's Delaunay triangulation where the neighbourhood is plane."""
+
+import numpy as np
+import pytest
+from scipy.spatial import Delaunay
+
+from gppcs.meshing.fans import fans_of
+from gppcs.spatial.kdtree import KdTree
+
+
+def neighbours(points, k):
+    tree = KdTree.build(points)
+    near = np.empty((len(points), k), dtype=np.int64)
+    near[tree.order] = tree.order[tree.neighbours(k)[0]]
+    return near
+
+
+def canonical(triangles):
+    """A set of triangles, each beginning at its lowest corner."""
+    return {tuple(np.roll(t, -int(np.argmin(t)))) for t in triangles.tolist()}
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.7])
+def test_fans_in_a_plane_are_the_delaunay_triangulation(tilt):
+    plane = np.random.default_rng(1).random((400, 2))
+    turn = np.array([[1, 0, 0], [0, np.cos(tilt), np.sin(tilt)], [0, -np.sin(tilt), np.cos(tilt)]])
+    points = np.column_stack([plane, np.zeros(400)]) @ turn
+    normals = np.tile([0.0, 0.0, 1.0] @ turn, (400, 1))
+    triangles, votes, radii = fans_of(points, normals, neighbours(points, 40))
+    delaunay = Delaunay(plane).simplices
+    inner = ((plane[delaunay] > 0.15) & (plane[delaunay] < 0.85)).all(axis=(1, 2))
+    a, b, c = (plane[corner] for corner in delaunay.T)
+    (ux, uy), (vx, vy) = (b - a).T, (c - a).T
+    delaunay[ux * vy < uy * vx] = delaunay[ux * vy < uy * vx][:, ::-1]
+    assert canonical(delaunay[inner]) <= canonical(triangles[votes == 3])
+    within = ((plane[triangles] > 0.15) & (plane[triangles] < 0.85)).all(axis=(1, 2))
+    assert canonical(triangles[within]) <= canonical(delaunay)
+    sides = np.linalg.norm(np.roll(points[triangles], 1, axis=1) - points[triangles], axis=2).prod(axis=1)
+    areas = np.linalg.norm(np.cross(*(points[triangles[:, k]] - points[triangles[:, 0]] for k in (1, 2))), axis=1) / 2
+    assert radii == pytest.approx(sides / (4 * areas))
+
+
+def test_every_triangle_comes_once_with_its_votes():
+    points = np.random.default_rng(2).standard_normal((300, 3))
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    triangles, votes, _ = fans_of(points, points, neighbours(points, 24))
+    assert len(canonical(triangles)) == len(triangles)
+    assert votes.min() >= 1
+    assert votes.max() == 3
+    assert np.mean(votes == 3) > 0.8
+    assert (np.linalg.det(points[triangles]) > 0).all()  # counter-clockwise as seen from outside
+
+
+def test_neighbours_on_another_sheet_are_left_out():
+    rng = np.random.default_rng(3)
+    upper = np.column_stack([rng.random((200, 2)), np.full(200, 0.02)])
+    lower = np.column_stack([rng.random((200, 2)), np.zeros(200)])
+    points = np.concatenate([upper, lower])
+    normals = np.repeat([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]], 200, axis=0)
+    triangles, _, _ = fans_of(points, normals, neighbours(points, 24))
+    assert len(triangles) > 300
+    assert ((triangles < 200).all(axis=1) | (triangles >= 200).all(axis=1)).all()

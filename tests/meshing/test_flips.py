@@ -1,0 +1,67 @@
+"""Flips never raise the energy, and keep the mesh a manifold of the same topology."""
+
+import numpy as np
+import pytest
+
+from gppcs.clouds.topology import topology_of
+from gppcs.meshing.assignment import Assignment
+from gppcs.meshing.flips import THIN, energy, flip, flip_edge, is_flippable, thinness
+from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, faults
+from shapes import ball, random_mesh, sheet
+
+
+@pytest.mark.parametrize("seed", range(9))
+def test_any_flip_that_is_allowed_keeps_the_topology(seed):
+    points, normals, mesh = random_mesh(seed)
+    before = topology_of(mesh.faces())
+    halves, flips = np.empty(MOST_AROUND, dtype=np.int64), 0
+    for h in np.random.default_rng(seed).integers(0, len(mesh.origin), 200):
+        if is_flippable(mesh, points, normals, h, halves):
+            flip_edge(mesh, h)
+            flips += 1
+    assert flips > 10
+    assert faults(mesh) == []
+    assert topology_of(mesh.faces()) == before
+    assert len(np.unique(np.sort(mesh.faces()), axis=0)) == before.pieces * len(mesh.faces())
+
+
+@pytest.mark.parametrize("extra", [0.0, 1e-3, 0.1])
+@pytest.mark.parametrize("shape", [ball, sheet])
+def test_flips_lower_the_energy_that_they_say(shape, extra):
+    points, normals, faces = shape(150)
+    mesh = HalfEdges.of(faces, len(points))
+    halves = np.empty(MOST_AROUND, dtype=np.int64)
+    for h in np.random.default_rng(2).integers(0, len(mesh.origin), 30):  # so that something is to be mended
+        if is_flippable(mesh, points, normals, h, halves):
+            flip_edge(mesh, h)
+    dense, dense_normals, _ = shape(3000, seed=1)
+    start = np.argmin(((dense[:, None] - points) ** 2).sum(axis=2), axis=1)
+    assigned = Assignment.of(mesh, points, dense, dense_normals, start)
+    before = energy(mesh, points, assigned, extra)
+    flips = flip(mesh, points, normals, dense, assigned, extra)
+    after = energy(mesh, points, assigned, extra)
+    assert flips > 0
+    assert after < before
+    assert faults(mesh) == []
+    again = Assignment.of(mesh, points, dense, dense_normals, start)
+    assert energy(mesh, points, again, extra) <= after * (1 + 1e-9)  # each point at its nearest triangle: no more
+    flip(mesh, points, normals, dense, again, extra)
+    assert energy(mesh, points, again, extra) <= after * (1 + 1e-9)
+
+
+def test_a_fold_across_a_ridge_is_flipped():
+    """Two triangles join the points across the ridge of a roof; the dense points say that they should not."""
+    points = np.array([[0.0, 0, 0], [1, 0, 0.5], [2, 0, 0], [1, 1, 0.5]])
+    normals = np.tile([0.0, 0.0, 1.0], (4, 1))
+    mesh = HalfEdges.of(np.array([[0, 1, 2], [0, 2, 3]]), 4)
+    ridge = np.column_stack([np.ones(9), np.linspace(0.1, 0.9, 9), np.full(9, 0.5)])
+    assigned = Assignment.of(mesh, points, ridge, np.tile([0.0, 0.0, 1.0], (9, 1)), np.zeros(9, dtype=np.int64))
+    assert flip(mesh, points, normals, ridge, assigned, 0.0) == 1
+    assert assigned.squared == pytest.approx(np.zeros(9), abs=1e-12)
+
+
+def test_thin_triangles_cost_and_others_do_not():
+    assert thinness((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.5, 0.9, 0.0)) == 0
+    assert thinness((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (2.0, 0.0, 0.0)) == 1
+    thin = thinness((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.5, 0.04, 0.0))
+    assert thin == pytest.approx(1 - 4 * np.sqrt(3) * 0.02 / (1 + 2 * (0.25 + 0.0016)) / THIN)

@@ -1,0 +1,68 @@
+"""Half-edges: the connections and the ways around vertices, against plain searches."""
+
+import numpy as np
+import pytest
+
+from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, around, faults, following, neighbours, preceding
+from shapes import ball, random_mesh, sheet
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_half_edges_of_random_meshes_are_sound(seed):
+    _, _, mesh = random_mesh(seed)
+    assert faults(mesh) == []
+
+
+def test_triangles_come_back():
+    points, _, faces = ball(50)
+    mesh = HalfEdges.of(faces, len(points))
+    assert np.array_equal(mesh.faces(), faces)
+    mesh.origin[3:6] = -1
+    assert np.array_equal(mesh.faces(), np.delete(faces, 1, axis=0))
+
+
+def test_the_edges_of_a_triangle_follow_each_other():
+    assert [following(h) for h in range(6)] == [1, 2, 0, 4, 5, 3]
+    assert [preceding(following(h)) for h in range(6)] == list(range(6))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_neighbours_are_those_of_the_triangles_in_order(seed):
+    _, _, mesh = random_mesh(seed)
+    faces = mesh.faces()
+    halves, found = np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_AROUND + 1, dtype=np.int64)
+    for v in range(len(mesh.leaving)):
+        count, edges, closed = neighbours(mesh, v, halves, found)
+        at = faces[(faces == v).any(axis=1)]
+        assert set(found[:count]) == set(at.ravel()) - {v}
+        assert edges == len(at)
+        assert closed == (count == edges)
+        for slot in range(edges):  # v and two successive neighbours are a triangle
+            corners = [v, found[slot], found[(slot + 1) % count]]
+            assert any(np.array_equal(np.roll(corners, k), face) for k in range(3) for face in at)
+        assert around(mesh, v, halves) == (edges, closed)
+
+
+def test_a_vertex_without_triangles_has_no_neighbours():
+    mesh = HalfEdges.of(np.array([[0, 1, 2]]), 4)
+    assert neighbours(mesh, 3, np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_AROUND + 1, dtype=np.int64))[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        (lambda mesh: mesh.opposite.__setitem__(0, 5), "opposite half-edges do not agree"),
+        (lambda mesh: mesh.leaving.__setitem__(0, -1), "a vertex is not left by a half-edge of its own"),
+        (lambda mesh: mesh.origin.__setitem__(0, mesh.origin[1]), "a half-edge leads nowhere"),
+        (lambda mesh: mesh.opposite.__setitem__(slice(None), -1), "an edge on a border has a neighbour"),
+    ],
+)
+def test_faults_are_found(change, fault):
+    points, _, faces = sheet(40)
+    mesh = HalfEdges.of(faces, len(points))
+    change(mesh)
+    assert fault in faults(mesh)
+
+
+def test_a_bow_tie_is_a_fault():
+    assert faults(HalfEdges.of(np.array([[0, 1, 2], [0, 3, 4]]), 5)) == ["the triangles at a vertex are not one fan"]

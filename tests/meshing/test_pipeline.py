@@ -1,0 +1,228 @@
+"""Meshes from end to end: what `gppcs.mesh` promises."""
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.clouds.topology import topology_of
+from gppcs.meshing.halfedges import HalfEdges, faults
+from shapes import torus
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return gppcs.sample("sphere", n_points=10_000)
+
+
+def is_sound(mesh):
+    """Whether a mesh is an oriented manifold without unused vertices, repeated triangles or triangles without area."""
+    assert faults(HalfEdges.of(mesh.faces, len(mesh.vertices))) == []
+    assert topology_of(mesh.faces)[:2] == (0, 0)
+    assert np.array_equal(np.unique(mesh.faces), np.arange(len(mesh.vertices)))
+    assert len(np.unique(np.sort(mesh.faces), axis=0)) == len(mesh.faces)
+    assert mesh.face_areas().min() > 0
+    return True
+
+
+@pytest.mark.parametrize("moved", [False, True])
+@pytest.mark.parametrize("n_points", [4, 60, 700])
+def test_a_ball_has_exactly_the_vertices_asked_for_and_is_closed(ball, n_points, moved):
+    result = gppcs.mesh(ball, n_points=n_points, moved=moved)
+    assert is_sound(result.mesh)
+    assert result.mesh.vertices.shape == (n_points, 3)
+    assert topology_of(result.mesh.faces) == (0, 0, 0, 1, 0)
+    a, b, c = (result.mesh.vertices[corner] for corner in result.mesh.faces.T)
+    assert np.linalg.det(np.stack([a, b, c], axis=1)).sum() > 0  # oriented outward
+
+
+def test_vertices_are_points_of_the_cloud_with_their_attributes(ball):
+    result = gppcs.mesh(ball, n_points=200)
+    assert np.array_equal(result.mesh.vertices, ball.points[result.indices])
+    assert np.array_equal(result.cloud.points, result.mesh.vertices)
+    for name, values in ball.attributes.items():
+        assert np.array_equal(result.cloud.attributes[name], values[result.indices])
+    assert len(np.unique(result.indices)) == 200
+
+
+def test_normals_are_added_if_there_are_none(ball):
+    result = gppcs.mesh(ball.points, n_points=200)
+    assert (np.einsum("ij,ij->i", result.cloud.normals(), result.mesh.vertices) > 0.95).all()
+
+
+def test_moved_vertices_fit_better(ball):
+    radius = np.linalg.norm(ball.points[0])
+    errors = []
+    for moved in (False, True):
+        mesh = gppcs.mesh(ball, n_points=300, moved=moved).mesh
+        places = mesh.vertices[mesh.faces].mean(axis=1)
+        errors.append(np.abs(np.linalg.norm(places, axis=1) - radius).mean())
+    assert errors[1] < 0.6 * errors[0]
+
+
+def test_the_mean_distance_is_that_of_the_points(ball):
+    from dense import distances_to_triangles
+
+    result = gppcs.mesh(ball, n_points=100)
+    expected = distances_to_triangles(ball.points, result.mesh.vertices[result.mesh.faces]).mean()
+    assert result.diagnostics["mean_distance"] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("moved", [False, True])
+def test_a_torus_keeps_its_handle(moved):
+    points, _ = torus(20_000)
+    result = gppcs.mesh(points, n_points=300, moved=moved)
+    assert is_sound(result.mesh)
+    assert topology_of(result.mesh.faces) == (0, 0, 0, 1, 1)
+
+
+def test_two_balls_are_two_pieces(ball):
+    result = gppcs.mesh(np.concatenate([ball.points, ball.points + np.array([200, 0, 0])]), n_points=200)
+    assert topology_of(result.mesh.faces) == (0, 0, 0, 2, 0)
+
+
+def test_the_mesh_is_open_where_the_points_leave_a_hole_and_closed_on_request(ball):
+    open_ball = ball.points[ball.points[:, 2] < 30]
+    left_open = gppcs.mesh(open_ball, n_points=300)
+    assert topology_of(left_open.mesh.faces) == (0, 0, 1, 1, 0)
+    closed = gppcs.mesh(open_ball, n_points=300, fill_holes=130)
+    assert is_sound(closed.mesh)
+    assert topology_of(closed.mesh.faces) == (0, 0, 0, 1, 0)
+    assert len(closed.mesh.vertices) == 300
+    still_open = gppcs.mesh(open_ball, n_points=300, fill_holes=100)
+    assert np.array_equal(still_open.mesh.faces, left_open.mesh.faces)
+
+
+def test_a_ratio_is_a_share_of_the_points(ball):
+    assert len(gppcs.mesh(ball, ratio=0.02).indices) == 200
+
+
+@pytest.mark.parametrize("n_faces", [100, 333])
+def test_there_are_at_most_as_many_triangles_as_asked_for(ball, n_faces):
+    assert n_faces - 1 <= len(gppcs.mesh(ball, n_faces=n_faces).mesh.faces) <= n_faces
+
+
+@pytest.mark.parametrize("tolerance", [1.0, 0.1])
+def test_a_tolerance_is_held_by_about_as_few_vertices_as_possible(ball, tolerance):
+    result = gppcs.mesh(ball, tolerance=tolerance)
+    assert 0.8 * tolerance < result.diagnostics["mean_distance"] <= tolerance
+    fewer = gppcs.mesh(ball, n_points=int(0.7 * len(result.indices)))
+    assert fewer.diagnostics["mean_distance"] > tolerance
+
+
+def test_a_tolerance_below_the_noise_is_an_error_that_tells_what_all_points_give():
+    points = gppcs.sample("sphere", n_points=5000).points
+    noisy = points + 0.4 * np.random.default_rng(0).standard_normal(points.shape)
+    with pytest.raises(gppcs.ParameterError, match=r"the mesh of all points reaches, of about 0\.\d+, found 0\.001"):
+        gppcs.mesh(noisy, tolerance=0.001)
+
+
+def test_chosen_points_become_the_vertices(ball):
+    chosen = gppcs.simplify(ball, n_points=300).indices
+    result = gppcs.mesh(ball, keep=chosen)
+    assert np.array_equal(np.sort(result.indices), np.sort(chosen))
+    assert result.diagnostics["missing"] == 0
+    assert is_sound(result.mesh)
+
+
+def test_a_chosen_repeat_stands_for_its_first_occurrence(ball):
+    chosen = gppcs.simplify(ball, n_points=100, method="fps").indices
+    twice = np.concatenate([ball.points, ball.points])
+    result = gppcs.mesh(twice, keep=chosen + len(ball))
+    assert np.array_equal(np.sort(result.indices), np.sort(chosen))
+
+
+def test_repeats_change_nothing(ball):
+    once = gppcs.mesh(ball.points, n_points=150)
+    twice = gppcs.mesh(np.concatenate([ball.points, ball.points[:500]]), n_points=150)
+    assert np.array_equal(once.indices, twice.indices)
+    assert np.array_equal(once.mesh.faces, twice.mesh.faces)
+
+
+def test_points_that_are_not_finite_are_an_error_or_dropped(ball):
+    points = ball.points.copy()
+    points[7, 1] = np.nan
+    with pytest.raises(gppcs.InputError, match="NaN or infinite"):
+        gppcs.mesh(points, n_points=100)
+    result = gppcs.mesh(points, n_points=100, invalid="drop")
+    assert 7 not in result.indices
+    assert np.array_equal(result.mesh.vertices, points[result.indices])
+
+
+def test_the_same_cloud_gives_the_same_mesh_for_any_number_of_threads(ball):
+    results = []
+    for threads in (1, 3):
+        gppcs.set_threads(threads)
+        results.append(gppcs.mesh(ball, n_points=200, moved=True))
+    gppcs.set_threads(None)
+    assert np.array_equal(results[0].mesh.faces, results[1].mesh.faces)
+    assert np.array_equal(results[0].mesh.vertices, results[1].mesh.vertices)
+
+
+def test_a_shifted_and_scaled_cloud_gives_the_same_mesh(ball):
+    points = np.round(ball.points * 2**20) / 2**20  # so that the shift does not round
+    once = gppcs.mesh(points, n_points=200)
+    moved = gppcs.mesh(points * 2.0**40 + 2.0**41, n_points=200)
+    assert np.array_equal(once.indices, moved.indices)
+    assert np.array_equal(once.mesh.faces, moved.mesh.faces)
+
+
+def test_more_vertices_than_points_are_all_points(ball):
+    result = gppcs.mesh(ball.points[:2000], n_points=5000)
+    assert len(result.indices) == 2000
+
+
+def test_the_input_is_not_changed(ball):
+    points = ball.points.copy()
+    gppcs.mesh(ball, n_points=100, moved=True)
+    assert np.array_equal(ball.points, points)
+
+
+@pytest.mark.parametrize("level", [0.0025, 0.005])
+def test_a_noisy_ball_stays_a_ball(level):
+    rng = np.random.default_rng(0)
+    points = gppcs.sample("sphere", n_points=30_000).points
+    radius = np.linalg.norm(points[0])
+    size = 2 * np.sqrt(3) * radius
+    noisy = points + level * size * rng.standard_normal(points.shape)
+    result = gppcs.mesh(noisy, n_points=500, moved=True)
+    assert topology_of(result.mesh.faces) == (0, 0, 0, 1, 0)
+    assert result.diagnostics["noise"] == pytest.approx(level * size, rel=0.3)
+    off = np.abs(np.linalg.norm(result.mesh.vertices, axis=1) - radius)
+    assert off.mean() < 0.7 * level * size
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        (np.eye(3), "at least 4 points on a surface, found 3"),
+        (np.tile(np.eye(3), (5, 1)), "at least 4 points on a surface, found 3"),
+        (np.outer(np.arange(100.0), [1, 2, 3]), "100 points on a line"),
+        (np.random.default_rng(0).random((3000, 3)), "fill a volume"),
+    ],
+)
+def test_points_on_no_surface_are_an_error_that_tells_what_was_found(points, message):
+    with pytest.raises(gppcs.NoSurfaceError, match=message):
+        gppcs.mesh(points, n_points=4)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({}, "exactly one of .*, found none"),
+        ({"n_points": 10, "n_faces": 20}, "found n_points and n_faces"),
+        ({"n_points": 3}, "from 4 on, found 3"),
+        ({"n_points": 10.5}, "whole number"),
+        ({"ratio": 0}, "ratio above 0"),
+        ({"ratio": 1e-6}, "at least 4 of the 10000 points"),
+        ({"n_faces": 3}, "from 4 on"),
+        ({"tolerance": 0}, "the tolerance to be a number above 0"),
+        ({"n_points": 10, "fill_holes": -1}, "the size of holes to fill to be a number above 0"),
+        ({"keep": [0, 1, 2]}, "at least 4 indices"),
+        ({"keep": [0, 1, 2, 10_000]}, "rows of the cloud from 0 to 9999 .*, found 10000"),
+        ({"keep": [0.5, 1, 2, 3]}, "indices of rows"),
+        ({"n_points": 10, "moved": "yes"}, "moved to be True or False"),
+    ],
+)
+def test_bad_parameters_are_errors(ball, arguments, message):
+    with pytest.raises(gppcs.ParameterError, match=message):
+        gppcs.mesh(ball, **arguments)

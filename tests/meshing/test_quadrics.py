@@ -1,0 +1,65 @@
+"""Quadrics equal the sums that they stand for."""
+
+import numpy as np
+import pytest
+
+from gppcs.meshing.halfedges import HalfEdges
+from gppcs.meshing.quadrics import (
+    NUMBERS,
+    add_borders,
+    add_moved,
+    add_plane,
+    dense_quadrics,
+    nearest_vertices,
+    value,
+)
+
+RNG = np.random.default_rng(0)
+
+
+def units(n):
+    normals = RNG.standard_normal((n, 3))
+    return normals / np.linalg.norm(normals, axis=1)[:, None]
+
+
+def test_a_quadric_is_the_sum_of_squared_distances_to_planes():
+    points, normals, vertices = RNG.random((50, 3)), units(50), RNG.random((4, 3))
+    nearest = RNG.integers(-1, 4, 50)
+    quadrics = dense_quadrics(points, normals, vertices, nearest)
+    for v, place in enumerate(RNG.random((4, 3))):
+        mine = nearest == v
+        expected = (np.einsum("ij,ij->i", place - points[mine], normals[mine]) ** 2).sum()
+        assert value(quadrics[v], tuple(place - vertices[v])) == pytest.approx(expected)
+
+
+def test_a_quadric_that_moves_to_another_vertex_keeps_its_values():
+    first, second = np.zeros(NUMBERS), np.zeros(NUMBERS)
+    planes = list(zip(units(5), RNG.standard_normal(5), RNG.random(5), strict=True))
+    for normal, height, weight in planes:
+        add_plane(first, tuple(normal), height, weight)
+    step = RNG.standard_normal(3)
+    add_plane(second, (0.0, 0.0, 1.0), 0.25, 2.0)
+    add_moved(first, tuple(step), second)
+    place = RNG.standard_normal(3)  # relative to the second vertex
+    expected = sum(w * (h + n @ (place + step)) ** 2 for n, h, w in planes) + 2 * (0.25 + place[2]) ** 2
+    assert value(second, tuple(place)) == pytest.approx(expected)
+
+
+def test_the_nearest_vertex_is_one_with_a_fitting_normal():
+    points, normals, vertices, of_vertices = RNG.random((300, 3)), units(300), RNG.random((60, 3)), units(60)
+    members = np.arange(0, 60, 2)
+    found = nearest_vertices(points, normals, vertices, of_vertices, members)
+    for point, normal, v in zip(points, normals, found, strict=True):
+        near = members[np.argsort(((vertices[members] - point) ** 2).sum(axis=1))[:4]]
+        fitting = [w for w in near if normal @ of_vertices[w] > 0]
+        assert v == (fitting[0] if fitting else -1)
+
+
+def test_a_border_holds_its_vertices_in_its_line():
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
+    mesh = HalfEdges.of(np.array([[0, 1, 2], [1, 3, 2]]), 4)
+    quadrics = np.zeros((4, NUMBERS))
+    add_borders(mesh, vertices, 3.0, quadrics)
+    assert value(quadrics[0], (0.5, 0.0, 0.0)) == pytest.approx(3 * 0.5**2)  # off the border along y
+    assert value(quadrics[0], (0.0, 0.0, 0.7)) == 0  # upright on the triangle
+    assert value(quadrics[3], (0.2, 0.1, 0.0)) == pytest.approx(3 * (0.2**2 + 0.1**2))

@@ -1,0 +1,49 @@
+"""Meshes and clouds whose topology is known."""
+
+import numpy as np
+from scipy.spatial import ConvexHull, Delaunay
+
+from gppcs.meshing.halfedges import HalfEdges
+
+
+def ball(n, seed=0):
+    """Points, normals and faces of a triangulated unit sphere."""
+    points = np.random.default_rng(seed).standard_normal((n, 3))
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    faces = ConvexHull(points).simplices.astype(np.int64)
+    inward = np.linalg.det(points[faces]) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    return points, points.copy(), faces
+
+
+def sheet(n, seed=0, hole=0.0):
+    """Points, normals and faces of a triangulated wavy square, with a round hole if its radius is not zero."""
+    rng = np.random.default_rng(seed)
+    plane = rng.random((n, 2))
+    if hole:
+        plane = plane[np.linalg.norm(plane - 0.5, axis=1) > hole]
+    faces = Delaunay(plane).simplices.astype(np.int64)
+    a, b, c = (plane[corner] for corner in faces.T)
+    (ux, uy), (vx, vy) = (b - a).T, (c - a).T
+    faces[ux * vy < uy * vx] = faces[ux * vy < uy * vx][:, ::-1]
+    if hole:
+        faces = faces[np.linalg.norm(plane[faces].mean(axis=1) - 0.5, axis=1) > hole]
+    points = np.column_stack([plane, 0.05 * np.sin(6 * plane[:, 0])])
+    return points, np.tile([0.0, 0.0, 1.0], (len(points), 1)), faces
+
+
+def torus(n, seed=0, radius=0.4):
+    """Points and normals of a torus around the z axis, uniform by area."""
+    rng = np.random.default_rng(seed)
+    u, v, w = rng.random((3, 3 * n))
+    keep = w < (1 + radius * np.cos(2 * np.pi * v)) / (1 + radius)
+    u, v = 2 * np.pi * u[keep][:n], 2 * np.pi * v[keep][:n]
+    ring = np.column_stack([np.cos(u), np.sin(u), np.zeros(len(u))])
+    normals = np.cos(v)[:, None] * ring + np.sin(v)[:, None] * [0.0, 0.0, 1.0]
+    return ring + radius * normals, normals
+
+
+def random_mesh(seed):
+    """Points, normals and half-edges of a sphere or a sheet, perhaps with a hole."""
+    points, normals, faces = [ball(60, seed), sheet(80, seed), sheet(120, seed, hole=0.2)][seed % 3]
+    return points, normals, HalfEdges.of(faces, len(points))
