@@ -64,6 +64,7 @@ def test_workers_choose_what_memory_chooses(three, cloud, paths, n_points):
     assert_same(found, expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_the_number_of_workers_makes_no_difference(cloud, paths, workers):
     expected = gppcs.simplify(cloud, n_points=70, invalid="drop")
@@ -99,6 +100,7 @@ class Killer:
         pass
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stage", ["bounds", "sample", "candidates", "kept points"])
 def test_a_killed_worker_makes_no_difference(three, cloud, paths, stage):
     expected = gppcs.simplify(cloud, n_points=70, invalid="drop")

@@ -82,8 +82,8 @@ class Ring:
 
     def __init__(self, corners: Values, normal: Values) -> None:
         self.corners = corners
-        self.inwards = np.cross(normal, np.roll(corners, -1, axis=0) - corners)
-        self.inwards *= np.sign(_dot(self.inwards, corners.mean(axis=0) - corners))[:, None]
+        inwards = np.cross(normal, np.roll(corners, -1, axis=0) - corners).astype(np.float64)
+        self.inwards = inwards * np.sign(_dot(inwards, corners.mean(axis=0) - corners))[:, None]
         self.offsets = _dot(self.inwards, corners)
 
     def contains(self, points: Values) -> NDArray[np.bool_]:
