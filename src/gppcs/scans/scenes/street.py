@@ -118,7 +118,8 @@ def _furniture() -> list[Surface]:
     """Return lamps, bollards, a bench, a sign and a bin."""
     lamps = [Cylinder((x, -4.0, KERB_HEIGHT), (x, -4.0, 5.2), 0.06, STEEL) for x in (-14.0, 2.0, 18.0)]
     heads = [Sphere((x, -4.0, 5.4), 0.22, STEEL) for x in (-14.0, 2.0, 18.0)]
-    bollards = [Cylinder((x, 3.8, KERB_HEIGHT), (x, 3.8, 1.0), 0.05, STEEL) for x in np.arange(-5.0, 5.1, 1.25).tolist()]
+    row = np.linspace(-5.0, 5.0, 9).tolist()
+    bollards = [Cylinder((x, 3.8, KERB_HEIGHT), (x, 3.8, 1.0), 0.05, STEEL) for x in row]
     bench: list[Surface] = [
         *box((6.0, -5.9), (1.6, 0.45), (0.5, 0.55), WOOD),
         *box((6.0, -6.1), (1.6, 0.04), (0.65, 1.0), WOOD),
