@@ -52,7 +52,6 @@ SCRIPTS = (
     Script("gallery.py", "gallery", ("matplotlib",)),
     Script("gp_ablation.py", "gp_ablation", ("pymeshlab",)),
     Script("gp_prefixes.py", "gp_prefixes", ("pymeshlab",)),
-    Script("tiles.py", "tiles", ("pymeshlab",)),
     Script("cluster.py", "cluster"),
     Script("normals.py", "normals", ("pymeshlab",)),
     Script("meshes.py", "meshes", ("pymeshlab",)),
