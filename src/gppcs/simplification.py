@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.engine.ahead import compiled_ahead
 from gppcs.engine.equality import ComparedByValue
-from gppcs.engine.stages import COMPILATION, Stages
+from gppcs.engine.stages import Stages, in_words
 from gppcs.errors import InputError, ParameterError, flag, number, one_of, shown, whole_number
 from gppcs.methods import DEFAULT, Method, Selection, method_named
 
@@ -56,11 +56,7 @@ class Result(ComparedByValue):
     diagnostics: Mapping[str, float]
 
     def __repr__(self) -> str:
-        compilation = self.seconds.get(COMPILATION, 0.0)
-        seconds = f"{sum(self.seconds.values()) - compilation:.3g} s"
-        if compilation:
-            seconds += f" and {compilation:.3g} s of compilation"
-        return f"Result({len(self.indices):,} points by {self.method.label} in {seconds})"
+        return f"Result({len(self.indices):,} points by {self.method.label} in {in_words(self.seconds)})"
 
 
 def simplify(

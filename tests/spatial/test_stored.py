@@ -46,9 +46,9 @@ def test_few_points_are_one_box(tmp_path):
 
 def test_points_are_removed(tmp_path):
     points, _ = store(ChunkedPoints.of(POINTS), tmp_path, Stages())
-    assert list(tmp_path.iterdir())
+    assert list(tmp_path.glob("*.points"))
     points.remove()
-    assert not list(tmp_path.iterdir())
+    assert not list(tmp_path.glob("*.points"))
 
 
 def table_of(tmp_path):

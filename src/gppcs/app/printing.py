@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import logging
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
 from gppcs.app.tables import FIGURES
-from gppcs.engine.stages import Listener
+from gppcs.engine.stages import COMPILATION, Listener
 from gppcs.errors import GppcsError, InputError, ParameterError, shown
 from gppcs.evaluation.report import MeshReport, Report
 
@@ -138,6 +139,28 @@ def numbers_of(box: str | None) -> list[float] | None:
         return None if box is None else [float(limit) for limit in box.split(",")]
     except ValueError:
         raise ParameterError(f"expected --box with numbers, such as 0,0,100,50, found {shown(box)}") from None
+
+
+def rows_of_seconds(seconds: Mapping[str, float]) -> dict[str, str]:
+    """Return the times of a run as rows of a table.
+
+    Parameters
+    ----------
+    seconds : mapping of str to float
+        Of each stage, and of the compilation.
+
+    Returns
+    -------
+    dict of str to str
+        A row for each stage but the compilation, and one for all.
+    """
+    from gppcs.engine.kernel_cache import are_kept
+
+    total = f"{sum(seconds.values()):.2f}"
+    if compilation := seconds.get(COMPILATION, 0.0):
+        total += f", of which {compilation:.2f} compiling kernels{', this time only' if are_kept() else ''}"
+    stages = {f"{stage}, s": f"{value:.2f}" for stage, value in seconds.items() if stage != COMPILATION}
+    return {**stages, "all, s": total}
 
 
 def print_json(record: dict[str, Any]) -> None:

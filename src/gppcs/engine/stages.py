@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from time import perf_counter
 from typing import Protocol, runtime_checkable
@@ -11,6 +11,23 @@ from gppcs.engine import compiling
 from gppcs.errors import ParameterError, shown
 
 COMPILATION = "compilation"  # the stage to which all compilation of kernels counts
+
+
+def in_words(seconds: Mapping[str, float]) -> str:
+    """Return how long a run took, and apart from that the compilation.
+
+    Parameters
+    ----------
+    seconds : mapping of str to float
+        Wall time of each stage.
+
+    Returns
+    -------
+    str
+    """
+    compilation = seconds.get(COMPILATION, 0.0)
+    words = f"{sum(seconds.values()) - compilation:.3g} s"
+    return f"{words} and {compilation:.3g} s of compilation" if compilation else words
 
 
 @runtime_checkable

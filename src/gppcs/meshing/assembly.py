@@ -214,10 +214,24 @@ def filled(
     """
     mesh = HalfEdges.of(faces, len(points))
     loops, ends = border_loops(mesh)
-    keys = new_keys(3 * len(faces) + 3 * len(loops))
+    return np.concatenate([faces, _fillings(mesh, loops, ends, most, points, normals, reaches, cover, True)])
+
+
+def _fillings(
+    mesh: HalfEdges,
+    loops: NDArray[np.int64],
+    ends: NDArray[np.int64],
+    most: int,
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    reaches: NDArray[np.float64],
+    cover: Cover,
+    covered: bool,
+) -> NDArray[np.int64]:
+    """Return the triangles, (B, 3), that close borders, as `border_loops` lists them; see `_fill_all`."""
+    keys = new_keys(len(mesh.origin) + 3 * len(loops))
     added = np.empty((len(loops), 3), dtype=np.int64)
-    count = _fill_all(mesh, loops, ends, most, points, normals, reaches, cover, True, keys, added)
-    return np.concatenate([faces, added[:count]])
+    return added[: _fill_all(mesh, loops, ends, most, points, normals, reaches, cover, covered, keys, added)]
 
 
 def border_loops(mesh: HalfEdges) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -418,7 +432,5 @@ def holes_filled(
     if not small:
         return faces
     loops, ends = np.concatenate(small), np.cumsum([len(loop) for loop in small])
-    keys = new_keys(3 * len(faces) + 3 * len(loops))
-    added = np.empty((len(loops), 3), dtype=np.int64)
-    count = _fill_all(mesh, loops, ends, most, points, normals, np.ones(len(points)), cover, False, keys, added)
-    return np.concatenate([faces, added[:count]])
+    reaches = np.ones(len(points))
+    return np.concatenate([faces, _fillings(mesh, loops, ends, most, points, normals, reaches, cover, False)])

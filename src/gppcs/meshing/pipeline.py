@@ -14,7 +14,7 @@ from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.equality import ComparedByValue
-from gppcs.engine.stages import COMPILATION, Stages
+from gppcs.engine.stages import Stages, in_words
 from gppcs.errors import NoSurfaceError, ParameterError, flag, number, shown, whole_number
 from gppcs.meshing.assembly import assembled, holes_filled, without_scraps
 from gppcs.meshing.assignment import Assignment
@@ -82,11 +82,8 @@ class MeshResult(ComparedByValue):
     diagnostics: Mapping[str, float]
 
     def __repr__(self) -> str:
-        compilation = self.seconds.get(COMPILATION, 0.0)
-        seconds = f"{sum(self.seconds.values()) - compilation:.3g} s"
-        if compilation:
-            seconds += f" and {compilation:.3g} s of compilation"
-        return f"MeshResult({len(self.mesh.vertices):,} vertices, {len(self.mesh.faces):,} triangles in {seconds})"
+        size = f"{len(self.mesh.vertices):,} vertices, {len(self.mesh.faces):,} triangles"
+        return f"MeshResult({size} in {in_words(self.seconds)})"
 
 
 def mesh(

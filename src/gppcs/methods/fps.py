@@ -113,4 +113,6 @@ class FarthestPoint(Method):
         int
             Bytes.
         """
-        return 32 * n
+        from gppcs.spatial.stored import BYTES_ON_DISK
+
+        return BYTES_ON_DISK * n

@@ -25,7 +25,7 @@ HASHED = 16  # For each point, while cells are looked up.
 MEASURED = 100  # For each point of the sample.
 RANKED = 300  # For each candidate.
 TILED, TILED_KEPT = 400_000_000, 100  # Beyond a chunk, if tiles are on disk; and for each kept point.
-STORED, STORED_CANDIDATE = 32, 140  # On disk, for each point and for each candidate.
+STORED_CANDIDATE = 140  # On disk, for each candidate.
 CELLS_ON_SLOPES = 1.5  # Occupied cells for each that a surface along the grid occupies.
 SECONDS, SECONDS_KEPT = 1e-7, 1e-4  # For each point read, and for each point kept, on two cores.
 
@@ -234,7 +234,9 @@ class LocalGP(Method):
         int
             Bytes.
         """
-        return STORED * n + STORED_CANDIDATE * min(n, round(CELLS_ON_SLOPES * self.candidates * n_points))
+        from gppcs.spatial.stored import BYTES_ON_DISK
+
+        return BYTES_ON_DISK * n + STORED_CANDIDATE * min(n, round(CELLS_ON_SLOPES * self.candidates * n_points))
 
     def seconds(self, n: int, n_points: int) -> float:
         """Return about how long a call takes on two cores.

@@ -22,6 +22,7 @@ PER_BOX = 16  # Sampled points of a box at least.
 BOX = 1 << 16  # Points of a box, unless there are more boxes than the sample can tell apart.
 
 _RECORD = np.dtype([("row", np.int64), ("place", np.float64, 3)])
+BYTES_ON_DISK = _RECORD.itemsize  # for each point
 
 
 class Neighbourhood(NamedTuple):

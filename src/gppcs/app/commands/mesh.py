@@ -21,6 +21,7 @@ from gppcs.app.printing import (
     print_error,
     print_json,
     progress,
+    rows_of_seconds,
 )
 from gppcs.app.quantities import Ratio, count_of, share_of
 from gppcs.engine.memory import peak_memory
@@ -180,17 +181,12 @@ def _print(source: Path, output: Path, n: int, result: MeshResult) -> None:
     """Print the run as a table."""
     from gppcs.app.console import print_table
 
-    seconds = dict(result.seconds)
-    total = f"{sum(seconds.values()):.2f}"
-    if compilation := seconds.pop(COMPILATION, 0.0):
-        total += f", of which {compilation:.2f} compiling kernels"
     print_table(
         f"{source} → {output}",
         {
             "points": f"{n:,}",
             "mesh": f"{len(result.mesh.vertices):,} vertices, {len(result.mesh.faces):,} triangles",
             **{name.replace("_", " "): f"{value:.4g}" for name, value in result.diagnostics.items()},
-            **{f"{stage}, s": f"{value:.2f}" for stage, value in seconds.items()},
-            "all, s": total,
+            **rows_of_seconds(result.seconds),
         },
     )

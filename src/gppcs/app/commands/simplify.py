@@ -48,6 +48,7 @@ from gppcs.app.printing import (
     print_error,
     print_json,
     progress,
+    rows_of_seconds,
     tell,
 )
 from gppcs.app.quantities import Points, Ratio, count_of, share_of
@@ -503,13 +504,7 @@ class _Run:
     def print(self) -> None:
         """Print the run as a table."""
         from gppcs.app.console import print_table
-        from gppcs.engine.kernel_cache import are_kept
 
-        seconds = dict(self.result.seconds)
-        total = f"{sum(seconds.values()):.2f}"
-        if compilation := seconds.pop(COMPILATION, 0.0):
-            total += f", of which {compilation:.2f} compiling kernels"
-            total += ", this time only" if are_kept() else ""
         print_table(
             f"{titled(self.sources)} → {self.target}",
             {
@@ -517,8 +512,7 @@ class _Run:
                 **({"passes": f"{self.passes} or more over the files"} if self.passes > 1 else {}),
                 "method": _written(self.result.method),
                 **{name: f"{value:.4g}" for name, value in self.result.diagnostics.items()},
-                **{f"{stage}, s": f"{value:.2f}" for stage, value in seconds.items()},
-                "all, s": total,
+                **rows_of_seconds(self.result.seconds),
                 **(figure_rows(self.report) if self.report else {}),
             },
         )

@@ -130,4 +130,6 @@ class Voxel(Method):
         int
             Bytes.
         """
-        return 32 * n
+        from gppcs.spatial.stored import BYTES_ON_DISK
+
+        return BYTES_ON_DISK * n
