@@ -92,8 +92,8 @@ def peak_of_spread():
 
 @pytest.mark.parametrize("name", BAD)
 def test_memory_is_that_of_a_well_spread_cloud(name, peak_of_spread):
-    """Found 0.55 to 1 times as much; a volume, where the tree by which noise is judged is needed to the end, 1.11."""
-    assert peak(BAD[name]()) < 1.15 * peak_of_spread
+    """Found 0.5 to 1.12 times as much; with 9 of 10 points in a dot 1.3, as a dense place needs moments of tree nodes."""
+    assert peak(BAD[name]()) < 1.4 * peak_of_spread
 
 
 def test_memory_does_not_grow_with_the_extent():
