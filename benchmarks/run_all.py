@@ -47,6 +47,7 @@ SCRIPTS = (
     Script("quality.py", "quality", ("pymeshlab",), ("--jobs", "2")),
     Script("main_job.py", "main_job", ("jakteristics",)),
     Script("speed.py", "speed", ("matplotlib",)),
+    Script("engine.py", "engine"),
     Script("lidar.py", "lidar"),
     Script("why_not_voxels.py", "why_not_voxels", ("pymeshlab", "matplotlib", "pyvista")),
     Script("gallery.py", "gallery", ("matplotlib",)),

@@ -8,22 +8,12 @@ import numpy as np
 import pytest
 
 import gppcs
+from one_choice import indices, points
 
 RUNS = 4
 CONTEXTS = [each for each in ("fork", "spawn", "forkserver") if each in multiprocessing.get_all_start_methods()]
 # From Python 3.12 on, a fork beside other threads gives this warning.
 FORKS = pytest.mark.filterwarnings("ignore:This process.*is multi-threaded:DeprecationWarning")
-
-
-def points():
-    """Enough points for several threads and parts."""
-    return gppcs.sample("fan", n_points=60_000).points
-
-
-def indices(run):
-    """What one run chooses; `run` is its number."""
-    gppcs.set_threads(2)
-    return gppcs.simplify(points(), n_points=3_000).indices
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +36,9 @@ def assert_all_equal(results, expected):
 
 
 @FORKS
-@pytest.mark.parametrize("method", CONTEXTS)
+@pytest.mark.parametrize(
+    "method", [pytest.param(each, marks=[] if each == "fork" else pytest.mark.slow) for each in CONTEXTS]
+)
 def test_pools_of_processes(method, expected):
     context = multiprocessing.get_context(method)
     with context.Pool(2) as pool:

@@ -69,6 +69,7 @@ def test_words_are_completed(words, completions):
     assert run.stdout.split() == completions
 
 
+@pytest.mark.slow
 def test_help_comes_at_once():
     """Absolute times hold on a quiet machine only; found 1.4 to 1.7 times the help of the smallest such program."""
 

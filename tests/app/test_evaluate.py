@@ -49,11 +49,11 @@ def test_evaluate_leaves_out_points_that_are_not_finite(gppcs_command):
 
 def test_evaluate_with_a_mesh(gppcs_command):
     pytest.importorskip("pymeshlab")
-    ball = gppcs.sample("sphere", 3000)
+    ball = gppcs.sample("sphere", 300)
     gppcs.write("scan.ply", ball)
     faces = "\n".join(f"3 {a} {b} {c}" for a, b, c in hull_mesh(ball.points).faces)
     rows = "\n".join(f"{x} {y} {z}" for x, y, z in ball.points)
-    Path("mesh.off").write_text(f"OFF\n3000 {faces.count(chr(10)) + 1} 0\n{rows}\n{faces}\n")
+    Path("mesh.off").write_text(f"OFF\n300 {faces.count(chr(10)) + 1} 0\n{rows}\n{faces}\n")
     code, out, err = gppcs_command("evaluate", "scan.ply", "scan.ply", "--mesh", "mesh.off")
     assert (code, err) == (0, "")
     assert "hausdorff mean" in out

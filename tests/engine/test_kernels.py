@@ -125,6 +125,7 @@ def test_kernels_are_compiled_for_one_run_where_nothing_can_be_written(unwritabl
     assert list(temporary.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_named_folder_does_where_no_other_can_be_written(unwritable, tmp_path):
     folders = {"XDG_CACHE_HOME": str(tmp_path / "scan.ply"), "NUMBA_CACHE_DIR": str(tmp_path / "named")}
     _, err = simplified(unwritable, "out.ply", **folders)
@@ -140,6 +141,7 @@ def test_warmup_refuses_to_compile_what_cannot_be_kept(unwritable, tmp_path):
     assert "set NUMBA_CACHE_DIR" in err
 
 
+@pytest.mark.slow
 def test_nothing_is_left_to_compile_after_a_warm_up(tmp_path):
     """Shown of two methods; all take a minute or more."""
     methods, cache = ("gp", "fps"), tmp_path / "cache"

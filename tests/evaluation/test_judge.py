@@ -22,6 +22,15 @@ ZERO_FOR_ITSELF = (
 OF_THE_BOX = ("diagonal", "mean_surface_variation")  # the paper's radius follows the bounding box
 
 
+@pytest.fixture(scope="module", autouse=True)
+def coarse_octree():
+    """Rebuild quickly. The fixture is the depth of octrees without it."""
+    depth = reconstruction.OCTREE_DEPTH
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reconstruction, "OCTREE_DEPTH", 6)
+        yield depth
+
+
 @pytest.fixture(scope="module")
 def pair():
     original = gppcs.sample("bracket", 2000, noise=0.001).points
@@ -416,10 +425,11 @@ def test_mesh_figures_equal_their_definitions(bowl):
     assert min(abs(other / share - 1) for other in others) > 0.1  # what it is not
 
 
-def test_the_reconstruction_is_the_papers(bowl):
+def test_the_reconstruction_is_the_papers(bowl, coarse_octree, monkeypatch):
     """With PyMeshLab alone: planes of ten neighbours, signs of the nearest vertices, depth 8, distances of vertices."""
     import pymeshlab
 
+    monkeypatch.setattr(reconstruction, "OCTREE_DEPTH", coarse_octree)
     original, points, mesh = bowl
     meshes = pymeshlab.MeshSet(verbose=False)
     meshes.add_mesh(pymeshlab.Mesh(points))

@@ -177,6 +177,7 @@ def test_progress_adds_up(bracket):
     assert steps == [1] * 8
 
 
+@pytest.mark.slow
 def test_covers_the_dragon_better_than_chance(shared_data):
     dragon = gppcs.read(shared_data / "dragon.ply")
     even, chance = (

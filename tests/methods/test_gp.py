@@ -33,6 +33,7 @@ def test_each_prefix_is_as_good_as_a_choice_of_its_size(scan):
         assert prefix.surface_mean < 1.35 * direct.surface_mean
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SAMPLES)
 def test_the_feature_weight_goes_from_an_even_cover_to_features(name):
     """Of 2,000 points of 20,000, enough to show the detail, found for weights of 0, .25, .5, .75 and 1:
@@ -147,6 +148,7 @@ def test_every_parameter_changes_the_choice(changes):
     assert chosen(points, 200, LocalGP(**changes)).tolist() != chosen(points, 200).tolist()
 
 
+@pytest.mark.slow
 def test_the_bunny_is_rebuilt_closer_than_from_other_methods(shared_data):
     """Of a twentieth of the points; found H means of 0.93 to 0.95 that of hc, which turns change by 1 %."""
     pytest.importorskip("pymeshlab", reason="needs PyMeshLab: the extra 'evaluate'")

@@ -118,7 +118,7 @@ def test_each_ray_ends_at_the_first_of_all_surfaces(name):
     solid = gppcs.scans.Scene(
         "", tuple(s for s in scene.surfaces if not isinstance(s, Foliage)), scene.rays, scene.measured
     )
-    all_rays = solid.rays(40_000)
+    all_rays = solid.rays(10_000)
     some = np.random.default_rng(4).permutation(len(all_rays.origins))[:2000]
     rays = Rays(all_rays.origins[some], all_rays.directions[some])
     expected = np.min([surface.meet(*rays, np.random.default_rng(0)) for surface in solid.surfaces], axis=0)
@@ -131,7 +131,7 @@ def test_each_ray_ends_at_the_first_of_all_surfaces(name):
 def test_without_noise_the_points_are_on_the_surfaces(name):
     scene = SCENES[name]
     exact = gppcs.scans.Scene("", scene.surfaces, scene.rays, lambda rays, distances, rng: distances)
-    measured = exact.scan(5000, np.random.default_rng(5))
+    measured = exact.scan(2000, np.random.default_rng(5))
     solid = measured.classification != 5
     points = measured.points.astype(float)
     assert solid.mean() > 0.9
@@ -193,16 +193,16 @@ def test_every_laser_of_the_street_turns():
 
 
 def test_the_street_is_denser_near_the_car():
-    points = gppcs.sample("street", 60_000).points
+    points = gppcs.sample("street", 20_000).points
     road = (np.abs(points[:, 1]) < 1.5) & (np.abs(points[:, 2]) < 0.1)
     ahead = points[road, 0] - street.DRIVE[1]
     assert np.sum((ahead > 0) & (ahead < 6)) > 3 * np.sum((ahead > 10) & (ahead < 16))
 
 
 def test_the_ground_is_seen_between_leaves():
-    cloud = gppcs.sample("terrain", 100_000)
+    cloud = gppcs.sample("terrain", 40_000)
     codes = cloud.attributes["classification"]
     wood = np.linalg.norm(cloud.points[:, :2] - [-32.0, 28.0], axis=1) < 8.0
-    assert (codes[wood] == 5).sum() > 100
-    assert (codes[wood] == 2).sum() > 100
+    assert (codes[wood] == 5).sum() > 40
+    assert (codes[wood] == 2).sum() > 40
     assert {14, 15} <= set(codes)

@@ -110,6 +110,7 @@ def test_a_killed_worker_makes_no_difference(three, cloud, paths, stage):
     assert_same(found, expected)
 
 
+@pytest.mark.slow
 def test_tiles_are_worked_on_by_workers(three, paths, small_tiles, tmp_path):
     expected = gppcs.simplify_files(paths, n_points=1_000, invalid="drop", memory="3GB")
     for killer in (Killer(three, "survey"), Killer(three, "candidates"), Killer(three, "greedy selection")):

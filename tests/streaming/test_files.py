@@ -19,7 +19,7 @@ from gppcs.streaming.passes import simplify_in_passes
 from gppcs.streaming.plan import Plan, Way, expected_seconds, plan
 from gppcs.streaming.sizes import bytes_of, size_of
 
-N = 12_000
+N = 6_000
 
 
 @pytest.fixture(autouse=True)
@@ -35,7 +35,7 @@ def variants():
     noisy = bracket + 0.3 * rng.standard_normal(bracket.shape)
     gaps = bracket.copy()
     gaps[rng.integers(0, N, N // 3)] = np.nan
-    gaps[5:4000, 1] = np.inf
+    gaps[5:2000, 1] = np.inf
     dot = bracket.copy()
     dot[: N // 2] = 1e-6 * noisy[: N // 2]
     return {
@@ -86,11 +86,11 @@ SPLITS = st.lists(st.integers(0, N), max_size=6).map(sorted)
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-@given(cuts=SPLITS, rows=st.integers(300, 15_000), n_points=st.sampled_from([1, 30, 70, 119, 121, 3_000, N - 1, 10**9]))
+@given(cuts=SPLITS, rows=st.integers(300, 8_000), n_points=st.sampled_from([1, 30, 70, 119, 121, 3_000, N - 1, 10**9]))
 @example(cuts=[], rows=N, n_points=70)
 @example(cuts=[1, 2, 3], rows=100, n_points=70)
 @example(cuts=[5000], rows=1_000, n_points=120)
-@settings(max_examples=12)
+@settings(max_examples=5)
 def test_files_and_chunks_make_no_difference(variant, cuts, rows, n_points):
     cloud = cloud_of(VARIANTS[variant])
     expected = gppcs.simplify(cloud, n_points=n_points, invalid="drop", scores=True)
@@ -178,7 +178,7 @@ def test_files_that_change_meanwhile_are_refused(tmp_path, monkeypatch):
         return choose(*arguments)
 
     monkeypatch.setattr(streaming_passes, "choose", truncated)
-    with pytest.raises(gppcs.InputError, match=r"expected 12,000 points again, found 11,999: the files have changed"):
+    with pytest.raises(gppcs.InputError, match=r"expected 6,000 points again, found 5,999: the files have changed"):
         in_passes([path], 1_000, 70)
 
 
@@ -214,8 +214,8 @@ def test_files_that_fit_are_read(tmp_path, monkeypatch):
     ("options", "message"),
     [
         ({"method": "aivs"}, r"at least 1,000 GB of memory, as method 'aivs' takes all points at once and there"),
-        ({"normals": True}, r"as normals takes all points at once and there are about 12,\d\d\d, found 1 GB; raise m"),
-        ({"memory": "1MB"}, r"at least \d+ MB of memory to choose 70 of about 1\d,\d+ points in passes .*found 1 MB"),
+        ({"normals": True}, r"as normals takes all points at once and there are about 6,\d\d\d, found 1 GB; raise m"),
+        ({"memory": "1MB"}, r"at least \d+ MB of memory to choose 70 of about [67],\d+ points in passes .*found 1 MB"),
     ],
 )  # fmt: skip
 def test_too_little_memory_is_an_error_that_says_what_is_needed(tmp_path, large, options, message):

@@ -1,4 +1,4 @@
-"""InterruptionError work goes on from the steps that are done, and gives the same result."""
+"""Interrupted work goes on from the steps that are done, and gives the same result."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ import gppcs
 from gppcs.engine.journal import Journal
 from gppcs.engine.stages import Stages
 
-N = 12_000
+N = 6_000
 
 
 class InterruptionError(Exception):
@@ -37,7 +37,7 @@ def path(tmp_path, monkeypatch):
     """A file that seems too large for memory; the temporary files go to the folder `scratch` beside it."""
     monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
     monkeypatch.setattr("gppcs.gp.local.survey.LARGE", 2_000)
-    monkeypatch.setattr("gppcs.gp.tiled.ranking.TILE", 3_000)
+    monkeypatch.setattr("gppcs.gp.tiled.ranking.TILE", 1_500)
     monkeypatch.setattr("gppcs.spatial.stored.BOX", 250)
     gppcs.write(tmp_path / "scan.npy", gppcs.sample("bracket", N, seed=3).points)
     (tmp_path / "scratch").mkdir()

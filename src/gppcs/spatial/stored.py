@@ -223,10 +223,11 @@ class StoredTable:
             Ascending.
         """
         own, parts = self.rows_of(tile), []
+        column = np.load(self._path("place"), mmap_mode="r")
         for box in self.boxes.around(tile, width):
             begin, end = self.starts[box : box + 2]
             if begin < end:
-                places = self.take("place", slice(begin, end))
+                places = np.array(column[begin:end])
                 inside = ((places >= tile.low - width) & (places <= tile.high + width)).all(axis=1)
                 parts.append(begin + np.flatnonzero(inside))
         return np.sort(np.concatenate([np.arange(own.start, own.stop), *parts]))

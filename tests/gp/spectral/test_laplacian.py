@@ -21,6 +21,7 @@ def test_sphere_spectrum_through_landmarks(sphere):
     np.testing.assert_allclose(sphere_ratios(pairs.eigenvalues), 1, atol=0.03)
 
 
+@pytest.mark.slow
 def test_a_laplacian_that_lost_area_is_not_used(sphere):
     _, mass, is_whole = surface_laplacian(sphere)
     assert mass.sum() < 0.75 * np.pi  # of a sphere of unit diameter
