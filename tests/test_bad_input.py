@@ -106,17 +106,18 @@ def test_memory_does_not_grow_with_the_extent():
 def test_time_is_that_of_a_well_spread_cloud():
     """Least processor time of several runs taken in turns, of clouds alike in noise.
 
-    Noise is measured at each point where there is any, and a volume is noise to whoever looks for a surface, the
-    thickest, which takes twice as many neighbours as that of the noisy sphere.
+    Noise is measured at each point where there is any. Found 0.8 to 1.7 times as much, with noise 0.7 and 0.8. A volume
+    is the thickest noise to whoever looks for a surface, which takes twice as many neighbours: 2.3.
     """
     clouds = {"spread": on_sphere(N), "spread, noisy": NOISY} | {name: cloud() for name, cloud in BAD.items()}
-    least = dict.fromkeys(clouds, np.inf)
-    for _ in range(5):
+    least, noise = dict.fromkeys(clouds, np.inf), {}
+    for _ in range(3):
         for name, cloud in clouds.items():
             start = time.process_time()
             result = gppcs.simplify(cloud[::2], n_points=M // 2)
             least[name] = min(least[name], time.process_time() - start)
+            noise[name] = result.diagnostics["noise_in_spacings"]
             assert len(np.unique(result.indices)) == M // 2
     for name in BAD:
-        bound = 4 * least["spread, noisy"] if name == "a volume" else 2 * least["spread"]
-        assert least[name] < bound, least
+        like = "spread, noisy" if noise[name] > 0.1 else "spread"
+        assert least[name] < (4 if name == "a volume" else 2) * least[like], least
