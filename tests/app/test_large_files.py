@@ -75,6 +75,7 @@ def test_a_dry_run_tells_and_does_nothing(gppcs_command, parts, large):
         (["--memory", "1MB"], ["scan.ply", "expected at least", "MB of memory", "found 1 MB", "--memory"]),
         (["--figures", *LARGE], ["--figures takes all points at once", "found 1 GB"]),
         (["--normals", *LARGE], ["--normals takes all points at once"]),
+        (["--report", "page.html", *LARGE], ["--report takes all points at once", "found 1 GB"]),
     ],
 )
 def test_too_little_memory_is_one_line(gppcs_command, scan, large, options, parts_of_message):

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 import gppcs
 from command_line import FAST, files, write_scan_with
+from web_page import WebPage
 
 
 @pytest.mark.parametrize("method", gppcs.METHODS)
@@ -121,6 +123,35 @@ def test_a_picture_is_drawn(gppcs_command, scan):
     assert (code, err) == (0, "")
     assert Path("picture.png").read_bytes().startswith(b"\x89PNG\r\n")
     assert len(gppcs.read("out.ply")) == 40
+
+
+def test_a_report_is_that_of_the_command_report(gppcs_command, scan):
+    words = ["simplify", "scan.ply", "-o", "out.ply", "--points", "40", "--report", "page.html", "--view", "5,0", *FAST]
+    code, _, err = gppcs_command(*words)
+    assert (code, err) == (0, "")
+    assert gppcs_command("report", "scan.ply", "out.ply", "-o", "other.html", "--view", "5,0")[0] == 0
+    page, other = (WebPage(Path(name).read_text("utf-8")) for name in ("page.html", "other.html"))
+    assert page.described["made"][1] == ["command", "gppcs " + " ".join(words)]
+    assert page.described["made"][2] == other.described["made"][2]
+    assert page.described | {"made": None} == other.described | {"made": None}
+    blocks, expected = (re.findall(r'<script id="block.*?</script>', each.text, re.DOTALL) for each in (page, other))
+    assert blocks == expected != []
+
+
+def test_a_report_shows_the_kept_points_though_the_output_marks_them(gppcs_command, scan):
+    options = ("--points", 40, "--mark", "kept", "--report", "page.html", *FAST)
+    assert gppcs_command("simplify", "scan.ply", "-o", "out.ply", *options)[0] == 0
+    page = WebPage(Path("page.html").read_text("utf-8"))
+    assert [cloud["points"] for cloud in page.described["clouds"]] == [400, 40]
+
+
+def test_a_report_of_merged_files_names_the_first(gppcs_command, scan):
+    gppcs.write("more.ply", scan)
+    options = ("--merge", "-o", "out.ply", "--points", 40, "--report", "page.html", *FAST)
+    assert gppcs_command("simplify", "scan.ply", "more.ply", *options)[0] == 0
+    page = WebPage(Path("page.html").read_text("utf-8"))
+    assert [cloud["name"] for cloud in page.described["clouds"]] == ["scan.ply and 1 more", "out.ply"]
+    assert {"SHA-256 of scan.ply", "SHA-256 of more.ply"} <= {name for name, _ in page.described["made"]}
 
 
 @pytest.mark.parametrize("settings", ["voxel place=mean", "wlop snap=false"])

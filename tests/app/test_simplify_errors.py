@@ -78,6 +78,8 @@ def test_input_that_cannot_be_used(gppcs_command, scan, damage, parts):
         (["--points", 5, "--invalid", "ignore"], ["'ignore' is not one of 'error', 'drop'"]),
         (["--points", 5, "--picture", "picture.jpg"], ["picture.jpg: expected a name that ends in .png"]),
         (["--points", 5, "--picture", "none/picture.png"], ["none/picture.png: expected a folder"]),
+        (["--points", 5, "--report", "page.ply"], ["page.ply: expected a name that ends in .html for the report"]),
+        (["--points", 5, "--report", "none/page.html"], ["none/page.html: expected a folder"]),
         (["--points", 5, "--picture", "p.png", "--view", "30"], ["--view AZIMUTH,ELEVATION", "found '30'"]),
         (["--points", 5, "--picture", "p.png", "--view", "30,99"], ["-90 to 90", "found 30 and 99"]),
         (["--points", 5, "--picture", "p.png", "--up", "w"], ["'--up'", "'w' is not one of"]),
@@ -126,9 +128,10 @@ def test_a_bad_parameter_is_told_once_for_all_files(gppcs_command, scan):
     assert not any(Path("results").iterdir())
 
 
-def test_a_picture_shows_one_input(gppcs_command, scan):
-    result = gppcs_command("simplify", "scan.ply", "b.ply", "-o", ".", "--points", 9, "--picture", "p.png")
-    assert_one_line(result, "expected one input with --picture, found 2")
+@pytest.mark.parametrize("option", [("--picture", "p.png"), ("--report", "p.html")])
+def test_a_picture_and_a_report_show_one_input(gppcs_command, scan, option):
+    result = gppcs_command("simplify", "scan.ply", "b.ply", "-o", ".", "--points", 9, *option)
+    assert_one_line(result, f"expected one input with {option[0]}, found 2")
 
 
 def test_a_missing_extra_is_told_before_any_work(gppcs_command, scan, monkeypatch):
@@ -189,6 +192,27 @@ def test_a_picture_does_not_overwrite_the_result(gppcs_command, scan):
     options = ("-o", "out.ply", "--points", 5, "--picture", "out.png", "--force", *FAST)
     assert_one_line(gppcs_command("simplify", "scan.ply", *options), "out.png: expected a file for this result alone")
     assert Path("out.ply").read_text() == "old"
+
+
+@pytest.mark.parametrize("page", ["scan.html", "link.html", "out.html"])
+def test_a_report_overwrites_neither_the_input_nor_the_result(gppcs_command, scan, page):
+    gppcs.write("scan.html", scan, format="ply")  # read by its content
+    Path("link.html").hardlink_to("scan.html")
+    before = Path("scan.html").read_bytes()
+    options = ("-o", "out.html", "--to", "ply", "--points", 5, "--report", page, "--force", *FAST)
+    assert_one_line(gppcs_command("simplify", "scan.html", *options), f"{page}: expected a file")
+    assert Path("scan.html").read_bytes() == before
+    assert not Path("out.html").exists()
+
+
+def test_a_report_replaces_a_page_only_by_force(gppcs_command, scan):
+    Path("page.html").write_text("precious")
+    options = ("simplify", "scan.ply", "-o", "out.ply", "--points", 5, "--report", "page.html", *FAST)
+    assert_one_line(gppcs_command(*options), "page.html: expected a new file")
+    assert files() == ["page.html", "scan.ply"]
+    assert Path("page.html").read_text() == "precious"
+    assert gppcs_command(*options, "--force")[0] == 0
+    assert Path("page.html").read_text().startswith("<!doctype html>")
 
 
 def test_what_a_file_loses_is_told_in_one_line(gppcs_command, scan):

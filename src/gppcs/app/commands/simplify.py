@@ -26,6 +26,8 @@ from gppcs.app.large_files import (
     titled,
 )
 from gppcs.app.outputs import Outputs, outputs_of, sources_of
+from gppcs.app.pages import how_made
+from gppcs.app.pages import names_of as different_names
 from gppcs.app.printing import (
     BAD_INPUT,
     FAILURES,
@@ -95,6 +97,7 @@ EPILOG = (
 
 
 def simplify(
+    context: typer.Context,
     inputs: Annotated[
         list[Path],
         typer.Argument(
@@ -175,6 +178,13 @@ def simplify(
             metavar="PNG", help="Draw the original and the result, coloured by surface variation, to a PNG file."
         ),
     ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="HTML",
+            help="Write a page that shows the result beside the original in the browser; see gppcs report.",
+        ),
+    ] = None,
     view: View = None,
     up: Up = None,
     threads: Threads = None,
@@ -211,7 +221,7 @@ def simplify(
         "normals": normals,
         "scores": scores,
     }
-    viewpoint = viewpoint_of(view, up, picture is not None)
+    viewpoint = viewpoint_of(view, up, picture is not None or report is not None)
     if mark is not None and (normals or scores or index_attribute is not None):
         raise ParameterError(
             "expected --mark without --normals, --scores and --index-attribute, which only kept points have"
@@ -224,11 +234,14 @@ def simplify(
     sources, targets = list(outputs.targets), list(outputs.targets.values())
     if picture:
         _check_picture(picture, sources, force)
-    check_distinct([*targets, *([picture] if picture else [])], merged or sources)
+    if report:
+        _check_drawn("--report", report, (".html", ".htm"), sources, force)
+    check_distinct([*targets, *filter(None, (picture, report))], merged or sources)
     with cluster_of(workers, scheduler) as cluster:
         job = _Job(
             outputs, merged, options, input_format, names_of(columns), query, index_attribute, mark, figures, picture,
-            viewpoint, limit, assume_same_crs, scratch, cluster, resume, dry_run, force, lossy, quiet,
+            report, context.obj, viewpoint, limit, assume_same_crs, scratch, cluster, resume, dry_run, force, lossy,
+            quiet,
         )  # fmt: skip
         succeeded = [_reported(job, source, as_json) for source in sources]
     if not all(succeeded):
@@ -269,14 +282,20 @@ def _parsed(settings: list[str]) -> dict[str, str]:
 def _check_picture(picture: Path, inputs: list[Path], force: bool) -> None:
     """Check that the picture can be drawn and written."""
     from gppcs.engine.extras import require_matplotlib
+
+    _check_drawn("--picture", picture, (".png",), inputs, force)
+    require_matplotlib()
+
+
+def _check_drawn(option: str, path: Path, suffixes: tuple[str, ...], inputs: list[Path], force: bool) -> None:
+    """Check that what an option draws of one input can be written to a file whose name ends in one of the suffixes."""
     from gppcs.io import check_writable
 
     if len(inputs) > 1:
-        raise ParameterError(f"expected one input with --picture, found {len(inputs)}")
-    if picture.suffix.lower() != ".png":
-        raise OutputError(f"{picture}: expected a name that ends in .png for the picture")
-    require_matplotlib()
-    check_writable(picture, force)
+        raise ParameterError(f"expected one input with {option}, found {len(inputs)}")
+    if path.suffix.lower() not in suffixes:
+        raise OutputError(f"{path}: expected a name that ends in {suffixes[0]} for the {option.removeprefix('--')}")
+    check_writable(path, force)
 
 
 @dataclass(frozen=True)
@@ -293,6 +312,8 @@ class _Job:
     mark: str | None
     figures: bool
     picture: Path | None
+    report: Path | None
+    command: list[str]
     viewpoint: Viewpoint
     limit: int | None
     assume_same_crs: bool
@@ -316,7 +337,8 @@ class _Job:
         target, sources = self.outputs.targets[source], self.merged or [source]
         self.outputs.check(target, self.force)
         stages = Stages(progress(self.quiet))
-        report = image = None
+        measured: Report | None = None
+        drawn: dict[Path, bytes] = {}
         options = {name: self.options[name] for name in ("ratio", "n_points", "invalid", "scores")}
         with CloudFiles(sources, self.input_format, self.columns, self.query, self.assume_same_crs) as files:
             method = resolved(self.options["method"], self.options["seed"])
@@ -327,7 +349,7 @@ class _Job:
             if self.dry_run:
                 return _DryRun(sources, target, made, expected_seconds(files, made, method))
             if made.in_memory:
-                result, points, report, image = self._in_memory(files, target, stages)
+                result, points, measured, drawn = self._in_memory(files, target, stages)
             else:
                 self._check_storable(target, files.head().cloud)
                 where: dict[str, Any] = {"scratch": self.scratch, "cluster": self.cluster, "resume": self.resume}
@@ -339,17 +361,17 @@ class _Job:
             self.outputs.make_folder(target)
             to = self.outputs
             lost = io.store(target, result.cloud, to.format, self.force, self.lossy, to.ascii)
-            if self.picture and image:
-                with io.whole_file(self.picture, self.force) as file:
-                    file.write(image)
+            for path, content in drawn.items():
+                with io.whole_file(path, self.force) as file:
+                    file.write(content)
         note_left_out(target, [*unread, *lost])
         self._note_all_kept(source, len(result.indices))
-        return _Run(sources, target, points, made.passes, result, report)
+        return _Run(sources, target, points, made.passes, result, measured)
 
     def _in_memory(
         self, files: CloudFiles, target: Path, stages: Stages
-    ) -> tuple[Result, int, Report | None, bytes | None]:
-        """Return the result, the number of points, and figures and picture if wanted."""
+    ) -> tuple[Result, int, Report | None, dict[Path, bytes]]:
+        """Return the result, the number of points, the figures if wanted, and picture and page by their files."""
         import numpy as np
 
         from gppcs.evaluation.judge import evaluate
@@ -359,18 +381,31 @@ class _Job:
             cloud = files.read()
         self._check_storable(target, cloud)
         result = simplify(cloud, stages=stages, **self.options)
-        report = image = None
+        measured, drawn = None, {}
         if self.figures:
             with stages("figures"):
-                report = evaluate(cloud.take(cloud.finite_rows()), result.cloud)
+                measured = evaluate(cloud.take(cloud.finite_rows()), result.cloud)
         if self.picture:
             with stages("picture"):
-                image = _drawn(cloud, result, self.viewpoint)
+                drawn[self.picture] = _drawn(cloud, result, self.viewpoint)
+        if self.report:
+            with stages("report"):
+                drawn[self.report] = self._page(cloud, result, target)
         if self.mark is not None:
             kept = np.zeros(len(cloud), dtype=np.uint8)
             kept[result.indices] = 1
             result = replace(result, cloud=_with_attribute(cloud, self.mark, kept))
-        return result, len(cloud), report, image
+        return result, len(cloud), measured, drawn
+
+    def _page(self, cloud: PointCloud, result: Result, target: Path) -> bytes:
+        """Return an HTML page of the result beside its original."""
+        from gppcs.drawing.web.contents import Named, report_page
+
+        sources = self.merged or list(self.outputs.targets)
+        original, simplified = different_names([Path(titled(sources)), target])
+        made, page = how_made(self.command, sources), BytesIO()
+        report_page(Named(original, cloud), [Named(simplified, result.cloud)], made, self.viewpoint).write(page)
+        return page.getvalue()
 
     def _whole(self) -> str | None:
         """Return the option that takes all points at once, if any."""
@@ -379,6 +414,7 @@ class _Job:
             "--mark": self.mark is not None,
             "--figures": self.figures,
             "--picture": self.picture,
+            "--report": self.report,
         }
         return next((name for name, value in wanted.items() if value), None)
 
