@@ -6,6 +6,8 @@ import pytest
 from hypothesis import settings
 
 import gppcs
+from gppcs.engine.extras import require_pyvista
+from gppcs.errors import MissingExtraError
 
 settings.register_profile("untimed", deadline=None)  # a busy machine is no failure
 settings.load_profile("untimed")
@@ -18,6 +20,15 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no real clouds at {folder}; set GPPCS_DATA to their folder")
     return folder
+
+
+@pytest.fixture(scope="session")
+def opengl() -> None:
+    """Skip tests that draw meshes where that is impossible."""
+    try:
+        require_pyvista()
+    except MissingExtraError as error:
+        pytest.skip(str(error))
 
 
 @pytest.fixture(scope="session")

@@ -13,7 +13,20 @@ import typer
 import typer.core
 
 from gppcs import __version__
-from gppcs.app.commands import compare, convert, evaluate, info, mesh, methods, report, sample, simplify, view, warmup
+from gppcs.app.commands import (
+    compare,
+    convert,
+    evaluate,
+    info,
+    mesh,
+    methods,
+    render,
+    report,
+    sample,
+    simplify,
+    view,
+    warmup,
+)
 from gppcs.app.printing import BAD_INPUT, FAILURES, print_error, tell
 
 NAME = "gppcs"  # also if it runs as `python -m gppcs`
@@ -71,6 +84,7 @@ app.command(cls=_Command, epilog=evaluate.EPILOG)(evaluate.evaluate)
 app.command(cls=_Command, epilog=compare.EPILOG)(compare.compare)
 app.command(cls=_Command, epilog=report.EPILOG)(report.report)
 app.command(cls=_Command, epilog=view.EPILOG)(view.view)
+app.command(cls=_Command, epilog=render.EPILOG)(render.render)
 app.command(cls=_Command, epilog=info.EPILOG)(info.info)
 app.command(cls=_Command, epilog=convert.EPILOG)(convert.convert)
 app.command(cls=_Command, epilog=sample.EPILOG)(sample.sample)

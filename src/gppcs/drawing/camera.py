@@ -55,7 +55,9 @@ class Camera:
         return self.shape[0] // SUPERSAMPLING, self.shape[1] // SUPERSAMPLING
 
     @classmethod
-    def towards(cls, points: Array, width: int, heights: tuple[int, int], viewpoint: Viewpoint = GUESSED) -> Camera:
+    def towards(
+        cls, points: Array, width: int, heights: tuple[int, int], viewpoint: Viewpoint = GUESSED, margin: float = 0.0
+    ) -> Camera:
         """Return a camera that sees the whole cloud, without distant outliers.
 
         Parameters
@@ -68,6 +70,8 @@ class Camera:
             Least and greatest height of the panel in pixels; between them, it fits the cloud.
         viewpoint : Viewpoint
             The direction of the view.
+        margin : float
+            Least number of empty pixels on each side, for what is drawn around the points.
 
         Returns
         -------
@@ -80,7 +84,8 @@ class Camera:
         extent = np.maximum(extent, 1e-6 * extent.max() or 1.0)
         height = int(np.clip(width * min(extent[1] / extent[0], 1e3), *heights))
         shape = (width * SUPERSAMPLING, height * SUPERSAMPLING)
-        scale = float(np.min(np.array(shape) * (1.0 - 2.0 * MARGIN) / extent))
+        empty = np.maximum(MARGIN * np.array(shape), margin * SUPERSAMPLING)
+        scale = float(np.min((shape - 2.0 * empty) / extent))
         return cls(axes, (low + high) / 2.0, scale, shape)
 
     def close_up(self, square: Square, size: int) -> Camera:

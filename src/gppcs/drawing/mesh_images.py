@@ -18,11 +18,12 @@ Array = NDArray[np.float64]
 
 # Direction and intensity of each light: a key light on the upper left, one at the viewer, a fill light on the right.
 LIGHTS = (((-0.35, 0.7, 0.62), 0.62), ((0.0, 0.0, 1.0), 0.25), ((0.8, -0.1, 0.6), 0.15))
-MATERIAL = {"color": "#ebebe9", "ambient": 0.2, "diffuse": 1.0, "specular": 0.05, "specular_power": 15.0}
+WHITE, COLOURS = "#ebebe9", "colours"  # of a mesh without colours, and the name of the others
+MATERIAL = {"ambient": 0.2, "diffuse": 1.0, "specular": 0.05, "specular_power": 15.0}
 FEATURE_ANGLE = 40.0  # degrees; shading is not smoothed across sharper edges
 
 
-def mesh_images(mesh: Mesh, cameras: Sequence[Camera]) -> list[Array]:
+def mesh_images(mesh: Mesh, cameras: Sequence[Camera], colours: Array | None = None) -> list[Array]:
     """Draw a mesh with several cameras.
 
     Parameters
@@ -31,6 +32,8 @@ def mesh_images(mesh: Mesh, cameras: Sequence[Camera]) -> list[Array]:
         The mesh.
     cameras : sequence of Camera
         Cameras with the same axes; the first shows the whole mesh.
+    colours : (V, 3) array, float64, optional
+        Red, green and blue of each vertex, from 0 to 1. By default, the mesh is white.
 
     Returns
     -------
@@ -44,6 +47,8 @@ def mesh_images(mesh: Mesh, cameras: Sequence[Camera]) -> list[Array]:
     # Use pixels of the first camera around its centre, since PyVista stores vertices in single precision.
     seen = (seen - [*whole.centre, seen[:, 2].max()]) * whole.scale
     surface = pyvista.PolyData.from_regular_faces(seen.astype(np.float32), mesh.faces)
+    if colours is not None:
+        surface.point_data[COLOURS] = np.round(255.0 * colours).astype(np.uint8)
     surface = surface.compute_normals(
         cell_normals=False, split_vertices=True, feature_angle=FEATURE_ANGLE, consistent_normals=False
     )
@@ -59,7 +64,8 @@ def _photograph(surface: pyvista.PolyData, camera: Camera, whole: Camera) -> Arr
     plotter.set_background("white")
     for position, intensity in LIGHTS:
         plotter.add_light(pyvista.Light(position=position, light_type="camera light", intensity=intensity))
-    plotter.add_mesh(surface, smooth_shading=True, **MATERIAL)
+    paint = {"scalars": COLOURS, "rgb": True} if COLOURS in surface.point_data else {"color": WHITE}
+    plotter.add_mesh(surface, smooth_shading=True, **MATERIAL, **paint)
     right, up = (camera.centre - whole.centre) * whole.scale
     plotter.camera.position = (right, up, 1.0)
     plotter.camera.focal_point = (right, up, 0.0)

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
+from gppcs.drawing.attributes import Colourable, kinds_of
+from gppcs.drawing.colours import scale_ends
 from gppcs.drawing.web.packing import Blocks, octahedral, quantised_points, quantised_values
 from gppcs.errors import InputError
 from gppcs.simplification import simplify
@@ -18,11 +20,7 @@ from gppcs.spatial.scaling import normalised
 from gppcs.surface.surface_variation import estimate_features
 
 MOST_SHOWN = 1_000_000  # points of a cloud on the page; larger clouds are thinned by the default method
-MOST_KINDS = 8  # whole numbers of at most so many different values are shown as kinds: there are as many colours
 MOST_ATTRIBUTES = 12  # of a cloud; a million values take about two megabytes
-COLOURS = (("red", "green", "blue"), ("r", "g", "b"))
-ROOT_SHARE = 98.0  # percentile at which a colour scale of skewed values ends
-LINEAR_SHARES = 1.0, 99.0  # percentiles at which other colour scales begin and end
 
 SIXTH, SPACINGS_TO_SIXTH = 6, 1.4  # the sixth neighbour is 1.4 mean spacings away
 SPREAD_PER_OCTAVE, USUAL_SPREAD, WIDEST = 40.0, 128.0, 4.0  # sizes of points in 8 bits, and the largest
@@ -193,11 +191,9 @@ class Layer:
         root : bool
             Whether colours follow the square root of the value, since most values are small.
         """
-        whole = not np.issubdtype(values.dtype, np.floating)
-        kinds = np.unique(values) if whole else np.empty(0)
-        has_kinds = 0 < len(kinds) <= MOST_KINDS
-        held = quantised_values(np.searchsorted(kinds, values) if has_kinds else values)
-        first, last = _ends(values, root)
+        kinds = kinds_of(values)
+        held = quantised_values(values if kinds is None else np.searchsorted(kinds, values))
+        first, last = scale_ends(values, root)
         described = {
             "key": key,
             "title": title,
@@ -207,20 +203,20 @@ class Layer:
             "from": first,
             "to": last,
             "root": root,
-            "whole": whole,
-            "categories": [float(kind) for kind in kinds] if has_kinds else None,
+            "whole": not np.issubdtype(values.dtype, np.floating),
+            "categories": None if kinds is None else [float(kind) for kind in kinds],
             "block": self._blocks.add(held.numbers),
         }
         self.described["values"].append(described)
 
     def add_attributes(self) -> None:
         """Add all attributes of numbers, and RGB, up to the limit of the page."""
-        columns = dict(_columns(self.cloud))
-        if colours := _rgb(columns):
-            self.described["blocks"]["colours"] = self._blocks.add(_eight_bits(np.stack(colours, axis=1)))
-        wanted = [name for name in columns if name not in NORMALS]
+        attributes = Colourable.of(self.cloud)
+        if attributes.rgb is not None:
+            self.described["blocks"]["colours"] = self._blocks.add(attributes.rgb)
+        wanted = [name for name in attributes.columns if name not in NORMALS]
         for name in wanted[:MOST_ATTRIBUTES]:
-            self.add_values(f"attribute:{name}", name, "as in the file", columns[name])
+            self.add_values(f"attribute:{name}", name, "as in the file", attributes.columns[name])
         if left_out := wanted[MOST_ATTRIBUTES:]:
             self.notes.append(f"{self.described['name']}: left out of this page: attributes {', '.join(left_out)}.")
 
@@ -229,40 +225,3 @@ def _spreads(relative: Array) -> NDArray[np.uint8]:
     """Return the sizes of points, relative to the usual one, on a logarithmic scale of 8 bits."""
     octaves = np.log2(np.clip(relative, 1.0 / WIDEST, WIDEST))
     return np.round(USUAL_SPREAD + SPREAD_PER_OCTAVE * octaves).astype(np.uint8)
-
-
-def _columns(cloud: PointCloud) -> list[tuple[str, NDArray[Any]]]:
-    """Return the attributes of numbers as columns by name; one with several numbers per point becomes several."""
-    columns = []
-    for name, values in cloud.attributes.items():
-        if not (np.issubdtype(values.dtype, np.number) or values.dtype == bool) or np.iscomplexobj(values):
-            continue
-        flat = values.reshape(len(values), -1).T
-        columns += [(name if values.ndim == 1 else f"{name} {i}", column) for i, column in enumerate(flat)]
-    return columns
-
-
-def _rgb(columns: dict[str, NDArray[Any]]) -> list[NDArray[Any]] | None:
-    """Remove the columns of red, green and blue, and return them; None if there are none."""
-    for names in (*COLOURS, *((f"{name} 0", f"{name} 1", f"{name} 2") for name in ("rgb", "color", "colors"))):
-        if set(names) <= set(columns):
-            return [columns.pop(name) for name in names]
-    return None
-
-
-def _eight_bits(colours: NDArray[Any]) -> NDArray[np.uint8]:
-    """Return colours (K, 3) in 8 bits: floats from 0 to 1, and whole numbers of 8 or of 16 bits."""
-    largest = colours.max()
-    factor = 255.0 if np.issubdtype(colours.dtype, np.floating) and largest <= 1 else 1.0 if largest <= 255 else 1 / 257
-    return np.clip(np.nan_to_num(colours.astype(np.float64)) * factor, 0, 255).round().astype(np.uint8)
-
-
-def _ends(values: NDArray[Any], root: bool) -> tuple[float, float]:
-    """Return the ends of a colour scale."""
-    known = values[np.isfinite(values)].astype(np.float64)
-    if len(known) == 0:
-        return 0.0, 1.0
-    if root:
-        return min(0.0, float(known.min())), float(np.percentile(known, ROOT_SHARE))
-    first, last = np.percentile(known, LINEAR_SHARES)
-    return float(first), float(last)

@@ -1,0 +1,85 @@
+"""What of the attributes of a cloud can be shown by colours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.clouds.cloud import PointCloud
+
+MOST_KINDS = 8  # whole numbers of at most so many different values are shown as kinds: there are as many colours
+COLOURS = (("red", "green", "blue"), ("r", "g", "b"))
+
+
+@dataclass(frozen=True)
+class Colourable:
+    """The attributes of numbers of a cloud, and its RGB.
+
+    Parameters
+    ----------
+    columns : dict of str to (N,) array
+        By name, without RGB. An attribute with several numbers for each point becomes several, such as "name 0".
+    rgb : (N, 3) array, uint8, or None
+        Red, green and blue.
+    """
+
+    columns: dict[str, NDArray[Any]]
+    rgb: NDArray[np.uint8] | None
+
+    @classmethod
+    def of(cls, cloud: PointCloud) -> Colourable:
+        """Return the attributes of a cloud.
+
+        Parameters
+        ----------
+        cloud : PointCloud
+
+        Returns
+        -------
+        Colourable
+        ----------
+        """
+        columns = dict(_columns(cloud))
+        for names in (*COLOURS, *((f"{name} 0", f"{name} 1", f"{name} 2") for name in ("rgb", "color", "colors"))):
+            if set(names) <= set(columns):
+                return cls(columns, _eight_bits(np.stack([columns.pop(name) for name in names], axis=1)))
+        return cls(columns, None)
+
+
+def kinds_of(values: NDArray[Any]) -> NDArray[Any] | None:
+    """Return the different values if they are kinds, such as classes, rather than amounts.
+
+    Parameters
+    ----------
+    values : (N,) array
+
+    Returns
+    -------
+    (K,) array or None
+        Ascending, K at most `MOST_KINDS`. None if there are more, no values at all, or floating-point numbers.
+    """
+    if np.issubdtype(values.dtype, np.floating):
+        return None
+    kinds = np.unique(values)
+    return kinds if 0 < len(kinds) <= MOST_KINDS else None
+
+
+def _columns(cloud: PointCloud) -> list[tuple[str, NDArray[Any]]]:
+    """Return the attributes of numbers as columns by name; one with several numbers per point becomes several."""
+    columns = []
+    for name, values in cloud.attributes.items():
+        if not (np.issubdtype(values.dtype, np.number) or values.dtype == bool) or np.iscomplexobj(values):
+            continue
+        flat = values.reshape(len(values), -1).T
+        columns += [(name if values.ndim == 1 else f"{name} {i}", column) for i, column in enumerate(flat)]
+    return columns
+
+
+def _eight_bits(colours: NDArray[Any]) -> NDArray[np.uint8]:
+    """Return colours (N, 3) in 8 bits: floats from 0 to 1, and whole numbers of 8 or of 16 bits."""
+    largest = colours.max(initial=0)
+    factor = 255.0 if np.issubdtype(colours.dtype, np.floating) and largest <= 1 else 1.0 if largest <= 255 else 1 / 257
+    return np.clip(np.nan_to_num(colours.astype(np.float64)) * factor, 0, 255).round().astype(np.uint8)

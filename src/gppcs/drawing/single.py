@@ -1,0 +1,237 @@
+"""Draws one cloud or mesh."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.mesh import Mesh
+from gppcs.drawing.attributes import Colourable, kinds_of
+from gppcs.drawing.camera import SUPERSAMPLING, Camera
+from gppcs.drawing.cloud_images import MAX_SURFACE_RADIUS, ColouredCloud, Original, View
+from gppcs.drawing.colours import add_bar, colour_scale, colours_of, kinds_scale
+from gppcs.drawing.mesh_images import mesh_images
+from gppcs.drawing.viewpoint import GUESSED, Viewpoint
+from gppcs.engine.extras import require_matplotlib, require_pyvista
+from gppcs.errors import InputError, ParameterError, nearest_name, shown, whole_number
+from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.scaling import Frame, bounds
+
+if TYPE_CHECKING:
+    from matplotlib.cm import ScalarMappable
+
+Array = NDArray[np.float64]
+
+RGB, VARIATION = "rgb", "variation"  # colourings that are no attributes
+SIZE = (1280, 960)  # pixels
+SMALLEST, LARGEST = 64, 4096  # pixels; a picture of the largest size takes 4 GB
+DPI = 64  # a power of two, so that matplotlib does not round sizes in pixels
+BELOW = 74  # pixels for the colour bar
+TEXT = 16.0  # pixels
+
+
+class Drawn(NamedTuple):
+    """What a picture shows.
+
+    Attributes
+    ----------
+    colour : str
+        What the colours show, in words; empty for a white mesh.
+    left_out : int
+        Number of points whose coordinates are NaN or infinite.
+    outside : int
+        Number of points that lie so far from all others that the picture does not show them.
+    """
+
+    colour: str
+    left_out: int
+    outside: int
+
+
+def draw_single(
+    file: BinaryIO,
+    cloud: PointCloud,
+    mesh: Mesh | None = None,
+    colour: str | None = None,
+    viewpoint: Viewpoint = GUESSED,
+    size: tuple[int, int] = SIZE,
+    bar: bool = True,
+) -> Drawn:
+    """Write a PNG of a cloud, drawn as a closed surface, or of a mesh.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for writing.
+    cloud : PointCloud
+        The cloud. Points with NaN or infinite coordinates are left out.
+    mesh : Mesh, optional
+        A mesh to draw instead. Each of its vertices has the colour of the nearest point of the cloud.
+    colour : str, optional
+        "rgb", "variation" for surface variation, or the name of an attribute of numbers, which wins if it is one of
+        these words. By default, RGB if the cloud has it, otherwise surface variation, and white for a mesh.
+    viewpoint : Viewpoint
+        The direction of the view.
+    size : (width, height)
+        In pixels.
+    bar : bool
+        Whether a colour bar stands below, if the colours have a scale and there is room.
+
+    Returns
+    -------
+    Drawn
+
+    Raises
+    ------
+    MissingExtraError
+        If matplotlib is not installed, or there is a mesh and PyVista is not installed or finds no OpenGL.
+    InputError
+        If no point is finite, or the size of the bounding box overflows.
+    ParameterError
+        If the cloud has no such colour, or the size is out of range.
+    """
+    require_matplotlib()
+    if mesh is not None:
+        require_pyvista()
+    width, height = checked_size(size)
+    rows = cloud.finite_rows()
+    if len(rows) == 0:
+        raise InputError(f"expected points with finite coordinates to draw, found none among {len(cloud)}")
+    finite = cloud.take(rows)
+    subject = _Subject.of(finite, mesh)
+    paint = _Paint.of(finite, subject, colour)
+    below = BELOW if bar and paint.scale and height - BELOW >= SMALLEST else 0
+    direction = viewpoint.completed(finite.points if mesh is None else mesh.vertices)
+    radius = MAX_SURFACE_RADIUS / SUPERSAMPLING
+    camera = Camera.towards(subject.places, width, (height - below, height - below), direction, radius)
+    _write(file, subject.image(camera, paint.colours), (width, height), below, paint)
+    place, _ = camera.pixels(subject.places)
+    outside = int(((place < 0) | (place >= np.array(camera.shape))).any(axis=1).sum())
+    return Drawn(paint.title, len(cloud) - len(rows), outside)
+
+
+def checked_size(size: tuple[int, int]) -> tuple[int, int]:
+    """Check the size of a picture.
+
+    Parameters
+    ----------
+    size : (width, height)
+        In pixels.
+
+    Returns
+    -------
+    width, height : int
+
+    Raises
+    ------
+    ParameterError
+        If a number is not whole, or below `SMALLEST` or above `LARGEST`.
+    """
+    width, height = (whole_number("the size of a picture", each, SMALLEST) for each in size)
+    if max(width, height) > LARGEST:
+        raise ParameterError(f"expected a picture of at most {LARGEST} x {LARGEST} pixels, found {width} x {height}")
+    return width, height
+
+
+@dataclass(frozen=True)
+class _Subject:
+    """What is drawn, shifted and scaled to about unit size."""
+
+    points: Array
+    mesh: Mesh | None
+
+    @classmethod
+    def of(cls, cloud: PointCloud, mesh: Mesh | None) -> _Subject:
+        if mesh is None:
+            return cls(Frame.around(*bounds(cloud.points)).local(cloud.points), None)
+        frame = Frame.around(*bounds(np.vstack([cloud.points, mesh.vertices])))
+        return cls(frame.local(cloud.points), Mesh(frame.local(mesh.vertices), mesh.faces))
+
+    @cached_property
+    def places(self) -> Array:
+        """What the picture has to show: the points, or the vertices that triangles use."""
+        return self.points if self.mesh is None else self.mesh.vertices[np.unique(self.mesh.faces)]
+
+    @cached_property
+    def cloud(self) -> ColouredCloud:
+        """The cloud with its surface variation and normals."""
+        return ColouredCloud.by_surface_variation(self.points)
+
+    def image(self, camera: Camera, colours: Array | None) -> Array:
+        """Return the picture, given the colour of each point of the cloud."""
+        if self.mesh is None:
+            assert colours is not None
+            return View(Original(self.cloud), camera).surface(colours)
+        if colours is None:
+            return mesh_images(self.mesh, [camera])[0]
+        distinct = np.flatnonzero(first_occurrences(self.points))
+        nearest, _ = KdTree.build(self.points[distinct]).nearest_of(self.mesh.vertices, 1)
+        return mesh_images(self.mesh, [camera], colours[distinct[nearest[:, 0]]])[0]
+
+
+@dataclass(frozen=True)
+class _Paint:
+    """The colours of a cloud."""
+
+    title: str
+    colours: Array | None = None  # None for a white mesh
+    scale: ScalarMappable | None = None  # None for RGB
+    kinds: NDArray[Any] | None = None
+
+    @classmethod
+    def of(cls, cloud: PointCloud, subject: _Subject, colour: str | None) -> _Paint:
+        attributes = Colourable.of(cloud)
+        if colour is None and attributes.rgb is None and subject.mesh is not None:
+            return cls("")
+        if colour is None:
+            colour = VARIATION if attributes.rgb is None else RGB
+        if colour in attributes.columns:
+            return cls._by_attribute(colour, attributes.columns[colour])
+        if colour == VARIATION:
+            values = subject.cloud.values
+            scale = colour_scale([values])
+            return cls(_titled("surface variation", values), colours_of(scale, values), scale)
+        if colour == RGB and attributes.rgb is not None:
+            return cls("RGB", attributes.rgb / 255.0)
+        known = [*([] if attributes.rgb is None else [RGB]), VARIATION, *attributes.columns]
+        raise ParameterError(
+            f"expected the colour to be rgb, variation or an attribute of numbers, as far as the cloud has them, found "
+            f"{shown(colour)}{nearest_name(colour, known)}"
+        )
+
+    @classmethod
+    def _by_attribute(cls, name: str, values: NDArray[Any]) -> _Paint:
+        kinds = kinds_of(values)
+        if kinds is None:
+            amounts = values.astype(np.float64)
+            scale = colour_scale([amounts], root=False)
+            return cls(_titled(name, amounts), colours_of(scale, amounts), scale)
+        scale = kinds_scale(kinds)
+        return cls(name, colours_of(scale, np.searchsorted(kinds, values).astype(np.float64)), scale, kinds)
+
+
+def _titled(title: str, values: Array) -> str:
+    return f"{title} (grey: unknown)" if np.isnan(values).any() else title
+
+
+def _write(file: BinaryIO, image: Array, size: tuple[int, int], below: int, paint: _Paint) -> None:
+    """Write a picture with its colour bar, for which `below` pixels are left."""
+    from matplotlib.figure import Figure
+
+    width, height = size
+    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
+    figure.figimage(image, 0, below, origin="upper")
+    if below and paint.scale:
+        broad = min(0.8, 512 / width)
+        place = (0.5 - broad / 2.0, 48 / height, broad, 12 / height)
+        add_bar(figure, place, paint.scale, TEXT * 72 / DPI, paint.title, paint.kinds)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph")  # the name of an attribute may have letters that the font lacks
+        figure.savefig(file, format="png", dpi=DPI)

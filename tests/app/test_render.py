@@ -1,0 +1,96 @@
+"""`gppcs render`."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gppcs
+from command_line import assert_one_line, files
+
+
+@pytest.fixture(autouse=True)
+def matplotlib():
+    return pytest.importorskip("matplotlib")
+
+
+def image(path):
+    from matplotlib.image import imread
+
+    return imread(path)[..., :3]
+
+
+def test_a_scan_is_drawn_by_its_rgb(gppcs_command, folder, scan):
+    code, out, err = gppcs_command("render", "scan.ply", "-o", "scan.png", "--size", "320x200")
+    assert (code, out, err) == (0, "scan.png: 320 x 200 pixels, coloured by RGB\n", "")
+    assert image("scan.png").shape == (200, 320, 3)
+    assert files() == ["scan.ply", "scan.png"]
+
+
+def test_the_options_turn_and_colour_the_picture(gppcs_command, folder, scan):
+    options = ((), ("--colour", "curvature"), ("--colour", "variation"), ("--up", "x"), ("--view", "200,-10"))
+    pictures = []
+    for number, given in enumerate(options):
+        name = f"{number}.png"
+        assert gppcs_command("render", "scan.ply", "-o", name, "--size", "160x120", "-q", *given) == (0, "", "")
+        pictures.append(Path(name).read_bytes())
+    assert len(set(pictures)) == len(options)
+    assert gppcs_command("render", "scan.ply", "-o", "0.png", "--size", "160x120", "--force", "-q")[0] == 0
+    assert Path("0.png").read_bytes() == pictures[0]
+
+
+def test_what_the_picture_does_not_show_is_told(gppcs_command, folder, scan):
+    points = np.vstack([scan.points, [[np.nan, 0.0, 0.0], [1e9, 0.0, 0.0]]])
+    gppcs.write("more.npy", gppcs.PointCloud(points))
+    code, out, err = gppcs_command("render", "more.npy", "-o", "a.png", "--size", "100x100")
+    assert (code, out) == (0, "a.png: 100 x 100 pixels, coloured by surface variation (grey: unknown)\n")
+    assert err == (
+        "gppcs: note: more.npy: 1 points with NaN or infinite coordinates are left out\n"
+        "gppcs: note: more.npy: 1 points lie far from all others, outside the picture\n"
+    )
+
+
+@pytest.mark.usefixtures("opengl")
+def test_a_file_with_triangles_is_drawn_as_a_mesh(gppcs_command, folder):
+    pytest.importorskip("pymeshlab")
+    gppcs.write_mesh("tent.ply", gppcs.Mesh([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [1, 1, 1]],
+                                            [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]))  # fmt: skip
+    code, out, err = gppcs_command("render", "tent.ply", "-o", "tent.png", "--size", "120x90")
+    assert (code, out, err) == (0, "tent.png: 120 x 90 pixels\n", "")
+    assert (image("tent.png").min(axis=2) < 0.98).mean() > 0.2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        (["scan.ply", "-o", "a.jpg"], ["a.jpg: expected a name that ends in .png"]),
+        (["scan.ply", "-o", "there.png"], ["there.png: expected a new file"]),
+        (["scan.ply", "-o", "none/a.png"], ["none/a.png: expected a folder"]),
+        (["scan.png", "-o", "scan.png", "--force"], ["expected a file other than the input scan.png"]),
+        (["scan.ply", "-o", "a.png", "--size", "big"], ["expected --size WIDTHxHEIGHT", "found 'big'"]),
+        (["scan.ply", "-o", "a.png", "--size", "9x9"], ["whole number from 64 on, found 9"]),
+        (["scan.ply", "-o", "a.png", "--size", "9000x90"], ["at most 4096 x 4096 pixels, found 9000 x 90"]),
+        (["scan.ply", "-o", "a.png", "--colour", "curvatur"], ["found 'curvatur'; did you mean 'curvature'?"]),
+        (["bare.npy", "-o", "a.png", "--colour", "rgb"], ["found 'rgb'; expected one of variation"]),
+        (["bare.npy", "-o", "a.png", "--view", "30"], ["expected --view AZIMUTH,ELEVATION"]),
+        (["invalid.npy", "-o", "a.png"], ["invalid.npy: expected points with finite coordinates to draw, found none"]),
+        (["missing.ply", "-o", "a.png"], ["missing.ply: No such file"]),
+        (["notes.md", "-o", "a.png"], ["notes.md: expected one of the formats"]),
+    ],
+)
+def test_bad_input_leaves_no_picture(gppcs_command, folder, scan, arguments, parts):
+    gppcs.write("scan.png", scan, format="ply")  # read by its content
+    np.save("bare.npy", scan.points)
+    np.save("invalid.npy", np.full((3, 3), np.nan))
+    Path("there.png").write_text("precious")
+    Path("notes.md").write_text("notes")
+    before = {name: Path(name).read_bytes() for name in files()}
+    assert_one_line(gppcs_command("render", *arguments), *parts)
+    assert {name: Path(name).read_bytes() for name in files()} == before
+
+
+def test_a_missing_extra_is_named(gppcs_command, folder, scan, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert_one_line(gppcs_command("render", "scan.ply", "-o", "a.png"), "the extra picture")
+    assert files() == ["scan.ply"]

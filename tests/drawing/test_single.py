@@ -1,0 +1,152 @@
+import io
+
+import numpy as np
+import pytest
+
+from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.mesh import Mesh
+from gppcs.drawing.colours import KINDS, NO_VALUE
+from gppcs.drawing.single import draw_single
+from gppcs.drawing.viewpoint import Viewpoint
+from gppcs.errors import InputError, ParameterError
+
+pytest.importorskip("matplotlib")
+ABOVE = Viewpoint("z", (0.0, 90.0))  # x to the right, y up
+TRIANGLES = Mesh([[0, 0, 0], [2, 0, 0], [0, 2, 0], [2, 2, 0]], [[0, 1, 2], [1, 3, 2]])
+
+
+def plane(side=40):
+    """Return points of a square of edge length 1."""
+    x, y = np.meshgrid(np.linspace(0.0, 1.0, side), np.linspace(0.0, 1.0, side))
+    return np.column_stack([x.ravel(), y.ravel(), np.zeros(side * side)])
+
+
+def picture(cloud, mesh=None, colour=None, viewpoint=ABOVE, size=(100, 100), bar=False):
+    """Return a picture, 0 to 1, and what it shows."""
+    from matplotlib.image import imread
+
+    file = io.BytesIO()
+    drawn = draw_single(file, cloud, mesh, colour, viewpoint, size, bar)
+    file.seek(0)
+    return imread(file, format="png")[..., :3], drawn
+
+
+def hue(image):
+    """Return the colours of a picture without their brightness."""
+    return image / image.max(axis=2, keepdims=True)
+
+
+@pytest.mark.parametrize("scale", [1, 257, 1 / 255], ids=["8 bits", "16 bits", "0 to 1"])
+def test_rgb_is_drawn_where_the_points_are(scale):
+    points = plane()
+    left = points[:, 0] < 0.5
+    colours = np.where(left[:, None], (200, 20, 20), (20, 20, 200)) * scale
+    if scale >= 1:
+        colours = colours.astype(np.uint16)
+    cloud = PointCloud(points, dict(zip(("red", "green", "blue"), colours.T, strict=True)))
+    image, drawn = picture(cloud)
+    assert drawn.colour == "RGB"
+    np.testing.assert_allclose(hue(image)[50, 30], [1.0, 0.1, 0.1], atol=0.02)
+    np.testing.assert_allclose(hue(image)[50, 70], [0.1, 0.1, 1.0], atol=0.02)
+
+
+@pytest.mark.parametrize("size", [(64, 64), (1129, 67), (333, 271)])
+@pytest.mark.parametrize("bar", [False, True])
+def test_the_picture_has_the_size_asked_for_and_cuts_nothing_off(size, bar):
+    image, drawn = picture(PointCloud(plane()), viewpoint=Viewpoint(), size=size, bar=bar)
+    assert image.shape == (size[1], size[0], 3)
+    border = np.concatenate([image[0], image[:, 0], image[:, -1]])
+    assert (border == 1.0).all()
+    assert drawn.outside == 0
+
+
+def test_kinds_have_a_colour_each_and_amounts_a_scale():
+    points = plane()
+    kinds = np.where(points[:, 0] < 0.5, 2, 6)
+    image, drawn = picture(PointCloud(points, {"classification": kinds}), colour="classification")
+    assert drawn.colour == "classification"
+    for column, colour in ((30, KINDS[0]), (70, KINDS[1])):
+        expected = np.array([int(colour[at : at + 2], 16) for at in (1, 3, 5)])
+        np.testing.assert_allclose(hue(image)[50, column], expected / expected.max(), atol=0.02)
+    image, _ = picture(PointCloud(points, {"height": points[:, 0]}), colour="height")
+    assert hue(image)[50, 90, 0] > hue(image)[50, 10, 0] + 0.3  # yellow, and blue
+
+
+def test_what_is_unknown_is_grey():
+    """The variation of so few points is 0, but the surface need not be flat."""
+    image, drawn = picture(PointCloud([[0, 0, 0], [1, 0, 0], [0, 1, 1]]), colour="variation")
+    assert drawn.colour == "surface variation (grey: unknown)"
+    assert np.ptp(image, axis=2).max() < 0.01
+    assert image.min() < NO_VALUE + 0.2
+    points = plane()
+    values = np.where(points[:, 0] < 0.5, np.nan, points[:, 1])
+    image, drawn = picture(PointCloud(points, {"depth": values}), colour="depth")
+    assert drawn.colour == "depth (grey: unknown)"
+    assert np.ptp(image[50, 30]) < 0.01 < 0.1 < np.ptp(image[50, 70])
+
+
+def test_points_that_are_not_shown_are_counted():
+    points = np.vstack([plane(), [[np.inf, 0, 0], [1e12, 0, 0], [0, -1e12, 0]]])
+    _, drawn = picture(PointCloud(points))
+    assert (drawn.left_out, drawn.outside) == (1, 2)
+
+
+@pytest.mark.parametrize("offset", [0.0, 5e6])
+@pytest.mark.parametrize("factor", [1.0, 2.0**-500, 2.0**500])
+def test_place_and_unit_of_a_cloud_do_not_matter(offset, factor):
+    points = np.random.default_rng(0).random((2000, 3))
+    points[:, 2] = 0.2 * np.sin(6.0 * points[:, 0])
+    one, _ = picture(PointCloud(points), viewpoint=Viewpoint("z", (30.0, 40.0)))
+    other, _ = picture(PointCloud((points + offset) * factor), viewpoint=Viewpoint("z", (30.0, 40.0)))
+    assert np.abs(one - other).mean() < 0.01
+
+
+@pytest.mark.parametrize("points", [[[1, 2, 3]], [[0, 0, 0]] * 5, [[0, 0, 0], [1, 2, 3]]])
+def test_few_points_are_drawn(points):
+    image, _ = picture(PointCloud(points), viewpoint=Viewpoint())
+    assert image.min() < 0.9
+
+
+@pytest.mark.usefixtures("opengl")
+def test_a_mesh_is_white_or_has_the_colours_of_its_vertices():
+    cloud = PointCloud(TRIANGLES.vertices)
+    image, drawn = picture(cloud, TRIANGLES)
+    assert drawn.colour == ""
+    assert np.ptp(image, axis=2).max() < 0.03
+    assert (image.min(axis=2) < 0.99).mean() > 0.5
+    red = np.array([250, 10, 250, 10], dtype=np.uint8)  # the left side
+    cloud = PointCloud(TRIANGLES.vertices[::-1], {"red": red[::-1], "green": red[::-1] // 10, "blue": 255 - red[::-1]})
+    image, drawn = picture(cloud, TRIANGLES)
+    assert drawn.colour == "RGB"
+    assert hue(image)[50, 15, 2] < 0.5 < 0.9 < hue(image)[50, 15, 0]
+    assert hue(image)[50, 85, 0] < 0.5 < 0.9 < hue(image)[50, 85, 2]
+
+
+@pytest.mark.usefixtures("opengl")
+def test_a_vertex_without_triangles_does_not_move_the_camera():
+    stray = Mesh(np.vstack([TRIANGLES.vertices, [[9, 9, 9]]]), TRIANGLES.faces)
+    one, other = (picture(PointCloud(mesh.vertices), mesh)[0] for mesh in (TRIANGLES, stray))
+    assert np.abs(one - other).mean() < 0.01
+
+
+def test_the_name_of_an_attribute_is_text():
+    cloud = PointCloud(plane(), {"$x^{2}$ <b>\u70b9": np.arange(1600.0)})
+    image, _ = picture(cloud, colour="$x^{2}$ <b>\u70b9", size=(300, 200), bar=True)
+    assert image[-74:].min() < 0.5
+
+
+@pytest.mark.parametrize(
+    ("cloud", "colour", "size", "error", "message"),
+    [
+        (PointCloud(np.zeros((0, 3))), None, (99, 99), InputError, "finite coordinates to draw, found none among 0"),
+        (PointCloud(np.full((2, 3), np.inf)), None, (99, 99), InputError, "found none among 2"),
+        (PointCloud([[-1.7e308, 0, 0], [1.7e308, 0, 0]]), None, (99, 99), InputError, "a range that overflows"),
+        (PointCloud(plane()), "rgb", (99, 99), ParameterError, "found 'rgb'; expected one of variation"),
+        (PointCloud(plane(2), {"name": list("abcd")}), "name", (99, 99), ParameterError, "attribute of numbers"),
+        (PointCloud(plane()), None, (99, 1e3), ParameterError, "whole number from 64 on, found 1000.0"),
+        (PointCloud(plane()), None, (99, 5000), ParameterError, "at most 4096 x 4096 pixels, found 99 x 5000"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(cloud, colour, size, error, message):
+    with pytest.raises(error, match=message):
+        draw_single(io.BytesIO(), cloud, colour=colour, size=size)
