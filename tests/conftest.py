@@ -1,5 +1,7 @@
 import os
+import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -42,6 +44,26 @@ def sphere() -> np.ndarray:
     """40,000 random points of the unit sphere."""
     directions = np.random.default_rng(0).standard_normal((40_000, 3))
     return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+@pytest.fixture
+def notebook(monkeypatch) -> list[str]:
+    """What this process shows as if it were the kernel of a notebook, as HTML."""
+    shown = []
+
+    def display(thing, display_id=False):
+        shown.append(thing._repr_html_())
+        return SimpleNamespace(update=display) if display_id else None
+
+    modules = {
+        "IPython": SimpleNamespace(get_ipython=lambda: SimpleNamespace(kernel=None)),
+        "IPython.display": SimpleNamespace(
+            display=display, HTML=lambda text: SimpleNamespace(_repr_html_=lambda: text)
+        ),
+    }
+    for name, module in modules.items():
+        monkeypatch.setitem(sys.modules, name, module)
+    return shown
 
 
 @pytest.fixture(params=[1, 2])

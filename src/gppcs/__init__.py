@@ -75,7 +75,8 @@ Write a method, follow a run
     parameter                declare a parameter of a method of your own
     Selection                what a method returns
     Stages                   the stages of a run and the time that each took
-    Listener                 hears of each stage, for instance to draw a progress bar
+    ProgressBar              draws a progress bar, in a terminal or a notebook
+    Listener                 hears of each stage, for instance to draw a progress bar of your own
     ChunkedPoints            points in chunks, of a cloud that need not fit into memory
     Places                   some of these points
     SparseValues             a value for each point, 0 for most
@@ -104,7 +105,7 @@ import sys
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from gppcs.clouds import reading
+from gppcs.clouds import display, reading
 
 if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
@@ -112,6 +113,7 @@ if TYPE_CHECKING:
     from gppcs.clouds.header import Header
     from gppcs.clouds.mesh import Mesh
     from gppcs.clouds.summary import Summary, info
+    from gppcs.engine.progress import ProgressBar
     from gppcs.engine.stages import Listener, Stages
     from gppcs.engine.threads import set_threads
     from gppcs.errors import (
@@ -166,6 +168,7 @@ _HOMES = {  # the module that defines each public name
     "clouds.depth_camera": ("from_depth",),
     "clouds.mesh": ("Mesh",),
     "clouds.summary": ("Summary", "info"),
+    "engine.progress": ("ProgressBar",),
     "engine.stages": ("Listener", "Stages"),
     "engine.threads": ("set_threads",),
     "errors": (
@@ -245,6 +248,7 @@ __all__ = [
     "ParameterError",
     "Places",
     "PointCloud",
+    "ProgressBar",
     "Random",
     "Rebuilt",
     "Report",
@@ -299,6 +303,9 @@ def _imported_when_used(name: str, home: str) -> property:
 # Clouds are below the files that hold them, so this is where a path given as a cloud finds its reader.
 reading.read = lambda path: importlib.import_module("gppcs.io").read(path)
 reading.laspy_of = lambda cloud: importlib.import_module("gppcs.io.las").laspy_of(cloud)
+# Clouds and results are also below what draws them.
+display.html_of = lambda shown: importlib.import_module("gppcs.drawing.notebook").html_of(shown)
+display.show = lambda *given, **options: importlib.import_module("gppcs.drawing.notebook").show(*given, **options)
 
 # Tab completion offers the properties of a module's class without running them. `help(gppcs)` prints in full only what
 # `dir(gppcs)` lists, which are the names used so far; so it stays short.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.clouds import display
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.engine.ahead import compiled_ahead
 from gppcs.engine.equality import ComparedByValue
@@ -57,6 +58,37 @@ class Result(ComparedByValue):
 
     def __repr__(self) -> str:
         return f"Result({len(self.indices):,} points by {self.method.label} in {in_words(self.seconds)})"
+
+    def _repr_html_(self) -> str:
+        return display.html_of(self)
+
+    def show(
+        self, original: CloudLike | None = None, *, up: str | None = None, view: tuple[float, float] | None = None
+    ) -> None:
+        """Show the simplified cloud in the viewer: below the cell of a notebook, otherwise in the browser.
+
+        Parameters
+        ----------
+        original : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes, optional
+            The cloud that was simplified. It is shown beside the result, with figures, as `gppcs report` does.
+        up : str, optional
+            The axis that points up: x, y, z, -x, -y or -z. Guessed by default.
+        view : (azimuth, elevation), optional
+            Direction of the first view, in degrees. Guessed by default.
+
+        Raises
+        ------
+        InputError
+            If `original` is no cloud, or a cloud has no point with finite coordinates.
+        ParameterError
+            If `up` is no axis, or `view` is out of range.
+
+        Examples
+        --------
+        >>> cloud = gppcs.sample("bracket", n_points=2000)
+        >>> gppcs.simplify(cloud, ratio=0.1).show(cloud)  # doctest: +SKIP
+        """
+        display.show(self, None if original is None else PointCloud.of(original), up=up, view=view)
 
 
 def simplify(

@@ -1,15 +1,12 @@
-"""Output for people at a terminal: progress on stderr, tables on stdout."""
+"""Output for people at a terminal: tables and paragraphs on stdout."""
 
 from __future__ import annotations
 
-import sys
-import threading
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.padding import Padding
-from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
@@ -17,62 +14,6 @@ from gppcs.app.tables import UNITS, columns_of, shown
 
 if TYPE_CHECKING:
     from gppcs.evaluation.comparison import Entry
-
-PATIENCE = 1.0  # seconds after which a stage shows a bar
-
-
-class ProgressBar:
-    """A `Listener` that draws a progress bar for each stage of over a second, if stderr is a terminal."""
-
-    def __init__(self) -> None:
-        self._progress: Progress | None = None
-        self._task: TaskID | None = None
-        self._timer: threading.Timer | None = None
-
-    def started(self, stage: str, total: int | None) -> None:
-        """Prepare a bar, which appears if the stage takes over a second.
-
-        Parameters
-        ----------
-        stage : str
-            The name of the stage.
-        total : int or None
-            The number of its steps, if known.
-        """
-        console = Console(stderr=True)
-        if not sys.stderr.isatty() or console.is_dumb_terminal:
-            return
-        columns = (
-            SpinnerColumn(),
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-        )
-        self._progress = Progress(*columns, console=console, transient=True)
-        self._task = self._progress.add_task(stage, total=total)
-        self._timer = threading.Timer(PATIENCE, self._progress.start)
-        self._timer.daemon = True
-        self._timer.start()
-
-    def advanced(self, steps: int) -> None:
-        """Move the bar.
-
-        Parameters
-        ----------
-        steps : int
-            Steps done since the last call.
-        """
-        if self._progress is not None and self._task is not None:
-            self._progress.advance(self._task, steps)
-
-    def finished(self) -> None:
-        """Remove the bar."""
-        if self._progress is not None and self._timer is not None:
-            self._timer.cancel()
-            self._timer.join()
-            self._progress.stop()
-            self._progress = None
 
 
 def print_comparison(entries: Sequence[Entry]) -> None:

@@ -96,7 +96,7 @@ def progress(quiet: bool) -> Listener | None:
     -------
     Listener or None
     """
-    from gppcs.app.console import ProgressBar
+    from gppcs.engine.progress import ProgressBar
 
     if quiet:
         logging.getLogger("gppcs").setLevel(logging.WARNING)

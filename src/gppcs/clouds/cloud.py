@@ -10,7 +10,9 @@ from typing import Any, Protocol, TypeAlias, overload
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-import gppcs.clouds.reading as reading  # "from gppcs.clouds" would put all its modules into the digest of the kernels
+# "from gppcs.clouds" would put all its modules into the digest of the kernels.
+import gppcs.clouds.display as display
+import gppcs.clouds.reading as reading
 from gppcs.clouds.header import Header
 from gppcs.engine.equality import ComparedByValue
 from gppcs.errors import InputError, shown
@@ -174,6 +176,9 @@ class PointCloud(ComparedByValue):
         carried = f", each with {', '.join(self.attributes)}" if self.attributes else ""
         return f"PointCloud({len(self):,} points{carried})"
 
+    def _repr_html_(self) -> str:
+        return display.html_of(self)
+
     def __len__(self) -> int:
         return len(self.points)
 
@@ -267,6 +272,29 @@ class PointCloud(ComparedByValue):
         """
         kept = self.coordinate_dtype if np.issubdtype(self.coordinate_dtype, np.floating) else np.dtype(np.float64)
         return replace(self, points=points, coordinate_dtype=kept)
+
+    def show(self, *, up: str | None = None, view: tuple[float, float] | None = None) -> None:
+        """Show the cloud in the viewer of `gppcs view`: below the cell of a notebook, otherwise in the browser.
+
+        Parameters
+        ----------
+        up : str, optional
+            The axis that points up: x, y, z, -x, -y or -z. Guessed by default.
+        view : (azimuth, elevation), optional
+            Direction of the first view, in degrees. Guessed by default.
+
+        Raises
+        ------
+        InputError
+            If the cloud has no point with finite coordinates.
+        ParameterError
+            If `up` is no axis, or `view` is out of range.
+
+        Examples
+        --------
+        >>> gppcs.sample("bracket", n_points=2000).show(up="z")  # doctest: +SKIP
+        """
+        display.show(self, up=up, view=view)
 
     def to_open3d(self) -> Any:
         """Return the cloud as an object of Open3D, with all attributes.

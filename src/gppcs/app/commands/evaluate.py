@@ -61,7 +61,7 @@ def evaluate(
     as_json: Json = False,
 ) -> None:
     """Measure how good a simplified cloud or mesh is. Points with NaN or infinite coordinates are left out."""
-    from gppcs.app.console import ProgressBar
+    from gppcs.engine.progress import ProgressBar
     from gppcs.engine.stages import Stages
     from gppcs.io.mesh_files import read_mesh
 

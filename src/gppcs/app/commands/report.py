@@ -52,9 +52,9 @@ def report(
     original to each result, by the order of choice, by any attribute or RGB, and holds the figures of gppcs evaluate.
     """
     from gppcs import io
-    from gppcs.app.console import ProgressBar
     from gppcs.app.pages import how_made, names_of
     from gppcs.drawing.web.contents import Named, report_page
+    from gppcs.engine.progress import ProgressBar
     from gppcs.engine.stages import Stages
 
     set_threads(threads)

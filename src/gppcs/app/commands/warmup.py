@@ -21,8 +21,8 @@ def warmup(as_json: Json = False) -> None:
     another kind of processor.
     """
     from gppcs.app.compilation import compile_all
-    from gppcs.app.console import ProgressBar
     from gppcs.engine.kernel_cache import are_kept
+    from gppcs.engine.progress import ProgressBar
     from gppcs.engine.stages import Stages
     from gppcs.methods import METHODS
 

@@ -1,4 +1,4 @@
-"""Progress, on stderr."""
+"""The progress bar, in a terminal and in a notebook."""
 
 import os
 import pty
@@ -8,7 +8,8 @@ import time
 
 import pytest
 
-from gppcs.app import console
+from gppcs.engine import progress
+from gppcs.engine.stages import Stages
 
 
 def in_terminal(code, term="xterm"):
@@ -29,10 +30,11 @@ def in_terminal(code, term="xterm"):
 
 STAGE = """
 import time
-from gppcs.app import console
+from gppcs.engine import progress
 from gppcs.engine.stages import Stages
-console.PATIENCE = 0.2
-with Stages(console.ProgressBar())("slow stage", 4) as advanced:
+from gppcs.engine.stages import Stages
+progress.PATIENCE = 0.2
+with Stages(progress.ProgressBar())("slow stage", 4) as advanced:
     for _ in range(4):
         time.sleep({seconds})
         advanced(1)
@@ -64,10 +66,38 @@ def test_no_bar_for_quick_stages_and_plain_terminals(seconds, term):
 
 
 def test_no_bar_where_stderr_is_no_terminal(capsys, monkeypatch):
-    monkeypatch.setattr(console, "PATIENCE", 0)
-    bar = console.ProgressBar()
+    monkeypatch.setattr(progress, "PATIENCE", 0)
+    bar = progress.ProgressBar()
     bar.started("stage", 10)
     time.sleep(0.05)
     bar.advanced(5)
     bar.finished()
     assert capsys.readouterr() == ("", "")
+
+
+@pytest.fixture
+def displayed(notebook, monkeypatch):
+    """What a notebook has shown."""
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "INTERVAL", 0.0)
+    return notebook
+
+
+def test_a_bar_in_a_notebook_is_updated_and_goes_away(displayed):
+    with Stages(progress.ProgressBar())("slow <stage>", 4) as advanced:
+        for _ in range(4):
+            advanced(1)
+    label = "<label>slow &lt;stage&gt; "
+    assert displayed == [*(f'{label}<progress value="{k}" max="4"></progress></label>' for k in (1, 2, 3, 4)), ""]
+
+
+def test_a_bar_without_a_total_only_moves(displayed):
+    with Stages(progress.ProgressBar())("stage") as advanced:
+        advanced(5)
+    assert displayed == ["<label>stage <progress></progress></label>", ""]
+
+
+def test_no_bar_in_a_notebook_for_quick_stages(notebook):
+    with Stages(progress.ProgressBar())("stage", 4) as advanced:
+        advanced(4)
+    assert notebook == []

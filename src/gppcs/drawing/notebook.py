@@ -1,0 +1,157 @@
+"""Shows clouds and results in a notebook: a small picture with a table, and the viewer."""
+
+from __future__ import annotations
+
+import base64
+import tempfile
+import webbrowser
+from collections.abc import Mapping, Sequence
+from html import escape
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+
+from gppcs.clouds.cloud import PointCloud
+from gppcs.drawing.single import draw_single
+from gppcs.drawing.viewpoint import Viewpoint
+from gppcs.drawing.web.contents import Named, report_page, view_page
+from gppcs.engine.progress import in_notebook
+from gppcs.engine.stages import in_words
+from gppcs.errors import InputError, MissingExtraError
+from gppcs.simplification import Result
+
+THUMBNAIL = (320, 240)  # pixels
+MOST_DRAWN = 50_000  # points; of a larger cloud, the small picture shows some
+HEIGHT = 640  # pixels of the viewer
+CELL = 'style="text-align:left;vertical-align:top"'
+
+
+def html_of(shown: PointCloud | Result) -> str:
+    """Return what a notebook shows of a cloud or a result.
+
+    Parameters
+    ----------
+    shown : PointCloud or Result
+
+    Returns
+    -------
+    str
+        HTML: numbers of points, bounds, attributes, and a small picture if matplotlib is installed.
+    """
+    if isinstance(shown, Result):
+        cloud, rows = shown.cloud, {"method": repr(shown.method), "time": in_words(shown.seconds)}
+    else:
+        cloud, rows = shown, {}
+    rows = {"points": f"{len(cloud):,}", **rows, **_facts(cloud)}
+    cells = "".join(
+        f"<tr><th {CELL}>{escape(name)}</th><td {CELL}>{escape(value)}</td></tr>" for name, value in rows.items()
+    )
+    table = f"<table><caption {CELL}>{type(shown).__name__}</caption>{cells}</table>"
+    return f'<div style="display:flex;flex-wrap:wrap;gap:1em">{_picture(cloud)}{table}</div>'
+
+
+def show(
+    shown: PointCloud | Result,
+    original: PointCloud | None = None,
+    up: str | None = None,
+    view: tuple[float, float] | None = None,
+) -> None:
+    """Show a cloud or a result in the viewer: below the cell of a notebook, otherwise in the browser.
+
+    Parameters
+    ----------
+    shown : PointCloud or Result
+    original : PointCloud, optional
+        The cloud that the result was made of; it is shown beside the result, with figures.
+    up : str, optional
+        The axis that points up.
+    view : (azimuth, elevation), optional
+        Direction of the first view, in degrees.
+
+    Raises
+    ------
+    InputError
+        If a cloud has no point with finite coordinates.
+    ParameterError
+        If `up` is no axis, or `view` is out of range.
+    """
+    viewpoint = Viewpoint(up, view)
+    if isinstance(shown, Result):
+        named = Named(shown.method.label, shown.cloud)
+        made = [("method", repr(shown.method)), ("time", in_words(shown.seconds))]
+    else:
+        named, made = Named("cloud", shown), []
+    if original is None:
+        page = view_page([named], made, viewpoint)
+    else:
+        page = report_page(Named("original", original), [named], made, viewpoint)
+    content = BytesIO()
+    page.write(content)
+    if in_notebook():
+        _show_in_notebook(content.getvalue().decode())
+    else:
+        _open(content.getvalue())
+
+
+def _facts(cloud: PointCloud) -> Mapping[str, str]:
+    """Return the bounds and the attributes of a cloud."""
+    rows = {}
+    finite = cloud.points[cloud.finite_rows()]
+    if len(finite):
+        rows["low corner"] = _written(finite.min(axis=0))
+        rows["high corner"] = _written(finite.max(axis=0))
+    if len(finite) < len(cloud):
+        rows["not finite"] = f"{len(cloud) - len(finite):,}"
+    if cloud.attributes:
+        rows["attributes"] = ", ".join(f"{name} ({values.dtype})" for name, values in cloud.attributes.items())
+    return rows
+
+
+def _written(corner: Sequence[float] | np.ndarray) -> str:
+    return "  ".join(f"{value:.6g}" for value in corner)
+
+
+def _picture(cloud: PointCloud) -> str:
+    """Return a small picture as an element of HTML, or nothing if none can be drawn."""
+    if len(cloud) > MOST_DRAWN:
+        cloud = cloud.take(np.unique(np.random.default_rng(0).integers(len(cloud), size=MOST_DRAWN)))
+    image = BytesIO()
+    try:
+        drawn = draw_single(image, cloud, size=THUMBNAIL, bar=False)
+    except (InputError, MissingExtraError):
+        return ""
+    text = f"coloured by {drawn.colour}"
+    width, height = THUMBNAIL
+    content = base64.b64encode(image.getvalue()).decode()
+    return f'<img src="data:image/png;base64,{content}" width="{width}" height="{height}" alt="{text}" title="{text}">'
+
+
+class _Viewer:
+    """The page as an element of a notebook."""
+
+    def __init__(self, page: str) -> None:
+        self._page = page
+
+    def __repr__(self) -> str:
+        return "the viewer of gppcs, which this notebook cannot show"
+
+    def _repr_html_(self) -> str:
+        return (
+            f'<iframe title="Point clouds" sandbox="allow-scripts" srcdoc="{escape(self._page)}" '
+            f'style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
+        )
+
+
+def _show_in_notebook(page: str) -> None:
+    from IPython.display import display
+
+    display(_Viewer(page))
+
+
+def _open(page: bytes) -> None:
+    """Open a page in the browser, or print where it is."""
+    path = Path(tempfile.mkdtemp(prefix="gppcs-")) / "view.html"
+    path.write_bytes(page)
+    if not webbrowser.open(path.as_uri()):
+        print(f"no browser was found; open {path} yourself")  # noqa: T201
