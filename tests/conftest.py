@@ -55,10 +55,11 @@ def notebook(monkeypatch) -> list[str]:
         shown.append(thing._repr_html_())
         return SimpleNamespace(update=display) if display_id else None
 
+    shell = SimpleNamespace(kernel=None)
     modules = {
-        "IPython": SimpleNamespace(get_ipython=lambda: SimpleNamespace(kernel=None)),
+        "IPython": SimpleNamespace(get_ipython=lambda: shell, version_info=(9, 0)),  # matplotlib asks for the version
         "IPython.display": SimpleNamespace(
-            display=display, HTML=lambda text: SimpleNamespace(_repr_html_=lambda: text)
+            display=display, HTML=lambda html: SimpleNamespace(_repr_html_=lambda: html)
         ),
     }
     for name, module in modules.items():
