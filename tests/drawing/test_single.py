@@ -85,6 +85,16 @@ def test_what_is_unknown_is_grey():
     assert np.ptp(image[50, 30]) < 0.01 < 0.1 < np.ptp(image[50, 70])
 
 
+def test_normals_of_the_cloud_shade_it_where_they_are_known():
+    points = plane()
+    normals = np.where(points[:, :1] < 0.5, (2.0, -2.0, 1.0), (np.nan, 0.0, 0.0))  # away from the light, and none
+    white = dict.fromkeys(("red", "green", "blue"), np.full(1600, 255, np.uint8))
+    shaded, _ = picture(PointCloud(points, {**white, **dict(zip(("nx", "ny", "nz"), normals.T, strict=True))}))
+    plain, _ = picture(PointCloud(points, white))
+    assert shaded[50, 30, 0] < plain[50, 30, 0] - 0.2
+    np.testing.assert_array_equal(shaded[50, 70], plain[50, 70])
+
+
 def test_points_that_are_not_shown_are_counted():
     points = np.vstack([plane(), [[np.inf, 0, 0], [1e12, 0, 0], [0, -1e12, 0]]])
     _, drawn = picture(PointCloud(points))

@@ -23,7 +23,7 @@ from gppcs.simplification import Result
 
 THUMBNAIL = (320, 240)  # pixels
 MOST_DRAWN = 50_000  # points; of a larger cloud, the small picture shows some
-HEIGHT = 640  # pixels of the viewer
+HEIGHT = 720  # pixels of the viewer
 CELL = 'style="text-align:left;vertical-align:top"'
 
 
@@ -128,7 +128,7 @@ def _picture(cloud: PointCloud) -> str:
 
 
 class _Viewer:
-    """The page as an element of a notebook."""
+    """The page as an element of a notebook. The page's own policy lets no other script run, whatever names contain."""
 
     def __init__(self, page: str) -> None:
         self._page = page
@@ -138,7 +138,7 @@ class _Viewer:
 
     def _repr_html_(self) -> str:
         return (
-            f'<iframe title="Point clouds" sandbox="allow-scripts" srcdoc="{escape(self._page)}" '
+            f'<iframe title="Point clouds" srcdoc="{escape(self._page)}" '
             f'style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
         )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
@@ -146,13 +146,14 @@ class _Subject:
 
     points: Array
     mesh: Mesh | None
+    carried: Array | None  # normals of the points, of any length
 
     @classmethod
     def of(cls, cloud: PointCloud, mesh: Mesh | None) -> _Subject:
         if mesh is None:
-            return cls(Frame.around(*bounds(cloud.points)).local(cloud.points), None)
+            return cls(Frame.around(*bounds(cloud.points)).local(cloud.points), None, cloud.normals())
         frame = Frame.around(*bounds(np.vstack([cloud.points, mesh.vertices])))
-        return cls(frame.local(cloud.points), Mesh(frame.local(mesh.vertices), mesh.faces))
+        return cls(frame.local(cloud.points), Mesh(frame.local(mesh.vertices), mesh.faces), None)
 
     @cached_property
     def places(self) -> Array:
@@ -161,8 +162,14 @@ class _Subject:
 
     @cached_property
     def cloud(self) -> ColouredCloud:
-        """The cloud with its surface variation and normals."""
-        return ColouredCloud.by_surface_variation(self.points)
+        """The cloud with its surface variation, and its own normals as far as it has some."""
+        cloud = ColouredCloud.by_surface_variation(self.points)
+        if self.carried is None or cloud.normals is None:
+            return cloud
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            units = self.carried / np.linalg.norm(self.carried, axis=1, keepdims=True)
+        known = np.isfinite(units).all(axis=1, keepdims=True)
+        return replace(cloud, normals=np.where(known, units, cloud.normals))
 
     def image(self, camera: Camera, colours: Array | None) -> Array:
         """Return the picture, given the colour of each point of the cloud."""
