@@ -91,18 +91,20 @@ def test_compare_draws_clouds_and_meshes(gppcs_command, monkeypatch):
     ball = gppcs.sample("sphere", 2000)
     ball.points[7] = np.nan
     gppcs.write("ball.ply", ball)
-    options = ("--points", 200, "--methods", "fps,random", "-o", "side", "--invalid", "drop")
+    options = ("--points", 200, "--methods", "fps,random", "-o", "side", "--invalid", "drop", "--report")
     assert gppcs_command("compare", "ball.ply", *options)[::2] == (0, "")
     assert [column.title for column in columns] == ["original", "fps", "random"]
     assert [len(column.points) for column in columns] == [1999, 200, 200]
     assert all(column.mesh for column in columns)
+    page = WebPage(Path("side/report.html").read_text(encoding="utf-8")).described
+    assert [cloud["mesh"]["triangles"] for cloud in page["clouds"]] == [len(column.mesh.faces) for column in columns]
 
 
 @pytest.mark.slow
 def test_compare_rebuilds_no_mesh_of_an_original_too_large_for_it(gppcs_command, monkeypatch):
     for module in ("pymeshlab", "pyvista", "matplotlib"):
         pytest.importorskip(module)
-    monkeypatch.setattr("gppcs.app.commands.compare.MOST_TO_REBUILD", 1000)
+    monkeypatch.setattr("gppcs.app.pages.MOST_TO_REBUILD", 1000)
     gppcs.write("ball.ply", gppcs.sample("sphere", 1999))
     code, _, err = gppcs_command("compare", "ball.ply", "--points", 200, "--methods", "random", "-o", "side")
     assert code == 0

@@ -1,6 +1,7 @@
 """`gppcs report` and `gppcs view`."""
 
 import hashlib
+import sys
 import webbrowser
 
 import numpy as np
@@ -39,6 +40,30 @@ def test_a_report_holds_the_clouds_and_how_it_was_made(gppcs_command, folder, sc
     assert made["command"] == "gppcs report scan.ply small.ply voxel.csv -o 'a b.html' --up y"
     assert made["SHA-256 of scan.ply"] == hashlib.sha256((folder / "scan.ply").read_bytes()).hexdigest()
     assert page.described["up"] == "y"
+
+
+def test_meshes_are_rebuilt_when_asked_for(gppcs_command, folder, monkeypatch):
+    pytest.importorskip("pymeshlab")
+    ball = gppcs.sample("sphere", 2000)
+    gppcs.write("ball.ply", ball)
+    gppcs.write("small.ply", ball.take(np.arange(500)))
+    monkeypatch.setattr("gppcs.app.pages.MOST_TO_REBUILD", 1999)
+    code, _, err = gppcs_command("report", "ball.ply", "small.ply", "-o", "r.html", "--meshes")
+    assert code == 0
+    assert err == (
+        "gppcs: note: there is no mesh of ball.ply: it has 2,000 points, and a mesh is rebuilt from at most 1,999\n"
+    )
+    original, result = WebPage((folder / "r.html").read_text("utf-8")).described["clouds"]
+    assert original["mesh"] is None
+    low, step = (np.array(result["mesh"][key]) for key in ("low", "step"))
+    np.testing.assert_allclose([low, low + 65535 * step], [ball.points.min(axis=0), ball.points.max(axis=0)], atol=5)
+
+
+def test_meshes_need_an_extra(gppcs_command, scan, small, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pymeshlab", None)
+    before = files()
+    assert_one_line(gppcs_command("report", "scan.ply", "small.ply", "-o", "r.html", "--meshes"), "the extra evaluate")
+    assert files() == before
 
 
 def test_the_same_report_has_the_same_bytes(gppcs_command, folder, scan, small):

@@ -13,7 +13,7 @@ def test_view_and_up_turn_the_picture(gppcs_command, scan, monkeypatch, command)
     drawn = []
     for home in ("pair.draw_pair", "side_by_side.draw_comparison"):
         monkeypatch.setattr(f"gppcs.drawing.{home}", lambda file, *given: drawn.append(given[-1]))
-    monkeypatch.setattr("gppcs.app.commands.compare.MOST_TO_REBUILD", 0)
+    monkeypatch.setattr("gppcs.app.pages.MOST_TO_REBUILD", 0)
     name, *rest = command
     methods = ["--methods", "fps"] if name == "compare" else FAST
     arguments = (name, "scan.ply", *rest, "--points", 2, "--force", *methods)

@@ -17,6 +17,15 @@ export interface Values {
   block: string;
 }
 
+/** A surface rebuilt from the points of a cloud. */
+export interface Surface {
+  vertices: number;
+  triangles: number;
+  low: [number, number, number];
+  step: [number, number, number];
+  blocks: { positions: string; faces: string };
+}
+
 export interface Prefix {
   points: number;
   figures: Record<string, number | null>;
@@ -34,6 +43,7 @@ export interface Cloud {
   blocks: { positions: string; normals: string; spreads: string; rows?: string; colours?: string; originals?: string };
   values: Values[];
   prefixes: Prefix[];
+  mesh: Surface | null;
 }
 
 export interface Figure {
@@ -113,6 +123,19 @@ export async function arraysOf(cloud: Cloud): Promise<Arrays> {
     rows: await rows,
     colours: blocks.colours ? await unpacked(blocks.colours, n, 3, Uint8Array) : null,
     originals: blocks.originals ? await unpacked(blocks.originals, n, 1, Uint32Array) : null,
+  };
+}
+
+/** The vertices of a surface, and for each triangle three of their numbers. */
+export interface Triangles {
+  positions: Uint16Array<ArrayBuffer>;
+  faces: Uint32Array<ArrayBuffer>;
+}
+
+export async function trianglesOf({ blocks, vertices, triangles }: Surface): Promise<Triangles> {
+  return {
+    positions: await unpacked(blocks.positions, vertices, 3, Uint16Array),
+    faces: await unpacked(blocks.faces, triangles, 3, Uint32Array),
   };
 }
 

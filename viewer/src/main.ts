@@ -1,6 +1,6 @@
 // The page: settings, views, the slider over the ranking, and the point that was picked.
 import { gradient, KINDS, UNKNOWN_COLOUR } from "./colours";
-import { arraysOf, description, shown, UNKNOWN, valuesOf, type Cloud, type Values } from "./data";
+import { arraysOf, description, shown, trianglesOf, UNKNOWN, valuesOf, type Cloud, type Values } from "./data";
 import { element, fillMade, fillTable, measured, plot, worded } from "./figures";
 import { Layer, Views, type Frame, type View } from "./scene";
 
@@ -34,7 +34,9 @@ async function start(): Promise<void> {
   byId("notes").append(...described.notes.map((note) => element("li", note)));
   byId("notes").hidden = described.notes.length === 0;
   for (const cloud of clouds) {
-    layers.push(new Layer(cloud, await arraysOf(cloud), frameOf(cloud)));
+    const layer = new Layer(cloud, await arraysOf(cloud), frameOf(cloud));
+    if (cloud.mesh) layer.addMesh(cloud.mesh, await trianglesOf(cloud.mesh));
+    layers.push(layer);
     for (const values of cloud.values) numbers.set(values, await valuesOf(cloud, values));
   }
   byId("page").hidden = false;
@@ -79,6 +81,7 @@ function fillSettings(): void {
   select("left").value = String(Math.max(0, Math.min(original, clouds.length - 1)));
   select("right").value = String(clouds.length - 1);
   byId("layouts").hidden = clouds.length < 2;
+  byId("solids").hidden = !clouds.some(({ mesh }) => mesh);
   byId("chips").hidden = clouds.length < 2;
   clouds.forEach(({ name }, i) => {
     const chip = element("button", name, { type: "button" });
@@ -125,6 +128,8 @@ function listen(): void {
   const size = byId<HTMLInputElement>("size");
   size.addEventListener("input", () => { views.size = 2 ** Number(size.value); views.draw(); });
   byId("count").addEventListener("input", count);
+  byId("points").addEventListener("click", () => solidify(false));
+  byId("meshes").addEventListener("click", () => solidify(true));
   byId("side").addEventListener("click", () => swipe(false));
   byId("swipe").addEventListener("click", () => swipe(true));
   for (const id of ["left", "right"]) select(id).addEventListener("change", arrange);
@@ -156,6 +161,7 @@ function press(event: KeyboardEvent): void {
     "+": () => views.zoom(0.9), "=": () => views.zoom(0.9), "-": () => views.zoom(1 / 0.9), "0": reset,
     c: nextColouring, u: () => raise(UPS[(UPS.indexOf(up) + 1) % UPS.length]!),
     s: () => { if (clouds.length > 1) swipe(!swiping); }, Escape: () => choose(null),
+    m: () => { if (!byId("solids").hidden) solidify(!views.meshes); },
   };
   const action = actions[event.key.length === 1 ? event.key.toLowerCase() : event.key];
   if (!action) return;
@@ -187,6 +193,14 @@ function nextColouring(): void {
   recolour();
 }
 
+/** Show surfaces in place of points, where there are some, or points. */
+function solidify(on: boolean): void {
+  views.meshes = on;
+  byId("points").setAttribute("aria-pressed", String(!on));
+  byId("meshes").setAttribute("aria-pressed", String(on));
+  arrange();
+}
+
 function swipe(on: boolean): void {
   swiping = on;
   byId("side").setAttribute("aria-pressed", String(!on));
@@ -199,7 +213,13 @@ function swipe(on: boolean): void {
 
 /** Return the layer that shows a cloud: for distances the original, which is coloured by its distance to the cloud. */
 function layerOf(cloud: number): Layer {
+  if (solid(cloud)) return layers[cloud]!;
   return (select("colouring").value === DISTANCE && copies.get(cloud)) || layers[cloud]!;
+}
+
+/** Return whether the surface of a cloud is shown in place of its points. */
+function solid(cloud: number): boolean {
+  return views.meshes && layers[cloud]!.mesh !== null;
 }
 
 /** Lay out the views. */
@@ -252,7 +272,12 @@ function label(): void {
     box.style.cssText = `left:${place.left + (swiping ? 0 : from * place.width)}px;top:${place.top}px;width:${
       place.width}px;height:${place.height}px`;
     box.hidden = from === to;
-    box.append(element("b", name), element("span", `${visible.toLocaleString("en")} points`));
+    box.append(element("b", name));
+    if (solid(cloud)) {
+      box.append(element("span", `${clouds[cloud]!.mesh!.triangles.toLocaleString("en")} triangles`));
+      return box;
+    }
+    box.append(element("span", `${visible.toLocaleString("en")} points`));
     const figure = described.figures.find((each) => each.name === "surface_mean");
     const prefix = clouds[cloud]!.prefixes.filter((each) => each.points <= visible).at(-1);
     if (figure && prefix) {

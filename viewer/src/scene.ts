@@ -1,13 +1,15 @@
 // Draws the clouds: one canvas, one camera, one view beside the other.
 import {
-  BufferAttribute, BufferGeometry, DataTexture, DepthTexture, GLSL3, Group, Matrix4, Mesh, NearestFilter,
+  BufferAttribute, BufferGeometry, DataTexture, DepthTexture, DoubleSide, GLSL3, Group, Matrix4, Mesh, NearestFilter,
   OrthographicCamera, PerspectiveCamera, Points, RawShaderMaterial, Scene, Vector2, Vector3, WebGLRenderer,
   WebGLRenderTarget,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { amounts, kinds } from "./colours";
-import type { Arrays, Cloud } from "./data";
+import type { Arrays, Cloud, Surface, Triangles } from "./data";
 import depthShader from "./depth.frag.glsl";
+import meshFragmentShader from "./mesh.frag.glsl";
+import meshVertexShader from "./mesh.vert.glsl";
 import passShader from "./pass.vert.glsl";
 import fragmentShader from "./points.frag.glsl";
 import vertexShader from "./points.vert.glsl";
@@ -46,6 +48,7 @@ export class Layer {
   readonly shuffled: Uint32Array;
   readonly scale: Vector3;
   readonly origin: Vector3;
+  mesh: Mesh<BufferGeometry, RawShaderMaterial> | null = null;
 
   constructor(readonly cloud: Cloud, readonly arrays: Arrays, readonly frame: Frame) {
     const n = cloud.shown;
@@ -58,10 +61,21 @@ export class Layer {
     const colours = arrays.colours ? taken(arrays.colours, 3, this.shuffled) : new Uint8Array(3 * n);
     geometry.setAttribute("colour", new BufferAttribute(colours, 3, true));
     geometry.setAttribute("amount", new BufferAttribute(new Uint16Array(n), 1));
-    this.scale = new Vector3(...cloud.step).multiplyScalar(65535 / frame.size);
-    this.origin = new Vector3(...cloud.low).sub(new Vector3(...frame.centre)).divideScalar(frame.size);
+    [this.origin, this.scale] = boxIn(frame, cloud);
     this.points = new Points(geometry, material(this.origin, this.scale));
     this.points.frustumCulled = false;
+  }
+
+  /** Give the layer the surface rebuilt from its points. */
+  addMesh(surface: Surface, { positions, faces }: Triangles): void {
+    const geometry = new BufferGeometry();
+    geometry.setAttribute("position", new BufferAttribute(positions, 3, true));
+    geometry.setIndex(new BufferAttribute(faces, 1));
+    const [low, extent] = boxIn(this.frame, surface);
+    const uniforms = { low: { value: low }, extent: { value: extent }, light: { value: 1 } };
+    const shaders = { vertexShader: meshVertexShader, fragmentShader: meshFragmentShader };
+    this.mesh = new Mesh(geometry, new RawShaderMaterial({ glslVersion: GLSL3, side: DoubleSide, ...shaders, uniforms }));
+    this.mesh.frustumCulled = false;
   }
 
   /** Colour the points by numbers in file order. */
@@ -90,6 +104,14 @@ export class Layer {
   get limit(): number {
     return this.points.material.uniforms["limit"]!.value as number;
   }
+}
+
+/** Return the lower corner and the extent of a box in a frame. */
+function boxIn(frame: Frame, { low, step }: Pick<Cloud, "low" | "step">): [Vector3, Vector3] {
+  return [
+    new Vector3(...low).sub(new Vector3(...frame.centre)).divideScalar(frame.size),
+    new Vector3(...step).multiplyScalar(65535 / frame.size),
+  ];
 }
 
 const AMOUNTS_TABLE = table(amounts());
@@ -133,6 +155,7 @@ export class Views {
   views: View[] = [];
   size = 1; // factor of the points' radii
   shading = "both";
+  meshes = false; // whether surfaces are drawn in place of points, where there are some
   private readonly renderer: WebGLRenderer;
   private readonly controls: OrbitControls;
   private readonly scene = new Scene();
@@ -174,6 +197,7 @@ export class Views {
 
   add(layer: Layer): void {
     this.turned.add(layer.points);
+    if (layer.mesh) this.turned.add(layer.mesh);
   }
 
   /** Put the end of an axis up: x, y, z, -x, -y or -z. */
@@ -365,7 +389,8 @@ export class Views {
     renderer.clear();
     target.scissorTest = true;
     for (const { layer, place, from, to } of this.views) {
-      for (const other of this.turned.children) other.visible = other === layer.points;
+      const shown = (this.meshes && layer.mesh) || layer.points;
+      for (const other of this.turned.children) other.visible = other === shown;
       const bottom = height - (place.top + place.height) * ratio;
       target.viewport.set(place.left * ratio, bottom, place.width * ratio, place.height * ratio);
       target.scissor.set((place.left + from * place.width) * ratio, bottom, (to - from) * place.width * ratio,
@@ -377,6 +402,7 @@ export class Views {
       uniforms["radius"]!.value = this.radius(layer, Math.min(1, count / layer.cloud.shown));
       uniforms["pixels"]!.value = this.pixels(place.height * ratio);
       uniforms["light"]!.value = this.shading === "both" || this.shading === "light" ? 1 : 0;
+      if (layer.mesh) layer.mesh.material.uniforms["light"]!.value = uniforms["light"]!.value;
       renderer.render(this.scene, camera);
     }
     const { uniforms } = this.pass.material;

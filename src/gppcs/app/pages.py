@@ -1,4 +1,4 @@
-"""What the commands share that make a page: names of clouds, and how the page was made."""
+"""What the commands share that make a page: names of clouds, surfaces rebuilt from them, and how the page was made."""
 
 from __future__ import annotations
 
@@ -6,8 +6,16 @@ import hashlib
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gppcs import __version__
+from gppcs.app.printing import print_error
+
+if TYPE_CHECKING:
+    from gppcs.clouds.cloud import PointCloud
+    from gppcs.clouds.mesh import Mesh
+
+MOST_TO_REBUILD = 1_000_000  # of a larger cloud no mesh is rebuilt to be shown, which would take minutes
 
 
 def names_of(paths: Sequence[Path]) -> list[str]:
@@ -23,6 +31,41 @@ def names_of(paths: Sequence[Path]) -> list[str]:
     """
     names = [path.name for path in paths]
     return [str(path) if names.count(path.name) > 1 else path.name for path in paths]
+
+
+def rebuilt(name: str, cloud: PointCloud, original: PointCloud, advice: str = "") -> Mesh | None:
+    """Return a surface rebuilt from a cloud, to be shown. If the cloud is too large, print a note instead.
+
+    Parameters
+    ----------
+    name : str
+        What the note calls the cloud.
+    cloud : PointCloud
+        Finite points.
+    original : PointCloud
+        As for `rebuilt_mesh`.
+    advice : str
+        The end of the note: what to do.
+
+    Returns
+    -------
+    Mesh or None
+        None also if the reconstruction fails.
+
+    Raises
+    ------
+    MissingExtraError
+        If PyMeshLab is not installed.
+    """
+    from gppcs.evaluation.comparison import rebuilt_mesh
+
+    if len(cloud) > MOST_TO_REBUILD:
+        print_error(
+            f"note: there is no mesh of {name}: it has {len(cloud):,} points, and a mesh is rebuilt from at most "
+            f"{MOST_TO_REBUILD:,}{advice}"
+        )
+        return None
+    return rebuilt_mesh(cloud, original)
 
 
 def how_made(command: Sequence[str], inputs: Sequence[Path]) -> list[tuple[str, str]]:

@@ -8,6 +8,7 @@ import pytest
 
 import gppcs
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.viewpoint import Viewpoint
 from gppcs.drawing.web import layers
 from gppcs.drawing.web.contents import Named, report_page, view_page
@@ -136,6 +137,27 @@ def test_a_result_that_is_elsewhere_has_no_figures_and_the_page_says_why(scan):
     assert first.startswith("far.ply: there are no figures: ")
     assert "frame of its own" in second
     assert page.described["together"] is False
+
+
+def test_a_mesh_comes_back_without_vertices_that_no_triangle_uses(scan):
+    corners = np.array([[5, 5, 9], [0, 0, 0], [4, 0, 1], [0, 3, 2], [99, 0, 0]], dtype=float)
+    mesh = Mesh(corners, [[3, 1, 2], [0, 2, 1]])
+    page = written(report_page(Named("scan.ply", scan), [Named("a.ply", scan.take(np.arange(50)), mesh)], []))
+    original, result = page.described["clouds"]
+    assert original["mesh"] is None
+    held = result["mesh"]
+    assert (held["vertices"], held["triangles"]) == (4, 2)
+    places = page.array(held["blocks"]["positions"], 4, 3, np.uint16) * held["step"] + held["low"]
+    faces = page.array(held["blocks"]["faces"], 2, 3, np.uint32)
+    np.testing.assert_allclose(places[faces], corners[mesh.faces], atol=1e-4)
+
+
+def test_a_mesh_that_is_too_large_is_left_out_and_the_page_says_so(scan, monkeypatch):
+    monkeypatch.setattr(layers, "MOST_TRIANGLES", 1)
+    mesh = Mesh(np.eye(3), [[0, 1, 2], [0, 2, 1]])
+    page = written(view_page([Named("scan.ply", scan, mesh)], []))
+    assert page.described["clouds"][0]["mesh"] is None
+    assert "scan.ply: its mesh of 2 triangles is left out" in page.described["notes"][0]
 
 
 @pytest.mark.parametrize("points", [np.empty((0, 3)), np.full((5, 3), np.nan)])

@@ -1,6 +1,7 @@
 """The page in a browser, and the built page as compared with its sources."""
 
 import json
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -48,8 +49,8 @@ def seen(node, scan, kept, tmp_path_factory):
         pytest.skip(f"no browser: none of {', '.join(BROWSERS)}")
     voxels = gppcs.simplify(scan, n_points=1000, method="voxel").cloud
     page = report_page(
-        Named(f"{MARKUP}.ply", scan),
-        [Named("fps.ply", kept.cloud), Named("voxel.ply", voxels)],
+        Named(f"{MARKUP}.ply", scan, gppcs.mesh(scan, n_points=2000).mesh),
+        [Named("fps.ply", kept.cloud, gppcs.mesh(scan, n_points=500).mesh), Named("voxel.ply", voxels)],
         [("command", f"gppcs report {MARKUP}")],
     )
     path = tmp_path_factory.mktemp("page") / "page.html"
@@ -141,6 +142,17 @@ class TestInTheBrowser:
     def test_the_swipe_compares_two_clouds(self, seen):
         assert [label.splitlines()[0] for label in seen["swipe"]["labels"]] == [f"{MARKUP}.ply", "voxel.ply"]
         assert all_differ(seen["swipe"]["middle"], seen["swipe"]["left"])
+
+    def test_meshes_take_the_place_of_points_where_there_are_some(self, seen):
+        *meshes, voxels = seen["meshes"]["labels"]
+        assert all(re.fullmatch(r".*\n[\d,]+ triangles", label) for label in meshes)
+        assert voxels == seen["labels"][2]
+        assert all_differ(seen["start"][:2], seen["meshes"]["pictures"][:2])
+        for points, drawn in zip(seen["start"], seen["meshes"]["pictures"], strict=True):
+            assert drawn["share"] == pytest.approx(points["share"], rel=0.1)
+        assert digests(seen["meshes"]["pictures"])[2] == digests(seen["start"])[2]
+        assert digests(seen["points"]) == digests(seen["start"])
+        assert seen["meshes"]["pressed"] == "true"
 
     def test_figures_and_plot_are_there(self, seen):
         assert "covering radius\nlargest distance from an original point to the nearest kept point" in seen["figures"]

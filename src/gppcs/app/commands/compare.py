@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gppcs.app.pages import how_made, rebuilt
 from gppcs.app.printing import (
     Columns,
     Force,
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
     from gppcs.engine.stages import Stages
     from gppcs.evaluation.comparison import Entry
 
-MOST_TO_REBUILD = 1_000_000  # of a larger original no mesh is rebuilt for the picture, which would take minutes
 EPILOG = (
     "[bold]Examples[/bold]\n\n"
     "gppcs compare scan.ply --ratio 3% -o comparison\n\n"
@@ -85,7 +85,9 @@ def compare(
     report: Annotated[
         bool,
         typer.Option(
-            "--report", help="Also write report.html, which shows all clouds in the browser; see gppcs report."
+            "--report",
+            help="Also write report.html, which shows all clouds, and the meshes of the picture, in the browser; see "
+            "gppcs report.",
         ),
     ] = False,
     view: View = None,
@@ -98,7 +100,6 @@ def compare(
     """Simplify a cloud by several methods, evaluate each result, and write tables and a picture."""
     from gppcs import io
     from gppcs.app.console import print_comparison
-    from gppcs.app.pages import how_made
     from gppcs.app.tables import as_csv, as_markdown
     from gppcs.drawing.web.contents import Named
     from gppcs.engine.stages import Stages
@@ -118,11 +119,14 @@ def compare(
     entries = compared(original, chosen, ratio=share, n_points=count, mesh=surface, invalid=invalid, stages=stages)
     with stages("tables and picture"):
         contents = {"table.csv": as_csv(entries).encode(), "table.md": as_markdown(entries).encode()}
+        meshes = _meshes(original, entries, surface, picture)
         if picture:
-            contents["picture.png"] = _drawn(original, entries, surface, viewpoint)
+            contents["picture.png"] = _drawn(original, entries, meshes, viewpoint)
     if report:
         made = how_made(context.obj, [cloud, *([mesh] if mesh else [])])
-        contents["report.html"] = _page(Named(cloud.name, original), entries, made, viewpoint, stages)
+        contents["report.html"] = _page(
+            Named(cloud.name, original, meshes[0]), entries, meshes, made, viewpoint, stages
+        )
     output.mkdir(exist_ok=True)
     for name, content in contents.items():
         with io.whole_file(targets[name], force) as file:
@@ -137,37 +141,58 @@ def compare(
             print_error(f"note: {entry.result.method.label}: {entry.failure}")
 
 
+def _meshes(original: PointCloud, entries: Sequence[Entry], surface: Mesh | None, wanted: bool) -> list[Mesh | None]:
+    """Return the surface of the original, if known or wanted, and those rebuilt from the simplified clouds."""
+    from gppcs.evaluation.comparison import rebuilt_mesh
+
+    if surface:
+        return [surface, *(entry.report.rebuilt.mesh if entry.report.rebuilt else None for entry in entries)]
+    if not wanted:
+        return [None] * (1 + len(entries))
+    original = original.take(original.finite_rows())
+    return [
+        rebuilt("the original", original, original, "; give a mesh with --mesh"),
+        *(rebuilt_mesh(entry.result.cloud, original) for entry in entries),
+    ]
+
+
 def _page(
-    original: Named, entries: Sequence[Entry], made: list[tuple[str, str]], viewpoint: Viewpoint, stages: Stages
+    original: Named,
+    entries: Sequence[Entry],
+    meshes: Sequence[Mesh | None],
+    made: list[tuple[str, str]],
+    viewpoint: Viewpoint,
+    stages: Stages,
 ) -> bytes:
     """Return an HTML page of the original and each simplified cloud."""
     from gppcs.drawing.web.contents import Named, report_page
 
-    results = [Named(entry.result.method.label, entry.result.cloud) for entry in entries]
+    results = [
+        Named(entry.result.method.label, entry.result.cloud, mesh)
+        for entry, mesh in zip(entries, meshes[1:], strict=True)
+    ]
     page = BytesIO()
     report_page(original, results, made, viewpoint, stages).write(page)
     return page.getvalue()
 
 
-def _drawn(original: PointCloud, entries: Sequence[Entry], mesh: Mesh | None, viewpoint: Viewpoint) -> bytes:
+def _drawn(
+    original: PointCloud, entries: Sequence[Entry], meshes: Sequence[Mesh | None], viewpoint: Viewpoint
+) -> bytes:
     """Return a PNG of the original and each simplified cloud, with the meshes rebuilt from them."""
     import numpy as np
 
     from gppcs.drawing.cloud_images import ColouredCloud
     from gppcs.drawing.side_by_side import Column, draw_comparison
-    from gppcs.evaluation.comparison import rebuilt_mesh
 
     rows = original.finite_rows()
     original = original.take(rows)
     variation = ColouredCloud.by_surface_variation(original.points).values
-    columns = [Column("original", original.points, variation, "", mesh or _rebuilt_original(original))]
-    for entry in entries:
+    columns = [Column("original", original.points, variation, "", meshes[0])]
+    for entry, mesh in zip(entries, meshes[1:], strict=True):
         kept = variation[np.searchsorted(rows, entry.result.indices)]
-        rebuilt = entry.report.rebuilt.mesh if entry.report.rebuilt else None
-        if mesh is None:
-            rebuilt = rebuilt_mesh(entry.result.cloud, original)
         title, points = entry.result.method.label, entry.result.cloud.points
-        columns.append(Column(title, points, kept, _caption(entry), rebuilt))
+        columns.append(Column(title, points, kept, _caption(entry), mesh))
     image = BytesIO()
     draw_comparison(image, columns, viewpoint)
     return image.getvalue()
@@ -178,19 +203,6 @@ def _caption(entry: Entry) -> str:
     figures = entry.report.figures(relative=True)
     name = "hausdorff_mean" if "hausdorff_mean" in figures else "surface_mean"
     return f"{name.replace('_', ' ')}\n{figures[name]:.2e} diagonals"
-
-
-def _rebuilt_original(original: PointCloud) -> Mesh | None:
-    """Return a surface rebuilt from the original, or None if the original is too large."""
-    from gppcs.evaluation.comparison import rebuilt_mesh
-
-    if len(original) > MOST_TO_REBUILD:
-        print_error(
-            f"note: the picture shows no mesh of the original: it has {len(original):,} points, and a mesh is rebuilt "
-            f"from at most {MOST_TO_REBUILD:,}; give a mesh with --mesh"
-        )
-        return None
-    return rebuilt_mesh(original, original)
 
 
 def _print_records(entries: Sequence[Entry]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -16,6 +17,7 @@ EPILOG = (
     "[bold]Examples[/bold]\n\n"
     "gppcs report scan.ply small.ply -o report.html\n\n"
     "gppcs report scan.ply gp.ply fps.ply voxel.ply -o report.html --up z --view 30,20\n\n"
+    "gppcs report scan.ply small.ply -o report.html --meshes\n\n"
     "gppcs evaluate --help defines the figures of the page."
 )
 
@@ -41,6 +43,14 @@ def report(
             "--output", "-o", metavar="HTML", parser=file_path, help="The page to write; - is standard output."
         ),
     ],
+    meshes: Annotated[
+        bool,
+        typer.Option(
+            "--meshes",
+            help="Also rebuild a surface from each cloud, which the page can show in place of the points. Needs the "
+            "extra evaluate.",
+        ),
+    ] = False,
     view: View = None,
     up: Up = None,
     threads: Threads = None,
@@ -52,8 +62,9 @@ def report(
     original to each result, by the order of choice, by any attribute or RGB, and holds the figures of gppcs evaluate.
     """
     from gppcs import io
-    from gppcs.app.pages import how_made, names_of
+    from gppcs.app.pages import how_made, names_of, rebuilt
     from gppcs.drawing.web.contents import Named, report_page
+    from gppcs.engine.extras import require_pymeshlab
     from gppcs.engine.progress import ProgressBar
     from gppcs.engine.stages import Stages
 
@@ -62,9 +73,18 @@ def report(
     inputs = [original, *simplified]
     io.check_distinct([output], inputs)
     io.check_output(output, force)
+    if meshes:
+        require_pymeshlab()
     stages = Stages(ProgressBar())
     with stages("reading"):
         clouds = [Named(name, io.read(path)) for name, path in zip(names_of(inputs), inputs, strict=True)]
+    if meshes:
+        with stages("meshes", len(clouds)) as advanced:
+            finite = [each.cloud.take(each.cloud.finite_rows()) for each in clouds]
+            for number, cloud in enumerate(finite):
+                mesh = rebuilt(clouds[number].name, cloud, finite[0]) if len(cloud) else None
+                clouds[number] = replace(clouds[number], mesh=mesh)
+                advanced(1)
     page = report_page(clouds[0], clouds[1:], how_made(context.obj, inputs), viewpoint, stages)
     with io.whole_output(output, force) as file:
         page.write(file)

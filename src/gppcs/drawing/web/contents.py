@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.viewpoint import GUESSED, Viewpoint
 from gppcs.drawing.web.layers import Layer, Surface
 from gppcs.drawing.web.packing import Blocks
@@ -37,10 +38,13 @@ class Named:
     ----------
     name : str
     cloud : PointCloud
+    mesh : Mesh, optional
+        The surface rebuilt from the cloud, which the page can show in place of the points.
     """
 
     name: str
     cloud: PointCloud
+    mesh: Mesh | None = None
 
 
 def report_page(
@@ -81,6 +85,7 @@ def report_page(
         first = Layer(blocks, original.name, "original", surface, len(original.cloud))
         first.add_values("variation", *VARIATION, surface.variation[first.shown], root=True)
         first.add_attributes()
+        first.add_mesh(original.mesh)
     layers = [first]
     for number, result in enumerate(results, start=1):
         with stages(f"views of {result.name}"):
@@ -128,6 +133,7 @@ def view_page(clouds: Sequence[Named], made: Sequence[tuple[str, str]], viewpoin
         layer = Layer(blocks, each.name, "cloud", surface, len(each.cloud))
         layer.add_values("variation", *VARIATION, surface.variation[layer.shown], root=True)
         layer.add_attributes()
+        layer.add_mesh(each.mesh)
         layers.append(layer)
     points = sum(len(each.cloud) for each in clouds)
     title = clouds[0].name if len(clouds) == 1 else f"{clouds[0].name} and {len(clouds) - 1} more"
@@ -152,6 +158,7 @@ def _result(blocks: Blocks, result: Named, original: Surface) -> tuple[Layer, Su
     layer = Layer(blocks, result.name, "result", kept, len(result.cloud))
     layer.add_values("variation", *VARIATION, kept.variation[layer.shown], root=True)
     layer.add_attributes()
+    layer.add_mesh(result.mesh)
     rows = np.where(squared[:, 0] == 0.0, original.rows[distinct], MOVED)
     layer.described["blocks"]["originals"] = blocks.add(rows[layer.shown].astype(np.uint32))
     return layer, kept

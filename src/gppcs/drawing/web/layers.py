@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
+from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.attributes import Colourable, kinds_of
 from gppcs.drawing.colours import scale_ends
 from gppcs.drawing.web.packing import Blocks, octahedral, quantised_points, quantised_values
@@ -20,6 +21,7 @@ from gppcs.spatial.scaling import normalised
 from gppcs.surface.surface_variation import estimate_features
 
 MOST_SHOWN = 1_000_000  # points of a cloud on the page; larger clouds are thinned by the default method
+MOST_TRIANGLES = 1_000_000  # of a mesh on the page; larger ones are left out
 MOST_ATTRIBUTES = 12  # of a cloud; a million values take about two megabytes
 
 SIXTH, SPACINGS_TO_SIXTH = 6, 1.4  # the sixth neighbour is 1.4 mean spacings away
@@ -159,6 +161,7 @@ class Layer:
             },
             "values": [],
             "prefixes": [],
+            "mesh": None,
         }
         if len(rows) != points:
             self.described["blocks"]["rows"] = blocks.add(rows)
@@ -219,6 +222,35 @@ class Layer:
             self.add_values(f"attribute:{name}", name, "as in the file", attributes.columns[name])
         if left_out := wanted[MOST_ATTRIBUTES:]:
             self.notes.append(f"{self.described['name']}: left out of this page: attributes {', '.join(left_out)}.")
+
+    def add_mesh(self, mesh: Mesh | None) -> None:
+        """Add the surface rebuilt from the cloud.
+
+        Parameters
+        ----------
+        mesh : Mesh or None
+            Vertices without triangles are left out, and a mesh that is too large for the page, which then says so.
+        """
+        if mesh is None:
+            return
+        if len(mesh.faces) > MOST_TRIANGLES:
+            self.notes.append(
+                f"{self.described['name']}: its mesh of {len(mesh.faces):,} triangles is left out; the page holds at "
+                f"most {MOST_TRIANGLES:,}."
+            )
+            return
+        used, faces = np.unique(mesh.faces, return_inverse=True)
+        placed = quantised_points(mesh.vertices[used])
+        self.described["mesh"] = {
+            "vertices": len(used),
+            "triangles": len(mesh.faces),
+            "low": placed.low.tolist(),
+            "step": placed.step.tolist(),
+            "blocks": {
+                "positions": self._blocks.add(placed.numbers),
+                "faces": self._blocks.add(faces.reshape(mesh.faces.shape).astype(np.uint32)),
+            },
+        }
 
 
 def _spreads(relative: Array) -> NDArray[np.uint8]:
