@@ -4,6 +4,7 @@ import importlib
 import re
 import shlex
 import tomllib
+import webbrowser
 from functools import cache
 from pathlib import Path
 
@@ -81,6 +82,8 @@ def workplace(tmp_path, monkeypatch):
     las.xyz = cloud.points
     las.write(tmp_path / "scan.laz")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(webbrowser, "open", lambda page: True)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")])

@@ -1,5 +1,6 @@
 """`gppcs render`."""
 
+import gzip
 import sys
 from pathlib import Path
 
@@ -59,6 +60,9 @@ def test_a_file_with_triangles_is_drawn_as_a_mesh(gppcs_command, folder):
     code, out, err = gppcs_command("render", "tent.ply", "-o", "tent.png", "--size", "120x90")
     assert (code, out, err) == (0, "tent.png: 120 x 90 pixels\n", "")
     assert (image("tent.png").min(axis=2) < 0.98).mean() > 0.2
+    Path("tent.ply.gz").write_bytes(gzip.compress(Path("tent.ply").read_bytes()))
+    code, _, err = gppcs_command("render", "tent.ply.gz", "-o", "points.png", "--size", "120x90")
+    assert (code, err) == (0, "gppcs: note: points.png: left out: faces (4)\n")
 
 
 @pytest.mark.parametrize(

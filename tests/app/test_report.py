@@ -42,6 +42,7 @@ def test_a_report_holds_the_clouds_and_how_it_was_made(gppcs_command, folder, sc
     assert page.described["up"] == "y"
 
 
+@pytest.mark.slow
 def test_meshes_are_rebuilt_when_asked_for(gppcs_command, folder, monkeypatch):
     pytest.importorskip("pymeshlab")
     ball = gppcs.sample("sphere", 2000)
@@ -92,6 +93,7 @@ def test_files_of_one_name_are_told_apart_by_their_folders(gppcs_command, folder
         (["report", "scan.ply", "-o", "r.html"], "Missing argument 'SIMPLIFIED...'"),
         (["report", "scan.ply", "none.ply", "-o", "r.html"], "none.ply: No such file"),
         (["report", "scan.ply", "empty.xyz", "-o", "r.html"], "empty.xyz: "),
+        (["report", "nan.npy", "small.ply", "-o", "r.html", "--meshes"], "nan.npy: expected points with finite"),
         (["view", "notes.md"], "notes.md: expected one of the formats"),
         (["view", "scan.ply", "--view", "north"], "expected --view AZIMUTH,ELEVATION"),
     ],
@@ -100,6 +102,7 @@ def test_bad_input_leaves_no_page(gppcs_command, folder, scan, small, words, par
     (folder / "there.html").write_text("precious")
     (folder / "notes.md").write_text("notes")
     (folder / "empty.xyz").write_text("")
+    np.save("nan.npy", np.full((3, 3), np.nan))
     before = files()
     assert_one_line(gppcs_command(*words), part)
     assert files() == before

@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 RGB, VARIATION = "rgb", "variation"  # colourings that are no attributes
 SIZE = (1280, 960)  # pixels
-SMALLEST, LARGEST = 64, 4096  # pixels; a picture of the largest size takes 4 GB
+SMALLEST, LARGEST = 64, 4096  # pixels; larger pictures would take many gigabytes of memory
 DPI = 64  # a power of two, so that matplotlib does not round sizes in pixels
 BELOW = 74  # pixels for the colour bar
 TEXT = 16.0  # pixels
@@ -108,7 +108,7 @@ def draw_single(
     subject = _Subject.of(finite, mesh)
     paint = _Paint.of(finite, subject, colour)
     below = BELOW if bar and paint.scale and height - BELOW >= SMALLEST else 0
-    direction = viewpoint.completed(finite.points if mesh is None else mesh.vertices)
+    direction = viewpoint.completed(finite.points if mesh is None else mesh.vertices[np.unique(mesh.faces)])
     radius = MAX_SURFACE_RADIUS / SUPERSAMPLING
     camera = Camera.towards(subject.places, width, (height - below, height - below), direction, radius)
     _write(file, subject.image(camera, paint.colours), (width, height), below, paint)

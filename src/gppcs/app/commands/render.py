@@ -13,6 +13,7 @@ from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.threads import set_threads
 from gppcs.errors import OutputError, ParameterError, file_path, shown
 
+MESHES = (".ply", ".off", ".obj", ".stl")  # the suffix tells PyMeshLab the format; of other files the points are drawn
 EPILOG = (
     "[bold]Examples[/bold]\n\n"
     "gppcs render scan.ply -o scan.png\n\n"
@@ -72,7 +73,7 @@ def render(
     io.check_distinct([output], [source])
     io.check_output(output, force)
     cloud, faces, unread = io.load(source, columns=names_of(columns))
-    is_mesh = faces > 0 and not io.is_standard(source)  # PyMeshLab reads files only
+    is_mesh = faces > 0 and source.suffix.lower() in MESHES
     mesh = read_mesh(source) if is_mesh else None
     with naming(source), io.whole_output(output, force) as file:
         drawn = draw_single(file, cloud, mesh, colour, viewpoint, pixels)

@@ -81,9 +81,8 @@ def report(
     if meshes:
         with stages("meshes", len(clouds)) as advanced:
             finite = [each.cloud.take(each.cloud.finite_rows()) for each in clouds]
-            for number, cloud in enumerate(finite):
-                mesh = rebuilt(clouds[number].name, cloud, finite[0]) if len(cloud) else None
-                clouds[number] = replace(clouds[number], mesh=mesh)
+            for number, cloud in enumerate(finite if all(map(len, finite)) else []):  # the page refuses empty clouds
+                clouds[number] = replace(clouds[number], mesh=rebuilt(clouds[number].name, cloud, finite[0]))
                 advanced(1)
     page = report_page(clouds[0], clouds[1:], how_made(context.obj, inputs), viewpoint, stages)
     with io.whole_output(output, force) as file:
