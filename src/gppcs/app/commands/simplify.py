@@ -400,9 +400,11 @@ class _Job:
     def _page(self, cloud: PointCloud, result: Result, target: Path) -> bytes:
         """Return an HTML page of the result beside its original."""
         from gppcs.drawing.web.contents import Named, report_page
+        from gppcs.io import is_standard
 
         sources = self.merged or list(self.outputs.targets)
-        original, simplified = different_names([Path(titled(sources)), target])
+        shown = Path("result") if is_standard(target) else target
+        original, simplified = different_names([Path(titled(sources)), shown])
         made, page = how_made(self.command, sources), BytesIO()
         report_page(Named(original, cloud), [Named(simplified, result.cloud)], made, self.viewpoint).write(page)
         return page.getvalue()
