@@ -54,6 +54,15 @@ def test_pages_go_to_standard_output(gppcs_command, scan, piped, monkeypatch, wo
     assert [each["name"] for each in WebPage(out).described["clouds"]] == words[1:]
 
 
+def test_the_page_of_a_result_on_standard_output_is_a_file(gppcs_command, scan, piped):
+    piped("scan.ply")
+    options = ("--from", "ply", "--to", "csv", "--report", "page.html", "-q")
+    code, out, err = gppcs_command("simplify", "-", "-o", "-", *SMALL, *options)
+    assert (code, err, out.count("\n")) == (0, "", 61)
+    described = WebPage(Path("page.html").read_text("utf-8")).described
+    assert [each["name"] for each in described["clouds"]] == ["-", "result"]
+
+
 def test_a_comparison_is_no_stream(gppcs_command, scan):
     result = gppcs_command("compare", "scan.ply", "-o", "-", "--no-picture", *SMALL[:2])
     assert_one_line(result, "-: expected a folder, found the name of standard output")
