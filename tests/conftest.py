@@ -3,6 +3,7 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
+import laspy
 import numpy as np
 import pytest
 from hypothesis import settings
@@ -65,6 +66,18 @@ def notebook(monkeypatch) -> list[str]:
     for name, module in modules.items():
         monkeypatch.setitem(sys.modules, name, module)
     return shown
+
+
+@pytest.fixture
+def two_systems(tmp_path) -> list[Path]:
+    """The files a.las and b.las of 500 points, of which each names another coordinate system."""
+    for name, crs in (("a.las", b"UTM 32N"), ("b.las", b"ETRS89 / UTM 32N")):
+        las = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+        las.x, las.y, las.z = np.random.default_rng(len(crs)).uniform(0, 9, (500, 3)).T
+        las.header.global_encoding.wkt = True
+        las.header.vlrs.append(laspy.VLR("LASF_Projection", 2112, "", b'PROJCS["' + crs + b'"]\0'))
+        las.write(tmp_path / name)
+    return [tmp_path / "a.las", tmp_path / "b.las"]
 
 
 @pytest.fixture(params=[1, 2])

@@ -2,7 +2,6 @@
 
 import json
 
-import laspy
 import numpy as np
 import pytest
 
@@ -95,17 +94,6 @@ def test_files_that_do_not_fit_each_other(gppcs_command, parts):
     result = gppcs_command("simplify", "a.ply", "c.ply", "--merge", "-o", "out.ply", "--points", 2)
     assert_one_line(result, "c.ply: expected the same attributes in all files of a cloud", "curvature")
     assert "out.ply" not in files()
-
-
-@pytest.fixture
-def two_systems(folder):
-    """Files of which each names another coordinate system."""
-    for name, crs in (("a.las", b"UTM 32N"), ("b.las", b"ETRS89 / UTM 32N")):
-        las = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
-        las.x, las.y, las.z = np.random.default_rng(len(crs)).uniform(0, 9, (500, 3)).T
-        las.header.global_encoding.wkt = True
-        las.header.vlrs.append(laspy.VLR("LASF_Projection", 2112, "", b'PROJCS["' + crs + b'"]\0'))
-        las.write(name)
 
 
 MERGED = ("simplify", "a.las", "b.las", "--merge", "-o", "out.las", "--points", 2, "-q")

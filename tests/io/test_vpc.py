@@ -4,10 +4,12 @@ import json
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from gppcs.errors import FileFormatError
-from gppcs.io import files_of
+import gppcs
+from gppcs.errors import FileFormatError, ParameterError
+from gppcs.io import files_of, load
 
 
 def feature(**assets):
@@ -60,3 +62,29 @@ def test_what_is_no_list_of_files_is_refused(tmp_path, content, message):
     with pytest.raises(FileFormatError, match=message) as caught:
         files_of(tmp_path / "a.vpc")
     assert str(caught.value).startswith(f"{tmp_path / 'a.vpc'}: ")
+
+
+def test_the_files_of_a_list_are_read_as_one_cloud(tmp_path):
+    points = np.random.default_rng(0).random((30, 3))
+    for name, rows in (("a.ply", slice(20)), ("b.csv", slice(20, 30))):
+        gppcs.write(tmp_path / name, gppcs.PointCloud(points[rows], {"label": np.arange(30)[rows]}))
+    vpc = write_vpc(tmp_path / "a.VPC", feature(**data("a.ply")), feature(**data("b.csv")))
+    cloud = gppcs.read(vpc)
+    np.testing.assert_array_equal(cloud.points, points)
+    assert cloud.attributes["label"].tolist() == list(range(30))
+    box = [0, 0, 0.5, 0.5]
+    np.testing.assert_array_equal(gppcs.read(vpc, box=box).points, points[(points[:, :2] <= 0.5).all(axis=1)])
+    assert load(vpc).cloud == cloud
+    (tmp_path / "b.csv").unlink()
+    with pytest.raises(FileNotFoundError, match=r"b\.csv"):
+        gppcs.read(vpc)
+
+
+def test_coordinate_systems_of_a_list(tmp_path, two_systems):
+    vpc = write_vpc(tmp_path / "a.vpc", *(feature(**data(str(path))) for path in two_systems))
+    with pytest.raises(FileFormatError, match=r"b\.las: expected one coordinate system .* with assume_same_crs=True"):
+        gppcs.read(vpc)
+    cloud = gppcs.read(vpc, assume_same_crs=True)
+    assert (len(cloud), cloud.header.crs) == (1_000, "UTM 32N")
+    with pytest.raises(ParameterError, match="expected assume_same_crs to be True or False, found 1"):
+        gppcs.read(vpc, assume_same_crs=1)

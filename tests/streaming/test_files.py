@@ -1,6 +1,7 @@
 """Files in passes: the same points as in memory, whatever the files and chunks; and when passes are taken."""
 
 import dataclasses
+import json
 import tempfile
 from pathlib import Path
 
@@ -228,6 +229,56 @@ def test_a_format_without_chunks_is_told(tmp_path, large):
     gppcs.write(tmp_path / "a.npz", VARIANTS["plain"])
     with pytest.raises(gppcs.InputError, match="as NPZ files are read as a whole"):
         gppcs.simplify_files(tmp_path / "a.npz", n_points=70, memory="1GB")
+
+
+@pytest.mark.parametrize("memory", ["3GB", "1GB"])
+def test_a_part_of_files_is_a_cloud(tmp_path, monkeypatch, memory):
+    monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 2 * 10**9)
+    cloud = cloud_of(VARIANTS["plain"])
+    written(cloud, tmp_path, [5_000])
+    features = [{"assets": {"data": {"href": f"{i}.npy"}}} for i in range(2)]
+    (tmp_path / "all.vpc").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    box = [*np.median(cloud.points, axis=0)[:2], 1e9, 1e9]
+    inside = (cloud.points[:, :2] >= box[:2]).all(axis=1)
+    expected = gppcs.simplify(cloud[inside], n_points=70)
+    for paths in (tmp_path / "all.vpc", [tmp_path / "0.npy", tmp_path / "1.npy"]):
+        assert_same(gppcs.simplify_files(paths, n_points=70, box=box, memory=memory), expected)
+
+
+def test_a_part_without_points_is_told(tmp_path):
+    [path] = written(cloud_of(VARIANTS["tiny"]), tmp_path, [])
+    with pytest.raises(gppcs.InputError, match=r"expected points in the box, found none; gppcs\.info shows") as caught:
+        gppcs.simplify_files(path, n_points=2, box=[1e6, 1e6, 2e6, 2e6])
+    assert "gppcs info shows" in caught.value.command
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"box": [0, 0, 1]}, "expected a box xmin, ymin, xmax, ymax or"),
+        ({"box": [1, 0, 0, 1]}, "with no minimum above its maximum"),
+        ({"resolution": 0}, "expected a resolution above 0, found 0"),
+        ({"assume_same_crs": "yes"}, "expected assume_same_crs to be True or False, found 'yes'"),
+    ],
+)
+def test_what_is_no_part_is_refused(tmp_path, options, message):
+    with pytest.raises(gppcs.ParameterError, match=message):
+        gppcs.simplify_files(tmp_path / "none.npy", n_points=2, **options)
+
+
+def test_only_copc_has_a_resolution(tmp_path):
+    [path] = written(cloud_of(VARIANTS["tiny"]), tmp_path, [])
+    with pytest.raises(gppcs.FileFormatError, match=r"0\.npy: expected a COPC file, .* leave out resolution="):
+        gppcs.simplify_files(path, n_points=2, resolution=1.0)
+
+
+@pytest.mark.parametrize("memory", [2 * 10**9, 10**12])
+def test_files_with_different_coordinate_systems(two_systems, monkeypatch, memory):
+    monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: memory)
+    with pytest.raises(gppcs.FileFormatError, match=r"expected one coordinate system .* with assume_same_crs=True"):
+        gppcs.simplify_files(two_systems, n_points=20, memory="3GB")
+    found = gppcs.simplify_files(two_systems, n_points=20, memory="3GB", assume_same_crs=True)
+    assert (len(found.indices), found.cloud.header.crs) == (20, "UTM 32N")
 
 
 @pytest.mark.parametrize("paths", [[], None, 3])

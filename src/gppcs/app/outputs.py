@@ -144,7 +144,7 @@ def sources_of(inputs: Sequence[Path]) -> list[Path]:
         if path.is_dir():
             files += _files_in(path)
         else:
-            files += files_of(path) if _is_list(path) else [path]
+            files += files_of(path)
     return files
 
 

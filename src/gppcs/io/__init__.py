@@ -1,7 +1,8 @@
 """Reads and writes point cloud files."""
 
-from gppcs.io.files import FORMATS, check_storable, format_to_write, load, losses, read, store, write
+from gppcs.io.files import FORMATS, check_storable, format_to_write, losses, store, write
 from gppcs.io.format import Format
+from gppcs.io.reading import load, read
 from gppcs.io.streams import COMPRESSIONS, check_output, inner_name, whole_output
 from gppcs.io.vpc import SUFFIX as VPC
 from gppcs.io.vpc import files_of

@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.header import Header
-from gppcs.errors import FileFormatError
+from gppcs.errors import FileFormatError, file_path, flag
 from gppcs.io.columns import exact_as_double
-from gppcs.io.files import check_input, checked_columns, format_of, left_out, naming, read_as
+from gppcs.io.files import check_input, check_suffix, checked_columns, format_of, left_out, naming, read_as
 from gppcs.io.format import Format
 from gppcs.io.query import Query
 from gppcs.io.rows import BLOCK
 from gppcs.io.streams import is_plain, plain_input
+from gppcs.io.vpc import files_of
 
 ROWS = 1 << 20  # Points of a chunk at most: few enough for memory, and so many that a chunk costs nothing by itself.
 
@@ -62,6 +63,11 @@ class CloudFiles:
         Which points to read.
     assume_same_crs : bool
         Whether to take the coordinate system of the first file for that of all.
+
+    Attributes
+    ----------
+    paths, query
+        As above.
     """
 
     def __init__(
@@ -72,15 +78,48 @@ class CloudFiles:
         query: Query | None = None,
         assume_same_crs: bool = False,
     ) -> None:
+        check_suffix(format)
         self.paths = paths
         self._format = format
         self._columns = None if columns is None else checked_columns(columns)
-        self._query = query
+        self.query = query
         self._assume_same_crs = assume_same_crs
         self._header: Header | None = None  # of the first file that has one
         self._copies: dict[Path, tuple[Any, Path]] = {}
         self._whole: dict[Path, PointCloud] = {}  # what `head` had to read as a whole, for `read`
         self._stack = ExitStack()
+
+    @classmethod
+    def of(
+        cls,
+        paths: Sequence[str | os.PathLike[str]],
+        format: str | None = None,  # noqa: A002
+        columns: Sequence[str] | None = None,
+        box: Sequence[float] | None = None,
+        resolution: float | None = None,
+        assume_same_crs: bool = False,
+    ) -> CloudFiles:
+        """Check the arguments of `gppcs.read` and `gppcs.simplify_files`, and return the files that they name.
+
+        Parameters
+        ----------
+        paths : sequence of str or path
+            At least one. A virtual point cloud stands for the files that it lists.
+        format, columns, box, resolution, assume_same_crs
+            As for `gppcs.read`.
+
+        Returns
+        -------
+        CloudFiles
+
+        Raises
+        ------
+        FileFormatError, ParameterError, OSError
+            As for `gppcs.read`.
+        """
+        query, same = Query.of(box, resolution), flag("assume_same_crs", assume_same_crs)
+        files = [file for path in paths for file in files_of(file_path(path))]
+        return cls(files, format, columns, query, same)
 
     def __enter__(self) -> CloudFiles:
         return self
@@ -108,7 +147,7 @@ class CloudFiles:
     @property
     def settings(self) -> tuple[str | None, Sequence[str] | None, Query | None, bool]:
         """How the files are read: all arguments but the paths."""
-        return self._format, self._columns, self._query, self._assume_same_crs
+        return self._format, self._columns, self.query, self._assume_same_crs
 
     def read(self) -> PointCloud:
         """Read all points with their attributes.
@@ -198,18 +237,22 @@ class CloudFiles:
                 points += known.count(file) if known.count else _size(file) * points_per_byte
         return round(points)
 
-    def unread(self) -> list[str]:
-        """Return in words what is left out of the files, such as the faces of a mesh.
+    def left_out(self) -> tuple[int, list[str]]:
+        """Return what is left out of the files.
 
         Returns
         -------
-        list of str
+        faces : int
+            Number of faces. A file with faces is a mesh.
+        unread : list of str
+            In words, faces included.
         """
-        found = []
+        faces, unread = 0, list[str]()
         for path in self.paths:
             with self._opened(path) as (file, known):
-                found += left_out(known, file)[1]
-        return found
+                here, words = left_out(known, file)
+            faces, unread = faces + here, unread + words
+        return faces, unread
 
     def _chunks(self, file: Any, known: Format, rows: int, attributes: bool) -> Iterator[PointCloud]:
         """Read an open file in chunks, or as a whole if that is the only way."""
@@ -238,7 +281,7 @@ class CloudFiles:
                 self._copies[path] = self._stack.enter_context(plain_input(path))
             file, name = self._copies.get(path) or stack.enter_context(plain_input(path))
             file.seek(0)
-            yield file, format_of(file, name, self._format, self._query)
+            yield file, format_of(file, name, self._format, self.query)
 
 
 def _size(file: Any) -> int:
@@ -287,7 +330,8 @@ class JointColumns:
                 f"expected one coordinate system in all files of a cloud, found {crs[0]} and {crs[1]}; "
                 "bring them to one first"
             )
-            raise FileFormatError(found, command=f"{found}, or take them for the same with --assume-same-crs")
+            same = f"{found}, or take them for the same with "
+            raise FileFormatError(f"{same}assume_same_crs=True", command=f"{same}--assume-same-crs")
         self._coordinates.add(cloud.coordinate_dtype)
         for name, values in cloud.attributes.items():
             if values.shape[1:] != first.attributes[name].shape[1:]:

@@ -1,4 +1,4 @@
-"""Reads and writes cloud files: chooses the format by content or suffix.
+"""Writes cloud files, and chooses the format of all by content or suffix.
 
 To add a format, write a module with a `Format` and add it to `FORMATS`.
 """
@@ -13,16 +13,13 @@ from dataclasses import replace
 from functools import partial
 from io import BufferedReader
 from pathlib import Path
-from typing import NamedTuple
-
-import numpy as np
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.errors import FileFormatError, InputError, OutputError, ParameterError, file_path, flag, shown
 from gppcs.io import arrays, arrow, e57, las, meshes, pcd, ply, ptx, text
 from gppcs.io.format import Format
 from gppcs.io.query import Query, restricted
-from gppcs.io.streams import inner_name, plain_input, whole_output
+from gppcs.io.streams import inner_name, whole_output
 from gppcs.io.whole_file import is_standard
 
 _HEAD = 1024
@@ -38,126 +35,6 @@ FORMATS: tuple[Format, ...] = (
     e57.FORMAT,
     *arrow.FORMATS,
 )
-
-
-def read(
-    path: str | os.PathLike[str],
-    format: str | None = None,  # noqa: A002 - as numpy, pandas say
-    columns: Sequence[str] | None = None,
-    box: Sequence[float] | None = None,
-    resolution: float | None = None,
-) -> PointCloud:
-    """Read a cloud: PLY, LAS, LAZ, COPC, XYZ, CSV, PTS, NPY, NPZ, OFF, OBJ, STL, PCD, PTX, E57, Parquet or Feather.
-
-    The format is found by how the content begins, otherwise by the suffix of the name. Of mesh files, only the vertices
-    are read. The scans of PTX and E57 files become one cloud, each moved by its pose.
-
-    Parameters
-    ----------
-    path : str or path
-        The file. A gzip or Zstandard file is decompressed; `-` is standard input.
-    format : str, optional
-        Suffix of the format, such as "ply" or ".ply". It overrides content and name.
-    columns : sequence of str, optional
-        The name of each column of a text table, with x, y and z. They replace any names in the file.
-    box : sequence of 4 or 6 float, optional
-        Read only the points in the box xmin, ymin, xmax, ymax or xmin, ymin, zmin, xmax, ymax, zmax, border included.
-        Of a COPC file, only the parts that meet the box are decompressed.
-    resolution : float, optional
-        Read a COPC file only down to the level on which neighbours are about that far from each other, in the unit of
-        the coordinates.
-
-    Returns
-    -------
-    PointCloud
-        N points with their attributes, both in file order. NaN and infinite coordinates are kept.
-
-    Raises
-    ------
-    FileFormatError
-        If the format is unknown, the content does not follow it, or there is a resolution and the file is not COPC.
-    ParameterError
-        If `path` is neither text nor a path, `format` is no text, `columns` are not different names with x, y and z,
-        or `box` or `resolution` are not as above.
-    MissingExtraError
-        If the format needs a package that is not installed (E57, Parquet, Feather).
-    OSError
-        If the file does not exist or cannot be read.
-
-    Examples
-    --------
-    >>> gppcs.write("scan.csv", gppcs.PointCloud([[0, 0, 0], [1, 2, 3]], {"intensity": [7, 9]}))
-    >>> cloud = gppcs.read("scan.csv")
-    >>> cloud
-    PointCloud(2 points, each with intensity)
-    """
-    with _opened(path, format, columns, box, resolution) as (file, chosen, names):
-        return read_as(chosen, file, names)
-
-
-class Loaded(NamedTuple):
-    """What `load` has read, and what it has not.
-
-    Attributes
-    ----------
-    cloud : PointCloud
-    faces : int
-        Number of faces, which the cloud does not hold. A file with faces is a mesh.
-    unread : list of str
-        In words what the cloud does not hold of the file, faces included.
-    """
-
-    cloud: PointCloud
-    faces: int
-    unread: list[str]
-
-
-def load(
-    path: str | os.PathLike[str],
-    format: str | None = None,  # noqa: A002
-    columns: Sequence[str] | None = None,
-    box: Sequence[float] | None = None,
-    resolution: float | None = None,
-) -> Loaded:
-    """Read a point cloud file as `read` does, and tell what is left out.
-
-    Parameters
-    ----------
-    path, format, columns, box, resolution
-        As for `read`.
-
-    Returns
-    -------
-    Loaded
-
-    Raises
-    ------
-    FileFormatError, ParameterError, OSError
-        As for `read`.
-    """
-    with _opened(path, format, columns, box, resolution) as (file, chosen, names):
-        cloud = read_as(chosen, file, names)
-        file.seek(0)
-        return Loaded(cloud, *left_out(chosen, file))
-
-
-@contextmanager
-def _opened(
-    path: str | os.PathLike[str],
-    format: str | None,  # noqa: A002
-    columns: Sequence[str] | None,
-    box: Sequence[float] | None,
-    resolution: float | None,
-) -> Iterator[tuple[BufferedReader, Format, list[str] | None]]:
-    """Open a file, decompressed, and find its format, after checking the arguments of `read`."""
-    source = file_path(path)
-    _require_text(format)
-    names = None if columns is None else checked_columns(columns)
-    query = Query.of(box, resolution)
-    check_input(source)
-    # Converting a signalling NaN is no error.
-    with naming(source), plain_input(source) as (file, plain), np.errstate(invalid="ignore"):
-        yield file, format_of(file, plain, format, query), names
 
 
 def left_out(known: Format, file: BufferedReader) -> tuple[int, list[str]]:
@@ -439,7 +316,7 @@ def format_to_write(
     FileFormatError
         If the format is unknown, gppcs only reads it, or it leaves no choice and `ascii` is given.
     """
-    _require_text(format)
+    check_suffix(format)
     target = file_path(path)
     if is_standard(target) and not format:
         expected = "expected the format of standard output, found none; give it with "
@@ -499,7 +376,18 @@ def format_of(
     return restricted(known, query) if query else known
 
 
-def _require_text(suffix: str | None) -> None:
+def check_suffix(suffix: str | None) -> None:
+    """Check that what names a format is text.
+
+    Parameters
+    ----------
+    suffix : str or None
+
+    Raises
+    ------
+    ParameterError
+        If it is anything else.
+    """
     if not isinstance(suffix, str | None):
         raise ParameterError(f"expected the suffix of a format, such as 'ply', found {shown(suffix)}")
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from gppcs.clouds.mesh import Mesh
 from gppcs.engine.extras import require_pymeshlab
 from gppcs.errors import FileFormatError, InputError, file_path
-from gppcs.io.files import read
 from gppcs.io.meshes import FACE_CHECKS
+from gppcs.io.reading import read
 
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:

@@ -15,7 +15,7 @@ SUFFIX = ".vpc"
 
 
 def files_of(path: Path) -> list[Path]:
-    """Return the files that a virtual point cloud lists, in its order.
+    """Return the files that a path stands for: those that a virtual point cloud lists, in its order, or itself.
 
     Parameters
     ----------
@@ -24,15 +24,17 @@ def files_of(path: Path) -> list[Path]:
     Returns
     -------
     list of path
-        At least one. Names that are not absolute start from the folder of `path`.
+        At least one. Listed names that are not absolute start from the folder of `path`.
 
     Raises
     ------
     FileFormatError
-        If the file is no virtual point cloud, or lists something that is no file of this machine.
+        If a file with the suffix of a list is none, or lists something that is no file of this machine.
     OSError
-        If the file does not exist or cannot be read.
+        If such a file does not exist or cannot be read.
     """
+    if path.suffix.lower() != SUFFIX:
+        return [path]
     try:
         content = json.loads(path.read_bytes())
     except (ValueError, RecursionError) as error:

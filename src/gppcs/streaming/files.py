@@ -27,6 +27,9 @@ def simplify_files(
     invalid: Literal["error", "drop"] = "error",
     normals: bool = False,
     scores: bool = False,
+    box: Sequence[float] | None = None,
+    resolution: float | None = None,
+    assume_same_crs: bool = False,
     memory: int | str | None = None,
     scratch: str | os.PathLike[str] | None = None,
     client: Any = None,
@@ -46,9 +49,15 @@ def simplify_files(
     ----------
     paths : path, or sequence of paths
         One file or several, in any format that `gppcs.read` reads. Several files are one cloud: its points are those of
-        the first, then those of the second and so on. They must have the same attributes.
+        the first, then those of the second and so on. They must have the same attributes. A virtual point cloud (.vpc)
+        stands for the files that it lists.
     ratio, n_points, method, seed, invalid, normals, scores, stages
         As for `gppcs.simplify`. Normals need all points in memory.
+    box, resolution
+        As for `gppcs.read`: the points that are read of each file. They alone are the cloud, and count for `indices`.
+    assume_same_crs : bool
+        Whether to take the coordinate system of the first file for that of all. Otherwise, files with different ones
+        are an error.
     memory : int or str, optional
         How much memory the process may hold: bytes, or a text such as "4GB" or "512 MiB". By default, half of what is
         free.
@@ -57,7 +66,6 @@ def simplify_files(
     client : distributed.Client, optional
         Of a Dask cluster, whose workers then make the passes and work on the tiles (docs/cluster.md). They must see the
         files, and `scratch`, at the same paths.
-
     resume : bool
         Whether to keep, if the work is interrupted, what is done of it in a folder in `scratch`, and to go on from what
         an interrupted call with the same files and parameters has kept. A call that succeeds removes the folder. Work
@@ -73,11 +81,12 @@ def simplify_files(
     ClusterError
         If the workers cannot be reached, have another version of gppcs, or end again and again.
     FileFormatError
-        If a file is damaged, its format is unknown, or the files do not fit each other.
+        If a file is damaged, its format is unknown, there is a resolution and it is not COPC, or the files do not fit
+        each other.
     InputError
-        As for `gppcs.simplify`, and if the work would take more memory than allowed.
+        As for `gppcs.simplify`, and if the work would take more memory than allowed, or no point is in the box.
     ParameterError
-        As for `gppcs.simplify`, and if `memory` is no number of bytes.
+        As for `gppcs.simplify`, and if `memory` is no number of bytes, or `box` or `resolution` is not as above.
     OutputError
         If `scratch` does not exist, or its disk has too little space.
     OSError
@@ -99,7 +108,7 @@ def simplify_files(
     stages, normals, scores = Stages.of(stages), flag("normals", normals), flag("scores", scores)
     resume = flag("resume", resume)
     options: dict[str, Any] = {"ratio": ratio, "n_points": n_points, "invalid": invalid, "scores": scores}
-    with CloudFiles([file_path(path) for path in paths]) as files:
+    with CloudFiles.of(paths, None, None, box, resolution, assume_same_crs) as files:
         chosen, limit = resolved(method, seed), None if memory is None else bytes_of(memory)
         cluster = None if client is None else Cluster(client)
         made = plan(files, chosen, ratio, n_points, limit, "normals" if normals else None, cluster is not None)

@@ -100,7 +100,7 @@ def plan(
     Raises
     ------
     InputError
-        If it would take more memory than allowed, or workers cannot share it.
+        If it would take more memory than allowed, workers cannot share it, or no point is in the box.
     FileFormatError, OSError, ParameterError
         As for `simplify_files`.
     """
@@ -108,6 +108,9 @@ def plan(
     limit = limit or (free // 2 if free else None)
     head = files.head()
     n, row = head.points, _bytes_of_row(head.cloud)
+    if files.query and not n:
+        found = "expected points in the box, found none; "
+        raise InputError(f"{found}gppcs.info shows where they lie", command=f"{found}gppcs info shows where they lie")
     kept = number_to_keep(n, ratio, n_points) if n else 0
     in_memory = PROGRAM + max(2 * row * n, row * n + 24 * n + method.memory(n, kept))
     if (limit is None or in_memory <= limit) and not shared:

@@ -344,8 +344,6 @@ class _Job:
             method = resolved(self.options["method"], self.options["seed"])
             shared = self.cluster is not None
             made = plan(files, method, options["ratio"], options["n_points"], self.limit, self._whole(), shared)
-            if self.query and not made.points:
-                raise InputError("expected points in the box, found none; gppcs info shows where the points lie")
             if self.dry_run:
                 return _DryRun(sources, target, made, expected_seconds(files, made, method))
             if made.in_memory:
@@ -354,7 +352,7 @@ class _Job:
                 self._check_storable(target, files.head().cloud)
                 where: dict[str, Any] = {"scratch": self.scratch, "cluster": self.cluster, "resume": self.resume}
                 result, points = simplify_in_passes(files, made, method, stages=stages, **options, **where)
-            unread = files.unread()
+            _, unread = files.left_out()
         if self.index_attribute is not None:
             result = replace(result, cloud=_with_attribute(result.cloud, self.index_attribute, result.indices))
         with stages("writing"):

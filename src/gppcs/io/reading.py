@@ -1,0 +1,115 @@
+"""Reads a cloud from a file, or from the files that a virtual point cloud lists."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from gppcs.clouds.cloud import PointCloud
+from gppcs.io.cloud_files import CloudFiles
+
+
+def read(
+    path: str | os.PathLike[str],
+    format: str | None = None,  # noqa: A002 - as numpy, pandas say
+    columns: Sequence[str] | None = None,
+    box: Sequence[float] | None = None,
+    resolution: float | None = None,
+    assume_same_crs: bool = False,
+) -> PointCloud:
+    """Read a cloud: PLY, LAS, LAZ, COPC, XYZ, CSV, PTS, NPY, NPZ, OFF, OBJ, STL, PCD, PTX, E57, Parquet or Feather.
+
+    The format is found by how the content begins, otherwise by the suffix of the name. Of mesh files, only the vertices
+    are read. The scans of PTX and E57 files become one cloud, each moved by its pose. So do the files that a virtual
+    point cloud (.vpc) lists, in its order; they must have the same attributes.
+
+    Parameters
+    ----------
+    path : str or path
+        The file, or a virtual point cloud. A gzip or Zstandard file is decompressed; `-` is standard input.
+    format : str, optional
+        Suffix of the format, such as "ply" or ".ply". It overrides content and name.
+    columns : sequence of str, optional
+        The name of each column of a text table, with x, y and z. They replace any names in the file.
+    box : sequence of 4 or 6 float, optional
+        Read only the points in the box xmin, ymin, xmax, ymax or xmin, ymin, zmin, xmax, ymax, zmax, border included.
+        Of a COPC file, only the parts that meet the box are decompressed.
+    resolution : float, optional
+        Read a COPC file only down to the level on which neighbours are about that far from each other, in the unit of
+        the coordinates.
+    assume_same_crs : bool
+        Whether to take the coordinate system of the first file of a virtual point cloud for that of all. Otherwise,
+        files with different ones are an error.
+
+    Returns
+    -------
+    PointCloud
+        N points with their attributes, both in file order. NaN and infinite coordinates are kept.
+
+    Raises
+    ------
+    FileFormatError
+        If the format is unknown, the content does not follow it, there is a resolution and the file is not COPC, or
+        the files of a virtual point cloud do not fit each other.
+    ParameterError
+        If `path` is neither text nor a path, `format` is no text, `columns` are not different names with x, y and z,
+        or `box`, `resolution` or `assume_same_crs` is not as above.
+    MissingExtraError
+        If the format needs a package that is not installed (E57, Parquet, Feather).
+    OSError
+        If the file does not exist or cannot be read.
+
+    Examples
+    --------
+    >>> gppcs.write("scan.csv", gppcs.PointCloud([[0, 0, 0], [1, 2, 3]], {"intensity": [7, 9]}))
+    >>> cloud = gppcs.read("scan.csv")
+    >>> cloud
+    PointCloud(2 points, each with intensity)
+    """
+    with CloudFiles.of([path], format, columns, box, resolution, assume_same_crs) as files:
+        return files.read()
+
+
+class Loaded(NamedTuple):
+    """What `load` has read, and what it has not.
+
+    Attributes
+    ----------
+    cloud : PointCloud
+    faces : int
+        Number of faces, which the cloud does not hold. A file with faces is a mesh.
+    unread : list of str
+        In words what the cloud does not hold of the file, faces included.
+    """
+
+    cloud: PointCloud
+    faces: int
+    unread: list[str]
+
+
+def load(
+    path: str | os.PathLike[str],
+    format: str | None = None,  # noqa: A002
+    columns: Sequence[str] | None = None,
+    box: Sequence[float] | None = None,
+    resolution: float | None = None,
+) -> Loaded:
+    """Read a point cloud file as `read` does, and tell what is left out.
+
+    Parameters
+    ----------
+    path, format, columns, box, resolution
+        As for `read`.
+
+    Returns
+    -------
+    Loaded
+
+    Raises
+    ------
+    FileFormatError, ParameterError, OSError
+        As for `read`.
+    """
+    with CloudFiles.of([path], format, columns, box, resolution) as files:
+        return Loaded(files.read(), *files.left_out())
