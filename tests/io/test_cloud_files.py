@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 import gppcs
+from copc_file import write_copc
 from gppcs.errors import FileFormatError
 from gppcs.io import FORMATS, cloud_files, files
 from gppcs.io.cloud_files import CloudFiles
+from gppcs.io.query import Query
 
 N = 1000
 
@@ -115,6 +117,7 @@ def test_compressed_files_are_read_again_in_each_pass(tmp_path):
 def test_what_the_head_reads_as_a_whole_is_read_once(tmp_path, monkeypatch, columns):
     name = "a.csv" if columns else "a.npz"
     gppcs.write(tmp_path / name, cloud())
+    whole = gppcs.read(tmp_path / name, columns=columns)
     opened = []
 
     def counted(*arguments):
@@ -122,7 +125,6 @@ def test_what_the_head_reads_as_a_whole_is_read_once(tmp_path, monkeypatch, colu
         return files.read_as(*arguments)
 
     monkeypatch.setattr(cloud_files, "read_as", counted)
-    whole = gppcs.read(tmp_path / name, columns=columns)
     with CloudFiles([tmp_path / name] * 2, columns=columns) as two:
         assert two.head().whole
         both = two.read()
@@ -229,3 +231,78 @@ def test_values_of_extra_bytes_with_different_scales_do_not_become_one_attribute
     with pytest.raises(gppcs.GppcsError, match=r"values of height of one kind .* scale of 0.1 .* scale of 0.001"):
         gppcs.simplify_files(paths, n_points=2, method="random")
     assert len(gppcs.simplify_files([paths[0], paths[0]], n_points=2, method="random").cloud) == 2
+
+
+LARGE = 120_000  # more than two chunks of a LAZ file
+
+
+@pytest.fixture(scope="module")
+def divisible(tmp_path_factory):
+    """Files that can be read from the middle, by their names."""
+    folder = tmp_path_factory.mktemp("divisible")
+    rng = np.random.default_rng(0)
+    las = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+    las.header.scales = [0.01] * 3
+    las.x, las.y, las.z = rng.uniform(0, 99, (3, LARGE))
+    las.gps_time = np.arange(LARGE)
+    las.write(folder / "a.las")
+    las.write(folder / "a.laz")
+    write_copc(folder / "a.copc.laz", las[:3000], 4, 8.0)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("name", "rows", "begins"),
+    [
+        ("a.las", 50_000, [0, 50_000, 100_000]),
+        ("a.las", 119_999, [0, 119_999]),
+        ("a.las", LARGE, [0]),
+        ("a.laz", 1, [0, 50_000, 100_000]),
+        ("a.laz", 50_001, [0, 100_000]),
+        ("a.laz", 100_001, [0]),
+        ("a.copc.laz", 500, None),
+        ("a.copc.laz", 1, None),
+    ],
+)
+def test_the_parts_of_a_file_are_the_file(divisible, name, rows, begins):
+    """Also those of COPC files, whose chunks differ in size."""
+    whole = gppcs.read(divisible / name)
+    with CloudFiles([divisible / name]) as files:
+        parts = [list(part.chunks(True, 40_000)) for part in files.each(rows)]
+    counts = [sum(map(len, chunks)) for chunks in parts]
+    assert min(counts[:-1], default=rows) >= min(rows, len(whole))
+    assert begins is None or np.cumsum([0, *counts[:-1]]).tolist() == begins
+    assert len(parts) > 1 or begins == [0]
+    chunks = [chunk for part in parts for chunk in part]
+    assert np.concatenate([chunk.points for chunk in chunks]).tobytes() == whole.points.tobytes()
+    times = np.concatenate([chunk.attributes["gps_time"] for chunk in chunks])
+    np.testing.assert_array_equal(times, whole.attributes["gps_time"])
+    assert all(chunk.header == whole.header for chunk in chunks)
+
+
+def test_what_can_only_be_read_from_its_start_is_one_part(divisible, tmp_path):
+    (tmp_path / "a.las.gz").write_bytes(gzip.compress((divisible / "a.las").read_bytes(), 1))
+    gppcs.write(tmp_path / "a.ply", cloud())
+    box = Query.of([0, 0, 50, 50], None)
+    for path, query in ((tmp_path / "a.las.gz", None), (tmp_path / "a.ply", None), (divisible / "a.las", box)):
+        with CloudFiles([path], query=query) as files:
+            [part] = files.each(100)
+            with part:
+                assert sum(map(len, part.chunks(False))) == len(files.read())
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "value", "message"),
+    [
+        ("a.las", 247, np.uint64(2**60), r"a\.las: the file ends in point 120001 of 1152921504606846976"),
+        ("a.laz", 247, np.uint64(2**60), r"a\.laz: expected all compressed points within the file, found fewer"),
+        ("a.laz", None, np.uint64(2**60), r"a\.laz: expected a table of the compressed points, found none"),
+    ],
+)
+def test_a_damaged_file_has_no_parts(divisible, tmp_path, name, place, value, message):
+    content = bytearray((divisible / name).read_bytes())
+    place = place or int.from_bytes(content[96:100], "little")  # where the points begin
+    content[place : place + value.nbytes] = value.tobytes()
+    (tmp_path / name).write_bytes(content)
+    with CloudFiles([tmp_path / name]) as files, pytest.raises(FileFormatError, match=message):
+        list(files.each(1_000)[0].chunks(True))

@@ -5,13 +5,17 @@ import signal
 import sys
 import time
 
+import laspy
 import numpy as np
 import pytest
 
 import gppcs
+from copc_file import write_copc
 from gppcs.engine.stages import Stages
+from gppcs.io.cloud_files import CloudFiles
 from gppcs.streaming import cluster
 from gppcs.streaming.cluster import Cluster, local_cluster, scheduler_at
+from gppcs.streaming.plan import Plan, Way
 
 distributed = pytest.importorskip("distributed")
 
@@ -62,6 +66,56 @@ def test_workers_choose_what_memory_chooses(three, cloud, paths, n_points):
     expected = gppcs.simplify(cloud, n_points=n_points, invalid="drop", scores=True)
     found = gppcs.simplify_files(paths, n_points=n_points, invalid="drop", scores=True, client=three)
     assert_same(found, expected)
+
+
+@pytest.fixture
+def small_parts(monkeypatch):
+    """Let a part of a file be small; note how many there are of each run."""
+    monkeypatch.setattr("gppcs.streaming.plan.ROWS", 1_000)
+    monkeypatch.setattr("gppcs.streaming.plan.ROWS_PER_KEPT", 1)
+    each, counts = CloudFiles.each, []
+
+    def counted(*arguments):
+        found = each(*arguments)
+        counts.append(len(found))
+        return found
+
+    monkeypatch.setattr(CloudFiles, "each", counted)
+    return counts
+
+
+@pytest.fixture(scope="module")
+def las(tmp_path_factory):
+    las = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+    las.header.scales = [1e-5] * 3
+    las.x, las.y, las.z = gppcs.sample("bracket", N, seed=3).points.T
+    las.intensity = np.arange(N)
+    return las
+
+
+@pytest.mark.parametrize("name", ["a.las", "a.copc.laz"])
+@pytest.mark.parametrize("n_points", [70, 3_000])
+def test_parts_of_a_file_make_no_difference(three, las, tmp_path, small_parts, name, n_points):
+    path = tmp_path / name
+    if name == "a.las":
+        las.write(path)
+    else:
+        write_copc(path, las, 4, 20.0)
+    expected = gppcs.simplify(gppcs.read(path), n_points=n_points, scores=True)
+    assert_same(gppcs.simplify_files(path, n_points=n_points, scores=True, client=three), expected)
+    assert small_parts == [12 if n_points == 70 else 4] or (name == "a.copc.laz" and small_parts[0] > 2)
+
+
+def test_parts_of_a_file_grow_with_what_is_asked():
+    """The limit of memory makes no difference, since --resume needs the same parts."""
+    parts = [
+        Plan(way, points, kept, 0, limit, rows).part
+        for limit, rows in ((10**9, 10**6), (None, 10**5))
+        for way, points, kept in (
+            (Way.PASSES, 10**8, 10**3), (Way.PASSES, 10**8, 10**6), (Way.TILES, 10**8, 10**7), (Way.PASSES, 10**12, 10)
+        )
+    ]  # fmt: skip
+    assert parts == [1 << 20, 40 * 10**6, 1 << 20, 10**8] * 2
 
 
 @pytest.mark.slow
@@ -196,7 +250,6 @@ def test_without_dask(paths, monkeypatch):
 
 def test_settings_of_files_reach_the_workers(three, tmp_path):
     """A part of the points, and one coordinate system for files that name two."""
-    from gppcs.io.cloud_files import CloudFiles
     from gppcs.io.query import Query
     from gppcs.streaming.partitions import ClusterPasses
     from gppcs.streaming.reading import FilePasses
@@ -208,7 +261,7 @@ def test_settings_of_files_reach_the_workers(three, tmp_path):
     box = Query.of((-50, -50, -50, 0, 50, 50), None)
     with CloudFiles(paths, "xyz", None, box) as files:
         expected = FilePasses(files, 300).overview(lambda steps: None)
-        found = ClusterPasses(files, 300, Cluster(three)).overview(lambda steps: None)
+        found = ClusterPasses(files, 300, Cluster(three), 300).overview(lambda steps: None)
     assert 0 < expected.count < 2_000
     assert (found.count, found.low.tolist(), found.high.tolist()) == (
         expected.count, expected.low.tolist(), expected.high.tolist()

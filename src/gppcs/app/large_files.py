@@ -44,7 +44,9 @@ Scratch = Annotated[
 Workers = Annotated[
     int | None,
     typer.Option(
-        metavar="COUNT", min=1, help="Work on so many processes of this machine, each file by itself (needs Dask)."
+        metavar="COUNT",
+        min=1,
+        help="Work on so many processes of this machine, each file or part of a file by itself (needs Dask).",
     ),
 ]
 Scheduler = Annotated[

@@ -18,7 +18,7 @@ from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError, file_path, flag
 from gppcs.io.columns import exact_as_double
 from gppcs.io.files import check_input, check_suffix, checked_columns, format_of, left_out, naming, read_as
-from gppcs.io.format import Format
+from gppcs.io.format import Format, Span
 from gppcs.io.query import Query
 from gppcs.io.rows import BLOCK
 from gppcs.io.streams import is_plain, plain_input
@@ -63,6 +63,8 @@ class CloudFiles:
         Which points to read.
     assume_same_crs : bool
         Whether to take the coordinate system of the first file for that of all.
+    span : (int, int), optional
+        Which points `chunks` reads, if the format of the files can be divided; see `each`.
 
     Attributes
     ----------
@@ -77,6 +79,7 @@ class CloudFiles:
         columns: Sequence[str] | None = None,
         query: Query | None = None,
         assume_same_crs: bool = False,
+        span: Span | None = None,
     ) -> None:
         check_suffix(format)
         self.paths = paths
@@ -84,6 +87,7 @@ class CloudFiles:
         self._columns = None if columns is None else checked_columns(columns)
         self.query = query
         self._assume_same_crs = assume_same_crs
+        self._span = span
         self._header: Header | None = None  # of the first file that has one
         self._copies: dict[Path, tuple[Any, Path]] = {}
         self._whole: dict[Path, PointCloud] = {}  # what `head` had to read as a whole, for `read`
@@ -130,23 +134,42 @@ class CloudFiles:
         self._whole.clear()
         self._stack.close()
 
-    def each(self) -> list[CloudFiles]:
-        """Return each file by itself, to be opened anew, also by another process.
+    def each(self, rows: int) -> list[CloudFiles]:
+        """Return each file, or each part of a file, by itself. Its `chunks` can be read anew, also by another process.
+
+        Parameters
+        ----------
+        rows : int
+            Points of a part at least. A file is divided if it is not compressed as a whole, all its points are read,
+            and its format can be read from the middle.
 
         Returns
         -------
         list of CloudFiles
+
+        Raises
+        ------
+        FileFormatError, OSError
+            As for `read`.
         """
-        found = [CloudFiles([path], *self.settings) for path in self.paths]
+        found = [CloudFiles([path], *self.settings, span) for path in self.paths for span in self._spans(path, rows)]
         if self._assume_same_crs:
             header = self.head().cloud.header
             for each in found:
                 each._header = header
         return found
 
+    def _spans(self, path: Path, rows: int) -> list[Span | None]:
+        """Return the parts of a file; None stands for all of it."""
+        with self._opened(path) as (file, known):
+            if path in self._copies or self._columns is not None or known.spans is None:
+                return [None]
+            spans = known.spans(file, rows)
+            return [*spans] if len(spans) > 1 else [None]
+
     @property
     def settings(self) -> tuple[str | None, Sequence[str] | None, Query | None, bool]:
-        """How the files are read: all arguments but the paths."""
+        """How the files are read: all arguments but the paths and the span."""
         return self._format, self._columns, self.query, self._assume_same_crs
 
     def read(self) -> PointCloud:
@@ -257,7 +280,7 @@ class CloudFiles:
     def _chunks(self, file: Any, known: Format, rows: int, attributes: bool) -> Iterator[PointCloud]:
         """Read an open file in chunks, or as a whole if that is the only way."""
         if known.chunks and self._columns is None:
-            yield from known.chunks(file, rows, attributes)
+            yield from known.chunks(file, rows, attributes, **({"span": self._span} if self._span else {}))
         else:
             yield read_as(known, file, self._columns)
 

@@ -10,6 +10,8 @@ from typing import BinaryIO
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.header import Header
 
+Span = tuple[int, int]  # the first of some points of a file, and the one behind the last
+
 
 def _never(head: bytes, size: int) -> bool:
     return False
@@ -124,6 +126,9 @@ class Format:
         Returns how many points a file has, as its header says. By default, the size of the file tells about how many.
     takes_query : bool
         Whether `read` and `chunks` take `query=`, a `Query` or None, and read no more than they must for it.
+    spans : callable(file, rows) -> list of (int, int), optional
+        Divides the points of a file into parts of at least `rows`, which `chunks` reads by themselves, given one as
+        `span=`. None if files are only read from their start.
     """
 
     name: str
@@ -139,3 +144,4 @@ class Format:
     chunks: Callable[..., Iterator[PointCloud]] | None = None
     count: Callable[[BufferedReader], int] | None = None
     takes_query: bool = False
+    spans: Callable[[BufferedReader, int], list[Span]] | None = None

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from io import BufferedReader, BytesIO
-from itertools import chain
+from itertools import chain, pairwise
 from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from gppcs.clouds.columns import Column
 from gppcs.errors import FileFormatError, InputError, OutputError
 from gppcs.io.columns import check_name, exact_as_double
 from gppcs.io.copc import chunks_of
-from gppcs.io.format import Format, without_attributes, without_header
+from gppcs.io.format import Format, Span, without_attributes, without_header
 from gppcs.io.las_header import (
     COPC,
     EXTRA_BYTES,
@@ -31,7 +31,7 @@ from gppcs.io.las_header import (
     record_of,
     waveforms_at,
 )
-from gppcs.io.laz import decompressed, decompressed_chunks
+from gppcs.io.laz import chunks_of_points, decompressed, decompressed_chunks
 from gppcs.io.query import Query, not_empty, without_levels
 from gppcs.io.rows import BLOCK, ends_early
 
@@ -169,7 +169,7 @@ def read_las(file: BufferedReader, query: Query | None = None) -> PointCloud:
         If the file is damaged, ends early, or has a scale with which coordinates cannot be told apart; or if the query
         has a resolution and the file is not COPC.
     """
-    parts = list(_blocks_as_clouds(file, attributes=True, query=query))
+    parts = list(_blocks_as_clouds(file, attributes=True, query=query, span=None))
     header = parts[0].header
     points = np.concatenate([part.points for part in parts])
     columns = {name: [part.attributes[name] for part in parts] for name in parts[0].attributes}
@@ -179,7 +179,7 @@ def read_las(file: BufferedReader, query: Query | None = None) -> PointCloud:
 
 
 def read_las_chunks(
-    file: BufferedReader, rows: int, attributes: bool, query: Query | None = None
+    file: BufferedReader, rows: int, attributes: bool, query: Query | None = None, span: Span | None = None
 ) -> Iterator[PointCloud]:
     """Read a LAS, LAZ or COPC file as `read_las` does, in chunks.
 
@@ -193,6 +193,8 @@ def read_las_chunks(
         Whether to return the attributes, too.
     query : Query, optional
         As for `read_las`.
+    span : (int, int), optional
+        One of `spans_of_las`, of which alone the points are read.
 
     Yields
     ------
@@ -203,7 +205,7 @@ def read_las_chunks(
     FileFormatError
         As `read_las`, after the chunks before the fault.
     """
-    for block in not_empty(_blocks_as_clouds(file, attributes, query)):
+    for block in not_empty(_blocks_as_clouds(file, attributes, query, span)):
         if len(block) <= rows:
             yield block
         else:
@@ -230,15 +232,55 @@ def count_las_points(file: BufferedReader) -> int:
     return _count(read_header(file)[1])
 
 
+def spans_of_las(file: BufferedReader, rows: int) -> list[Span]:
+    """Divide the points of a LAS, LAZ or COPC file into parts that can be read by themselves.
+
+    Parameters
+    ----------
+    file : binary file
+        Open for reading, at its start.
+    rows : int
+        Points of a part at least. Only the last may have fewer, and those of a LAZ file consist of whole chunks.
+
+    Returns
+    -------
+    list of (int, int)
+        The first point of each part, and the one behind its last.
+
+    Raises
+    ------
+    FileFormatError
+        If the header or the table of the chunks is damaged, or there are fewer points than the header says.
+    """
+    header, fields, own = read_header(file)
+    layout, count = _layout(header, int(fields["point_size"][0])), _count(fields)
+    if _is_compressed(fields):
+        chunks = chunks_of_points(file, layout.record, count, own.get(LASZIP))
+        ends = np.cumsum([points for _, _, points in chunks]).tolist()
+    else:
+        _check_length(file, layout, count)
+        ends = range(rows, count, rows)
+    begins = [0]
+    for end in ends:
+        if begins[-1] + rows <= end < count:
+            begins.append(end)
+    return list(pairwise([*begins, count]))
+
+
 def _count(fields: NDArray[Any]) -> int:
     return int(fields["count"][0]) or int(fields["legacy_count"][0])
 
 
-def _blocks_as_clouds(file: BufferedReader, attributes: bool, query: Query | None) -> Iterator[PointCloud]:
+def _is_compressed(fields: NDArray[Any]) -> bool:
+    return bool(int(fields["point_format"][0]) & 0b11000000)
+
+
+def _blocks_as_clouds(
+    file: BufferedReader, attributes: bool, query: Query | None, span: Span | None
+) -> Iterator[PointCloud]:
     """Yield a cloud without points, and then one for each block of points."""
     header, fields, own = read_header(file)
-    size, compressed = int(fields["point_size"][0]), int(fields["point_format"][0]) & 0b11000000
-    layout = _layout(header, size)
+    layout, compressed = _layout(header, int(fields["point_size"][0])), _is_compressed(fields)
     count = _count(fields)
     scales, offsets = fields["scales"][0], fields["offsets"][0]
     if query and compressed and COPC in own:
@@ -246,10 +288,15 @@ def _blocks_as_clouds(file: BufferedReader, attributes: bool, query: Query | Non
         blocks = decompressed_chunks(file, layout.record, chunks, own.get(LASZIP))
     elif query and query.resolution is not None:
         raise without_levels("LAZ without them" if compressed else "LAS")
+    elif compressed and span:
+        chunks = chunks_of_points(file, layout.record, count, own.get(LASZIP))
+        ends = np.cumsum([points for _, _, points in chunks])
+        begin, end = np.searchsorted(ends, span, side="right")
+        blocks = decompressed_chunks(file, layout.record, chunks[begin:end], own.get(LASZIP))
     elif compressed:
         blocks = decompressed(file, layout.record, count, own.get(LASZIP))
     else:
-        blocks = _uncompressed(file, layout, count)
+        blocks = _uncompressed(file, layout, *(span or (0, count)))
     wanted = layout.dimensions if attributes else {}
     for block in chain([np.empty(0, layout.record)], blocks):
         points = _coordinates(block, scales, offsets)
@@ -263,16 +310,22 @@ def _blocks_as_clouds(file: BufferedReader, attributes: bool, query: Query | Non
         yield PointCloud(points, columns, header=header)
 
 
-def _uncompressed(file: BufferedReader, layout: _Layout, count: int) -> Iterator[NDArray[Any]]:
+def _uncompressed(file: BufferedReader, layout: _Layout, begin: int, end: int) -> Iterator[NDArray[Any]]:
     size = layout.record.itemsize
+    _check_length(file, layout, end)
+    file.seek(begin * size, 1)
+    for first in range(begin, end, BLOCK):
+        n = min(BLOCK, end - first)
+        yield np.frombuffer(file.read(n * size), layout.record, n)
+
+
+def _check_length(file: BufferedReader, layout: _Layout, count: int) -> None:
+    """Check that a file, which is at its first point before and after, has so many points."""
     start = file.tell()
-    whole = (file.seek(0, 2) - start) // size
+    whole = (file.seek(0, 2) - start) // layout.record.itemsize
     file.seek(start)
     if whole < count:
         raise ends_early("point", whole, count)
-    for first in range(0, count, BLOCK):
-        n = min(BLOCK, count - first)
-        yield np.frombuffer(file.read(n * size), layout.record, n)
 
 
 def _coordinates(
@@ -628,7 +681,7 @@ def _format(name: str, suffix: str, compressed: bool) -> Format:
     recognises = partial(_is_las, compressed=compressed)
     return Format(
         name, (suffix,), read_las, write, recognises, fitted=_fitted, chunks=read_las_chunks, count=count_las_points,
-        takes_query=True,
+        takes_query=True, spans=spans_of_las,
     )  # fmt: skip
 
 

@@ -48,7 +48,7 @@ def decompressed(
         return
     with _reported():
         laszip = _checked(laszip, record)
-        largest = _largest_chunk(file, laszip, record.itemsize)
+        largest = _check_chunks(file, laszip, record.itemsize)
         reader = lazrs.ParLasZipDecompressor if largest <= _MOST_IN_CHUNK else lazrs.LasZipDecompressor
         decompressor = reader(file, laszip.data, lazrs.DecompressionSelection(lazrs.SELECTIVE_DECOMPRESS_ALL))
     for first in range(0, count, BLOCK):
@@ -108,6 +108,45 @@ def decompressed_chunks(
             content, table, n = bytearray(), [], 0
 
 
+def chunks_of_points(
+    file: BufferedReader, record: np.dtype[Any], count: int, laszip: Record | None
+) -> list[tuple[int, int, int]]:
+    """Return all chunks of a file, for `decompressed_chunks`.
+
+    Parameters
+    ----------
+    file : binary file
+        At its first point, before and after.
+    record : numpy dtype
+        The record of a point.
+    count : int
+        The number of points.
+    laszip : Record or None
+        The record that describes the compression.
+
+    Returns
+    -------
+    list of (int, int, int)
+        Position, size in bytes and number of points of each chunk. Nothing if one is so large that only `decompressed`
+        can read it.
+
+    Raises
+    ------
+    FileFormatError
+        If the chunks have fewer points than there are, or a size cannot be.
+    """
+    position, left, found = file.tell() + 8, count, []
+    with _reported():
+        table = _chunk_table(file, _checked(laszip, record))
+    for points, size in table:
+        if min(points, left):
+            found.append((position, size, min(points, left)))
+        position, left = position + size, left - min(points, left)
+    if left:
+        raise _ends_early()
+    return found if all(points <= _MOST_IN_CHUNK for _, _, points in found) else []
+
+
 def _checked(laszip: Record | None, record: np.dtype[Any]) -> Record:
     """Return the record that describes the compression, if it is there and fits the record of a point."""
     import lazrs
@@ -120,10 +159,27 @@ def _checked(laszip: Record | None, record: np.dtype[Any]) -> Record:
     return laszip
 
 
-def _largest_chunk(file: BufferedReader, laszip: Record, point_size: int) -> int:
+def _check_chunks(file: BufferedReader, laszip: Record, point_size: int) -> int:
     """Check the sizes by which lazrs takes memory: those of chunks and of layers in them. Return the largest chunk.
 
     The file is at its first point before and after. The largest chunk is in points.
+    """
+    start = file.tell()
+    chunks = _chunk_table(file, laszip)
+    size, n_layers, position = file.seek(0, 2), _layers(laszip), start + 8
+    for _, length in chunks:
+        needed = _size_of_layers(file, position, point_size, n_layers)
+        position += length
+        if needed > length or position > size:
+            raise _ends_early()
+    file.seek(start)
+    return max(points for points, _ in chunks)
+
+
+def _chunk_table(file: BufferedReader, laszip: Record) -> list[tuple[int, int]]:
+    """Return the number of points and the size in bytes of each chunk. The file is at its first point before and after.
+
+    If all chunks but the last have the same number of points, the last one has it, too, whatever it holds.
     """
     import lazrs
 
@@ -136,15 +192,9 @@ def _largest_chunk(file: BufferedReader, laszip: Record, point_size: int) -> int
     file.seek(start)
     if not 0 < n_chunks <= size:
         raise FileFormatError("expected a table of the compressed points, found none; get the whole file again")
-    chunks = lazrs.read_chunk_table(file, lazrs.LazVlr(laszip.data))
-    n_layers, position = _layers(laszip), start + 8
-    for _, length in chunks:
-        needed = _size_of_layers(file, position, point_size, n_layers)
-        position += length
-        if needed > length or position > size:
-            raise _ends_early()
+    chunks: list[tuple[int, int]] = lazrs.read_chunk_table(file, lazrs.LazVlr(laszip.data))
     file.seek(start)
-    return max(points for points, _ in chunks)
+    return chunks
 
 
 def _size_of_layers(file: BufferedReader, position: int, point_size: int, n_layers: int) -> int:

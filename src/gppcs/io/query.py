@@ -113,7 +113,7 @@ def restricted(known: Format, query: Query) -> Format:
     Returns
     -------
     Format
-        It counts points by reading them.
+        It counts points by reading them, and its files cannot be divided.
 
     Raises
     ------
@@ -122,6 +122,7 @@ def restricted(known: Format, query: Query) -> Format:
     """
     if query.resolution is not None and not known.takes_query:
         raise without_levels(known.name)
+    known = replace(known, spans=None)
     read, read_named, chunks = known.read, known.read_named, known.chunks
     if known.takes_query:
         part = replace(known, read=partial(read, query=query), chunks=chunks and partial(chunks, query=query))

@@ -1,4 +1,4 @@
-"""The passes over the files of a cloud as tasks of a cluster: a partition is a file."""
+"""The passes over the files of a cloud as tasks of a cluster: a partition is a file, or a part of one."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from gppcs.streaming.reading import FilePasses, Kept
 
 
 class ClusterPasses:
-    """Passes over files, each by a task of its own.
+    """Passes over files, each or each part of one by a task of its own.
 
     Parameters
     ----------
@@ -28,11 +28,13 @@ class ClusterPasses:
     rows : int
         Points of a chunk at most.
     cluster : Cluster
+    part : int
+        Points of a part of a file at least.
     """
 
-    def __init__(self, files: CloudFiles, rows: int, cluster: Cluster) -> None:
+    def __init__(self, files: CloudFiles, rows: int, cluster: Cluster, part: int) -> None:
         self._files, self._rows, self._cluster = files, rows, cluster
-        self._passes = [FilePasses(each, rows) for each in files.each()]
+        self._passes = [FilePasses(each, rows) for each in files.each(part)]
 
     def overview(self, advanced: Advanced) -> Overview:
         """As `FilePasses.overview`.
@@ -99,7 +101,7 @@ class ClusterPasses:
 
 
 class Partition(NamedTuple):
-    """The finite points of a file.
+    """The finite points of a file, or of a part of one.
 
     Attributes
     ----------

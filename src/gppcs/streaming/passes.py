@@ -67,7 +67,7 @@ def simplify_in_passes(
         As for `simplify_files`.
     """
     check_scores(scores, method, files.head().cloud)
-    passes = ClusterPasses(files, plan.rows, cluster) if cluster else FilePasses(files, plan.rows)
+    passes = ClusterPasses(files, plan.rows, cluster, plan.part) if cluster else FilePasses(files, plan.rows)
     asked = (method, ratio, n_points, invalid, plan.way, cluster is not None)
     with scratch_folder(scratch, plan.disk, work_name(files, asked) if resume else None) as folder:
         journal = Journal(folder)
