@@ -13,9 +13,14 @@ import gppcs
 from copc_file import write_copc
 from gppcs.engine.stages import Stages
 from gppcs.io.cloud_files import CloudFiles
+from gppcs.io.query import Query
+from gppcs.spatial.chunks import ChunkedPoints
+from gppcs.spatial.scaling import Frame
 from gppcs.streaming import cluster
 from gppcs.streaming.cluster import Cluster, local_cluster, scheduler_at
+from gppcs.streaming.partitions import ClusterPasses
 from gppcs.streaming.plan import Plan, Way
+from gppcs.streaming.reading import FilePasses
 
 distributed = pytest.importorskip("distributed")
 
@@ -118,6 +123,18 @@ def test_parts_of_a_file_grow_with_what_is_asked():
     assert parts == [1 << 20, 40 * 10**6, 1 << 20, 10**8] * 2
 
 
+@pytest.mark.parametrize("step", [1, 7, 5_000])
+def test_places_from_workers(three, paths, step):
+    with CloudFiles(paths) as files:
+        passes = ClusterPasses(files, 1_000, Cluster(three), 1_000)
+        seen = passes.overview(lambda steps: None)
+        points = passes.points(seen, Frame.around(seen.low, seen.high))
+        expected = np.concatenate(list(points.chunks()))
+    np.testing.assert_array_equal(points.every(step), expected[::step])
+    rows = np.unique(np.random.default_rng(step).integers(0, len(expected), 10_000 // step))
+    np.testing.assert_array_equal(points.take(rows), expected[rows])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_the_number_of_workers_makes_no_difference(cloud, paths, workers):
@@ -165,15 +182,30 @@ def test_a_killed_worker_makes_no_difference(three, cloud, paths, stage):
 
 
 @pytest.mark.slow
-def test_tiles_are_worked_on_by_workers(three, paths, small_tiles, tmp_path):
+@pytest.mark.parametrize("stage", ["sample", "boxes", "survey", "candidates", "greedy selection"])
+def test_a_worker_killed_in_tiles_makes_no_difference(three, paths, small_tiles, tmp_path, stage):
     expected = gppcs.simplify_files(paths, n_points=1_000, invalid="drop", memory="3GB")
-    for killer in (Killer(three, "survey"), Killer(three, "candidates"), Killer(three, "greedy selection")):
-        found = gppcs.simplify_files(
-            paths, n_points=1_000, invalid="drop", memory="3GB", scratch=tmp_path, client=three, stages=Stages(killer)
-        )
-        assert killer.killed
-        assert_same(found, expected)
-        assert not list(tmp_path.iterdir())
+    killer = Killer(three, stage)
+    found = gppcs.simplify_files(
+        paths, n_points=1_000, invalid="drop", memory="3GB", scratch=tmp_path, client=three, stages=Stages(killer)
+    )
+    assert killer.killed
+    assert_same(found, expected)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_tiles_are_worked_on_by_workers_alone(three, paths, small_tiles, tmp_path, monkeypatch):
+    """No points but the kept ones go through the client."""
+    expected = gppcs.simplify_files(paths, n_points=1_000, invalid="drop", memory="3GB")
+
+    def unread(self, seen, frame):
+        return ChunkedPoints(seen.finite, lambda: pytest.fail("the client reads points"))
+
+    monkeypatch.setattr("gppcs.streaming.reading.FilePasses.points", unread)  # in this process
+    options = {"invalid": "drop", "memory": "3GB", "scratch": tmp_path, "client": three}
+    assert_same(gppcs.simplify_files(paths, n_points=1_000, **options), expected)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("method", ["random", "voxel", "fps"])
@@ -250,10 +282,6 @@ def test_without_dask(paths, monkeypatch):
 
 def test_settings_of_files_reach_the_workers(three, tmp_path):
     """A part of the points, and one coordinate system for files that name two."""
-    from gppcs.io.query import Query
-    from gppcs.streaming.partitions import ClusterPasses
-    from gppcs.streaming.reading import FilePasses
-
     scan = gppcs.sample("bracket", 1_000)
     paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
     for path in paths:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,6 +152,24 @@ class ChunkedPoints:
 
     def __len__(self) -> int:
         return self.count
+
+    def each(self, work: Callable[[int, NDArray[np.float64]], Any], advanced: Advanced = _ignore) -> Iterator[Any]:
+        """Do some work on each chunk, in one pass.
+
+        Parameters
+        ----------
+        work : callable
+            Given the row of the first point of a chunk, and the chunk. For points in files it may run in another
+            process, which sends its result back.
+        advanced : callable, optional
+
+        Yields
+        ------
+        object
+            What it returns, in the order of the chunks.
+        """
+        for first, chunk in self._pass(advanced):
+            yield work(first, chunk)
 
     def take(self, rows: NDArray[np.int64], advanced: Advanced = _ignore) -> NDArray[np.float64]:
         """Return some of the points, in one pass.

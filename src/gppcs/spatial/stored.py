@@ -1,12 +1,19 @@
-"""Points on disk, sorted by the boxes in which they lie, so that a tile and its halo can be read."""
+"""Points on disk, sorted by the boxes in which they lie, so that a tile and its halo can be read.
+
+Each chunk of a cloud is sorted by itself, and written to a file of its own, a *run*. So several processes can write.
+"""
 
 from __future__ import annotations
 
+import math
+import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
+from uuid import uuid4
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +22,7 @@ from gppcs.engine.journal import Journal
 from gppcs.engine.stages import Stages
 from gppcs.spatial.boxes import Boxes, Tile
 from gppcs.spatial.chunks import ChunkedPoints
-from gppcs.spatial.row_sample import RowSample
+from gppcs.spatial.row_sample import drawn, row_hashes
 
 SAMPLED = 1 << 18  # Points of the sample by which space is divided.
 PER_BOX = 16  # Sampled points of a box at least.
@@ -44,7 +51,7 @@ class Neighbourhood(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StoredPoints:
-    """The points of a cloud, in a file for each box.
+    """The points of a cloud, in a file for each run.
 
     Attributes
     ----------
@@ -53,45 +60,14 @@ class StoredPoints:
     boxes : Boxes
     counts : (boxes,) array, int64
         Number of points in each box.
+    runs : tuple of int
+        The row of the first point of each run.
     """
 
     folder: Path
     boxes: Boxes
     counts: NDArray[np.int64]
-
-    @classmethod
-    def none(cls, folder: Path, boxes: Boxes) -> StoredPoints:
-        """Return a store without points.
-
-        Parameters
-        ----------
-        folder : path
-        boxes : Boxes
-
-        Returns
-        -------
-        StoredPoints
-        """
-        return cls(folder, boxes, np.zeros(len(boxes), dtype=np.int64))
-
-    def add(self, first: int, points: NDArray[np.float64]) -> None:
-        """Append points.
-
-        Parameters
-        ----------
-        first : int
-            Row of the first of them.
-        points : (n, 3) array
-        """
-        boxes = self.boxes.box_of(points)
-        order = np.argsort(boxes, kind="stable")
-        records = np.empty(len(points), dtype=_RECORD)
-        records["row"], records["place"] = first + order, points[order]
-        counts = np.bincount(boxes, minlength=len(self.boxes))
-        for box, last in zip(np.flatnonzero(counts).tolist(), np.cumsum(counts[counts > 0]), strict=True):
-            with self._path(box).open("ab") as file:
-                records[last - counts[box] : last].tofile(file)
-        self.counts[:] += counts
+    runs: tuple[int, ...]
 
     def near(self, tile: Tile, width: float) -> Neighbourhood:
         """Read the points of a tile and of a halo around it.
@@ -107,29 +83,56 @@ class StoredPoints:
         Neighbourhood
         """
         low, high = tile.low - width, tile.high + width
-        parts = [self._read(box) for box in range(tile.first, tile.last)]
-        own = sum(map(len, parts))
-        for box in self.boxes.around(tile, width):
-            found = self._read(int(box))
-            parts.append(found[((found["place"] >= low) & (found["place"] <= high)).all(axis=1)])
-        records = np.concatenate(parts)
+        boxes = [(tile.first, tile.last), *((box, box + 1) for box in self.boxes.around(tile, width).tolist())]
+        inside, around = [], []
+        for run in self.runs:
+            parts = self._read(run, boxes)
+            inside.append(next(parts))
+            around += [p[((p["place"] >= low) & (p["place"] <= high)).all(axis=1)] for p in parts if len(p)]
+        records = np.concatenate(inside + around)
         order = np.argsort(records["row"], kind="stable")
-        return Neighbourhood(records["row"][order], records["place"][order], order < own)
+        return Neighbourhood(records["row"][order], records["place"][order], order < sum(map(len, inside)))
 
     def remove(self) -> None:
         """Remove the files."""
-        for box in np.flatnonzero(self.counts).tolist():
-            self._path(box).unlink(missing_ok=True)
+        for run in self.runs:
+            _run(self.folder, run).unlink(missing_ok=True)
 
-    def _read(self, box: int) -> NDArray[Any]:
-        return np.fromfile(self._path(box), dtype=_RECORD) if self.counts[box] else np.empty(0, dtype=_RECORD)
+    def _read(self, run: int, boxes: Sequence[tuple[int, int]]) -> Iterator[NDArray[Any]]:
+        """Yield the points of a run in some boxes, several of which may be given by the first and the one behind."""
+        with _run(self.folder, run).open("rb") as file:
+            starts = np.fromfile(file, np.int64, len(self.boxes) + 1)
+            begin = file.tell()
+            for first, last in boxes:
+                file.seek(begin + int(starts[first]) * _RECORD.itemsize)
+                yield np.fromfile(file, _RECORD, int(starts[last] - starts[first]))
 
-    def _path(self, box: int) -> Path:
-        return self.folder / f"{box}.points"
+
+def _run(folder: Path, first: int) -> Path:
+    return folder / f"{first}.points"
+
+
+def _write_run(
+    folder: Path, boxes: Boxes, first: int, points: NDArray[np.float64]
+) -> tuple[int, NDArray[np.int64], NDArray[np.int64]]:
+    """Write a run. Return its first row, the boxes with points, and how many these have."""
+    of_point = boxes.box_of(points)
+    order = np.argsort(of_point, kind="stable")
+    records = np.empty(len(points), dtype=_RECORD)
+    records["row"], records["place"] = first + order, points[order]
+    counts = np.bincount(of_point, minlength=len(boxes))
+    path = _run(folder, first)
+    unfinished = folder / f"{path.name}.{uuid4().hex}"  # a task may be done by two workers at once
+    with unfinished.open("wb") as file:
+        np.concatenate([[0], np.cumsum(counts)]).astype(np.int64).tofile(file)
+        records.tofile(file)
+    os.replace(unfinished, path)
+    filled = np.flatnonzero(counts)
+    return first, filled, counts[filled]
 
 
 def store(points: ChunkedPoints, folder: Path, stages: Stages) -> tuple[StoredPoints, NDArray[np.float64]]:
-    """Store points by boxes, in two passes over them.
+    """Store points by boxes, in two passes over them. If these are made by workers, the workers write the points.
 
     Parameters
     ----------
@@ -150,24 +153,28 @@ def store(points: ChunkedPoints, folder: Path, stages: Stages) -> tuple[StoredPo
 
 
 def _store(points: ChunkedPoints, folder: Path, stages: Stages) -> tuple[StoredPoints, NDArray[np.float64]]:
-    for left in folder.glob("*.points"):  # by an interrupted run
+    for left in folder.glob("*.points*"):  # by an interrupted run
         left.unlink()
+    share = min(1.0, (SAMPLED + 8.0 * math.sqrt(SAMPLED)) / len(points))  # so that there are hardly ever too few
     with stages("sample", len(points)) as advanced:
-        sample = RowSample(SAMPLED)
-        for chunk in points.chunks():
-            sample.add(chunk)
-            advanced(len(chunk))
-    wanted, most = -(-len(points) // BOX), max(1, len(sample.points) // PER_BOX)
-    stored = StoredPoints.none(
-        folder, Boxes.of(sample.points, 1 << min((wanted - 1).bit_length(), most.bit_length() - 1))
-    )
+        found = list(points.each(partial(_drawn, share), advanced))
+    hashes, places = map(np.concatenate, zip(*found, strict=True))
+    sample = places[np.argsort(hashes)[:SAMPLED]]
+    wanted, most = -(-len(points) // BOX), max(1, len(sample) // PER_BOX)
+    boxes = Boxes.of(sample, 1 << min((wanted - 1).bit_length(), most.bit_length() - 1))
+    counts, runs = np.zeros(len(boxes), dtype=np.int64), []
     with stages("boxes", len(points)) as advanced:
-        first = 0
-        for chunk in points.chunks():
-            stored.add(first, chunk)
-            first += len(chunk)
-            advanced(len(chunk))
-    return stored, sample.points
+        for first, filled, of_box in points.each(partial(_write_run, folder, boxes), advanced):
+            counts[filled] += of_box
+            runs.append(first)
+    return StoredPoints(folder, boxes, counts, tuple(runs)), sample
+
+
+def _drawn(share: float, first: int, points: NDArray[np.float64]) -> tuple[NDArray[np.uint64], NDArray[np.float64]]:
+    """Return a random number for each point of a sample of a chunk, and these points."""
+    rows = np.arange(first, first + len(points))
+    some = np.flatnonzero(drawn(rows, share))
+    return row_hashes(rows[some]), points[some]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,25 +141,37 @@ class ClusterPoints(ChunkedPoints):
     parts: Sequence[Partition]
     cluster: Cluster
 
+    def each(
+        self, work: Callable[[int, NDArray[np.float64]], Any], advanced: Advanced = lambda steps: None
+    ) -> Iterator[Any]:
+        """As `ChunkedPoints.each`; all chunks of a partition are one task."""
+        for part, found in zip(self.parts, self.cluster.each(partial(_each, work), self.parts), strict=True):
+            yield from found
+            advanced(part.seen.finite)
+
     def take(self, rows: NDArray[np.int64], advanced: Advanced = lambda steps: None) -> NDArray[np.float64]:
         """As `ChunkedPoints.take`."""
-        asked = [(part, rows[part.slice(rows)] - part.first) for part in self.parts]
-        found = [np.empty((0, 3))]
-        for part, places in zip(self.parts, self.cluster.each(_taken, asked), strict=True):
-            found.append(places)
-            advanced(part.seen.finite)
-        return np.concatenate(found)
+        return self._joined(
+            _taken, [(part, _gaps(rows[part.slice(rows)] - part.first)) for part in self.parts], advanced
+        )
 
     def every(self, step: int, advanced: Advanced = lambda steps: None) -> NDArray[np.float64]:
         """As `ChunkedPoints.every`."""
-        return self.take(np.arange(0, self.count, step), advanced)
+        return self._joined(_taken_every, [(part, step) for part in self.parts], advanced)
+
+    def _joined(self, work: Callable[[Any], Any], asked: Sequence[Any], advanced: Advanced) -> NDArray[np.float64]:
+        found = [np.empty((0, 3))]
+        for part, places in zip(self.parts, self.cluster.each(work, asked), strict=True):
+            found.append(places)
+            advanced(part.seen.finite)
+        return np.concatenate(found)
 
     def greatest_in_cells(self, edge: float, values: SparseValues, advanced: Advanced = lambda steps: None) -> Places:
         """As `ChunkedPoints.greatest_in_cells`; the finds of two partitions are merged by a task, and so on."""
         asked = []
         for part in self.parts:
             own = part.slice(values.rows)
-            asked.append((part, edge, SparseValues(values.rows[own] - part.first, values.values[own])))
+            asked.append((part, edge, _gaps(values.rows[own] - part.first), values.values[own]))
         return self._merged(_greatest, asked, partial(_greatest_of, edge), advanced)
 
     def distinct(self, advanced: Advanced = lambda steps: None) -> Places:
@@ -190,14 +202,37 @@ def _kept(asked: tuple[FilePasses, Overview, NDArray[np.int64]]) -> Kept:
         return Kept(rows, [seen.columns.joined(clouds)] if len(rows) else [])
 
 
-def _taken(asked: tuple[Partition, NDArray[np.int64]]) -> Any:
-    part, rows = asked
-    return part.opened(lambda points: points.take(rows))
+def _each(work: Callable[[int, NDArray[np.float64]], Any], part: Partition) -> list[Any]:
+    def done(first: int, chunk: NDArray[np.float64]) -> Any:
+        return work(part.first + first, chunk)
+
+    return cast("list[Any]", part.opened(lambda points: list(points.each(done))))
 
 
-def _greatest(asked: tuple[Partition, float, SparseValues]) -> Places:
-    part, edge, values = asked
-    return _shifted(part, part.opened(lambda points: points.greatest_in_cells(edge, values)))
+def _gaps(rows: NDArray[np.int64]) -> NDArray[Any]:
+    """Return ascending rows by their differences, which take few bytes on their way over the scheduler."""
+    gaps = np.diff(rows, prepend=0)
+    return gaps.astype(np.min_scalar_type(int(gaps.max(initial=0))))
+
+
+def _rows(gaps: NDArray[Any]) -> NDArray[np.int64]:
+    return np.cumsum(gaps, dtype=np.int64)
+
+
+def _taken(asked: tuple[Partition, NDArray[Any]]) -> Any:
+    part, gaps = asked
+    return part.opened(lambda points: points.take(_rows(gaps)))
+
+
+def _taken_every(asked: tuple[Partition, int]) -> Any:
+    part, step = asked
+    return part.opened(lambda points: points.take(np.arange(-part.first % step, part.seen.finite, step)))
+
+
+def _greatest(asked: tuple[Partition, float, NDArray[Any], NDArray[np.float32]]) -> Places:
+    part, edge, gaps, values = asked
+    sparse = SparseValues(_rows(gaps), values)
+    return _shifted(part, part.opened(lambda points: points.greatest_in_cells(edge, sparse)))
 
 
 def _distinct(asked: tuple[Partition]) -> Places:
