@@ -172,3 +172,7 @@ def test_a_virtual_point_cloud_stands_for_its_files(gppcs_command, folder):
     assert (code, out.count('"points": 50')) == (0, 3)
     assert_one_line(gppcs_command("simplify", "all.vpc", "-o", "out.ply", *words), "expected a folder")
     assert_one_line(gppcs_command("info", "none.vpc"), "none.vpc: No such file")
+    for name in ("t1.ply", "all.vpc"):
+        for command in (["convert", "all.vpc", name], ["simplify", "all.vpc", "--merge", "-o", name, *words]):
+            told = gppcs_command(*command, "--to", "ply", "--force")
+            assert_one_line(told, f"{name}: expected a file other than the input {name}, found the same")

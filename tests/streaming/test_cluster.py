@@ -117,10 +117,11 @@ def test_parts_of_a_file_grow_with_what_is_asked():
         Plan(way, points, kept, 0, limit, rows).part
         for limit, rows in ((10**9, 10**6), (None, 10**5))
         for way, points, kept in (
-            (Way.PASSES, 10**8, 10**3), (Way.PASSES, 10**8, 10**6), (Way.TILES, 10**8, 10**7), (Way.PASSES, 10**12, 10)
+            (Way.PASSES, 10**8, 10**3), (Way.PASSES, 10**8, 50_000), (Way.PASSES, 10**8, 10**6),
+            (Way.TILES, 10**8, 10**7), (Way.PASSES, 10**12, 10),
         )
     ]  # fmt: skip
-    assert parts == [1 << 20, 40 * 10**6, 1 << 20, 10**8] * 2
+    assert parts == [1 << 20, 2_000_000, 1 << 22, 1 << 20, 10**8] * 2
 
 
 @pytest.mark.parametrize("step", [1, 7, 5_000])

@@ -12,6 +12,7 @@ from typing import BinaryIO
 
 from gppcs.engine.unfinished import unfinished
 from gppcs.errors import OutputError
+from gppcs.io.vpc import files_of
 
 STANDARD = "-"  # The path of standard input and standard output.
 
@@ -68,14 +69,18 @@ def check_distinct(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
     Parameters
     ----------
     outputs, inputs : sequence of path
-        The files to be written and the files to be read. They need not exist. `-` stands for two different streams.
+        The files to be written and the files to be read. They need not exist. `-` stands for two different streams. The
+        files that a virtual point cloud lists are inputs, too.
 
     Raises
     ------
+    FileFormatError, OSError
+        If a virtual point cloud cannot be read.
     OutputError
         If two are the same file, by their names, a symbolic link or a hard link.
     """
-    known = {_identity(source): source for source in inputs if not is_standard(source)}
+    sources = [file for path in inputs if not is_standard(path) for file in (path, *files_of(path))]
+    known = {_identity(source): source for source in sources}
     read = set(known)
     for output in (output for output in outputs if not is_standard(output)):
         identity = _identity(output)

@@ -20,6 +20,9 @@ PASSES = 4  # Bounds, a sample, candidates, and the kept points. One or two more
 PROGRAM = 250_000_000  # Bytes that the program itself takes, with its libraries and compiled kernels.
 COPIES = 4  # A chunk is held so often at once: as it is in the file, as it is, shifted and scaled, and hashed.
 FEWEST_ROWS = 1 << 16  # Points of a chunk, however little memory there is.
+PART = (
+    1 << 22
+)  # Points of a part of a file, where many are kept: the scheduler holds what a task returns to the client.
 TASKS = 10_000  # Tasks of a pass over one large file: many more would be much to do for the scheduler.
 ROWS_PER_KEPT = 40  # Points of a chunk for each point kept: some for each cell, so that most are dropped at once.
 
@@ -67,8 +70,8 @@ class Plan:
     @property
     def part(self) -> int:
         """Points of a part of a file, which is one task of a pass. The limit of memory makes no difference."""
-        kept = 0 if self.way is Way.TILES else ROWS_PER_KEPT * self.kept
-        return max(ROWS, kept, self.points // TASKS)
+        wanted = ROWS if self.way is Way.TILES else ROWS_PER_KEPT * self.kept
+        return max(ROWS, min(wanted, PART), self.points // TASKS)
 
     @property
     def passes(self) -> int:

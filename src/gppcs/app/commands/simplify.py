@@ -236,7 +236,7 @@ def simplify(
         _check_picture(picture, sources, force)
     if report:
         _check_drawn("--report", report, (".html", ".htm"), sources, force)
-    check_distinct([*targets, *filter(None, (picture, report))], merged or sources)
+    check_distinct([*targets, *filter(None, (picture, report))], [*inputs, *(merged or sources)])
     with cluster_of(workers, scheduler) as cluster:
         job = _Job(
             outputs, merged, options, input_format, names_of(columns), query, index_attribute, mark, figures, picture,
