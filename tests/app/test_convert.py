@@ -1,5 +1,8 @@
 """`gppcs convert`."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -91,3 +94,14 @@ def test_what_cannot_be_read_is_refused(gppcs_command, scan, words, part):
                     ["simplify", "scan.ply", "-o", "out.ply", "--points", 3]):  # fmt: skip
         assert_one_line(gppcs_command(*command, *words), part)
     assert files() == ["scan.ply"]
+
+
+def test_a_virtual_point_cloud_becomes_one_file(gppcs_command, two_systems):
+    features = [{"assets": {"data": {"href": path.name}}} for path in two_systems]
+    Path("all.vpc").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    told = gppcs_command("convert", "all.vpc", "one.las")
+    assert_one_line(told, "b.las: expected one coordinate system", "--assume-same-crs of gppcs simplify or convert")
+    assert gppcs_command("convert", "all.vpc", "one.las", "--assume-same-crs") == (0, "", "")
+    expected = np.concatenate([gppcs.read(path).points for path in two_systems])
+    assert gppcs.read("one.las").points.tobytes() == expected.tobytes()
+    assert gppcs.info("one.las").crs == "UTM 32N"

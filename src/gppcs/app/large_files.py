@@ -22,8 +22,8 @@ AssumeSameCrs = Annotated[
     bool,
     typer.Option(
         "--assume-same-crs",
-        help="With --merge, take the coordinate system of the first file for that of all. Otherwise, files with "
-        "different ones are an error.",
+        help="Of files that are one cloud, take the coordinate system of the first for that of all. Otherwise, files "
+        "with different ones are an error.",
     ),
 ]
 Memory = Annotated[

@@ -94,12 +94,13 @@ def load(
     columns: Sequence[str] | None = None,
     box: Sequence[float] | None = None,
     resolution: float | None = None,
+    assume_same_crs: bool = False,
 ) -> Loaded:
     """Read a point cloud file as `read` does, and tell what is left out.
 
     Parameters
     ----------
-    path, format, columns, box, resolution
+    path, format, columns, box, resolution, assume_same_crs
         As for `read`.
 
     Returns
@@ -111,5 +112,5 @@ def load(
     FileFormatError, ParameterError, OSError
         As for `read`.
     """
-    with CloudFiles.of([path], format, columns, box, resolution) as files:
+    with CloudFiles.of([path], format, columns, box, resolution, assume_same_crs) as files:
         return Loaded(files.read(), *files.left_out())

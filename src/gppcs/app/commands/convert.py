@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from gppcs.app.large_files import AssumeSameCrs
 from gppcs.app.printing import (
     Ascii,
     Box,
@@ -32,7 +33,13 @@ EPILOG = (
 
 def convert(
     source: Annotated[
-        Path, typer.Argument(metavar="IN", parser=file_path, help="A point cloud file.", show_default=False)
+        Path,
+        typer.Argument(
+            metavar="IN",
+            parser=file_path,
+            help="A point cloud file, or a .vpc file, whose files become one cloud.",
+            show_default=False,
+        ),
     ],
     target: Annotated[
         Path, typer.Argument(metavar="OUT", parser=file_path, help="The file to write.", show_default=False)
@@ -47,6 +54,7 @@ def convert(
         Literal["keep", "drop"],
         typer.Option(help="For NaN and infinite coordinates: keep these points, or drop them."),
     ] = "keep",
+    assume_same_crs: AssumeSameCrs = False,
     force: Force = False,
     lossy: Lossy = False,
 ) -> None:
@@ -60,7 +68,8 @@ def convert(
     io.format_to_write(target, output_format, ascii)
     io.check_output(target, force)
     io.check_distinct([target], [source])
-    cloud, _, unread = io.load(source, input_format, names_of(columns), numbers_of(box), resolution)
+    part = (names_of(columns), numbers_of(box), resolution)
+    cloud, _, unread = io.load(source, input_format, *part, assume_same_crs)
     if invalid == "drop" and (n := len(cloud.non_finite())):
         cloud = cloud.take(cloud.finite_rows())
         unread = [*unread, f"points with NaN or infinite coordinates ({n:,})"]
