@@ -187,6 +187,23 @@ def test_an_index_that_leads_to_itself_or_twice_to_the_same_points_is_refused(la
     assert ENTRY.itemsize == 32
 
 
+def test_a_layer_that_would_crash_lazrs_is_refused(las, tmp_path):
+    """A layer of times in which the decoder would see a switch of sequences without end."""
+    path = tmp_path / "a.copc.laz"
+    index = write_copc(path, las[:800], 3, SPACING)
+    chunk = int(index["offset"][np.argmax(index["count"])])
+    layers = chunk + las.header.point_format.size + 4
+    sizes = np.frombuffer(
+        path.read_bytes()[layers : layers + 40], "<u4"
+    )  # 9 of points, the last the times; 1 of colours
+    damaged(path, layers + 40 + int(sizes[:8].sum()), b"\xff" * 8)
+    for query in ({"box": [0, 0, 9e5, 9e5]}, {}):
+        with pytest.raises(
+            FileFormatError, match=r"a\.copc\.laz: expected whole compressed points, found damaged ones"
+        ):
+            gppcs.read(path, **query)
+
+
 def test_damage_gives_an_error_or_points(las, tmp_path):
     path = tmp_path / "a.copc.laz"
     write_copc(path, las[:500], DEPTH, SPACING, paged=True)

@@ -91,8 +91,9 @@ def decompressed_chunks(
     for i, (position, size, count) in enumerate(chunks):
         if not 0 < count <= _MOST_IN_CHUNK:
             raise FileFormatError(f"expected chunks of 1 to {_MOST_IN_CHUNK:,} points, found one of {count:,}")
-        if not 0 < size <= file_size - position or _size_of_layers(file, position, record.itemsize, layers) > size:
+        if not 0 < size <= file_size - position:
             raise _ends_early()
+        _check_chunk(file, position, size, record.itemsize, layers)
         file.seek(position)
         content += file.read(size)
         table.append((count, size))
@@ -168,10 +169,10 @@ def _check_chunks(file: BufferedReader, laszip: Record, point_size: int) -> int:
     chunks = _chunk_table(file, laszip)
     size, n_layers, position = file.seek(0, 2), _layers(laszip), start + 8
     for _, length in chunks:
-        needed = _size_of_layers(file, position, point_size, n_layers)
-        position += length
-        if needed > length or position > size:
+        if length > size - position:
             raise _ends_early()
+        _check_chunk(file, position, length, point_size, n_layers)
+        position += length
     file.seek(start)
     return max(points for points, _ in chunks)
 
@@ -197,10 +198,24 @@ def _chunk_table(file: BufferedReader, laszip: Record) -> list[tuple[int, int]]:
     return chunks
 
 
-def _size_of_layers(file: BufferedReader, position: int, point_size: int, n_layers: int) -> int:
-    """Return how many bytes the layers of a chunk take, as the chunk says behind its first point."""
-    file.seek(position + point_size + 4)
-    return int(np.frombuffer(file.read(4 * n_layers).ljust(4 * n_layers, b"\0"), "<u4").sum(dtype=np.int64))
+def _check_chunk(file: BufferedReader, position: int, length: int, point_size: int, n_layers: int) -> None:
+    """Check that the layers of a chunk lie within it, and that each begins as an arithmetic coder lets it.
+
+    With another beginning, the decoder never leaves an impossible state, in which lazrs calls itself until the stack
+    is full: that ends the process.
+    """
+    sizes, start = [length - point_size], position + point_size
+    if n_layers:
+        file.seek(start + 4)  # behind the number of points
+        sizes = np.frombuffer(file.read(4 * n_layers).ljust(4 * n_layers, b"\0"), "<u4").tolist()
+        start += 4 + 4 * n_layers
+    if sum(sizes) > length:
+        raise _ends_early()
+    for size in sizes:
+        file.seek(start)
+        if size >= 4 and file.read(4) == b"\xff" * 4:
+            raise FileFormatError("expected whole compressed points, found damaged ones; get the whole file again")
+        start += size
 
 
 def _ends_early() -> FileFormatError:
