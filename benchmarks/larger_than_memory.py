@@ -114,6 +114,7 @@ def measured(paths: list[Path], share: float, memory: str, folder: Path) -> list
 def main() -> None:
     """Print the table and write it."""
     rows = []
+    subprocess.run([Path(sys.executable).with_name("gppcs"), "warmup"], check=True)
     with tempfile.TemporaryDirectory(dir=os.environ.get("GPPCS_SCRATCH")) as name:
         tiles, work = Path(name) / "tiles", Path(name) / "work"
         tiles.mkdir()

@@ -92,6 +92,7 @@ def test_python_runs(page, workplace):
     exec(compile(code, page, "exec"), {"__name__": "page"})
 
 
+@pytest.mark.slow
 def test_a_mesh_is_made_of_the_kept_points(workplace):
     pymeshlab = pytest.importorskip("pymeshlab")
     (code,) = [block for block in blocks("docs/usage.md", "python") if PYMESHLAB in block]
