@@ -201,12 +201,21 @@ def test_compare_meshes_draws_a_column_for_each_mesh(gppcs_command, ball, monkey
     assert mesh.caption.startswith("mesh mean\n")
 
 
+def test_compare_meshes_shows_them_in_the_report(gppcs_command, ball):
+    code, out, err = gppcs_command(*MESHES, "--methods", "mesh,ball-pivoting", "--no-picture", "--report")
+    assert (code, err) == (0, "")
+    assert out.endswith("side: table.csv, table.md, report.html\n")
+    original, *results = WebPage(Path("side/report.html").read_text(encoding="utf-8")).described["clouds"]
+    assert [cloud["name"] for cloud in (original, *results)] == ["ball.ply", "mesh", "ball-pivoting"]
+    assert "mesh" not in original
+    assert all("mesh" in cloud for cloud in results)
+
+
 @pytest.mark.parametrize(
     ("options", "part"),
     [
         (["--methods", "mesh,mesh-move"], "no way to a mesh 'mesh-move'; did you mean 'mesh-moved'?"),
         (["--methods", "gp"], "no way to a mesh 'gp'; expected one of mesh, mesh-moved, "),
-        (["--report"], "expected either --meshes or --report, found both"),
         (["--ratio", "0.1"], "found both"),
     ],
 )
