@@ -172,7 +172,7 @@ def test_compare_meshes_writes_tables_and_prints_one(gppcs_command, ball):
 
 
 def test_compare_meshes_json_is_one_object_a_way_and_a_note_tells_of_failures(gppcs_command, ball):
-    gppcs.write("ball.ply", np.random.default_rng(0).random((400, 3)))
+    gppcs.write("ball.ply", np.random.default_rng(0).random((400, 3)), force=True)
     code, out, err = gppcs_command(*MESHES, "--methods", "mesh,ball-pivoting", "--no-picture", "--json")
     mesh, pivoted = map(json.loads, out.splitlines())
     assert (code, mesh["way"], mesh["figures"], pivoted["failure"]) == (0, "mesh", {}, None)
@@ -191,7 +191,7 @@ def test_compare_meshes_draws_a_column_for_each_mesh(gppcs_command, ball, monkey
     surface = gppcs.mesh(ball, n_points=500).mesh
     gppcs.write_mesh("surface.ply", surface)
     ball.points[7] = np.nan
-    gppcs.write("ball.ply", ball)
+    gppcs.write("ball.ply", ball, force=True)
     options = ("--methods", "mesh,ball-pivoting", "--invalid", "drop", "--mesh", "surface.ply", "-q")
     assert gppcs_command(*MESHES, *options) == (0, "", "")
     assert [column.title for column in columns] == ["original", "mesh", "ball-pivoting"]

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from io import BytesIO
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from gppcs.clouds.cloud import PointCloud
     from gppcs.clouds.mesh import Mesh
     from gppcs.drawing.viewpoint import Viewpoint
@@ -79,4 +79,6 @@ def named_meshes(entries: Sequence[MeshEntry]) -> list[Named]:
 
 def _vertices(mesh: Mesh) -> NDArray[np.float64]:
     """Return the vertices that triangles have, (V, 3)."""
+    import numpy as np
+
     return mesh.vertices[np.unique(mesh.faces)]

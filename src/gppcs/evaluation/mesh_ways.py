@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,20 +40,18 @@ class Wanted:
     stages: Stages
 
     def kept(self) -> NDArray[np.int64]:
-        """Return the rows of the M points that `gp` keeps, (M,)."""
+        """Return the points that `gp` keeps.
+
+        Returns
+        -------
+        (M,) array, int64
+            Their rows in the cloud.
+        """
         return simplify(self.cloud, n_points=self.n_vertices, stages=self.stages).indices
 
 
 def _ours(wanted: Wanted, moved: bool) -> Mesh:
     return meshed(wanted.cloud, n_points=wanted.n_vertices, moved=moved, stages=wanted.stages).mesh
-
-
-def _mesh(wanted: Wanted) -> Mesh:
-    return _ours(wanted, moved=False)
-
-
-def _mesh_moved(wanted: Wanted) -> Mesh:
-    return _ours(wanted, moved=True)
 
 
 def _poisson_kept(wanted: Wanted) -> Mesh:
@@ -95,8 +94,8 @@ def _advancing_front(wanted: Wanted) -> Mesh:
 
 
 MESH_WAYS: Mapping[str, Callable[[Wanted], Mesh]] = {
-    "mesh": _mesh,
-    "mesh-moved": _mesh_moved,
+    "mesh": partial(_ours, moved=False),
+    "mesh-moved": partial(_ours, moved=True),
     "poisson-kept": _poisson_kept,
     "poisson-decimated": _poisson_decimated,
     "ball-pivoting": _ball_pivoting,
@@ -122,7 +121,13 @@ def require_way(name: str) -> None:
 
 
 def installed_ways() -> list[str]:
-    """Return the names of the ways whose packages are installed."""
+    """Return the names of the ways whose packages are installed.
+
+    Returns
+    -------
+    list of str
+        In the order of `MESH_WAYS`.
+    """
 
     def is_installed(name: str) -> bool:
         try:
