@@ -207,8 +207,16 @@ def test_compare_meshes_shows_them_in_the_report(gppcs_command, ball):
     assert out.endswith("side: table.csv, table.md, report.html\n")
     original, *results = WebPage(Path("side/report.html").read_text(encoding="utf-8")).described["clouds"]
     assert [cloud["name"] for cloud in (original, *results)] == ["ball.ply", "mesh", "ball-pivoting"]
-    assert "mesh" not in original
-    assert all("mesh" in cloud for cloud in results)
+    assert original["mesh"] is None
+    assert results[0]["mesh"]["triangles"] == 196
+    assert results[1]["mesh"]["triangles"] > 150
+
+
+def test_compare_meshes_writes_tables_if_no_way_finds_a_surface(gppcs_command, ball):
+    gppcs.write("ball.ply", np.random.default_rng(0).random((400, 3)), force=True)
+    code, out, err = gppcs_command(*MESHES, "--methods", "mesh", "--no-picture", "--report")
+    assert (code, err.count("\n")) == (0, 1)
+    assert out.endswith("side: table.csv, table.md\n")
 
 
 @pytest.mark.parametrize(

@@ -146,8 +146,8 @@ def compare(
             contents["picture.png"] = drawn_meshes(original, entries, surface, viewpoint)
         elif picture:
             contents["picture.png"] = _drawn(original, entries, surfaces, viewpoint)
-    if report:
-        results = named_meshes(entries) if meshes else _named(entries, surfaces)
+    results = named_meshes(entries) if meshes else _named(entries, surfaces)
+    if report and results:  # else no way has found a surface, as the notes say
         made = how_made(context.obj, [cloud, *([mesh] if mesh else [])])
         contents["report.html"] = _page(Named(cloud.name, original, surfaces[0]), results, made, viewpoint, stages)
     output.mkdir(exist_ok=True)
