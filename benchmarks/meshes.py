@@ -11,10 +11,6 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from time import perf_counter
-
-import numpy as np
-import pymeshlab
 
 import gppcs
 import report
@@ -39,25 +35,7 @@ CLOUDS = {  # file: the number or share of vertices, and the file of the origina
     "redwood_fragment": (0.03, None),
 }
 UNSEEN = 11  # those from here on were not used to choose any constant
-DEPTH = 8
-MEMBRANE = 4.0  # distance from all points beyond which the rebuilt surface is cut off, in spacings or octree cells
-WARM_UP = 5000  # points of the run that loads the kernels
-
-
-def with_decimation(points: np.ndarray, n_vertices: int) -> gppcs.Mesh:
-    """Return the mesh of the rival."""
-    meshes = pymeshlab.MeshSet(verbose=False)
-    meshes.add_mesh(pymeshlab.Mesh(points, v_normals_matrix=gppcs.estimate_normals(points)))
-    meshes.generate_surface_reconstruction_screened_poisson(depth=DEPTH, preclean=True, threads=1)
-    vertices, faces = meshes.current_mesh().vertex_matrix(), meshes.current_mesh().face_matrix()
-    tree = gppcs.KdTree.build(np.unique(points, axis=0))
-    spacing = np.sqrt(np.median(tree.neighbours(6)[1][:, -1]))
-    limit = MEMBRANE * max(spacing, np.ptp(points, axis=0).max() / 2**DEPTH)
-    far = tree.nearest_of(vertices, 1)[1][:, 0] > limit**2
-    meshes.add_mesh(pymeshlab.Mesh(vertices, faces[~far[faces].any(axis=1)]))
-    meshes.meshing_remove_unreferenced_vertices()
-    meshes.meshing_decimation_quadric_edge_collapse(targetfacenum=2 * n_vertices, preservenormal=True)
-    return gppcs.Mesh(meshes.current_mesh().vertex_matrix(), meshes.current_mesh().face_matrix())
+WAYS = {"mesh": "points", "mesh-moved": "moved", "poisson-decimated": "Poisson"}  # and how the table calls them
 
 
 def measured(name: str) -> list[tuple[str, ...]]:
@@ -66,22 +44,13 @@ def measured(name: str) -> list[tuple[str, ...]]:
     cloud = gppcs.read(report.DATA / f"{name}.ply")
     n_vertices = round(amount * len(cloud)) if amount < 1 else int(amount)
     surface = gppcs.read_mesh(report.DATA / f"{original}.ply") if original else None
-    works = {
-        "points": lambda: gppcs.mesh(cloud, n_points=n_vertices).mesh,
-        "moved": lambda: gppcs.mesh(cloud, n_points=n_vertices, moved=True).mesh,
-        "Poisson": lambda: with_decimation(cloud.points, n_vertices),
-    }
     rows = []
-    for work, make in works.items():
-        first = name if work == "points" else ""
-        start = perf_counter()
-        try:
-            mesh = make()
-        except gppcs.NoSurfaceError:
-            rows.append((first, f"{len(cloud):,}", f"{n_vertices:,}", work, "no surface found", *[""] * 11))
+    for entry in gppcs.compare_meshes(cloud, n_points=n_vertices, ways=WAYS, mesh=surface):
+        first, way = name if not rows else "", WAYS[entry.way]
+        if entry.report is None:
+            rows.append((first, f"{len(cloud):,}", f"{n_vertices:,}", way, "no surface found", *[""] * 11))
             continue
-        seconds = perf_counter() - start
-        figures = gppcs.evaluate_mesh(cloud, mesh, surface).figures(relative=True)
+        figures = entry.report.figures(relative=True)
         lengths = (f"{1e4 * figures[f'mesh_{key}']:.2f}" for key in ("mean", "max", "back_mean", "back_max"))
         counts = (
             f"{figures[key]:.0f}"
@@ -89,8 +58,8 @@ def measured(name: str) -> list[tuple[str, ...]]:
                         "self_intersections")
         )  # fmt: skip
         rows.append(
-            (first, f"{len(cloud):,}", f"{figures['vertices']:,.0f}", work, *lengths,
-             *counts, f"{100 * figures['slivers']:.2f}", f"{seconds:.1f}")
+            (first, f"{len(cloud):,}", f"{figures['vertices']:,.0f}", way, *lengths,
+             *counts, f"{100 * figures['slivers']:.2f}", f"{entry.seconds:.1f}")
         )  # fmt: skip
         print(*rows[-1], file=sys.stderr, flush=True)
     return rows
@@ -99,8 +68,6 @@ def measured(name: str) -> list[tuple[str, ...]]:
 def main() -> None:
     """Print and write the table."""
     gppcs.set_threads(1)
-    gppcs.mesh(gppcs.sample("sphere", n_points=WARM_UP, noise=0.01), n_points=100, moved=True)
-    gppcs.mesh(gppcs.sample("sphere", n_points=WARM_UP), n_points=100, moved=True)
     names = sys.argv[1:] or [*CLOUDS]
     rows = [row for name in names for row in measured(name)]
     files = {file for name in names for file in (name, CLOUDS[name][1]) if file}

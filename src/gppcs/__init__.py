@@ -128,6 +128,7 @@ if TYPE_CHECKING:
     )
     from gppcs.evaluation.comparison import Entry, compare
     from gppcs.evaluation.judge import evaluate, evaluate_mesh
+    from gppcs.evaluation.mesh_comparison import MeshEntry, compare_meshes
     from gppcs.evaluation.report import Figure, MeshReport, Rebuilt, Report, figures_of
     from gppcs.io import read, write
     from gppcs.io.mesh_files import read_mesh
@@ -183,6 +184,7 @@ _HOMES = {  # the module that defines each public name
     ),
     "evaluation.comparison": ("Entry", "compare"),
     "evaluation.judge": ("evaluate", "evaluate_mesh"),
+    "evaluation.mesh_comparison": ("MeshEntry", "compare_meshes"),
     "evaluation.report": ("Figure", "MeshReport", "Rebuilt", "Report", "figures_of"),
     "io": ("read", "write"),
     "io.mesh_files": ("read_mesh",),
@@ -237,6 +239,7 @@ __all__ = [
     "Listener",
     "LocalGP",
     "Mesh",
+    "MeshEntry",
     "MeshReport",
     "MeshResult",
     "Method",
@@ -263,6 +266,7 @@ __all__ = [
     "Voxel",
     "__version__",
     "compare",
+    "compare_meshes",
     "estimate_features",
     "estimate_normals",
     "evaluate",

@@ -148,6 +148,92 @@ def test_what_compare_refuses_leaves_nothing(gppcs_command, scan, arguments, par
     assert Path("old/table.md").read_text() == "mine"
 
 
+@pytest.fixture
+def ball(folder):
+    """The cloud in the file ball.ply."""
+    pytest.importorskip("pymeshlab")
+    cloud = gppcs.sample("sphere", 1000)
+    gppcs.write("ball.ply", cloud)
+    return cloud
+
+
+MESHES = ("compare", "ball.ply", "--points", 100, "--meshes", "-o", "side")
+
+
+def test_compare_meshes_writes_tables_and_prints_one(gppcs_command, ball):
+    code, out, err = gppcs_command(*MESHES, "--methods", "mesh, ball-pivoting", "--no-picture")
+    assert (code, err) == (0, "")
+    titles, *rows = Path("side/table.csv").read_text().splitlines()
+    assert titles.startswith("way,seconds,vertices,triangles,")
+    assert [row.split(",")[0] for row in rows] == ["mesh", "ball-pivoting"]
+    assert "| mesh | 100 | 196 |" in Path("side/table.md").read_text()
+    assert ["mesh", "100", "196"] in [line.split()[:3] for line in out.splitlines()]
+    assert out.endswith("side: table.csv, table.md\n")
+
+
+def test_compare_meshes_json_is_one_object_a_way_and_a_note_tells_of_failures(gppcs_command, ball):
+    gppcs.write("ball.ply", np.random.default_rng(0).random((400, 3)), force=True)
+    code, out, err = gppcs_command(*MESHES, "--methods", "mesh,ball-pivoting", "--no-picture", "--json")
+    mesh, pivoted = map(json.loads, out.splitlines())
+    assert (code, mesh["way"], mesh["figures"], pivoted["failure"]) == (0, "mesh", {}, None)
+    assert "fill a volume" in mesh["failure"]
+    assert err.startswith("gppcs: note: mesh: expected points on a surface")
+    assert err.count("\n") == 1
+    assert pivoted["figures"]["triangles"] > 0
+
+
+def test_compare_meshes_draws_a_column_for_each_mesh(gppcs_command, ball, monkeypatch):
+    for module in ("pyvista", "matplotlib"):
+        pytest.importorskip(module)
+    columns = []
+    monkeypatch.setattr("gppcs.drawing.side_by_side.draw_comparison", lambda file, given, _: columns.extend(given))
+    monkeypatch.setattr("gppcs.engine.extras._opengl_works", lambda: True)
+    surface = gppcs.mesh(ball, n_points=500).mesh
+    gppcs.write_mesh("surface.ply", surface)
+    ball.points[7] = np.nan
+    gppcs.write("ball.ply", ball, force=True)
+    options = ("--methods", "mesh,ball-pivoting", "--invalid", "drop", "--mesh", "surface.ply", "-q")
+    assert gppcs_command(*MESHES, *options) == (0, "", "")
+    assert [column.title for column in columns] == ["original", "mesh", "ball-pivoting"]
+    original, mesh, _ = columns
+    assert (len(original.points), len(original.mesh.faces)) == (999, len(surface.faces))
+    assert (len(mesh.points), len(mesh.mesh.faces), mesh.counted) == (100, 196, "vertices")
+    assert mesh.caption.startswith("mesh mean\n")
+
+
+def test_compare_meshes_shows_them_in_the_report(gppcs_command, ball):
+    code, out, err = gppcs_command(*MESHES, "--methods", "mesh,ball-pivoting", "--no-picture", "--report")
+    assert (code, err) == (0, "")
+    assert out.endswith("side: table.csv, table.md, report.html\n")
+    original, *results = WebPage(Path("side/report.html").read_text(encoding="utf-8")).described["clouds"]
+    assert [cloud["name"] for cloud in (original, *results)] == ["ball.ply", "mesh", "ball-pivoting"]
+    assert original["mesh"] is None
+    assert results[0]["mesh"]["triangles"] == 196
+    assert results[1]["mesh"]["triangles"] > 150
+
+
+def test_compare_meshes_writes_tables_if_no_way_finds_a_surface(gppcs_command, ball):
+    gppcs.write("ball.ply", np.random.default_rng(0).random((400, 3)), force=True)
+    code, out, err = gppcs_command(*MESHES, "--methods", "mesh", "--no-picture", "--report")
+    assert (code, err.count("\n")) == (0, 1)
+    assert out.endswith("side: table.csv, table.md\n")
+
+
+@pytest.mark.parametrize(
+    ("options", "part"),
+    [
+        (["--methods", "mesh,mesh-move"], "no way to a mesh 'mesh-move'; did you mean 'mesh-moved'?"),
+        (["--methods", "gp"], "no way to a mesh 'gp'; expected one of mesh, mesh-moved, "),
+        (["--ratio", "0.1"], "found both"),
+    ],
+)
+def test_what_compare_meshes_refuses_leaves_nothing(gppcs_command, ball, options, part):
+    code, out, err = gppcs_command(*MESHES, *options, "--no-picture")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert part in err
+    assert files() == ["ball.ply"]
+
+
 @pytest.mark.parametrize("name", ["table.csv", "table.md"])
 @pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])
 @pytest.mark.parametrize("read", ["scan.ply", "mesh.ply"])

@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs.app.tables import SHOWN, UNITS, Column, as_csv, as_markdown, columns_of, shown
+from gppcs.app.tables import SHOWN, UNITS, Column, Row, as_csv, as_markdown, columns_of, shown
+
+
+def rows_of(entries):
+    return [Row.of(entry) for entry in entries]
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +21,7 @@ def entries():
 
 
 def test_csv_holds_every_figure_raw_and_relative(entries):
-    rows = list(csv.DictReader(io.StringIO(as_csv(entries))))
+    rows = list(csv.DictReader(io.StringIO(as_csv(rows_of(entries)))))
     assert [row["method"] for row in rows] == ["random", "fps"]
     for row, entry in zip(rows, entries, strict=True):
         raw, relative = entry.report.figures(), entry.report.figures(relative=True)
@@ -30,7 +34,7 @@ def test_csv_holds_every_figure_raw_and_relative(entries):
 
 
 def test_markdown_has_a_row_for_each_method_and_the_best_in_bold(entries):
-    header, rule, *rows = as_markdown(entries).split("\n\n")[0].splitlines()
+    header, rule, *rows = as_markdown(rows_of(entries)).split("\n\n")[0].splitlines()
     titles = [cell.strip() for cell in header.strip("|").split("|")]
     assert rule.count("---") == len(titles)
     cells = {line.split("|")[1].strip(): [cell.strip() for cell in line.strip("|").split("|")] for line in rows}
@@ -46,29 +50,66 @@ def test_entries_of_one_method_are_told_apart(entries):
         dataclasses.replace(entry, result=dataclasses.replace(entry.result, method=gppcs.Random(seed=seed)))
         for entry, seed in zip(entries, (0, 5), strict=True)
     ]
-    rows = list(csv.DictReader(io.StringIO(as_csv(fives))))
+    rows = list(csv.DictReader(io.StringIO(as_csv(rows_of(fives)))))
     assert [(row["method"], row["parameters"]) for row in rows] == [("random", "seed=0"), ("random", "seed=5")]
-    assert [line.split(" | ")[0] for line in as_markdown(fives).splitlines()[2:4]] == ["| random", "| random (seed=5)"]
+    assert [line.split(" | ")[0] for line in as_markdown(rows_of(fives)).splitlines()[2:4]] == [
+        "| random",
+        "| random (seed=5)",
+    ]
 
 
 def test_csv_tells_why_figures_are_missing(entries):
     failed = dataclasses.replace(entries[0], failure="no surface,\n  at all")
-    rows = list(csv.DictReader(io.StringIO(as_csv([failed, entries[1]]))))
+    rows = list(csv.DictReader(io.StringIO(as_csv(rows_of([failed, entries[1]])))))
     assert [row["failure"] for row in rows] == ["no surface, at all", ""]
 
 
 def test_units_keep_their_names(entries):
-    assert as_markdown(entries).endswith("\nLengths in" + UNITS.removeprefix("Lengths in") + "; bold: the best.\n")
-    assert "Chamfer" in as_markdown(entries)
+    assert as_markdown(rows_of(entries)).endswith(
+        "\nLengths in" + UNITS.removeprefix("Lengths in") + "; bold: the best.\n"
+    )
+    assert "Chamfer" in as_markdown(rows_of(entries))
 
 
 def test_columns_without_values_are_left_out(entries):
-    titles = {column.title for column in columns_of(entries)}
+    titles = {column.title for column in columns_of(rows_of(entries))}
     assert "surface mean" in titles
     assert "hausdorff mean" not in titles
     assert set(SHOWN) - {f"carried_{name}" for name in gppcs.figures_of(gppcs.Rebuilt)} <= {
-        *gppcs.figures_of(gppcs.Report), *gppcs.figures_of(gppcs.Rebuilt)
+        *gppcs.figures_of(gppcs.Report), *gppcs.figures_of(gppcs.Rebuilt), *gppcs.figures_of(gppcs.MeshReport)
     }  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def mesh_rows():
+    """Rows of two ways to a mesh, the second of which has failed."""
+    pytest.importorskip("pymeshlab")
+    (entry,) = gppcs.compare_meshes(gppcs.sample("sphere", 1000), n_points=100, ways=["mesh"])
+    failed = gppcs.MeshEntry("ball-pivoting", None, None, 0.5, "no surface,\n  at all")
+    return rows_of([entry, failed])
+
+
+def test_tables_of_meshes_have_their_figures_and_say_which_way_failed(mesh_rows):
+    report = mesh_rows[0].figures
+    first, second = csv.DictReader(io.StringIO(as_csv(mesh_rows)))
+    assert [*first][:2] == ["way", "seconds"]
+    assert {name: float(first[name]) for name in report} == report
+    assert float(first["mesh_mean_relative"]) == report["mesh_mean"] / report["diagonal"]
+    assert {name: value for name, value in second.items() if value} == {
+        "way": "ball-pivoting", "seconds": "0.5", "failure": "no surface, at all"
+    }  # fmt: skip
+
+
+def test_markdown_of_meshes_shows_topology_and_size(mesh_rows):
+    table, units = as_markdown(mesh_rows).split("\n\n")
+    header, _, first, second = ([cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines())
+    shown_of = dict(zip(header, first, strict=True))
+    expected = {"way": "mesh", "vertices": "100", "triangles": "196", "mesh pieces": "1", "borders": "0", "genus": "0"}
+    assert expected.items() <= shown_of.items()
+    assert shown_of["mesh mean"] == f"{1e4 * mesh_rows[0].relative['mesh_mean']:.3g}"
+    assert second == ["ball-pivoting", "-", "-", "**0.5**" if mesh_rows[0].seconds > 0.5 else "0.5", *["-"] * 11]
+    assert units.startswith("Lengths in 1e-4 diagonals")
+    assert "Chamfer" not in units
 
 
 def test_no_value_is_best_where_all_are_equal_or_none_is_better():

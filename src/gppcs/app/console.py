@@ -3,41 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from gppcs.app.tables import UNITS, columns_of, shown
-
-if TYPE_CHECKING:
-    from gppcs.evaluation.comparison import Entry
+from gppcs.app.tables import Row, columns_of, shown, units_of
 
 
-def print_comparison(entries: Sequence[Entry]) -> None:
-    """Print a table with a row for each method. The best value of each column is bold.
+def print_comparison(rows: Sequence[Row]) -> None:
+    """Print a table of a comparison. The best value of each column is bold.
 
     Parameters
     ----------
-    entries : sequence of Entry
+    rows : sequence of Row
         At least one.
     """
-    columns = columns_of(entries)
-    names = [entry.result.method.label for entry in entries]
+    columns = columns_of(rows)
     widths = [max(map(len, [*column.title.split(), *map(shown, column.values)])) for column in columns]
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column("method", width=(longest := max(map(len, [*names, "method"]))))
+    table.add_column(rows[0].kind, width=(longest := max(map(len, [*(row.label for row in rows), rows[0].kind]))))
     for column, width in zip(columns, widths, strict=True):
         table.add_column(column.title, justify="right", width=width)
-    for row, name in enumerate(names):
-        cells = (Text(shown(column.values[row]), style="bold" if column.is_best(row) else "") for column in columns)
-        table.add_row(Text(name), *cells)
+    for number, row in enumerate(rows):
+        cells = (
+            Text(shown(column.values[number]), style="bold" if column.is_best(number) else "") for column in columns
+        )
+        table.add_row(Text(row.label), *cells)
     needed = longest + sum(widths) + 2 * len(columns)
     console = Console(width=max(Console().width, needed), highlight=False)  # wider than the terminal rather than cut
     console.print(table)
-    console.print(UNITS, style="dim")
+    console.print(units_of(rows), style="dim")
 
 
 def print_paragraphs(paragraphs: Sequence[tuple[str, str]]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +48,9 @@ class Column:
     caption : str
         Text below the column; may have several lines.
     mesh : Mesh or None
-        The mesh rebuilt from the points.
+        The mesh rebuilt from the points, or whose vertices they are.
+    counted : "points" or "vertices"
+        What the points are called.
     """
 
     title: str
@@ -56,6 +58,7 @@ class Column:
     surface_variation: Array
     caption: str
     mesh: Mesh | None
+    counted: Literal["points", "vertices"] = "points"
 
 
 def draw_comparison(file: BinaryIO, columns: Sequence[Column], viewpoint: Viewpoint = GUESSED) -> None:
@@ -153,7 +156,7 @@ class _Sheet:
 
     def write(self, number: int, column: Column) -> None:
         """Write the title, the number of points and the caption of a column."""
-        counted = f"{len(column.points):,} points"
+        counted = f"{len(column.points):,} {column.counted}"
         self._text(number, round(1.6 * TITLE), column.title, TITLE, color="0.1", weight="bold")
         self._text(number, round(1.6 * TITLE + 1.4 * TEXT), counted, TEXT, color="0.35")
         for line, text in enumerate(column.caption.split("\n")):

@@ -13,6 +13,7 @@ from gppcs.errors import MissingExtraError
 # What `pip install 'gppcs[extra]'` would install. That line works only if gppcs is on a package index.
 EXTRAS = {
     "arrow": ("pyarrow>=15",),
+    "cgal": ("cgal>=6.0.1",),
     "dask": ("distributed>=2024.8",),
     "e57": ("pye57>=0.4.13",),
     "gltf": ("trimesh>=4",),
@@ -117,6 +118,30 @@ def require_pymeshlab() -> Any:
     except ImportError as error:
         raise _missing("meshes need PyMeshLab", "evaluate") from error
     return pymeshlab
+
+
+def require_cgal(module: str) -> Any:
+    """Import a part of CGAL's Python package.
+
+    Parameters
+    ----------
+    module : str
+        Its name, such as "Kernel".
+
+    Returns
+    -------
+    module
+        The module `CGAL.CGAL_Kernel`, or another.
+
+    Raises
+    ------
+    MissingExtraError
+        If CGAL is not installed.
+    """
+    try:
+        return importlib.import_module(f"CGAL.CGAL_{module}")
+    except ImportError as error:
+        raise _missing("the advancing front needs CGAL", "cgal") from error
 
 
 def require_trimesh() -> Any:

@@ -132,10 +132,11 @@ def evaluate_mesh(
     from gppcs.evaluation.reconstruction import count_self_intersections, distances_to
     from gppcs.spatial.cells import first_occurrences
 
-    before = PointCloud.of(original).usable("original cloud")
-    meshes = [simplified] if mesh is None else [simplified, mesh]
-    for points, name in ((before, "original cloud"), *((each.vertices, "mesh") for each in map(_checked, meshes))):
-        _require_measurable(points, name)
+    require_mesh(simplified)
+    original = PointCloud.of(original)
+    require_original(original, mesh)
+    _require_measurable(simplified.vertices, "mesh")
+    before = original.usable("original cloud")
     frame = _Frame.of(before)
     before = frame.inside(before[first_occurrences(before)])
     simplified = Mesh(frame.inside(simplified.vertices), simplified.faces)
@@ -146,7 +147,6 @@ def evaluate_mesh(
         if mesh is None:
             forth, back = distances_to(simplified, before), LocalSurface.of(before).nearest_to(used)[0]
         else:
-            _require_mesh_near(mesh, before, before, frame)
             forth, back = distances_to(simplified, mesh.vertices), distances_to(mesh, used)
         intersections = count_self_intersections(simplified)
     topology = topology_of(simplified.faces)
@@ -169,11 +169,32 @@ def evaluate_mesh(
     return frame.outside(report)
 
 
-def _checked(mesh: Any) -> Mesh:
-    """Return a mesh; raise an error if it is none."""
+def require_original(original: CloudLike, mesh: Mesh | None) -> None:
+    """Raise an error if a cloud, or its surface, cannot be what results are compared with.
+
+    Parameters
+    ----------
+    original : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
+    mesh : Mesh or None
+        The surface that the original was sampled from.
+
+    Raises
+    ------
+    InputError
+        If the cloud is empty, malformed or not finite, or its size is outside 1e-70 to 1e70. If `mesh` is no mesh, does
+        not lie on the cloud, or has no area.
+    MissingExtraError
+        If `mesh` is given and PyMeshLab is not installed.
+    """
+    points = PointCloud.of(original).usable("original cloud")
+    _require_measurable(points, "original cloud")
+    if mesh is None:
+        return
     require_mesh(mesh)
-    checked: Mesh = mesh
-    return checked
+    _require_measurable(mesh.vertices, "mesh")
+    frame = _Frame.of(points)
+    inside = frame.inside(points)
+    _require_mesh_near(Mesh(frame.inside(mesh.vertices), mesh.faces), inside, inside, frame)
 
 
 def _qualities(mesh: Mesh) -> Points:

@@ -1,8 +1,8 @@
-"""Rebuilds a surface from a simplified cloud and measures distances between meshes, by PyMeshLab, as the paper does.
+"""Rebuilds surfaces from clouds and measures distances between meshes, by PyMeshLab.
 
-The conventions: screened Poisson reconstruction of depth 8; normals from planes fitted to ten neighbours in the
-simplified cloud, each with the sign of the nearest normal of the original; distances from the vertices of one mesh to
-the surface of the other.
+The conventions are the paper's: screened Poisson reconstruction of depth 8; normals from planes fitted to ten
+neighbours in the simplified cloud, each with the sign of the nearest normal of the original; distances from the
+vertices of one mesh to the surface of the other.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from gppcs.spatial.kdtree import KdTree
 
 OCTREE_DEPTH = 8  # depth of the octree
 NORMAL_NEIGHBOURS = 10  # points that a plane is fitted to
+MEMBRANE = 4.0  # distance from all points beyond which a rebuilt surface is cut off, in spacings or octree cells
 
 
 def estimated_normals(
@@ -80,20 +81,120 @@ def reconstruct(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Me
     MissingExtraError
         If PyMeshLab is not installed.
     """
-    pymeshlab = require_pymeshlab()
     meshes = _mesh_set(points, v_normals_matrix=normals)
-    try:
-        # One thread: several threads on few cores wait actively for each other, which takes minutes instead of seconds.
-        meshes.generate_surface_reconstruction_screened_poisson(depth=OCTREE_DEPTH, preclean=True, threads=1)
-        rebuilt = meshes.current_mesh()
-        mesh = Mesh(rebuilt.vertex_matrix(), rebuilt.face_matrix())
-        mesh.require_area("rebuilt mesh")
-        return mesh
-    except (pymeshlab.PyMeshLabException, InputError) as error:
-        raise NoSurfaceError(
-            f"the screened Poisson reconstruction of the {len(points)} points gave no surface ({error}): expected "
-            "points on a surface, with normals"
-        ) from error
+    work = f"the screened Poisson reconstruction of the {len(points)} points"
+    # One thread: several threads on few cores wait actively for each other, which takes minutes instead of seconds.
+    parameters = {"depth": OCTREE_DEPTH, "preclean": True, "threads": 1}
+    return _filtered(meshes, work, "generate_surface_reconstruction_screened_poisson", **parameters)
+
+
+def without_membranes(mesh: Mesh, points: NDArray[np.float64]) -> Mesh:
+    """Return a mesh without the parts that are far from all points, which a reconstruction adds over gaps.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        A screened Poisson mesh of the points.
+    points : (M, 3) array, float64
+        At least two different ones.
+
+    Returns
+    -------
+    Mesh
+        With the same vertices, of which some are without triangles.
+
+    Raises
+    ------
+    NoSurfaceError
+        If nothing is left.
+    """
+    tree = KdTree.build(np.unique(points, axis=0))
+    spacing = np.sqrt(np.median(tree.neighbours(min(6, len(tree.points) - 1))[1][:, -1]))
+    limit = MEMBRANE * max(spacing, np.ptp(points, axis=0).max() / 2**OCTREE_DEPTH)
+    near = tree.nearest_of(mesh.vertices, 1)[1][:, 0] <= limit**2
+    faces = mesh.faces[near[mesh.faces].all(axis=1)]
+    if not len(faces):
+        raise NoSurfaceError(f"the surface rebuilt from the {len(points)} points lies far from all of these")
+    return Mesh(mesh.vertices, faces)
+
+
+def decimated(mesh: Mesh, n_faces: int) -> Mesh:
+    """Return a mesh with fewer triangles, by quadric edge collapse (Garland and Heckbert 1997).
+
+    Parameters
+    ----------
+    mesh : Mesh
+    n_faces : int
+        The number of triangles wanted.
+
+    Returns
+    -------
+    Mesh
+        With about that many triangles.
+
+    Raises
+    ------
+    NoSurfaceError
+        If no triangle with an area is left.
+    MissingExtraError
+        If PyMeshLab is not installed.
+    """
+    meshes = _mesh_set(mesh.vertices, face_matrix=mesh.faces)
+    meshes.meshing_remove_unreferenced_vertices()
+    parameters = {"targetfacenum": n_faces, "preservenormal": True}
+    return _filtered(meshes, "the decimation", "meshing_decimation_quadric_edge_collapse", **parameters)
+
+
+def oriented_alike(mesh: Mesh) -> Mesh:
+    """Return a mesh whose triangles are turned so that neighbours agree in orientation, where that is possible.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        At most two triangles share an edge.
+
+    Returns
+    -------
+    Mesh
+        The same triangles.
+
+    Raises
+    ------
+    NoSurfaceError
+        If more than two triangles share an edge.
+    MissingExtraError
+        If PyMeshLab is not installed.
+    """
+    meshes = _mesh_set(mesh.vertices, face_matrix=mesh.faces)
+    return _filtered(meshes, "turning the triangles", "meshing_re_orient_faces_coherently")
+
+
+def ball_pivoted(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
+    """Return the mesh of points by ball pivoting (Bernardini et al. 1999), with the radius that PyMeshLab guesses.
+
+    Parameters
+    ----------
+    points : (M, 3) array, float64
+        The cloud.
+    normals : (M, 3) array, float64
+        Normals that point outward.
+
+    Returns
+    -------
+    Mesh
+        In the unit of the points.
+
+    Raises
+    ------
+    NoSurfaceError
+        If the ball finds no triangle.
+    MissingExtraError
+        If PyMeshLab is not installed.
+    """
+    meshes = _mesh_set(points, v_normals_matrix=normals)
+    return _filtered(
+        meshes, f"ball pivoting of the {len(points)} points", "generate_surface_reconstruction_ball_pivoting"
+    )
 
 
 def distances_to(mesh: Mesh, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -144,15 +245,26 @@ def count_self_intersections(mesh: Mesh) -> int:
     MissingExtraError
         If PyMeshLab is not installed.
     """
-    pymeshlab = require_pymeshlab()
-    meshes = pymeshlab.MeshSet(verbose=False)
-    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
+    meshes = _mesh_set(mesh.vertices, face_matrix=mesh.faces)
     meshes.compute_selection_by_self_intersections_per_face()
     return int(meshes.current_mesh().selected_face_number())
 
 
-def _mesh_set(points: NDArray[np.float64], **columns: NDArray[np.float64]) -> Any:
-    """Return a PyMeshLab MeshSet with one mesh of points (M, 3) and no faces."""
+def _filtered(meshes: Any, work: str, name: str, **parameters: Any) -> Mesh:
+    """Return what a filter of PyMeshLab makes of a MeshSet; if that is no surface, the error says of which work."""
+    pymeshlab = require_pymeshlab()
+    try:
+        meshes.apply_filter(name, **parameters)
+        made = meshes.current_mesh()
+        mesh = Mesh(made.vertex_matrix(), made.face_matrix())
+        mesh.require_area("rebuilt mesh")
+        return mesh
+    except (pymeshlab.PyMeshLabException, InputError) as error:
+        raise NoSurfaceError(f"{work} gave no surface ({error}): expected points on a surface, with normals") from error
+
+
+def _mesh_set(points: NDArray[np.float64], **columns: NDArray[Any]) -> Any:
+    """Return a PyMeshLab MeshSet with one mesh of points (M, 3), by default without faces."""
     pymeshlab = require_pymeshlab()
     meshes = pymeshlab.MeshSet(verbose=False)
     meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=points, **columns))

@@ -1,15 +1,16 @@
-"""The command `gppcs compare`: several methods on one cloud, as tables and a picture."""
+"""The command `gppcs compare`: several methods, or ways to a mesh, on one cloud, as tables and a picture."""
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gppcs.app.mesh_pictures import drawn_meshes, named_meshes
 from gppcs.app.pages import how_made, rebuilt
 from gppcs.app.printing import (
     Columns,
@@ -30,6 +31,7 @@ from gppcs.errors import OutputError, file_path
 from gppcs.methods import METHODS
 
 if TYPE_CHECKING:
+    from gppcs.app.tables import Row
     from gppcs.clouds.cloud import PointCloud
     from gppcs.clouds.mesh import Mesh
     from gppcs.drawing.viewpoint import Viewpoint
@@ -37,10 +39,18 @@ if TYPE_CHECKING:
     from gppcs.engine.stages import Stages
     from gppcs.evaluation.comparison import Entry
 
+Work = Callable[..., Any]  # takes a cloud, mesh, invalid and stages, and returns the entries of a comparison
 EPILOG = (
     "[bold]Examples[/bold]\n\n"
     "gppcs compare scan.ply --ratio 3% -o comparison\n\n"
     "gppcs compare scan.ply --points 5k --methods fps,hc,wlop --mesh surface.ply -o comparison\n\n"
+    "gppcs compare scan.ply --ratio 3% --meshes -o meshes\n\n"
+    "gppcs compare scan.ply --ratio 3% --meshes --methods mesh,poisson-decimated -o meshes\n\n"
+    "[bold]Ways to a mesh[/bold]\n\n"
+    "mesh, mesh-moved: gppcs mesh, without and with --moved\n\n"
+    "poisson-kept, ball-pivoting, advancing-front: gp keeps points, which screened Poisson reconstruction, a rolling "
+    "ball or CGAL's advancing front (needs the extra cgal) join\n\n"
+    "poisson-decimated: screened Poisson reconstruction of all points, decimated\n\n"
     "gppcs evaluate --help defines the figures of the tables."
 )
 
@@ -62,16 +72,25 @@ def compare(
     ],
     ratio: Ratio = None,
     points: Points = None,
+    meshes: Annotated[
+        bool,
+        typer.Option(
+            "--meshes",
+            help="Compare ways to a light mesh instead of methods: gppcs mesh and others. Needs the extra evaluate.",
+        ),
+    ] = False,
     methods: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="NAME,...",
-            help="Names of the methods, separated by commas, in the order of the table. See gppcs methods.",
+            help="Names of the methods, separated by commas, in the order of the table. See gppcs methods. With "
+            "--meshes, names of ways to a mesh; by default, all whose packages are installed.",
             show_default="all",
         ),
-    ] = ",".join(METHODS),
+    ] = None,
     mesh: Annotated[
-        Path | None, typer.Option(help="The surface of IN as a mesh file, to compare rebuilt surfaces with.")
+        Path | None,
+        typer.Option(help="The surface of IN as a mesh file, to compare rebuilt surfaces, or meshes, with."),
     ] = None,
     seed: Annotated[
         int | None, typer.Option(help="Seed of random numbers. Methods without random numbers ignore it.")
@@ -97,51 +116,71 @@ def compare(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Simplify a cloud by several methods, evaluate each result, and write tables and a picture."""
+    """Simplify a cloud by several methods, evaluate each result, and write tables and a picture.
+
+    With --meshes, make a light mesh of the cloud in several ways instead.
+    """
     from gppcs import io
     from gppcs.app.console import print_comparison
-    from gppcs.app.tables import as_csv, as_markdown
+    from gppcs.app.tables import Row, as_csv, as_markdown
     from gppcs.drawing.web.contents import Named
     from gppcs.engine.stages import Stages
-    from gppcs.evaluation.comparison import checked_methods
-    from gppcs.evaluation.comparison import compare as compared
     from gppcs.io.mesh_files import read_mesh
 
     set_threads(threads)
     share, count = None if ratio is None else share_of(ratio), None if points is None else count_of(points)
-    chosen = checked_methods((name.strip() for name in methods.split(",")), share, count, seed)
+    chosen = None if methods is None else [name.strip() for name in methods.split(",")]
+    work = _of_ways(chosen, share, count) if meshes else _of_methods(chosen, share, count, seed)
     viewpoint = viewpoint_of(view, up, picture or report)
     names = ["table.csv", "table.md", *(["picture.png"] if picture else []), *(["report.html"] if report else [])]
     targets = _targets([cloud, mesh] if mesh else [cloud], output, names, force)
     surface = read_mesh(mesh) if mesh else None
     stages = Stages(progress(quiet))
     original = io.read(cloud, columns=names_of(columns))
-    entries = compared(original, chosen, ratio=share, n_points=count, mesh=surface, invalid=invalid, stages=stages)
+    entries = work(original, mesh=surface, invalid=invalid, stages=stages)
+    rows = [Row.of(entry) for entry in entries]
     with stages("tables and picture"):
-        contents = {"table.csv": as_csv(entries).encode(), "table.md": as_markdown(entries).encode()}
-        meshes = _meshes(original, entries, surface, picture)
-        if picture:
-            contents["picture.png"] = _drawn(original, entries, meshes, viewpoint)
-    if report:
+        contents = {"table.csv": as_csv(rows).encode(), "table.md": as_markdown(rows).encode()}
+        surfaces = [surface] if meshes else _surfaces(original, entries, surface, picture)
+        if picture and meshes:
+            contents["picture.png"] = drawn_meshes(original, entries, surface, viewpoint)
+        elif picture:
+            contents["picture.png"] = _drawn(original, entries, surfaces, viewpoint)
+    results = named_meshes(entries) if meshes else _named(entries, surfaces)
+    if report and results:  # else no way has found a surface, as the notes say
         made = how_made(context.obj, [cloud, *([mesh] if mesh else [])])
-        contents["report.html"] = _page(
-            Named(cloud.name, original, meshes[0]), entries, meshes, made, viewpoint, stages
-        )
+        contents["report.html"] = _page(Named(cloud.name, original, surfaces[0]), results, made, viewpoint, stages)
     output.mkdir(exist_ok=True)
     for name, content in contents.items():
         with io.whole_file(targets[name], force) as file:
             file.write(content)
     if as_json:
-        _print_records(entries)
+        _print_records(rows)
     elif not quiet:
-        print_comparison(entries)
+        print_comparison(rows)
         typer.echo(f"{output}: {', '.join(contents)}")
-    for entry in entries:
-        if entry.failure:
-            print_error(f"note: {entry.result.method.label}: {entry.failure}")
+    for row in rows:
+        if row.failure:
+            print_error(f"note: {row.label}: {row.failure}")
 
 
-def _meshes(original: PointCloud, entries: Sequence[Entry], surface: Mesh | None, wanted: bool) -> list[Mesh | None]:
+def _of_methods(names: list[str] | None, ratio: float | None, n_points: int | None, seed: int | None) -> Work:
+    """Return the comparison of methods, after checking its parameters."""
+    from gppcs.evaluation.comparison import checked_methods
+    from gppcs.evaluation.comparison import compare as compared
+
+    chosen = checked_methods(METHODS if names is None else names, ratio, n_points, seed)
+    return partial(compared, methods=chosen, ratio=ratio, n_points=n_points)
+
+
+def _of_ways(names: list[str] | None, ratio: float | None, n_points: int | None) -> Work:
+    """Return the comparison of ways to a mesh, after checking its parameters."""
+    from gppcs.evaluation.mesh_comparison import checked_ways, compare_meshes
+
+    return partial(compare_meshes, ways=checked_ways(names, ratio, n_points), ratio=ratio, n_points=n_points)
+
+
+def _surfaces(original: PointCloud, entries: Sequence[Entry], surface: Mesh | None, wanted: bool) -> list[Mesh | None]:
     """Return the surface of the original, if known or wanted, and those rebuilt from the simplified clouds."""
     from gppcs.evaluation.comparison import rebuilt_mesh
 
@@ -156,21 +195,22 @@ def _meshes(original: PointCloud, entries: Sequence[Entry], surface: Mesh | None
     ]
 
 
-def _page(
-    original: Named,
-    entries: Sequence[Entry],
-    meshes: Sequence[Mesh | None],
-    made: list[tuple[str, str]],
-    viewpoint: Viewpoint,
-    stages: Stages,
-) -> bytes:
-    """Return an HTML page of the original and each simplified cloud."""
-    from gppcs.drawing.web.contents import Named, report_page
+def _named(entries: Sequence[Entry], surfaces: Sequence[Mesh | None]) -> list[Named]:
+    """Return the simplified clouds with the names of the methods and their surfaces, for a page."""
+    from gppcs.drawing.web.contents import Named
 
-    results = [
+    return [
         Named(entry.result.method.label, entry.result.cloud, mesh)
-        for entry, mesh in zip(entries, meshes[1:], strict=True)
+        for entry, mesh in zip(entries, surfaces[1:], strict=True)
     ]
+
+
+def _page(
+    original: Named, results: Sequence[Named], made: list[tuple[str, str]], viewpoint: Viewpoint, stages: Stages
+) -> bytes:
+    """Return an HTML page of the original and each result."""
+    from gppcs.drawing.web.contents import report_page
+
     page = BytesIO()
     report_page(original, results, made, viewpoint, stages).write(page)
     return page.getvalue()
@@ -205,13 +245,12 @@ def _caption(entry: Entry) -> str:
     return f"{name.replace('_', ' ')}\n{figures[name]:.2e} diagonals"
 
 
-def _print_records(entries: Sequence[Entry]) -> None:
-    """Print the comparison as one JSON object for each method."""
-    for entry in entries:
-        figures, relative = entry.report.figures(), entry.report.figures(relative=True)
-        method = {"method": entry.result.method.name, "parameters": dataclasses.asdict(entry.result.method)}
-        measured = {"seconds": entry.seconds, "figures": figures, "relative": relative}
-        print_json({**method, **measured, "failure": entry.failure})
+def _print_records(rows: Sequence[Row]) -> None:
+    """Print the comparison as one JSON object for each method or way."""
+    for row in rows:
+        parameters = {} if row.parameters is None else {"parameters": row.parameters}
+        measured = {"seconds": row.seconds, "figures": row.figures, "relative": row.relative}
+        print_json({row.kind: row.name, **parameters, **measured, "failure": row.failure})
 
 
 def _targets(inputs: list[Path], folder: Path, names: list[str], force: bool) -> dict[str, Path]:

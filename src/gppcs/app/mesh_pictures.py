@@ -1,0 +1,84 @@
+"""How `gppcs compare --meshes` shows the meshes: in a picture, and in a page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from io import BytesIO
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from gppcs.clouds.cloud import PointCloud
+    from gppcs.clouds.mesh import Mesh
+    from gppcs.drawing.viewpoint import Viewpoint
+    from gppcs.drawing.web.contents import Named
+    from gppcs.evaluation.mesh_comparison import MeshEntry
+
+
+def drawn_meshes(original: PointCloud, entries: Sequence[MeshEntry], mesh: Mesh | None, viewpoint: Viewpoint) -> bytes:
+    """Draw the vertices of meshes, and below them the meshes.
+
+    Parameters
+    ----------
+    original : PointCloud
+        The cloud that the meshes were made of; it stands first.
+    entries : sequence of MeshEntry
+        Ways without a mesh, or whose mesh lies elsewhere, are left out.
+    mesh : Mesh or None
+        The surface of the original.
+    viewpoint : Viewpoint
+
+    Returns
+    -------
+    bytes
+        A PNG.
+    """
+    from gppcs.drawing.cloud_images import ColouredCloud
+    from gppcs.drawing.side_by_side import Column, draw_comparison
+    from gppcs.spatial.kdtree import KdTree
+
+    points = original.points[original.finite_rows()]
+    variation = ColouredCloud.by_surface_variation(points).values
+    tree = KdTree.build(points)
+    columns = [Column("original", points, variation, "", mesh)]
+    for entry in entries:
+        if entry.mesh and entry.report:
+            vertices = _vertices(entry.mesh)
+            nearest, _ = tree.nearest_of(vertices, 1)
+            mean = entry.report.figures(relative=True)["mesh_mean"]
+            caption = f"mesh mean\n{mean:.2e} diagonals"
+            columns.append(Column(entry.way, vertices, variation[nearest[:, 0]], caption, entry.mesh, "vertices"))
+    image = BytesIO()
+    draw_comparison(image, columns, viewpoint)
+    return image.getvalue()
+
+
+def named_meshes(entries: Sequence[MeshEntry]) -> list[Named]:
+    """Return the vertices of meshes with the names of the ways and the meshes, for a page.
+
+    Parameters
+    ----------
+    entries : sequence of MeshEntry
+        Ways without a mesh, or whose mesh lies elsewhere, are left out.
+
+    Returns
+    -------
+    list of Named
+    """
+    from gppcs.clouds.cloud import PointCloud
+    from gppcs.drawing.web.contents import Named
+
+    return [
+        Named(entry.way, PointCloud(_vertices(entry.mesh)), entry.mesh)
+        for entry in entries
+        if entry.mesh and entry.report
+    ]
+
+
+def _vertices(mesh: Mesh) -> NDArray[np.float64]:
+    """Return the vertices that triangles have, (V, 3)."""
+    import numpy as np
+
+    return mesh.vertices[np.unique(mesh.faces)]

@@ -1,0 +1,196 @@
+"""Makes light meshes of one cloud in several ways and evaluates each in the same way."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Literal
+
+from gppcs.clouds.cloud import CloudLike
+from gppcs.clouds.mesh import Mesh
+from gppcs.engine import compiling
+from gppcs.engine.extras import require_pymeshlab
+from gppcs.engine.stages import Stages
+from gppcs.errors import InputError, NoSurfaceError, ParameterError, nearest_name, shown, whole_number
+from gppcs.evaluation.judge import evaluate_mesh, require_original
+from gppcs.evaluation.mesh_ways import MESH_WAYS, Wanted, installed_ways, require_way
+from gppcs.evaluation.report import MeshReport
+from gppcs.meshing.pipeline import FEWEST_VERTICES
+from gppcs.meshing.pipeline import mesh as meshed
+from gppcs.scans import sample
+from gppcs.simplification import number_to_keep, simplify
+
+LOADING_POINTS = 5_000  # points of the runs that load kernels
+
+
+@dataclass(frozen=True)
+class MeshEntry:
+    """The mesh that one way gives, in a comparison.
+
+    Attributes
+    ----------
+    way : str
+        The name of the way.
+    mesh : Mesh or None
+        In the unit of the cloud; None if the way finds no surface.
+    report : MeshReport or None
+        The figures of the mesh; None if there is none, or if it lies elsewhere than the cloud.
+    seconds : float
+        Wall time from the cloud to the mesh, without the compilation of kernels.
+    failure : str or None
+        Why there is no mesh or no report; None if both are there.
+
+    Examples
+    --------
+    >>> cloud = gppcs.sample("sphere", n_points=3000)
+    >>> (entry,) = gppcs.compare_meshes(cloud, n_points=100, ways=["mesh"])
+    >>> isinstance(entry, gppcs.MeshEntry)
+    True
+    >>> entry.way, len(entry.mesh.vertices), entry.report.borders, entry.failure
+    ('mesh', 100, 0, None)
+    """
+
+    way: str
+    mesh: Mesh | None
+    report: MeshReport | None
+    seconds: float
+    failure: str | None = None
+
+
+def compare_meshes(
+    cloud: CloudLike,
+    *,
+    ratio: float | None = None,
+    n_points: int | None = None,
+    ways: Iterable[str] | None = None,
+    mesh: Mesh | None = None,
+    invalid: Literal["error", "drop"] = "error",
+    stages: Stages | None = None,
+) -> list[MeshEntry]:
+    """Make a light mesh of a cloud in several ways and evaluate each.
+
+    Parameters
+    ----------
+    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
+        Points on a surface.
+    ratio : float
+        M / N, above 0 and at most 1. Give exactly one of `ratio` and `n_points`.
+    n_points : int
+        M, the number of vertices or of points to keep, at least 4.
+    ways : iterable of str, optional
+        Names of ways; by default all whose packages are installed.
+
+        - "mesh": `gppcs.mesh`, M points of the cloud.
+        - "mesh-moved": the same, and the vertices leave the points.
+        - "poisson-kept": `gp` keeps M points. Screened Poisson reconstruction of these, with normals of the whole
+          cloud, without membranes. Its mesh has more than M vertices.
+        - "poisson-decimated": the same of all points, decimated to 2 M triangles.
+        - "ball-pivoting": `gp` keeps M points, and a ball rolls over these.
+        - "advancing-front": the kept points are joined by CGAL, which needs the extra `cgal`.
+    mesh : Mesh, optional
+        The original surface. Distances are then measured from its vertices, and to it.
+    invalid : "error" or "drop"
+        Whether NaN and infinite coordinates raise an error, or their points are dropped.
+    stages : Stages, optional
+        Its listener hears of the progress.
+
+    Returns
+    -------
+    list of MeshEntry
+        One for each way, in the order of `ways`. If a way finds no surface, its entry says why.
+
+    Raises
+    ------
+    InputError
+        If the cloud is empty, malformed or not finite, or `mesh` does not lie on it.
+    ParameterError
+        If a parameter is out of its range, or a way does not exist. Parameters are checked before any work.
+    MissingExtraError
+        If PyMeshLab is not installed, or CGAL is not and its way is asked for.
+
+    Examples
+    --------
+    >>> cloud = gppcs.sample("sphere", n_points=3000)
+    >>> entries = gppcs.compare_meshes(cloud, n_points=200, ways=["mesh", "mesh-moved", "ball-pivoting"])
+    >>> [entry.report.genus for entry in entries[:2]]
+    [0.0, 0.0]
+    >>> entries[1].report.mesh_mean < entries[0].report.mesh_mean
+    True
+    """
+    chosen, stages = checked_ways(ways, ratio, n_points), Stages.of(stages)
+    original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without dropped points
+    require_original(original, mesh)
+    count = number_to_keep(len(original), ratio, n_points)
+    if count < FEWEST_VERTICES:
+        raise ParameterError(
+            f"expected a mesh of at least {FEWEST_VERTICES} vertices, found {count} of {len(original)} points"
+        )
+    _load_kernels()
+    return [_entry(way, Wanted(original, count, stages.anew()), mesh) for way in chosen]
+
+
+def checked_ways(ways: Iterable[str] | None, ratio: float | None, n_points: int | None) -> list[str]:
+    """Return the names of ways, after checking these and the size as far as possible without the cloud.
+
+    Parameters
+    ----------
+    ways : iterable of str or None
+        Names; None stands for all whose packages are installed.
+    ratio, n_points : float, int or None
+        As for `compare_meshes`.
+
+    Returns
+    -------
+    list of str
+        At least one.
+
+    Raises
+    ------
+    ParameterError
+        If there is no way, a name is unknown, or a parameter is out of its range.
+    MissingExtraError
+        If PyMeshLab is not installed, or CGAL is not and its way is asked for.
+    """
+    if isinstance(ways, str) or not isinstance(ways, Iterable | None) or getattr(ways, "ndim", 1) == 0:
+        raise ParameterError(f"expected a list of ways, such as ['mesh', 'ball-pivoting'], found {shown(ways)}")
+    chosen = installed_ways() if ways is None else list(ways)
+    if not chosen:
+        raise ParameterError("expected at least one way to compare, found none")
+    for way in chosen:
+        if not (isinstance(way, str) and way in MESH_WAYS):
+            raise ParameterError(f"there is no way to a mesh {shown(way)}{nearest_name(way, MESH_WAYS)}")
+    number_to_keep(1, ratio, n_points)
+    if n_points is not None:
+        whole_number("the number of points", n_points, FEWEST_VERTICES)
+    require_pymeshlab()
+    for way in chosen:
+        require_way(way)
+    return chosen
+
+
+def _entry(way: str, wanted: Wanted, mesh: Mesh | None) -> MeshEntry:
+    """Return what one way gives."""
+    made, report, failure = None, None, None
+    compiled, start = compiling.seconds(), perf_counter()
+    try:
+        made = MESH_WAYS[way](wanted)
+    except NoSurfaceError as error:
+        failure = str(error)
+    seconds = perf_counter() - start - (compiling.seconds() - compiled)
+    if made is not None:
+        try:
+            report = evaluate_mesh(wanted.cloud, made, mesh, wanted.stages)
+        except InputError as error:  # of this mesh, as cloud and surface have been checked
+            failure = str(error)
+    return MeshEntry(way, made, report, seconds, failure)
+
+
+@functools.cache
+def _load_kernels() -> None:
+    """Run once what the ways have in common on a clean and a noisy cloud, so that no way is timed loading kernels."""
+    for noise in (0.0, 0.01):
+        cloud = sample("sphere", n_points=LOADING_POINTS, noise=noise)
+        meshed(cloud, n_points=100, moved=True)
+        simplify(cloud, n_points=100)

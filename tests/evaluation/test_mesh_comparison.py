@@ -1,0 +1,143 @@
+"""Several ways to a mesh side by side."""
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.evaluation import mesh_ways, reconstruction
+from gppcs.evaluation.mesh_comparison import checked_ways
+from gppcs.evaluation.reconstruction import decimated, oriented_alike, without_membranes
+from meshes import hull_mesh
+
+pytest.importorskip("pymeshlab")
+
+
+@pytest.fixture
+def shallow(monkeypatch):
+    """Let Poisson reconstruction take a tenth of a second."""
+    monkeypatch.setattr(reconstruction, "OCTREE_DEPTH", 4)
+
+
+def test_entries_are_what_mesh_and_evaluate_mesh_give(bracket):
+    cloud = gppcs.PointCloud(bracket[:3000] + np.array([500_000.0, 5_400_000.0, 0.0]))
+    points, moved = gppcs.compare_meshes(cloud, ratio=0.1, ways=["mesh", "mesh-moved"])
+    assert (points.way, moved.way) == ("mesh", "mesh-moved")
+    for entry in (points, moved):
+        expected = gppcs.mesh(cloud, n_points=300, moved=entry is moved).mesh
+        assert entry.mesh == expected
+        assert entry.report == gppcs.evaluate_mesh(cloud, expected)
+        assert entry.seconds > 0
+        assert entry.failure is None
+
+
+@pytest.mark.parametrize("way", ["poisson-kept", "poisson-decimated", "ball-pivoting", "advancing-front"])
+def test_the_other_ways_find_a_sphere_wherever_it_lies(sphere, way, shallow):
+    if way not in mesh_ways.installed_ways():
+        pytest.skip("no CGAL")
+    place = np.array([500_000.0, 5_400_000.0, 0.0])
+    (entry,) = gppcs.compare_meshes(sphere[:2000] + place, n_points=300, ways=[way])
+    np.testing.assert_allclose(np.linalg.norm(entry.mesh.vertices - place, axis=1), 1.0, atol=0.05)
+    assert (entry.report.mesh_pieces, entry.report.genus) == (1, 0)
+    assert entry.report.figures(relative=True)["mesh_mean"] < 0.01
+    if way == "poisson-decimated":
+        assert entry.report.triangles == pytest.approx(600, abs=2)
+    elif way == "poisson-kept":
+        assert entry.report.triangles > 600
+    else:
+        kept = gppcs.simplify(sphere[:2000] + place, n_points=300).cloud.points
+        used = entry.mesh.vertices[np.unique(entry.mesh.faces)]
+        assert len(used) > 290
+        assert gppcs.KdTree.build(kept).nearest_of(used, 1)[1].max() < 1e-12
+
+
+def test_a_way_without_a_surface_says_why_and_stops_no_other(monkeypatch):
+    volume = np.random.default_rng(0).random((400, 3))
+    mesh, ball = gppcs.compare_meshes(volume, n_points=100, ways=["mesh", "ball-pivoting"])
+    assert (mesh.mesh, mesh.report) == (None, None)
+    assert "fill a volume" in mesh.failure
+    assert ball.failure is None
+    assert ball.report.triangles > 0
+    elsewhere = {"mesh": lambda wanted: hull_mesh(volume - 0.5).shifted(np.full(3, 90.0))}
+    monkeypatch.setattr("gppcs.evaluation.mesh_comparison.MESH_WAYS", elsewhere)
+    (entry,) = gppcs.compare_meshes(volume, n_points=100, ways=["mesh"])
+    assert entry.report is None
+    assert "does not lie on the original" in entry.failure
+
+
+def test_distances_are_measured_from_a_surface_that_is_given(sphere):
+    surface = hull_mesh(sphere[:3000])
+    (entry,) = gppcs.compare_meshes(sphere[:1000], n_points=100, ways=["mesh"], mesh=surface)
+    assert entry.report == gppcs.evaluate_mesh(sphere[:1000], entry.mesh, surface)
+    with pytest.raises(gppcs.InputError, match="mesh does not lie on the original"):
+        gppcs.compare_meshes(sphere[:1000], n_points=100, ways=["mesh"], mesh=surface.shifted(np.full(3, 9.0)))
+
+
+def test_points_that_are_not_finite_are_refused_or_dropped(sphere):
+    broken = sphere[:500].copy()
+    broken[3, 1] = np.nan
+    with pytest.raises(gppcs.InputError, match=r"1 of 500 points .* the first at index 3"):
+        gppcs.compare_meshes(broken, ways=["mesh"], n_points=50)
+    (entry,) = gppcs.compare_meshes(broken, ways=["mesh"], n_points=50, invalid="drop")
+    assert entry.mesh == gppcs.mesh(np.delete(broken, 3, axis=0), n_points=50).mesh
+
+
+def test_all_ways_whose_packages_are_there_by_default(monkeypatch):
+    def missing(module):
+        raise gppcs.MissingExtraError("no CGAL")
+
+    monkeypatch.setattr(mesh_ways, "require_cgal", lambda module: None)
+    assert checked_ways(None, 0.1, None) == [*mesh_ways.MESH_WAYS]
+    monkeypatch.setattr(mesh_ways, "require_cgal", missing)
+    assert checked_ways(None, 0.1, None) == [way for way in mesh_ways.MESH_WAYS if way != "advancing-front"]
+    with pytest.raises(gppcs.MissingExtraError):
+        checked_ways(["mesh", "advancing-front"], 0.1, None)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"ways": ["poison-kept"], "ratio": 0.1}, "no way to a mesh 'poison-kept'; did you mean 'poisson-kept'"),
+        ({"ways": [3], "ratio": 0.1}, "no way to a mesh 3; expected one of mesh, mesh-moved"),
+        ({"ways": "mesh", "ratio": 0.1}, "expected a list of ways"),
+        ({"ways": [], "ratio": 0.1}, "at least one way"),
+        ({}, "found neither"),
+        ({"ratio": 0.1, "n_points": 10}, "found both"),
+        ({"ratio": 5}, "at most 1, found 5"),
+        ({"n_points": 3}, "from 4 on, found 3"),
+    ],
+)
+def test_wrong_parameters_are_refused_before_the_cloud_is_read(parameters, message):
+    with pytest.raises(gppcs.ParameterError, match=message):
+        gppcs.compare_meshes("no cloud, which nobody has looked at", **parameters)
+
+
+def test_a_share_of_fewer_than_four_points_is_refused(sphere):
+    with pytest.raises(gppcs.ParameterError, match="at least 4 vertices, found 2 of 20 points"):
+        gppcs.compare_meshes(sphere[:20], ratio=0.1)
+
+
+def test_membranes_far_from_all_points_are_cut_off(sphere):
+    """The hull of a sphere without its cap closes the gap by large triangles, to which a corner above it belongs."""
+    points = sphere[:2000][sphere[:2000, 2] < 0.5]
+    mesh = hull_mesh(np.vstack([points, [0.0, 0.0, 1.0]]))
+    left = without_membranes(mesh, points)
+    at_the_corner = (mesh.faces == len(points)).any(axis=1)
+    np.testing.assert_array_equal(left.faces, mesh.faces[~at_the_corner])
+    with pytest.raises(gppcs.NoSurfaceError, match="far from all"):
+        without_membranes(mesh.shifted(np.full(3, 9.0)), points)
+
+
+def test_decimation_leaves_the_number_of_triangles_and_no_vertex_without_one(sphere):
+    hull = hull_mesh(sphere[:500])
+    mesh = decimated(gppcs.Mesh(np.vstack([[[5.0, 5.0, 5.0]], hull.vertices]), hull.faces + 1), 200)
+    assert len(mesh.faces) == 200
+    np.testing.assert_array_equal(np.unique(mesh.faces), np.arange(102))
+
+
+def test_triangles_are_turned_alike(sphere):
+    hull = hull_mesh(sphere[:300])
+    turned = hull.faces.copy()
+    turned[::3] = turned[::3, ::-1]
+    mixed = gppcs.Mesh(hull.vertices, turned)
+    assert gppcs.evaluate_mesh(sphere[:300], mixed).non_manifold_edges > 0
+    assert gppcs.evaluate_mesh(sphere[:300], oriented_alike(mixed)).non_manifold_edges == 0
