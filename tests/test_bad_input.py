@@ -106,8 +106,9 @@ def test_memory_does_not_grow_with_the_extent():
 def test_time_is_that_of_a_well_spread_cloud():
     """Least processor time of several runs taken in turns, of clouds alike in noise.
 
-    Noise is measured at each point where there is any. Found 0.8 to 1.8 times as much, 2.1 on a busy machine; with noise 0.7 and 0.8. A volume
-    is the thickest noise to whoever looks for a surface, which takes twice as many neighbours: 2.3.
+    Noise is measured at each point where there is any. Found 0.8 to 1.8 times as much, 2.1 on a busy machine; with
+    noise 0.7 and 0.8. A volume is the thickest noise to whoever looks for a surface, which takes twice as many
+    neighbours: 2.3.
     """
     clouds = {"spread": on_sphere(N), "spread, noisy": NOISY} | {name: cloud() for name, cloud in BAD.items()}
     least, noise = dict.fromkeys(clouds, np.inf), {}
