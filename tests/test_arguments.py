@@ -104,6 +104,8 @@ CALLS = {  # a public function, and arguments with which it works
                                               "memory": None, "stages": None}),
     "compare": (gppcs.compare, {"cloud": CLOUD, "methods": ["random"], "n_points": 9, "ratio": None, "mesh": None,
                                 "seed": None, "invalid": "error", "stages": None}),
+    "compare_meshes": (gppcs.compare_meshes, {"cloud": BALL, "ways": ["mesh"], "n_points": 9, "ratio": None,
+                                              "mesh": None, "invalid": "error", "stages": None}),
     "evaluate": (gppcs.evaluate, {"original": CLOUD, "simplified": CLOUD, "mesh": None, "stages": None}),
     "evaluate_mesh": (gppcs.evaluate_mesh, {"original": BALL, "simplified": HULL, "mesh": None,
                                             "stages": None}),
@@ -130,8 +132,8 @@ CALLS = {  # a public function, and arguments with which it works
     "KdTree.build": (gppcs.KdTree.build, {"points": CLOUD.points}),
 }  # fmt: skip
 PLAIN = {
-    "Entry", "Features", "Figure", "MeshReport", "MeshResult", "Parameter", "Rebuilt", "Report", "Result", "Selection",
-    "Summary",
+    "Entry", "Features", "Figure", "MeshEntry", "MeshReport", "MeshResult", "Parameter", "Rebuilt", "Report",
+    "Result", "Selection", "Summary",
 }  # fmt: skip
 
 

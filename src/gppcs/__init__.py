@@ -52,6 +52,8 @@ Judge a simplification
     Figure                   unit and definition of one figure
     compare                  run several methods on one cloud and evaluate each result
     Entry                    what `compare` returns for one method
+    compare_meshes           make a light mesh in several ways and evaluate each
+    MeshEntry                what `compare_meshes` returns for one way
 
 Methods of simplification
     METHODS                  every method by the name that `simplify` takes, such as "gp"
