@@ -22,8 +22,8 @@ AssumeSameCrs = Annotated[
     bool,
     typer.Option(
         "--assume-same-crs",
-        help="Of files that are one cloud, take the coordinate system of the first for that of all. Otherwise, files "
-        "with different ones are an error.",
+        help="If several files are one cloud, give all of them the coordinate system of the first file. Without this "
+        "option, files with different coordinate systems are an error.",
     ),
 ]
 Memory = Annotated[
@@ -46,7 +46,8 @@ Workers = Annotated[
     typer.Option(
         metavar="COUNT",
         min=1,
-        help="Work on so many processes of this machine, each file or part of a file by itself (needs Dask).",
+        help="Share the work among this many processes of this machine (needs Dask). Each takes one file, or a part of "
+        "one, at a time.",
     ),
 ]
 Scheduler = Annotated[

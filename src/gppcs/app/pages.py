@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
     from gppcs.clouds.mesh import Mesh
 
-MOST_TO_REBUILD = 1_000_000  # of a larger cloud no mesh is rebuilt to be shown, which would take minutes
+MOST_TO_REBUILD = 1_000_000  # points; to rebuild a mesh from a larger cloud would take minutes
 
 
 def names_of(paths: Sequence[Path]) -> list[str]:
@@ -50,7 +50,7 @@ def rebuilt(name: str, cloud: PointCloud, original: PointCloud, advice: str = ""
     Returns
     -------
     Mesh or None
-        None also if the reconstruction fails.
+        None if the cloud is too large or the reconstruction fails.
 
     Raises
     ------

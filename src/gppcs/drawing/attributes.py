@@ -1,4 +1,4 @@
-"""What of the attributes of a cloud can be shown by colours."""
+"""The attributes of a cloud that colours can show."""
 
 from __future__ import annotations
 
@@ -40,7 +40,6 @@ class Colourable:
         Returns
         -------
         Colourable
-        ----------
         """
         columns = dict(_columns(cloud))
         for names in (*COLOURS, *((f"{name} 0", f"{name} 1", f"{name} 2") for name in ("rgb", "color", "colors"))):

@@ -64,7 +64,7 @@ def draw_single(
     size: tuple[int, int] = SIZE,
     bar: bool = True,
 ) -> Drawn:
-    """Write a PNG of a cloud, drawn as a closed surface, or of a mesh.
+    """Write a PNG of a mesh, or of a cloud, drawn as a surface without gaps between its points.
 
     Parameters
     ----------
@@ -75,14 +75,15 @@ def draw_single(
     mesh : Mesh, optional
         A mesh to draw instead. Each of its vertices has the colour of the nearest point of the cloud.
     colour : str, optional
-        "rgb", "variation" for surface variation, or the name of an attribute of numbers, which wins if it is one of
-        these words. By default, RGB if the cloud has it, otherwise surface variation, and white for a mesh.
+        "rgb", "variation" for surface variation, or the name of an attribute of numbers. If an attribute is called
+        "rgb" or "variation", its values are shown. By default "rgb" if the cloud has colours; if not, surface
+        variation, and white for a mesh.
     viewpoint : Viewpoint
         The direction of the view.
     size : (width, height)
         In pixels.
     bar : bool
-        Whether a colour bar stands below, if the colours have a scale and there is room.
+        Whether to draw a colour bar below, if the colours have a scale and there is room.
 
     Returns
     -------
@@ -209,7 +210,7 @@ class _Paint:
             return cls("RGB", attributes.rgb / 255.0)
         known = [*([] if attributes.rgb is None else [RGB]), VARIATION, *attributes.columns]
         raise ParameterError(
-            f"expected the colour to be rgb, variation or an attribute of numbers, as far as the cloud has them, found "
+            "expected a colour that the cloud has: rgb, variation or an attribute of numbers, found "
             f"{shown(colour)}{nearest_name(colour, known)}"
         )
 

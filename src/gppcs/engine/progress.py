@@ -29,8 +29,8 @@ def in_notebook() -> bool:
 class ProgressBar:
     """A `Listener` that draws a progress bar for each stage of over a second.
 
-    In a terminal, the bar is on stderr. In a notebook, it is below the cell, once the stage has told a step. Elsewhere
-    there is none.
+    In a terminal, the bar is on stderr. In a notebook, it is below the cell; a stage that reports no steps has none
+    there. Elsewhere there is no bar.
 
     Examples
     --------

@@ -34,9 +34,9 @@ class MeshEntry:
     way : str
         The name of the way.
     mesh : Mesh or None
-        In the unit of the cloud; None if the way finds no surface.
+        The mesh, in the unit of the cloud; None if the way finds no surface.
     report : MeshReport or None
-        The figures of the mesh; None if there is none, or if it lies elsewhere than the cloud.
+        The figures of the mesh; None if there is no mesh, or if it does not lie on the cloud.
     seconds : float
         Wall time from the cloud to the mesh, without the compilation of kernels.
     failure : str or None
@@ -76,25 +76,27 @@ def compare_meshes(
     cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
         Points on a surface.
     ratio : float
-        M / N, above 0 and at most 1. Give exactly one of `ratio` and `n_points`.
+        The size M as a share of the N points, above 0 and at most 1. Give exactly one of `ratio` and `n_points`.
     n_points : int
-        M, the number of vertices or of points to keep, at least 4.
+        The size M itself, at least 4: the number of vertices, or of points to keep.
     ways : iterable of str, optional
-        Names of ways; by default all whose packages are installed.
+        Names of ways. By default all ways whose packages are installed.
 
-        - "mesh": `gppcs.mesh`, M points of the cloud.
-        - "mesh-moved": the same, and the vertices leave the points.
-        - "poisson-kept": `gp` keeps M points. Screened Poisson reconstruction of these, with normals of the whole
-          cloud, without membranes. Its mesh has more than M vertices.
-        - "poisson-decimated": the same of all points, decimated to 2 M triangles.
-        - "ball-pivoting": `gp` keeps M points, and a ball rolls over these.
-        - "advancing-front": the kept points are joined by CGAL, which needs the extra `cgal`.
+        - "mesh": `gppcs.mesh` with M vertices, which are points of the cloud.
+        - "mesh-moved": the same with `moved=True`.
+        - "poisson-kept": `gp` keeps M points, with normals estimated from all N points. Screened Poisson
+          reconstruction makes a mesh of them, which has more than M vertices. Its parts that lie far from all points
+          are cut off.
+        - "poisson-decimated": screened Poisson reconstruction of all N points, cut in the same way, then quadric
+          decimation to 2 M triangles.
+        - "ball-pivoting": `gp` keeps M points. Ball pivoting joins them.
+        - "advancing-front": `gp` keeps M points. CGAL's advancing front joins them. It needs the extra `cgal`.
     mesh : Mesh, optional
-        The original surface. Distances are then measured from its vertices, and to it.
+        The true surface of the cloud. Distances are then measured from its vertices, and to it.
     invalid : "error" or "drop"
         Whether NaN and infinite coordinates raise an error, or their points are dropped.
     stages : Stages, optional
-        Its listener hears of the progress.
+        Its listener receives the progress.
 
     Returns
     -------
@@ -132,7 +134,7 @@ def compare_meshes(
 
 
 def checked_ways(ways: Iterable[str] | None, ratio: float | None, n_points: int | None) -> list[str]:
-    """Return the names of ways, after checking these and the size as far as possible without the cloud.
+    """Check the names of ways and the size, as far as the cloud is not needed, and return the names.
 
     Parameters
     ----------
@@ -189,7 +191,7 @@ def _entry(way: str, wanted: Wanted, mesh: Mesh | None) -> MeshEntry:
 
 @functools.cache
 def _load_kernels() -> None:
-    """Run once what the ways have in common on a clean and a noisy cloud, so that no way is timed loading kernels."""
+    """Mesh and simplify a clean and a noisy cloud once, so that the time of no way includes the loading of kernels."""
     for noise in (0.0, 0.01):
         cloud = sample("sphere", n_points=LOADING_POINTS, noise=noise)
         meshed(cloud, n_points=100, moved=True)

@@ -104,7 +104,7 @@ MESH_WAYS: Mapping[str, Callable[[Wanted], Mesh]] = {
 
 
 def require_way(name: str) -> None:
-    """Raise an error if a way needs a package that is not installed, besides PyMeshLab, which the judge needs.
+    """Raise an error if a way needs a package that is not installed. PyMeshLab, which all figures need, is not checked.
 
     Parameters
     ----------
@@ -140,13 +140,13 @@ def installed_ways() -> list[str]:
 
 
 def _normals(points: NDArray[np.float64], places: NDArray[np.float64], wanted: Wanted) -> NDArray[np.float64]:
-    """Return the normals at some places, (M, 3), of the surface of all points."""
+    """Return the normals, (M, 3), of the surface of all points at some places."""
     with wanted.stages("normals"):
         return estimate_normals(points, None if places is points else places)
 
 
 def _poisson(points: NDArray[np.float64], normals: NDArray[np.float64], wanted: Wanted) -> Mesh:
-    """Return the screened Poisson mesh of points (M, 3), without membranes."""
+    """Return the screened Poisson mesh of points (M, 3), without the parts that lie far from all of them."""
     with wanted.stages("Poisson reconstruction"):
         return without_membranes(reconstruct(points, normals), points)
 

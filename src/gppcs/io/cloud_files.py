@@ -62,9 +62,9 @@ class CloudFiles:
     query : Query, optional
         Which points to read.
     assume_same_crs : bool
-        Whether to take the coordinate system of the first file for that of all.
+        Whether all files get the coordinate system of the first one.
     span : (int, int), optional
-        Which points `chunks` reads, if the format of the files can be divided; see `each`.
+        Which points `chunks` reads, if files of this format can be divided; see `each`.
 
     Attributes
     ----------
@@ -141,7 +141,7 @@ class CloudFiles:
         ----------
         rows : int
             Points of a part at least. A file is divided if it is not compressed as a whole, all its points are read,
-            and its format can be read from the middle.
+            and a part of it can be read without what comes before.
 
         Returns
         -------

@@ -10,7 +10,7 @@ from typing import BinaryIO
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.header import Header
 
-Span = tuple[int, int]  # the first of some points of a file, and the one behind the last
+Span = tuple[int, int]  # the row of the first point of a part of a file, and the row behind its last
 
 
 def _never(head: bytes, size: int) -> bool:
@@ -127,8 +127,8 @@ class Format:
     takes_query : bool
         Whether `read` and `chunks` take `query=`, a `Query` or None, and read no more than they must for it.
     spans : callable(file, rows) -> list of (int, int), optional
-        Divides the points of a file into parts of at least `rows`, which `chunks` reads by themselves, given one as
-        `span=`. None if files are only read from their start.
+        Divides the points of a file into parts of at least `rows` points. Given one of them as `span=`, `chunks` reads
+        that part alone. None if files can only be read from their start.
     """
 
     name: str

@@ -194,7 +194,7 @@ def read_las_chunks(
     query : Query, optional
         As for `read_las`.
     span : (int, int), optional
-        One of `spans_of_las`, of which alone the points are read.
+        One of `spans_of_las`. Only its points are read.
 
     Yields
     ------
@@ -240,12 +240,12 @@ def spans_of_las(file: BufferedReader, rows: int) -> list[Span]:
     file : binary file
         Open for reading, at its start.
     rows : int
-        Points of a part at least. Only the last may have fewer, and those of a LAZ file consist of whole chunks.
+        Points of a part at least; only the last part may have fewer. The parts of a LAZ file consist of whole chunks.
 
     Returns
     -------
     list of (int, int)
-        The first point of each part, and the one behind its last.
+        The row of the first point of each part, and the row behind its last.
 
     Raises
     ------

@@ -134,7 +134,7 @@ def chunks_of_points(
     Raises
     ------
     FileFormatError
-        If the chunks have fewer points than there are, or a size cannot be.
+        If the chunks have fewer than `count` points, or a size is impossible.
     """
     position, left, found = file.tell() + 8, count, []
     with _reported():
@@ -180,7 +180,8 @@ def _check_chunks(file: BufferedReader, laszip: Record, point_size: int) -> int:
 def _chunk_table(file: BufferedReader, laszip: Record) -> list[tuple[int, int]]:
     """Return the number of points and the size in bytes of each chunk. The file is at its first point before and after.
 
-    If all chunks but the last have the same number of points, the last one has it, too, whatever it holds.
+    If all chunks but the last have the same number of points, the table gives this number for the last one, too,
+    even if it has fewer.
     """
     import lazrs
 
@@ -199,10 +200,10 @@ def _chunk_table(file: BufferedReader, laszip: Record) -> list[tuple[int, int]]:
 
 
 def _check_chunk(file: BufferedReader, position: int, length: int, point_size: int, n_layers: int) -> None:
-    """Check that the layers of a chunk lie within it, and that each begins as an arithmetic coder lets it.
+    """Check that the layers of a chunk lie within it, and that none begins with four bytes 0xff.
 
-    With another beginning, the decoder never leaves an impossible state, in which lazrs calls itself until the stack
-    is full: that ends the process.
+    No arithmetic coder writes such a beginning. It brings the decoder of lazrs into a state that it never leaves: it
+    calls itself until the stack is full, which ends the process.
     """
     sizes, start = [length - point_size], position + point_size
     if n_layers:

@@ -21,8 +21,8 @@ def read(
     """Read a cloud: PLY, LAS, LAZ, COPC, XYZ, CSV, PTS, NPY, NPZ, OFF, OBJ, STL, PCD, PTX, E57, Parquet or Feather.
 
     The format is found by how the content begins, otherwise by the suffix of the name. Of mesh files, only the vertices
-    are read. The scans of PTX and E57 files become one cloud, each moved by its pose. So do the files that a virtual
-    point cloud (.vpc) lists, in its order; they must have the same attributes.
+    are read. The scans of PTX and E57 files become one cloud, each moved by its pose. The files that a virtual point
+    cloud (.vpc) lists become one cloud, too, in the order of the list; they must have the same attributes.
 
     Parameters
     ----------
@@ -39,8 +39,8 @@ def read(
         Read a COPC file only down to the level on which neighbours are about that far from each other, in the unit of
         the coordinates.
     assume_same_crs : bool
-        Whether to take the coordinate system of the first file of a virtual point cloud for that of all. Otherwise,
-        files with different ones are an error.
+        Whether all files of a virtual point cloud get the coordinate system of the first one. Otherwise, files with
+        different coordinate systems are an error.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def read(
     Raises
     ------
     FileFormatError
-        If the format is unknown, the content does not follow it, there is a resolution and the file is not COPC, or
+        If the format is unknown, the content does not follow it, `resolution` is given and the file is not COPC, or
         the files of a virtual point cloud do not fit each other.
     ParameterError
         If `path` is neither text nor a path, `format` is no text, `columns` are not different names with x, y and z,
@@ -80,7 +80,7 @@ class Loaded(NamedTuple):
     faces : int
         Number of faces, which the cloud does not hold. A file with faces is a mesh.
     unread : list of str
-        In words what the cloud does not hold of the file, faces included.
+        What the file has and the cloud does not hold, in words, faces included.
     """
 
     cloud: PointCloud

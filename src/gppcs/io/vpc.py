@@ -15,7 +15,7 @@ SUFFIX = ".vpc"
 
 
 def files_of(path: Path) -> list[Path]:
-    """Return the files that a path stands for: those that a virtual point cloud lists, in its order, or itself.
+    """Return the files that a path stands for: itself, or the files that a virtual point cloud lists, in its order.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def files_of(path: Path) -> list[Path]:
     Raises
     ------
     FileFormatError
-        If a file with the suffix of a list is none, or lists something that is no file of this machine.
+        If a file called .vpc is no virtual point cloud, or lists something that is no file of this machine.
     OSError
         If such a file does not exist or cannot be read.
     """

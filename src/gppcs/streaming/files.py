@@ -54,10 +54,11 @@ def simplify_files(
     ratio, n_points, method, seed, invalid, normals, scores, stages
         As for `gppcs.simplify`. Normals need all points in memory.
     box, resolution
-        As for `gppcs.read`: the points that are read of each file. They alone are the cloud, and count for `indices`.
+        As for `gppcs.read`: which points of each file to read. Only these are the cloud, and `indices` are rows
+        among them.
     assume_same_crs : bool
-        Whether to take the coordinate system of the first file for that of all. Otherwise, files with different ones
-        are an error.
+        Whether all files get the coordinate system of the first one. Otherwise, files with different coordinate
+        systems are an error.
     memory : int or str, optional
         How much memory the process may hold: bytes, or a text such as "4GB" or "512 MiB". By default, half of what is
         free.
@@ -81,8 +82,8 @@ def simplify_files(
     ClusterError
         If the workers cannot be reached, have another version of gppcs, or end again and again.
     FileFormatError
-        If a file is damaged, its format is unknown, there is a resolution and it is not COPC, or the files do not fit
-        each other.
+        If a file is damaged, its format is unknown, `resolution` is given and the file is not COPC, or the files do
+        not fit each other.
     InputError
         As for `gppcs.simplify`, and if the work would take more memory than allowed, or no point is in the box.
     ParameterError

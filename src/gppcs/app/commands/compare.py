@@ -48,9 +48,9 @@ EPILOG = (
     "gppcs compare scan.ply --ratio 3% --meshes --methods mesh,poisson-decimated -o meshes\n\n"
     "[bold]Ways to a mesh[/bold]\n\n"
     "mesh, mesh-moved: gppcs mesh, without and with --moved\n\n"
-    "poisson-kept, ball-pivoting, advancing-front: gp keeps points, which screened Poisson reconstruction, a rolling "
-    "ball or CGAL's advancing front (needs the extra cgal) join\n\n"
-    "poisson-decimated: screened Poisson reconstruction of all points, decimated\n\n"
+    "poisson-kept, ball-pivoting, advancing-front: gp keeps points; then screened Poisson reconstruction, ball "
+    "pivoting or CGAL's advancing front (needs the extra cgal) makes a mesh of them\n\n"
+    "poisson-decimated: screened Poisson reconstruction of all points, then decimation\n\n"
     "gppcs evaluate --help defines the figures of the tables."
 )
 
@@ -76,7 +76,8 @@ def compare(
         bool,
         typer.Option(
             "--meshes",
-            help="Compare ways to a light mesh instead of methods: gppcs mesh and others. Needs the extra evaluate.",
+            help="Compare ways to make a light mesh instead of methods. They are listed below. Needs the extra "
+            "evaluate.",
         ),
     ] = False,
     methods: Annotated[
@@ -84,13 +85,15 @@ def compare(
         typer.Option(
             metavar="NAME,...",
             help="Names of the methods, separated by commas, in the order of the table. See gppcs methods. With "
-            "--meshes, names of ways to a mesh; by default, all whose packages are installed.",
+            "--meshes, names of ways to a mesh; by default all ways whose packages are installed.",
             show_default="all",
         ),
     ] = None,
     mesh: Annotated[
         Path | None,
-        typer.Option(help="The surface of IN as a mesh file, to compare rebuilt surfaces, or meshes, with."),
+        typer.Option(
+            help="A mesh file of the true surface of IN. The meshes that are made or rebuilt are compared with it."
+        ),
     ] = None,
     seed: Annotated[
         int | None, typer.Option(help="Seed of random numbers. Methods without random numbers ignore it.")
@@ -105,8 +108,8 @@ def compare(
         bool,
         typer.Option(
             "--report",
-            help="Also write report.html, which shows all clouds, and the meshes of the picture, in the browser; see "
-            "gppcs report.",
+            help="Also write report.html, a page that shows all clouds and the meshes of the picture in the browser; "
+            "see gppcs report.",
         ),
     ] = False,
     view: View = None,
@@ -147,7 +150,7 @@ def compare(
         elif picture:
             contents["picture.png"] = _drawn(original, entries, surfaces, viewpoint)
     results = named_meshes(entries) if meshes else _named(entries, surfaces)
-    if report and results:  # else no way has found a surface, as the notes say
+    if report and results:  # without results no way has found a surface, and the notes say so
         made = how_made(context.obj, [cloud, *([mesh] if mesh else [])])
         contents["report.html"] = _page(Named(cloud.name, original, surfaces[0]), results, made, viewpoint, stages)
     output.mkdir(exist_ok=True)

@@ -37,7 +37,7 @@ def convert(
         typer.Argument(
             metavar="IN",
             parser=file_path,
-            help="A point cloud file, or a .vpc file, whose files become one cloud.",
+            help="A point cloud file, or a virtual point cloud (.vpc): the files that it lists become one cloud.",
             show_default=False,
         ),
     ],

@@ -28,7 +28,8 @@ def render(
         typer.Argument(
             metavar="IN",
             parser=file_path,
-            help="A point cloud file. If it holds triangles, the mesh is drawn.",
+            help="A point cloud file. If a PLY, OBJ, OFF or STL file holds triangles, the mesh is drawn. That needs "
+            "the extras view and evaluate.",
             show_default=False,
         ),
     ],
@@ -42,8 +43,8 @@ def render(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="What the colours show: rgb, variation (surface variation), or an attribute. By default RGB if there "
-            "is any, otherwise surface variation; a mesh without RGB is white.",
+            help="What the colours show: rgb, variation (surface variation), or the name of an attribute. By default "
+            "rgb if IN has colours. If not, a cloud shows surface variation, and a mesh is white.",
         ),
     ] = None,
     size: Annotated[str, typer.Option(metavar="WIDTHxHEIGHT", help="Size in pixels.")] = "1280x960",
@@ -56,7 +57,7 @@ def render(
 ) -> None:
     """Draw a picture of a cloud or a mesh. It needs no display.
 
-    A cloud is drawn as a closed surface. Grey points have no value, for instance a surface variation of too few points.
+    A cloud is drawn as a surface without gaps between its points. Points whose value is unknown are grey.
     """
     from gppcs import io
     from gppcs.drawing.single import checked_size, draw_single

@@ -47,7 +47,7 @@ def report(
         bool,
         typer.Option(
             "--meshes",
-            help="Also rebuild a surface from each cloud, which the page can show in place of the points. Needs the "
+            help="Also rebuild a mesh from each cloud. The page can show the meshes in place of the points. Needs the "
             "extra evaluate.",
         ),
     ] = False,
