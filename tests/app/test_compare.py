@@ -87,7 +87,7 @@ def test_compare_draws_clouds_and_meshes(gppcs_command, monkeypatch):
     for module in ("pymeshlab", "pyvista", "matplotlib"):
         pytest.importorskip(module)
     columns = []
-    monkeypatch.setattr("gppcs.drawing.side_by_side.draw_comparison", lambda file, given, _: columns.extend(given))
+    monkeypatch.setattr("gppcs.drawing.side_by_side.draw_comparison", lambda file, given, *_: columns.extend(given))
     ball = gppcs.sample("sphere", 2000)
     ball.points[7] = np.nan
     gppcs.write("ball.ply", ball)
@@ -118,6 +118,8 @@ def test_compare_rebuilds_no_mesh_of_an_original_too_large_for_it(gppcs_command,
     [
         (["scan.ply", "--ratio", "0.1", "-o", "side", "--methods", "fps,fsp"], "no method 'fsp'"),
         (["scan.ply", "-o", "side", "--methods", "fps"], "found neither"),
+        (["scan.ply", "--points", "9", "-o", "side", "--colour", "rad"], "found 'rad'"),
+        (["scan.ply", "--points", "9", "-o", "side", "--no-picture", "--colour", "rgb"], "request a picture"),
         (["missing.ply", "--ratio", "5", "-o", "side", "--methods", "fps"], "at most 1, found 5"),
         (["scan.ply", "--ratio", "0.1", "-o", "side", "--methods", ""], "no method ''"),
         (["broken.ply", "--ratio", "0.1", "-o", "side", "--methods", "fps"], "1 of 400 points"),
@@ -186,7 +188,7 @@ def test_compare_meshes_draws_a_column_for_each_mesh(gppcs_command, ball, monkey
     for module in ("pyvista", "matplotlib"):
         pytest.importorskip(module)
     columns = []
-    monkeypatch.setattr("gppcs.drawing.side_by_side.draw_comparison", lambda file, given, _: columns.extend(given))
+    monkeypatch.setattr("gppcs.drawing.side_by_side.draw_comparison", lambda file, given, *_: columns.extend(given))
     monkeypatch.setattr("gppcs.engine.extras._opengl_works", lambda: True)
     surface = gppcs.mesh(ball, n_points=500).mesh
     gppcs.write_mesh("surface.ply", surface)

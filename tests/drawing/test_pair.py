@@ -1,3 +1,4 @@
+import dataclasses
 import io
 import sys
 
@@ -5,6 +6,7 @@ import numpy as np
 import pytest
 
 from gppcs.drawing.cloud_images import ColouredCloud
+from gppcs.drawing.paint import Legend
 from gppcs.drawing.pair import ABOVE, BELOW, draw_pair
 from gppcs.errors import MissingExtraError
 
@@ -44,6 +46,23 @@ def test_the_original_sets_the_colours(ball):
         draw_pair(file, "few", ball, ColouredCloud(ball.points[:50], 1.0 + factor * ball.values[:50]))
         pictures.append(panels(file))
     assert (pictures[0][0] == pictures[1][0]).all()
+
+
+def test_colours_of_the_clouds_are_drawn_with_their_legend(ball):
+    from matplotlib.image import imread
+
+    red = np.broadcast_to((1.0, 0.1, 0.1), ball.points.shape)
+    original = dataclasses.replace(ball, colours=red)
+    file = io.BytesIO()
+    draw_pair(file, "few", original, original.kept(np.arange(50), ball.points[:50]), legend=Legend("RGB"))
+    whole, few = panels(file)
+    middle = whole[len(whole) // 2, whole.shape[1] // 2]
+    np.testing.assert_allclose(middle / middle.max(), red[0], atol=0.02)
+    coloured = few[np.ptp(few, axis=2) > 0.3]
+    assert len(coloured) > 50
+    assert (coloured.argmax(axis=1) == 0).all()
+    file.seek(0)
+    assert (imread(file, format="png")[-BELOW:] == 1.0).all()  # RGB has no colour bar
 
 
 def test_without_matplotlib_the_extra_is_named(monkeypatch, ball):

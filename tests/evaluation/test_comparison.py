@@ -5,7 +5,7 @@ import pytest
 
 import gppcs
 from gppcs.evaluation import judge
-from gppcs.evaluation.comparison import rebuilt_mesh
+from gppcs.evaluation.comparison import rebuilt_mesh, trimmed_mesh
 from meshes import hull_mesh
 
 
@@ -68,6 +68,28 @@ def test_a_mesh_to_look_at_is_rebuilt_in_place_with_the_sides_of_the_normals(sph
         outward = np.einsum("ij,ij->i", mesh.vertices - place, mesh.vertex_normals())
         assert (sign * outward > 0).all()
     assert rebuilt_mesh(original.take(np.arange(2)), original) is None
+
+
+def test_a_mesh_to_look_at_ends_where_the_points_end(sphere):
+    """Screened Poisson reconstruction closes the open half of a sphere by a membrane."""
+    pytest.importorskip("pymeshlab")
+    half = sphere[sphere[:, 2] > 0.0]
+    place = np.array([500_000.0, 5_400_000.0, 0.0])
+    outward = dict(zip(("nx", "ny", "nz"), half.T, strict=True))
+    original = gppcs.PointCloud(half + place, outward)
+    kept = original.take(np.arange(300))
+    mesh = rebuilt_mesh(kept, original)
+    used = mesh.vertices[np.unique(mesh.faces)]
+    gaps = np.linalg.norm(used[:, None] - original.points[None], axis=2).min(axis=1)
+    spacing = np.sqrt(2.0 * np.pi / len(half))
+    assert gaps.max() < 6.0 * spacing
+    above = used[used[:, 2] > 4.0 * spacing] - place
+    np.testing.assert_allclose(np.linalg.norm(above, axis=1), 1.0, atol=0.1)
+    assert mesh.face_areas().sum() == pytest.approx(2.0 * np.pi, rel=0.2)
+    elsewhere = gppcs.PointCloud(original.points + 100.0)
+    assert trimmed_mesh(mesh, elsewhere) is None
+    untouched = trimmed_mesh(mesh, original)
+    assert len(untouched.faces) == len(mesh.faces)
 
 
 def test_what_cannot_be_compared_is_refused(sphere):

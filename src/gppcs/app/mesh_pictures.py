@@ -17,7 +17,13 @@ if TYPE_CHECKING:
     from gppcs.evaluation.mesh_comparison import MeshEntry
 
 
-def drawn_meshes(original: PointCloud, entries: Sequence[MeshEntry], mesh: Mesh | None, viewpoint: Viewpoint) -> bytes:
+def drawn_meshes(
+    original: PointCloud,
+    entries: Sequence[MeshEntry],
+    mesh: Mesh | None,
+    viewpoint: Viewpoint,
+    colour: str | None = None,
+) -> bytes:
     """Draw the vertices of meshes, and below them the meshes.
 
     Parameters
@@ -29,29 +35,32 @@ def drawn_meshes(original: PointCloud, entries: Sequence[MeshEntry], mesh: Mesh 
     mesh : Mesh or None
         The surface of the original.
     viewpoint : Viewpoint
+    colour : str or None
+        As for `painted`. Vertices have the colour of the nearest point of the original.
 
     Returns
     -------
     bytes
         A PNG.
     """
-    from gppcs.drawing.cloud_images import ColouredCloud
+    from gppcs.drawing.paint import painted
     from gppcs.drawing.side_by_side import Column, draw_comparison
     from gppcs.spatial.kdtree import KdTree
 
-    points = original.points[original.finite_rows()]
-    variation = ColouredCloud.by_surface_variation(points).values
-    tree = KdTree.build(points)
-    columns = [Column("original", points, variation, "", mesh)]
+    everything, legend = painted(original.take(original.finite_rows()), colour)
+    tree = KdTree.build(everything.points)
+    columns = [Column("original", everything.points, everything.values, "", mesh, colours=everything.colours)]
     for entry in entries:
         if entry.mesh and entry.report:
             vertices = _vertices(entry.mesh)
-            nearest, _ = tree.nearest_of(vertices, 1)
+            kept = everything.kept(tree.nearest_of(vertices, 1)[0][:, 0], vertices)
             mean = entry.report.figures(relative=True)["mesh_mean"]
             caption = f"mesh mean\n{mean:.2e} diagonals"
-            columns.append(Column(entry.way, vertices, variation[nearest[:, 0]], caption, entry.mesh, "vertices"))
+            columns.append(
+                Column(entry.way, vertices, kept.values, caption, entry.mesh, "vertices", colours=kept.colours)
+            )
     image = BytesIO()
-    draw_comparison(image, columns, viewpoint)
+    draw_comparison(image, columns, viewpoint, legend)
     return image.getvalue()
 
 

@@ -1,4 +1,4 @@
-"""The options `--view` and `--up`, which set the viewpoint of pictures."""
+"""The options of pictures: `--view` and `--up`, which set the viewpoint, and `--colour`."""
 
 from __future__ import annotations
 
@@ -23,6 +23,22 @@ Up = Annotated[
     Literal["x", "y", "z", "-x", "-y", "-z"] | None,
     typer.Option(help="The axis that points up in the picture. Guessed by default."),
 ]
+Colour = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="What the colours of the points in the picture show: rgb, variation (surface variation), or an attribute "
+        "of the input. By default surface variation, which shows where a method should keep more points.",
+    ),
+]
+
+
+def require_picture(colour: str | None, picture: bool) -> None:
+    """Raise a ParameterError if a colour is given without a picture."""
+    if colour is not None and not picture:
+        raise ParameterError(
+            "expected a picture to colour by --colour, found none; request a picture or omit the option"
+        )
 
 
 def viewpoint_of(view: str | None, up: str | None, picture: bool) -> Viewpoint:

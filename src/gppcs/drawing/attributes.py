@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
+from gppcs.errors import ParameterError, nearest_name, shown
 
+RGB, VARIATION = "rgb", "variation"  # colourings that are no attributes; an attribute of that name wins
 MOST_KINDS = 8  # whole numbers of at most so many different values are shown as kinds: there are as many colours
 COLOURS = (("red", "green", "blue"), ("r", "g", "b"))
 
@@ -46,6 +48,30 @@ class Colourable:
             if set(names) <= set(columns):
                 return cls(columns, _eight_bits(np.stack([columns.pop(name) for name in names], axis=1)))
         return cls(columns, None)
+
+    def means_variation(self, colour: str) -> bool:
+        """Return whether the name of a colour stands for surface variation, rather than for an attribute."""
+        return colour == VARIATION and VARIATION not in self.columns
+
+    def require(self, colour: str) -> None:
+        """Raise an error if the cloud cannot be coloured so.
+
+        Parameters
+        ----------
+        colour : str
+            "rgb", "variation" for surface variation, or the name of an attribute of numbers.
+
+        Raises
+        ------
+        ParameterError
+            If the cloud has no such colour.
+        """
+        known = [*([] if self.rgb is None else [RGB]), VARIATION, *self.columns]
+        if colour not in known:
+            raise ParameterError(
+                "expected a colour that the cloud has: rgb, variation or an attribute of numbers, found "
+                f"{shown(colour)}{nearest_name(colour, known)}"
+            )
 
 
 def kinds_of(values: NDArray[Any]) -> NDArray[Any] | None:

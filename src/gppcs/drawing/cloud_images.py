@@ -39,6 +39,8 @@ class ColouredCloud:
         The quantity that the colour shows, such as surface variation. NaN is drawn grey.
     normals : (N, 3) array, optional
         Unit normals of either sign, for the shading. By default, they are estimated from the original.
+    colours : (N, 3) array, optional
+        Red, green and blue of each point, from 0 to 1, to draw in place of the values.
 
     Raises
     ------
@@ -49,6 +51,7 @@ class ColouredCloud:
     points: Array
     values: Array
     normals: Array | None = None
+    colours: Array | None = None
 
     def __post_init__(self) -> None:
         points = np.asarray(self.points, dtype=np.float64)
@@ -66,6 +69,8 @@ class ColouredCloud:
             if normals.shape != points.shape:
                 raise InputError(f"expected normals of shape {points.shape}, found {normals.shape}")
             object.__setattr__(self, "normals", normals)
+        if self.colours is not None and self.colours.shape != points.shape:
+            raise InputError(f"expected colours of shape {points.shape}, found {self.colours.shape}")
 
     @classmethod
     def by_surface_variation(cls, points: Array) -> ColouredCloud:
@@ -88,6 +93,23 @@ class ColouredCloud:
         variation = np.where(features.neighbours > 3, features.surface_variation, np.nan)
         same = tree.nearest_of(local, 1)[0][:, 0]
         return cls(points, variation[same], features.normals[same])
+
+    def kept(self, rows: NDArray[np.int64], points: Array) -> ColouredCloud:
+        """Return a simplified cloud.
+
+        Parameters
+        ----------
+        rows : (M,) array, int64
+            The points that it keeps, whose values and colours it gets.
+        points : (M, 3) array, float64
+            Where they lie; some methods move them.
+
+        Returns
+        -------
+        ColouredCloud
+            Without normals.
+        """
+        return ColouredCloud(points, self.values[rows], colours=None if self.colours is None else self.colours[rows])
 
 
 class Original:

@@ -6,7 +6,7 @@ from typing import BinaryIO
 
 from gppcs.drawing.camera import Camera
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
-from gppcs.drawing.colours import add_bar, colour_scale, colours_of
+from gppcs.drawing.paint import SURFACE_VARIATION, Legend
 from gppcs.drawing.viewpoint import GUESSED, Viewpoint
 from gppcs.engine.extras import require_matplotlib
 
@@ -21,6 +21,7 @@ def draw_pair(
     original: ColouredCloud,
     simplified: ColouredCloud,
     viewpoint: Viewpoint = GUESSED,
+    legend: Legend | None = None,
 ) -> None:
     """Write a PNG of the original and the simplified cloud, with the same camera and colour scale.
 
@@ -35,9 +36,11 @@ def draw_pair(
     title : str
         Title of the simplified cloud, such as the name of the method.
     original, simplified : ColouredCloud
-        The clouds. Their values are labelled as surface variation.
+        The clouds. With a legend they need colours of their own; otherwise their values are surface variation.
     viewpoint : Viewpoint
         The direction of the view.
+    legend : Legend, optional
+        What the colours of the clouds show.
 
     Raises
     ------
@@ -49,10 +52,10 @@ def draw_pair(
 
     width, height = (WIDTH - 3 * GAP) // 2, HEIGHT - ABOVE - BELOW
     view = View(Original(original), Camera.towards(original.points, width, (height, height), viewpoint))
-    scale = colour_scale([original.values])
+    legend = legend or Legend.of_amounts(SURFACE_VARIATION, [original.values], root=True)
     images = (
-        view.surface(colours_of(scale, original.values)),
-        view.points(simplified, colours_of(scale, simplified.values), MAX_POINT_RADIUS),
+        view.surface(legend.colours_of(original)),
+        view.points(simplified, legend.colours_of(simplified), MAX_POINT_RADIUS),
     )
     kept = f"{len(simplified.points):,} points ({len(simplified.points) / len(original.points):.1%})"
     headings = (("original", f"{len(original.points):,} points"), (title, kept))
@@ -63,5 +66,5 @@ def draw_pair(
         middle = (left + width / 2) / WIDTH
         figure.text(middle, 1 - 34 / HEIGHT, name, ha="center", size=15, weight="bold", color="0.15")
         figure.text(middle, 1 - 58 / HEIGHT, counted, ha="center", size=11.5, color="0.35")
-    add_bar(figure, (0.34, 48 / HEIGHT, 0.32, 12 / HEIGHT), scale, 11.5)
+    legend.add_bar(figure, (0.34, 48 / HEIGHT, 0.32, 12 / HEIGHT), 11.5)
     figure.savefig(file, format="png", dpi=100)

@@ -14,8 +14,8 @@ from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.camera import SUPERSAMPLING, Camera, Square
 from gppcs.drawing.close_ups import feature_squares
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
-from gppcs.drawing.colours import add_bar, colour_scale, colours_of
 from gppcs.drawing.mesh_images import mesh_images
+from gppcs.drawing.paint import SURFACE_VARIATION, Legend
 from gppcs.drawing.viewpoint import GUESSED, Viewpoint
 from gppcs.engine.extras import require_matplotlib, require_pyvista
 from gppcs.errors import ParameterError
@@ -51,6 +51,8 @@ class Column:
         The mesh rebuilt from the points, or whose vertices they are.
     counted : "points" or "vertices"
         What the points are called.
+    colours : (M, 3) array, optional
+        Red, green and blue of each point, from 0 to 1, to draw in place of surface variation.
     """
 
     title: str
@@ -59,9 +61,12 @@ class Column:
     caption: str
     mesh: Mesh | None
     counted: Literal["points", "vertices"] = "points"
+    colours: Array | None = None
 
 
-def draw_comparison(file: BinaryIO, columns: Sequence[Column], viewpoint: Viewpoint = GUESSED) -> None:
+def draw_comparison(
+    file: BinaryIO, columns: Sequence[Column], viewpoint: Viewpoint = GUESSED, legend: Legend | None = None
+) -> None:
     """Write a PNG of clouds and, below each, its mesh, with the same camera and colour scale.
 
     The first column is the original. It is drawn as a closed surface, sets the camera, and hides points of the others
@@ -76,6 +81,8 @@ def draw_comparison(file: BinaryIO, columns: Sequence[Column], viewpoint: Viewpo
         The original first. More than six columns are placed in several rows.
     viewpoint : Viewpoint
         The direction of the view.
+    legend : Legend, optional
+        What the colours of the columns show; by default, they are coloured by surface variation.
 
     Raises
     ------
@@ -92,15 +99,15 @@ def draw_comparison(file: BinaryIO, columns: Sequence[Column], viewpoint: Viewpo
     require_matplotlib()
     if with_meshes:
         require_pyvista()
-    clouds = [ColouredCloud(column.points, column.surface_variation) for column in columns]
-    scale = colour_scale([cloud.values for cloud in clouds])
+    clouds = [ColouredCloud(each.points, each.surface_variation, colours=each.colours) for each in columns]
+    legend = legend or Legend.of_amounts(SURFACE_VARIATION, [cloud.values for cloud in clouds], root=True)
     per_row = math.ceil(len(columns) / math.ceil(len(columns) / MAX_COLUMNS))
     width = min(MAX_COLUMN_WIDTH, (MAX_WIDTH - GAP) // per_row - GAP)
     views, squares = _views(Original(clouds[0]), width, viewpoint)
     cameras = [view.camera for view in views]
     sheet = _Sheet(columns, per_row, [camera.size for camera in cameras], squares, with_meshes)
     for number, (column, cloud) in enumerate(zip(columns, clouds, strict=True)):
-        colours = colours_of(scale, cloud.values)
+        colours = legend.colours_of(cloud)
         sheet.write(number, column)
         sheet.place(
             number,
@@ -113,7 +120,7 @@ def draw_comparison(file: BinaryIO, columns: Sequence[Column], viewpoint: Viewpo
             sheet.leave_empty(number, "no mesh")
     bar_width = min(0.5, 600 / sheet.width)
     place = (0.5 - bar_width / 2.0, 80 / sheet.height, bar_width, 16 / sheet.height)
-    add_bar(sheet.figure, place, scale, _points(TEXT))
+    legend.add_bar(sheet.figure, place, _points(TEXT))
     sheet.figure.savefig(file, format="png", dpi=100)
 
 

@@ -5,31 +5,27 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.mesh import Mesh
-from gppcs.drawing.attributes import Colourable, kinds_of
+from gppcs.drawing.attributes import RGB, VARIATION, Colourable
 from gppcs.drawing.camera import SUPERSAMPLING, Camera
 from gppcs.drawing.cloud_images import MAX_SURFACE_RADIUS, ColouredCloud, Original, View
-from gppcs.drawing.colours import add_bar, colour_scale, colours_of, kinds_scale
 from gppcs.drawing.mesh_images import mesh_images
+from gppcs.drawing.paint import SURFACE_VARIATION, Legend, Paint
 from gppcs.drawing.viewpoint import GUESSED, Viewpoint
 from gppcs.engine.extras import require_matplotlib, require_pyvista
-from gppcs.errors import InputError, ParameterError, nearest_name, shown, whole_number
+from gppcs.errors import InputError, ParameterError, whole_number
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import Frame, bounds
 
-if TYPE_CHECKING:
-    from matplotlib.cm import ScalarMappable
-
 Array = NDArray[np.float64]
 
-RGB, VARIATION = "rgb", "variation"  # colourings that are no attributes
 SIZE = (1280, 960)  # pixels
 SMALLEST, LARGEST = 64, 4096  # pixels; larger pictures would take many gigabytes of memory
 DPI = 64  # a power of two, so that matplotlib does not round sizes in pixels
@@ -107,15 +103,15 @@ def draw_single(
         raise InputError(f"expected points with finite coordinates to draw, found none among {len(cloud)}")
     finite = cloud.take(rows)
     subject = _Subject.of(finite, mesh)
-    paint = _Paint.of(finite, subject, colour)
-    below = BELOW if bar and paint.scale and height - BELOW >= SMALLEST else 0
+    paint = _paint(Colourable.of(finite), subject, colour)
+    below = BELOW if bar and paint.legend.scale and height - BELOW >= SMALLEST else 0
     direction = viewpoint.completed(finite.points if mesh is None else mesh.vertices[np.unique(mesh.faces)])
     radius = MAX_SURFACE_RADIUS / SUPERSAMPLING
     camera = Camera.towards(subject.places, width, (height - below, height - below), direction, radius)
-    _write(file, subject.image(camera, paint.colours), (width, height), below, paint)
+    _write(file, subject.image(camera, paint.colours), (width, height), below, paint.legend)
     place, _ = camera.pixels(subject.places)
     outside = int(((place < 0) | (place >= np.array(camera.shape))).any(axis=1).sum())
-    return Drawn(paint.title, len(cloud) - len(rows), outside)
+    return Drawn(paint.legend.title, len(cloud) - len(rows), outside)
 
 
 def checked_size(size: tuple[int, int]) -> tuple[int, int]:
@@ -184,62 +180,27 @@ class _Subject:
         return mesh_images(self.mesh, [camera], colours[distinct[nearest[:, 0]]])[0]
 
 
-@dataclass(frozen=True)
-class _Paint:
-    """The colours of a cloud."""
-
-    title: str
-    colours: Array | None = None  # None for a white mesh
-    scale: ScalarMappable | None = None  # None for RGB
-    kinds: NDArray[Any] | None = None
-
-    @classmethod
-    def of(cls, cloud: PointCloud, subject: _Subject, colour: str | None) -> _Paint:
-        attributes = Colourable.of(cloud)
-        if colour is None and attributes.rgb is None and subject.mesh is not None:
-            return cls("")
-        if colour is None:
-            colour = VARIATION if attributes.rgb is None else RGB
-        if colour in attributes.columns:
-            return cls._by_attribute(colour, attributes.columns[colour])
-        if colour == VARIATION:
-            values = subject.cloud.values
-            scale = colour_scale([values])
-            return cls(_titled("surface variation", values), colours_of(scale, values), scale)
-        if colour == RGB and attributes.rgb is not None:
-            return cls("RGB", attributes.rgb / 255.0)
-        known = [*([] if attributes.rgb is None else [RGB]), VARIATION, *attributes.columns]
-        raise ParameterError(
-            "expected a colour that the cloud has: rgb, variation or an attribute of numbers, found "
-            f"{shown(colour)}{nearest_name(colour, known)}"
-        )
-
-    @classmethod
-    def _by_attribute(cls, name: str, values: NDArray[Any]) -> _Paint:
-        kinds = kinds_of(values)
-        if kinds is None:
-            amounts = values.astype(np.float64)
-            scale = colour_scale([amounts], root=False)
-            return cls(_titled(name, amounts), colours_of(scale, amounts), scale)
-        scale = kinds_scale(kinds)
-        return cls(name, colours_of(scale, np.searchsorted(kinds, values).astype(np.float64)), scale, kinds)
+def _paint(attributes: Colourable, subject: _Subject, colour: str | None) -> Paint:
+    """Return the colours of the cloud, or none for a mesh without RGB."""
+    if colour is None and attributes.rgb is None and subject.mesh is not None:
+        return Paint(Legend(""), None)
+    colour = colour or (VARIATION if attributes.rgb is None else RGB)
+    if attributes.means_variation(colour):
+        return Paint.by_amounts(SURFACE_VARIATION, subject.cloud.values, root=True)
+    return Paint.of(attributes, colour)
 
 
-def _titled(title: str, values: Array) -> str:
-    return f"{title} (grey: unknown)" if np.isnan(values).any() else title
-
-
-def _write(file: BinaryIO, image: Array, size: tuple[int, int], below: int, paint: _Paint) -> None:
+def _write(file: BinaryIO, image: Array, size: tuple[int, int], below: int, legend: Legend) -> None:
     """Write a picture with its colour bar, for which `below` pixels are left."""
     from matplotlib.figure import Figure
 
     width, height = size
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
     figure.figimage(image, 0, below, origin="upper")
-    if below and paint.scale:
+    if below:
         broad = min(0.8, 512 / width)
         place = (0.5 - broad / 2.0, 48 / height, broad, 12 / height)
-        add_bar(figure, place, paint.scale, TEXT * 72 / DPI, paint.title, paint.kinds)
+        legend.add_bar(figure, place, TEXT * 72 / DPI)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph")  # the name of an attribute may have letters that the font lacks
         figure.savefig(file, format="png", dpi=DPI)

@@ -167,13 +167,14 @@ def rebuilt_mesh(cloud: PointCloud, original: PointCloud) -> Mesh | None:
     cloud : PointCloud
         Finite points; normals are estimated from these.
     original : PointCloud
-        If it has normals (`nx`, `ny`, `nz`), each estimated normal gets the sign of the nearest of them. Otherwise
-        neighbouring normals get the same sign.
+        Finite points. If it has normals (`nx`, `ny`, `nz`), each estimated normal gets the sign of the nearest of them.
+        Otherwise neighbouring normals get the same sign.
 
     Returns
     -------
     Mesh or None
-        A screened Poisson mesh in the unit of the cloud; None if the reconstruction fails.
+        A screened Poisson mesh in the unit of the cloud, without the parts that are far from all points of the
+        original; None if the reconstruction fails.
 
     Raises
     ------
@@ -190,7 +191,32 @@ def rebuilt_mesh(cloud: PointCloud, original: PointCloud) -> Mesh | None:
         mesh = reconstruct(points, estimated_normals(points, *guides))
     except NoSurfaceError:
         return None
-    return mesh.shifted(corner)
+    return trimmed_mesh(mesh.shifted(corner), original)
+
+
+def trimmed_mesh(mesh: Mesh, original: PointCloud) -> Mesh | None:
+    """Return a rebuilt surface for a picture, without the membranes that close the gaps of an open scan.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        A screened Poisson mesh of points of the original.
+    original : PointCloud
+        Finite points.
+
+    Returns
+    -------
+    Mesh or None
+        Without the parts that are far from all points of the original. All surfaces beside an original are cut at the
+        same distance, so that a picture compares them fairly. None if nothing is left.
+    """
+    from gppcs.evaluation.reconstruction import without_membranes
+
+    corner = original.points.min(axis=0)  # squared distances need all digits
+    try:
+        return without_membranes(mesh.shifted(-corner), original.points - corner).shifted(corner)
+    except NoSurfaceError:
+        return None
 
 
 def _prepare_kernels(original: PointCloud, method: Method) -> None:

@@ -94,7 +94,7 @@ def without_membranes(mesh: Mesh, points: NDArray[np.float64]) -> Mesh:
     Parameters
     ----------
     mesh : Mesh
-        A screened Poisson mesh of the points.
+        A screened Poisson mesh of the points, or of some of them.
     points : (M, 3) array, float64
         At least two different ones.
 

@@ -25,7 +25,7 @@ from gppcs.app.printing import (
     progress,
 )
 from gppcs.app.quantities import Points, Ratio, count_of, share_of
-from gppcs.app.viewpoint import Up, View, viewpoint_of
+from gppcs.app.viewpoint import Colour, Up, View, require_picture, viewpoint_of
 from gppcs.engine.threads import set_threads
 from gppcs.errors import OutputError, file_path
 from gppcs.methods import METHODS
@@ -104,6 +104,7 @@ def compare(
         bool,
         typer.Option(help="Draw the clouds and the meshes rebuilt from them. Needs the extras view and evaluate."),
     ] = True,
+    colour: Colour = None,
     report: Annotated[
         bool,
         typer.Option(
@@ -126,6 +127,7 @@ def compare(
     from gppcs import io
     from gppcs.app.console import print_comparison
     from gppcs.app.tables import Row, as_csv, as_markdown
+    from gppcs.drawing.attributes import Colourable
     from gppcs.drawing.web.contents import Named
     from gppcs.engine.stages import Stages
     from gppcs.io.mesh_files import read_mesh
@@ -135,20 +137,23 @@ def compare(
     chosen = None if methods is None else [name.strip() for name in methods.split(",")]
     work = _of_ways(chosen, share, count) if meshes else _of_methods(chosen, share, count, seed)
     viewpoint = viewpoint_of(view, up, picture or report)
+    require_picture(colour, picture)
     names = ["table.csv", "table.md", *(["picture.png"] if picture else []), *(["report.html"] if report else [])]
     targets = _targets([cloud, mesh] if mesh else [cloud], output, names, force)
     surface = read_mesh(mesh) if mesh else None
     stages = Stages(progress(quiet))
     original = io.read(cloud, columns=names_of(columns))
+    if colour is not None:
+        Colourable.of(original).require(colour)
     entries = work(original, mesh=surface, invalid=invalid, stages=stages)
     rows = [Row.of(entry) for entry in entries]
     with stages("tables and picture"):
         contents = {"table.csv": as_csv(rows).encode(), "table.md": as_markdown(rows).encode()}
         surfaces = [surface] if meshes else _surfaces(original, entries, surface, picture)
         if picture and meshes:
-            contents["picture.png"] = drawn_meshes(original, entries, surface, viewpoint)
+            contents["picture.png"] = drawn_meshes(original, entries, surface, viewpoint, colour)
         elif picture:
-            contents["picture.png"] = _drawn(original, entries, surfaces, viewpoint)
+            contents["picture.png"] = _drawn(original, entries, surfaces, viewpoint, colour)
     results = named_meshes(entries) if meshes else _named(entries, surfaces)
     if report and results:  # without results no way has found a surface, and the notes say so
         made = how_made(context.obj, [cloud, *([mesh] if mesh else [])])
@@ -185,13 +190,14 @@ def _of_ways(names: list[str] | None, ratio: float | None, n_points: int | None)
 
 def _surfaces(original: PointCloud, entries: Sequence[Entry], surface: Mesh | None, wanted: bool) -> list[Mesh | None]:
     """Return the surface of the original, if known or wanted, and those rebuilt from the simplified clouds."""
-    from gppcs.evaluation.comparison import rebuilt_mesh
+    from gppcs.evaluation.comparison import rebuilt_mesh, trimmed_mesh
 
+    original = original.take(original.finite_rows())
     if surface:
-        return [surface, *(entry.report.rebuilt.mesh if entry.report.rebuilt else None for entry in entries)]
+        measured = (entry.report.rebuilt for entry in entries)
+        return [surface, *(trimmed_mesh(each.mesh, original) if each else None for each in measured)]
     if not wanted:
         return [None] * (1 + len(entries))
-    original = original.take(original.finite_rows())
     return [
         rebuilt("the original", original, original, "; give a mesh with --mesh"),
         *(rebuilt_mesh(entry.result.cloud, original) for entry in entries),
@@ -220,24 +226,27 @@ def _page(
 
 
 def _drawn(
-    original: PointCloud, entries: Sequence[Entry], meshes: Sequence[Mesh | None], viewpoint: Viewpoint
+    original: PointCloud,
+    entries: Sequence[Entry],
+    meshes: Sequence[Mesh | None],
+    viewpoint: Viewpoint,
+    colour: str | None,
 ) -> bytes:
     """Return a PNG of the original and each simplified cloud, with the meshes rebuilt from them."""
     import numpy as np
 
-    from gppcs.drawing.cloud_images import ColouredCloud
+    from gppcs.drawing.paint import painted
     from gppcs.drawing.side_by_side import Column, draw_comparison
 
     rows = original.finite_rows()
-    original = original.take(rows)
-    variation = ColouredCloud.by_surface_variation(original.points).values
-    columns = [Column("original", original.points, variation, "", meshes[0])]
+    everything, legend = painted(original.take(rows), colour)
+    columns = [Column("original", everything.points, everything.values, "", meshes[0], colours=everything.colours)]
     for entry, mesh in zip(entries, meshes[1:], strict=True):
-        kept = variation[np.searchsorted(rows, entry.result.indices)]
-        title, points = entry.result.method.label, entry.result.cloud.points
-        columns.append(Column(title, points, kept, _caption(entry), mesh))
+        kept = everything.kept(np.searchsorted(rows, entry.result.indices), entry.result.cloud.points)
+        title = entry.result.method.label
+        columns.append(Column(title, kept.points, kept.values, _caption(entry), mesh, colours=kept.colours))
     image = BytesIO()
-    draw_comparison(image, columns, viewpoint)
+    draw_comparison(image, columns, viewpoint, legend)
     return image.getvalue()
 
 

@@ -54,7 +54,7 @@ from gppcs.app.printing import (
     tell,
 )
 from gppcs.app.quantities import Points, Ratio, count_of, share_of
-from gppcs.app.viewpoint import Up, View, viewpoint_of
+from gppcs.app.viewpoint import Colour, Up, View, require_picture, viewpoint_of
 from gppcs.engine.memory import peak_memory
 from gppcs.engine.stages import COMPILATION
 from gppcs.engine.threads import set_threads
@@ -178,6 +178,7 @@ def simplify(
             metavar="PNG", help="Draw the original and the result, coloured by surface variation, to a PNG file."
         ),
     ] = None,
+    colour: Colour = None,
     report: Annotated[
         Path | None,
         typer.Option(
@@ -222,6 +223,7 @@ def simplify(
         "scores": scores,
     }
     viewpoint = viewpoint_of(view, up, picture is not None or report is not None)
+    require_picture(colour, picture is not None)
     if mark is not None and (normals or scores or index_attribute is not None):
         raise ParameterError(
             "expected --mark without --normals, --scores and --index-attribute, which only kept points have"
@@ -240,8 +242,8 @@ def simplify(
     with cluster_of(workers, scheduler) as cluster:
         job = _Job(
             outputs, merged, options, input_format, names_of(columns), query, index_attribute, mark, figures, picture,
-            report, context.obj, viewpoint, limit, assume_same_crs, scratch, cluster, resume, dry_run, force, lossy,
-            quiet,
+            colour, report, context.obj, viewpoint, limit, assume_same_crs, scratch, cluster, resume, dry_run, force,
+            lossy, quiet,
         )  # fmt: skip
         succeeded = [_reported(job, source, as_json) for source in sources]
     if not all(succeeded):
@@ -312,6 +314,7 @@ class _Job:
     mark: str | None
     figures: bool
     picture: Path | None
+    colour: str | None
     report: Path | None
     command: list[str]
     viewpoint: Viewpoint
@@ -372,12 +375,15 @@ class _Job:
         """Return the result, the number of points, the figures if wanted, and picture and page by their files."""
         import numpy as np
 
+        from gppcs.drawing.attributes import Colourable
         from gppcs.evaluation.judge import evaluate
         from gppcs.simplification import simplify
 
         with stages("reading"):
             cloud = files.read()
         self._check_storable(target, cloud)
+        if self.colour is not None:
+            Colourable.of(cloud).require(self.colour)
         result = simplify(cloud, stages=stages, **self.options)
         measured, drawn = None, {}
         if self.figures:
@@ -385,7 +391,7 @@ class _Job:
                 measured = evaluate(cloud.take(cloud.finite_rows()), result.cloud)
         if self.picture:
             with stages("picture"):
-                drawn[self.picture] = _drawn(cloud, result, self.viewpoint)
+                drawn[self.picture] = _drawn(cloud, result, self.viewpoint, self.colour)
         if self.report:
             with stages("report"):
                 drawn[self.report] = self._page(cloud, result, target)
@@ -455,21 +461,18 @@ def _with_attribute(cloud: PointCloud, name: str, values: NDArray[Any]) -> Point
     return replace(cloud, attributes={**cloud.attributes, name: values})
 
 
-def _drawn(cloud: PointCloud, result: Result, viewpoint: Viewpoint) -> bytes:
+def _drawn(cloud: PointCloud, result: Result, viewpoint: Viewpoint, colour: str | None) -> bytes:
     """Return a PNG of the original and the simplified cloud."""
     import numpy as np
 
-    from gppcs.drawing.cloud_images import ColouredCloud
+    from gppcs.drawing.paint import painted
     from gppcs.drawing.pair import draw_pair
 
     rows = cloud.finite_rows()
-    original = ColouredCloud.by_surface_variation(cloud.points[rows])
-    kept = np.searchsorted(rows, result.indices)
-    simplified = ColouredCloud(
-        result.cloud.points, original.values[kept]
-    )  # at the places to which the method moved them
+    original, legend = painted(cloud.take(rows), colour)
+    simplified = original.kept(np.searchsorted(rows, result.indices), result.cloud.points)
     image = BytesIO()
-    draw_pair(image, result.method.label, original, simplified, viewpoint)
+    draw_pair(image, result.method.label, original, simplified, viewpoint, legend)
     return image.getvalue()
 
 
