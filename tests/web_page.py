@@ -33,6 +33,11 @@ class WebPage:
         numbers = self.array(cloud["blocks"]["positions"], cloud["shown"], 3, np.uint16)
         return np.array(cloud["low"]) + np.array(cloud["step"]) * numbers
 
+    def triangles(self, mesh):
+        """Return the corners of a mesh of the description, (F, 3, 3)."""
+        places = self.array(mesh["blocks"]["positions"], mesh["vertices"], 3, np.uint16) * mesh["step"] + mesh["low"]
+        return places[faces_of(self.array(mesh["blocks"]["faces"], mesh["triangles"], 3, np.uint32))]
+
     def values(self, cloud, key):
         """Return the values of a cloud that colours can show, and half of the step in which they are held."""
         (held,) = (values for values in cloud["values"] if values["key"] == key)
@@ -49,3 +54,9 @@ def unpacked(text, rows, columns, kind):
     planes = np.frombuffer(zlib.decompress(base64.b64decode(text)), dtype=np.uint8).reshape(columns, width, rows)
     differences = sum(planes[:, byte].astype(np.uint64) << np.uint64(8 * byte) for byte in range(width))
     return differences.cumsum(axis=1).astype(kind).T
+
+
+def faces_of(packed):
+    """Return triangles from what `packed_faces` made of them."""
+    steps = np.diff(packed[:, 1:], axis=0, prepend=np.uint32(0))  # modulo 2**32
+    return np.column_stack([packed[:, 0], packed[:, :1] + steps])

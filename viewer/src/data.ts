@@ -133,10 +133,11 @@ export interface Triangles {
 }
 
 export async function trianglesOf({ blocks, vertices, triangles }: Surface): Promise<Triangles> {
-  return {
-    positions: await unpacked(blocks.positions, vertices, 3, Uint16Array),
-    faces: await unpacked(blocks.faces, triangles, 3, Uint32Array),
-  };
+  const faces = await unpacked(blocks.faces, triangles, 3, Uint32Array);
+  // The second and third column are running sums of the steps from the first vertex.
+  for (let i = faces.length - 3; i >= 0; i -= 3)
+    for (const j of [i + 1, i + 2]) faces[j] = faces[i]! + faces[j]! - (i > 0 ? faces[j - 3]! : 0);
+  return { positions: await unpacked(blocks.positions, vertices, 3, Uint16Array), faces };
 }
 
 export function valuesOf(cloud: Cloud, values: Values): Promise<Uint16Array<ArrayBuffer>> {

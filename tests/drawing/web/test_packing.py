@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from gppcs.drawing.web.packing import UNKNOWN, Blocks, octahedral, quantised_points, quantised_values
-from web_page import unpacked
+from gppcs.drawing.web.packing import UNKNOWN, Blocks, octahedral, packed_faces, quantised_points, quantised_values
+from web_page import faces_of, unpacked
 
 
 @given(st.sampled_from([np.uint8, np.uint16, np.uint32]), st.integers(1, 3), st.data())
@@ -25,6 +25,16 @@ def test_the_layout_is_differences_in_planes_of_bytes():
     blocks = Blocks()
     blocks.add(np.array([[1, 0x0102], [3, 0x0101]], dtype=np.uint16))
     assert zlib.decompress(base64.b64decode(blocks.texts[0])) == bytes([1, 2, 0, 0, 2, 0xFF, 1, 0xFF])
+
+
+@given(arrays(np.int64, st.tuples(st.integers(1, 20), st.just(3)), elements=st.integers(0, 2**31)))
+def test_triangles_come_back_sorted_and_turning_as_they_did(faces):
+    def from_the_lowest(triangles):
+        return sorted(min((a, b, c), (b, c, a), (c, a, b)) for a, b, c in triangles.tolist())
+
+    found = faces_of(packed_faces(faces))
+    assert from_the_lowest(found) == from_the_lowest(faces)
+    assert (found[:, 0] == found.min(axis=1)).all()
 
 
 @pytest.mark.parametrize(("factor", "shift"), [(1.0, 0.0), (1e-30, 0.0), (1e200, 0.0), (1.0, 5e6)])

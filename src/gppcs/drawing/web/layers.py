@@ -12,7 +12,7 @@ from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.attributes import Colourable, kinds_of
 from gppcs.drawing.colours import scale_ends
-from gppcs.drawing.web.packing import Blocks, octahedral, quantised_points, quantised_values
+from gppcs.drawing.web.packing import Blocks, octahedral, packed_faces, quantised_points, quantised_values
 from gppcs.errors import InputError
 from gppcs.simplification import simplify
 from gppcs.spatial.cells import first_occurrences
@@ -248,7 +248,7 @@ class Layer:
             "step": placed.step.tolist(),
             "blocks": {
                 "positions": self._blocks.add(placed.numbers),
-                "faces": self._blocks.add(faces.reshape(mesh.faces.shape).astype(np.uint32)),
+                "faces": self._blocks.add(packed_faces(faces.reshape(mesh.faces.shape))),
             },
         }
 

@@ -135,6 +135,26 @@ def octahedral(normals: Array) -> NDArray[np.uint8]:
     return np.round((flat + 1.0) * 127.5).astype(np.uint8)
 
 
+def packed_faces(faces: NDArray[np.int64]) -> NDArray[np.uint32]:
+    """Return triangles as numbers whose differences from row to row are small, so that they take little room.
+
+    Parameters
+    ----------
+    faces : (F, 3) array, int64
+        Numbers of vertices.
+
+    Returns
+    -------
+    (F, 3) array, uint32
+        For each triangle its lowest vertex, and the running sums (modulo 2**32) of the steps from this to the next and
+        to the last one. Triangles are sorted, and each turns the way it did.
+    """
+    lowest = faces.argmin(axis=1)[:, None]
+    turned = np.take_along_axis(faces, (lowest + np.arange(3)) % 3, axis=1)
+    turned = turned[np.lexsort(turned.T[::-1])]
+    return np.column_stack([turned[:, 0], (turned[:, 1:] - turned[:, :1]).cumsum(axis=0)]).astype(np.uint32)
+
+
 def _numbers(values: Array, low: Array, step: Array, largest: int) -> NDArray[np.uint16]:
     """Return the whole numbers of values; all are 0 where the step is."""
     with np.errstate(divide="ignore", invalid="ignore"):
