@@ -17,6 +17,7 @@ import vertexShader from "./points.vert.glsl";
 const FIELD = 30; // degrees, of the camera
 const SAMPLE = 1500; // points of a cloud that decide how far away the camera stands
 const WANTED = 45; // milliseconds for a picture while the view moves; if it takes longer, fewer points are drawn
+const LONGEST = 80; // milliseconds for a picture of surfaces; if it takes longer, points are drawn while the view moves
 const LEAST = 1500; // points drawn of a cloud while the view moves
 const SLOW_SHARE = 0.25; // below this share the browser draws slowly, so moving pictures are coarse and without depth
 const COARSE = 0.5; // pixels of a coarse picture, for each pixel of the page
@@ -165,6 +166,7 @@ export class Views {
   private readonly passCamera = new OrthographicCamera();
   private share = 0.3; // of the points, drawn while the view moves
   private coarse = false;
+  private slow = false; // whether the last still picture of surfaces took too long to draw them while the view moves
   private width = 0;
   private height = 0;
   private moving = false;
@@ -349,6 +351,11 @@ export class Views {
     return (cloud.role === "result" ? 0.7 : 0.9) * this.size * cloud.spacing / frame.size / Math.sqrt(visible * share);
   }
 
+  /** Whether surfaces are drawn now. */
+  private get withSurfaces(): boolean {
+    return this.meshes && !(this.moving && this.slow);
+  }
+
   private move(): void {
     this.moving = true;
     window.clearTimeout(this.settled);
@@ -361,9 +368,10 @@ export class Views {
   }
 
   private drawNow(now: number): void {
+    const start = performance.now();
     if (this.moving) {
       const passed = now - this.before;
-      if (this.before) this.share *= Math.min(1.25, Math.max(0.3, WANTED / passed));
+      if (this.before && !this.withSurfaces) this.share *= Math.min(1.25, Math.max(0.3, WANTED / passed));
       this.share = Math.min(1, Math.max(0.002, this.share));
       this.before = now;
     }
@@ -389,7 +397,7 @@ export class Views {
     renderer.clear();
     target.scissorTest = true;
     for (const { layer, place, from, to } of this.views) {
-      const shown = (this.meshes && layer.mesh) || layer.points;
+      const shown = (this.withSurfaces && layer.mesh) || layer.points;
       for (const other of this.turned.children) other.visible = other === shown;
       const bottom = height - (place.top + place.height) * ratio;
       target.viewport.set(place.left * ratio, bottom, place.width * ratio, place.height * ratio);
@@ -414,6 +422,10 @@ export class Views {
     uniforms["strength"]!.value = coarse ? 0 : this.shading === "both" ? 25 : this.shading === "depth" ? 60 : 0;
     renderer.setRenderTarget(null);
     renderer.render(this.pass, this.passCamera);
+    if (this.meshes && !this.moving) {
+      renderer.readRenderTargetPixels(target, 0, 0, 1, 1, new Uint8Array(4)); // waits until all is drawn
+      this.slow = performance.now() - start > LONGEST;
+    }
     this.drawn();
   }
 }
