@@ -359,12 +359,19 @@ export class Views {
   private move(): void {
     this.moving = true;
     window.clearTimeout(this.settled);
-    this.settled = window.setTimeout(() => {
+    this.settled = window.setTimeout(() => this.settle(), 160);
+    this.draw();
+  }
+
+  /** Draw all, unless the view moves on after the pictures that the browser still draws: on a slow machine, moves come late. */
+  private settle(): void {
+    const last = this.settled;
+    requestAnimationFrame(() => requestAnimationFrame(() => {
+      if (last !== this.settled) return;
       this.moving = false;
       this.before = 0;
       this.draw();
-    }, 160);
-    this.draw();
+    }));
   }
 
   private drawNow(now: number): void {
