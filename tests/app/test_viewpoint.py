@@ -1,5 +1,7 @@
 """The options of pictures: `--view`, `--up` and `--colour`."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -62,3 +64,13 @@ def test_a_colour_that_cannot_be_drawn_is_refused(gppcs_command, scan, options, 
     assert code == 2
     assert message in err
     assert err.count("\n") == 1
+
+
+def test_compare_refuses_a_colour_before_the_work(gppcs_command, scan):
+    for module in ("pymeshlab", "pyvista", "matplotlib"):
+        pytest.importorskip(module)
+    options = ("--points", 9, "--methods", "fps", "--colour", "rad")
+    code, _, err = gppcs_command("compare", "scan.ply", "-o", "side", *options)
+    assert code == 2
+    assert "found 'rad'; expected one of rgb" in err
+    assert not Path("side").exists()
