@@ -18,7 +18,7 @@ from gppcs.io import FORMATS
 
 ROOT = Path(__file__).parents[1]
 PAGES = ["README.md", *sorted(f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md"))]
-SMALLER = {"400000": "2000", "5000": "500"}  # points of the examples, so that they run in seconds
+SMALLER = {"400000": "2000", "20000": "2000", "5000": "500"}  # points of the examples, so that they run in seconds
 PYMESHLAB = "import pymeshlab"  # in blocks that need this extra
 QUOTED = {
     "README.md": 1,
@@ -123,14 +123,20 @@ def test_the_figures_that_are_explained_are_those_of_the_commands(tmp_path, monk
         assert [float(number) for number in new] == pytest.approx([float(number) for number in known], rel=0.1)
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/tutorial.md", "docs/usage.md"])
+def commands(page):
+    return [line for line in console_lines(page) if Path(line[0]).name == "gppcs"]
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if commands(page) and page != "docs/cluster.md"])
 @pytest.mark.slow
 def test_commands_run(page, workplace):
-    commands = [line for line in console_lines(page) if Path(line[0]).name == "gppcs"]
-    assert commands
-    for words in commands:
+    """But those of a cluster, which are in the tests of clusters."""
+    bracket = gppcs.sample("bracket", n_points=2000)
+    gppcs.write("small.ply", gppcs.read("scan.ply").take(range(100)))
+    gppcs.write_mesh("surface.ply", gppcs.mesh(bracket, n_points=500).mesh)
+    for words in commands(page):
         shown = [SMALLER.get(word, word) for word in words[1:]]
-        force = ["--force"] if shown[0] in ("simplify", "sample") else []
+        force = ["--force"] if shown[0] in ("simplify", "sample", "report") else []
         assert program.run([*shown, *force]) == 0, words
 
 
