@@ -127,6 +127,17 @@ def test_membranes_far_from_all_points_are_cut_off(sphere):
         without_membranes(mesh.shifted(np.full(3, 9.0)), points)
 
 
+def test_the_spacing_of_pairs_of_points_is_that_of_the_pairs():
+    """A membrane is told by the sixth neighbour, not by the nearest."""
+    x, y = (grid.ravel() for grid in np.meshgrid(np.arange(20.0), np.arange(20.0)))
+    sheet = np.stack([x, y, np.zeros(400)], axis=1)
+    pairs = np.concatenate([sheet, sheet + np.array([1e-3, 0, 0]), sheet - np.array([1e-3, 0, 0])])
+    triangle = gppcs.Mesh(np.array([[3.0, 3, 2], [5, 3, 2], [3, 5, 2]]), [[0, 1, 2]])
+    assert len(without_membranes(triangle, pairs).faces) == 1
+    with pytest.raises(gppcs.NoSurfaceError):
+        without_membranes(triangle.shifted(np.array([0, 0, 4.0])), pairs)
+
+
 def test_decimation_leaves_the_number_of_triangles_and_no_vertex_without_one(sphere):
     hull = hull_mesh(sphere[:500])
     mesh = decimated(gppcs.Mesh(np.vstack([[[5.0, 5.0, 5.0]], hull.vertices]), hull.faces + 1), 200)

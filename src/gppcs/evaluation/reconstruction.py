@@ -109,7 +109,7 @@ def without_membranes(mesh: Mesh, points: NDArray[np.float64]) -> Mesh:
         If nothing is left.
     """
     tree = KdTree.build(np.unique(points, axis=0))
-    spacing = np.sqrt(np.median(tree.neighbours(min(6, len(tree.points) - 1))[1][:, -1]))
+    spacing = np.sqrt(np.median(tree.neighbours(min(6, len(tree.order) - 1))[1][:, -1]))
     limit = MEMBRANE * max(spacing, np.ptp(points, axis=0).max() / 2**OCTREE_DEPTH)
     near = tree.nearest_of(mesh.vertices, 1)[1][:, 0] <= limit**2
     faces = mesh.faces[near[mesh.faces].all(axis=1)]
