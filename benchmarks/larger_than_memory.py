@@ -29,6 +29,7 @@ JOBS = ((0.002, "3GB"), (0.05, "6GB"))  # share of the points to keep, and the l
 NOTES = (
     "CPU seconds are those of all threads. Decoding is what laspy alone takes to read the files once, on one thread.",
     "The peak is that of the whole process. LAZ is counted in GB of all files.",
+    "The machine was shared with other work, so wall time says little.",
 )
 
 

@@ -54,6 +54,7 @@ SCRIPTS = (
     Script("gp_ablation.py", "gp_ablation", ("pymeshlab",)),
     Script("gp_prefixes.py", "gp_prefixes", ("pymeshlab",)),
     Script("cluster.py", "cluster"),
+    Script("larger_than_memory.py", "larger_than_memory"),
     Script("normals.py", "normals", ("pymeshlab",)),
     Script("meshes.py", "meshes", ("pymeshlab",)),
     Script("perception.py", "perception", ("pymeshlab", "pyvista")),
