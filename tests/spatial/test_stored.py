@@ -38,6 +38,8 @@ def test_a_tile_and_its_halo_do_not_depend_on_the_chunks(tmp_path_factory, cuts,
         np.testing.assert_array_equal(near.rows, np.flatnonzero(inside | within))
         np.testing.assert_array_equal(near.points, POINTS[near.rows])
         np.testing.assert_array_equal(near.inside, inside[near.rows])
+        np.testing.assert_array_equal(np.unique(points.inside(tile), axis=0), np.unique(POINTS[inside], axis=0))
+        assert len(points.inside(tile)) == np.count_nonzero(inside)
 
 
 def test_few_points_are_one_box(tmp_path):

@@ -69,6 +69,22 @@ class StoredPoints:
     counts: NDArray[np.int64]
     runs: tuple[int, ...]
 
+    def inside(self, tile: Tile) -> NDArray[np.float64]:
+        """Read the points of a tile alone.
+
+        Parameters
+        ----------
+        tile : Tile
+
+        Returns
+        -------
+        (n, 3) array
+            In any order.
+        """
+        parts = [next(self._read(run, [(tile.first, tile.last)])) for run in self.runs]
+        places: NDArray[np.float64] = np.concatenate(parts)["place"]
+        return places
+
     def near(self, tile: Tile, width: float) -> Neighbourhood:
         """Read the points of a tile and of a halo around it.
 

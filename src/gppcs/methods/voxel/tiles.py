@@ -83,14 +83,13 @@ def representatives_in_tiles(
 
 def _bounds(points: StoredPoints, tile: Tile) -> NDArray[np.float64]:
     """Return lowest and highest coordinates, (2, 3)."""
-    places = points.near(tile, 0.0).points
+    places = points.inside(tile)
     return np.array([places.min(axis=0), places.max(axis=0)])
 
 
 def _cells(points: StoredPoints, corner: NDArray[np.float64], edge: float, tile: Tile) -> NDArray[np.uint64]:
     """Return a number for each occupied cell of a tile, or without an edge length for each place."""
-    near = points.near(tile, 0.0)
-    local = near.points[near.inside] - corner
+    local = points.inside(tile) - corner
     return np.unique(place_hashes(np.floor(local / edge) if edge else local))
 
 
