@@ -32,11 +32,13 @@ from gppcs.engine.threads import number_of_threads
 from gppcs.errors import NoSurfaceError
 from gppcs.evaluation.judge import judged
 from gppcs.evaluation.reconstruction import distances_to, estimated_normals, reconstruct
+from gppcs.scans import SCENES
 
 SQUARES = 20  # along the edge of the gridded cube
 REFERENCE = 60_000  # points of a scan, at most, to which the rebuilt surface is compared
 SURFACE_SAMPLE = 50_000  # points without noise that stand for the surface of a sample scan
 OTHER_SEED = 7  # of these points; the sample scan itself has seed 0
+SCENE = 100_000  # points of a sample scene, and about those of a thinned scene
 
 Array = NDArray[np.float64]
 Figures = Mapping[str, float]  # by name; lengths in diagonals
@@ -67,6 +69,9 @@ VARIATION = Column("mean surface variation", "mean_surface_variation", digits=4)
 COVER = Column("covering radius, 1e-3 diagonals", "covering_radius", 1e3)
 SURFACE = Column("mean distance to the local surface, 1e-4 diagonals", "surface_mean", 1e4)
 SURFACE_P95 = Column("95th percentile of these distances, 1e-4 diagonals", "surface_p95", 1e4)
+SURFACE_BY_AREA = Column("mean by area, 1e-4 diagonals", "surface_mean_by_area", 1e4)
+SURFACE_P95_BY_AREA = Column("95th percentile by area, 1e-4 diagonals", "surface_p95_by_area", 1e4)
+COVER_P999 = Column("99.9th percentile of the distance to a kept point, 1e-3 diagonals", "covering_p999", 1e3)
 FEATURES = Column("feature error, 1e-5 diagonals", "feature_error", 1e5)
 SECONDS = Column("seconds", "seconds")
 COLUMNS = (H_MEAN, H_MAX, VARIATION, COVER, SURFACE, SURFACE_P95, FEATURES, SECONDS)
@@ -107,6 +112,11 @@ class Condition:
         """The original."""
         return gppcs.read(self.files[0])
 
+    @property
+    def original(self) -> gppcs.PointCloud:
+        """The points that the kept points are compared with."""
+        return self.cloud
+
     @cached_property
     def mesh(self) -> gppcs.Mesh | None:
         """The surface that the cloud was taken from."""
@@ -120,7 +130,7 @@ class Condition:
     @property
     def diagonal(self) -> float:
         """The unit of length: of the mesh or the reference if there is one, since noise widens the cloud."""
-        known = self.mesh.vertices if self.mesh else self.reference.points if self.reference else self.cloud.points
+        known = self.mesh.vertices if self.mesh else self.reference.points if self.reference else self.original.points
         return float(np.linalg.norm(np.ptp(known, axis=0)))
 
     @property
@@ -148,6 +158,39 @@ class Scan(Scene):
         points = self.cloud.points
         some = points[np.sort(np.random.default_rng(0).permutation(len(points))[:REFERENCE])]
         return Reference(some, gppcs.estimate_normals(points, at=some))
+
+
+@dataclass(frozen=True)
+class ThinnedScene(Scene):
+    """A scene of about 100,000 points: every n-th of its file."""
+
+    @cached_property
+    def cloud(self) -> gppcs.PointCloud:
+        """These points."""
+        points = gppcs.read(self.files[0]).points
+        return gppcs.PointCloud.of(points[:: max(1, round(len(points) / SCENE))])
+
+
+@dataclass(frozen=True)
+class SampleScene(Scene):
+    """A sample scene of gppcs, whose surfaces are known."""
+
+    @property
+    def files(self) -> list[Path]:
+        """None: the cloud is computed."""
+        return []
+
+    @cached_property
+    def cloud(self) -> gppcs.PointCloud:
+        """The sample, without the exact normals that it carries."""
+        return gppcs.PointCloud.of(gppcs.sample(self.file, SCENE).points)
+
+    @cached_property
+    def original(self) -> gppcs.PointCloud:
+        """Other points of its surfaces, which the same sensor sees without noise. Leaves have no surface."""
+        exact = dataclasses.replace(SCENES[self.file], measured=lambda rays, distances, rng: distances)
+        seen = exact.scan(SURFACE_SAMPLE, np.random.default_rng(OTHER_SEED))
+        return gppcs.PointCloud.of(seen.points[seen.normals.any(axis=1)].astype(np.float64))
 
 
 @dataclass(frozen=True)
@@ -285,7 +328,7 @@ def figures(condition: Condition, kept: gppcs.PointCloud) -> dict[str, float]:
 
     If the points carry normals, the surface is rebuilt with these.
     """
-    found, failure = judged(condition.cloud, kept, condition.mesh, Stages())
+    found, failure = judged(condition.original, kept, condition.mesh, Stages())
     values, wanted = found.figures(), {}
     carried = kept.normals()
     for name, known in KNOWN.items():

@@ -116,10 +116,13 @@ def wlop_by_cgal(condition: Condition) -> tuple[gppcs.PointCloud, float]:
     return gppcs.PointCloud.of(np.array([[point.x(), point.y(), point.z()] for point in moved.points()])), seconds
 
 
-def runs_of(condition: Condition, runs: conditions.Runs) -> dict[str, list[Figures]]:
+def runs_of(
+    condition: Condition, runs: conditions.Runs, variants: Sequence[str] = tuple(VARIANTS)
+) -> dict[str, list[Figures]]:
     """Return the figures of all runs under a condition, rows of gp first."""
     works: dict[str, tuple[str, list[Work]]] = {}  # by label: digest of what makes the runs, and the runs
-    for label, (method, normals) in VARIANTS.items():
+    for label in variants:
+        method, normals = VARIANTS[label]
         carried = [gppcs.estimate_normals] if normals else []
         starts = STARTS if label == GP else STARTS[:1]
         works[label] = (

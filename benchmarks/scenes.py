@@ -1,0 +1,105 @@
+"""The method `gp` beside all rivals on scenes: streets, land and rooms, seen by LiDAR, a laser or a depth camera.
+
+Needs no extra. WLOP by CGAL takes part if the extra `cgal` is installed. To judge one run, import `score`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+
+import conditions
+import gppcs
+import quality
+import report
+from conditions import (
+    COVER_P999,
+    FEATURES,
+    SCENE,
+    SECONDS,
+    SURFACE,
+    SURFACE_BY_AREA,
+    SURFACE_P95,
+    SURFACE_P95_BY_AREA,
+    SURFACE_SAMPLE,
+    Condition,
+    SampleScene,
+    ThinnedScene,
+)
+from gppcs.methods import method_named
+from quality import GP, Made
+
+RATIOS = (0.01, 0.03, 0.1)
+SCENES: Mapping[str, type[Condition]] = {
+    "kitti_000000": ThinnedScene,
+    "autzen_airborne": ThinnedScene,
+    "lidr_topography_airborne": ThinnedScene,
+    "3dmatch_room_fragment": ThinnedScene,
+    "nyu_basement": ThinnedScene,
+    "redwood_fragment": ThinnedScene,
+    "tum_desk": ThinnedScene,
+    "pcl_room_scan": ThinnedScene,
+    "lion_takanawa": ThinnedScene,
+    "room": SampleScene,
+    "street": SampleScene,
+    "terrain": SampleScene,
+}
+HELD_OUT = ("redwood_fragment", "tum_desk", "pcl_room_scan", "street")  # no constant may be tuned on these
+MEASURES = (SURFACE, SURFACE_P95, SURFACE_BY_AREA, SURFACE_P95_BY_AREA, FEATURES, COVER_P999)
+CONDITIONS = [make(name, None, ratio) for name, make in SCENES.items() for ratio in RATIOS]
+INTRODUCTION = (
+    f"{len(SCENES)} scenes at {', '.join(f'{100 * ratio:g} %' for ratio in RATIOS)} of their points. "
+    f"{', '.join(HELD_OUT)} are held out: no constant of gp may be tuned on these. Each figure of gp is divided by that "
+    "of the best rival under the same condition, or by that of fps, so below 1 gp is ahead. Where gp is behind, the "
+    "cell is bold and says so."
+)
+NOTES = (
+    f"A file of more than {1.5 * SCENE:,.0f} points is thinned to about {SCENE:,}: every n-th point is taken.",
+    f"room, street and terrain are scenes of `gppcs sample` with {SCENE:,} points. {SURFACE_SAMPLE:,} other points of "
+    "their surfaces judge them, seen by the same sensor without noise, and without leaves. The other scenes are "
+    "compared with their own points, noise included.",
+    f"gp: mean ± standard deviation of {len(quality.STARTS)} runs. The first is of the cloud as it is, the others of "
+    "the cloud turned at random; all are judged on the cloud as it is. Each rival ran once, on the cloud as it is.",
+    "Rivals are those of quality.md. The best rival may differ between conditions and between measures.",
+    "By area: each point counts by the area of the surface that it stands for (docs/evaluation.md).",
+    "Lengths are in diagonals of the bounding box of the points that judge.",
+    "Seconds are of each run once, with compiled kernels and one thread, while other runs may be under way.",
+)
+
+
+@cache
+def scene_of(name: str) -> Condition:
+    """Return a scene whose points are read or computed once."""
+    return SCENES.get(name, ThinnedScene)(name, None, 1.0)
+
+
+def score(
+    cloud: str, method: str, params: Mapping[str, Any] | None = None, ratio: float = 0.03, seed: int = 0
+) -> dict[str, float]:
+    """Thin a scene and judge the kept points.
+
+    Parameters
+    ----------
+    cloud : str
+        A name of `SCENES`, or another file of the data, which is thinned and judged as the scenes of files are.
+    method : str
+        A name of `gppcs.METHODS`.
+    params : mapping of str to value, optional
+        Parameters of the method that replace the defaults. The method must not move points.
+    ratio : float
+        Share of the points to keep.
+    seed : int
+        The cloud is turned at random by this seed before it is thinned; 0 leaves it as it is.
+
+    Returns
+    -------
+    dict of str to float
+        All figures of `gppcs.evaluate`, lengths in diagonals, and "seconds". `MEASURES` names those of the tables.
+    """
+    scene = scene_of(cloud)
+    chosen, n_points = method_named(method, params), round(ratio * len(scene.cloud))
+    kept, seconds = conditions.simplified(scene, chosen, seed, n_points)
+    return {**conditions.figures(scene, kept), "seconds": seconds}
