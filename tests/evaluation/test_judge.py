@@ -16,8 +16,9 @@ from gppcs.evaluation.local_surface import LocalSurface
 from meshes import hull_mesh
 
 ZERO_FOR_ITSELF = (
-    "covering_radius", "mean_distance", "chamfer", "surface_mean", "surface_rms", "surface_p95", "surface_max",
-    "feature_error", "normal_deviation",
+    "covering_radius", "covering_p999", "mean_distance", "mean_distance_by_area", "chamfer", "surface_mean",
+    "surface_mean_by_area", "surface_rms", "surface_p95", "surface_p95_by_area", "surface_max", "feature_error",
+    "feature_error_by_area", "normal_deviation",
 )  # fmt: skip
 OF_THE_BOX = ("diagonal", "mean_surface_variation")  # the paper's radius follows the bounding box
 

@@ -21,8 +21,8 @@ UNITS = "Lengths in 1e-4 diagonals of the original's bounding box, Chamfer in 1e
 UNITS_OF_MESHES = "Lengths in 1e-4 diagonals of the original's bounding box, slivers as a share of the triangles"
 SHOWN = (
     "hausdorff_mean", "hausdorff_max", "carried_hausdorff_mean", "carried_hausdorff_max", "stray_share",
-    "surface_mean", "surface_max", "feature_error", "feature_recall", "normal_deviation", "mean_surface_variation",
-    "covering_radius", "mean_distance", "chamfer",
+    "surface_mean", "surface_mean_by_area", "surface_max", "feature_error", "feature_recall", "normal_deviation",
+    "mean_surface_variation", "covering_radius", "covering_p999", "mean_distance", "chamfer",
     "mesh_mean", "mesh_max", "mesh_back_mean", "mesh_back_max", "mesh_pieces", "borders", "genus",
     "non_manifold_edges", "non_manifold_vertices", "self_intersections", "slivers",
 )  # fmt: skip

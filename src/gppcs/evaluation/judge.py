@@ -344,6 +344,7 @@ def _carried_normals(cloud: PointCloud) -> Points | None:
 
 def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[int, int]) -> Report:
     """Return the figures that need no mesh, in the frame's unit, for clouds (N, 3) and (M, 3) without repeats."""
+    from gppcs.evaluation.areas import areas_of_points, weighted_quantile
     from gppcs.evaluation.local_surface import PLANE_NEIGHBOURS, LocalSurface
     from gppcs.spatial.kdtree import KdTree
     from gppcs.spatial.spacing import surface_area
@@ -360,19 +361,26 @@ def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[in
     kept_normals = np.empty_like(after)
     kept_normals[surface.tree.order] = surface.normals
     spacing = np.sqrt(surface_area(tree) / len(after))
+    distances, areas = np.sqrt(to_kept[:, 0]), areas_of_points(tree)
+    errors = to_surface * np.radians(_angles(normals, surface_normals))
     return Report(
         points_in=counts[0],
         points_out=counts[1],
         diagonal=frame.diagonal,
-        covering_radius=float(np.sqrt(to_kept.max())),
-        mean_distance=float(np.sqrt(to_kept).mean()),
+        covering_radius=float(distances.max()),
+        covering_p999=float(np.quantile(distances, 0.999)),
+        mean_distance=float(distances.mean()),
+        mean_distance_by_area=float(np.average(distances, weights=areas)),
         chamfer=float(to_kept.mean() + to_original.mean()),
         surface_mean=float(to_surface.mean()),
+        surface_mean_by_area=float(np.average(to_surface, weights=areas)),
         surface_rms=float(np.sqrt((to_surface**2).mean())),
         surface_p95=float(np.quantile(to_surface, 0.95)),
+        surface_p95_by_area=weighted_quantile(to_surface, areas, 0.95),
         surface_max=float(to_surface.max()),
-        feature_error=float((to_surface * np.radians(_angles(normals, surface_normals))).mean()),
-        feature_recall=float((np.sqrt(to_kept[_rough(variation)]) <= spacing).mean()),
+        feature_error=float(errors.mean()),
+        feature_error_by_area=float(np.average(errors, weights=areas)),
+        feature_recall=float((distances[_rough(variation)] <= spacing).mean()),
         normal_deviation=float(_angles(normals, kept_normals[nearest[:, 0]]).mean()),
         mean_surface_variation=_mean_surface_variation(surface.tree, spacing),
     )

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 Unit = Literal["count", "length", "squared length", "degrees", "share", "ratio"]
 
+BY_AREA = "each original point weighted by the area of the surface that it stands for"
+
 
 @dataclass(frozen=True)
 class Figure:
@@ -252,8 +254,8 @@ class Report:
         The number of original points, N, and of kept points, M.
     diagonal : float
         Length of the diagonal of the original's bounding box.
-    covering_radius, mean_distance : float
-        Largest and mean distance from an original point to the nearest kept point.
+    covering_radius, covering_p999, mean_distance : float
+        Largest distance, 99.9th percentile and mean of the distances from an original point to the nearest kept point.
     chamfer : float
         Chamfer distance: the mean squared distance to the nearest point, in both directions, added. A squared length.
     surface_mean, surface_rms, surface_p95, surface_max : float
@@ -261,6 +263,9 @@ class Report:
         surface of the simplified cloud.
     feature_error : float
         Mean of these distances, each multiplied by the angle between the normals there.
+    mean_distance_by_area, surface_mean_by_area, surface_p95_by_area, feature_error_by_area : float
+        The same figures, but each original point counts by the area of the surface that it stands for. So they do not
+        depend on the density of the original.
     feature_recall : float
         Share of the original points of largest surface variation that have a kept point nearby.
     normal_deviation : float
@@ -289,21 +294,28 @@ class Report:
     points_out: int = figure("count", "points of the simplified cloud, M", None)
     diagonal: float = figure("length", "diagonal of the original's bounding box", None)
     covering_radius: float = figure("length", "largest distance from an original point to the nearest kept point")
+    covering_p999: float = figure(
+        "length", "99.9th percentile of those distances, which a few outliers in the original do not decide"
+    )
     mean_distance: float = figure("length", "mean of those distances")
+    mean_distance_by_area: float = figure("length", f"mean of those distances, {BY_AREA}")
     chamfer: float = figure(
         "squared length", "mean squared distance to the nearest point, in both directions, added (the paper's CD)"
     )
     surface_mean: float = figure(
         "length", "mean distance from the original points to the local surface of the simplified cloud"
     )
+    surface_mean_by_area: float = figure("length", f"mean of those distances, {BY_AREA}")
     surface_rms: float = figure("length", "root mean square of those distances")
     surface_p95: float = figure("length", "95th percentile of those distances")
+    surface_p95_by_area: float = figure("length", f"95th percentile of those distances, {BY_AREA}")
     surface_max: float = figure("length", "largest of those distances")
     feature_error: float = figure(
         "length",
         "mean of those distances, each multiplied by the angle, in radians, between the normals of the original and of "
         "the local surface there",
     )
+    feature_error_by_area: float = figure("length", f"mean of those products, {BY_AREA}")
     feature_recall: float = figure(
         "share",
         "take the 10 % of the original points with the largest surface variation: the share of them that have a kept "
