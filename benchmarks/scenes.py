@@ -5,14 +5,13 @@ Needs no extra. WLOP by CGAL takes part if the extra `cgal` is installed. To jud
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
 import conditions
-import gppcs
 import quality
 import report
 from conditions import (
@@ -25,12 +24,13 @@ from conditions import (
     SURFACE_P95,
     SURFACE_P95_BY_AREA,
     SURFACE_SAMPLE,
+    Column,
     Condition,
     SampleScene,
     ThinnedScene,
 )
 from gppcs.methods import method_named
-from quality import GP, Made
+from quality import GP, Made, best_rival, shown
 
 RATIOS = (0.01, 0.03, 0.1)
 SCENES: Mapping[str, type[Condition]] = {
@@ -52,9 +52,9 @@ MEASURES = (SURFACE, SURFACE_P95, SURFACE_BY_AREA, SURFACE_P95_BY_AREA, FEATURES
 CONDITIONS = [make(name, None, ratio) for name, make in SCENES.items() for ratio in RATIOS]
 INTRODUCTION = (
     f"{len(SCENES)} scenes at {', '.join(f'{100 * ratio:g} %' for ratio in RATIOS)} of their points. "
-    f"{', '.join(HELD_OUT)} are held out: no constant of gp may be tuned on these. Each figure of gp is divided by that "
-    "of the best rival under the same condition, or by that of fps, so below 1 gp is ahead. Where gp is behind, the "
-    "cell is bold and says so."
+    f"{', '.join(HELD_OUT)} are held out: no constant of gp may be tuned on these. Each figure of gp is divided by "
+    "that of the best rival under the same condition, or by that of fps, so below 1 gp is ahead. Where gp is behind, "
+    "the cell is bold and says so."
 )
 NOTES = (
     f"A file of more than {1.5 * SCENE:,.0f} points is thinned to about {SCENE:,}: every n-th point is taken.",
@@ -103,3 +103,92 @@ def score(
     chosen, n_points = method_named(method, params), round(ratio * len(scene.cloud))
     kept, seconds = conditions.simplified(scene, chosen, seed, n_points)
     return {**conditions.figures(scene, kept), "seconds": seconds}
+
+
+def groups_of(all_made: Mapping[Condition, Made]) -> dict[str, list[Condition]]:
+    """Return the conditions that are averaged together, by heading, without empty groups."""
+    groups = {
+        "all": list(all_made),
+        **{f"{100 * ratio:g} %": [each for each in all_made if each.amount == ratio] for ratio in RATIOS},
+        "held out": [each for each in all_made if each.file in HELD_OUT],
+        "the others": [each for each in all_made if each.file not in HELD_OUT],
+    }
+    return {heading: group for heading, group in groups.items() if group}
+
+
+def beside(title: str, all_made: Mapping[Condition, Made], rival_of: Callable[[Made, Column], str]) -> report.Section:
+    """Return the geometric means of the figures of gp divided by those of a rival, for each measure and group."""
+    groups = groups_of(all_made)
+    rows = []
+    for column in MEASURES:
+        ratios = {
+            condition: quality.ratio(made, column, rival_of(made, column)) for condition, made in all_made.items()
+        }
+        means = [shown(quality.geometric_mean([ratios[each] for each in group])) for group in groups.values()]
+        values = list(ratios.values())
+        rows.append([column.title, *means, shown(np.nanmax(values)), quality.ahead(values)])
+    return report.Section(title, ["measure", *groups, "largest", "conditions"], rows)
+
+
+def each_condition(all_made: Mapping[Condition, Made]) -> report.Section:
+    """Return gp divided by the best rival, and which that is, for each condition and measure."""
+    rows = []
+    for condition, made in all_made.items():
+        rivals = [best_rival(made, column) for column in MEASURES]
+        cells = [
+            f"{shown(quality.ratio(made, column, rival))} {rival}"
+            for column, rival in zip(MEASURES, rivals, strict=True)
+        ]
+        rows.append([condition.name, *cells])
+    return report.Section(
+        "gp divided by the best rival under each condition", ["condition", *(each.title for each in MEASURES)], rows
+    )
+
+
+def each_rival(all_made: Mapping[Condition, Made]) -> report.Section:
+    """Return the geometric means over all conditions of gp divided by each rival."""
+    labels = dict.fromkeys(label for made in all_made.values() for label in made if label not in quality.VARIANTS)
+    rows = [
+        [label, *(shown(quality.geometric_mean([quality.ratio(made, column, label) for made in all_made.values()]))
+                  for column in MEASURES)]
+        for label in labels
+    ]  # fmt: skip
+    return report.Section(
+        "Geometric means, gp divided by each rival", ["rival", *(each.title for each in MEASURES)], rows
+    )
+
+
+def section(condition: Condition, made: Made) -> report.Section:
+    """Return the figures of all methods under a condition."""
+    rows = [
+        [label, *(column.cell([found[column.figure] for found in of_label if column.figure in found])
+                  for column in (*MEASURES, SECONDS))]
+        for label, of_label in made.items()
+    ]  # fmt: skip
+    heading = f"{condition.name}, {len(condition.cloud):,} points to {condition.n_points:,}"
+    return report.Section(heading, ["method", *(each.title for each in (*MEASURES, SECONDS))], rows)
+
+
+def main() -> None:
+    """Print the tables, and write them if they are of all conditions."""
+    chosen, runs = conditions.asked(CONDITIONS, __doc__)
+    made = dict(zip(chosen, runs.over(chosen, partial(quality.runs_of, variants=(GP,))), strict=True))
+    conditions.keep(
+        "scenes",
+        "The method gp beside all rivals on scenes",
+        [
+            beside("Summary: geometric means of gp divided by the best rival of each condition", made, best_rival),
+            beside("Summary: geometric means of gp divided by fps", made, lambda *_: "fps"),
+            each_rival(made),
+            each_condition(made),
+            *(section(condition, of_condition) for condition, of_condition in made.items()),
+        ],
+        chosen,
+        NOTES,
+        whole=len(chosen) == len(CONDITIONS),
+        introduction=INTRODUCTION,
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -47,3 +47,11 @@ def random_mesh(seed):
     """Points, normals and half-edges of a sphere or a sheet, perhaps with a hole."""
     points, normals, faces = [ball(60, seed), sheet(80, seed), sheet(120, seed, hole=0.2)][seed % 3]
     return points, normals, HalfEdges.of(faces, len(points))
+
+
+def square(n, left=1, seed=0):
+    """Random points of a unit square, (n, 3), whose left half is some times as dense."""
+    rng = np.random.default_rng(seed)
+    points = np.c_[rng.random((n, 2)), np.zeros(n)]
+    more = rng.random(((left - 1) * n // 2, 3)) * [0.5, 1, 0]
+    return np.concatenate([points, more])

@@ -344,8 +344,8 @@ def _carried_normals(cloud: PointCloud) -> Points | None:
 
 def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[int, int]) -> Report:
     """Return the figures that need no mesh, in the frame's unit, for clouds (N, 3) and (M, 3) without repeats."""
-    from gppcs.evaluation.areas import areas_of_points, weighted_quantile
     from gppcs.evaluation.local_surface import PLANE_NEIGHBOURS, LocalSurface
+    from gppcs.spatial.areas import areas_of_points
     from gppcs.spatial.kdtree import KdTree
     from gppcs.spatial.spacing import surface_area
     from gppcs.surface.surface_variation import features_of_nearest
@@ -376,7 +376,7 @@ def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[in
         surface_mean_by_area=float(np.average(to_surface, weights=areas)),
         surface_rms=float(np.sqrt((to_surface**2).mean())),
         surface_p95=float(np.quantile(to_surface, 0.95)),
-        surface_p95_by_area=weighted_quantile(to_surface, areas, 0.95),
+        surface_p95_by_area=_weighted_quantile(to_surface, areas, 0.95),
         surface_max=float(to_surface.max()),
         feature_error=float(errors.mean()),
         feature_error_by_area=float(np.average(errors, weights=areas)),
@@ -384,6 +384,17 @@ def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[in
         normal_deviation=float(_angles(normals, kept_normals[nearest[:, 0]]).mean()),
         mean_surface_variation=_mean_surface_variation(surface.tree, spacing),
     )
+
+
+def _weighted_quantile(values: Points, weights: Points, share: float) -> float:
+    """Return the value (N,) below which a share of the weight (N,) lies.
+
+    The weights of the values, in their order, divide a line into intervals. Each value lies in the middle of its
+    interval; between two middles it is interpolated.
+    """
+    order = np.argsort(values)
+    ends = np.cumsum(weights[order])
+    return float(np.interp(share * ends[-1], ends - weights[order] / 2.0, values[order]))
 
 
 def _rough(variation: Points) -> NDArray[np.bool_]:

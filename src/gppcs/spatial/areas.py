@@ -1,0 +1,67 @@
+"""The area of the surface that each point of a cloud stands for."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.engine.kernels import kernel
+from gppcs.engine.threads import on_ranges
+from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range
+from gppcs.spatial.nearest import WIDER, look_around, search_for, steps_to_nearest
+
+NEIGHBOURS = 8  # as in `gppcs.spatial.spacing.surface_area`
+LARGEST = 0.99  # quantile to which larger areas are cut
+TASKS = 256  # runs of leaves; within a run, each search starts from the radius of the one before
+
+
+def areas_of_points(tree: KdTree) -> NDArray[np.float64]:
+    """Estimate the area that each point stands for: little where the cloud is dense.
+
+    The estimate is that of `gppcs.spatial.spacing.surface_area`: the disc around a point that reaches to its 8th
+    neighbour holds 8 other points, so the point stands for an eighth of the disc. The largest 1 % are cut to the 99 %
+    quantile; otherwise a few outliers could count as much as all other points.
+
+    Parameters
+    ----------
+    tree : KdTree
+        The tree over N points without repeats.
+
+    Returns
+    -------
+    (N,) array, float64
+        Positive, in the squared unit of the points and in the order of the input. Their sum is about the area of the
+        surface. All are 1 if they cannot be estimated, as for a single point.
+    """
+    n = len(tree.order)
+    k = max(1, min(NEIGHBOURS, n - 1))
+    areas = np.empty(n)
+    tasks = min(tree.leaves, TASKS)
+    on_ranges(
+        _squared_reaches, tasks, tasks, tree.points, tree.order, tree.low, tree.high, min(k + 1, n), areas
+    )  # fmt: skip
+    areas *= np.pi / k
+    largest = np.quantile(areas, LARGEST)
+    return np.minimum(areas, largest) if largest > 0.0 else np.ones(n)
+
+
+@kernel
+def _squared_reaches(first, last, tasks, points, order, low, high, k, squared):
+    """Fill `squared`, (N,), with the squared distance of each point to the k-th nearest, itself included.
+
+    The range `first` to `last` is one of tasks.
+    """
+    n, leaves = points.shape[1], first_leaf(low)
+    search = search_for(k, leaves)
+    for task in range(first, last):
+        squared_radius = 0.0  # in the first leaf, each point searches by itself; later leaves use the last one's radius
+        for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
+            begin, end = leaf_range(n, leaves, leaf)
+            count = look_around(points, low, high, low[leaf], high[leaf], squared_radius, search)
+            reached = 0.0
+            for i in range(begin, end):
+                x, y, z = points[0, i], points[1, i], points[2, i]
+                reach = steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search)
+                squared[order[i]] = reach
+                reached += reach
+            squared_radius = WIDER * reached / (end - begin)
