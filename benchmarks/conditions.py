@@ -69,8 +69,8 @@ VARIATION = Column("mean surface variation", "mean_surface_variation", digits=4)
 COVER = Column("covering radius, 1e-3 diagonals", "covering_radius", 1e3)
 SURFACE = Column("mean distance to the local surface, 1e-4 diagonals", "surface_mean", 1e4)
 SURFACE_P95 = Column("95th percentile of these distances, 1e-4 diagonals", "surface_p95", 1e4)
-SURFACE_BY_AREA = Column("mean by area, 1e-4 diagonals", "surface_mean_by_area", 1e4)
-SURFACE_P95_BY_AREA = Column("95th percentile by area, 1e-4 diagonals", "surface_p95_by_area", 1e4)
+SURFACE_BY_AREA = Column("mean distance to the local surface, by area, 1e-4 diagonals", "surface_mean_by_area", 1e4)
+SURFACE_P95_BY_AREA = Column("95th percentile of these distances, by area, 1e-4 diagonals", "surface_p95_by_area", 1e4)
 COVER_P999 = Column("99.9th percentile of the distance to a kept point, 1e-3 diagonals", "covering_p999", 1e3)
 FEATURES = Column("feature error, 1e-5 diagonals", "feature_error", 1e5)
 SECONDS = Column("seconds", "seconds")
@@ -180,17 +180,29 @@ class SampleScene(Scene):
         """None: the cloud is computed."""
         return []
 
-    @cached_property
+    @property
     def cloud(self) -> gppcs.PointCloud:
         """The sample, without the exact normals that it carries."""
-        return gppcs.PointCloud.of(gppcs.sample(self.file, SCENE).points)
+        return measured_scene(self.file)
 
-    @cached_property
+    @property
     def original(self) -> gppcs.PointCloud:
         """Other points of its surfaces, which the same sensor sees without noise. Leaves have no surface."""
-        exact = dataclasses.replace(SCENES[self.file], measured=lambda rays, distances, rng: distances)
-        seen = exact.scan(SURFACE_SAMPLE, np.random.default_rng(OTHER_SEED))
-        return gppcs.PointCloud.of(seen.points[seen.normals.any(axis=1)].astype(np.float64))
+        return exact_scene(self.file)
+
+
+@cache
+def measured_scene(name: str) -> gppcs.PointCloud:
+    """Return the points of a sample scene."""
+    return gppcs.PointCloud.of(gppcs.sample(name, SCENE).points)
+
+
+@cache
+def exact_scene(name: str) -> gppcs.PointCloud:
+    """Return points of the surfaces of a sample scene, seen by its sensor along other rays, without noise."""
+    exact = dataclasses.replace(SCENES[name], measured=lambda rays, distances, rng: distances)
+    seen = exact.scan(SURFACE_SAMPLE, np.random.default_rng(OTHER_SEED))
+    return gppcs.PointCloud.of(seen.points[seen.normals.any(axis=1)].astype(np.float64))
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,95 @@
+"""One function scores a method on a scene; the tables name the scenes that are held out."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import pytest
+
+import gppcs
+import gppcs.scans
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+
+
+@pytest.fixture(scope="module")
+def scenes():
+    """The script, under another name than that of the script of the paper."""
+    specification = importlib.util.spec_from_file_location("scenes_of_gp", BENCHMARKS / "scenes.py")
+    script = importlib.util.module_from_spec(specification)
+    sys.path.insert(0, str(BENCHMARKS))
+    try:
+        specification.loader.exec_module(script)
+    finally:
+        sys.path.remove(str(BENCHMARKS))
+    return script
+
+
+@pytest.fixture
+def small(scenes, monkeypatch):
+    """The script with sample scenes of few points."""
+    conditions = scenes.conditions
+    monkeypatch.setattr(conditions, "SCENE", 3000)
+    monkeypatch.setattr(conditions, "SURFACE_SAMPLE", 2000)
+    monkeypatch.setattr(scenes, "scene_of", scenes.scene_of.__wrapped__)
+    for name in ("measured_scene", "exact_scene"):
+        monkeypatch.setattr(conditions, name, getattr(conditions, name).__wrapped__)
+    return scenes
+
+
+def test_a_score_is_the_judgement_by_the_exact_surface(small):
+    found = small.score("room", "fps", ratio=0.1)
+    original = small.conditions.exact_scene("room")
+    kept = gppcs.simplify(small.conditions.measured_scene("room"), ratio=0.1, method="fps").cloud
+    expected = gppcs.evaluate(original, kept).figures(relative=True)
+    assert {column.figure for column in small.MEASURES} < set(found)
+    assert found["points_out"] == 300
+    for column in small.MEASURES:
+        assert found[column.figure] == pytest.approx(expected[column.figure])
+
+
+def test_a_score_has_parameters_and_starts(small):
+    def mean(params=None, seed=0):
+        return small.score("room", "random", params, ratio=0.1, seed=seed)["surface_mean"]
+
+    assert mean() == mean({"seed": 0})
+    assert mean() != mean({"seed": 1})
+    assert mean() == pytest.approx(mean(seed=1))  # the random choice does not depend on the turn
+    gp = [small.score("room", "gp", ratio=0.1, seed=seed)["surface_mean"] for seed in (1, 1, 2)]
+    assert gp[0] == gp[1] != gp[2]
+
+
+@pytest.mark.parametrize("name", ["room", "terrain"])
+def test_the_surface_that_judges_is_without_noise_and_leaves(small, name):
+    exact = small.conditions.exact_scene(name).points
+    assert gppcs.scans.SCENES[name].distances(exact).max() < 1e-4
+
+
+def made(gp, fps, other):
+    """Return runs with the given figures in place of all measures."""
+    figures = ("surface_mean", "surface_p95", "surface_mean_by_area", "surface_p95_by_area", "feature_error")
+    rows = {"gp": gp, "fps": fps, "random": other}
+    return {label: [dict.fromkeys((*figures, "covering_p999"), value)] for label, value in rows.items()}
+
+
+def test_the_summary_is_the_geometric_mean_of_all_and_of_the_held_out(scenes):
+    kitti, desk = (
+        next(each for each in scenes.CONDITIONS if each.file == name) for name in ("kitti_000000", "tum_desk")
+    )
+    all_made = {kitti: made(1.0, 4.0, 2.0), desk: made(4.0, 2.0, 8.0)}
+    best = scenes.beside("best", all_made, scenes.best_rival)
+    row = dict(zip(best.header, best.rows[0], strict=True))
+    assert (row["all"], row["held out"], row["the others"]) == ("1.000", "**2.000, behind**", "0.500")
+    assert (row["largest"], row["conditions"]) == ("**2.000, behind**", "ahead on 1 of 2")
+    fps = scenes.beside("fps", all_made, lambda *_: "fps")
+    assert [row[1] for row in fps.rows] == ["0.707"] * len(scenes.MEASURES)
+    assert [row[1] for row in scenes.each_condition(all_made).rows] == ["0.500 random", "**2.000, behind** fps"]
+    assert [row[:2] for row in scenes.each_rival(all_made).rows] == [["fps", "0.707"], ["random", "0.500"]]
+
+
+def test_held_out_scenes_are_named_and_every_condition_once(scenes):
+    assert set(scenes.HELD_OUT) < set(scenes.SCENES)
+    assert len(scenes.HELD_OUT) == 4
+    assert len({each.name for each in scenes.CONDITIONS}) == len(scenes.SCENES) * len(scenes.RATIOS)
+    for name in scenes.HELD_OUT:
+        assert name in scenes.INTRODUCTION
