@@ -264,8 +264,8 @@ class Report:
     feature_error : float
         Mean of these distances, each multiplied by the angle between the normals there.
     mean_distance_by_area, surface_mean_by_area, surface_p95_by_area, feature_error_by_area : float
-        The same figures, but each original point counts by the area of the surface that it stands for. So they do not
-        depend on the density of the original.
+        The same figures, but each original point counts by the area of the surface that it stands for. So the
+        density of the original matters little.
     feature_recall : float
         Share of the original points of largest surface variation that have a kept point nearby.
     normal_deviation : float

@@ -37,9 +37,7 @@ def areas_of_points(tree: KdTree) -> NDArray[np.float64]:
     k = max(1, min(NEIGHBOURS, n - 1))
     areas = np.empty(n)
     tasks = min(tree.leaves, TASKS)
-    on_ranges(
-        _squared_reaches, tasks, tasks, tree.points, tree.order, tree.low, tree.high, min(k + 1, n), areas
-    )  # fmt: skip
+    on_ranges(_squared_reaches, tasks, tasks, tree.points, tree.order, tree.low, tree.high, min(k + 1, n), areas)
     areas *= np.pi / k
     largest = np.quantile(areas, LARGEST)
     return np.minimum(areas, largest) if largest > 0.0 else np.ones(n)
