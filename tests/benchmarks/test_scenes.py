@@ -2,6 +2,7 @@
 
 import importlib.util
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -32,9 +33,9 @@ def small(scenes, monkeypatch):
     monkeypatch.setattr(conditions, "SCENE", 3000)
     monkeypatch.setattr(conditions, "SURFACE_SAMPLE", 2000)
     monkeypatch.setattr(conditions, "_prepare", lambda method: None)  # no times are wanted
-    monkeypatch.setattr(scenes, "scene_of", scenes.scene_of.__wrapped__)
+    monkeypatch.setattr(scenes, "scene_of", cache(scenes.scene_of.__wrapped__))
     for name in ("measured_scene", "exact_scene"):
-        monkeypatch.setattr(conditions, name, getattr(conditions, name).__wrapped__)
+        monkeypatch.setattr(conditions, name, cache(getattr(conditions, name).__wrapped__))
     return scenes
 
 
