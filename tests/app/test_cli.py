@@ -28,6 +28,16 @@ def test_version(gppcs_command):
 COMMANDS = typer.main.get_command(program.app).commands
 
 
+@pytest.mark.parametrize("command", ["simplify", "mesh", "report", "convert", "info", "warmup"])
+def test_sentences_of_a_help_end_only_at_the_edge_of_the_terminal(gppcs_command, monkeypatch, command):
+    monkeypatch.setenv("COLUMNS", "400")
+    _, out, _ = gppcs_command(command, "--help")
+    text = out.partition("Usage")[2].partition("╭")[0]
+    paragraphs = [line.strip() for line in text.splitlines()[1:] if line.strip()]
+    assert len(paragraphs) == 2
+    assert all(paragraph.endswith(".") for paragraph in paragraphs)
+
+
 @pytest.mark.parametrize("flag", ["-h", "--help"])
 @pytest.mark.parametrize("command", [(), *((name,) for name in COMMANDS)])
 def test_every_help_shows_flags_without_a_type(gppcs_command, monkeypatch, command, flag):

@@ -65,6 +65,11 @@ def test_half_a_viewpoint_leaves_the_rest_to_the_guess(extents, up):
         (("",), "found ''"),
         ((None, (0.0, 91.0)), "from -90 to 90, in degrees, found 0 and 91"),
         ((None, (np.nan, 0.0)), "found nan and 0"),
+        ((3,), "found 3"),
+        ((None, (1.0,)), r"found \(1.0,\)"),
+        ((None, (1.0, 2.0, 3.0)), r"found \(1.0, 2.0, 3.0\)"),
+        ((None, "up"), "found 'up'"),
+        ((None, 30.0), "found 30.0"),
     ],
 )
 def test_a_viewpoint_that_is_none_is_refused(viewpoint, message):

@@ -73,6 +73,34 @@ def test_gltf_is_what_trimesh_reads(tmp_path, mesh, vertices, suffix):
     assert np.array_equal(read.visual.vertex_colors[:, :3], np.column_stack(list(COLOURS.values())))
 
 
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        (np.array([200, 100, 0, 255], np.uint16), [200, 100, 0, 255]),  # 8 bits in a type of 16, as in many LAS files
+        (np.array([65535, 257, 0, 51400], np.uint16), [255, 1, 0, 200]),
+        (np.array([200.0, 100.0, 0.0, 255.0]), [200, 100, 0, 255]),
+        (np.array([1.0, 0.2, 0.0, 0.6]), [255, 51, 0, 153]),
+    ],
+)
+def test_colours_of_any_type_look_the_same(tmp_path, mesh, values, expected):
+    gppcs.write_mesh(tmp_path / "mesh.off", mesh, gppcs.PointCloud(CORNERS, dict.fromkeys(COLOURS, values)))
+    assert gppcs.read(tmp_path / "mesh.off").attributes["red"].tolist() == expected
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".off"])
+def test_what_is_lost_of_the_header_is_told(tmp_path, mesh, suffix):
+    gppcs.write(tmp_path / "corners.pcd", CORNERS)
+    path = tmp_path / "corners.pcd"
+    path.write_bytes(path.read_bytes().replace(b"VIEWPOINT 0 0 0", b"VIEWPOINT 1 2 3"))
+    cloud = gppcs.read(path)
+    assert gppcs.write_mesh(tmp_path / f"mesh{suffix}", mesh, cloud) == ["the viewpoint"]
+
+
+def test_texts_which_ply_files_cannot_hold_are_told(tmp_path, mesh):
+    cloud = gppcs.PointCloud(CORNERS, {"kind": np.array(["a", "b", "c", "d"]), "label": np.arange(4)})
+    assert gppcs.write_mesh(tmp_path / "mesh.ply", mesh, cloud) == ["kind"]
+
+
 def test_normals_of_obj_files_are_those_of_the_corners(tmp_path, mesh, vertices):
     gppcs.write_mesh(tmp_path / "mesh.obj", mesh, vertices)
     lines = (tmp_path / "mesh.obj").read_text().splitlines()

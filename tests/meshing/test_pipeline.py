@@ -220,6 +220,7 @@ def test_points_on_no_surface_are_an_error_that_tells_what_was_found(points, mes
         ({"keep": [0, 1, 2]}, "at least 4 indices"),
         ({"keep": [0, 1, 2, 10_000]}, "rows of the cloud from 0 to 9999 .*, found 10000"),
         ({"keep": [0.5, 1, 2, 3]}, "indices of rows"),
+        ({"keep": [[1], [2, 3], [4], [5]]}, "indices of rows"),
         ({"n_points": 10, "moved": "yes"}, "moved to be True or False"),
     ],
 )

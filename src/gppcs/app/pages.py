@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 MOST_TO_REBUILD = 1_000_000  # points; to rebuild a mesh from a larger cloud would take minutes
 
 
-def names_of(paths: Sequence[Path]) -> list[str]:
+def different_names(paths: Sequence[Path]) -> list[str]:
     """Return a different name for each file: its own, or its path if another file has the same name.
 
     Parameters
@@ -88,7 +88,7 @@ def how_made(command: Sequence[str], inputs: Sequence[Path]) -> list[tuple[str, 
 
     digests = [
         (f"SHA-256 of {name}", _digest(path))
-        for name, path in zip(names_of(inputs), inputs, strict=True)
+        for name, path in zip(different_names(inputs), inputs, strict=True)
         if not is_standard(path)
     ]
     return [

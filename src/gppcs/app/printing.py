@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,6 +11,7 @@ import typer
 
 from gppcs.app.tables import FIGURES
 from gppcs.engine.stages import COMPILATION, Listener
+from gppcs.engine.strict_json import strict_json
 from gppcs.errors import GppcsError, InputError, ParameterError, shown
 from gppcs.evaluation.report import MeshReport, Report
 
@@ -171,17 +171,7 @@ def print_json(record: dict[str, Any]) -> None:
     record : dict
         Values that JSON can store. NaN and infinity become null.
     """
-
-    def strict(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {key: strict(item) for key, item in value.items()}
-        if isinstance(value, list | tuple):
-            return [strict(item) for item in value]
-        if isinstance(value, float) and value - value != 0:
-            return None
-        return value
-
-    typer.echo(json.dumps(strict(record), allow_nan=False))
+    typer.echo(strict_json(record))
 
 
 def figure_rows(report: Report | MeshReport) -> dict[str, str]:

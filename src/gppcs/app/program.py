@@ -48,7 +48,9 @@ class _Program(_WithoutTypesOfFlags, typer.core.TyperGroup):
 
 
 class _Command(_WithoutTypesOfFlags, typer.core.TyperCommand):
-    pass
+    def __init__(self, *arguments: Any, help: str | None = None, **options: Any) -> None:  # noqa: A002
+        paragraphs = (" ".join(text.split()) for text in (help or "").split("\n\n"))
+        super().__init__(*arguments, help="\n\n".join(paragraphs), **options)  # without the line breaks of the source
 
 
 app = typer.Typer(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.colours import eight_bits
 from gppcs.errors import ParameterError, nearest_name, shown
 
 RGB, VARIATION = "rgb", "variation"  # colourings that are no attributes; an attribute of that name wins
@@ -46,7 +47,7 @@ class Colourable:
         columns = dict(_columns(cloud))
         for names in (*COLOURS, *((f"{name} 0", f"{name} 1", f"{name} 2") for name in ("rgb", "color", "colors"))):
             if set(names) <= set(columns):
-                return cls(columns, _eight_bits(np.stack([columns.pop(name) for name in names], axis=1)))
+                return cls(columns, eight_bits(np.stack([columns.pop(name) for name in names], axis=1)))
         return cls(columns, None)
 
     def means_variation(self, colour: str) -> bool:
@@ -101,10 +102,3 @@ def _columns(cloud: PointCloud) -> list[tuple[str, NDArray[Any]]]:
         flat = values.reshape(len(values), -1).T
         columns += [(name if values.ndim == 1 else f"{name} {i}", column) for i, column in enumerate(flat)]
     return columns
-
-
-def _eight_bits(colours: NDArray[Any]) -> NDArray[np.uint8]:
-    """Return colours (N, 3) in 8 bits: floats from 0 to 1, and whole numbers of 8 or of 16 bits."""
-    largest = colours.max(initial=0)
-    factor = 255.0 if np.issubdtype(colours.dtype, np.floating) and largest <= 1 else 1.0 if largest <= 255 else 1 / 257
-    return np.clip(np.nan_to_num(colours.astype(np.float64)) * factor, 0, 255).round().astype(np.uint8)

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gppcs.drawing.camera import Camera, averaged
+from gppcs.drawing.estimates import Estimates
 from gppcs.errors import InputError
 from gppcs.spatial.cells import first_occurrences
-from gppcs.spatial.kdtree import KdTree
-from gppcs.surface.surface_variation import estimate_features
 
 Array = NDArray[np.float64]
 
@@ -86,13 +85,8 @@ class ColouredCloud:
         ColouredCloud
             With normals. NaN stands for places with fewer than four points near, which always seem flat.
         """
-        local = points - points.min(axis=0)
-        distinct = local[first_occurrences(local)]
-        tree = KdTree.build(distinct)
-        features = estimate_features(distinct, tree=tree)
-        variation = np.where(features.neighbours > 3, features.surface_variation, np.nan)
-        same = tree.nearest_of(local, 1)[0][:, 0]
-        return cls(points, variation[same], features.normals[same])
+        found = Estimates.of(points)
+        return cls(points, found.variation, found.normals)
 
     def kept(self, rows: NDArray[np.int64], points: Array) -> ColouredCloud:
         """Return a simplified cloud.

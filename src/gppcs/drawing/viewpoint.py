@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.errors import ParameterError
+from gppcs.errors import ParameterError, number, shown
 
 Array = NDArray[np.float64]
 
@@ -44,12 +45,16 @@ class Viewpoint:
     direction: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        if self.up is not None and self.up.removeprefix("-") not in tuple(AXES):
-            raise ParameterError(f"expected x, y, z, -x, -y or -z as the axis that points up, found {self.up!r}")
-        if self.direction is not None and not (abs(self.direction[0]) < np.inf and abs(self.direction[1]) <= 90.0):
+        if self.up is not None and (not isinstance(self.up, str) or self.up.removeprefix("-") not in tuple(AXES)):
+            raise ParameterError(f"expected x, y, z, -x, -y or -z as the axis that points up, found {shown(self.up)}")
+        if self.direction is None:
+            return
+        angles = [number(angle) for angle in self.direction] if isinstance(self.direction, Iterable) else []
+        if not (len(angles) == 2 and abs(angles[0]) < np.inf and abs(angles[1]) <= 90.0):
+            numbers = isinstance(self.direction, tuple) and len(angles) == 2
+            found = f"{angles[0]:g} and {angles[1]:g}" if numbers else shown(self.direction)
             raise ParameterError(
-                "expected a finite azimuth and an elevation from -90 to 90, in degrees, found "
-                f"{self.direction[0]:g} and {self.direction[1]:g}"
+                f"expected a finite azimuth and an elevation from -90 to 90, in degrees, found {found}"
             )
 
     def completed(self, points: Array) -> Viewpoint:

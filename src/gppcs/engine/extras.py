@@ -37,7 +37,7 @@ def require_matplotlib() -> None:
     try:
         importlib.import_module("matplotlib")
     except ImportError as error:
-        raise _missing("a picture needs matplotlib", "picture") from error
+        raise _missing("a picture needs matplotlib", "picture", error) from error
 
 
 def require_pyarrow() -> Any:
@@ -56,7 +56,7 @@ def require_pyarrow() -> Any:
     try:
         import pyarrow
     except ImportError as error:
-        raise _missing("Parquet and Feather files need PyArrow", "arrow") from error
+        raise _missing("Parquet and Feather files need PyArrow", "arrow", error) from error
     return pyarrow
 
 
@@ -76,7 +76,7 @@ def require_distributed() -> Any:
     try:
         import distributed
     except ImportError as error:
-        raise _missing("work on several processes or machines needs Dask's distributed", "dask") from error
+        raise _missing("work on several processes or machines needs Dask's distributed", "dask", error) from error
     return distributed
 
 
@@ -96,7 +96,7 @@ def require_libe57() -> Any:
     try:
         from pye57 import libe57
     except ImportError as error:
-        raise _missing("E57 files need pye57", "e57") from error
+        raise _missing("E57 files need pye57", "e57", error) from error
     return libe57
 
 
@@ -116,7 +116,7 @@ def require_pymeshlab() -> Any:
     try:
         import pymeshlab
     except ImportError as error:
-        raise _missing("meshes need PyMeshLab", "evaluate") from error
+        raise _missing("meshes need PyMeshLab", "evaluate", error) from error
     return pymeshlab
 
 
@@ -141,7 +141,7 @@ def require_cgal(module: str) -> Any:
     try:
         return importlib.import_module(f"CGAL.CGAL_{module}")
     except ImportError as error:
-        raise _missing("the advancing front needs CGAL", "cgal") from error
+        raise _missing("the advancing front needs CGAL", "cgal", error) from error
 
 
 def require_trimesh() -> Any:
@@ -160,7 +160,7 @@ def require_trimesh() -> Any:
     try:
         import trimesh
     except ImportError as error:
-        raise _missing("glTF files need trimesh", "gltf") from error
+        raise _missing("glTF files need trimesh", "gltf", error) from error
     return trimesh
 
 
@@ -175,7 +175,7 @@ def require_pyvista() -> None:
     try:
         importlib.import_module("pyvista")
     except ImportError as error:
-        raise _missing("a picture of meshes needs PyVista", "view") from error
+        raise _missing("a picture of meshes needs PyVista", "view", error) from error
     if not _opengl_works():
         raise MissingExtraError(
             "a picture of meshes needs OpenGL, and PyVista found none; software rendering suffices, "
@@ -211,10 +211,14 @@ def require_library(name: str, title: str) -> Any:
         ) from error
 
 
-def _missing(need: str, extra: str) -> MissingExtraError:
+def _missing(need: str, extra: str, error: ImportError) -> MissingExtraError:
     """Return the error for a missing extra, with the line that installs its packages."""
     packages = " ".join(f"'{requirement}'" for requirement in EXTRAS[extra])
-    return MissingExtraError(f"{need}, which is not installed (the extra {extra}): pip install {packages}")
+    fault = "is not installed"
+    if not isinstance(error, ModuleNotFoundError):  # a library of the system is missing, or versions do not fit
+        reason = str(error).partition("\n")[0]
+        fault = f"cannot be imported ({reason})"
+    return MissingExtraError(f"{need}, which {fault} (the extra {extra}): pip install {packages}")
 
 
 @functools.cache

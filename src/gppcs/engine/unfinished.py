@@ -30,7 +30,8 @@ def unfinished(path: str) -> Iterator[None]:
 def remove_all() -> None:
     """Remove the files and folders of all blocks that have not ended. Call it before a process ends at once."""
     for path in _paths.copy():
-        _remove(path)
+        with suppress(OSError):  # the others are still to be removed, and the process is to end
+            _remove(path)
 
 
 def _remove(path: str) -> None:

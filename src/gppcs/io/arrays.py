@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -19,7 +18,7 @@ from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import check_name, coordinate_type, default_names
 from gppcs.io.format import Format, reduced
-from gppcs.io.rows import ends_early
+from gppcs.io.rows import bytes_left, ends_early
 
 _POINTS = "points"
 
@@ -76,8 +75,7 @@ def read_npy_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterat
         yield _cloud(_array(file), attributes)
         return
     shape, dtype = layout
-    left = os.fstat(file.fileno()).st_size - file.tell()
-    whole = left // max(1, math.prod(shape[1:]) * dtype.itemsize)
+    whole = bytes_left(file) // max(1, math.prod(shape[1:]) * dtype.itemsize)
     if whole < shape[0]:
         raise ends_early("point", whole, shape[0])
     for start in range(0, max(shape[0], 1), rows):

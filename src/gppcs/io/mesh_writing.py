@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
+from gppcs.clouds.colours import eight_bits
 from gppcs.clouds.mesh import Mesh
 from gppcs.engine.extras import require_trimesh
 from gppcs.errors import FileFormatError, InputError, file_path, flag, shown
 from gppcs.io.columns import coordinate_type
+from gppcs.io.format import reduced
 from gppcs.io.meshes import STL_FACET
 from gppcs.io.ply import FORMAT as PLY
 from gppcs.io.ply import write_ply
@@ -49,7 +51,8 @@ def write_mesh(
     Returns
     -------
     list of str
-        The names of the attributes that the file does not hold.
+        The names of the attributes that the file does not hold; then in words what is lost of the header of the
+        vertices, such as a coordinate system.
 
     Raises
     ------
@@ -80,7 +83,14 @@ def write_mesh(
     write, held = _writer(path)
     with whole_output(path, flag("force", force)) as file:
         write(file, cloud, mesh.faces)
-    return [name for name in cloud.attributes if held is not None and name not in held]
+    return _left_out(cloud, held)
+
+
+def _left_out(cloud: PointCloud, held: Sequence[str] | None) -> list[str]:
+    """Return the names of the attributes that a file does not hold, and in words what it does not of the header."""
+    kept = PLY.fitted(cloud)[0] if held is None else reduced(cloud, cloud.attributes.keys() - set(held))[0]
+    header = cloud.header.contents() if cloud.header and kept.header is None else []
+    return [*(name for name in cloud.attributes if name not in kept.attributes), *header]
 
 
 def check_mesh_format(path: str | os.PathLike[str]) -> None:
@@ -174,12 +184,7 @@ def _colours(cloud: PointCloud) -> NDArray[np.uint8] | None:
     """Return the colours of the vertices, (V, 3), as bytes; None if there are none."""
     if not set(COLOURS) <= set(cloud.attributes):
         return None
-    colours = np.column_stack([cloud.attributes[name] for name in COLOURS])
-    if colours.dtype == np.uint16:
-        colours = colours >> 8
-    elif colours.dtype.kind == "f":
-        colours = np.clip(np.round(255 * colours), 0, 255)
-    return colours.astype(np.uint8)
+    return eight_bits(np.column_stack([cloud.attributes[name] for name in COLOURS]))
 
 
 _WRITERS: dict[str, tuple[Callable[[BinaryIO, PointCloud, NDArray[np.int64]], None], Sequence[str] | None]] = {

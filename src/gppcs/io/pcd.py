@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 import struct
 from dataclasses import dataclass, field, replace
@@ -19,7 +18,17 @@ from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.columns import check_name, column_name, coordinate_type, exact_as_double
 from gppcs.io.format import Format, reduced
-from gppcs.io.rows import BLOCK, as_count, ends_early, lines_of, number_blocks, shown, write_records, write_rows
+from gppcs.io.rows import (
+    BLOCK,
+    as_count,
+    bytes_left,
+    ends_early,
+    lines_of,
+    number_blocks,
+    shown,
+    write_records,
+    write_rows,
+)
 
 _TYPES = {
     (kind.upper(), str(size)): np.dtype(f"{kind}{size}")
@@ -281,13 +290,9 @@ def _empty(layout: _Layout) -> dict[str, Column]:
     return {each.name: np.empty((layout.count, *each.shape), each.dtype) for each in layout.kept}
 
 
-def _bytes_left(file: BufferedReader) -> int:
-    return os.fstat(file.fileno()).st_size - file.tell()
-
-
 def _read_records(file: BufferedReader, layout: _Layout) -> dict[str, Column]:
     record, count = layout.record(), layout.count
-    whole = _bytes_left(file) // record.itemsize
+    whole = bytes_left(file) // record.itemsize
     if whole < count:
         raise ends_early("point", whole, count)
     columns = _empty(layout)
@@ -309,7 +314,7 @@ def _read_compressed(file: BufferedReader, layout: _Layout) -> dict[str, Column]
     expected = layout.count * layout.record().itemsize
     if size != expected:
         raise FileFormatError(f"expected {expected} bytes of points, found {size} announced before the compressed data")
-    if packed > (left := _bytes_left(file)):
+    if packed > (left := bytes_left(file)):
         raise FileFormatError(f"expected {packed} bytes of compressed points, found {left}; get the whole file again")
     data = _decompressed(file.read(packed), size)
     columns = {}

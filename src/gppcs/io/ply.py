@@ -23,6 +23,7 @@ from gppcs.io.format import Format, reduced, without_attributes
 from gppcs.io.rows import (
     BLOCK,
     as_count,
+    bytes_left,
     ends_early,
     lines_of,
     number_blocks,
@@ -189,7 +190,7 @@ def _read_vertices(
     if vertices.has_lists:
         yield _read_with_lists(file, vertices, order)
         return
-    whole = _bytes_left(file) // vertices.record(order).itemsize
+    whole = bytes_left(file) // vertices.record(order).itemsize
     if whole < vertices.count:
         raise ends_early("vertex", whole, vertices.count)
     at_once = vertices.count if rows is None else rows
@@ -301,14 +302,10 @@ def _skip(file: BufferedReader, element: _Element, order: _Order) -> None:
         file.seek(start + _walk(file.read(), element, order)[-1])
         return
     size = element.record(order).itemsize
-    whole = _bytes_left(file) // size if size else element.count
+    whole = bytes_left(file) // size if size else element.count
     if whole < element.count:
         raise ends_early(element.name, whole, element.count)
     file.seek(element.count * size, os.SEEK_CUR)
-
-
-def _bytes_left(file: BufferedReader) -> int:
-    return os.fstat(file.fileno()).st_size - file.tell()
 
 
 def _walk(data: bytes, element: _Element, order: _Order) -> NDArray[np.int64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -78,6 +79,20 @@ def as_count(text: str) -> int | None:
         None if the text has other characters or more than 18 digits.
     """
     return int(text) if text.isdecimal() and len(text) <= 18 else None
+
+
+def bytes_left(file: BufferedReader) -> int:
+    """Return the number of bytes from the position in a file to its end.
+
+    Parameters
+    ----------
+    file : binary file
+
+    Returns
+    -------
+    int
+    """
+    return os.fstat(file.fileno()).st_size - file.tell()
 
 
 def ends_early(what: str, index: int, count: int) -> FileFormatError:

@@ -235,7 +235,10 @@ def _number_of_vertices(n: int, n_points: int | None, ratio: float | None) -> in
 
 def _chosen_rows(keep: ArrayLike, rows: NDArray[np.int64], points: NDArray[np.float64], n: int) -> NDArray[np.int64]:
     """Return the positions of chosen rows among the usable rows, ascending; of repeats, that of the first."""
-    chosen = np.asarray(keep)
+    try:
+        chosen = np.asarray(keep)
+    except ValueError:  # rows of different lengths
+        chosen = np.empty(0)
     if chosen.ndim != 1 or not np.issubdtype(chosen.dtype, np.integer) or len(chosen) < FEWEST_VERTICES:
         raise ParameterError(f"expected keep to be at least {FEWEST_VERTICES} indices of rows, found {shown(keep)}")
     unusable = np.setdiff1d(chosen, rows)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.errors import InputError
+from gppcs.errors import InputError, ParameterError, whole_number
 
 LEAF_SIZE = 32  # most points in a leaf: few enough to prune well, enough to fill vector registers
 QUERIES_AT_ONCE = 128  # queries that a thread takes at once, at least
@@ -73,18 +74,12 @@ class KdTree(ComparedByValue):
         InputError
             If `points` is not a numeric (N, 3) array.
         """
-        try:
-            points = np.asarray(points)
-        except ValueError as error:
-            raise InputError("expected an (N, 3) array of numbers, found rows of different lengths") from error
-        if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu":
-            raise InputError(f"expected an (N, 3) array of numbers, found {points.dtype} of shape {points.shape}")
-        n, depth = len(points), 0
+        rows = np.ascontiguousarray(_checked(points))
+        n, depth = len(rows), 0
         while n > LEAF_SIZE << depth:
             depth += 1
         records = np.empty((n, 4), dtype=np.float64)
         numbers = records.view(np.int64)
-        rows = np.ascontiguousarray(points, dtype=np.float64)
         on_ranges(_record, n, rows, records, numbers, least=POINTS_AT_ONCE)
         tree = cls(np.empty(n, dtype=np.int64), np.empty((3, n)), np.empty((2 << depth, 3)), np.empty((2 << depth, 3)))
         top = SHARED_LEVELS if depth > 2 * SHARED_LEVELS else 0  # a smaller tree grows on one thread
@@ -172,9 +167,17 @@ class KdTree(ComparedByValue):
         indices : (Q, k) array, int64
             Indices in the input, nearest first.
         squared : (Q, k) array, float64
-            Squared distances.
+            Squared distances. They are infinite for queries that are not finite, or too far away for a float64; their
+            indices mean nothing.
+
+        Raises
+        ------
+        InputError
+            If `queries` is not a numeric (Q, 3) array.
+        ParameterError
+            If `k` is outside its range.
         """
-        positions, squared = self._nearest_positions(queries, k)
+        positions, squared = self._nearest_positions(_checked(queries), self._at_most(whole_number("k", k, 1), 0))
         return self.order[positions], squared
 
     def neighbours(self, k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -183,7 +186,7 @@ class KdTree(ComparedByValue):
         Parameters
         ----------
         k : int
-            From 1 to N - 1.
+            From 0 to N - 1.
 
         Returns
         -------
@@ -191,18 +194,42 @@ class KdTree(ComparedByValue):
             Positions in tree order, nearest first; rows are in tree order as well.
         squared : (N, k) array, float64
             Squared distances.
+
+        Raises
+        ------
+        ParameterError
+            If `k` is outside its range.
         """
-        positions, squared = self._nearest_positions(self.points.T, k + 1)
+        positions, squared = self._nearest_positions(self.points.T, self._at_most(whole_number("k", k, 0), 1) + 1)
         return positions[:, 1:], squared[:, 1:]  # the first is the point itself
+
+    def _at_most(self, k: int, fewer: int) -> int:
+        """Return a number of neighbours; raise an error if it is more than N minus `fewer`."""
+        n = len(self.order)
+        if k + fewer > n:
+            raise ParameterError(f"expected k to be at most {n - fewer} in a tree of {n} points, found {k}")
+        return k
 
     def _nearest_positions(self, queries: NDArray[np.float64], k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return positions in tree order of the k points nearest each query, nearest first, and squared distances."""
-        positions, squared = np.empty((len(queries), k), dtype=np.int64), np.empty((len(queries), k))
+        # Zeros: of a query without a finite distance, nothing is found.
+        positions, squared = np.zeros((len(queries), k), dtype=np.int64), np.empty((len(queries), k))
         on_ranges(
             _nearest_of_all, len(queries), self.points, self.low, self.high, queries, positions, squared,
             least=QUERIES_AT_ONCE,
         )  # fmt: skip
         return positions, squared
+
+
+def _checked(rows: ArrayLike) -> NDArray[np.float64]:
+    """Return an (N, 3) array of numbers in float64; raise an InputError for anything else."""
+    try:
+        table: NDArray[Any] = np.asarray(rows)
+    except ValueError as error:
+        raise InputError("expected an (N, 3) array of numbers, found rows of different lengths") from error
+    if table.ndim != 2 or table.shape[1] != 3 or table.dtype.kind not in "fiu":
+        raise InputError(f"expected an (N, 3) array of numbers, found {table.dtype} of shape {table.shape}")
+    return table.astype(np.float64, copy=False)
 
 
 @kernel(inline="always")

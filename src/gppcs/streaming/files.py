@@ -42,8 +42,9 @@ def simplify_files(
     `gp` reads the files several times, in chunks, and holds a sample of the points, candidates and the kept points
     alone. It chooses the same points, to the last bit of `indices`. If the candidates do not fit, either, it stores the
     points in temporary files and chooses tile by tile: other points than in memory, but as good ones, and no seam
-    shows. In no case does the result depend on how the points are divided into files and chunks. So do `random`, `fps`
-    and `voxel`. The other methods need all points in memory.
+    shows. `voxel`, too, chooses tile by tile, the same points as in memory. So does `fps`, but other points, and
+    `random` draws others. In no case does the result depend on how the points are divided into files and chunks. The
+    other methods need all points in memory.
 
     Parameters
     ----------

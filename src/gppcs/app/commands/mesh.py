@@ -101,6 +101,7 @@ def mesh(
     from gppcs import io
     from gppcs.engine.stages import Stages
     from gppcs.io.cloud_files import CloudFiles
+    from gppcs.io.files import naming
     from gppcs.io.mesh_writing import check_mesh_format, write_mesh
     from gppcs.meshing.pipeline import check_size
     from gppcs.meshing.pipeline import mesh as meshed
@@ -117,10 +118,11 @@ def mesh(
     io.check_distinct([output], [cloud, *([keep_points] if keep_points else [])])
     io.check_writable(output, force)
     stages = Stages(progress(quiet))
-    with stages("reading"), CloudFiles([cloud], input_format, names_of(columns)) as files:
+    with stages("reading"), CloudFiles.of([cloud], input_format, names_of(columns)) as files:
         original = files.read()
         kept = None if keep_points is None else _rows_of(original, io.read(keep_points), keep_points)
-    result = meshed(original, **size, keep=kept, moved=moved, fill_holes=fill_holes, invalid=invalid, stages=stages)
+    with naming(cloud):
+        result = meshed(original, **size, keep=kept, moved=moved, fill_holes=fill_holes, invalid=invalid, stages=stages)
     with stages("writing"):
         lost = write_mesh(output, result.mesh, result.cloud, force)
     note_left_out(output, lost)
@@ -139,6 +141,8 @@ def _rows_of(original: PointCloud, kept: PointCloud, path: Path) -> NDArray[Any]
 
     rows = original.finite_rows()
     usable = kept.usable("cloud of points to keep")
+    if not len(rows):
+        return rows  # `mesh` tells what is wrong with the cloud
     nearest, squared = KdTree.build(original.points[rows]).nearest_of(usable, 1)
     if len(strange := np.flatnonzero(squared[:, 0] > 0)):
         raise InputError(

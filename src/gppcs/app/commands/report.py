@@ -62,7 +62,7 @@ def report(
     original to each result, by the order of choice, by any attribute or RGB, and holds the figures of gppcs evaluate.
     """
     from gppcs import io
-    from gppcs.app.pages import how_made, names_of, rebuilt
+    from gppcs.app.pages import different_names, how_made, rebuilt
     from gppcs.drawing.web.contents import Named, report_page
     from gppcs.engine.extras import require_pymeshlab
     from gppcs.engine.progress import ProgressBar
@@ -77,7 +77,7 @@ def report(
         require_pymeshlab()
     stages = Stages(ProgressBar())
     with stages("reading"):
-        clouds = [Named(name, io.read(path)) for name, path in zip(names_of(inputs), inputs, strict=True)]
+        clouds = [Named(name, io.read(path)) for name, path in zip(different_names(inputs), inputs, strict=True)]
     if meshes:
         with stages("meshes", len(clouds)) as advanced:
             finite = [each.cloud.take(each.cloud.finite_rows()) for each in clouds]

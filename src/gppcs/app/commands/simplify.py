@@ -26,8 +26,7 @@ from gppcs.app.large_files import (
     titled,
 )
 from gppcs.app.outputs import Outputs, outputs_of, sources_of
-from gppcs.app.pages import how_made
-from gppcs.app.pages import names_of as different_names
+from gppcs.app.pages import different_names, how_made
 from gppcs.app.printing import (
     BAD_INPUT,
     FAILURES,

@@ -49,7 +49,7 @@ def view(
     Files of all formats that gppcs reads can be shown. The page is one file that needs no network.
     """
     from gppcs import io
-    from gppcs.app.pages import how_made, names_of
+    from gppcs.app.pages import different_names, how_made
     from gppcs.drawing.web.contents import Named, view_page
 
     set_threads(threads)
@@ -57,7 +57,7 @@ def view(
     if output:
         io.check_distinct([output], inputs)
         io.check_output(output, force)
-    clouds = [Named(name, io.read(path)) for name, path in zip(names_of(inputs), inputs, strict=True)]
+    clouds = [Named(name, io.read(path)) for name, path in zip(different_names(inputs), inputs, strict=True)]
     page = view_page(clouds, how_made(context.obj, inputs), viewpoint)
     if output is None:
         output = Path(tempfile.mkdtemp(prefix="gppcs-")) / "view.html"

@@ -12,13 +12,12 @@ from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.attributes import Colourable, kinds_of
 from gppcs.drawing.colours import scale_ends
+from gppcs.drawing.estimates import Estimates
 from gppcs.drawing.web.packing import Blocks, octahedral, packed_faces, quantised_points, quantised_values
 from gppcs.errors import InputError
 from gppcs.simplification import simplify
-from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
-from gppcs.surface.surface_variation import estimate_features
 
 MOST_SHOWN = 1_000_000  # points of a cloud on the page; larger clouds are thinned by the default method
 MOST_TRIANGLES = 1_000_000  # of a mesh on the page; larger ones are left out
@@ -76,15 +75,8 @@ class Surface:
         if len(rows) == 0:
             raise InputError(f"expected points with finite coordinates to show, found none among {len(cloud)}")
         finite = cloud if len(rows) == len(cloud) else cloud.take(rows)
-        local, _, _ = normalised(finite.points)
-        distinct = local[first_occurrences(local)]
-        tree = KdTree.build(distinct)
-        features = estimate_features(distinct, tree=tree)
-        same = tree.nearest_of(local, 1)[0][:, 0]
-        variation = np.where(features.neighbours > 3, features.surface_variation, np.nan)
-        carried = finite.normals()
-        normals = features.normals[same] if carried is None else carried
-        return cls(finite, rows, variation[same], normals, tree)
+        found, carried = Estimates.of(finite.points), finite.normals()
+        return cls(finite, rows, found.variation, found.normals if carried is None else carried, found.tree)
 
     def spacings(self) -> Array:
         """Return the mean distance of each point to the next ones around it.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -14,6 +12,7 @@ import numpy as np
 from gppcs.drawing.viewpoint import Viewpoint
 from gppcs.drawing.web.layers import Layer
 from gppcs.drawing.web.packing import Blocks
+from gppcs.engine.strict_json import strict_json
 from gppcs.evaluation.report import Report, figures_of
 
 PLACE = b"<!--DATA-->"  # in the page that `make viewer` builds
@@ -109,17 +108,8 @@ def _script(name: str, kind: str, text: str) -> bytes:
 
 
 def _json(value: Any) -> str:
-    """Return strict JSON in ASCII without the characters that end an element; NaN and infinity become null."""
-
-    def strict(each: Any) -> Any:
-        if isinstance(each, dict):
-            return {key: strict(item) for key, item in each.items()}
-        if isinstance(each, list | tuple):
-            return [strict(item) for item in each]
-        return None if isinstance(each, float) and not math.isfinite(each) else each
-
-    text = json.dumps(strict(value), allow_nan=False)
-    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+    """Return strict JSON in ASCII without the characters that end an element."""
+    return strict_json(value).replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 def _lie_together(layers: Sequence[Layer]) -> bool:

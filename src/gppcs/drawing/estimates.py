@@ -1,0 +1,56 @@
+"""Surface variation and normals of any cloud, as pictures and pages show them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.scaling import normalised
+from gppcs.surface.surface_variation import estimate_features
+
+Array = NDArray[np.float64]
+
+KNOWN = 4  # points in a neighbourhood, at least: fewer always seem flat
+
+
+class Estimates(NamedTuple):
+    """What is estimated at N points.
+
+    Attributes
+    ----------
+    variation : (N,) array, float64
+        Surface variation; NaN where fewer than four points are near.
+    normals : (N, 3) array, float64
+        Unit normals, without a sign.
+    tree : KdTree
+        Over the places of the points, shifted and scaled by `normalised`.
+    """
+
+    variation: Array
+    normals: Array
+    tree: KdTree
+
+    @classmethod
+    def of(cls, points: Array) -> Estimates:
+        """Estimate the surface at each point.
+
+        Parameters
+        ----------
+        points : (N, 3) array, float64
+            Finite coordinates of at least one point. Points that repeat another exactly count once.
+
+        Returns
+        -------
+        Estimates
+        """
+        local, _, _ = normalised(points)
+        distinct = local[first_occurrences(local)]
+        tree = KdTree.build(distinct)
+        features = estimate_features(distinct, tree=tree)
+        variation = np.where(features.neighbours >= KNOWN, features.surface_variation, np.nan)
+        same = tree.nearest_of(local, 1)[0][:, 0]
+        return cls(variation[same], features.normals[same], tree)
