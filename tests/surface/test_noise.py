@@ -8,8 +8,9 @@ from gppcs.surface.noise import (
     NEIGHBOURS,
     QUIET,
     WIDEST,
+    Layer,
     Noise,
-    level_and_radius,
+    layer_of,
     neighbours_across_noise,
     projections,
 )
@@ -29,11 +30,8 @@ def residuals(tree, places, neighbours):
 
 def observed(noise, places):
     """Feet and variances of places, (m, 3), in their order."""
-    of_places = KdTree.build(places)
-    found, in_tree_order = noise.observe(of_places)
-    feet, variances = np.empty_like(places), np.empty(len(places))
-    feet[of_places.order], variances[of_places.order] = found.points.T, in_tree_order
-    return feet, variances
+    feet, variances = noise.observe(places)
+    return places if feet is None else feet, variances
 
 
 def rough_plane(sigma, n=20_000):
@@ -50,8 +48,8 @@ def test_smooth_surfaces_are_quiet(sphere):
         noise = Noise.measure(tree, n_points, spacing)
         assert noise.quiet
         assert noise.level <= most
-        feet, variances = noise.observe(tree)
-        assert feet is tree
+        feet, variances = noise.observe(points)
+        assert feet is None
         assert (variances == 0).all()
 
 
@@ -115,7 +113,7 @@ def test_noise_is_not_told_from_detail_where_few_points_lie_within_the_target_sp
 def test_a_point_off_the_surface_stands_out():
     points = rough_plane(0.002)
     points[77] = [0.5, 0.5, 0.02]
-    noise = Noise.measure(KdTree.build(points), 50, 0.045)
+    noise = Noise.measure(KdTree.build(points), 80, 0.035)
     found = observed(noise, points)[1]
     assert found.argmax() == 77
     assert np.sqrt(found[77]) * 0.5 == pytest.approx(0.02, rel=0.25)
@@ -146,7 +144,7 @@ def test_feet_lie_nearer_to_the_surface_where_neighbourhoods_grow(shape, sigma, 
         for feet in (observed(noise, points)[0], feet_of(tree, points, NEIGHBOURS))
     )
     assert across < 0.8 * within
-    assert level_and_radius(tree, NEIGHBOURS)[0] < noise.level < 1.1 * sigma
+    assert layer_of(tree, NEIGHBOURS).level < noise.level < 1.1 * sigma
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.002])
@@ -165,9 +163,8 @@ def test_detail_as_small_as_the_target_spacing_is_not_smoothed_away():
     noise = Noise.measure(KdTree.build(waves), 500, 0.045)
     assert not noise.thick
     assert not noise.quiet
-    places = KdTree.build(waves)
-    feet, variances = noise.observe(places)
-    assert feet is places
+    feet, variances = noise.observe(waves)
+    assert feet is None
     assert np.median(variances) > 0
     for sigma in (0.01, 0.02):
         assert Noise.measure(KdTree.build(rough_plane(sigma)), 500, 0.045).thick
@@ -186,3 +183,27 @@ def test_small_clouds(n):
     found = residuals(KdTree.build(points), points, 40)
     assert (found == 0).all() if n < 6 else (found > 0).all()
     assert Noise.measure(KdTree.build(points), n, 1.0).quiet
+
+
+def test_outliers_do_not_count_as_noise():
+    """The root mean square distance of these points from the quadrics is ten times as large."""
+    plane = rough_plane(0.001)
+    scattered = np.random.default_rng(0).uniform([0, 0, -0.5], [1, 1, 0.5], (400, 3))
+    alone, together = (
+        layer_of(KdTree.build(points), NEIGHBOURS) for points in (plane, np.concatenate([plane, scattered]))
+    )
+    assert together.level == pytest.approx(alone.level, rel=0.06)
+    assert together.radius == pytest.approx(alone.radius, rel=0.06)
+
+
+def test_the_level_of_gaussian_noise_is_its_standard_deviation():
+    distances = np.abs(np.random.default_rng(0).normal(0, 3.0, 200_000))
+    level, radius = Layer.of(distances, np.arange(5.0))
+    assert level == pytest.approx(3.0, rel=0.01)
+    assert radius == 2.0
+
+
+def test_less_noise_hides_sharp_places_than_makes_observations_uncertain():
+    for sigma, quiet, clean in ((0.0, True, True), (0.001, True, False), (0.004, False, False)):
+        noise = Noise.measure(KdTree.build(rough_plane(sigma)), 500, 0.045)
+        assert (noise.quiet, noise.clean) == (quiet, clean)

@@ -11,7 +11,7 @@ from gppcs.meshing.coverage import RANK, Cover
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import nearest_distances
-from gppcs.surface.noise import level_and_radius, projections
+from gppcs.surface.noise import layer_of, projections
 from gppcs.surface.normals import estimate_normals
 
 PER_VERTEX = 32  # dense points for each vertex of the result: more make the quadrics hardly better
@@ -113,6 +113,6 @@ def _noise(tree: KdTree) -> float:
     """
     if len(tree.order) <= 2 * FITS[1]:
         return 0.0
-    (fine, near), (level, wide) = (level_and_radius(tree, k) for k in FITS)
+    fine, wide = (layer_of(tree, k) for k in FITS)
     spacing = float(np.median(nearest_distances(tree, RANK)))
-    return level if level > NOISY * spacing and level * near <= fine * wide else 0.0
+    return wide.level if wide.level > NOISY * spacing and wide.level * fine.radius <= fine.level * wide.radius else 0.0

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +21,75 @@ NEIGHBOURS = 30  # Points of a fit if the noise is thin compared with the neighb
 WIDEST = 120  # Points of a fit at most. Quadrics of more points cut off detail and take long.
 THICK = 0.25  # Noise above this, in neighbourhood radii, is thick. 32 clouds without added noise have at most 0.22.
 QUIET = 0.04  # Noise below this, in target spacings, changes no choice that matters.
+CLEAN = 0.0165  # Noise below this, in target spacings, lets sharp places be told.
 TOLERATED = 0.5  # Noise of this size, in target spacings, makes an observation as uncertain as the prior.
 # Largest variance of an observation, in units of the prior's, so that lone points still count. Without it the covering
 # radius of a desk scan grows from 1.7 to 6.7 times that of fps (docs/experiments.md).
 LARGEST = 2.0
 SAMPLES = 4096  # Points on which the noise level is measured: its error is then about one per cent.
+# The level is told by this share of the points; Gaussian noise has that share within so many standard deviations.
+SHARE, DEVIATIONS = 0.9, 1.645
+
+
+class Layer(NamedTuple):
+    """The layer of noise about the quadrics that are fitted to the points around each point.
+
+    Both are quantiles, so that outliers do not count.
+
+    Attributes
+    ----------
+    level : float
+        From the distance of the quadrics within which 90 % of the points lie: the standard deviation of Gaussian noise.
+    radius : float
+        Median radius of the neighbourhoods.
+    """
+
+    level: float
+    radius: float
+
+    @classmethod
+    def of(cls, distances: NDArray[np.float64], radii: NDArray[np.float64]) -> Layer:
+        """Return the layer, given the distances of m points from their quadrics and the radii of their neighbourhoods.
+
+        Parameters
+        ----------
+        distances, radii : (m,) arrays
+
+        Returns
+        -------
+        Layer
+        """
+        return cls(float(np.quantile(distances, SHARE)) / DEVIATIONS, float(np.median(radii)))
+
+
+class Observations(NamedTuple):
+    """What observations at n places are worth.
+
+    Attributes
+    ----------
+    feet : (n, 3) array or None
+        Projections onto the surface, where features are measured; None if the noise is not thick: features are then
+        measured at the places themselves.
+    variances : (n,) array
+        Variance of each observation; 0 without noise. Divided by h^2 it is in units of the prior variance of a field
+        with target spacing h.
+    """
+
+    feet: NDArray[np.float64] | None
+    variances: NDArray[np.float64]
+
+    def take(self, rows: NDArray[np.int64]) -> Observations:
+        """Return those at some of the places.
+
+        Parameters
+        ----------
+        rows : (m,) array
+
+        Returns
+        -------
+        Observations
+        """
+        return Observations(None if self.feet is None else self.feet[rows], self.variances[rows])
 
 
 @dataclass(frozen=True)
@@ -43,7 +108,7 @@ class Noise:
     thick : bool
         Whether neighbourhoods of `NEIGHBOURS` points lie within the layer of noise instead of across it.
     level : float
-        Root mean square distance of the points from the surface, in the unit of the tree; 0 where it is not measured.
+        Distance of the points from the surface, as in `Layer`, in the unit of the tree; 0 where it is not measured.
     spacing : float
         Target spacing, in the same unit.
     """
@@ -77,11 +142,11 @@ class Noise:
         within = int(np.pi * len(tree.order) / n_points)  # points within the target spacing of a point, on average
         if within < FEWEST:
             return cls(None, within, False, 0.0, spacing)
-        neighbours, level = neighbours_across_noise(tree)
+        neighbours, layer = neighbours_across_noise(tree)
         thick = neighbours > NEIGHBOURS
         if neighbours > within:
-            neighbours, level = within, level_and_radius(tree, within)[0]
-        noise = cls(tree, neighbours, thick, level, spacing)
+            neighbours, layer = within, layer_of(tree, within)
+        noise = cls(tree, neighbours, thick, layer.level, spacing)
         return replace(noise, tree=None) if noise.quiet else noise
 
     @property
@@ -89,31 +154,34 @@ class Noise:
         """Whether there is no noise that matters, or too few points near each other to measure it."""
         return self.level <= QUIET * self.spacing
 
-    def observe(self, places: KdTree) -> tuple[KdTree, NDArray[np.float64]]:
-        """Return the places where the features of points are measured, and the variances of the observations.
+    @property
+    def clean(self) -> bool:
+        """Whether sharp places can be told from noise."""
+        return self.level <= CLEAN * self.spacing
+
+    def observe(self, places: NDArray[np.float64]) -> Observations:
+        """Return what observations at some places are worth.
 
         Parameters
         ----------
-        places : KdTree
-            Over n points.
+        places : (n, 3) array
 
         Returns
         -------
-        feet : KdTree
-            Projections onto the surface, in the same order, if the noise is thick; otherwise the places themselves.
-        variances : (n,) array
-            Variance of each observation, in tree order; 0 without noise. Divided by h^2 it is in units of the prior
-            variance of a field with target spacing h.
+        Observations
         """
         if self.tree is None:
-            return places, np.zeros(len(places.order))
-        feet, _ = projections(self.tree, places, self.neighbours)
-        squared = ((feet.points - places.points) ** 2).sum(axis=0)
+            return Observations(None, np.zeros(len(places)))
+        tree = KdTree.build(places)
+        projected, _ = projections(self.tree, tree, self.neighbours)
+        feet = np.empty_like(places)
+        feet[tree.order] = projected.points.T
+        squared = ((feet - places) ** 2).sum(axis=1)
         variances = np.minimum(squared / TOLERATED**2, LARGEST * self.spacing**2)
-        return (feet if self.thick else places), variances
+        return Observations(feet if self.thick else None, variances)
 
 
-def neighbours_across_noise(tree: KdTree) -> tuple[int, float]:
+def neighbours_across_noise(tree: KdTree) -> tuple[int, Layer]:
     """Double neighbourhoods until they lie across the layer of noise, not within it.
 
     Parameters
@@ -125,32 +193,31 @@ def neighbours_across_noise(tree: KdTree) -> tuple[int, float]:
     -------
     neighbours : int
         Points of each fit: `NEIGHBOURS`, doubled up to `WIDEST`.
-    level : float
-        Root mean square distance of the points from these quadrics, in the unit of the tree.
+    layer : Layer
+        The layer about these quadrics, in the unit of the tree.
     """
-    return across_noise(lambda neighbours: level_and_radius(tree, neighbours))
+    return across_noise(lambda neighbours: layer_of(tree, neighbours))
 
 
-def across_noise(level_and_radius: Callable[[int], tuple[float, float]]) -> tuple[int, float]:
+def across_noise(layer_of: Callable[[int], Layer]) -> tuple[int, Layer]:
     """Double neighbourhoods as `neighbours_across_noise` does.
 
     Parameters
     ----------
-    level_and_radius : callable
-        Takes the number of points of each fit: `NEIGHBOURS`, doubled up to `WIDEST`. Returns what the function
-        `level_and_radius` returns.
+    layer_of : callable
+        Takes the number of points of each fit: `NEIGHBOURS`, doubled up to `WIDEST`. Returns the layer.
 
     Returns
     -------
     neighbours : int
-    level : float
+    layer : Layer
     """
     neighbours = NEIGHBOURS
-    level, radius = level_and_radius(neighbours)
-    while level > THICK * radius and neighbours < WIDEST:
+    layer = layer_of(neighbours)
+    while layer.level > THICK * layer.radius and neighbours < WIDEST:
         neighbours *= 2
-        level, radius = level_and_radius(neighbours)
-    return neighbours, level
+        layer = layer_of(neighbours)
+    return neighbours, layer
 
 
 def projections(tree: KdTree, places: KdTree, neighbours: int) -> tuple[KdTree, NDArray[np.float64]]:
@@ -177,8 +244,8 @@ def projections(tree: KdTree, places: KdTree, neighbours: int) -> tuple[KdTree, 
     return KdTree.over(places.points + rise * quadrics.normals, places.order), quadrics.reaches
 
 
-def level_and_radius(tree: KdTree, neighbours: int) -> tuple[float, float]:
-    """Measure distances from the surface on at most `SAMPLES` points, evenly spread over the tree.
+def layer_of(tree: KdTree, neighbours: int) -> Layer:
+    """Measure the layer of noise on at most `SAMPLES` points, evenly spread over the tree.
 
     Parameters
     ----------
@@ -189,12 +256,9 @@ def level_and_radius(tree: KdTree, neighbours: int) -> tuple[float, float]:
 
     Returns
     -------
-    level : float
-        Root mean square distance of the points from their quadrics.
-    radius : float
-        Root mean square radius of their neighbourhoods.
+    Layer
+        In the unit of the tree.
     """
     some = KdTree.over(np.ascontiguousarray(tree.points[:, :: -(-len(tree.order) // SAMPLES)]))
     feet, radii = projections(tree, some, neighbours)
-    off = ((feet.points - some.points) ** 2).sum(axis=0)
-    return float(np.sqrt(np.mean(off))), float(np.sqrt(np.mean(radii**2)))
+    return Layer.of(np.sqrt(((feet.points - some.points) ** 2).sum(axis=0)), radii)

@@ -2,9 +2,18 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from gppcs.engine.stages import Stages
-from gppcs.gp.local.candidates import ENOUGH, FIRST_STAGE, TOO_MANY, finest_candidates, nested_candidates
+from gppcs.gp.local.candidates import (
+    ENOUGH,
+    FIRST_STAGE,
+    LONE,
+    TOO_MANY,
+    finest_candidates,
+    gaps_of_lone,
+    nested_candidates,
+)
 from gppcs.spatial.cells import greatest_in_cells
 from gppcs.spatial.chunks import ChunkedPoints, Places, SparseValues
 from gppcs.spatial.kdtree import KdTree
@@ -75,6 +84,50 @@ def test_most_points_in_a_dot_do_not_make_all_points_candidates(sphere):
     assert all(len(stage.indices) < 40 * stage.target for stage in all_stages(points, 2_000, 1e3, 9.0, blunt(points)))
 
 
+def finest_of(points, n_points):
+    """Rows of the finest candidates, where all points are equally sharp."""
+    values = SparseValues(np.arange(len(points)), blunt(points))
+    area = surface_area(KdTree.build(points))
+    return finest_candidates(ChunkedPoints.of(points), n_points, area, 8.0, values, Stages()).places.rows
+
+
+def plane_and(*others):
+    rng = np.random.default_rng(0)
+    return np.concatenate([np.column_stack([rng.random((40_000, 2)), np.zeros(40_000)]), *others])
+
+
+def test_gaps_are_the_distances_to_the_nearest_others(sphere):
+    points = np.concatenate([sphere[:2_000], 3.0 * sphere[2_000:2_100]])
+    nearest = cKDTree(points).query(points, 2)[0][:, 1]
+    for spacing in (0.05, 0.2, 1.0):
+        expected = np.where(nearest > LONE * spacing, nearest, 0.0)
+        np.testing.assert_allclose(gaps_of_lone(points, spacing), expected)
+    assert gaps_of_lone(points[:1], 1.0) == [0]
+
+
+def test_scattered_outliers_are_no_candidates():
+    """Only those near the plane are; found 3 %."""
+    outliers = np.random.default_rng(1).uniform([0, 0, -0.5], [1, 1, 0.5], (400, 3))
+    rows = finest_of(plane_and(outliers), 1_000)
+    assert 0 < (rows >= 40_000).sum() < 0.05 * 400
+    assert (rows < 40_000).sum() > 7_500
+
+
+def test_wires_and_sparse_parts_stay():
+    """A wire, and ever sparser rows of points, as of a scanner that looks along the ground."""
+    wire = np.column_stack([np.linspace(0, 1, 120), np.full(120, 0.5), np.full(120, 0.3)])
+    gaps = np.repeat(0.01 * 1.1 ** np.arange(12), 30)
+    rows = np.column_stack([np.tile(np.arange(30.0), 12) * gaps, 1 + 8 * gaps, np.zeros(360)])
+    points = plane_and(wire, rows)
+    kept = finest_of(points, 1_000)
+    gaps = gaps_of_lone(points[kept], np.sqrt(1.0 / 1_000))
+    assert (gaps > 0).sum() > 5
+    for first, last in ((40_000, 40_120), (40_120, len(points))):
+        others = points[kept[(kept >= first) & (kept < last)]]
+        covered = np.linalg.norm(points[first:last, None] - others[None], axis=2).min(axis=1)
+        assert (covered < np.sqrt(1.0 / 1_000)).all()
+
+
 def sharpest_of_cells(points, edge, sharpness):
     order = np.argsort(-sharpness, kind="stable")
     return np.sort(order[np.unique(np.floor(points[order] * (1.0 / edge)), axis=0, return_index=True)[1]])
@@ -102,7 +155,8 @@ def plain_stages(points, n_points, area, density, sharpness):
 
 @pytest.mark.parametrize("dot", [0, 2_000, 19_000, 19_990])
 @pytest.mark.parametrize("area", [1e-14, 1e-3, 12.0, 1e5, 1e12])
-def test_stages_are_those_of_a_step_at_a_time_over_all_points(sphere, dot, area):
+def test_stages_are_those_of_a_step_at_a_time_over_all_points(sphere, dot, area, monkeypatch):
+    monkeypatch.setattr("gppcs.gp.local.candidates.MINORITY", 0.0)  # beside the dot, the sphere is sparse
     rng = np.random.default_rng(0)
     points = sphere[:20_000] + 1
     points[:dot] = 0.5 + 1e-5 * sphere[20_000 : 20_000 + dot]

@@ -12,6 +12,7 @@ from gppcs.gp.local.ranking import NUGGET, Criterion, local_field, rank
 from gppcs.spatial.chunks import ALIKE, ChunkedPoints, Places
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
+from gppcs.surface.noise import Observations
 from gppcs.surface.surface_variation import Features
 
 EVERY = 1e6  # candidates for each point wanted: no two points in one cell
@@ -24,7 +25,7 @@ def criterion(**changes):
 
 def clean(places):
     """Say that all places lie on the surface."""
-    return places, np.zeros(len(places))
+    return None, np.zeros(len(places))
 
 
 class Told:
@@ -34,8 +35,7 @@ class Told:
         self.seen = seen
 
     def observe(self, places):
-        feet, variances = self.seen(places.points.T)
-        return KdTree.over(np.ascontiguousarray(feet.T), places.order), variances
+        return Observations(*self.seen(places))
 
 
 def ranked(points, n_points, seen=None, stages=None, candidates=8.0, **changes):

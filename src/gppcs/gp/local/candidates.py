@@ -5,6 +5,7 @@ The row "sharpness off" of the ablation (benchmarks/results/gp_ablation.md) take
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -13,10 +14,17 @@ from numpy.typing import NDArray
 
 from gppcs.engine.stages import Stages
 from gppcs.spatial.chunks import ALIKE, ChunkedPoints, Places, SparseValues
+from gppcs.spatial.kdtree import KdTree
 
 FIRST_STAGE = 64  # Points of the first stage at most. A still smaller stage would cost no less.
 ENOUGH = 3  # Candidates for each point to keep, at least. With fewer, all points stay candidates.
 TOO_MANY = 3  # Occupied cells for each cell that the area has room for. A plane has 1.5 on average, 1.7 at most.
+LONE = 0.45  # A candidate is lone if no other lies within so many target spacings.
+# The lone ones are outliers if more than this share of them is alone within twice that distance. It is 24 % at most in
+# scans with sparse parts, and 60 % or more where outliers are scattered (docs/experiments.md).
+OUTLIERS = 0.4
+MINORITY = 0.2  # Share of the candidates that can be outliers. With more, the cloud is sparse.
+FOLLOWERS = 3  # Points on each side, in tree order, that are looked at first.
 SMALLEST_AREA = 1e-200  # Halving of the area stops here, before it becomes zero.
 
 
@@ -64,7 +72,7 @@ def finest_candidates(
 ) -> Finest:
     """Return the candidates of the last stage. They take a pass over the points, or some if the area is far off.
 
-    The candidate of a grid's cell is its sharpest point, and of several the first.
+    The candidate of a grid's cell is its sharpest point, and of several the first. Outliers are left out.
 
     The number of occupied cells shows if the area is wrong. It is estimated too small for points on curves, and too
     large for a cloud with most points in one spot. The area is then doubled until there are not too many occupied
@@ -91,7 +99,15 @@ def finest_candidates(
     Finest
     """
     area, kept = _thinned(_Sharp(points, sharpness, clock), n_points, area, density)
-    return Finest(area, kept, len(kept.rows) >= ENOUGH * n_points)
+    thinned = len(kept.rows) >= ENOUGH * n_points
+    if thinned:
+        with clock("candidates"):
+            spacing = math.sqrt(area / n_points)
+            gaps = gaps_of_lone(kept.points, spacing)
+            lone, far = gaps > 0.0, gaps > 2.0 * LONE * spacing
+            if lone_are_outliers(lone.sum(), far.sum(), len(gaps)):
+                kept = kept.take(np.flatnonzero(~lone))
+    return Finest(area, kept, thinned)
 
 
 def nested_candidates(finest: Finest, n_points: int, density: float, clock: Stages) -> list[Candidates]:
@@ -127,6 +143,58 @@ def nested_candidates(finest: Finest, n_points: int, density: float, clock: Stag
             candidates, places = candidates[kept.rows], kept
         stages.append(Candidates(target, candidates, thinned, area))
     return stages[::-1]
+
+
+def gaps_of_lone(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """Return how far lone candidates are from all others.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        The candidates.
+    spacing : float
+        The target spacing.
+
+    Returns
+    -------
+    (n,) array
+        Distance to the nearest other candidate; 0 if that is within `LONE` target spacings.
+    """
+    tree, reach = KdTree.build(points), LONE * spacing
+    suspects = np.ones(len(points), dtype=bool)
+    for step in range(1, FOLLOWERS + 1):  # in tree order, points that follow each other are mostly near each other
+        steps = tree.points[:, step:] - tree.points[:, :-step]
+        near = np.einsum("an,an->n", steps, steps) <= reach**2
+        suspects[step:] &= ~near
+        suspects[:-step] &= ~near
+    gaps = np.zeros(len(points))
+    if len(points) > 1:
+        asked = tree.order[suspects]
+        nearest = np.sqrt(tree.nearest_of(points[asked], 2)[1][:, 1])
+        gaps[asked] = np.where(nearest > reach, nearest, 0.0)
+    return gaps
+
+
+def lone_are_outliers(lone: int, far: int, n: int) -> bool:
+    """Return whether lone candidates are outliers, which are left out.
+
+    On a surface, along a wire and in a cluster, candidates are about as near each other as their cells. In sparse parts
+    of a scan some are lone, but few of these are far from all others. Scattered outliers mostly are.
+
+    Parameters
+    ----------
+    lone : int
+        Number of lone candidates.
+    far : int
+        Number of those that are alone within `2 * LONE` target spacings.
+    n : int
+        Number of all candidates.
+
+    Returns
+    -------
+    bool
+    """
+    return far > OUTLIERS * lone and lone <= MINORITY * n
 
 
 def corrected_area(points: NDArray[np.float64], n_points: int, area: float, density: float) -> float:

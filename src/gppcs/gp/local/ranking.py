@@ -18,7 +18,7 @@ from gppcs.gp.local.density import ROUNDING, desired_spacings, segregation
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
 from gppcs.spatial.kdtree import KdTree
-from gppcs.surface.noise import Noise
+from gppcs.surface.noise import Noise, Observations
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
 
 NEAREST = 16  # Points of a neighbourhood if candidates are not thinned: a ball could then hold any number of them.
@@ -95,10 +95,12 @@ def rank(
         M points, the number that the last stage wants.
     """
     clock = stages or Stages()
+    with clock("noise"):
+        observations = noise.observe(points)
     chosen = np.empty(0, dtype=np.int64)
     scores, deviations = [], []
     for stage in candidates:
-        chosen, score, deviation = _extended(chosen, points, stage, criterion, noise, clock)
+        chosen, score, deviation = _extended(chosen, points, stage, criterion, observations, clock)
         scores.append(score)
         deviations.append(deviation)
     return Ranking(chosen, np.concatenate(scores), np.concatenate(deviations))
@@ -109,11 +111,12 @@ def _extended(
     points: NDArray[np.float64],
     stage: Candidates,
     criterion: Criterion,
-    noise: Noise,
+    observations: Observations,
     clock: Stages,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
     """Return the rows chosen before with those that a stage adds, and the scores and deviations of these."""
-    tree, field = _observed(points, stage, criterion, noise, clock)
+    with clock("features"):
+        tree, field = _observed(points[stage.indices], stage, criterion, observations.take(stage.indices))
     with clock("greedy selection", stage.target - len(chosen)) as advanced:
         before = tree.positions()[np.searchsorted(stage.indices, chosen)]  # they are candidates of this stage
         extended, scores, deviations = extend(
@@ -124,27 +127,17 @@ def _extended(
 
 
 def _observed(
-    points: NDArray[np.float64], stage: Candidates, criterion: Criterion, noise: Noise, clock: Stages
+    places: NDArray[np.float64], stage: Candidates, criterion: Criterion, observations: Observations
 ) -> tuple[KdTree, LocalField]:
-    """Return the tree over a stage's candidates, in units of its target spacing, and the field over them."""
+    """Return the tree over a stage's candidates, (n, 3), in units of its target spacing, and the field over them."""
     spacing = float(np.sqrt(stage.area / stage.target)) or 1.0
-    with clock("noise"):
-        tree, on_surface, variances = _denoised(points[stage.indices], noise, spacing)
-    with clock("features"):
-        features = features_in_radius(on_surface, 1.0) if stage.thinned else features_of_nearest(on_surface, NEAREST)
-        return tree, local_field(tree, features, variances, criterion)
-
-
-def _denoised(places: NDArray[np.float64], noise: Noise, spacing: float) -> tuple[KdTree, KdTree, NDArray[np.float64]]:
-    """Return trees over places, (n, 3), and where their features are measured, and the variances of observations.
-
-    All are in units of the spacing, and in tree order; the order of the second tree is its own.
-    """
-    tree = KdTree.build(places)
-    feet, variances = noise.observe(tree)
-    on_surface = feet.scaled(1.0 / spacing)
-    tree = on_surface if feet is tree else tree.scaled(1.0 / spacing)
-    return tree, on_surface.in_own_order(), variances / spacing**2
+    tree = on_surface = KdTree.build(places).scaled(1.0 / spacing)
+    feet, variances = observations.take(tree.order)
+    if feet is not None:
+        on_surface = KdTree.over(np.ascontiguousarray(feet.T) / spacing, tree.order)
+    on_surface = on_surface.in_own_order()
+    features = features_in_radius(on_surface, 1.0) if stage.thinned else features_of_nearest(on_surface, NEAREST)
+    return tree, local_field(tree, features, variances / spacing**2, criterion)
 
 
 def local_field(tree: KdTree, features: Features, noise: NDArray[np.float64], criterion: Criterion) -> LocalField:

@@ -33,8 +33,8 @@ class Survey(NamedTuple):
         Area of the surface, corrected by the number of occupied cells.
     noise : Noise
     sharpness : SparseValues
-        Surface variation within the edge length of a candidate's cell. It is 0 where there is noise, where it was not
-        measured, and where it is only rounding.
+        Surface variation within the edge length of a candidate's cell. It is 0 if the cloud is not clean, where it was
+        not measured, and where it is only rounding.
     """
 
     area: float
@@ -69,7 +69,7 @@ def survey(points: ChunkedPoints, n_points: int, density: float, clock: Stages) 
         noise = Noise.measure(tree, n_points, math.sqrt(area / n_points))
     with clock("candidates"):
         sharpness = ALIKE
-        if noise.quiet:  # otherwise noisy points would look sharp
+        if noise.clean:  # otherwise noisy points would look sharp
             sharpness = SparseValues(rows, sharpness_of(tree, area, density * n_points).astype(np.float32))
     return Survey(area, noise, sharpness)
 

@@ -13,7 +13,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.gp.local.candidates import ENOUGH, SMALLEST_AREA, TOO_MANY
+from gppcs.gp.local.candidates import (
+    ENOUGH,
+    LONE,
+    SMALLEST_AREA,
+    TOO_MANY,
+    gaps_of_lone,
+    lone_are_outliers,
+)
 from gppcs.gp.local.density import ROUNDING
 from gppcs.gp.tiled.survey import TiledNoise, TiledSurvey, sampled_places
 from gppcs.spatial.boxes import Each, Tile
@@ -26,6 +33,7 @@ Thin = Callable[[Path, Tile], NDArray[np.int64]]  # Stores what it leaves of a t
 
 DIAGONAL = math.sqrt(3.0)  # Of a cell, in edge lengths. A halo this wide holds all points of the cells of a tile.
 HALVINGS = 4  # Of the area at once, if too few cells are occupied. Doublings take back what is too much.
+ROWS = 1 << 20  # Candidates that are looked at once.
 NOISE_HALO = 3.0  # In target spacings: the points of a fit lie within 1.2 of them where a cloud is not sparse.
 
 
@@ -121,8 +129,8 @@ def finest_stage(points: StoredPoints, survey: TiledSurvey, n_points: int, searc
     """
 
     def found(area: float, folder: Path, thinned: bool = True) -> StoredTable:
-        thin = partial(_thin_points, points, survey, search.edge(area, n_points), thinned)
-        return search.table(points, thin, search.columns, folder)
+        thin = partial(_thin_points, points, survey, search.edge(area, n_points), search.density, thinned)
+        return search.table(points, thin, [*search.columns, *(["gap"] if thinned else [])], folder)
 
     @cache
     def all_places() -> StoredTable:
@@ -130,7 +138,30 @@ def finest_stage(points: StoredPoints, survey: TiledSurvey, n_points: int, searc
 
     n = int(points.counts.sum())
     area, table = _fitting(found, survey.area, n_points, n, lambda: len(all_places()), search)
-    return Stage(n_points, table or all_places(), table is not None, area)
+    if table is None:
+        return Stage(n_points, all_places(), False, area)
+    return Stage(n_points, _without_outliers(table, area, n_points, search), True, area)
+
+
+def _without_outliers(table: StoredTable, area: float, n_points: int, search: Search) -> StoredTable:
+    """Return the table of the candidates without outliers: the same one if there are none."""
+    reach, lone, far = 2.0 * LONE * math.sqrt(area / n_points), 0, 0
+    for gaps in table.chunks_of("gap", ROWS):
+        lone += np.count_nonzero(gaps)
+        far += np.count_nonzero(gaps > reach)
+    if not lone_are_outliers(lone, far, len(table)):
+        return table
+    folder = _folder(search, n_points, area, "without-outliers")
+    kept = search.table(table, partial(_store_not_lone, table, search.columns), search.columns, folder)
+    shutil.rmtree(table.folder)
+    return kept
+
+
+def _store_not_lone(table: StoredTable, columns: Sequence[str], folder: Path, tile: Tile) -> NDArray[np.int64]:
+    """Store the candidates of a tile that are not lone."""
+    own = table.rows_of(tile)
+    kept = own.start + np.flatnonzero(table.take("gap", own) == 0.0)
+    return store_part(folder, tile, table.boxes, {name: table.take(name, kept) for name in columns})
 
 
 def coarser_stage(finer: Stage, search: Search) -> Stage:
@@ -197,34 +228,32 @@ def _folder(search: Search, target: int, area: float, kind: str = "cells") -> Pa
 
 
 def _thin_points(
-    points: StoredPoints, survey: TiledSurvey, edge: float, thinned: bool, folder: Path, tile: Tile
+    points: StoredPoints, survey: TiledSurvey, edge: float, density: float, thinned: bool, folder: Path, tile: Tile
 ) -> NDArray[np.int64]:
     """Store the sharpest point of each cell of a tile or, unless `thinned`, all without repeats."""
-    noise = survey.noise
-    near = points.near(tile, max((DIAGONAL + 1.0) * edge, 0.0 if noise.quiet else NOISE_HALO * noise.spacing))
+    noise, spacing = survey.noise, edge * math.sqrt(density)
+    halo = max(DIAGONAL * edge + max(edge, 2.0 * LONE * spacing), 0.0 if noise.quiet else NOISE_HALO * noise.spacing)
+    near = points.near(tile, halo)
     some = sampled_places(near, survey.share)
     tree = KdTree.build(near.points[some]) if len(some) else None
     sharpness = np.zeros(len(near.rows), dtype=np.float32)
-    if noise.quiet and tree:
+    if noise.clean and tree:
         variation = variation_in_radius(tree, edge)
         sharpness[some] = np.where(variation > ROUNDING, variation, 0.0)
     kept = (
         greatest_in_cells(near.points, edge, sharpness) if thinned else np.flatnonzero(first_occurrences(near.points))
     )
+    gaps = {"gap": gaps_of_lone(near.points[kept], spacing)[near.inside[kept]]} if thinned else {}
     kept = kept[near.inside[kept]]
     found: dict[str, NDArray[Any]] = {"row": near.rows[kept], "place": near.points[kept], "sharpness": sharpness[kept]}
     observed = {} if noise.quiet else _observed(noise, tree, near.points[kept])
-    return store_part(folder, tile, points.boxes, found | observed)
+    return store_part(folder, tile, points.boxes, found | gaps | observed)
 
 
 def _observed(noise: TiledNoise, tree: KdTree | None, places: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
     """Return variances of observations at n places, (n, 3), and if the noise is thick, the places on the surface."""
-    variances, feet = np.zeros(len(places)), places.copy()
-    if len(places) and tree:
-        order = KdTree.build(places)
-        found, of_tree = noise.on(tree).observe(order)
-        variances[order.order], feet[order.order] = of_tree, found.points.T
-    return {"variance": variances, **({"foot": feet} if noise.thick else {})}
+    feet, variances = noise.on(tree).observe(places) if len(places) and tree else (places, np.zeros(len(places)))
+    return {"variance": variances} | ({"foot": feet} if noise.thick else {})
 
 
 def _thin_candidates(

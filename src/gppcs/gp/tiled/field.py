@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gppcs.gp.local.density import EDGE_ROUGHNESS, GRADATION, LEAST_ROUGHNESS, ROUNDING, graded, segregation_of
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.ranking import NEAREST, NUGGET, Criterion
-from gppcs.gp.tiled.candidates import Stage
+from gppcs.gp.tiled.candidates import ROWS, Stage
 from gppcs.gp.tiled.survey import TiledNoise
 from gppcs.spatial.boxes import Each, Tile
 from gppcs.spatial.kdtree import KdTree
@@ -26,7 +26,6 @@ from gppcs.surface.surface_variation import features_in_radius, features_of_near
 GREATEST_ROUGHNESS = math.sqrt(1.0 / 3.0)
 THIN_HALO, THICK_HALO = 1.0, 3.0  # In target spacings. Thick noise moves candidates before they are measured.
 NEAREST_HALO = 6.0  # Candidates that are all points lie nearer than the target spacing, where a cloud is not sparse.
-ROWS = 1 << 20  # Candidates that are summed up at once.
 
 
 @dataclass(frozen=True)

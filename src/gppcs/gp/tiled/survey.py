@@ -19,7 +19,18 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.row_sample import drawn
 from gppcs.spatial.spacing import surface_area
 from gppcs.spatial.stored import Neighbourhood, StoredPoints
-from gppcs.surface.noise import FEWEST, NEIGHBOURS, QUIET, SAMPLES, WIDEST, Noise, across_noise, projections
+from gppcs.surface.noise import (
+    CLEAN,
+    FEWEST,
+    NEIGHBOURS,
+    QUIET,
+    SAMPLES,
+    WIDEST,
+    Layer,
+    Noise,
+    across_noise,
+    projections,
+)
 
 HALO = 4.0  # In rough target spacings: 120 of 26 points in a square spacing lie within 1.2 of them.
 DISCS = 16_384  # Points whose neighbours tell the area, as `surface_area` takes them.
@@ -46,6 +57,11 @@ class TiledNoise:
     def quiet(self) -> bool:
         """As of `Noise`."""
         return self.level <= QUIET * self.spacing
+
+    @property
+    def clean(self) -> bool:
+        """As of `Noise`."""
+        return self.level <= CLEAN * self.spacing
 
     def on(self, tree: KdTree) -> Noise:
         """Return the noise on a tile.
@@ -185,27 +201,28 @@ def _noise(
     fits = sorted({*(NEIGHBOURS << i for i in range((WIDEST // NEIGHBOURS).bit_length())), min(within, WIDEST)})
     some = tiles[:: -(-len(tiles) // NOISE_TILES)]
     step = max(1, round(places * len(some) / len(tiles) / SAMPLES))
-    total = np.sum(list(each(partial(_distances, points, share, halo, fits, step), some)), axis=0)
-    measured = {k: tuple(np.sqrt(sums[1:] / sums[0])) for k, sums in zip(fits, total, strict=True)}
-    neighbours, level = across_noise(measured.__getitem__)
+    found = np.concatenate(list(each(partial(_distances, points, share, halo, fits, step), some)), axis=2)
+    layers = {k: Layer.of(*of_fit) for k, of_fit in zip(fits, found, strict=True)}
+    neighbours, layer = across_noise(layers.__getitem__)
     thick = neighbours > NEIGHBOURS
     if neighbours > within:
-        neighbours, level = within, measured[within][0]
-    return TiledNoise(neighbours, thick, float(level), spacing)
+        neighbours, layer = within, layers[within]
+    return TiledNoise(neighbours, thick, layer.level, spacing)
 
 
 def _distances(
     points: StoredPoints, share: float, halo: float, fits: Sequence[int], step: int, tile: Tile
 ) -> NDArray[np.float64]:
-    """Return how far every `step`-th point of a tile lies off quadrics.
+    """Return how far each `step`-th point of a tile lies off quadrics, and the radii of their neighbourhoods.
 
-    For each number of neighbours: the number of points, and the sums of the squared distances and of the squared radii.
+    Shape: (numbers of neighbours, 2, points).
     """
     tree, inside = _sampled_tree(points, share, halo, tile)
-    found = np.zeros((len(fits), 3))
+    inside = inside[::step]
+    found = np.zeros((len(fits), 2, len(inside)))
     if len(inside):
-        places = KdTree.over(np.ascontiguousarray(tree.points[:, inside[::step]]))
+        places = KdTree.over(np.ascontiguousarray(tree.points[:, inside]))
         for row, count in enumerate(fits):
             feet, radii = projections(tree, places, count)
-            found[row] = len(radii), ((feet.points - places.points) ** 2).sum(), (radii**2).sum()
+            found[row] = np.sqrt(((feet.points - places.points) ** 2).sum(axis=0)), radii
     return found
