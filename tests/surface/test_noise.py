@@ -156,18 +156,20 @@ def test_neighbourhoods_that_lie_across_the_noise_do_not_grow(sigma):
 
 
 def test_detail_as_small_as_the_target_spacing_is_not_smoothed_away():
-    """It makes observations uncertain, as noise does, but its features are kept."""
+    """Unlike noise, it lies off quadrics the farther, the wider these are."""
     rng = np.random.default_rng(0)
     flat = rng.random((20_000, 2))
     waves = np.column_stack([flat, 0.006 * np.sin(200 * flat[:, 0])])
     noise = Noise.measure(KdTree.build(waves), 500, 0.045)
+    assert noise.level > QUIET * noise.spacing
+    assert noise.detail
+    assert noise.quiet
+    assert not noise.clean
     assert not noise.thick
-    assert not noise.quiet
-    feet, variances = noise.observe(waves)
-    assert feet is None
-    assert np.median(variances) > 0
-    for sigma in (0.01, 0.02):
-        assert Noise.measure(KdTree.build(rough_plane(sigma)), 500, 0.045).thick
+    for sigma, is_thick in ((0.002, False), (0.005, False), (0.01, True), (0.02, True)):
+        noise = Noise.measure(KdTree.build(rough_plane(sigma)), 500, 0.045)
+        assert noise.thick == is_thick
+        assert not noise.detail
 
 
 def test_neighbourhoods_do_not_grow_beyond_the_target_spacing():

@@ -51,9 +51,9 @@ class LocalGP(Method):
         "dense on features. Above a feature weight of 0.5, the error of the predicted surface variation counts, too. "
         "The order is a ranking: its first points are a simplification of their number. The attributes of "
         'a point are "score", and "deviation": the standard deviation of the field when the point was chosen, relative '
-        'to the prior one. The diagnostic "noise_in_spacings" is the root mean square distance of points from the '
-        "surface, in target spacings. Detail of about that size counts as noise, too. A value below 0.04 counts as no "
-        "noise; it is 0 if too few points lie near each other to measure it."
+        'to the prior one. The diagnostic "noise_in_spacings" is the distance of points from the surface, in '
+        "target spacings: the standard deviation if it is Gaussian noise. It is 0 if too few points lie near each "
+        "other to measure it. A value below 0.04 changes nothing, nor does detail such as vegetation."
     )
     source = "after GP-PCS, Algorithm 1; the field is our own, see docs/local-field.md"
     attributes = ("score", "deviation")

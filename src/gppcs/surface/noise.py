@@ -20,6 +20,9 @@ FEWEST = 12  # A quadric has six coefficients. Fitted to fewer points than this 
 NEIGHBOURS = 30  # Points of a fit if the noise is thin compared with the neighbourhood: five for each coefficient.
 WIDEST = 120  # Points of a fit at most. Quadrics of more points cut off detail and take long.
 THICK = 0.25  # Noise above this, in neighbourhood radii, is thick. 32 clouds without added noise have at most 0.22.
+# What lies off quadrics is detail if twice as many points lower its ratio to their radius to no less than this share.
+# That of noise falls to 1 / sqrt(2), as its distance stays; that of vegetation and clutter stays about the same.
+DETAIL = 0.85
 QUIET = 0.04  # Noise below this, in target spacings, changes no choice that matters.
 CLEAN = 0.0165  # Noise below this, in target spacings, lets sharp places be told.
 TOLERATED = 0.5  # Noise of this size, in target spacings, makes an observation as uncertain as the prior.
@@ -109,6 +112,8 @@ class Noise:
         Whether neighbourhoods of `NEIGHBOURS` points lie within the layer of noise instead of across it.
     level : float
         Distance of the points from the surface, as in `Layer`, in the unit of the tree; 0 where it is not measured.
+    detail : bool
+        Whether what lies off the quadrics is detail of the surface, such as vegetation: then it is no noise.
     spacing : float
         Target spacing, in the same unit.
     """
@@ -117,6 +122,7 @@ class Noise:
     neighbours: int
     thick: bool
     level: float
+    detail: bool
     spacing: float
 
     @classmethod
@@ -141,18 +147,19 @@ class Noise:
         """
         within = int(np.pi * len(tree.order) / n_points)  # points within the target spacing of a point, on average
         if within < FEWEST:
-            return cls(None, within, False, 0.0, spacing)
+            return cls(None, within, False, 0.0, False, spacing)
         neighbours, layer = neighbours_across_noise(tree)
         thick = neighbours > NEIGHBOURS
+        detail = not thick and is_detail(layer, layer_of(tree, 2 * NEIGHBOURS))
         if neighbours > within:
             neighbours, layer = within, layer_of(tree, within)
-        noise = cls(tree, neighbours, thick, layer.level, spacing)
+        noise = cls(tree, neighbours, thick, layer.level, detail, spacing)
         return replace(noise, tree=None) if noise.quiet else noise
 
     @property
     def quiet(self) -> bool:
         """Whether there is no noise that matters, or too few points near each other to measure it."""
-        return self.level <= QUIET * self.spacing
+        return self.detail or self.level <= QUIET * self.spacing
 
     @property
     def clean(self) -> bool:
@@ -179,6 +186,21 @@ class Noise:
         squared = ((feet - places) ** 2).sum(axis=1)
         variances = np.minimum(squared / TOLERATED**2, LARGEST * self.spacing**2)
         return Observations(feet if self.thick else None, variances)
+
+
+def is_detail(fine: Layer, wide: Layer) -> bool:
+    """Return whether what lies off quadrics is detail of the surface rather than noise.
+
+    Parameters
+    ----------
+    fine, wide : Layer
+        About quadrics fitted to `NEIGHBOURS` points and to twice as many.
+
+    Returns
+    -------
+    bool
+    """
+    return wide.level * fine.radius > DETAIL * fine.level * wide.radius
 
 
 def neighbours_across_noise(tree: KdTree) -> tuple[int, Layer]:

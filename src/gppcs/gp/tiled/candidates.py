@@ -147,8 +147,8 @@ def _without_outliers(table: StoredTable, area: float, n_points: int, search: Se
     """Return the table of the candidates without outliers: the same one if there are none."""
     reach, lone, far = 2.0 * LONE * math.sqrt(area / n_points), 0, 0
     for gaps in table.chunks_of("gap", ROWS):
-        lone += np.count_nonzero(gaps)
-        far += np.count_nonzero(gaps > reach)
+        lone += int(np.count_nonzero(gaps))
+        far += int(np.count_nonzero(gaps > reach))
     if not lone_are_outliers(lone, far, len(table)):
         return table
     folder = _folder(search, n_points, area, "without-outliers")
@@ -252,8 +252,8 @@ def _thin_points(
 
 def _observed(noise: TiledNoise, tree: KdTree | None, places: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
     """Return variances of observations at n places, (n, 3), and if the noise is thick, the places on the surface."""
-    feet, variances = noise.on(tree).observe(places) if len(places) and tree else (places, np.zeros(len(places)))
-    return {"variance": variances} | ({"foot": feet} if noise.thick else {})
+    feet, variances = noise.on(tree).observe(places) if len(places) and tree else (None, np.zeros(len(places)))
+    return {"variance": variances} | ({"foot": places if feet is None else feet} if noise.thick else {})
 
 
 def _thin_candidates(

@@ -29,6 +29,7 @@ from gppcs.surface.noise import (
     Layer,
     Noise,
     across_noise,
+    is_detail,
     projections,
 )
 
@@ -44,19 +45,20 @@ class TiledNoise:
 
     Attributes
     ----------
-    neighbours, thick, level, spacing
+    neighbours, thick, level, detail, spacing
         As of `Noise`.
     """
 
     neighbours: int
     thick: bool
     level: float
+    detail: bool
     spacing: float
 
     @property
     def quiet(self) -> bool:
         """As of `Noise`."""
-        return self.level <= QUIET * self.spacing
+        return self.detail or self.level <= QUIET * self.spacing
 
     @property
     def clean(self) -> bool:
@@ -75,7 +77,7 @@ class TiledNoise:
         -------
         Noise
         """
-        return Noise(tree, self.neighbours, self.thick, self.level, self.spacing)
+        return Noise(tree, self.neighbours, self.thick, self.level, self.detail, self.spacing)
 
 
 class TiledSurvey(NamedTuple):
@@ -197,7 +199,7 @@ def _noise(
     """Measure the noise as `Noise.measure` does, in some tiles, given the number of sampled points of all tiles."""
     within, spacing = int(np.pi * places / n_points), math.sqrt(area / n_points)
     if within < FEWEST:
-        return TiledNoise(within, False, 0.0, spacing)
+        return TiledNoise(within, False, 0.0, False, spacing)
     fits = sorted({*(NEIGHBOURS << i for i in range((WIDEST // NEIGHBOURS).bit_length())), min(within, WIDEST)})
     some = tiles[:: -(-len(tiles) // NOISE_TILES)]
     step = max(1, round(places * len(some) / len(tiles) / SAMPLES))
@@ -205,9 +207,10 @@ def _noise(
     layers = {k: Layer.of(*of_fit) for k, of_fit in zip(fits, found, strict=True)}
     neighbours, layer = across_noise(layers.__getitem__)
     thick = neighbours > NEIGHBOURS
+    detail = not thick and is_detail(layer, layers[2 * NEIGHBOURS])
     if neighbours > within:
         neighbours, layer = within, layers[within]
-    return TiledNoise(neighbours, thick, layer.level, spacing)
+    return TiledNoise(neighbours, thick, layer.level, detail, spacing)
 
 
 def _distances(
