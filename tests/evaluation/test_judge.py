@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import gppcs
 from dense import distances_to_triangles
 from gppcs.evaluation import judge, reconstruction
-from gppcs.evaluation.local_surface import LocalSurface
+from gppcs.surface.local_surface import LocalSurface
 from meshes import hull_mesh
 
 ZERO_FOR_ITSELF = (

@@ -128,9 +128,9 @@ def evaluate_mesh(
     True
     """
     from gppcs.clouds.topology import topology_of
-    from gppcs.evaluation.local_surface import LocalSurface
     from gppcs.evaluation.reconstruction import count_self_intersections, distances_to
     from gppcs.spatial.cells import first_occurrences
+    from gppcs.surface.local_surface import LocalSurface
 
     require_mesh(simplified)
     original = PointCloud.of(original)
@@ -344,10 +344,10 @@ def _carried_normals(cloud: PointCloud) -> Points | None:
 
 def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[int, int]) -> Report:
     """Return the figures that need no mesh, in the frame's unit, for clouds (N, 3) and (M, 3) without repeats."""
-    from gppcs.evaluation.local_surface import PLANE_NEIGHBOURS, LocalSurface
     from gppcs.spatial.areas import areas_of_points
     from gppcs.spatial.kdtree import KdTree
     from gppcs.spatial.spacing import surface_area
+    from gppcs.surface.local_surface import PLANE_NEIGHBOURS, LocalSurface
     from gppcs.surface.surface_variation import features_of_nearest
 
     tree = KdTree.build(before)

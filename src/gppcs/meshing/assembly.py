@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.coverage import NEAREST, Cover, are_covered, is_covered
 from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, following, new_keys, preceding, slot_of
-from gppcs.meshing.triangles import area_vector, dot, minus, row
+from gppcs.spatial.triangles import area_vector, dot, minus, row
 
 SMALL_GAP = 8  # corners of a gap that is filled before triangles of a single fan are tried
 PINHOLE, PINHOLE_SIZE = (

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, around
-from gppcs.meshing.triangles import area_vector, dot, minus, nearest_in_triangle, row, squared_distance
+from gppcs.spatial.triangles import area_vector, dot, minus, nearest_in_triangle, row, squared_distance
 
 POINTS_AT_ONCE = 1024  # dense points that a thread takes at once, at least
 MOST_WALKED = 64  # vertices that a walk visits, at most

@@ -18,7 +18,7 @@ from gppcs.meshing.halfedges import (
     preceding,
 )
 from gppcs.meshing.quadrics import add_moved, value
-from gppcs.meshing.triangles import area_vector, dot, minus, quality, row
+from gppcs.spatial.triangles import area_vector, dot, minus, quality, row
 
 TURN = 0.2, -0.3  # least cosine between a triangle's normals before and after: in the first pass, and in the second
 THIN = 0.3  # triangles below this quality cost extra

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.meshing.triangles import dot, minus, row
 from gppcs.spatial.kdtree import nearest_in_tree
+from gppcs.spatial.triangles import dot, minus, row
 
 RANK = 6  # a point covers the surface as far as its neighbour of this rank, times
 SPAN = 1.5  # this; less opens pinholes in random samples

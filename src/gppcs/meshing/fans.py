@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.meshing.triangles import area_vector, dot, minus, row
+from gppcs.spatial.triangles import area_vector, dot, minus, row
 from gppcs.surface.moments import tangents
 
 MOST_TRIANGLES = 24  # of a fan; the mean is six

@@ -11,7 +11,7 @@ from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.halfedges import HalfEdges
-from gppcs.meshing.triangles import area_vector, dot, row
+from gppcs.spatial.triangles import area_vector, dot, row
 
 PULL = 0.02  # weight with which a vertex is held where it is, in mean weights of a vertex
 LEAST_COSINE = 0.2  # between a triangle's normal and the mean of its corners' after a move

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, around, following, leave_by, preceding
-from gppcs.meshing.triangles import (
+from gppcs.spatial.triangles import (
     area_vector,
     dot,
     minus,

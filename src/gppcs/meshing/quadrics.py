@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.meshing.halfedges import HalfEdges, following
-from gppcs.meshing.triangles import cross, dot, minus, row
 from gppcs.spatial.kdtree import KdTree, nearest_in_tree
+from gppcs.spatial.triangles import cross, dot, minus, row
 
 NUMBERS = 10  # of a quadric
 NEAREST = 4  # vertices among which that of a dense point is chosen

@@ -1,1 +1,1 @@
-"""Geometry of points alone: k-d tree, nearest neighbours, grid cells, scaling, spacing, farthest points."""
+"""Geometry of points alone: k-d tree, nearest neighbours, grid cells, scaling, spacing, farthest points, triangles."""

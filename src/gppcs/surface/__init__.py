@@ -1,1 +1,1 @@
-"""What knows of the surface under the points: moments, surface variation, quadrics, noise, normals."""
+"""What knows of the surface under the points: moments, surface variation, quadrics, noise, normals, local surface."""

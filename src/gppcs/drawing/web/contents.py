@@ -17,10 +17,10 @@ from gppcs.drawing.web.page import Page
 from gppcs.engine.stages import Stages
 from gppcs.errors import InputError
 from gppcs.evaluation.judge import evaluate
-from gppcs.evaluation.local_surface import LocalSurface
 from gppcs.evaluation.report import Report
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.scaling import normalised
+from gppcs.surface.local_surface import LocalSurface
 
 PARTS = 8, 4, 2, 1  # a result is also measured after the first eighth of its points, and so on
 LEAST = 4  # points of a part that is measured

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.meshing.triangles import dot, nearest_in_triangle, squared_distance
 from gppcs.spatial.kdtree import KdTree, nearest_in_tree
+from gppcs.spatial.triangles import dot, nearest_in_triangle, squared_distance
 from gppcs.surface.moments import tangents
 from gppcs.surface.surface_variation import features_of_nearest
 

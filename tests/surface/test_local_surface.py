@@ -8,8 +8,8 @@ from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.distance import cdist
 
 from dense import distances_to_triangles
-from gppcs.evaluation.local_surface import LocalSurface
-from gppcs.meshing.triangles import nearest_in_triangle
+from gppcs.spatial.triangles import nearest_in_triangle
+from gppcs.surface.local_surface import LocalSurface
 
 
 def triangles(surface):
