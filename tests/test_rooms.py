@@ -18,6 +18,7 @@ FLOORS = (
     ("gppcs.gp", "gppcs.gp.local", "gppcs.gp.spectral"),
     ("gppcs.gp.tiled",),
     ("gppcs.methods",),
+    ("gppcs.amounts",),
     ("gppcs.simplification",),
     ("gppcs.meshing", "gppcs.streaming"),
     ("gppcs.evaluation",),

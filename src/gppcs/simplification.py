@@ -1,25 +1,27 @@
-"""Simplify a cloud to exactly the number of points asked for: the steps that all methods share."""
+"""Simplify a cloud to the points asked for: the steps that all methods share."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from gppcs.amounts.accuracy import Measure
+from gppcs.amounts.amount import Amount
+from gppcs.amounts.choice import Scale, choose_amount
+from gppcs.amounts.guide import Guide
 from gppcs.clouds import display
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
+from gppcs.clouds.lengths import metres_of
 from gppcs.engine.ahead import compiled_ahead
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import Stages, in_words
 from gppcs.errors import InputError, ParameterError, flag, number, one_of, shown, whole_number
 from gppcs.methods import DEFAULT, Method, Selection, method_named
-
-if TYPE_CHECKING:
-    from gppcs.spatial.chunks import ChunkedPoints
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +98,13 @@ def simplify(
     *,
     ratio: float | None = None,
     n_points: int | None = None,
+    tolerance: float | str | None = None,
+    measure: Measure | None = None,
+    spacing: float | str | None = None,
+    max_gap: float | str | None = None,
+    unit: str | None = None,
+    keep: str | ArrayLike | None = None,
+    weight: str | ArrayLike | None = None,
     method: str | Method = DEFAULT,
     seed: int | None = None,
     invalid: Literal["error", "drop"] = "error",
@@ -103,7 +112,10 @@ def simplify(
     scores: bool = False,
     stages: Stages | None = None,
 ) -> Result:
-    """Choose exactly M points of a cloud.
+    """Choose M points of a cloud: a number, or as many as an accuracy, a spacing or a largest gap takes.
+
+    A length is a number in the unit of the coordinates, or a text: with a unit, such as "0.5mm", or a share of the
+    diagonal of the bounding box, such as "0.02%".
 
     Parameters
     ----------
@@ -111,9 +123,31 @@ def simplify(
         The original points; they are not changed. A point that exactly repeats an earlier one counts as a point, but
         such points are chosen last.
     ratio : float, optional
-        M / N, above 0 and at most 1. M is rounded, and is at least 1. Give either `ratio` or `n_points`.
+        M / N, above 0 and at most 1. M is rounded, and is at least 1. Give one of `ratio`, `n_points`, `tolerance` and
+        `spacing`, or `max_gap`.
     n_points : int, optional
         M, at least 1. If the cloud has no more than M points, all are returned in their order.
+    tolerance : length, optional
+        The fewest points, up to 2 %, whose local surface misses the original by at most this. They are the first ones
+        of a ranking, if the method ranks its points. The diagnostics say which errors were reached.
+    measure : "mean", "rms", "p95" or "max", optional
+        Which error `tolerance` means: one of the figures `surface_mean` to `surface_max` of `gppcs.Report`. By
+        default "p95": 95 % of the points are as near as that.
+    spacing : length, optional
+        As many points as have this spacing. What that means, `gppcs.METHODS[name].spacing` says: for "gp" the mean
+        spacing on the measured surface.
+    max_gap : length, optional
+        Then points are added, each the farthest from all others, until no original point is farther than this from a
+        kept one. Without any other amount, as many points are chosen before as an even cover would need.
+    unit : str, optional
+        In which unit the coordinates are: "m", "mm", "ft" and so on. A length with a unit needs it, unless the
+        coordinate system of the cloud tells.
+    keep : str, (N,) array-like of bool, or array-like of int, optional
+        Points that are kept whatever happens: a condition such as "classification == 6", a mask or rows. They count in
+        M and come first in the result. The others are chosen where these are not (method "gp").
+    weight : str or (N,) array-like, optional
+        Multiplies the density of the kept points: an attribute or a number for each point, finite and not negative. No
+        point of weight 0 is kept, but those in `keep` (method "gp").
     method : str or Method
         A name from `gppcs.METHODS`, or an instance of a method with your own parameters.
     seed : int, optional
@@ -139,10 +173,12 @@ def simplify(
     Raises
     ------
     InputError
-        If the cloud is empty, has a wrong shape or has coordinates that are not finite; or if `scores` would replace
-        an attribute of the cloud.
+        If the cloud is empty, has a wrong shape or has coordinates that are not finite; if `scores` would replace an
+        attribute of the cloud; if `keep` means more than M points; if a weight is negative or not finite; or if a
+        length has a unit and that of the cloud is not known.
     ParameterError
-        If a parameter is outside its range, the method does not exist, or it has no scores.
+        If a parameter is outside its range, the method does not exist or cannot do what is asked for, or a condition
+        cannot be read.
 
     Examples
     --------
@@ -152,21 +188,26 @@ def simplify(
     (200,)
     >>> gppcs.simplify(cloud, n_points=50, method=gppcs.Random(seed=7)).cloud.points.shape
     (50, 3)
+    >>> fine = gppcs.simplify(cloud, tolerance="1%")
+    >>> gppcs.evaluate(cloud, fine.cloud).surface_p95 <= 0.01 * gppcs.info(cloud).diagonal
+    True
     """
-    from gppcs.spatial.chunks import ChunkedPoints
-    from gppcs.spatial.scaling import normalised
+    from gppcs.spatial.scaling import bounds, normalised
 
     stages = Stages.of(stages)
     normals, scores = flag("normals", normals), flag("scores", scores)
+    amount = Amount.of(ratio, n_points, tolerance, spacing, max_gap, measure)
     with stages("preparation"):
         cloud = PointCloud.of(cloud)
         chosen_method = resolved(method, seed)
         check_scores(scores, chosen_method, cloud)
         rows = _usable_rows(cloud, invalid)
-        count = number_to_keep(len(cloud) if rows is None else len(rows), ratio, n_points)
+        guide, metres = Guide.of(cloud, rows, keep, weight), metres_of(unit, cloud.header)
         points, corner, exponent = normalised(cloud.points if rows is None else cloud.points[rows])
+        low, high = bounds(points)
+        scale = Scale(float(np.linalg.norm(high - low)), metres, exponent)
     with compiled_ahead(chosen_method.name):
-        selection = choose(ChunkedPoints.of(points), count, chosen_method, stages)
+        selection = choose_amount(points, amount, scale, guide, chosen_method, stages)
     indices = selection.indices if rows is None else rows[selection.indices]
     kept = cloud.take(indices)
     if selection.points is not None:
@@ -262,43 +303,6 @@ def check_scores(scores: bool, method: Method, cloud: PointCloud) -> None:
             f"the cloud already has an attribute {taken[0]!r}, which the scores would replace: "
             "rename it, or ask for no scores"
         )
-
-
-def choose(points: ChunkedPoints, count: int, method: Method, stages: Stages) -> Selection:
-    """Let the method choose among the points without repeats; add repeats only if there are too few others.
-
-    Parameters
-    ----------
-    points : ChunkedPoints
-        N finite points.
-    count : int
-        M, from 1 to N.
-    method : Method
-    stages : Stages
-        Times the stages of the method, and "repeats".
-
-    Returns
-    -------
-    Selection
-        M points. All N are in their order.
-    """
-    from gppcs.spatial.chunks import first_repeats
-
-    if count >= len(points):
-        return Selection(np.arange(len(points)))
-    selection = method.in_passes(points, count, stages)
-    if selection is not None:
-        return selection
-    with stages("repeats", len(points)) as advanced:
-        distinct = points.distinct(advanced)
-    if len(distinct.rows) <= count:
-        return Selection(np.concatenate([distinct.rows, first_repeats(distinct.rows, count)]))
-    if len(distinct.rows) == len(points):
-        places = distinct.points
-        del distinct  # to free the memory of its rows
-        return method(places, count, stages)
-    selection = method(distinct.points, count, stages)
-    return dataclasses.replace(selection, indices=distinct.rows[selection.indices])
 
 
 def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64] | None:

@@ -27,6 +27,11 @@ class Header(ComparedByValue):
         return None
 
     @property
+    def metres(self) -> float | None:
+        """The unit of the coordinates in metres, if the coordinate system tells it; None if it is not known."""
+        return None
+
+    @property
     def conventions(self) -> Mapping[str, str]:
         """How the values of attributes are to be read, in words. Clouds that differ in it cannot be one cloud."""
         return {}

@@ -55,6 +55,8 @@ _WKT, _GEO_KEYS, _GEO_TEXTS = ((b"LASF_Projection", number) for number in (2112,
 # Compression and indices of the points are right for one file only.
 _OF_ONE_FILE = {LASZIP, COPC, (b"copc", 1000), (b"LAStools", 30)}
 _PROJECTED, _GEOGRAPHIC, _CITATIONS = 3072, 2048, (3073, 1026, 2049)  # keys of GeoTIFF
+_LINEAR_UNITS = 3076  # key of GeoTIFF
+_METRES = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}  # its values: metre, foot, foot of the US survey
 # Bits of the global encoding.
 _USES_WKT, _HOLDS_WAVEFORMS, _STANDARD_TIME = 0b10000, 0b10, 0b1
 
@@ -203,6 +205,14 @@ class LasHeader(Header):
         return (by_wkt or by_keys) if uses_wkt else (by_keys or by_wkt)
 
     @property
+    def metres(self) -> float | None:
+        """The unit of x and y in metres; None if it is not known, or if they are angles."""
+        found = {each.kind: each.data for each in self.records}
+        by_wkt, by_keys = _metres_of_wkt(found.get(_WKT, b"")), _metres_of_keys(found)
+        uses_wkt = int(self.fields()["global_encoding"][0]) & _USES_WKT
+        return (by_wkt or by_keys) if uses_wkt else (by_keys or by_wkt)
+
+    @property
     def conventions(self) -> dict[str, str]:
         """The kind of GPS time, and scale and offset of scaled extra bytes."""
         time = "standard" if int(self.fields()["global_encoding"][0]) & _STANDARD_TIME else "of the week"
@@ -268,10 +278,36 @@ def _crs_of_wkt(data: bytes) -> str | None:
     return name and _in_one_line(f"{name[1]} ({code[1]}:{code[2]})" if code else name[1])
 
 
-def _crs_of_keys(records: dict[tuple[bytes, int], bytes]) -> str | None:
+def _metres_of_wkt(data: bytes) -> float | None:
+    """Return the unit of the axes of a projected system, which is the first unit of length after the geographic one."""
+    text = data.split(b"\0")[0].decode("utf-8", "replace")
+    begin = re.search(r"PROJC(S|RS)\b", text)
+    if not begin:
+        return None
+    axes = re.search(r"CS\s*[\[(]\s*Cartesian", text)  # as WKT 2 says; ellipsoid and projection have units before it
+    found = re.findall(r'(?:LENGTHUNIT|UNIT)\s*[\[(]\s*"([^"]*)"\s*,\s*([\d.eE+-]+)', text[(axes or begin).start() :])
+    lengths = [factor for name, factor in found if not re.search("degree|grad|radian|gon", name, re.IGNORECASE)]
+    try:
+        metres = float(lengths[0]) if lengths else 0.0
+    except ValueError:
+        return None
+    return metres if 0.0 < metres < np.inf else None
+
+
+def _metres_of_keys(records: dict[tuple[bytes, int], bytes]) -> float | None:
+    where, _, code = _geo_keys(records).get(_LINEAR_UNITS, (0, 0, 0))
+    return None if where else _METRES.get(code)
+
+
+def _geo_keys(records: dict[tuple[bytes, int], bytes]) -> dict[int, tuple[int, int, int]]:
+    """Return where the value of each key is, of how many parts it consists, and the value or its place."""
     words = records.get(_GEO_KEYS, b"")
     table = np.frombuffer(words[: len(words) // 8 * 8], "<u2").reshape(-1, 4).astype(int)
-    keys = {key: (place, count, value) for key, place, count, value in table[1:].tolist()}
+    return {key: (place, count, value) for key, place, count, value in table[1:].tolist()}
+
+
+def _crs_of_keys(records: dict[tuple[bytes, int], bytes]) -> str | None:
+    keys = _geo_keys(records)
     texts = records.get(_GEO_TEXTS, b"")
     names = [
         texts[start : start + count] for where, count, start in map(keys.get, _CITATIONS, [(0, 0, 0)] * 3) if where

@@ -38,6 +38,8 @@ class FarthestPoint(Method):
         "other points, tile by tile, which are as far from each other."
     )
     source = "Eldar, Lindenbaum, Porat and Zeevi 1997"
+    ranks = True
+    spacing = "No two kept points are nearer than it, and no original point is farther from a kept one."
     bytes_per_point: ClassVar[int] = 150
 
     def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
@@ -47,6 +49,14 @@ class FarthestPoint(Method):
         stages = Stages.of(stages)
         with stages("farthest points", n_points) as advanced:
             indices, _ = farthest_points(points, n_points, advanced=advanced)
+        return Selection(indices)
+
+    def at_spacing(self, points: NDArray[np.float64], spacing: float, stages: Stages) -> Selection:
+        """Choose points until none is farther than the spacing from all of them; see `Method.at_spacing`."""
+        from gppcs.spatial.farthest_points import farthest_points
+
+        with stages("farthest points"):
+            indices, _ = farthest_points(points, len(points), least=spacing)
         return Selection(indices)
 
     def in_tiles(

@@ -57,6 +57,8 @@ class LocalGP(Method):
     )
     source = "after GP-PCS, Algorithm 1; the field is our own, see docs/local-field.md"
     attributes = ("score", "deviation")
+    ranks = True
+    spacing = "The mean spacing: the number of points is the area of the surface, divided by the square of the spacing."
 
     feature_weight: float = parameter(
         0.5,
@@ -123,6 +125,18 @@ class LocalGP(Method):
         from gppcs.gp.local.survey import is_sampled
 
         return self._chosen(points, n_points, stages) if is_sampled(len(points), n_points) else None
+
+    def at_spacing(self, points: NDArray[np.float64], spacing: float, stages: Stages) -> Selection:
+        """Choose so many points that their mean spacing on the surface is as wanted; see `Method.at_spacing`."""
+        import numpy as np
+
+        from gppcs.spatial.kdtree import KdTree
+        from gppcs.spatial.spacing import surface_area
+
+        with stages("tree"):
+            wanted = surface_area(KdTree.build(points)) / spacing**2
+        count = max(1, round(min(wanted, len(points))))
+        return self(points, count, stages) if count < len(points) else Selection(np.arange(len(points)))
 
     def memory(self, n: int, n_points: int) -> int:
         """Return about how much memory a call takes, beyond the points themselves.

@@ -155,6 +155,10 @@ class Method(ABC):
         The publication.
     attributes : tuple of str
         Names of the `Selection.attributes` that the method reports, if any.
+    ranks : bool
+        Whether the first k of the chosen points are a simplification to k points, for any k.
+    spacing : str
+        What `at_spacing` means by a spacing, in a sentence; empty if the method has no `at_spacing`.
     bytes_per_point : int
         About how much memory the method takes for each point, beyond the points themselves.
 
@@ -178,6 +182,8 @@ class Method(ABC):
     description: ClassVar[str] = ""
     source: ClassVar[str]
     attributes: ClassVar[tuple[str, ...]] = ()
+    ranks: ClassVar[bool] = False
+    spacing: ClassVar[str] = ""
     bytes_per_point: ClassVar[int] = 200
 
     def __init_subclass__(cls) -> None:
@@ -208,6 +214,71 @@ class Method(ABC):
         Selection
             M points.
         """
+
+    def guided(
+        self,
+        points: NDArray[np.float64],
+        n_points: int,
+        fixed: int,
+        weights: NDArray[np.float64] | None,
+        stages: Stages,
+    ) -> Selection:
+        """Choose points of a cloud of which users know more than their places.
+
+        A method that can do so overrides this.
+
+        Parameters
+        ----------
+        points : (N, 3) array, float64
+            Finite and without repeats.
+        n_points : int
+            M, from 1 to N - 1.
+        fixed : int
+            The first so many points, at most M, are chosen first, in their order.
+        weights : (N,) array, float64, optional
+            Multiplies the density of the chosen points. Above 0, but for points that are chosen anyway.
+        stages : Stages
+            Measures the time of each stage, and reports progress to its listener.
+
+        Returns
+        -------
+        Selection
+            M points.
+
+        Raises
+        ------
+        ParameterError
+            If the method cannot do so.
+        """
+        raise ParameterError(f"method {self.name!r} can neither keep given points nor weigh them; use 'gp'")
+
+    def at_spacing(self, points: NDArray[np.float64], spacing: float, stages: Stages) -> Selection:
+        """Choose as many points as have a spacing. What that means, each method says in its attribute `spacing`.
+
+        A method that can do so overrides this.
+
+        Parameters
+        ----------
+        points : (N, 3) array, float64
+            Finite and without repeats.
+        spacing : float
+            In the unit of the points.
+        stages : Stages
+            Measures the time of each stage, and reports progress to its listener.
+
+        Returns
+        -------
+        Selection
+            At least one point.
+
+        Raises
+        ------
+        ParameterError
+            If the method has no spacing.
+        """
+        raise ParameterError(
+            f"method {self.name!r} has no spacing to ask for; use 'gp', 'fps', 'sample-elimination' or 'voxel'"
+        )
 
     def in_passes(self, points: ChunkedPoints, n_points: int, stages: Stages) -> Selection | None:
         """Choose points of a cloud that need not fit into memory.

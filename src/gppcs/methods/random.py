@@ -37,6 +37,7 @@ class Random(Method):
         "files larger than memory it chooses other points, which are as random."
     )
     source = "baseline"
+    ranks = True
     bytes_per_point: ClassVar[int] = 60
 
     seed: int = parameter(0, "Seed of the permutation.", least=0)

@@ -29,6 +29,7 @@ class TopVariation(Method):
     summary = "the points of largest surface variation, and no others"
     description = "Chooses the points of largest surface variation. Flat parts of the surface keep no points."
     source = "baseline; surface variation: Pauly, Gross and Kobbelt 2002"
+    ranks = True
     bytes_per_point: ClassVar[int] = 150
 
     neighbours: int = parameter(25, "About how many points a neighbourhood holds.", least=3)

@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.amounts.choice import choose
 from gppcs.clouds.cloud import PointCloud
 from gppcs.engine.ahead import compiled_ahead
 from gppcs.engine.journal import Journal
 from gppcs.engine.stages import Stages
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import Method, Selection
-from gppcs.simplification import Result, check_scores, check_usable, choose, number_to_keep, with_scores
+from gppcs.simplification import Result, check_scores, check_usable, number_to_keep, with_scores
 from gppcs.spatial.scaling import Frame
 from gppcs.streaming.cluster import Cluster
 from gppcs.streaming.overview import Overview

@@ -58,6 +58,31 @@ def eliminate(
     return np.concatenate([kept, *later[::-1]])
 
 
+def far_apart(points: NDArray[np.float64], spacing: float) -> int:
+    """Return how many points from the first on are at least a length from each other.
+
+    Parameters
+    ----------
+    points : (M, 3) array, float64
+        Without repeats.
+    spacing : float
+
+    Returns
+    -------
+    int
+        From 1 to M.
+    """
+    enough, many = 1, len(points) + 1
+    while many > enough + 1:
+        middle = (enough + many) // 2
+        squared = KdTree.build(points[:middle]).neighbours(1)[1]
+        if squared.min() >= spacing * spacing:
+            enough = middle
+        else:
+            many = middle
+    return enough
+
+
 def thin(
     points: NDArray[np.float64], n_points: int, advanced: Callable[[int], None] | None = None
 ) -> tuple[NDArray[np.int64], float]:

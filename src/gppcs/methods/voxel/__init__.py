@@ -38,6 +38,7 @@ class Voxel(Method):
         "the surplus points. The kept points are in the order of the input."
     )
     source = "baseline; the edge length of the cells is found by bisection"
+    spacing = "The edge length of the cells; each occupied cell keeps one point."
     bytes_per_point: ClassVar[int] = 170
 
     place: Literal["representative", "mean"] = parameter(
@@ -61,6 +62,15 @@ class Voxel(Method):
         with stages("elimination"):
             kept, _ = thin(points[indices], n_points)
         return Selection(indices[kept], {}, means[kept] + corner if self.place == "mean" else None)
+
+    def at_spacing(self, points: NDArray[np.float64], spacing: float, stages: Stages) -> Selection:
+        """Keep one point for each occupied cell of this edge length; see `Method.at_spacing`."""
+        from gppcs.methods.voxel.grid import representatives
+
+        with stages("representatives"):
+            corner = points.min(axis=0)
+            indices, means = representatives(points - corner, spacing)
+        return Selection(indices, {}, means + corner if self.place == "mean" else None)
 
     def in_tiles(
         self, points: ChunkedPoints, n_points: int, folder: Path, stages: Stages, each: Each = map

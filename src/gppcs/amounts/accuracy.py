@@ -1,0 +1,257 @@
+"""The fewest points whose local surface is as near to the original as somebody asks for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.engine.stages import Stages
+from gppcs.methods import Selection
+
+Measure: TypeAlias = Literal["mean", "rms", "p95", "max"]
+MEASURES: tuple[Measure, ...] = get_args(Measure)
+
+FIRST = 1000  # Points of the first ranking, by which the number of points is guessed.
+SPARE = 1.2  # Points of a ranking for each one that the guess says. A ranking that is too short costs another one.
+GROWTH = 30.0  # From one ranking to the next at most: errors of few points tell little of those of many.
+SOME = 20_000  # Original points from which a guess is measured.
+FALL = 1.0  # Errors fall about as the number of points to this power, where two of them do not tell.
+CLOSE = 1.02  # The fewest points are found up to this factor, and one point.
+SURE = 0.97  # A ranking is long enough if the guessed error is at most this share of the tolerance.
+FEWER = 0.95  # So few points miss the tolerance.
+
+Points = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Original:
+    """The original points, from which errors are measured as `gppcs.evaluate` does.
+
+    Attributes
+    ----------
+    points : (N, 3) array, float64
+        Without repeats, in coordinates of about unit size, and in an order in which neighbours follow each other: so
+        they find each other's surroundings in the cache.
+    """
+
+    points: Points
+
+    @classmethod
+    def of(cls, points: Points) -> Original:
+        """Put points, (N, 3), into such an order."""
+        from gppcs.spatial.kdtree import KdTree
+
+        return cls(points[KdTree.build(points).order])
+
+    def some(self) -> Original:
+        """Return about `SOME` of the points, at random."""
+        if len(self.points) <= SOME:
+            return self
+        rows = np.random.default_rng(0).choice(len(self.points), SOME, replace=False, shuffle=False)
+        return Original(self.points[np.sort(rows)])
+
+    def errors(self, kept: Points) -> dict[Measure, float]:
+        """Return the distances from the points to the local surface of others.
+
+        Parameters
+        ----------
+        kept : (M, 3) array, float64
+            In the same coordinates.
+
+        Returns
+        -------
+        dict of str to float
+            Each of `MEASURES`, as `gppcs.Report` defines them under names with "surface_".
+        """
+        from gppcs.spatial.cells import first_occurrences
+        from gppcs.surface.local_surface import LocalSurface
+
+        distances, _ = LocalSurface.of(kept[first_occurrences(kept)]).nearest_to(self.points)
+        return {
+            "mean": float(distances.mean()),
+            "rms": float(np.sqrt((distances**2).mean())),
+            "p95": float(np.quantile(distances, 0.95)),
+            "max": float(distances.max()),
+        }
+
+
+def fewest_points(
+    points: Points,
+    tolerance: float,
+    measure: Measure,
+    choose: Callable[[int], Selection],
+    ranks: bool,
+    least: int,
+    stages: Stages,
+) -> tuple[Selection, dict[Measure, float]]:
+    """Choose the fewest points whose local surface misses the original by at most a tolerance.
+
+    If the method ranks its points, they are the first ones of a ranking. Otherwise, each number of points is a choice
+    of its own. They are the fewest up to 2 %, and it is known that 5 % fewer points miss the tolerance.
+
+    Parameters
+    ----------
+    points : (N, 3) array, float64
+        Without repeats, of about unit size.
+    tolerance : float
+        Above 0.
+    measure : str
+        Which error is meant.
+    choose : callable
+        Lets the method choose a number of them; all N in their order.
+    ranks : bool
+        Whether the method ranks its points.
+    least : int
+        The fewest points that may be chosen, from 1 to N.
+    stages : Stages
+        Times the stages of the method, and "accuracy".
+
+    Returns
+    -------
+    selection : Selection
+        M points.
+    errors : dict of str to float
+        Of these points, by measure.
+    """
+    search = _Search(points, tolerance, measure, choose, least, stages)
+    return search.ranked() if ranks else search.unranked()
+
+
+class _Search:
+    """The search for the fewest points."""
+
+    def __init__(
+        self,
+        points: Points,
+        tolerance: float,
+        measure: Measure,
+        choose: Callable[[int], Selection],
+        least: int,
+        stages: Stages,
+    ) -> None:
+        self.points, self.tolerance, self.measure = points, tolerance, measure
+        self.choose, self.least, self.stages = choose, least, stages
+        self.whole = Original.of(points)
+        self.some = self.whole.some()
+
+    def ranked(self) -> tuple[Selection, dict[Measure, float]]:
+        """Search among the first points of a ranking that is long enough."""
+        count = min(max(FIRST, self.least), len(self.points))
+        while count < len(self.points):
+            ranking = self.choose(count)
+            places = self._places(ranking)
+            error, of_half = self._guessed(places), self._guessed(places[: count // 2])
+            guess = count * min((error / self.tolerance) ** (1.0 / _power(of_half, error)), GROWTH)
+            if error <= SURE * self.tolerance:
+                enough, errors = self._fewest(lambda m, places=places: places[:m], guess, count)  # type: ignore[misc]
+                if errors[self.measure] <= self.tolerance:
+                    return first_of(ranking, enough), errors
+            count = min(math.ceil(SPARE * max(guess, count)), len(self.points))
+        return self.choose(count), dict.fromkeys(MEASURES, 0.0)
+
+    def unranked(self) -> tuple[Selection, dict[Measure, float]]:
+        """Search among the choices of all numbers."""
+        known: dict[int, Selection] = {}
+
+        def places(m: int) -> Points:
+            if m not in known:
+                known[m] = self.choose(m)
+            return self._places(known[m])
+
+        enough, errors = self._fewest(places, FIRST, len(self.points))
+        return known[enough], errors
+
+    def _fewest(self, places: Callable[[int], Points], begin: float, most: int) -> tuple[int, dict[Measure, float]]:
+        """Return the fewest points that reach the tolerance, if `most` do, and their errors; begin the search there."""
+        known: dict[int, dict[Measure, float]] = {}
+
+        def error(m: int) -> float:
+            if m not in known:
+                with self.stages("accuracy"):
+                    known[m] = self.whole.errors(places(m))
+            return known[m][self.measure]
+
+        first = min(max(round(begin), self.least), most)
+        guess = self._bracketed(lambda m: self._guessed(places(m)), first, most)
+        enough = most
+        while True:
+            enough = self._bracketed(error, min(guess, enough), enough)
+            guess = math.floor(FEWER * enough)
+            if guess < self.least or error(guess) > self.tolerance:
+                error(enough)
+                return enough, known[enough]
+            enough = guess
+
+    def _bracketed(self, error: Callable[[int], float], guess: int, most: int) -> int:
+        """Return a number of points that reaches the tolerance, while a little fewer (`CLOSE`) miss it.
+
+        The error of a number of points falls, apart from small ups and downs. The search begins at a guess; `most`
+        points are known to reach the tolerance.
+        """
+        few, enough, above, below = self.least - 1, most, math.inf, 0.0
+        step = CLOSE**0.9
+        while enough > few + 1 and enough > CLOSE * few:
+            found = error(guess)
+            if found > self.tolerance:
+                few, above = guess, found
+            else:
+                enough, below = guess, found
+            if above == math.inf:  # go down in growing steps
+                guess, step = math.floor(enough / step), step * step
+            elif enough == most:  # or up
+                guess, step = math.ceil(few * step), step * step
+            else:
+                guess = _between(few, enough, above, below, self.tolerance)
+            guess = min(max(guess, few + 1), enough - 1)
+        return enough
+
+    def _places(self, selection: Selection) -> Points:
+        """Return where the chosen points are."""
+        return self.points[selection.indices] if selection.points is None else selection.points
+
+    def _guessed(self, kept: Points) -> float:
+        """Return about how large the error of some places is."""
+        with self.stages("accuracy"):
+            return self.some.errors(kept)[self.measure] if len(kept) else math.inf
+
+
+def first_of(ranking: Selection, count: int) -> Selection:
+    """Return the first points of a ranking.
+
+    Parameters
+    ----------
+    ranking : Selection
+    count : int
+        From 1 to the number of its points.
+
+    Returns
+    -------
+    Selection
+    """
+    return Selection(
+        ranking.indices[:count],
+        ranking.diagnostics,
+        None if ranking.points is None else ranking.points[:count],
+        {name: values[:count] for name, values in ranking.attributes.items()},
+    )
+
+
+def _power(error_of_half: float, error: float) -> float:
+    """Return the power of the number of points with which errors fall, from those of half of the points and of all."""
+    if not 0.0 < error < error_of_half < math.inf:
+        return FALL
+    return float(np.clip(math.log2(error_of_half / error), 0.25, 4.0))
+
+
+def _between(few: int, enough: int, above: float, below: float, tolerance: float) -> int:
+    """Return where the error would cross the tolerance if it fell as a power, but not too near the ends."""
+    share = 0.5
+    if above > below > 0.0 and math.isfinite(above):
+        share = math.log(above / tolerance) / math.log(above / below)
+    share = min(max(share, 0.2), 0.8)
+    return round(few * (enough / few) ** share)

@@ -1,0 +1,231 @@
+"""Let a method choose what is asked for: a number of points, or as many as reach an accuracy, a spacing or a gap."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.amounts.accuracy import fewest_points
+from gppcs.amounts.amount import Amount
+from gppcs.amounts.guide import Guide
+from gppcs.clouds.lengths import Length
+from gppcs.engine.stages import Stages
+from gppcs.errors import InputError
+from gppcs.methods import Method, Selection
+
+if TYPE_CHECKING:
+    from gppcs.spatial.chunks import ChunkedPoints
+
+FEWEST_WITHOUT_GAPS = 2.0 / (3.0 * math.sqrt(3.0))  # Discs of radius 1 for each unit of area, if they cover a plane.
+
+Points = NDArray[np.float64]
+
+
+def choose(points: ChunkedPoints, count: int, method: Method, stages: Stages) -> Selection:
+    """Let the method choose among the points without repeats; add repeats only if there are too few others.
+
+    Parameters
+    ----------
+    points : ChunkedPoints
+        N finite points.
+    count : int
+        M, from 1 to N.
+    method : Method
+    stages : Stages
+        Times the stages of the method, and "repeats".
+
+    Returns
+    -------
+    Selection
+        M points. All N are in their order.
+    """
+    from gppcs.spatial.chunks import first_repeats
+
+    if count >= len(points):
+        return Selection(np.arange(len(points)))
+    selection = method.in_passes(points, count, stages)
+    if selection is not None:
+        return selection
+    with stages("repeats", len(points)) as advanced:
+        distinct = points.distinct(advanced)
+    if len(distinct.rows) <= count:
+        return Selection(np.concatenate([distinct.rows, first_repeats(distinct.rows, count)]))
+    if len(distinct.rows) == len(points):
+        places = distinct.points
+        del distinct  # to free the memory of its rows
+        return method(places, count, stages)
+    selection = method(distinct.points, count, stages)
+    return dataclasses.replace(selection, indices=distinct.rows[selection.indices])
+
+
+class Scale(NamedTuple):
+    """How lengths that somebody asks for become lengths in the coordinates of a method.
+
+    Attributes
+    ----------
+    diagonal : float
+        Of the bounding box, in the coordinates of the method.
+    metres : float or None
+        The unit of the cloud in metres, if it is known.
+    exponent : int
+        The unit of the method's coordinates is two to this power, in the unit of the cloud.
+    """
+
+    diagonal: float
+    metres: float | None
+    exponent: int
+
+    def inside(self, length: Length) -> float:
+        """Return a length in the coordinates of the method."""
+        return math.ldexp(length.in_cloud(self.outside(self.diagonal), self.metres), -self.exponent)
+
+    def outside(self, length: float) -> float:
+        """Return a length in the unit of the cloud, given in that of the method."""
+        return math.ldexp(length, self.exponent)
+
+
+def choose_amount(
+    points: Points, amount: Amount, scale: Scale, guide: Guide | None, method: Method, stages: Stages
+) -> Selection:
+    """Let the method choose as many points as an amount means.
+
+    Parameters
+    ----------
+    points : (N, 3) array, float64
+        Finite, of about unit size.
+    amount : Amount
+    scale : Scale
+    guide : Guide or None
+    method : Method
+    stages : Stages
+        Times the stages of the method, "repeats", "accuracy" and "gaps".
+
+    Returns
+    -------
+    Selection
+        Its diagnostics also tell the errors, if a tolerance was asked for, in the unit of the cloud.
+
+    Raises
+    ------
+    InputError
+        If the points to keep are more than are asked for, or too few points have a weight.
+    ParameterError
+        If the method cannot do what is asked for.
+    """
+    from gppcs.spatial.chunks import ChunkedPoints
+
+    count = amount.known_count(len(points))
+    if guide is None and amount.max_gap is None and count is not None:
+        return choose(ChunkedPoints.of(points), count, method, stages)
+    if guide is None:
+        guide = Guide(np.empty(0, dtype=np.int64), None)
+    asked = _Asked.of(points, guide, method, stages)
+    if count is not None:
+        selection = asked.of_number(count)
+    elif amount.tolerance is not None:
+        selection = asked.of_accuracy(amount, scale)
+    elif amount.spacing is not None:
+        selection = method.at_spacing(asked.places, scale.inside(amount.spacing), stages)
+    else:
+        assert amount.max_gap is not None
+        selection = asked.of_number(asked.fewest_without_gaps(scale.inside(amount.max_gap)))
+    if amount.max_gap is not None:
+        selection = asked.without_gaps(selection, scale.inside(amount.max_gap))
+    return asked.with_repeats(selection)
+
+
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """The places among which is chosen. The first `fixed` of them are kept.
+
+    `rows` are those of the places, `repeats` are rows to keep at the same places.
+    """
+
+    places: Points
+    rows: NDArray[np.int64]
+    fixed: int
+    repeats: NDArray[np.int64]
+    weights: NDArray[np.float64] | None
+    method: Method
+    stages: Stages
+
+    @classmethod
+    def of(cls, points: Points, guide: Guide, method: Method, stages: Stages) -> _Asked:
+        from gppcs.spatial.chunks import ChunkedPoints
+
+        order = guide.order(len(points))
+        with stages("repeats", len(order)) as advanced:
+            distinct = ChunkedPoints.of(points[order]).distinct(advanced)
+        fixed = int(np.searchsorted(distinct.rows, len(guide.keep)))
+        rows = order[distinct.rows]
+        weights = None if guide.weights is None else guide.weights[rows]
+        repeats = np.setdiff1d(guide.keep, rows[:fixed], assume_unique=True)
+        return cls(distinct.points, rows, fixed, repeats, weights, method, stages)
+
+    def of_number(self, count: int) -> Selection:
+        """Return a number of points, or all places if there are no more."""
+        kept = self.fixed + len(self.repeats)
+        if kept > count:
+            found = f"points to keep: expected at most {count:,}, as many as are asked for, found {kept:,}"
+            raise InputError(f"{found}; select fewer or ask for more")
+        if self.weights is not None and count - len(self.repeats) > len(self.places):
+            raise InputError(
+                f"expected at least {count:,} points of a weight above 0, found {len(self.places):,}; ask for fewer"
+            )
+        return self._chosen(count - len(self.repeats))
+
+    def of_accuracy(self, amount: Amount, scale: Scale) -> Selection:
+        """Return the fewest points that reach a tolerance."""
+        assert amount.tolerance is not None
+        selection, errors = fewest_points(
+            self.places, scale.inside(amount.tolerance), amount.measure, self._chosen, self.method.ranks,
+            max(self.fixed, 1), self.stages,
+        )  # fmt: skip
+        found = {f"surface_{name}": scale.outside(error) for name, error in errors.items()}
+        return dataclasses.replace(selection, diagnostics={**selection.diagnostics, **found})
+
+    def fewest_without_gaps(self, gap: float) -> int:
+        """Return how many points an even cover needs so that no place is farther from it than a length."""
+        from gppcs.spatial.kdtree import KdTree
+        from gppcs.spatial.spacing import surface_area
+
+        wanted = math.ceil(min(FEWEST_WITHOUT_GAPS * surface_area(KdTree.build(self.places)) / gap**2, 1e18))
+        return min(max(wanted, self.fixed + len(self.repeats), 1), len(self.places) + len(self.repeats))
+
+    def without_gaps(self, selection: Selection, gap: float) -> Selection:
+        """Add points, each the farthest from all others, until no place is farther from one than a length."""
+        from gppcs.spatial.farthest_points import farthest_points
+
+        kept = self.places[selection.indices] if selection.points is None else selection.points
+        with self.stages("gaps"):
+            just_above = np.nextafter(gap, math.inf)
+            added, _ = farthest_points(self.places, len(self.places), others=kept, least=just_above)
+        padded = {name: np.pad(values, (0, len(added))) for name, values in selection.attributes.items()}
+        return Selection(
+            np.concatenate([selection.indices, added]),
+            {**selection.diagnostics, "added_in_gaps": float(len(added))},
+            None if selection.points is None else np.concatenate([kept, self.places[added]]),
+            padded,
+        )
+
+    def with_repeats(self, selection: Selection) -> Selection:
+        """Return the rows of chosen places, with the repeats to keep after the places to keep."""
+        place = np.full(len(self.repeats), self.fixed)
+        return dataclasses.replace(
+            selection,
+            indices=np.insert(self.rows[selection.indices], place, self.repeats),
+            attributes={name: np.insert(values, place, 0.0) for name, values in selection.attributes.items()},
+        )
+
+    def _chosen(self, count: int) -> Selection:
+        """Let the method choose among the places."""
+        if count >= len(self.places):
+            return Selection(np.arange(len(self.places)))
+        if not self.fixed and self.weights is None:
+            return self.method(self.places, count, self.stages)
+        return self.method.guided(self.places, count, self.fixed, self.weights, self.stages)

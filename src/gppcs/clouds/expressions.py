@@ -1,0 +1,217 @@
+"""Conditions on attributes and coordinates, such as `classification == 6 and z > 2.5`, in a small safe grammar."""
+
+from __future__ import annotations
+
+import ast
+import operator
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.clouds.cloud import PointCloud
+from gppcs.errors import ParameterError, nearest_name, shown
+
+AXES = ("x", "y", "z")
+LONGEST = 2000  # characters
+GRAMMAR = "conditions such as 'classification == 6', 'z > 2.5 and not intensity < 10' or 'classification in [2, 6]'"
+_ANY_NAME = "attributes"  # attributes["any name"] stands for an attribute whose name is no word
+_COMPARISONS: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
+    ast.Eq: operator.eq, ast.NotEq: operator.ne, ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+}  # fmt: skip
+_ARITHMETIC: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
+    ast.Mod: operator.mod,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A condition on the points of a cloud.
+
+    Attributes
+    ----------
+    text : str
+    tree : ast.expr
+        Its syntax, which is Python's. Only what this class evaluates is allowed.
+    """
+
+    text: str
+    tree: ast.expr
+
+    @classmethod
+    def of(cls, text: Any) -> Expression:
+        """Read a condition.
+
+        Parameters
+        ----------
+        text : str
+            Numbers, texts in quotes, names of attributes, x, y and z; `+ - * / %`; comparisons, also chained as in
+            `2 < z <= 5`, and `in` with a list; `and`, `or`, `not` and brackets. `attributes["any name"]` stands for an
+            attribute whose name is no word.
+
+        Returns
+        -------
+        Expression
+
+        Raises
+        ------
+        ParameterError
+            If it cannot be read; the message tells where.
+        """
+        if not isinstance(text, str) or not text.strip() or len(text) > LONGEST or "\0" in text:
+            raise ParameterError(f"expected {GRAMMAR}, found {shown(text)}")
+        text = " ".join(text.split())
+        if assignment := re.search(r"(?<![=!<>:])=(?!=)", re.sub(r"'[^']*'|\"[^\"]*\"", _blank, text)):
+            raise ParameterError(f"{_at(text, assignment.start())}: expected == to compare, found a single =")
+        try:
+            tree = ast.parse(text, mode="eval").body
+        except SyntaxError as error:
+            place = (error.offset or len(text) + 1) - 1
+            raise ParameterError(f"{_at(text, place)}: expected {GRAMMAR}") from None
+        except (RecursionError, MemoryError, ValueError):
+            raise ParameterError(f"expected a condition that is nested less deeply, found {shown(text)}") from None
+        return cls(text, tree)
+
+    def mask(self, cloud: PointCloud) -> NDArray[np.bool_]:
+        """Return which points of a cloud meet the condition.
+
+        Parameters
+        ----------
+        cloud : PointCloud
+            N points.
+
+        Returns
+        -------
+        (N,) array, bool
+            A comparison with NaN is false, but for `!=`.
+
+        Raises
+        ------
+        ParameterError
+            If a name is that of no attribute, values cannot be compared, or the expression is no condition.
+        """
+        try:
+            with np.errstate(all="ignore"):
+                found = self._truth(self.tree, cloud)
+        except RecursionError:
+            raise ParameterError(f"expected a condition that is nested less deeply, found {shown(self.text)}") from None
+        return np.broadcast_to(found, len(cloud)).copy()
+
+    def _truth(self, node: ast.expr, cloud: PointCloud) -> NDArray[np.bool_]:
+        """Return for which points a part of the condition is true."""
+        if isinstance(node, ast.BoolOp):
+            parts = [self._truth(value, cloud) for value in node.values]
+            joined = np.logical_and if isinstance(node.op, ast.And) else np.logical_or
+            return joined.reduce(np.broadcast_arrays(*parts))
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
+            return ~self._truth(node.operand, cloud)
+        if isinstance(node, ast.Compare):
+            return self._compared(node, cloud)
+        value = self._value(node, cloud)
+        if isinstance(value, np.ndarray) and value.dtype == np.bool_:
+            return value
+        raise self._error(node, "a condition, such as classification == 6")
+
+    def _compared(self, node: ast.Compare, cloud: PointCloud) -> NDArray[np.bool_]:
+        """Return for which points a chain of comparisons is true."""
+        result: Any = np.True_
+        left = self._value(node.left, cloud)
+        for sign, right_node in zip(node.ops, node.comparators, strict=True):
+            if isinstance(sign, ast.In | ast.NotIn):
+                if not isinstance(right_node, ast.List | ast.Tuple | ast.Set):
+                    raise self._error(right_node, "a list, such as [2, 6]")
+                right: Any = None
+                among = [self._equal(left, self._value(each, cloud), operator.eq, each) for each in right_node.elts]
+                found = np.logical_or.reduce(np.broadcast_arrays(np.False_, *among))
+                result = result & (~found if isinstance(sign, ast.NotIn) else found)
+            elif type(sign) in _COMPARISONS:
+                right = self._value(right_node, cloud)
+                result = result & self._equal(left, right, _COMPARISONS[type(sign)], right_node)
+            else:
+                raise self._error(right_node, "==, !=, <, <=, >, >= or in before it")
+            left = right
+        return np.asarray(result)
+
+    def _equal(self, left: Any, right: Any, compare: Callable[[Any, Any], Any], node: ast.expr) -> NDArray[np.bool_]:
+        """Compare two values, of which both are numbers or both are texts."""
+        if _is_text(left) != _is_text(right):
+            raise self._error(node, "a text in quotes" if _is_text(left) else "a number")
+        return np.asarray(compare(left, right))
+
+    def _value(self, node: ast.expr, cloud: PointCloud) -> Any:
+        """Return the values of a part of the condition: of each point, or one for all."""
+        if isinstance(node, ast.Constant) and isinstance(node.value, int | float | str):
+            return np.bool_(node.value) if isinstance(node.value, bool) else node.value
+        if isinstance(node, ast.Name):
+            return self._column(node, node.id, cloud)
+        if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name) and node.value.id == _ANY_NAME:
+            if isinstance(node.slice, ast.Constant) and isinstance(node.slice.value, str):
+                return self._column(node, node.slice.value, cloud)
+            raise self._error(node.slice, "the name of an attribute in quotes")
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
+            value = self._number(node.operand, cloud)
+            return -value if isinstance(node.op, ast.USub) else value
+        if isinstance(node, ast.BinOp) and type(node.op) in _ARITHMETIC:
+            left, right = self._number(node.left, cloud), self._number(node.right, cloud)
+            try:
+                return _ARITHMETIC[type(node.op)](left, right)
+            except (ZeroDivisionError, OverflowError):
+                raise self._error(node, "a number that can be computed with") from None
+        raise self._error(node, "a number, a text in quotes, or the name of an attribute")
+
+    def _number(self, node: ast.expr, cloud: PointCloud) -> Any:
+        """Return values to compute with."""
+        value = self._value(node, cloud)
+        if _is_text(value):
+            raise self._error(node, "a number to compute with")
+        if isinstance(value, np.ndarray) and value.dtype.kind in "bu":  # differences of these would be none
+            return value.astype(np.int64 if value.dtype.kind == "b" else np.float64)
+        return value
+
+    def _column(self, node: ast.expr, name: str, cloud: PointCloud) -> NDArray[Any]:
+        """Return a coordinate or an attribute; its case does not matter if only one name fits."""
+        if name in cloud.attributes:
+            values = cloud.attributes[name]
+        elif name in AXES:
+            return cloud.points[:, AXES.index(name)]
+        else:
+            values = cloud.attributes[self._known(node, name, cloud.attributes)]
+        if values.ndim != 1 or values.dtype.kind not in "biufUSOT":
+            raise self._error(node, "an attribute with one number or text for each point")
+        if values.dtype.kind in "iu" and values.dtype.itemsize < 8:  # differences of small types could overflow
+            return values.astype(np.int64)
+        return values.astype(str) if values.dtype.kind in "SOT" else values
+
+    def _known(self, node: ast.expr, name: str, attributes: Mapping[str, Any]) -> str:
+        """Return the attribute whose name differs by case only."""
+        alike = [known for known in attributes if known.lower() == name.lower()]
+        if len(alike) == 1:
+            return alike[0]
+        near = nearest_name(name, [*attributes, *AXES])
+        raise ParameterError(f"{self._at(node)}: the cloud has no attribute {name!r}{near}")
+
+    def _error(self, node: ast.expr, expected: str) -> ParameterError:
+        return ParameterError(f"{self._at(node)}: expected {expected}")
+
+    def _at(self, node: ast.expr) -> str:
+        return _at(self.text, len(self.text.encode()[: node.col_offset].decode()))
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str) or (isinstance(value, np.ndarray) and value.dtype.kind in "UT")
+
+
+def _blank(quoted: re.Match[str]) -> str:
+    return " " * len(quoted[0])
+
+
+def _at(text: str, place: int) -> str:
+    """Return where in a condition something is wrong; `place` counts from 0."""
+    if place >= len(text):
+        return f"{shown(text)}, at its end"
+    return f"{shown(text)}, at character {place + 1} ({shown(text[place : place + 15])})"
