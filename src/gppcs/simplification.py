@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,12 +16,15 @@ from gppcs.amounts.choice import Scale, choose_amount
 from gppcs.amounts.guide import Guide
 from gppcs.clouds import display
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
+from gppcs.clouds.expressions import Expression
 from gppcs.clouds.lengths import metres_of
 from gppcs.engine.ahead import compiled_ahead
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import Stages, in_words
 from gppcs.errors import InputError, ParameterError, flag, number, one_of, shown, whole_number
 from gppcs.methods import DEFAULT, Method, Selection, method_named
+
+WHOLE = ("tolerance", "spacing", "max_gap", "keep", "weight")  # arguments that need all points in memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,6 +221,42 @@ def simplify(
     if scores:
         kept = with_scores(kept, chosen_method, selection)
     return Result(indices, kept, chosen_method, stages.seconds, selection.diagnostics)
+
+
+def check_options(
+    *,
+    ratio: float | None,
+    n_points: int | None,
+    tolerance: float | str | None,
+    measure: Measure | None,
+    spacing: float | str | None,
+    max_gap: float | str | None,
+    unit: str | None,
+    keep: str | None,
+    weight: str | None,
+    **options: Any,
+) -> None:
+    """Check the arguments of `simplify`, as far as that is possible without the cloud.
+
+    Parameters
+    ----------
+    ratio, n_points, tolerance, measure, spacing, max_gap, unit, keep, weight, **options
+        As for `simplify`.
+
+    Raises
+    ------
+    ParameterError
+        If an argument is outside its range.
+    """
+    Amount.of(ratio, n_points, tolerance, spacing, max_gap, measure)
+    metres_of(unit, None)
+    if keep is not None:
+        Expression.of(keep)
+    method = simplify([[0.0, 0.0, 0.0]], n_points=1, **options).method
+    if spacing is not None:
+        method.require_spacing()
+    if keep is not None or weight is not None:
+        method.require_guided()
 
 
 def _with_normals(kept: PointCloud, points: NDArray[np.float64], selection: Selection) -> PointCloud:

@@ -15,7 +15,7 @@ from gppcs.amounts.amount import Amount
 from gppcs.amounts.guide import Guide
 from gppcs.clouds.lengths import Length
 from gppcs.engine.stages import Stages
-from gppcs.errors import InputError
+from gppcs.errors import InputError, ParameterError
 from gppcs.methods import Method, Selection
 
 if TYPE_CHECKING:
@@ -122,8 +122,14 @@ def choose_amount(
     count = amount.known_count(len(points))
     if guide is None and amount.max_gap is None and count is not None:
         return choose(ChunkedPoints.of(points), count, method, stages)
+    if amount.spacing is not None:
+        method.require_spacing()
     if guide is None:
         guide = Guide(np.empty(0, dtype=np.int64), None)
+    else:
+        method.require_guided()
+        if amount.spacing is not None:
+            raise ParameterError("expected a number, a share or a tolerance with points to keep or weights")
     asked = _Asked.of(points, guide, method, stages)
     if count is not None:
         selection = asked.of_number(count)

@@ -50,9 +50,9 @@ class Guide:
         Raises
         ------
         InputError
-            If a weight is negative or not finite, or none is above 0.
+            If a weight is negative or not finite, or none is above 0; or if the cloud has no attribute of a name.
         ParameterError
-            If an argument is of another kind or length, or names what the cloud has not.
+            If an argument is of another kind or length.
         """
         if keep is None and weight is None:
             return None
@@ -109,7 +109,7 @@ def _weights(cloud: PointCloud, weight: Any) -> NDArray[np.float64]:
     if isinstance(weight, str):
         if weight not in cloud.attributes:
             near = nearest_name(weight, cloud.attributes) if cloud.attributes else "; it has none at all"
-            raise ParameterError(f"the cloud has no attribute {weight!r} to weigh its points by{near}")
+            raise InputError(f"the cloud has no attribute {weight!r} to weigh its points by{near}")
         weight = cloud.attributes[weight]
     expected = f"expected weight to be an attribute, or a number for each of the {len(cloud):,} points"
     try:

@@ -12,7 +12,7 @@ import typer
 from gppcs.app.tables import FIGURES
 from gppcs.engine.stages import COMPILATION, Listener
 from gppcs.engine.strict_json import strict_json
-from gppcs.errors import GppcsError, InputError, ParameterError, shown
+from gppcs.errors import GppcsError, InputError, ParameterError, file_path, shown
 from gppcs.evaluation.report import MeshReport, Report
 
 BAD_INPUT = 2
@@ -68,6 +68,42 @@ Box = Annotated[
     typer.Option(
         metavar="XMIN,YMIN,...",
         help="Read only the points in this box: xmin,ymin,xmax,ymax or xmin,ymin,zmin,xmax,ymax,zmax.",
+    ),
+]
+Only = Annotated[
+    str | None,
+    typer.Option(
+        metavar="CONDITION",
+        help="Read only the points that meet a condition on attributes and x, y, z, such as 'classification == 6 and z "
+        "> 2.5'.",
+    ),
+]
+Drop = Annotated[
+    str | None,
+    typer.Option(metavar="CONDITION", help="Read only the points that do not meet a condition, such as 'z < 0'."),
+]
+Inside = Annotated[
+    Path | None,
+    typer.Option(
+        "--polygon",
+        metavar="FILE",
+        parser=file_path,
+        help="Read only the points inside the polygons of a GeoJSON file, in the coordinate system of the input.",
+    ),
+]
+Keep = Annotated[
+    str | None,
+    typer.Option(
+        metavar="CONDITION",
+        help="Keep all points that meet a condition on attributes and x, y, z, such as 'classification == 6'. They "
+        "count in --points, and the others are chosen where these are not (method gp).",
+    ),
+]
+Weight = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="Multiply the density of the kept points by this attribute, from 0 on (method gp).",
     ),
 ]
 Resolution = Annotated[

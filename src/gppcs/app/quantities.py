@@ -1,4 +1,4 @@
-"""The options `--ratio` and `--points`, and the numbers that people write for them, such as 3% and 5k."""
+"""The options that say how many points to keep, and the numbers that people write for them, such as 3% and 5k."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from typing import Annotated
 
 import typer
 
+from gppcs.amounts.accuracy import Measure
 from gppcs.errors import ParameterError, shown
+from gppcs.methods import METHODS
 
 Ratio = Annotated[
     str | None,
@@ -20,6 +22,46 @@ Ratio = Annotated[
 Points = Annotated[
     str | None,
     typer.Option(metavar="M", help="Number of points to keep, such as 5000, 5,000, 5k or 1.5M. Or give --ratio."),
+]
+Tolerance = Annotated[
+    str | None,
+    typer.Option(
+        metavar="LENGTH",
+        help="Keep the fewest points whose local surface misses the original by at most this: 0.5 (in the unit of the "
+        "coordinates), 0.5mm, or 0.02% of the diagonal. In place of --points.",
+    ),
+]
+ErrorMeasure = Annotated[
+    Measure | None,
+    typer.Option(
+        help="Which error --tolerance means: 95 % of the points are as near as that (p95), or the mean, the root mean "
+        "square or the largest distance.",
+        show_default="p95",
+    ),
+]
+Spacing = Annotated[
+    str | None,
+    typer.Option(
+        metavar="LENGTH",
+        help="Keep as many points as have this spacing: 0.05, 5cm or 1%. In place of --points. "
+        + " ".join(f"{name}: {method.spacing}" for name, method in METHODS.items() if method.spacing),
+    ),
+]
+MaxGap = Annotated[
+    str | None,
+    typer.Option(
+        metavar="LENGTH",
+        help="Add points until no original point is farther than this from a kept one. Alone or with --points and so "
+        "on.",
+    ),
+]
+Unit = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="Unit of the coordinates, such as m or mm, for lengths with a unit. By default, the coordinate system of "
+        "the input tells it.",
+    ),
 ]
 
 _UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}

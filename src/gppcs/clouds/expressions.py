@@ -6,14 +6,14 @@ import ast
 import operator
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import ParameterError, nearest_name, shown
+from gppcs.errors import InputError, ParameterError, nearest_name, shown
 
 AXES = ("x", "y", "z")
 LONGEST = 2000  # characters
@@ -41,7 +41,7 @@ class Expression:
     """
 
     text: str
-    tree: ast.expr
+    tree: ast.expr = field(repr=False, compare=False)
 
     @classmethod
     def of(cls, text: Any) -> Expression:
@@ -92,8 +92,10 @@ class Expression:
 
         Raises
         ------
+        InputError
+            If a name is that of no attribute.
         ParameterError
-            If a name is that of no attribute, values cannot be compared, or the expression is no condition.
+            If values cannot be compared, or the expression is no condition.
         """
         try:
             with np.errstate(all="ignore"):
@@ -193,7 +195,7 @@ class Expression:
         if len(alike) == 1:
             return alike[0]
         near = nearest_name(name, [*attributes, *AXES])
-        raise ParameterError(f"{self._at(node)}: the cloud has no attribute {name!r}{near}")
+        raise InputError(f"{self._at(node)}: the cloud has no attribute {name!r}{near}")
 
     def _error(self, node: ast.expr, expected: str) -> ParameterError:
         return ParameterError(f"{self._at(node)}: expected {expected}")

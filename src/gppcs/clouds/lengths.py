@@ -69,7 +69,8 @@ class Length:
         if math.isnan(amount):
             raise _error(name, f"to be a length, such as 0.5, 0.5mm or 0.02%, found {shown(given)}")
         if not 0.0 < amount < math.inf:
-            raise _error(name, f"to be above 0 and finite, found {shown(given)}")
+            least = "above 0, which is what all points give," if name == "tolerance" else "above 0"
+            raise _error(name, f"to be {least} and finite, found {shown(given)}")
         return cls(name, given, amount, unit)
 
     def in_cloud(self, diagonal: float, metres: float | None) -> float:

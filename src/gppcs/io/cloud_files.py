@@ -99,8 +99,7 @@ class CloudFiles:
         paths: Sequence[str | os.PathLike[str]],
         format: str | None = None,  # noqa: A002
         columns: Sequence[str] | None = None,
-        box: Sequence[float] | None = None,
-        resolution: float | None = None,
+        query: Query | None = None,
         assume_same_crs: bool = False,
     ) -> CloudFiles:
         """Check the arguments of `gppcs.read` and `gppcs.simplify_files`, and return the files that they name.
@@ -109,8 +108,10 @@ class CloudFiles:
         ----------
         paths : sequence of str or path
             At least one. A virtual point cloud stands for the files that it lists.
-        format, columns, box, resolution, assume_same_crs
+        format, columns, assume_same_crs
             As for `gppcs.read`.
+        query : Query, optional
+            Which points to read.
 
         Returns
         -------
@@ -121,7 +122,7 @@ class CloudFiles:
         FileFormatError, ParameterError, OSError
             As for `gppcs.read`.
         """
-        query, same = Query.of(box, resolution), flag("assume_same_crs", assume_same_crs)
+        same = flag("assume_same_crs", assume_same_crs)
         files = [file for path in paths for file in files_of(file_path(path))]
         return cls(files, format, columns, query, same)
 

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.expressions import Expression
 from gppcs.errors import FileFormatError, ParameterError, number, shown
 from gppcs.io.format import Format
+from gppcs.io.polygons import Polygons, read_polygons
 from gppcs.io.rows import BLOCK
 
 
@@ -26,32 +30,48 @@ class Query:
         The corners of the box with the points; infinite if there is none.
     resolution : float or None
         The distance of neighbours up to which a COPC file is read; None for all points.
+    only, drop : Expression or None
+        Conditions on the points that are read, and on those that are not.
+    polygons : Polygons or None
+        The points are inside.
     """
 
     low: tuple[float, ...]
     high: tuple[float, ...]
     resolution: float | None
+    only: Expression | None = None
+    drop: Expression | None = None
+    polygons: Polygons | None = None
 
     @classmethod
-    def of(cls, box: Sequence[float] | None, resolution: float | None) -> Query | None:
-        """Check the arguments `box` and `resolution` of `gppcs.read`.
+    def of(
+        cls,
+        box: Sequence[float] | None,
+        resolution: float | None,
+        only: str | None = None,
+        drop: str | None = None,
+        polygon: str | os.PathLike[str] | None = None,
+    ) -> Query | None:
+        """Check the arguments of `gppcs.read` with these names.
 
         Parameters
         ----------
-        box, resolution
+        box, resolution, only, drop, polygon
             As for `gppcs.read`.
 
         Returns
         -------
         Query or None
-            None if both are None.
+            None if all are None.
 
         Raises
         ------
+        FileFormatError, OSError
+            If the polygon cannot be read.
         ParameterError
             If they are not as expected.
         """
-        if box is None and resolution is None:
+        if box is None and resolution is None and only is None and drop is None and polygon is None:
             return None
         if resolution is not None and not 0 < number(resolution) < math.inf:
             raise ParameterError(f"expected a resolution above 0, found {shown(resolution)}")
@@ -69,10 +89,30 @@ class Query:
             (*low, *[-math.inf] * fill),
             (*high, *[math.inf] * fill),
             None if resolution is None else float(resolution),
+            None if only is None else Expression.of(only),
+            None if drop is None else Expression.of(drop),
+            None if polygon is None else read_polygons(polygon),
         )
 
+    @property
+    def conditions(self) -> bool:
+        """Whether attributes decide which points are read."""
+        return self.only is not None or self.drop is not None
+
+    @property
+    def wanted(self) -> str:
+        """Which points are wanted, in words."""
+        boxed = bool(np.isfinite((*self.low, *self.high)).any())
+        parts = (
+            (boxed, "in the box"),
+            (self.polygons is not None, "inside the polygons"),
+            (self.only is not None, f"with {self.only.text if self.only else ''}"),
+            (self.drop is not None, f"without {self.drop.text if self.drop else ''}"),
+        )
+        return " and ".join(words for known, words in parts if known) or "in the box"
+
     def holds(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which points are in the box; those on its border are.
+        """Return which points are in the box and in the polygons; those on the border of the box are.
 
         Parameters
         ----------
@@ -81,13 +121,14 @@ class Query:
         Returns
         -------
         (N,) array
-            All, also NaN, if there is no box.
+            All, also NaN, if there are neither.
         """
         limited = np.isfinite(self.low) | np.isfinite(self.high)
-        return np.logical_and.reduce((points >= self.low) & (points <= self.high) | ~limited, axis=1)
+        inside = np.logical_and.reduce((points >= self.low) & (points <= self.high) | ~limited, axis=1)
+        return inside if self.polygons is None else inside & self.polygons.holds(points)
 
     def part(self, cloud: PointCloud) -> PointCloud:
-        """Return the points of a cloud that are in the box.
+        """Return the points of a cloud that are wanted.
 
         Parameters
         ----------
@@ -99,6 +140,10 @@ class Query:
             The cloud itself if all are.
         """
         inside = self.holds(cloud.points)
+        if self.only is not None:
+            inside &= self.only.mask(cloud)
+        if self.drop is not None:
+            inside &= ~self.drop.mask(cloud)
         return cloud if inside.all() else cloud.take(np.flatnonzero(inside))
 
 
@@ -125,18 +170,28 @@ def restricted(known: Format, query: Query) -> Format:
     known = replace(known, spans=None)
     read, read_named, chunks = known.read, known.read_named, known.chunks
     if known.takes_query:
-        part = replace(known, read=partial(read, query=query), chunks=chunks and partial(chunks, query=query))
-    else:
+        read, chunks = partial(read, query=query), chunks and partial(chunks, query=query)
+    if query.conditions or not known.takes_query:
         part = replace(
             known,
             read=lambda file: query.part(read(file)),
             read_named=read_named and (lambda file, names: query.part(read_named(file, names))),
-            chunks=chunks and (lambda *arguments: not_empty(map(query.part, chunks(*arguments)))),
+            chunks=chunks and partial(_chunks, query, chunks),
         )
+    else:
+        part = replace(known, read=read, chunks=chunks)
     if part.chunks is None:
         return part
     some = part.chunks
     return replace(part, count=lambda file: sum(map(len, some(file, BLOCK, False))))
+
+
+def _chunks(
+    query: Query, chunks: Callable[..., Iterator[PointCloud]], file: Any, rows: int, attributes: bool
+) -> Iterator[PointCloud]:
+    """Read the wanted points in chunks, as `Format.chunks` says; conditions need attributes."""
+    parts = not_empty(map(query.part, chunks(file, rows, attributes or query.conditions)))
+    return parts if attributes else (replace(part, attributes={}) for part in parts)
 
 
 def not_empty(clouds: Iterator[PointCloud]) -> Iterator[PointCloud]:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.io.cloud_files import CloudFiles
+from gppcs.io.query import Query
 
 
 def read(
@@ -16,6 +17,9 @@ def read(
     columns: Sequence[str] | None = None,
     box: Sequence[float] | None = None,
     resolution: float | None = None,
+    only: str | None = None,
+    drop: str | None = None,
+    polygon: str | os.PathLike[str] | None = None,
     assume_same_crs: bool = False,
 ) -> PointCloud:
     """Read a cloud: PLY, LAS, LAZ, COPC, XYZ, CSV, PTS, NPY, NPZ, OFF, OBJ, STL, PCD, PTX, E57, Parquet or Feather.
@@ -38,6 +42,11 @@ def read(
     resolution : float, optional
         Read a COPC file only down to the level on which neighbours are about that far from each other, in the unit of
         the coordinates.
+    only, drop : str, optional
+        Conditions on attributes and on x, y and z, such as "classification == 6" (docs/usage.md#conditions): read only
+        the points that meet `only`, and none that meet `drop`.
+    polygon : str or path, optional
+        Read only the points inside the polygons of a GeoJSON file, in the coordinate system of the cloud.
     assume_same_crs : bool
         Whether all files of a virtual point cloud get the coordinate system of the first one. Otherwise, files with
         different coordinate systems are an error.
@@ -54,7 +63,9 @@ def read(
         the files of a virtual point cloud do not fit each other.
     ParameterError
         If `path` is neither text nor a path, `format` is no text, `columns` are not different names with x, y and z,
-        or `box`, `resolution` or `assume_same_crs` is not as above.
+        or `box`, `resolution` or `assume_same_crs` is not as above, or a condition cannot be read.
+    InputError
+        If a condition names an attribute that the cloud has not.
     MissingExtraError
         If the format needs a package that is not installed (E57, Parquet, Feather).
     OSError
@@ -67,7 +78,8 @@ def read(
     >>> cloud
     PointCloud(2 points, each with intensity)
     """
-    with CloudFiles.of([path], format, columns, box, resolution, assume_same_crs) as files:
+    query = Query.of(box, resolution, only, drop, polygon)
+    with CloudFiles.of([path], format, columns, query, assume_same_crs) as files:
         return files.read()
 
 
@@ -94,13 +106,16 @@ def load(
     columns: Sequence[str] | None = None,
     box: Sequence[float] | None = None,
     resolution: float | None = None,
+    only: str | None = None,
+    drop: str | None = None,
+    polygon: str | os.PathLike[str] | None = None,
     assume_same_crs: bool = False,
 ) -> Loaded:
     """Read a point cloud file as `read` does, and tell what is left out.
 
     Parameters
     ----------
-    path, format, columns, box, resolution, assume_same_crs
+    path, format, columns, box, resolution, only, drop, polygon, assume_same_crs
         As for `read`.
 
     Returns
@@ -112,5 +127,6 @@ def load(
     FileFormatError, ParameterError, OSError
         As for `read`.
     """
-    with CloudFiles.of([path], format, columns, box, resolution, assume_same_crs) as files:
+    query = Query.of(box, resolution, only, drop, polygon)
+    with CloudFiles.of([path], format, columns, query, assume_same_crs) as files:
         return Loaded(files.read(), *files.left_out())

@@ -244,13 +244,19 @@ class Method(ABC):
         -------
         Selection
             M points.
+        """
+        raise NotImplementedError
+
+    def require_guided(self) -> None:
+        """Check that the method can keep given points and weigh points.
 
         Raises
         ------
         ParameterError
-            If the method cannot do so.
+            If it does not override `guided`.
         """
-        raise ParameterError(f"method {self.name!r} can neither keep given points nor weigh them; use 'gp'")
+        if type(self).guided is Method.guided:
+            raise ParameterError(f"method {self.name!r} can neither keep given points nor weigh them; use 'gp'")
 
     def at_spacing(self, points: NDArray[np.float64], spacing: float, stages: Stages) -> Selection:
         """Choose as many points as have a spacing. What that means, each method says in its attribute `spacing`.
@@ -270,15 +276,21 @@ class Method(ABC):
         -------
         Selection
             At least one point.
+        """
+        raise NotImplementedError
+
+    def require_spacing(self) -> None:
+        """Check that a spacing can be asked for.
 
         Raises
         ------
         ParameterError
-            If the method has no spacing.
+            If the method does not override `at_spacing`.
         """
-        raise ParameterError(
-            f"method {self.name!r} has no spacing to ask for; use 'gp', 'fps', 'sample-elimination' or 'voxel'"
-        )
+        if type(self).at_spacing is Method.at_spacing:
+            raise ParameterError(
+                f"method {self.name!r} has no spacing to ask for; use 'gp', 'fps', 'sample-elimination' or 'voxel'"
+            )
 
     def in_passes(self, points: ChunkedPoints, n_points: int, stages: Stages) -> Selection | None:
         """Choose points of a cloud that need not fit into memory.

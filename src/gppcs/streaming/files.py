@@ -6,14 +6,19 @@ import os
 from collections.abc import Sequence
 from typing import Any, Literal
 
+from numpy.typing import ArrayLike
+
+from gppcs.amounts.accuracy import Measure
+from gppcs.amounts.amount import Amount
 from gppcs.engine.stages import Stages
 from gppcs.errors import ParameterError, file_path, flag, shown
 from gppcs.io.cloud_files import CloudFiles
+from gppcs.io.query import Query
 from gppcs.methods import DEFAULT, Method
-from gppcs.simplification import Result, resolved, simplify
+from gppcs.simplification import WHOLE, Result, resolved, simplify
 from gppcs.streaming.cluster import Cluster
 from gppcs.streaming.passes import simplify_in_passes
-from gppcs.streaming.plan import plan
+from gppcs.streaming.plan import GUESS, plan
 from gppcs.streaming.sizes import bytes_of
 
 
@@ -22,6 +27,13 @@ def simplify_files(
     *,
     ratio: float | None = None,
     n_points: int | None = None,
+    tolerance: float | str | None = None,
+    measure: Measure | None = None,
+    spacing: float | str | None = None,
+    max_gap: float | str | None = None,
+    unit: str | None = None,
+    keep: str | ArrayLike | None = None,
+    weight: str | ArrayLike | None = None,
     method: str | Method = DEFAULT,
     seed: int | None = None,
     invalid: Literal["error", "drop"] = "error",
@@ -29,6 +41,9 @@ def simplify_files(
     scores: bool = False,
     box: Sequence[float] | None = None,
     resolution: float | None = None,
+    only: str | None = None,
+    drop: str | None = None,
+    polygon: str | os.PathLike[str] | None = None,
     assume_same_crs: bool = False,
     memory: int | str | None = None,
     scratch: str | os.PathLike[str] | None = None,
@@ -54,7 +69,9 @@ def simplify_files(
         stands for the files that it lists.
     ratio, n_points, method, seed, invalid, normals, scores, stages
         As for `gppcs.simplify`. Normals need all points in memory.
-    box, resolution
+    tolerance, measure, spacing, max_gap, unit, keep, weight
+        As for `gppcs.simplify`. They need all points in memory.
+    box, resolution, only, drop, polygon
         As for `gppcs.read`: which points of each file to read. Only these are the cloud, and `indices` are rows
         among them.
     assume_same_crs : bool
@@ -110,14 +127,21 @@ def simplify_files(
     stages, normals, scores = Stages.of(stages), flag("normals", normals), flag("scores", scores)
     resume = flag("resume", resume)
     options: dict[str, Any] = {"ratio": ratio, "n_points": n_points, "invalid": invalid, "scores": scores}
-    with CloudFiles.of(paths, None, None, box, resolution, assume_same_crs) as files:
+    query = Query.of(box, resolution, only, drop, polygon)
+    amount = Amount.of(ratio, n_points, tolerance, spacing, max_gap, measure)
+    asked: dict[str, Any] = {"tolerance": tolerance, "spacing": spacing, "max_gap": max_gap}
+    asked |= {"keep": keep, "weight": weight}
+    whole = next((name for name in WHOLE if asked[name] is not None), "normals" if normals else None)
+    with CloudFiles.of(paths, None, None, query, assume_same_crs) as files:
         chosen, limit = resolved(method, seed), None if memory is None else bytes_of(memory)
         cluster = None if client is None else Cluster(client)
-        made = plan(files, chosen, ratio, n_points, limit, "normals" if normals else None, cluster is not None)
+        share = GUESS if amount.ratio is None and amount.n_points is None else ratio
+        made = plan(files, chosen, share, n_points, limit, whole, cluster is not None)
         if made.in_memory:
             with stages("reading"):
                 cloud = files.read()
-            return simplify(cloud, method=chosen, normals=normals, stages=stages, **options)
+            asked |= {"measure": measure, "unit": unit, "normals": normals}
+            return simplify(cloud, method=chosen, stages=stages, **options, **asked)
         folder = None if scratch is None else file_path(scratch)
         options |= {"scratch": folder, "cluster": cluster, "resume": resume}
         return simplify_in_passes(files, made, chosen, stages=stages, **options)[0]

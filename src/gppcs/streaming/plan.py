@@ -24,6 +24,7 @@ PART = (
     1 << 22
 )  # Points of a part of a file, where many are kept: the scheduler holds what a task returns to the client.
 TASKS = 10_000  # Tasks of a pass over one large file: many more would be much to do for the scheduler.
+GUESS = 0.1  # Share of the points that are kept, if only the work tells their number.
 ROWS_PER_KEPT = 40  # Points of a chunk for each point kept: some for each cell, so that most are dropped at once.
 
 
@@ -119,7 +120,7 @@ def plan(
     head = files.head()
     n, row = head.points, _bytes_of_row(head.cloud)
     if files.query and not n:
-        found = "expected points in the box, found none; "
+        found = f"expected points {files.query.wanted}, found none; "
         raise InputError(f"{found}gppcs.info shows where they lie", command=f"{found}gppcs info shows where they lie")
     kept = number_to_keep(n, ratio, n_points) if n else 0
     in_memory = PROGRAM + max(2 * row * n, row * n + 24 * n + method.memory(n, kept))

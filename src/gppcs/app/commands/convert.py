@@ -12,9 +12,12 @@ from gppcs.app.printing import (
     Ascii,
     Box,
     Columns,
+    Drop,
     Force,
     From,
+    Inside,
     Lossy,
+    Only,
     Resolution,
     To,
     names_of,
@@ -49,6 +52,9 @@ def convert(
     ascii: Ascii = None,  # noqa: A002
     columns: Columns = None,
     box: Box = None,
+    only: Only = None,
+    drop: Drop = None,
+    polygon: Inside = None,
     resolution: Resolution = None,
     invalid: Annotated[
         Literal["keep", "drop"],
@@ -68,7 +74,7 @@ def convert(
     io.format_to_write(target, output_format, ascii)
     io.check_output(target, force)
     io.check_distinct([target], [source])
-    part = (names_of(columns), numbers_of(box), resolution)
+    part = (names_of(columns), numbers_of(box), resolution, only, drop, polygon)
     cloud, _, unread = io.load(source, input_format, *part, assume_same_crs)
     if invalid == "drop" and (n := len(cloud.non_finite())):
         cloud = cloud.take(cloud.finite_rows())

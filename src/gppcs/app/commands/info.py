@@ -15,7 +15,10 @@ from gppcs.app.printing import (
     FAILURES,
     Box,
     Columns,
+    Drop,
+    Inside,
     Json,
+    Only,
     Resolution,
     names_of,
     numbers_of,
@@ -40,6 +43,9 @@ def info(
     ],
     columns: Columns = None,
     box: Box = None,
+    only: Only = None,
+    drop: Drop = None,
+    polygon: Inside = None,
     resolution: Resolution = None,
     as_json: Json = False,
 ) -> None:
@@ -49,6 +55,7 @@ def info(
     still shown, and the exit code is 2.
     """
     part: dict[str, Any] = {"columns": names_of(columns), "box": numbers_of(box), "resolution": resolution}
+    part |= {"only": only, "drop": drop, "polygon": polygon}
     failed = False
     for file in sources_of(files):
         try:

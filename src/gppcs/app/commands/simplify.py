@@ -33,15 +33,20 @@ from gppcs.app.printing import (
     Ascii,
     Box,
     Columns,
+    Drop,
     Force,
     From,
+    Inside,
     Invalid,
     Json,
+    Keep,
     Lossy,
+    Only,
     Quiet,
     Resolution,
     Threads,
     To,
+    Weight,
     figure_rows,
     names_of,
     note_left_out,
@@ -52,13 +57,26 @@ from gppcs.app.printing import (
     rows_of_seconds,
     tell,
 )
-from gppcs.app.quantities import Points, Ratio, count_of, share_of
+from gppcs.app.quantities import (
+    ErrorMeasure,
+    MaxGap,
+    Points,
+    Ratio,
+    Spacing,
+    Tolerance,
+    Unit,
+    count_of,
+    share_of,
+)
 from gppcs.app.viewpoint import Colour, Up, View, require_picture, viewpoint_of
+from gppcs.clouds.lengths import option
 from gppcs.engine.memory import peak_memory
 from gppcs.engine.stages import COMPILATION
 from gppcs.engine.threads import set_threads
 from gppcs.errors import InputError, OutputError, ParameterError, file_path
 from gppcs.methods import DEFAULT, METHODS, Method, method_named
+from gppcs.simplification import WHOLE
+from gppcs.streaming.plan import GUESS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -77,6 +95,8 @@ EPILOG = (
     "[bold]Examples[/bold]\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.03 --figures\n\n"
     "gppcs simplify scan.ply -o small.ply --points 5000 --method fps\n\n"
+    "gppcs simplify scan.ply -o small.ply --tolerance 0.02%\n\n"
+    "gppcs simplify scan.laz -o small.laz --spacing 50cm --keep 'classification == 6' --drop 'classification == 7'\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --set feature_weight=0.8\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --normals\n\n"
     "gppcs simplify a.ply b.ply -o folder/ --ratio 10% --json\n\n"
@@ -120,6 +140,13 @@ def simplify(
     ],
     ratio: Ratio = None,
     points: Points = None,
+    tolerance: Tolerance = None,
+    measure: ErrorMeasure = None,
+    spacing: Spacing = None,
+    max_gap: MaxGap = None,
+    unit: Unit = None,
+    keep: Keep = None,
+    weight: Weight = None,
     method: Annotated[
         str,
         typer.Option(help="Name of the method, from the list below.", autocompletion=lambda: list(METHODS)),
@@ -136,6 +163,9 @@ def simplify(
     ascii: Ascii = None,  # noqa: A002
     columns: Columns = None,
     box: Box = None,
+    only: Only = None,
+    drop: Drop = None,
+    polygon: Inside = None,
     resolution: Resolution = None,
     invalid: Invalid = "error",
     normals: Annotated[
@@ -157,8 +187,8 @@ def simplify(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Add to each kept point its row in the input, counted from 0, as NAME; with --box, its row among the "
-            "points in the box.",
+            help="Add to each kept point its row in the input, counted from 0, as NAME; with --box, --only "
+            "and so on, its row among the points that are read.",
         ),
     ] = None,
     mark: Annotated[
@@ -208,13 +238,20 @@ def simplify(
     """
     from gppcs.io import check_distinct
     from gppcs.io.query import Query
-    from gppcs.simplification import simplify as simplified
+    from gppcs.simplification import check_options
     from gppcs.streaming.sizes import bytes_of
 
     set_threads(threads)
     options: dict[str, Any] = {
         "ratio": None if ratio is None else share_of(ratio),
         "n_points": None if points is None else count_of(points),
+        "tolerance": tolerance,
+        "measure": measure,
+        "spacing": spacing,
+        "max_gap": max_gap,
+        "unit": unit,
+        "keep": keep,
+        "weight": weight,
         "method": method_named(method, _parsed(settings or [])),
         "seed": seed,
         "invalid": invalid,
@@ -227,9 +264,9 @@ def simplify(
         raise ParameterError(
             "expected --mark without --normals, --scores and --index-attribute, which only kept points have"
         )
-    simplified([[0.0, 0.0, 0.0]], **options)  # checks the options before long work
+    check_options(**options)
     limit = None if memory is None else bytes_of(memory)
-    query = Query.of(numbers_of(box), resolution)
+    query = Query.of(numbers_of(box), resolution, only, drop, polygon)
     merged = sources_of(inputs) if merge else []
     outputs = outputs_of(merged[:1] or inputs, output, output_format, ascii)
     sources, targets = list(outputs.targets), list(outputs.targets.values())
@@ -345,7 +382,7 @@ class _Job:
         with CloudFiles(sources, self.input_format, self.columns, self.query, self.assume_same_crs) as files:
             method = resolved(self.options["method"], self.options["seed"])
             shared = self.cluster is not None
-            made = plan(files, method, options["ratio"], options["n_points"], self.limit, self._whole(), shared)
+            made = plan(files, method, *self._amount(), self.limit, self._whole(), shared)
             if self.dry_run:
                 return _DryRun(sources, target, made, expected_seconds(files, made, method))
             if made.in_memory:
@@ -412,9 +449,19 @@ class _Job:
         report_page(Named(original, cloud), [Named(simplified, result.cloud)], made, self.viewpoint).write(page)
         return page.getvalue()
 
+    def _amount(self) -> tuple[float | None, int | None]:
+        """Return share and number of points for the plan, with a guess if the points themselves decide."""
+        ratio, n_points = self.options["ratio"], self.options["n_points"]
+        if ratio is not None or n_points is not None:
+            return ratio, n_points
+        if self.dry_run:
+            raise ParameterError("expected --ratio or --points with --dry-run, as only the work tells another amount")
+        return GUESS, None
+
     def _whole(self) -> str | None:
         """Return the option that takes all points at once, if any."""
         wanted = {
+            **{option(name): self.options[name] is not None for name in WHOLE},
             "--normals": self.options["normals"],
             "--mark": self.mark is not None,
             "--figures": self.figures,

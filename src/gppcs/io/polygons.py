@@ -1,0 +1,99 @@
+"""Polygons of GeoJSON files, and which points are inside."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.errors import FileFormatError, file_path
+
+Ring: TypeAlias = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Polygons:
+    """Polygons in the plane of x and y.
+
+    Attributes
+    ----------
+    rings : tuple of rings
+        The corners (x, y) of closed lines around areas and around their holes; the first corner follows the last.
+    """
+
+    rings: tuple[Ring, ...]
+
+    def holds(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which points are inside: a line from there to infinity crosses the rings an odd number of times.
+
+        Parameters
+        ----------
+        points : (N, 3) array
+            In the coordinate system of the polygons. Their heights do not matter.
+
+        Returns
+        -------
+        (N,) array
+            Of two polygons with a common border, each point of it is inside one.
+        """
+        x, y = points[:, 0], points[:, 1]
+        inside = np.zeros(len(points), dtype=np.bool_)
+        for ring in self.rings:
+            for (ax, ay), (bx, by) in zip(ring, ring[1:] + ring[:1], strict=True):
+                if ay != by:
+                    beside = (ay > y) != (by > y)
+                    inside[beside] ^= x[beside] < ax + (y[beside] - ay) / (by - ay) * (bx - ax)
+        return inside
+
+
+def read_polygons(path: str | os.PathLike[str]) -> Polygons:
+    """Read the polygons of a GeoJSON file.
+
+    Parameters
+    ----------
+    path : path
+        A Polygon or MultiPolygon, a collection of such, or features with such.
+
+    Returns
+    -------
+    Polygons
+
+    Raises
+    ------
+    FileFormatError
+        If the file is no GeoJSON or has no polygon.
+    OSError
+        If it does not exist or cannot be read.
+    """
+    source = file_path(path)
+    try:
+        rings = tuple(_rings(json.loads(source.read_bytes())))
+    except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
+        raise FileFormatError(f"{source}: expected polygons in GeoJSON, but {error}") from error
+    if not rings:
+        raise FileFormatError(f"{source}: expected a polygon in GeoJSON, found none")
+    return Polygons(rings)
+
+
+def _rings(content: Any) -> Iterator[Ring]:
+    """Yield the rings of all polygons in an object of GeoJSON."""
+    kind = content["type"]
+    if kind == "Polygon":
+        for ring in content["coordinates"]:
+            corners = tuple((float(x), float(y)) for x, y, *_ in ring)
+            if len(corners) < 3 or not np.isfinite(corners).all():
+                raise ValueError("a ring has no three finite corners")
+            yield corners
+    elif kind == "MultiPolygon":
+        for coordinates in content["coordinates"]:
+            yield from _rings({"type": "Polygon", "coordinates": coordinates})
+    else:
+        parts = {"Feature": "geometry", "FeatureCollection": "features", "GeometryCollection": "geometries"}
+        inner = content[parts[kind]] if kind in parts else []
+        for part in inner if isinstance(inner, list) else filter(None, [inner]):
+            yield from _rings(part)
