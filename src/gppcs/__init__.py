@@ -51,6 +51,8 @@ Judge a simplification
     figures_of               unit and definition of each figure of a report
     Figure                   unit and definition of one figure
     compare                  run several methods on one cloud and evaluate each result
+    curve                    the error of methods over the number of points
+    Curve                    what `curve` returns for one method
     Entry                    what `compare` returns for one method
     compare_meshes           make a light mesh in several ways and evaluate each
     MeshEntry                what `compare_meshes` returns for one way
@@ -110,6 +112,7 @@ from typing import TYPE_CHECKING, Any
 from gppcs.clouds import display, reading
 
 if TYPE_CHECKING:
+    from gppcs.amounts.curve import Curve
     from gppcs.clouds.cloud import PointCloud
     from gppcs.clouds.depth_camera import from_depth
     from gppcs.clouds.header import Header
@@ -129,6 +132,7 @@ if TYPE_CHECKING:
         ParameterError,
     )
     from gppcs.evaluation.comparison import Entry, compare
+    from gppcs.evaluation.curves import curve
     from gppcs.evaluation.judge import evaluate, evaluate_mesh
     from gppcs.evaluation.mesh_comparison import MeshEntry, compare_meshes
     from gppcs.evaluation.report import Figure, MeshReport, Rebuilt, Report, figures_of
@@ -166,6 +170,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {  # the module that defines each public name
+    "amounts.curve": ("Curve",),
     "clouds.cloud": ("PointCloud",),
     "clouds.header": ("Header",),
     "clouds.depth_camera": ("from_depth",),
@@ -185,6 +190,7 @@ _HOMES = {  # the module that defines each public name
         "ParameterError",
     ),
     "evaluation.comparison": ("Entry", "compare"),
+    "evaluation.curves": ("curve",),
     "evaluation.judge": ("evaluate", "evaluate_mesh"),
     "evaluation.mesh_comparison": ("MeshEntry", "compare_meshes"),
     "evaluation.report": ("Figure", "MeshReport", "Rebuilt", "Report", "figures_of"),
@@ -227,6 +233,7 @@ __all__ = [
     "WLOP",
     "ChunkedPoints",
     "ClusterError",
+    "Curve",
     "Entry",
     "FarthestPoint",
     "FarthestPointVariation",
@@ -269,6 +276,7 @@ __all__ = [
     "__version__",
     "compare",
     "compare_meshes",
+    "curve",
     "estimate_features",
     "estimate_normals",
     "evaluate",

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from gppcs.amounts.accuracy import Measure
 from gppcs.amounts.amount import Amount
 from gppcs.amounts.choice import Scale, choose_amount
+from gppcs.amounts.curve import Curve, checked_sizes, halves, measured_curve
 from gppcs.amounts.guide import Guide
 from gppcs.clouds import display
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
@@ -22,7 +23,7 @@ from gppcs.engine.ahead import compiled_ahead
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import Stages, in_words
 from gppcs.errors import InputError, ParameterError, flag, number, one_of, shown, whole_number
-from gppcs.methods import DEFAULT, Method, Selection, method_named
+from gppcs.methods import DEFAULT, METHODS, Method, Selection, method_named
 
 WHOLE = ("tolerance", "spacing", "max_gap", "keep", "weight")  # arguments that need all points in memory
 
@@ -44,6 +45,8 @@ class Result(ComparedByValue):
         an entry of its own, `compilation`.
     diagnostics : mapping of str to float
         Figures that the method reports about its run, such as fitted hyperparameters.
+    original : PointCloud or None
+        The cloud that was simplified, for `curve`. None for files larger than memory and for copies by pickle.
 
     Examples
     --------
@@ -60,12 +63,90 @@ class Result(ComparedByValue):
     method: Method
     seconds: Mapping[str, float]
     diagnostics: Mapping[str, float]
+    original: PointCloud | None = field(default=None, repr=False, compare=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "original": None}  # which is large, and is there where the result comes from
 
     def __repr__(self) -> str:
         return f"Result({len(self.indices):,} points by {self.method.label} in {in_words(self.seconds)})"
 
     def _repr_html_(self) -> str:
         return display.html_of(self)
+
+    def prefix(self, n_points: int) -> Result:
+        """Return the first points, which are a simplification to fewer points.
+
+        Parameters
+        ----------
+        n_points : int
+            From 1 to the number of points of the result.
+
+        Returns
+        -------
+        Result
+            With the diagnostics and times of the whole run.
+
+        Raises
+        ------
+        ParameterError
+            If the method does not rank its points, or there are fewer.
+
+        Examples
+        --------
+        >>> result = gppcs.simplify(gppcs.sample("bracket", n_points=2000), n_points=200, method="fps")
+        >>> len(result.prefix(50).cloud)
+        50
+        """
+        count = whole_number("the number of points", n_points, 1)
+        if count > len(self.indices):
+            raise ParameterError(f"expected at most {len(self.indices):,} points, as the result has, found {count:,}")
+        self._require_ranking()
+        return replace(self, indices=self.indices[:count], cloud=self.cloud.take(np.arange(count)))
+
+    def curve(self, original: CloudLike | None = None, *, sizes: Sequence[float] | None = None) -> Curve:
+        """Return the errors of the first points of the result, over their number.
+
+        Parameters
+        ----------
+        original : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes, optional
+            The cloud that was simplified. It is only needed if the result does not know it.
+        sizes : sequence of int or float, optional
+            Numbers of points, or shares of the result below 1. By default all of its points, half of them, and so on.
+
+        Returns
+        -------
+        Curve
+
+        Raises
+        ------
+        InputError
+            If the original is not known, or not finite.
+        ParameterError
+            If the method does not rank its points, or a size is none.
+
+        Examples
+        --------
+        >>> result = gppcs.simplify(gppcs.sample("bracket", n_points=2000), n_points=400, method="fps")
+        >>> result.curve().sizes
+        array([ 12,  25,  50, 100, 200, 400])
+        """
+        self._require_ranking()
+        whole = self.original if original is None else PointCloud.of(original)
+        if whole is None:
+            raise InputError("the result does not know its original: expected it as result.curve(original)")
+        count = len(self.indices)
+        wanted = halves(count) if sizes is None else checked_sizes(sizes, count)
+        finite = whole.take(whole.finite_rows()) if len(whole.non_finite()) else whole
+        return measured_curve(finite, self.method, wanted, lambda m: self.cloud.take(np.arange(m)), Stages())
+
+    def _require_ranking(self) -> None:
+        """Raise an error if the first points are no simplification."""
+        if not self.method.ranks:
+            ranking = ", ".join(name for name, method in METHODS.items() if method.ranks)
+            raise ParameterError(f"method {self.method.name!r} does not rank its points; these do: {ranking}")
+        if self.original is not None and len(self.indices) >= len(self.original):
+            raise ParameterError("all points were kept, in the order of the cloud, which is no ranking; ask for fewer")
 
     def show(
         self, original: CloudLike | None = None, *, up: str | None = None, view: tuple[float, float] | None = None
@@ -220,7 +301,7 @@ def simplify(
             kept = _with_normals(kept, points, selection)
     if scores:
         kept = with_scores(kept, chosen_method, selection)
-    return Result(indices, kept, chosen_method, stages.seconds, selection.diagnostics)
+    return Result(indices, kept, chosen_method, stages.seconds, selection.diagnostics, cloud)
 
 
 def check_options(

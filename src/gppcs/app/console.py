@@ -9,6 +9,8 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from gppcs.amounts.accuracy import Measure
+from gppcs.amounts.curve import Curve
 from gppcs.app.tables import Row, columns_of, shown, units_of
 
 
@@ -67,3 +69,33 @@ def print_table(title: str, rows: Mapping[str, str]) -> None:
     width = max(map(len, rows))
     for name, value in rows.items():
         console.print(f"{name:<{width}}  {value}".rstrip())
+
+
+def print_curves(title: str, curves: Sequence[Curve], measure: Measure, n: int) -> None:
+    """Print the errors of methods over their numbers of points, and the knee of each.
+
+    Parameters
+    ----------
+    title : str
+        The first line.
+    curves : sequence of Curve
+        At least one, of the same sizes.
+    measure : str
+        Which error is printed.
+    n : int
+        The number of points of the original.
+    """
+    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
+    titles = ["points", "share", *(each.method.label for each in curves)]
+    for name in titles:
+        table.add_column(name, justify="right", min_width=len(name))
+    for row, size in enumerate(curves[0].sizes.tolist()):
+        errors = [float(each.errors[measure][row]) for each in curves]
+        cells = [f"{error:.4g} ({error / each.diagonal or 0:.3%})" for error, each in zip(errors, curves, strict=True)]
+        table.add_row(f"{size:,}", f"{size / n:.2%}", *cells)
+    console = Console(width=max(Console().width, 24 * len(titles)), highlight=False)
+    console.print(title, style="bold", highlight=False, markup=False)
+    console.print(table)
+    console.print(f"{measure} error in the unit of the coordinates, and as a share of the diagonal", style="dim")
+    for each in curves:
+        console.print(f"knee of {each.method.label}: {each.knee(measure):,} points", markup=False)

@@ -16,6 +16,7 @@ from gppcs import __version__
 from gppcs.app.commands import (
     compare,
     convert,
+    curve,
     evaluate,
     info,
     mesh,
@@ -84,6 +85,7 @@ app.command(cls=_Command, epilog=simplify.EPILOG)(simplify.simplify)
 app.command(cls=_Command, epilog=mesh.EPILOG)(mesh.mesh)
 app.command(cls=_Command, epilog=evaluate.EPILOG)(evaluate.evaluate)
 app.command(cls=_Command, epilog=compare.EPILOG)(compare.compare)
+app.command(cls=_Command, epilog=curve.EPILOG)(curve.curve)
 app.command(cls=_Command, epilog=report.EPILOG)(report.report)
 app.command(cls=_Command, epilog=view.EPILOG)(view.view)
 app.command(cls=_Command, epilog=render.EPILOG)(render.render)

@@ -106,13 +106,17 @@ def count_of(text: str, option: str = "--points") -> int:
     return value.numerator
 
 
-def share_of(text: str) -> float:
+def share_of(text: str, option: str = "--ratio", hint: str = "for a number of points use --points") -> float:
     """Return the share that a text means.
 
     Parameters
     ----------
     text : str
         A number, or a percentage such as 3%.
+    option : str
+        Whose value the text is, for the error message.
+    hint : str
+        The end of the message: what to do for a number of points.
 
     Returns
     -------
@@ -129,6 +133,5 @@ def share_of(text: str) -> float:
         return float(Fraction(percent["number"]) / 100) if percent else float(text)
     except (ValueError, OverflowError):
         raise ParameterError(
-            f"expected --ratio to be a number, such as 0.03 or 3%, found {shown(text)}; "
-            "for a number of points use --points"
+            f"expected {option} to be a number, such as 0.03 or 3%, found {shown(text)}; {hint}"
         ) from None

@@ -105,6 +105,48 @@ class LocalGP(Method):
         assert selection is not None
         return selection
 
+    def guided(
+        self,
+        points: NDArray[np.float64],
+        n_points: int,
+        fixed: int,
+        weights: NDArray[np.float64] | None,
+        stages: Stages,
+    ) -> Selection:
+        """Choose the points where the first `fixed` are not, with a density multiplied by weights; see `Method.guided`.
+
+        The field is conditioned on the first points from the start.
+        """
+        import numpy as np
+
+        from gppcs.gp.local.candidates import finest_candidates, nested_candidates
+        from gppcs.gp.local.guiding import after_fixed, refinement, with_fixed
+        from gppcs.gp.local.ranking import rank
+        from gppcs.gp.local.survey import survey
+        from gppcs.spatial.chunks import ChunkedPoints, Places
+
+        if weights is not None:  # those of points that are chosen anyway may be 0
+            weights = np.maximum(weights, weights[weights > 0.0].min())
+        chunked, density = ChunkedPoints.of(points), self.candidates * refinement(weights)
+        area, noise, sharpness = survey(chunked, n_points, density, stages)
+        finest = finest_candidates(chunked, n_points, area, density, sharpness, stages)
+        sharp = sharpness.dense(0, len(points))
+        if finest.thinned:
+            finest = with_fixed(finest, fixed, points, sharp)
+        else:
+            finest = finest._replace(places=Places(np.arange(len(points)), points, sharp))
+        rows = finest.places.rows
+        candidates = after_fixed(nested_candidates(finest, n_points, density, stages), fixed)
+        ranking = rank(
+            finest.places.points, candidates, self.criterion, noise, stages, fixed,
+            None if weights is None else weights[rows],
+        )  # fmt: skip
+        return Selection(
+            rows[ranking.indices],
+            {"noise_in_spacings": noise.level / noise.spacing if noise.spacing > 0.0 else 0.0},
+            attributes={"score": ranking.scores, "deviation": ranking.deviations},
+        )
+
     def in_passes(self, points: ChunkedPoints, n_points: int, stages: Stages) -> Selection | None:
         """Choose the points, unless all of them would be measured, or be candidates; see `Method.in_passes`.
 

@@ -16,6 +16,7 @@ from gppcs.engine.stages import Stages
 from gppcs.gp.local.candidates import Candidates
 from gppcs.gp.local.density import ROUNDING, desired_spacings, segregation
 from gppcs.gp.local.greedy import extend
+from gppcs.gp.local.guiding import weighted
 from gppcs.gp.local.kernel import LocalField
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.noise import Noise, Observations
@@ -75,6 +76,8 @@ def rank(
     criterion: Criterion,
     noise: Noise,
     stages: Stages | None = None,
+    fixed: int = 0,
+    weights: NDArray[np.float64] | None = None,
 ) -> Ranking:
     """Choose points, the most important first.
 
@@ -88,19 +91,23 @@ def rank(
     noise : Noise
     stages : Stages, optional
         Times "noise", "features" and "greedy selection". A step of the last is one point.
+    fixed : int
+        The first so many points are chosen from the start. They are candidates of each stage, which wants more.
+    weights : (N,) array, optional
+        Multiplies the density of the chosen points; above 0.
 
     Returns
     -------
     Ranking
-        M points, the number that the last stage wants.
+        M points, the number that the last stage wants. Scores and deviations of the fixed ones are 0.
     """
     clock = stages or Stages()
     with clock("noise"):
         observations = noise.observe(points)
-    chosen = np.empty(0, dtype=np.int64)
-    scores, deviations = [], []
+    chosen = np.arange(fixed)
+    scores, deviations = [np.zeros(fixed)], [np.zeros(fixed)]
     for stage in candidates:
-        chosen, score, deviation = _extended(chosen, points, stage, criterion, observations, clock)
+        chosen, score, deviation = _extended(chosen, points, stage, criterion, observations, weights, clock)
         scores.append(score)
         deviations.append(deviation)
     return Ranking(chosen, np.concatenate(scores), np.concatenate(deviations))
@@ -112,11 +119,14 @@ def _extended(
     stage: Candidates,
     criterion: Criterion,
     observations: Observations,
+    weights: NDArray[np.float64] | None,
     clock: Stages,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
     """Return the rows chosen before with those that a stage adds, and the scores and deviations of these."""
     with clock("features"):
         tree, field = _observed(points[stage.indices], stage, criterion, observations.take(stage.indices))
+    if weights is not None:
+        field = field._replace(spacings=weighted(field.spacings, weights[stage.indices[tree.order]]))
     with clock("greedy selection", stage.target - len(chosen)) as advanced:
         before = tree.positions()[np.searchsorted(stage.indices, chosen)]  # they are candidates of this stage
         extended, scores, deviations = extend(

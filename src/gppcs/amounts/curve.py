@@ -1,0 +1,180 @@
+"""The error of a simplification over its number of points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.amounts.accuracy import MEASURES, Measure, Original
+from gppcs.clouds.cloud import PointCloud
+from gppcs.engine.equality import ComparedByValue
+from gppcs.engine.stages import Stages
+from gppcs.errors import ParameterError, number, one_of, shown, whole_number
+from gppcs.methods import Method
+
+SHARES = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # sizes of a curve, if no others are asked for
+FEWEST = 10  # points of such a size, at least
+
+
+@dataclass(frozen=True, eq=False)
+class Curve(ComparedByValue):
+    """The errors of simplifications of one cloud to several numbers of points.
+
+    Attributes
+    ----------
+    method : Method
+        What has made them.
+    sizes : (k,) array, int64
+        Numbers of points, ascending.
+    errors : mapping of str to (k,) array
+        "mean", "rms", "p95" and "max": the figures `surface_mean` to `surface_max` of `gppcs.Report`, in the unit of
+        the cloud.
+    diagonal : float
+        Of the bounding box of the original.
+
+    Examples
+    --------
+    >>> cloud = gppcs.sample("bracket", n_points=2000)
+    >>> (curve,) = gppcs.curve(cloud, ["fps"], sizes=[50, 100, 200])
+    >>> isinstance(curve, gppcs.Curve)
+    True
+    >>> curve.sizes, curve.errors["mean"].shape, curve.knee()
+    (array([ 50, 100, 200]), (3,), 100)
+    """
+
+    method: Method
+    sizes: NDArray[np.int64]
+    errors: Mapping[Measure, NDArray[np.float64]]
+    diagonal: float
+
+    def knee(self, measure: Measure = "p95") -> int:
+        """Return the size from which on more points gain little.
+
+        It is the point of the curve that is farthest below the line between its ends, if the errors and the numbers of
+        points are both scaled to 0 to 1 (Satopää et al. 2011). So it depends on the range of the sizes.
+
+        Parameters
+        ----------
+        measure : str
+            Which error counts.
+
+        Returns
+        -------
+        int
+            One of the sizes.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such error.
+        """
+        one_of("measure", measure, MEASURES)
+        below = 1.0 - _scaled(self.sizes) - _scaled(self.errors[measure])
+        return int(self.sizes[int(np.argmax(below))])
+
+
+def _scaled(values: NDArray[Any]) -> NDArray[np.float64]:
+    least, most = float(values.min()), float(values.max())
+    return (values - least) / (most - least) if most > least else np.zeros(len(values))
+
+
+def measured_curve(
+    original: PointCloud, method: Method, sizes: NDArray[np.int64], kept: Callable[[int], PointCloud], stages: Stages
+) -> Curve:
+    """Measure simplifications of a cloud.
+
+    Parameters
+    ----------
+    original : PointCloud
+        N finite points.
+    method : Method
+        What has made the simplifications.
+    sizes : (k,) array, int64
+    kept : callable
+        Returns the simplification of a size.
+    stages : Stages
+        Times "accuracy". A step is a size.
+
+    Returns
+    -------
+    Curve
+    """
+    from gppcs.spatial.cells import first_occurrences
+    from gppcs.spatial.scaling import Frame, bounds
+
+    low, high = bounds(original.points)
+    frame = Frame.around(low, high)
+    places = frame.local(original.points)
+    measured = Original.of(places[first_occurrences(places)])
+    found = []
+    for size in sizes.tolist():
+        simplified = kept(size).points
+        with stages("accuracy"):
+            found.append(measured.errors((simplified - frame.corner) / 2.0**frame.exponent))
+    errors = {name: np.ldexp([each[name] for each in found], frame.exponent) for name in MEASURES}
+    diagonal = float(np.ldexp(np.linalg.norm(np.ldexp(high - low, -frame.exponent)), frame.exponent))
+    return Curve(method, sizes, errors, diagonal)
+
+
+def checked_sizes(sizes: Any, n: int) -> NDArray[np.int64]:
+    """Return numbers of points, ascending.
+
+    Parameters
+    ----------
+    sizes : sequence of int or float
+        Numbers of points, or shares of them below 1.
+    n : int
+        N, the number of points.
+
+    Returns
+    -------
+    (k,) array, int64
+        Each from 1 to N.
+
+    Raises
+    ------
+    ParameterError
+        If they are none.
+    """
+    if isinstance(sizes, str) or not isinstance(sizes, Sequence | np.ndarray) or len(sizes) == 0:
+        raise ParameterError(f"expected sizes such as [0.01, 0.1] or [500, 5000], found {shown(sizes)}")
+    counts = [
+        max(1, round(number(size) * n)) if 0 < number(size) < 1 else whole_number("a size", size, 1) for size in sizes
+    ]
+    return np.unique(np.minimum(np.array(counts, dtype=np.int64), n))
+
+
+def usual_sizes(n: int) -> NDArray[np.int64]:
+    """Return the sizes of a curve of a cloud.
+
+    Parameters
+    ----------
+    n : int
+        N, the number of its points.
+
+    Returns
+    -------
+    (k,) array, int64
+    """
+    return np.unique([min(max(FEWEST, round(share * n)), n) for share in SHARES])
+
+
+def halves(n: int) -> NDArray[np.int64]:
+    """Return the sizes of the curve of a ranking.
+
+    Parameters
+    ----------
+    n : int
+        The number of its points.
+
+    Returns
+    -------
+    (k,) array, int64
+        All of them, half of them and so on, as long as they are `FEWEST`.
+    """
+    sizes = n // 2 ** np.arange(n.bit_length())
+    return np.unique(sizes[(sizes >= FEWEST) | (sizes == n)])

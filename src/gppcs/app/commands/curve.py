@@ -1,0 +1,132 @@
+"""The command `gppcs curve`: the error of methods over the number of points."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gppcs.amounts.accuracy import Measure
+from gppcs.app.printing import (
+    Box,
+    Columns,
+    Drop,
+    Force,
+    Inside,
+    Invalid,
+    Json,
+    Only,
+    Quiet,
+    Threads,
+    names_of,
+    numbers_of,
+    print_json,
+    progress,
+)
+from gppcs.app.quantities import count_of, share_of
+from gppcs.engine.threads import set_threads
+from gppcs.errors import OutputError, file_path
+from gppcs.methods import DEFAULT
+
+if TYPE_CHECKING:
+    from gppcs.amounts.curve import Curve
+
+EPILOG = (
+    "[bold]Examples[/bold]\n\n"
+    "gppcs curve scan.ply\n\n"
+    "gppcs curve scan.ply --methods gp,fps,voxel --sizes 1%,2%,5%,10% --measure mean --plot curve.png\n\n"
+    "The knee is the size from which on more points gain little: the point that is farthest below the line between "
+    "the ends of the curve, with both axes scaled to 0 to 1."
+)
+
+
+def curve(
+    cloud: Annotated[
+        Path, typer.Argument(metavar="IN", parser=file_path, help="A point cloud file.", show_default=False)
+    ],
+    methods: Annotated[
+        str, typer.Option(metavar="NAME,...", help="Names of the methods, separated by commas. See gppcs methods.")
+    ] = DEFAULT,
+    sizes: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SIZE,...",
+            help="Numbers of points and shares, such as 1%,5%,20k.",
+            show_default="0.1% to 20%",
+        ),
+    ] = None,
+    measure: Annotated[
+        Measure,
+        typer.Option(help="Which error: 95 % of the points are as near as that (p95), or the mean, rms or largest."),
+    ] = "p95",
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="PNG", parser=file_path, help="Draw the curves. Needs the extra picture."),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of random numbers. Methods without random numbers ignore it.")
+    ] = None,
+    columns: Columns = None,
+    box: Box = None,
+    only: Only = None,
+    drop: Drop = None,
+    polygon: Inside = None,
+    invalid: Invalid = "error",
+    threads: Threads = None,
+    force: Force = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Print the error over the number of points, for one method or several side by side.
+
+    The first points of a ranking are judged if the method ranks its points (gp, fps, random, sample-elimination and
+    top-variation). Other methods run once for each size.
+    """
+    from gppcs import io
+    from gppcs.app.console import print_curves
+    from gppcs.drawing.curves import draw_curves
+    from gppcs.engine.extras import require_matplotlib
+    from gppcs.engine.stages import Stages
+    from gppcs.evaluation.comparison import checked_methods
+    from gppcs.evaluation.curves import curve as measured
+
+    set_threads(threads)
+    chosen = checked_methods([name.strip() for name in methods.split(",")], None, 1, seed)
+    wanted = None if sizes is None else [_size(text.strip()) for text in sizes.split(",")]
+    if plot is not None:
+        if not io.is_standard(plot) and plot.suffix.lower() != ".png":
+            raise OutputError(f"{plot}: expected a name that ends in .png for the plot")
+        require_matplotlib()
+        io.check_distinct([plot], [cloud])
+        io.check_output(plot, force)
+    query: dict[str, Any] = {"box": numbers_of(box), "only": only, "drop": drop, "polygon": polygon}
+    original = io.load(cloud, columns=names_of(columns), **query).cloud
+    curves = measured(original, chosen, sizes=wanted, invalid=invalid, stages=Stages(progress(quiet)))
+    if plot is not None:
+        with io.whole_output(plot, force) as file:
+            draw_curves(file, curves, measure)
+    if as_json:
+        for each in curves:
+            print_json({"input": str(cloud), **_record(each, measure)})
+    elif not quiet:
+        print_curves(str(cloud), curves, measure, len(original))
+
+
+def _size(text: str) -> float:
+    """Return a number of points, or a share below 1, that a text means."""
+    if "%" in text or text.startswith("0."):
+        return share_of(text, "--sizes", "a number of points is whole")
+    return count_of(text, "--sizes")
+
+
+def _record(curve: Curve, measure: Measure) -> dict[str, object]:
+    """Return a curve as the record that `--json` prints."""
+    errors = {name: values.tolist() for name, values in curve.errors.items()}
+    return {
+        "method": curve.method.name,
+        "points": curve.sizes.tolist(),
+        "errors": errors,
+        "diagonal": curve.diagonal,
+        "knee": curve.knee(measure),
+    }
