@@ -40,6 +40,7 @@ Measure a cloud
     Summary                  what `info` returns
     estimate_features        surface variation and normal of each point
     Features                 what `estimate_features` returns
+    find_outliers            which points neither their neighbours nor the surface explain
     estimate_normals         normals with consistent signs, at the points or elsewhere on the surface
 
 Judge a simplification
@@ -165,6 +166,7 @@ if TYPE_CHECKING:
     from gppcs.spatial.kdtree import KdTree
     from gppcs.streaming.files import simplify_files
     from gppcs.surface.normals import estimate_normals
+    from gppcs.surface.outliers import find_outliers
     from gppcs.surface.surface_variation import Features, estimate_features
 
 __version__ = "0.1.0"
@@ -223,6 +225,7 @@ _HOMES = {  # the module that defines each public name
     "spatial.chunks": ("ChunkedPoints", "Places", "SparseValues"),
     "spatial.kdtree": ("KdTree",),
     "surface.normals": ("estimate_normals",),
+    "surface.outliers": ("find_outliers",),
     "surface.surface_variation": ("Features", "estimate_features"),
 }
 
@@ -282,6 +285,7 @@ __all__ = [
     "evaluate",
     "evaluate_mesh",
     "figures_of",
+    "find_outliers",
     "from_depth",
     "info",
     "mesh",

@@ -25,6 +25,8 @@ from gppcs.app.large_files import (
     print_plan,
     titled,
 )
+from gppcs.app.levels import NAME as LEVEL
+from gppcs.app.levels import Levels, LevelsOption, level_of_each
 from gppcs.app.outputs import Outputs, outputs_of, sources_of
 from gppcs.app.pages import different_names, how_made
 from gppcs.app.printing import (
@@ -99,6 +101,7 @@ EPILOG = (
     "gppcs simplify scan.laz -o small.laz --spacing 50cm --keep 'classification == 6' --drop 'classification == 7'\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --set feature_weight=0.8\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --normals\n\n"
+    "gppcs simplify scan.ply -o 'scan_{level}.ply' --levels 10%,3%,1%\n\n"
     "gppcs simplify a.ply b.ply -o folder/ --ratio 10% --json\n\n"
     "gppcs simplify tile1.laz tile2.laz --merge -o small.laz --ratio 0.2% --memory 4GB\n\n"
     "gppcs simplify scans -o '{parent}/{stem}_small.ply' --points 5k\n\n"
@@ -144,6 +147,7 @@ def simplify(
     measure: ErrorMeasure = None,
     spacing: Spacing = None,
     max_gap: MaxGap = None,
+    levels: LevelsOption = None,
     unit: Unit = None,
     keep: Keep = None,
     weight: Weight = None,
@@ -167,6 +171,19 @@ def simplify(
     drop: Drop = None,
     polygon: Inside = None,
     resolution: Resolution = None,
+    drop_outliers: Annotated[
+        bool,
+        typer.Option(
+            "--drop-outliers",
+            help="Leave out the points that neither their neighbours nor the surface explain, before the choice.",
+        ),
+    ] = False,
+    outliers: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", parser=file_path, help="Do the same, and write the points that are left out to a file."
+        ),
+    ] = None,
     invalid: Invalid = "error",
     normals: Annotated[
         bool,
@@ -258,6 +275,9 @@ def simplify(
         "normals": normals,
         "scores": scores,
     }
+    wanted = None if levels is None else _checked_levels(levels, options, mark)
+    if wanted:
+        options |= wanted.finest
     viewpoint = viewpoint_of(view, up, picture is not None or report is not None)
     require_picture(colour, picture is not None)
     if mark is not None and (normals or scores or index_attribute is not None):
@@ -268,18 +288,25 @@ def simplify(
     limit = None if memory is None else bytes_of(memory)
     query = Query.of(numbers_of(box), resolution, only, drop, polygon)
     merged = sources_of(inputs) if merge else []
-    outputs = outputs_of(merged[:1] or inputs, output, output_format, ascii)
-    sources, targets = list(outputs.targets), list(outputs.targets.values())
+    naming = outputs_of if wanted is None else wanted.outputs
+    named = naming(merged[:1] or inputs, output, output_format, ascii)
+    by_level = named if isinstance(named, list) else [named]
+    outputs = by_level[-1]
+    sources = list(outputs.targets)
     if picture:
         _check_picture(picture, sources, force)
     if report:
         _check_drawn("--report", report, (".html", ".htm"), sources, force)
-    check_distinct([*targets, *filter(None, (picture, report))], [*inputs, *(merged or sources)])
+    written = [target for level in by_level for target in level.targets.values()]
+    if outliers is not None:
+        _check_single("--outliers", sources)
+        Outputs({sources[0]: outliers}, makes_folders=False).check(outliers, force)
+    check_distinct([*written, *filter(None, (picture, report, outliers))], [*inputs, *(merged or sources)])
     with cluster_of(workers, scheduler) as cluster:
         job = _Job(
-            outputs, merged, options, input_format, names_of(columns), query, index_attribute, mark, figures, picture,
-            colour, report, context.obj, viewpoint, limit, assume_same_crs, scratch, cluster, resume, dry_run, force,
-            lossy, quiet,
+            outputs, by_level, wanted, merged, options, input_format, names_of(columns), query, index_attribute, mark,
+            figures, picture, colour, report, context.obj, viewpoint, limit, assume_same_crs, scratch, cluster, resume,
+            dry_run, force, lossy, quiet, drop_outliers or outliers is not None, outliers,
         )  # fmt: skip
         succeeded = [_reported(job, source, as_json) for source in sources]
     if not all(succeeded):
@@ -309,6 +336,17 @@ def _reported(job: _Job, source: Path, as_json: bool) -> bool:
     return True
 
 
+def _checked_levels(text: str, options: dict[str, Any], mark: str | None) -> Levels:
+    """Return the levels, after checking that they fit the other options."""
+    given = [option(name) for name in ("ratio", "n_points", "tolerance", "spacing", "max_gap") if options[name]]
+    if given or mark is not None:
+        raise ParameterError(f"expected --levels without {(given or ['--mark'])[0]}")
+    if not options["method"].ranks:
+        ranking = ", ".join(name for name, method in METHODS.items() if method.ranks)
+        raise ParameterError(f"method {options['method'].name!r} does not rank its points; these do: {ranking}")
+    return Levels.of(text)
+
+
 def _parsed(settings: list[str]) -> dict[str, str]:
     """Return settings of the form KEY=VALUE as a dictionary."""
     for setting in settings:
@@ -325,12 +363,17 @@ def _check_picture(picture: Path, inputs: list[Path], force: bool) -> None:
     require_matplotlib()
 
 
+def _check_single(option: str, inputs: list[Path]) -> None:
+    """Check that there is one input, for an option that names one file."""
+    if len(inputs) > 1:
+        raise ParameterError(f"expected one input with {option}, found {len(inputs)}")
+
+
 def _check_drawn(option: str, path: Path, suffixes: tuple[str, ...], inputs: list[Path], force: bool) -> None:
     """Check that what an option draws of one input can be written to a file whose name ends in one of the suffixes."""
     from gppcs.io import check_writable
 
-    if len(inputs) > 1:
-        raise ParameterError(f"expected one input with {option}, found {len(inputs)}")
+    _check_single(option, inputs)
     if path.suffix.lower() not in suffixes:
         raise OutputError(f"{path}: expected a name that ends in {suffixes[0]} for the {option.removeprefix('--')}")
     check_writable(path, force)
@@ -341,6 +384,8 @@ class _Job:
     """What to do with each input, or with all of `merged`; `options` are the arguments of `gppcs.simplify`."""
 
     outputs: Outputs
+    by_level: list[Outputs]
+    levels: Levels | None
     merged: list[Path]
     options: dict[str, Any]
     input_format: str | None
@@ -363,6 +408,8 @@ class _Job:
     force: bool
     lossy: bool
     quiet: bool
+    drop_outliers: bool
+    outliers: Path | None
 
     def run(self, source: Path) -> _Run | _DryRun:
         """Simplify one cloud."""
@@ -374,7 +421,8 @@ class _Job:
         from gppcs.streaming.plan import expected_seconds, plan
 
         target, sources = self.outputs.targets[source], self.merged or [source]
-        self.outputs.check(target, self.force)
+        for level in self.by_level:
+            level.check(level.targets[source], self.force)
         stages = Stages(progress(self.quiet))
         measured: Report | None = None
         drawn: dict[Path, bytes] = {}
@@ -395,9 +443,7 @@ class _Job:
         if self.index_attribute is not None:
             result = replace(result, cloud=_with_attribute(result.cloud, self.index_attribute, result.indices))
         with stages("writing"):
-            self.outputs.make_folder(target)
-            to = self.outputs
-            lost = io.store(target, result.cloud, to.format, self.force, self.lossy, to.ascii)
+            lost = self._store(source, result, points)
             for path, content in drawn.items():
                 with io.whole_file(path, self.force) as file:
                     file.write(content)
@@ -405,12 +451,34 @@ class _Job:
         self._note_all_kept(source, len(result.indices))
         return _Run(sources, target, points, made.passes, result, measured)
 
+    def _store(self, source: Path, result: Result, points: int) -> list[str]:
+        """Write the result, or its levels, and return what is left out."""
+        import numpy as np
+
+        from gppcs import io
+
+        clouds = [result.cloud]
+        if self.levels is not None:
+            if len(result.indices) == points:
+                raise InputError(f"expected a finest level of less than all {points:,} points, found all of them")
+            counts = self.levels.counts(len(result.indices))
+            if len(self.by_level) > 1:
+                clouds = [result.cloud.take(np.arange(count)) for count in counts]
+            else:
+                clouds = [_with_attribute(result.cloud, LEVEL, level_of_each(counts))]
+        for to, cloud in zip(self.by_level, clouds, strict=True):
+            target = to.targets[source]
+            to.make_folder(target)
+            lost = io.store(target, cloud, to.format, self.force, self.lossy, to.ascii)
+        return lost
+
     def _in_memory(
         self, files: CloudFiles, target: Path, stages: Stages
     ) -> tuple[Result, int, Report | None, dict[Path, bytes]]:
         """Return the result, the number of points, the figures if wanted, and picture and page by their files."""
         import numpy as np
 
+        from gppcs import io
         from gppcs.drawing.attributes import Colourable
         from gppcs.evaluation.judge import evaluate
         from gppcs.simplification import simplify
@@ -418,6 +486,11 @@ class _Job:
         with stages("reading"):
             cloud = files.read()
         self._check_storable(target, cloud)
+        if self.drop_outliers:
+            with stages("outliers"):
+                cloud, strays = _without_outliers(cloud)
+        else:
+            strays = None
         if self.colour is not None:
             Colourable.of(cloud).require(self.colour)
         result = simplify(cloud, stages=stages, **self.options)
@@ -435,6 +508,12 @@ class _Job:
             kept = np.zeros(len(cloud), dtype=np.uint8)
             kept[result.indices] = 1
             result = replace(result, cloud=_with_attribute(cloud, self.mark, kept))
+        if strays is not None:
+            left_out = {**result.diagnostics, "outliers": float(len(strays))}
+            result = replace(result, diagnostics=left_out)
+            if self.outliers is not None:
+                with stages("writing"):
+                    note_left_out(self.outliers, io.store(self.outliers, strays, None, self.force, self.lossy, None))
         return result, len(cloud), measured, drawn
 
     def _page(self, cloud: PointCloud, result: Result, target: Path) -> bytes:
@@ -463,6 +542,7 @@ class _Job:
         wanted = {
             **{option(name): self.options[name] is not None for name in WHOLE},
             "--normals": self.options["normals"],
+            "--drop-outliers": self.drop_outliers,
             "--mark": self.mark is not None,
             "--figures": self.figures,
             "--picture": self.picture,
@@ -485,7 +565,8 @@ class _Job:
         ]
         zeros = dict.fromkeys(names, np.zeros(len(cloud), np.float32))
         cloud = replace(cloud, attributes={**cloud.attributes, **zeros})
-        for name, dtype in ((self.index_attribute, np.int64), (self.mark, np.uint8)):
+        level = LEVEL if self.levels is not None and len(self.by_level) == 1 else None
+        for name, dtype in ((self.index_attribute, np.int64), (self.mark, np.uint8), (level, np.uint8)):
             if name is not None:
                 cloud = _with_attribute(cloud, name, np.zeros(len(cloud), dtype))
         io.check_storable(target, cloud, self.outputs.format, self.lossy, self.outputs.ascii)
@@ -498,6 +579,16 @@ class _Job:
             print_error(
                 f"note: {source}: all of its {kept:,} points{usable} were kept, fewer than the {asked:,} asked for"
             )
+
+
+def _without_outliers(cloud: PointCloud) -> tuple[PointCloud, PointCloud]:
+    """Return a cloud without its outliers, and these."""
+    import numpy as np
+
+    from gppcs.surface.outliers import find_outliers
+
+    mask = find_outliers(cloud)
+    return cloud.take(np.flatnonzero(~mask)), cloud.take(np.flatnonzero(mask))
 
 
 def _with_attribute(cloud: PointCloud, name: str, values: NDArray[Any]) -> PointCloud:

@@ -1,0 +1,124 @@
+"""The option `--levels`: simplifications to several sizes at once, of which each is the start of the next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from gppcs.app.outputs import Outputs, outputs_of
+from gppcs.app.quantities import count_of, share_of
+from gppcs.errors import ParameterError, shown
+
+LevelsOption = Annotated[
+    str | None,
+    typer.Option(
+        "--levels",
+        metavar="SIZE,...",
+        help="Make several sizes at once, such as 10%,3%,1% or 50k,5k, of which each is the start of the next. With "
+        "{level} in the name, each is a file: level 0 is the coarsest. Otherwise OUT is the finest, and its attribute "
+        "level tells to which level each point belongs first. In place of --points.",
+    ),
+]
+FIELD = "{level}"
+NAME = "level"  # of the attribute
+
+
+@dataclass(frozen=True)
+class Levels:
+    """The sizes, from coarse to fine; either shares or numbers of points."""
+
+    sizes: tuple[float, ...]
+    are_shares: bool
+
+    @classmethod
+    def of(cls, text: str) -> Levels:
+        """Read the value of `--levels`.
+
+        Parameters
+        ----------
+        text : str
+
+        Returns
+        -------
+        Levels
+
+        Raises
+        ------
+        ParameterError
+            If it is no list of different shares or numbers of points.
+        """
+        words = [word.strip() for word in text.split(",")]
+        are_shares = [word.endswith("%") or word.startswith(("0.", ".")) for word in words]
+        if any(are_shares) != all(are_shares):
+            raise ParameterError(f"expected --levels with shares or with numbers, found both in {shown(text)}")
+        if all(are_shares):
+            sizes = {share_of(word, "--levels", "a number of points is whole") for word in words}
+            fine = all(0 < size < 1 for size in sizes)
+        else:
+            sizes = {float(count_of(word, "--levels")) for word in words}
+            fine = all(size >= 1 for size in sizes)
+        if not fine or len(sizes) < len(words):
+            raise ParameterError(
+                f"expected --levels with different sizes below all points, such as 10%,3%,1%, found {shown(text)}"
+            )
+        return cls(tuple(sorted(sizes)), all(are_shares))
+
+    @property
+    def finest(self) -> dict[str, Any]:
+        """The arguments of `gppcs.simplify` for the finest level."""
+        return {"ratio": self.sizes[-1]} if self.are_shares else {"n_points": round(self.sizes[-1])}
+
+    def counts(self, kept: int) -> list[int]:
+        """Return the number of points of each level.
+
+        Parameters
+        ----------
+        kept : int
+            Those of the finest level.
+
+        Returns
+        -------
+        list of int
+        """
+        scale = kept / self.sizes[-1] if self.are_shares else 1.0
+        return [min(max(1, round(size * scale)), kept) for size in self.sizes]
+
+    def outputs(self, inputs: Sequence[Path], output: str, *options: Any) -> list[Outputs]:
+        """Return the outputs of each level, or of the finest only if `output` has no field for them.
+
+        Parameters
+        ----------
+        inputs : sequence of path
+        output : str
+        *options
+            As for `outputs_of`.
+
+        Returns
+        -------
+        list of Outputs
+        """
+        if FIELD not in output:
+            return [outputs_of(inputs, output, *options)]
+        return [outputs_of(inputs, output.replace(FIELD, str(level)), *options) for level in range(len(self.sizes))]
+
+
+def level_of_each(counts: Sequence[int]) -> NDArray[np.uint8]:
+    """Return to which level each point belongs first.
+
+    Parameters
+    ----------
+    counts : sequence of int
+        Points of each level, from coarse to fine.
+
+    Returns
+    -------
+    (M,) array, uint8
+        Of the points of the finest level.
+    """
+    return np.repeat(np.arange(len(counts), dtype=np.uint8), np.diff([0, *counts]))
