@@ -10,28 +10,71 @@ from numpy.typing import NDArray
 from gppcs.gp.local.candidates import Candidates, Finest
 from gppcs.spatial.chunks import Places
 
+GROUPS = 9  # Weights are compared in groups: quantiles, or single weights if there are no more.
+FEWEST = 24  # Chosen points of a group from which on it is compared.
+SMALLER = 0.7  # The logarithm of what is lacking, from stage to stage: it goes as the spacing.
+GREATEST_POWER = 1.2
 FINEST = 8.0  # Times the usual number of candidates at most, where large weights want many points in few places.
 
 
-def weighted(spacings: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return desired spacings of which the density is multiplied by weights.
+class Weighing:
+    """Multiplies the density of desired spacings by weights, and learns from each stage what that comes to.
 
-    The weights come after the gradation, so that the density jumps where they do.
+    Near a jump of the weights, and where normals turn much from one point to the next, the choice follows the desired
+    spacings less than it should. So the weights of the next stage get another power, by which the chosen points have
+    the densities that are wanted.
 
     Parameters
     ----------
-    spacings : (n,) array
-        In units of the target spacing.
-    weights : (n,) array
-        Above 0.
-
-    Returns
-    -------
-    (n,) array
-        The mean of 1 / spacing^2 is 1.
+    weights : (N,) array
+        Of the candidates of the last stage; above 0.
     """
-    density = weights * spacings**-2.0
-    return np.sqrt(np.mean(density) / density)
+
+    def __init__(self, weights: NDArray[np.float64]) -> None:
+        self._weights, self._power = weights, 1.0
+
+    def weighted(self, spacings: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return desired spacings of which the density is multiplied by weights.
+
+        The weights come after the gradation, so that the density jumps where they do.
+
+        Parameters
+        ----------
+        spacings : (n,) array
+            In units of the target spacing.
+        rows : (n,) array, int64
+            Of these candidates.
+
+        Returns
+        -------
+        (n,) array
+            The mean of 1 / spacing^2 is 1.
+        """
+        density = self._weights[rows] ** self._power * spacings**-2.0
+        return np.sqrt(np.mean(density) / density)
+
+    def learn(self, spacings: NDArray[np.float64], rows: NDArray[np.int64], chosen: NDArray[np.int64]) -> None:
+        """Compare the points chosen so far with those wanted, and change the power for the next stage.
+
+        Parameters
+        ----------
+        spacings, rows : (n,) arrays
+            As for `weighted`.
+        chosen : (m,) array, int64
+            Which of the candidates are chosen.
+        """
+        weights = self._weights[rows]
+        edges = np.unique(np.quantile(weights, np.linspace(0.0, 1.0, GROUPS), method="lower"))
+        group = np.searchsorted(edges, weights, side="right") - 1
+        wanted = np.bincount(group, weights * spacings**-2.0, len(edges))
+        found = np.bincount(group[chosen], minlength=len(edges))
+        known = (wanted > 0.0) & (found >= FEWEST)
+        if known.sum() < 2:
+            return
+        means = np.bincount(group, np.log(weights), len(edges))[known] / np.bincount(group, minlength=len(edges))[known]
+        slope = np.polyfit(means, np.log(found[known] / wanted[known]), 1, w=np.sqrt(found[known]))[0]
+        lacking = self._power / max(1.0 + slope, 0.1)
+        self._power = float(np.clip(lacking**SMALLER, 1.0, GREATEST_POWER))
 
 
 def refinement(weights: NDArray[np.float64] | None) -> float:

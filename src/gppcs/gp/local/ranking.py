@@ -16,7 +16,7 @@ from gppcs.engine.stages import Stages
 from gppcs.gp.local.candidates import Candidates
 from gppcs.gp.local.density import ROUNDING, desired_spacings, segregation
 from gppcs.gp.local.greedy import extend
-from gppcs.gp.local.guiding import weighted
+from gppcs.gp.local.guiding import Weighing
 from gppcs.gp.local.kernel import LocalField
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.noise import Noise, Observations
@@ -106,8 +106,9 @@ def rank(
         observations = noise.observe(points)
     chosen = np.arange(fixed)
     scores, deviations = [np.zeros(fixed)], [np.zeros(fixed)]
+    weighing = None if weights is None else Weighing(weights)
     for stage in candidates:
-        chosen, score, deviation = _extended(chosen, points, stage, criterion, observations, weights, clock)
+        chosen, score, deviation = _extended(chosen, points, stage, criterion, observations, weighing, clock)
         scores.append(score)
         deviations.append(deviation)
     return Ranking(chosen, np.concatenate(scores), np.concatenate(deviations))
@@ -119,21 +120,24 @@ def _extended(
     stage: Candidates,
     criterion: Criterion,
     observations: Observations,
-    weights: NDArray[np.float64] | None,
+    weighing: Weighing | None,
     clock: Stages,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
     """Return the rows chosen before with those that a stage adds, and the scores and deviations of these."""
     with clock("features"):
         tree, field = _observed(points[stage.indices], stage, criterion, observations.take(stage.indices))
-    if weights is not None:
-        field = field._replace(spacings=weighted(field.spacings, weights[stage.indices[tree.order]]))
+    rows, spacings = stage.indices[tree.order], field.spacings
+    if weighing is not None:
+        field = field._replace(spacings=weighing.weighted(spacings, rows))
     with clock("greedy selection", stage.target - len(chosen)) as advanced:
         before = tree.positions()[np.searchsorted(stage.indices, chosen)]  # they are candidates of this stage
         extended, scores, deviations = extend(
             field, tree, before, stage.target, criterion.neighbours, criterion.error_weight
         )
         advanced(stage.target - len(chosen))
-    return stage.indices[tree.order[extended]], scores, deviations
+    if weighing is not None:
+        weighing.learn(spacings, rows, extended)
+    return rows[extended], scores, deviations
 
 
 def _observed(

@@ -1,0 +1,133 @@
+"""The fewest points that reach an accuracy."""
+
+import math
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.amounts.accuracy import MEASURES, Original, fewest_points
+from gppcs.engine.stages import Stages
+
+CLOUD = gppcs.sample("bracket", n_points=4000)
+DIAGONAL = gppcs.info(CLOUD).diagonal
+
+
+def error(kept, measure="p95"):
+    """What `gppcs.evaluate` says of some of the points."""
+    return getattr(gppcs.evaluate(CLOUD, kept), f"surface_{measure}")
+
+
+@pytest.mark.parametrize("measure", MEASURES)
+def test_a_tolerance_is_reached_and_five_per_cent_fewer_points_of_the_ranking_miss_it(measure):
+    tolerance = {"mean": 0.3, "rms": 0.6, "p95": 1.0, "max": 4.0}[measure]
+    result = gppcs.simplify(CLOUD, tolerance=tolerance, measure=measure)
+    reached = error(result.cloud, measure)
+    assert reached <= tolerance
+    assert result.diagnostics[f"surface_{measure}"] == pytest.approx(reached, rel=1e-9)
+    fewer = result.prefix(math.floor(0.95 * len(result.indices)))
+    assert error(fewer.cloud, measure) > tolerance
+
+
+@pytest.mark.parametrize("method", ["fps", "random", "voxel"])
+def test_other_methods_reach_it_too(method):
+    result = gppcs.simplify(CLOUD, tolerance=1.0, method=method)
+    assert error(result.cloud) <= 1.0
+    assert error(gppcs.simplify(CLOUD, n_points=round(0.94 * len(result.indices)), method=method).cloud) > 1.0
+
+
+def test_the_written_file_reaches_it(tmp_path):
+    gppcs.write(tmp_path / "scan.ply", CLOUD)
+    result = gppcs.simplify(tmp_path / "scan.ply", tolerance="0.5%")
+    gppcs.write(tmp_path / "small.ply", result.cloud)
+    report = gppcs.evaluate(tmp_path / "scan.ply", tmp_path / "small.ply")
+    assert report.surface_p95 <= 0.005 * report.diagonal
+
+
+def test_lengths_with_units_and_shares_mean_the_same():
+    kept = [
+        gppcs.simplify(CLOUD, **wanted).indices.tolist()
+        for wanted in (
+            {"tolerance": 1.0},
+            {"tolerance": "1"},
+            {"tolerance": "1mm", "unit": "mm"},
+            {"tolerance": "0.1 cm", "unit": "mm"},
+            {"tolerance": f"{100 / DIAGONAL!r}%"},
+        )
+    ]
+    assert all(each == kept[0] for each in kept)
+
+
+def test_a_shifted_and_scaled_cloud_keeps_the_same_points():
+    moved = CLOUD.points * 1024.0 + [500_000.0, 5_400_000.0, 0.0]
+    result = gppcs.simplify(moved, tolerance=1024.0, method="fps")
+    assert len(result.indices) == pytest.approx(
+        len(gppcs.simplify(CLOUD, tolerance=1.0, method="fps").indices), rel=0.01
+    )
+
+
+def test_repeats_count_once():
+    twice = np.concatenate([CLOUD.points, CLOUD.points])
+    assert (
+        gppcs.simplify(twice, tolerance=1.0).indices.tolist() == gppcs.simplify(CLOUD, tolerance=1.0).indices.tolist()
+    )
+
+
+def test_a_tiny_tolerance_takes_all_points_and_a_large_one_a_single_point():
+    assert len(gppcs.simplify(CLOUD, tolerance=1e-12).indices) == len(CLOUD)
+    assert len(gppcs.simplify(CLOUD, tolerance=1e6).indices) == 1
+    assert gppcs.simplify([[0.0, 0.0, 0.0]], tolerance=1.0).indices.tolist() == [0]
+
+
+def test_errors_are_those_of_evaluate():
+    kept = CLOUD.points[::40]
+    report = gppcs.evaluate(CLOUD, kept)
+    for measure, value in Original.of(CLOUD.points).errors(kept).items():
+        assert value == pytest.approx(getattr(report, f"surface_{measure}"), rel=1e-9)
+
+
+def test_the_fewest_points_of_a_known_error_are_found_in_few_steps(monkeypatch):
+    """With an error of 1 / M, which does not come from any surface."""
+    sizes = []
+
+    def errors(self, kept):
+        sizes.append(len(kept))
+        return dict.fromkeys(MEASURES, 1.0 / len(kept))
+
+    monkeypatch.setattr(Original, "errors", errors)
+    points, method = CLOUD.points[:3000], gppcs.FarthestPoint()
+    for wanted in (1, 2, 37, 1000, 1500, 2900):
+        sizes.clear()
+        selection, found = fewest_points(
+            points, 1.0 / wanted, "p95", lambda m: method(points, min(m, 2999)), True, 1, Stages()
+        )  # fmt: skip
+        assert wanted <= len(selection.indices) <= max(wanted + 1, 1.02 * wanted)
+        assert found["p95"] <= 1.0 / wanted
+        assert len(sizes) < 40
+
+
+WRONG = [
+    ({}, "found neither; or give a tolerance, a spacing or a largest gap"),
+    ({"tolerance": 0}, "above 0, which is what all points give, and finite, found 0"),
+    ({"tolerance": -1}, "found -1"),
+    ({"tolerance": math.nan}, "a length, such as 0.5, 0.5mm or 0.02%, found nan"),
+    ({"tolerance": math.inf}, "finite, found inf"),
+    ({"tolerance": "half"}, "a length, such as .*, found 'half'"),
+    ({"tolerance": "1 mmm"}, "a unit, found 'mmm' in '1 mmm'; did you mean 'mm'?"),
+    ({"tolerance": True}, "a length, .*found True"),
+    ({"tolerance": 1, "unit": "parsec"}, "the name of a unit of length, found 'parsec'"),
+    ({"tolerance": 1, "n_points": 5}, "one of ratio, n_points, tolerance and spacing, found n_points and tolerance"),
+    ({"tolerance": 1, "measure": "p99"}, "measure to be 'mean' or 'rms' or 'p95' or 'max', found 'p99'"),
+    ({"ratio": 0.1, "measure": "p95"}, "expected a tolerance together with measure"),
+]
+
+
+@pytest.mark.parametrize(("wanted", "message"), WRONG)
+def test_what_cannot_be_asked_for_is_refused(wanted, message):
+    with pytest.raises(gppcs.ParameterError, match=message):
+        gppcs.simplify(CLOUD, **wanted)
+
+
+def test_a_unit_needs_that_of_the_cloud():
+    with pytest.raises(gppcs.InputError, match=r"does not say in which unit.*how much 0\.5mm is; give unit="):
+        gppcs.simplify(CLOUD, tolerance="0.5mm")

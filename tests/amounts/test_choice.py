@@ -1,0 +1,174 @@
+"""A spacing, a largest gap, points to keep and weights."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+import gppcs
+
+CLOUD = gppcs.sample("bracket", n_points=4000)
+BALL = gppcs.sample("sphere", n_points=20_000)
+UPPER = BALL.points[:, 2] > BALL.points[:, 2].mean()
+
+
+def gaps(points):
+    """Distance of each point to its nearest neighbour."""
+    return cKDTree(points).query(points, k=2)[0][:, 1]
+
+
+def covering(kept, points=CLOUD.points):
+    return cKDTree(kept).query(points)[0].max()
+
+
+def test_the_mean_spacing_of_gp_is_that_asked_for():
+    """The area of the sphere is known."""
+    result = gppcs.simplify(BALL, spacing=4.0)
+    radius = np.ptp(BALL.points[:, 2]) / 2.0
+    assert len(result.indices) == pytest.approx(4.0 * np.pi * radius**2 / 16.0, rel=0.05)
+
+
+def test_fps_keeps_points_that_are_as_far_apart_as_asked_and_leaves_no_larger_gap():
+    kept = gppcs.simplify(CLOUD, spacing=4.0, method="fps").cloud.points
+    assert gaps(kept).min() >= 4.0
+    assert covering(kept) < 4.0
+
+
+def test_sample_elimination_keeps_points_that_are_as_far_apart_as_asked():
+    kept = gppcs.simplify(CLOUD, spacing=4.0, method="sample-elimination").cloud.points
+    assert gaps(kept).min() >= 4.0
+    assert covering(kept) < 9.0
+
+
+def test_voxel_keeps_one_point_for_each_cell_of_the_size_asked_for():
+    result = gppcs.simplify(CLOUD, spacing=4.0, method="voxel")
+    cells = np.floor((CLOUD.points - CLOUD.points.min(axis=0)) / 4.0)
+    assert len(result.indices) == len(np.unique(cells, axis=0))
+    assert len(np.unique(cells[result.indices], axis=0)) == len(result.indices)
+
+
+def test_a_method_without_a_spacing_says_which_have_one():
+    with pytest.raises(gppcs.ParameterError, match="method 'hc' has no spacing to ask for; use 'gp', 'fps'"):
+        gppcs.simplify(CLOUD, spacing=4.0, method="hc")
+    for method in gppcs.METHODS.values():
+        assert bool(method.spacing) == (method.at_spacing is not gppcs.Method.at_spacing)
+
+
+@pytest.mark.parametrize("method", ["gp", "voxel", "random"])
+def test_points_are_added_until_no_gap_is_too_large(method):
+    result = gppcs.simplify(CLOUD, n_points=200, max_gap=6.0, method=method)
+    assert covering(result.cloud.points) <= 6.0
+    assert len(result.indices) == 200 + result.diagnostics["added_in_gaps"]
+    first = gppcs.simplify(CLOUD, n_points=200, method=method)
+    assert (result.indices[:200] == first.indices).all()
+    assert len(np.unique(result.indices)) == len(result.indices)
+
+
+def test_a_largest_gap_alone_chooses_about_as_many_as_it_takes():
+    result = gppcs.simplify(CLOUD, max_gap=6.0, scores=True)
+    assert covering(result.cloud.points) <= 6.0
+    assert result.diagnostics["added_in_gaps"] < 0.6 * len(result.indices)
+    assert (result.cloud.attributes["score"][-1:] == 0.0).all()
+
+
+def test_points_to_keep_are_kept_come_first_and_count():
+    rows = np.random.default_rng(0).permutation(len(CLOUD))[:30]
+    mask = np.isin(np.arange(len(CLOUD)), rows)
+    result = gppcs.simplify(CLOUD, n_points=300, keep=mask)
+    assert len(np.unique(result.indices)) == 300
+    assert (result.indices[:30] == np.sort(rows)).all()
+    assert (gppcs.simplify(CLOUD, n_points=300, keep=rows).indices == result.indices).all()
+    assert (gppcs.simplify(CLOUD, n_points=30, keep=rows).indices == np.sort(rows)).all()
+
+
+def test_the_others_go_where_points_to_keep_are_not():
+    keep = np.flatnonzero(UPPER)[::20][:200]
+    others = gppcs.simplify(BALL, n_points=400, keep=keep).indices[200:]
+    assert np.median(cKDTree(BALL.points[keep]).query(BALL.points[others])[0]) > 4.0
+    assert UPPER[others].mean() < 0.3
+
+
+def test_points_to_keep_cost_little():
+    """A tenth of the points at random, as on the shared clouds in benchmarks/ask.py."""
+    keep = np.random.default_rng(0).permutation(len(BALL))[:100]
+    with_them, without = (gppcs.simplify(BALL, n_points=1000, **more).cloud for more in ({"keep": keep}, {}))
+    assert gppcs.evaluate(BALL, with_them).surface_mean < 1.03 * gppcs.evaluate(BALL, without).surface_mean
+
+
+def test_repeats_to_keep_are_kept():
+    points = np.concatenate([CLOUD.points, CLOUD.points[:5]])
+    result = gppcs.simplify(points, n_points=50, keep=[0, 1, 4000, 4001], scores=True)
+    assert set(result.indices[:4].tolist()) == {0, 1, 4000, 4001}
+    assert len(np.unique(result.indices)) == 50
+
+
+def test_points_to_keep_by_a_condition_and_without_invalid_ones():
+    points = CLOUD.points.copy()
+    points[7] = np.nan
+    cloud = gppcs.PointCloud(points, {"kind": (np.arange(len(points)) < 20).astype(np.uint8)})
+    result = gppcs.simplify(cloud, n_points=100, keep="kind == 1", invalid="drop")
+    assert result.indices[:19].tolist() == [row for row in range(20) if row != 7]
+
+
+def test_a_tolerance_with_points_to_keep():
+    keep = np.arange(60)
+    result = gppcs.simplify(CLOUD, tolerance=1.0, keep=keep)
+    assert (result.indices[:60] == keep).all()
+    assert gppcs.evaluate(CLOUD, result.cloud).surface_p95 <= 1.0
+    assert len(gppcs.simplify(CLOUD, tolerance=1e6, keep=keep).indices) == 60
+
+
+def test_a_weight_of_four_on_half_of_a_sphere_gives_four_times_the_points_there():
+    """Apart from the border, where the density has to pass from one to the other."""
+    upper = UPPER[gppcs.simplify(BALL, n_points=4000, weight=np.where(UPPER, 4.0, 1.0)).indices]
+    assert upper.sum() / (~upper).sum() == pytest.approx(4.0, rel=0.1)
+
+
+def test_only_the_ratio_of_weights_counts_and_points_without_weight_are_left_out():
+    weights = np.where(UPPER, 3.0, 0.0)
+    result = gppcs.simplify(BALL, n_points=200, weight=weights)
+    assert UPPER[result.indices].all()
+    assert (gppcs.simplify(BALL, n_points=200, weight=10.0 * weights).indices == result.indices).all()
+    lower = np.flatnonzero(~UPPER)[:10]
+    assert (gppcs.simplify(BALL, n_points=200, weight=weights, keep=lower).indices[:10] == lower).all()
+
+
+def test_a_weight_may_be_an_attribute():
+    cloud = gppcs.PointCloud(BALL.points, {"worth": np.where(UPPER, 4, 1).astype(np.uint8)})
+    by_name = gppcs.simplify(cloud, n_points=200, weight="worth").indices
+    assert (by_name == gppcs.simplify(BALL, n_points=200, weight=cloud.attributes["worth"]).indices).all()
+
+
+WRONG = [
+    ({"keep": range(6)}, gppcs.InputError, "points to keep: expected at most 5, .* found 6"),
+    ({"keep": [4000]}, gppcs.ParameterError, "rows from 0 to 3999, found 4000"),
+    ({"keep": [-1]}, gppcs.ParameterError, "found -1"),
+    ({"keep": [True]}, gppcs.ParameterError, "a mask of the 4,000 points"),
+    ({"keep": [0.5]}, gppcs.ParameterError, "a mask of the 4,000 points, or rows"),
+    ({"keep": "nzz > 0"}, gppcs.InputError, "at character 1 .* no attribute 'nzz'; did you mean 'nz'?"),
+    ({"keep": "nz >"}, gppcs.ParameterError, "at its end"),
+    ({"keep": [1], "method": "fps"}, gppcs.ParameterError, "'fps' can neither keep given points nor weigh them"),
+    ({"weight": -np.ones(4000)}, gppcs.InputError, "finite weights from 0 on, found -1 at index 0 and 3999 more"),
+    ({"weight": np.full(4000, np.inf)}, gppcs.InputError, "found inf at index 0"),
+    ({"weight": np.zeros(4000)}, gppcs.InputError, "a weight above 0 of at least one point"),
+    ({"weight": np.arange(4000) < 3}, gppcs.InputError, "at least 5 points of a weight above 0, found 3"),
+    ({"weight": [1.0]}, gppcs.ParameterError, "a number for each of the 4,000 points"),
+    ({"weight": "nzz"}, gppcs.InputError, "no attribute 'nzz' .*; did you mean 'nz'?"),
+]
+
+
+@pytest.mark.parametrize(("wanted", "error", "message"), WRONG)
+def test_what_cannot_be_asked_for_is_refused(wanted, error, message):
+    with pytest.raises(error, match=message):
+        gppcs.simplify(CLOUD, n_points=5, **wanted)
+
+
+def test_the_input_is_not_changed():
+    before, weights = CLOUD.points.copy(), np.ones(4000)
+    gppcs.simplify(CLOUD, n_points=50, keep=np.arange(5), weight=weights, max_gap=30.0)
+    assert (before == CLOUD.points).all()
+    assert (weights == 1.0).all()
+
+
+def test_the_number_of_threads_makes_no_difference(on_threads):
+    results = on_threads(lambda: gppcs.simplify(CLOUD, tolerance=1.0, keep=np.arange(9)).indices.tolist())
+    assert all(each == results[0] for each in results)

@@ -1,0 +1,137 @@
+"""The options that ask for an accuracy, a spacing, points to keep or leave out, and several sizes; `gppcs curve`."""
+
+import json
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gppcs
+from command_line import FAST, assert_one_line, files
+
+
+def test_a_tolerance_is_reached_by_evaluate(gppcs_command, scan):
+    code, out, _ = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--tolerance", "2%", "--measure", "mean")
+    assert code == 0
+    reached = float(out.split("surface_mean")[1].split()[0])
+    record = json.loads(gppcs_command("evaluate", "scan.ply", "out.ply", "--json")[1])
+    assert record["figures"]["surface_mean"] == pytest.approx(reached, rel=1e-3)
+    assert record["relative"]["surface_mean"] <= 0.02
+
+
+def test_options_do_what_the_library_does(gppcs_command, scan):
+    for options, wanted in (
+        (["--spacing", "1cm", "--unit", "mm", *FAST], {"spacing": 10.0, "method": "fps"}),
+        (["--points", 20, "--max-gap", 30, *FAST], {"n_points": 20, "max_gap": 30.0, "method": "fps"}),
+        (["--points", 50, "--keep", "z > 60"], {"n_points": 50, "keep": "z > 60"}),
+        (["--points", 50, "--weight", "red"], {"n_points": 50, "weight": "red"}),
+    ):
+        assert gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--force", *options)[0] == 0
+        assert (gppcs.read("out.ply").points == gppcs.simplify(scan, **wanted).cloud.points).all()
+
+
+def test_conditions_and_polygons(gppcs_command, scan):
+    Path("area.json").write_text('{"type": "Polygon", "coordinates": [[[-60, -60], [60, -60], [0, 60]]]}')
+    options = ["--only", "z > 5", "--drop", "nx > 0.5", "--polygon", "area.json"]
+    assert gppcs_command("convert", "scan.ply", "part.ply", *options)[0] == 0
+    part = gppcs.read("part.ply")
+    assert 0 < len(part) < len(scan)
+    assert part.points[:, 2].min() > 5
+    assert json.loads(gppcs_command("info", "scan.ply", "--json", *options)[1])["points"] == len(part)
+    assert gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--ratio", 1, *options)[0] == 0
+    assert gppcs.read("out.ply") == part
+
+
+@pytest.mark.parametrize("sizes", ["25%,10%,5%", "20,100,40"])
+def test_levels_are_nested_files_or_an_attribute(gppcs_command, scan, sizes):
+    assert gppcs_command("simplify", "scan.ply", "-o", "scan_{level}.ply", "--levels", sizes, *FAST)[0] == 0
+    levels = [gppcs.read(f"scan_{level}.ply").points for level in range(3)]
+    assert [len(level) for level in levels] == [20, 40, 100]
+    for coarse, fine in pairwise(levels):
+        assert (fine[: len(coarse)] == coarse).all()
+    assert gppcs_command("simplify", "scan.ply", "-o", "all.ply", "--levels", sizes, *FAST)[0] == 0
+    everything = gppcs.read("all.ply")
+    assert (everything.points == levels[-1]).all()
+    assert np.bincount(everything.attributes["level"]).tolist() == [20, 20, 60]
+
+
+def test_outliers_are_left_out_and_listed(gppcs_command, folder):
+    cloud = gppcs.sample("bracket", 5000, outliers=0.01)
+    gppcs.write("scan.ply", cloud)
+    words = ["simplify", "scan.ply", "-o", "out.ply", "--points", 300, "--outliers", "strays.ply", "--json", *FAST]
+    record = json.loads(gppcs_command(*words)[1])
+    strays = gppcs.read("strays.ply")
+    assert strays == cloud[gppcs.find_outliers(cloud)]
+    assert record["diagnostics"]["outliers"] == len(strays) > 10
+    assert record["points_in"] == 5000 - len(strays)
+    assert not set(map(tuple, gppcs.read("out.ply").points)) & set(map(tuple, strays.points))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        (["--tolerance", "1%", "--points", 5], ["one of --ratio, --points, --tolerance", "--points and --tolerance"]),
+        (["--tolerance", "0"], ["expected --tolerance to be above 0, which is what all points give"]),
+        (["--tolerance", "5 parsec"], ["expected --tolerance to have a unit, found 'parsec'"]),
+        (["--tolerance", "0.5mm"], ["scan.ply: the cloud does not say in which unit", "give --unit"]),
+        (["--tolerance", 1, "--unit", "mile"], ["a unit of length, found 'mile'"]),
+        (["--tolerance", 1, "--measure", "p99"], ["'p99' is not one of"]),
+        (["--points", 5, "--measure", "p95"], ["a tolerance together with --measure"]),
+        (["--tolerance", "1%", "--dry-run"], ["--ratio or --points with --dry-run"]),
+        (["--tolerance", "1%", "--memory", "1MB"], ["as --tolerance takes all points at once"]),
+        (["--points", 5, "--keep", "z > 0", "--memory", "1MB"], ["as --keep takes all points at once"]),
+        (["--max-gap", "-1"], ["expected --max-gap to be above 0"]),
+        (["--spacing", 5, "--method", "hc"], ["'hc' has no spacing"]),
+        (["--points", 5, "--keep", "z > 0"], ["scan.ply: points to keep: expected at most 5"]),
+        (["--points", 5, "--keep", "nzz > 0"], ["scan.ply: 'nzz > 0', at character 1", "did you mean 'nz'?"]),
+        (["--points", 5, "--keep", "nz > "], ["'nz >', at its end: expected conditions"]),
+        (["--points", 5, "--keep", "z > 0", *FAST], ["'fps' can neither keep"]),
+        (["--points", 5, "--only", "z > 999"], ["scan.ply: expected points with z > 999, found none"]),
+        (["--points", 5, "--only", "zz > 9"], ["scan.ply: 'zz > 9', at character 1", "no attribute 'zz'"]),
+        (["--points", 5, "--drop", "z = 9"], ["at character 3 ('= 9'): expected =="]),
+        (["--points", 5, "--polygon", "scan.ply"], ["scan.ply: expected polygons in GeoJSON"]),
+        (["--points", 5, "--polygon", "none.json"], ["none.json: No such file"]),
+        (["--points", 5, "--weight", "rad"], ["scan.ply: the cloud has no attribute 'rad'", "did you mean 'red'?"]),
+        (["--points", 5, "--weight", "nz"], ["scan.ply: expected finite weights from 0 on, found -"]),
+        (["--points", 5, "--outliers", "scan.ply"], ["a file other than the input scan.ply"]),
+        (["--levels", "5,10%"], ["with shares or with numbers, found both"]),
+        (["--levels", "5,5"], ["different sizes"]),
+        (["--levels", "5,10", "--points", 3], ["--levels without --points"]),
+        (["--levels", "5,10", "--method", "voxel"], ["'voxel' does not rank its points"]),
+        (["--levels", "5,1000", *FAST], ["scan.ply: expected a finest level of less than all 400 points"]),
+    ],
+)
+def test_what_cannot_be_asked_for_is_refused_and_leaves_no_file(gppcs_command, scan, arguments, parts):
+    assert_one_line(gppcs_command("simplify", "scan.ply", "-o", "out.ply", *arguments), *parts)
+    assert files() == ["scan.ply"]
+
+
+def test_curve_prints_a_table_and_draws_a_plot(gppcs_command, scan):
+    pytest.importorskip("matplotlib")
+    words = ["curve", "scan.ply", "--methods", "fps,random", "--sizes", "5%,50,100"]
+    code, out, _ = gppcs_command(*words, "--plot", "curve.png")
+    assert code == 0
+    fps = gppcs.curve(scan, ["fps"], sizes=[20, 50, 100])[0]
+    assert f"{fps.errors['p95'][1]:.4g}" in out
+    assert f"knee of fps: {fps.knee()} points" in out
+    assert Path("curve.png").read_bytes().startswith(b"\x89PNG")
+    records = [json.loads(line) for line in gppcs_command(*words, "--json", "-q")[1].splitlines()]
+    assert [record["method"] for record in records] == ["fps", "random"]
+    assert records[0]["points"] == [20, 50, 100]
+    assert records[0]["errors"]["p95"] == fps.errors["p95"].tolist()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        (["--sizes", "0"], "a size to be a whole number from 1 on, found 0"),
+        (["--sizes", "1.5"], "--sizes to be a whole number"),
+        (["--sizes", "x%"], "--sizes to be a number"),
+        (["--methods", "fsp"], "no method 'fsp'"),
+        (["--plot", "curve.jpg"], "a name that ends in .png for the plot"),
+    ],
+)
+def test_curve_refuses_what_it_cannot_do(gppcs_command, scan, arguments, part):
+    assert_one_line(gppcs_command("curve", "scan.ply", *arguments), part)
+    assert files() == ["scan.ply"]

@@ -1,0 +1,116 @@
+"""Conditions on attributes and coordinates."""
+
+import operator
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import gppcs
+from gppcs.clouds.expressions import Expression
+
+CLOUD = gppcs.PointCloud(
+    np.arange(15.0).reshape(5, 3),
+    {
+        "classification": np.array([1, 2, 6, 6, 2], np.uint8),
+        "intensity": np.array([1.0, 2.0, np.nan, 4.0, 5.0], np.float32),
+        "flag": np.array([1, 0, 1, 0, 1], bool),
+        "scan angle": np.arange(5),
+        "label": np.array(list("abcde")),
+        "pair": np.zeros((5, 2)),
+        "large": np.full(5, 2**63 + 1, np.uint64),
+    },
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "rows"),
+    [
+        ("classification == 6", [2, 3]),
+        ("Classification == 6", [2, 3]),
+        ("z > 2.5 and not intensity < 3", [2, 3, 4]),
+        ("z < 3 or x >= 12", [0, 4]),
+        ("classification in [2, 6]", [1, 2, 3, 4]),
+        ("classification not in (2, 6)", [0]),
+        ("classification in []", []),
+        ("2 < z <= 8", [1, 2]),
+        ("flag", [0, 2, 4]),
+        ("flag == 1", [0, 2, 4]),
+        ("not flag", [1, 3]),
+        ('attributes["scan angle"] % 2 == 1', [1, 3]),
+        ("label == 'c'", [2]),
+        ("label > 'c'", [3, 4]),
+        ("classification - 3 < 0", [0, 1, 4]),  # and not 254
+        ("-(x + 2 * y) / 2 <= -13", [3, 4]),
+        ("flag - flag == 0", [0, 1, 2, 3, 4]),
+        ("large - large == 0", [0, 1, 2, 3, 4]),
+        ("intensity != intensity", [2]),
+        ("x / 0 > 1", [1, 2, 3, 4]),
+        ("  z > 3\n", [1, 2, 3, 4]),
+        ("classification == 10000", []),
+        ("1 == 1", [0, 1, 2, 3, 4]),
+    ],
+)
+def test_conditions(text, rows):
+    assert np.flatnonzero(Expression.of(text).mask(CLOUD)).tolist() == rows
+
+
+@given(
+    st.sampled_from(["x", "classification"]),
+    st.sampled_from(["<", "<=", "==", ">", ">=", "!="]),
+    st.integers(-20, 20),
+)
+def test_comparisons_are_those_of_numpy(name, sign, limit):
+    compare = dict(
+        zip(
+            ["<", "<=", "==", ">", ">=", "!="],
+            [*map(operator.__dict__.get, ["lt", "le", "eq", "gt", "ge", "ne"])],
+            strict=True,
+        )
+    )
+    values = CLOUD.points[:, 0] if name == "x" else CLOUD.attributes[name].astype(int)
+    assert (Expression.of(f"{name} {sign} {limit}").mask(CLOUD) == compare[sign](values, limit)).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "expected conditions such as 'classification == 6'"),
+        (None, "found None"),
+        ("z >", "at its end: expected conditions"),
+        ("Classification = 6", "at character 16 ('= 6'): expected == to compare"),
+        ("z > 3) or (z < 2", "at character 6"),
+        ("z > 1; 2", "at character 6"),
+        (
+            "classificaton == 6",
+            "at character 1 ('classificaton ='): the cloud has no attribute 'classificaton'; did you",
+        ),
+        ("z > 1 and zz > 2", "at character 11 ('zz > 2')"),
+        ("'é' == label and zz > 2", "at character 18 ('zz > 2')"),
+        ("z", "at character 1 ('z'): expected a condition"),
+        ("label == 3", "at character 10 ('3'): expected a text in quotes"),
+        ("classification == 'a'", "at character 19 (\"'a'\"): expected a number"),
+        ("label + 1 == 2", "at character 1 ('label + 1 == 2'): expected a number to compute with"),
+        ("classification in 6", "at character 19 ('6'): expected a list"),
+        ("pair > 0", "one number or text for each point"),
+        ("z is 3", "expected ==, !=, <"),
+        ("1 / 0 > z", "a number that can be computed with"),
+        ("__import__('os')", "expected a number, a text in quotes, or the name"),
+        ("x.__class__ == 1", "expected a number"),
+        ("(lambda: 1)() == 1", "expected a number"),
+        ("[a for a in x] == 1", "expected a number"),
+        ("x ** 99 > 1", "expected a number"),
+        ("f'{x}' == 'a'", "expected a number"),
+        ("z == 1j", "expected a number"),
+        ("import os", "expected conditions"),
+        ("(" * 900 + "z > 1" + ")" * 900, "expected"),
+        ("-" * 1500 + "z > 1", "nested less deeply"),
+        ("z > 1" + " " * 3000, "expected conditions"),
+    ],
+)
+def test_what_is_no_condition_is_refused_with_its_place(text, message):
+    with pytest.raises((gppcs.ParameterError, gppcs.InputError)) as error:
+        Expression.of(text).mask(CLOUD)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)

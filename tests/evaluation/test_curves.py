@@ -1,0 +1,75 @@
+"""The error over the number of points."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import gppcs
+
+CLOUD = gppcs.sample("bracket", n_points=3000)
+
+
+def test_errors_are_those_of_evaluate_for_ranking_methods_and_others():
+    for curve in gppcs.curve(CLOUD, ["gp", "fps", "hc"], sizes=[0.05, 300]):
+        assert curve.sizes.tolist() == [150, 300]
+        assert curve.diagonal == pytest.approx(gppcs.info(CLOUD).diagonal)
+        whole = gppcs.simplify(CLOUD, n_points=300, method=curve.method).cloud
+        first = whole[:150] if curve.method.ranks else gppcs.simplify(CLOUD, n_points=150, method=curve.method).cloud
+        for place, cloud in enumerate((first, whole)):
+            report = gppcs.evaluate(CLOUD, cloud)
+            for name, values in curve.errors.items():
+                assert values[place] == pytest.approx(getattr(report, f"surface_{name}"), rel=1e-9)
+
+
+def test_the_knee_is_farthest_below_the_line_between_the_ends():
+    errors = np.array([1.0, 0.4, 0.1, 0.05, 0.0])
+    curve = gppcs.Curve(gppcs.Random(), np.array([0, 25, 50, 75, 100]), {"p95": errors}, 1.0)
+    assert curve.knee() == 50
+    flat = gppcs.Curve(gppcs.Random(), np.array([10]), {"p95": np.array([0.5])}, 1.0)
+    assert flat.knee() == 10
+    with pytest.raises(gppcs.ParameterError, match="measure to be"):
+        curve.knee("p99")
+
+
+def test_a_result_knows_its_curve_and_its_prefixes():
+    result = gppcs.simplify(CLOUD, n_points=400)
+    curve = result.curve()
+    assert curve.sizes.tolist() == [12, 25, 50, 100, 200, 400]
+    half = result.prefix(200)
+    assert (half.indices == result.indices[:200]).all()
+    assert gppcs.evaluate(CLOUD, half.cloud).surface_mean == pytest.approx(curve.errors["mean"][4], rel=1e-9)
+    assert result.curve(sizes=[100]) == result.prefix(100).curve(CLOUD, sizes=[100])
+    copy = pickle.loads(pickle.dumps(result))
+    assert copy == result
+    with pytest.raises(gppcs.InputError, match=r"result\.curve\(original\)"):
+        copy.curve()
+    assert copy.curve(CLOUD).sizes.tolist() == curve.sizes.tolist()
+
+
+def test_what_is_no_ranking_has_no_prefixes():
+    with pytest.raises(gppcs.ParameterError, match="'voxel' does not rank its points; these do: gp, "):
+        gppcs.simplify(CLOUD, n_points=50, method="voxel").prefix(10)
+    with pytest.raises(gppcs.ParameterError, match="all points were kept"):
+        gppcs.simplify(CLOUD, ratio=1).prefix(10)
+    with pytest.raises(gppcs.ParameterError, match="at most 50 points, as the result has, found 51"):
+        gppcs.simplify(CLOUD, n_points=50, method="fps").prefix(51)
+
+
+@pytest.mark.parametrize("method", [name for name, method in gppcs.METHODS.items() if method.ranks and name != "gp"])
+def test_the_first_points_of_a_ranking_are_those_of_a_smaller_run_or_as_evenly_spread(method):
+    long, short = (gppcs.simplify(CLOUD, n_points=n, method=method).indices for n in (200, 100))
+    if method == "sample-elimination":  # which orders the points by removing half of them again and again
+        pick = [gppcs.evaluate(CLOUD, CLOUD[rows]).covering_radius for rows in (long[:100], short)]
+        assert pick[0] < 1.2 * pick[1]
+    else:
+        assert (long[:100] == short).all()
+
+
+@pytest.mark.parametrize("sizes", [[], "5", [0], [1.5], [-1], [True], None, 3])
+def test_sizes_that_are_none_are_refused(sizes):
+    if sizes is None:
+        assert gppcs.curve(CLOUD, ["random"])[0].sizes[0] == 10
+        return
+    with pytest.raises(gppcs.ParameterError, match="size"):
+        gppcs.curve(CLOUD, ["random"], sizes=sizes)

@@ -1,0 +1,99 @@
+"""Which points of a file are read: conditions and polygons, in memory and in chunks."""
+
+import json
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.io.polygons import Polygons, read_polygons
+
+SQUARE = [[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]]
+HOLE = [[4, 4], [6, 4], [6, 6], [4, 6], [4, 4]]
+CLOUD = gppcs.PointCloud(
+    np.random.default_rng(0).uniform(-5, 15, (3000, 3)).astype(np.float32),
+    {"classification": (np.arange(3000) % 9).astype(np.uint8)},
+    np.float32,
+)
+
+
+def inside(points):
+    x, y = points[:, 0], points[:, 1]
+    return (x > 0) & (x < 10) & (y > 0) & (y < 10) & ~((x > 4) & (x < 6) & (y > 4) & (y < 6))
+
+
+@pytest.fixture
+def files(tmp_path):
+    """Return a function that writes GeoJSON; the cloud is in the file scan.ply beside it."""
+    gppcs.write(tmp_path / "scan.ply", CLOUD)
+
+    def write(content):
+        (tmp_path / "area.json").write_text(content if isinstance(content, str) else json.dumps(content))
+        return tmp_path / "scan.ply", tmp_path / "area.json"
+
+    return write
+
+
+@pytest.mark.parametrize(
+    "wrapped",
+    [
+        lambda polygon: polygon,
+        lambda polygon: {"type": "Feature", "properties": {}, "geometry": polygon},
+        lambda polygon: {"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": polygon}]},
+        lambda polygon: {"type": "MultiPolygon", "coordinates": [polygon["coordinates"]]},
+        lambda polygon: {"type": "GeometryCollection", "geometries": [polygon, {"type": "Point", "coordinates": [1]}]},
+    ],
+)
+def test_points_inside_a_polygon_with_a_hole(files, wrapped):
+    scan, area = files(wrapped({"type": "Polygon", "coordinates": [SQUARE, HOLE]}))
+    read = gppcs.read(scan, polygon=area)
+    assert read.points.tolist() == CLOUD.points[inside(CLOUD.points)].tolist()
+
+
+def test_neighbouring_polygons_share_no_point_and_miss_none():
+    points = np.indices((21, 21, 1)).reshape(3, -1).T / 2.0
+    halves = [Polygons((tuple((x + left, y) for x, y in [(0, 0), (5, 0), (5, 10.5), (0, 10.5)]),)) for left in (0, 5)]
+    counts = sum(half.holds(points).astype(int) for half in halves)
+    assert (counts[points[:, 0] < 10] == 1).all()
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["", "[]", "{}",
+     '{"type": "Point", "coordinates": [0, 0]}', '{"type": "Polygon", "coordinates": [[[0, 0], [1, 1]]]}',
+     '{"type": "Polygon", "coordinates": [[[0, 0], [1, null], [2, 2]]]}', '{"type": "Polygon", "coordinates": 3}',
+     '{"type": "Polygon", "coordinates": [[[0, 0], [1, NaN], [2, 2]]]}', '{"type": "Feature", "geometry": null}'],
+)  # fmt: skip
+def test_what_is_no_polygon_is_refused(files, content):
+    _, area = files(content)
+    with pytest.raises(gppcs.FileFormatError, match=r"area.json: expected .*polygon.* in GeoJSON"):
+        read_polygons(area)
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".las", ".csv", ".npz"])
+def test_conditions_choose_points_of_any_format(tmp_path, suffix):
+    path = tmp_path / f"scan{suffix}"
+    gppcs.write(path, CLOUD, lossy=True)
+    whole = gppcs.read(path)
+    read = gppcs.read(path, only="classification in [2, 6] and z > 3", drop="x > 7", box=[-5, -5, 15, 12])
+    kinds, (x, y, z) = whole.attributes["classification"], whole.points.T
+    rows = np.flatnonzero(np.isin(kinds, [2, 6]) & (z > 3) & ~(x > 7) & (y <= 12))
+    assert read == whole.take(rows)
+
+
+def test_in_passes_over_files_the_same_points_are_chosen_as_in_memory(tmp_path):
+    cloud = gppcs.sample("terrain", n_points=150_000)
+    gppcs.write(tmp_path / "scan.las", cloud, lossy=True)
+    read = gppcs.read(tmp_path / "scan.las", only="classification == 2 or z > 0")
+    options = {"n_points": 60, "only": "classification == 2 or z > 0"}
+    in_passes = gppcs.simplify_files(tmp_path / "scan.las", memory=256_000_000, **options)
+    assert (in_passes.indices == gppcs.simplify(read, n_points=60).indices).all()
+    assert in_passes.cloud == read.take(in_passes.indices)
+
+
+def test_an_attribute_that_is_not_there_is_named_with_the_file(files):
+    scan, _ = files("{}")
+    with pytest.raises(gppcs.InputError, match=r"at character 1 .*no attribute 'klassification'; did you mean"):
+        gppcs.read(scan, only="klassification == 2")
+    with pytest.raises(gppcs.InputError, match="expected points with z > 99, found none"):
+        gppcs.simplify_files(scan, n_points=5, only="z > 99")
