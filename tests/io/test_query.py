@@ -93,7 +93,9 @@ def test_in_passes_over_files_the_same_points_are_chosen_as_in_memory(tmp_path):
 
 def test_an_attribute_that_is_not_there_is_named_with_the_file(files):
     scan, _ = files("{}")
-    with pytest.raises(gppcs.InputError, match=r"at character 1 .*no attribute 'klassification'; did you mean"):
+    with pytest.raises(
+        gppcs.FileFormatError, match=r"scan.ply: .*at character 1 .*no attribute 'klassification'; did you mean"
+    ):
         gppcs.read(scan, only="klassification == 2")
     with pytest.raises(gppcs.InputError, match="expected points with z > 99, found none"):
         gppcs.simplify_files(scan, n_points=5, only="z > 99")

@@ -141,18 +141,19 @@ class _Search:
 
     def ranked(self) -> tuple[Selection, dict[Measure, float]]:
         """Search among the first points of a ranking that is long enough."""
-        count = min(max(FIRST, self.least), len(self.points))
-        while count < len(self.points):
+        most = len(self.points) - 1  # of a ranking
+        count = max(min(FIRST, most), self.least)
+        while 0 < count <= most:
             ranking = self.choose(count)
             places = self._places(ranking)
             error, of_half = self._guessed(places), self._guessed(places[: count // 2])
             guess = count * min((error / self.tolerance) ** (1.0 / _power(of_half, error)), GROWTH)
-            if error <= SURE * self.tolerance:
+            if error <= SURE * self.tolerance or count == most:
                 enough, errors = self._fewest(lambda m, places=places: places[:m], guess, count)  # type: ignore[misc]
                 if errors[self.measure] <= self.tolerance:
                     return first_of(ranking, enough), errors
-            count = min(math.ceil(SPARE * max(guess, count)), len(self.points))
-        return self.choose(count), dict.fromkeys(MEASURES, 0.0)
+            count = len(self.points) if count == most else min(math.ceil(SPARE * max(guess, count)), most)
+        return self.choose(len(self.points)), dict.fromkeys(MEASURES, 0.0)
 
     def unranked(self) -> tuple[Selection, dict[Measure, float]]:
         """Search among the choices of all numbers."""

@@ -59,13 +59,12 @@ def read(
     Raises
     ------
     FileFormatError
-        If the format is unknown, the content does not follow it, `resolution` is given and the file is not COPC, or
-        the files of a virtual point cloud do not fit each other.
+        If the format is unknown, the content does not follow it, `resolution` is given and the file is not COPC, a
+        condition names an attribute that the cloud has not, `polygon` is no GeoJSON, or the files of a virtual point
+        cloud do not fit each other.
     ParameterError
         If `path` is neither text nor a path, `format` is no text, `columns` are not different names with x, y and z,
         or `box`, `resolution` or `assume_same_crs` is not as above, or a condition cannot be read.
-    InputError
-        If a condition names an attribute that the cloud has not.
     MissingExtraError
         If the format needs a package that is not installed (E57, Parquet, Feather).
     OSError

@@ -52,7 +52,21 @@ class FarthestPoint(Method):
         return Selection(indices)
 
     def at_spacing(self, points: NDArray[np.float64], spacing: float, stages: Stages) -> Selection:
-        """Choose points until none is farther than the spacing from all of them; see `Method.at_spacing`."""
+        """Choose points until none is farther than the spacing from all of them; see `Method.at_spacing`.
+
+        Parameters
+        ----------
+        points : (N, 3) array, float64
+            Finite and without repeats.
+        spacing : float
+            In the unit of the points.
+        stages : Stages
+            Times "farthest points".
+
+        Returns
+        -------
+        Selection
+        """
         from gppcs.spatial.farthest_points import farthest_points
 
         with stages("farthest points"):

@@ -116,6 +116,23 @@ class LocalGP(Method):
         """Choose the points where the first `fixed` are not, with a density multiplied by weights; see `Method.guided`.
 
         The field is conditioned on the first points from the start.
+
+        Parameters
+        ----------
+        points : (N, 3) array, float64
+            Finite and without repeats.
+        n_points : int
+            M, from 1 to N - 1.
+        fixed : int
+            How many first points are chosen first.
+        weights : (N,) array, float64, optional
+            Above 0, but for points that are chosen anyway.
+        stages : Stages
+            Times the stages of a call.
+
+        Returns
+        -------
+        Selection
         """
         import numpy as np
 
@@ -169,7 +186,21 @@ class LocalGP(Method):
         return self._chosen(points, n_points, stages) if is_sampled(len(points), n_points) else None
 
     def at_spacing(self, points: NDArray[np.float64], spacing: float, stages: Stages) -> Selection:
-        """Choose so many points that their mean spacing on the surface is as wanted; see `Method.at_spacing`."""
+        """Choose so many points that their mean spacing on the surface is as wanted; see `Method.at_spacing`.
+
+        Parameters
+        ----------
+        points : (N, 3) array, float64
+            Finite and without repeats.
+        spacing : float
+            In the unit of the points.
+        stages : Stages
+            Times "tree" and the stages of a call.
+
+        Returns
+        -------
+        Selection
+        """
         import numpy as np
 
         from gppcs.spatial.kdtree import KdTree

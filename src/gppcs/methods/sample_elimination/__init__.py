@@ -47,7 +47,21 @@ class SampleElimination(Method):
             return Selection(eliminate(points, n_points, advanced))
 
     def at_spacing(self, points: NDArray[np.float64], spacing: float, stages: Stages) -> Selection:
-        """Choose points of which no two are nearer than the spacing; see `Method.at_spacing`."""
+        """Choose points of which no two are nearer than the spacing; see `Method.at_spacing`.
+
+        Parameters
+        ----------
+        points : (N, 3) array, float64
+            Finite and without repeats.
+        spacing : float
+            In the unit of the points.
+        stages : Stages
+            Times "elimination".
+
+        Returns
+        -------
+        Selection
+        """
         import math
 
         from gppcs.methods.sample_elimination.elimination import eliminate, far_apart

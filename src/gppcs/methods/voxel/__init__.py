@@ -64,7 +64,21 @@ class Voxel(Method):
         return Selection(indices[kept], {}, means[kept] + corner if self.place == "mean" else None)
 
     def at_spacing(self, points: NDArray[np.float64], spacing: float, stages: Stages) -> Selection:
-        """Keep one point for each occupied cell of this edge length; see `Method.at_spacing`."""
+        """Keep one point for each occupied cell of this edge length; see `Method.at_spacing`.
+
+        Parameters
+        ----------
+        points : (N, 3) array, float64
+            Finite and without repeats.
+        spacing : float
+            In the unit of the points.
+        stages : Stages
+            Times "representatives".
+
+        Returns
+        -------
+        Selection
+        """
         from gppcs.methods.voxel.grid import representatives
 
         with stages("representatives"):
