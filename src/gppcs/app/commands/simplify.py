@@ -298,10 +298,10 @@ def simplify(
     if report:
         _check_drawn("--report", report, (".html", ".htm"), sources, force)
     written = [target for level in by_level for target in level.targets.values()]
+    check_distinct([*written, *filter(None, (picture, report, outliers))], [*inputs, *(merged or sources)])
     if outliers is not None:
         _check_single("--outliers", sources)
         Outputs({sources[0]: outliers}, makes_folders=False).check(outliers, force)
-    check_distinct([*written, *filter(None, (picture, report, outliers))], [*inputs, *(merged or sources)])
     with cluster_of(workers, scheduler) as cluster:
         job = _Job(
             outputs, by_level, wanted, merged, options, input_format, names_of(columns), query, index_attribute, mark,
