@@ -162,6 +162,26 @@ def test_what_cannot_be_asked_for_is_refused(wanted, error, message):
         gppcs.simplify(CLOUD, n_points=5, **wanted)
 
 
+def test_the_number_is_exact_with_repeats_too():
+    twice = np.concatenate([CLOUD.points[:50]] * 2)
+    for count in (30, 60, 100):
+        for more in ({"keep": [3, 53]}, {"max_gap": 1e6}):
+            result = gppcs.simplify(twice, n_points=count, scores=True, **more)
+            assert len(np.unique(result.indices)) == len(result.cloud) == count
+
+
+@pytest.mark.parametrize("length", [1e-300, 1e300, "1e-300%"])
+@pytest.mark.parametrize("factor", [1e-200, 1.0, 1e200])
+def test_extreme_lengths(length, factor):
+    points = CLOUD.points[:300] * factor
+    for name in ("tolerance", "spacing", "max_gap"):
+        for method in ("gp", "fps", "sample-elimination", "voxel"):
+            kept = gppcs.simplify(points, method=method, **{name: length}).indices
+            assert len(np.unique(kept)) == len(kept) >= 1
+            if length == "1e-300%":
+                assert len(kept) > 280
+
+
 def test_the_input_is_not_changed():
     before, weights = CLOUD.points.copy(), np.ones(4000)
     gppcs.simplify(CLOUD, n_points=50, keep=np.arange(5), weight=weights, max_gap=30.0)

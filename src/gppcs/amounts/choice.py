@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -82,11 +83,14 @@ class Scale(NamedTuple):
 
     def inside(self, length: Length) -> float:
         """Return a length in the coordinates of the method."""
-        return math.ldexp(length.in_cloud(self.outside(self.diagonal), self.metres), -self.exponent)
+        with np.errstate(over="ignore", under="ignore"):
+            scaled = float(np.ldexp(length.in_cloud(self.outside(self.diagonal), self.metres), -self.exponent))
+        return max(scaled, sys.float_info.min)
 
     def outside(self, length: float) -> float:
         """Return a length in the unit of the cloud, given in that of the method."""
-        return math.ldexp(length, self.exponent)
+        with np.errstate(over="ignore", under="ignore"):
+            return float(np.ldexp(length, self.exponent))
 
 
 def choose_amount(
@@ -142,16 +146,17 @@ def choose_amount(
         selection = asked.of_number(asked.fewest_without_gaps(scale.inside(amount.max_gap)))
     if amount.max_gap is not None:
         selection = asked.without_gaps(selection, scale.inside(amount.max_gap))
-    return asked.with_repeats(selection)
+    return asked.with_repeats(selection, 0 if count is None else count)
 
 
 @dataclass(frozen=True, eq=False)
 class _Asked:
     """The places among which is chosen. The first `fixed` of them are kept.
 
-    `rows` are those of the places, `repeats` are rows to keep at the same places.
+    `rows` are those of the places, `repeats` are rows to keep at the same places; there are `n` rows in all.
     """
 
+    n: int
     places: Points
     rows: NDArray[np.int64]
     fixed: int
@@ -171,7 +176,7 @@ class _Asked:
         rows = order[distinct.rows]
         weights = None if guide.weights is None else guide.weights[rows]
         repeats = np.setdiff1d(guide.keep, rows[:fixed], assume_unique=True)
-        return cls(distinct.points, rows, fixed, repeats, weights, method, stages)
+        return cls(len(points), distinct.points, rows, fixed, repeats, weights, method, stages)
 
     def of_number(self, count: int) -> Selection:
         """Return a number of points, or all places if there are no more."""
@@ -200,7 +205,8 @@ class _Asked:
         from gppcs.spatial.kdtree import KdTree
         from gppcs.spatial.spacing import surface_area
 
-        wanted = math.ceil(min(FEWEST_WITHOUT_GAPS * surface_area(KdTree.build(self.places)) / gap**2, 1e18))
+        area = surface_area(KdTree.build(self.places))
+        wanted = math.ceil(min(FEWEST_WITHOUT_GAPS * area / gap / gap, 1e18))
         return min(max(wanted, self.fixed + len(self.repeats), 1), len(self.places) + len(self.repeats))
 
     def without_gaps(self, selection: Selection, gap: float) -> Selection:
@@ -219,13 +225,23 @@ class _Asked:
             padded,
         )
 
-    def with_repeats(self, selection: Selection) -> Selection:
-        """Return the rows of chosen places, with the repeats to keep after the places to keep."""
+    def with_repeats(self, selection: Selection, count: int) -> Selection:
+        """Return the rows of chosen places, with the repeats to keep after the places to keep.
+
+        If there are too few places for a number of points, other repeats follow.
+        """
         place = np.full(len(self.repeats), self.fixed)
+        indices = np.insert(self.rows[selection.indices], place, self.repeats)
+        lacking = max(0, count - len(indices))
+        others = np.setdiff1d(np.arange(self.n), indices)[:lacking]
         return dataclasses.replace(
             selection,
-            indices=np.insert(self.rows[selection.indices], place, self.repeats),
-            attributes={name: np.insert(values, place, 0.0) for name, values in selection.attributes.items()},
+            indices=np.concatenate([indices, others]),
+            points=None if len(others) else selection.points,
+            attributes={
+                name: np.pad(np.insert(values, place, 0.0), (0, len(others)))
+                for name, values in selection.attributes.items()
+            },
         )
 
     def _chosen(self, count: int) -> Selection:

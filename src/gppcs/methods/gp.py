@@ -207,7 +207,7 @@ class LocalGP(Method):
         from gppcs.spatial.spacing import surface_area
 
         with stages("tree"):
-            wanted = surface_area(KdTree.build(points)) / spacing**2
+            wanted = surface_area(KdTree.build(points)) / spacing / spacing
         count = max(1, round(min(wanted, len(points))))
         return self(points, count, stages) if count < len(points) else Selection(np.arange(len(points)))
 

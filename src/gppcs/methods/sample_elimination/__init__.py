@@ -68,7 +68,7 @@ class SampleElimination(Method):
         from gppcs.spatial.kdtree import KdTree
         from gppcs.spatial.spacing import surface_area
 
-        densest = MOST_IN_AREA * surface_area(KdTree.build(points)) / spacing**2
+        densest = MOST_IN_AREA * surface_area(KdTree.build(points)) / spacing / spacing
         count = min(len(points), max(1, math.ceil(min(densest, 1e18))))
         with stages("elimination", len(points) - count) as advanced:
             order = eliminate(points, count, advanced)

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from gppcs.spatial.boxes import Each
     from gppcs.spatial.chunks import ChunkedPoints
 
+LEAST_EDGE = 1e-12  # Of cells, in sizes of the cloud: a finer grid has more cells than whole numbers can count.
+
 
 @dataclass(frozen=True)
 class Voxel(Method):
@@ -83,7 +85,7 @@ class Voxel(Method):
 
         with stages("representatives"):
             corner = points.min(axis=0)
-            indices, means = representatives(points - corner, spacing)
+            indices, means = representatives(points - corner, max(spacing, LEAST_EDGE))
         return Selection(indices, {}, means + corner if self.place == "mean" else None)
 
     def in_tiles(
