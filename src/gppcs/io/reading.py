@@ -43,7 +43,7 @@ def read(
         Read a COPC file only down to the level on which neighbours are about that far from each other, in the unit of
         the coordinates.
     only, drop : str, optional
-        Conditions on attributes and on x, y and z, such as "classification == 6" (docs/usage.md#conditions): read only
+        Conditions on attributes and on x, y and z, such as "classification == 6" (docs/ask.md#conditions): read only
         the points that meet `only`, and none that meet `drop`.
     polygon : str or path, optional
         Read only the points inside the polygons of a GeoJSON file, in the coordinate system of the cloud.
