@@ -45,7 +45,9 @@ def main() -> None:
         f"LiDAR scans, ratio {RATIO:g}",
         [section(*scan) for scan in SCANS.items()],
         [report.DATA / f"{name}.ply" for name in SCANS],
-        ["One run of each method. These scans took no part in finding the rules of gp."],
+        [
+            "One run of each method. These scans helped to tell noise from detail, and took no other part in finding the rules."
+        ],
     )
 
 

@@ -52,10 +52,9 @@ MEASURES = (SURFACE, SURFACE_P95, SURFACE_BY_AREA, SURFACE_P95_BY_AREA, FEATURES
 CONDITIONS = [make(name, None, ratio) for name, make in SCENES.items() for ratio in RATIOS]
 INTRODUCTION = (
     f"{len(SCENES)} scenes at {', '.join(f'{100 * ratio:g} %' for ratio in RATIOS)} of their points. "
-    f"{', '.join(HELD_OUT)} are held out: no constant of gp was decided by these. The others took part in telling noise "
-    "from detail, and outliers from sparse parts. Each figure of gp is divided by "
-    "that of the best rival under the same condition, or by that of fps, so below 1 gp is ahead. Where gp is behind, "
-    "the cell is bold and says so."
+    f"{', '.join(HELD_OUT)} are held out: no constant of gp was decided by these. The others took part in telling "
+    "noise from detail, and outliers from sparse parts. Each figure of gp is divided by that of the best rival under "
+    "the same condition, or by that of fps, so below 1 gp is ahead. Where gp is behind, the cell is bold and says so."
 )
 NOTES = (
     f"A file of more than {1.5 * SCENE:,.0f} points is thinned to about {SCENE:,}: every n-th point is taken.",
