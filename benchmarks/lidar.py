@@ -45,9 +45,7 @@ def main() -> None:
         f"LiDAR scans, ratio {RATIO:g}",
         [section(*scan) for scan in SCANS.items()],
         [report.DATA / f"{name}.ply" for name in SCANS],
-        [
-            "One run of each method. These scans helped to tell noise from detail, and took no other part in finding the rules."
-        ],
+        ["One run of each method. These scans helped to tell noise from detail; they decided nothing else."],
     )
 
 
