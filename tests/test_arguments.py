@@ -98,12 +98,18 @@ def test_a_float_without_a_declared_range_must_be_finite_and_not_denormal():
 
 CALLS = {  # a public function, and arguments with which it works
     "simplify": (gppcs.simplify, {"cloud": CLOUD, "n_points": 9, "ratio": None, "method": "gp", "seed": None,
-                                  "invalid": "error", "normals": False, "scores": False, "stages": None}),
+                                  "invalid": "error", "normals": False, "scores": False, "stages": None,
+                                  "max_gap": None, "unit": None, "keep": None, "weight": None}),
+    "simplify.tolerance": (gppcs.simplify, {"cloud": CLOUD, "tolerance": 5.0, "measure": "p95", "method": "fps"}),
+    "simplify.spacing": (gppcs.simplify, {"cloud": CLOUD, "spacing": 20.0, "method": "fps"}),
     "simplify_files": (gppcs.simplify_files, {"paths": "there.ply", "n_points": 9, "ratio": None, "method": "gp",
                                               "seed": None, "invalid": "error", "normals": False, "scores": False,
                                               "memory": None, "stages": None}),
     "compare": (gppcs.compare, {"cloud": CLOUD, "methods": ["random"], "n_points": 9, "ratio": None, "mesh": None,
                                 "seed": None, "invalid": "error", "stages": None}),
+    "curve": (gppcs.curve, {"cloud": CLOUD, "methods": ["random"], "sizes": [9], "seed": None, "invalid": "error",
+                            "stages": None}),
+    "find_outliers": (gppcs.find_outliers, {"cloud": CLOUD}),
     "compare_meshes": (gppcs.compare_meshes, {"cloud": BALL, "ways": ["mesh"], "n_points": 9, "ratio": None,
                                               "mesh": None, "invalid": "error", "stages": None}),
     "evaluate": (gppcs.evaluate, {"original": CLOUD, "simplified": CLOUD, "mesh": None, "stages": None}),
@@ -122,7 +128,7 @@ CALLS = {  # a public function, and arguments with which it works
                                       "scale": 1.0, "nearest": 0.0, "farthest": math.inf}),
     "figures_of": (gppcs.figures_of, {"report": gppcs.Report}),
     "parameter": (gppcs.parameter, {"default": 1, "meaning": "One.", "least": None, "most": None}),
-    "read": (gppcs.read, {"path": "there.ply", "format": None}),
+    "read": (gppcs.read, {"path": "there.ply", "format": None, "only": None, "drop": None, "polygon": None}),
     "read_mesh": (gppcs.read_mesh, {"path": "mesh.off"}),
     "write": (gppcs.write, {"path": "new.ply", "cloud": CLOUD, "format": None, "force": True}),
     "PointCloud": (gppcs.PointCloud, {"points": CLOUD.points, "attributes": {}, "coordinate_dtype": np.dtype("f4")}),
@@ -132,7 +138,7 @@ CALLS = {  # a public function, and arguments with which it works
     "KdTree.build": (gppcs.KdTree.build, {"points": CLOUD.points}),
 }  # fmt: skip
 PLAIN = {
-    "Entry", "Features", "Figure", "MeshEntry", "MeshReport", "MeshResult", "Parameter", "Rebuilt", "Report",
+    "Curve", "Entry", "Features", "Figure", "MeshEntry", "MeshReport", "MeshResult", "Parameter", "Rebuilt", "Report",
     "Result", "Selection", "Summary",
 }  # fmt: skip
 
@@ -173,6 +179,7 @@ def test_arguments_of_wrong_types_give_our_errors(name, argument, tmp_path, monk
                 "original",
                 "simplified",
                 "at",
+                "polygon",
             )  # a name of a file that is not there
         except AssertionError:
             raise

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from gppcs.spatial.chunks import ChunkedPoints
 
 FEWEST_WITHOUT_GAPS = 2.0 / (3.0 * math.sqrt(3.0))  # Discs of radius 1 for each unit of area, if they cover a plane.
+SHORTEST, LONGEST = 1e-100, 1e100  # Lengths in sizes of the cloud: squares of others would vanish or overflow.
 
 Points = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ class Scale(NamedTuple):
         """Return a length in the coordinates of the method."""
         with np.errstate(over="ignore", under="ignore"):
             scaled = float(np.ldexp(length.in_cloud(self.outside(self.diagonal), self.metres), -self.exponent))
-        return max(scaled, sys.float_info.min)
+        return min(max(scaled, SHORTEST), LONGEST)
 
     def outside(self, length: float) -> float:
         """Return a length in the unit of the cloud, given in that of the method."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -140,7 +140,8 @@ def checked_sizes(sizes: Any, n: int) -> NDArray[np.int64]:
     ParameterError
         If they are none.
     """
-    if isinstance(sizes, str) or not isinstance(sizes, Sequence | np.ndarray) or len(sizes) == 0:
+    is_list = isinstance(sizes, list | tuple) or (isinstance(sizes, np.ndarray) and sizes.ndim == 1)
+    if not is_list or not len(sizes):
         raise ParameterError(f"expected sizes such as [0.01, 0.1] or [500, 5000], found {shown(sizes)}")
     counts = [
         max(1, round(number(size) * n)) if 0 < number(size) < 1 else whole_number("a size", size, 1) for size in sizes
