@@ -245,6 +245,17 @@ def test_a_part_of_files_is_a_cloud(tmp_path, monkeypatch, memory):
         assert_same(gppcs.simplify_files(paths, n_points=70, box=box, memory=memory), expected)
 
 
+def test_files_of_a_given_format_and_columns(tmp_path):
+    points = gppcs.sample("bracket", 400, seed=3).points
+    rows = np.column_stack([np.arange(400), points])
+    for name, part in (("east.dat", rows[:150]), ("west.dat", rows[150:])):
+        np.savetxt(tmp_path / name, part, fmt="%.17g")
+    options = {"format": "xyz", "columns": ["label", "x", "y", "z"]}
+    found = gppcs.simplify_files([tmp_path / "east.dat", tmp_path / "west.dat"], n_points=50, **options)
+    np.testing.assert_array_equal(found.indices, gppcs.simplify(points, n_points=50).indices)
+    np.testing.assert_array_equal(found.cloud.attributes["label"], found.indices)
+
+
 def test_a_part_without_points_is_told(tmp_path):
     [path] = written(cloud_of(VARIANTS["tiny"]), tmp_path, [])
     with pytest.raises(gppcs.InputError, match=r"expected points in the box, found none; gppcs\.info shows") as caught:

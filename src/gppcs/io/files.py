@@ -110,7 +110,10 @@ def checked_columns(columns: Sequence[str]) -> list[str]:
     ParameterError
         If they are not.
     """
-    names = [] if isinstance(columns, str) else list(columns)
+    try:
+        names = [] if isinstance(columns, str) else list(columns)
+    except TypeError:
+        names = []
     if not all(isinstance(name, str) and name for name in names) or not {"x", "y", "z"} <= set(names):
         raise ParameterError(
             f"expected names of columns with x, y and z, such as x, y, z, red, green, blue, found {shown(columns)}"

@@ -39,6 +39,8 @@ def simplify_files(
     invalid: Literal["error", "drop"] = "error",
     normals: bool = False,
     scores: bool = False,
+    format: str | None = None,  # noqa: A002
+    columns: Sequence[str] | None = None,
     box: Sequence[float] | None = None,
     resolution: float | None = None,
     only: str | None = None,
@@ -71,6 +73,8 @@ def simplify_files(
         As for `gppcs.simplify`. Normals need all points in memory.
     tolerance, measure, spacing, max_gap, unit, keep, weight
         As for `gppcs.simplify`. They need all points in memory.
+    format, columns
+        As for `gppcs.read`, for all files. A text table whose columns are named so is read as a whole.
     box, resolution, only, drop, polygon
         As for `gppcs.read`: which points of each file to read. Only these are the cloud, and `indices` are rows
         among them.
@@ -105,7 +109,8 @@ def simplify_files(
     InputError
         As for `gppcs.simplify`, and if the work would take more memory than allowed, or no point is in the box.
     ParameterError
-        As for `gppcs.simplify`, and if `memory` is no number of bytes, or `box` or `resolution` is not as above.
+        As for `gppcs.simplify`, and if `memory` is no number of bytes, or `format`, `columns`, `box` or `resolution` is
+        not as above.
     OutputError
         If `scratch` does not exist, or its disk has too little space.
     OSError
@@ -132,7 +137,7 @@ def simplify_files(
     asked: dict[str, Any] = {"tolerance": tolerance, "spacing": spacing, "max_gap": max_gap}
     asked |= {"keep": keep, "weight": weight}
     whole = next((name for name in WHOLE if asked[name] is not None), "normals" if normals else None)
-    with CloudFiles.of(paths, None, None, query, assume_same_crs) as files:
+    with CloudFiles.of(paths, format, columns, query, assume_same_crs) as files:
         chosen, limit = resolved(method, seed), None if memory is None else bytes_of(memory)
         cluster = None if client is None else Cluster(client)
         share = GUESS if amount.ratio is None and amount.n_points is None else ratio
