@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 import typer.main
 
@@ -46,6 +47,59 @@ def test_every_help_shows_flags_without_a_type(gppcs_command, monkeypatch, comma
     assert (code, err) == (0, "")
     assert "--help" in out
     assert "bool" not in out.lower()
+
+
+def options_of(command):
+    return {option for parameter in COMMANDS[command].params for option in parameter.opts}
+
+
+def test_commands_have_the_same_options_where_these_mean_something():
+    read = {"simplify", "mesh", "evaluate", "compare", "report", "view", "render", "info", "convert"}
+    for command in read:
+        assert {"--from", "--columns"} <= options_of(command), command
+    for command in read - {"info"} | {"sample", "warmup"}:
+        assert {"--quiet", "-q"} <= options_of(command), command
+
+
+@pytest.mark.parametrize(
+    ("words", "made"),
+    [
+        (["evaluate", "table.dat", "small.ply"], None),
+        (["compare", "table.dat", "--points", 30, "--methods", "fps", "--no-picture", "-o", "side"], "side"),
+        (["report", "table.dat", "small.ply", "-o", "r.html"], "r.html"),
+        (["view", "small.ply", "table.dat", "-o", "v.html", "--no-open"], "v.html"),
+        (["render", "table.dat", "-o", "p.png", "--size", "100x80"], "p.png"),
+        (["convert", "table.dat", "new.ply"], "new.ply"),
+    ],
+)
+def test_a_table_of_any_name_and_columns_is_read_and_quiet_is_quiet(gppcs_command, scan, words, made):
+    if words[0] == "render":
+        pytest.importorskip("matplotlib")
+    gppcs.write("small.ply", scan.take(range(50)))
+    np.savetxt("table.dat", scan.points[:, ::-1], fmt="%.17g")
+    before = files()
+    assert gppcs_command(*words, "--from", "xyz", "--columns", "z,y,x", "-q") == (0, "", "")
+    assert set(files()) - set(before) == {made} - {None}
+
+
+def test_info_reads_a_file_in_the_given_format(gppcs_command, scan):
+    np.savetxt("table.dat", scan.points, fmt="%.17g")
+    code, out, err = gppcs_command("info", "table.dat", "--from", "xyz", "--json")
+    assert (code, err, '"points": 400' in out) == (0, "", True)
+
+
+@pytest.mark.parametrize(
+    ("options", "part"),
+    [
+        (["--from", "xyz"], "expected a file of the format xyz, found PLY"),
+        (["--columns", "x,y,z"], "expected a text table, whose columns can be named, found PLY"),
+    ],
+)
+@pytest.mark.parametrize("words", [["evaluate"], ["report", "-o", "r.html"], ["view", "-o", "v.html", "--no-open"]])
+def test_options_that_no_file_needs_are_refused(gppcs_command, scan, words, options, part):
+    gppcs.write("small.ply", scan.take(range(50)))
+    assert_one_line(gppcs_command(words[0], "scan.ply", "small.ply", *words[1:], *options), part)
+    assert files() == ["scan.ply", "small.ply"]
 
 
 def test_the_module_runs_as_the_command():

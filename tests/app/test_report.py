@@ -90,6 +90,8 @@ def test_files_of_one_name_are_told_apart_by_their_folders(gppcs_command, folder
         (["view", "scan.ply", "-o", "scan.ply", "--force"], "expected a file other than the input"),
         (["report", "scan.ply", "small.ply", "-o", "there.html"], "expected a new file"),
         (["view", "scan.ply", "-o", "there.html"], "expected a new file"),
+        (["report", "scan.ply", "small.ply", "-o", "r.txt"], "r.txt: expected a name that ends in .html for the page"),
+        (["view", "scan.ply", "-o", "v"], "v: expected a name that ends in .html for the page"),
         (["report", "scan.ply", "-o", "r.html"], "Missing argument 'SIMPLIFIED...'"),
         (["report", "scan.ply", "none.ply", "-o", "r.html"], "none.ply: No such file"),
         (["report", "scan.ply", "empty.xyz", "-o", "r.html"], "empty.xyz: "),

@@ -2,7 +2,7 @@
 
 from gppcs.io.files import FORMATS, check_storable, format_to_write, losses, store, write
 from gppcs.io.format import Format
-from gppcs.io.reading import load, read
+from gppcs.io.reading import load, read, read_each
 from gppcs.io.streams import COMPRESSIONS, check_output, inner_name, whole_output
 from gppcs.io.vpc import SUFFIX as VPC
 from gppcs.io.vpc import files_of
@@ -24,6 +24,7 @@ __all__ = [
     "load",
     "losses",
     "read",
+    "read_each",
     "store",
     "whole_file",
     "whole_output",

@@ -63,6 +63,9 @@ class CloudFiles:
         Which points to read.
     assume_same_crs : bool
         Whether all files get the coordinate system of the first one.
+    if_needed : bool
+        Whether `format` counts only for files whose content does not tell their format, and `columns` only for text
+        tables.
     span : (int, int), optional
         Which points `chunks` reads, if files of this format can be divided; see `each`.
 
@@ -79,6 +82,7 @@ class CloudFiles:
         columns: Sequence[str] | None = None,
         query: Query | None = None,
         assume_same_crs: bool = False,
+        if_needed: bool = False,
         span: Span | None = None,
     ) -> None:
         check_suffix(format)
@@ -87,6 +91,7 @@ class CloudFiles:
         self._columns = None if columns is None else checked_columns(columns)
         self.query = query
         self._assume_same_crs = assume_same_crs
+        self._if_needed = if_needed
         self._span = span
         self._header: Header | None = None  # of the first file that has one
         self._copies: dict[Path, tuple[Any, Path]] = {}
@@ -101,6 +106,7 @@ class CloudFiles:
         columns: Sequence[str] | None = None,
         query: Query | None = None,
         assume_same_crs: bool = False,
+        if_needed: bool = False,
     ) -> CloudFiles:
         """Check the arguments of `gppcs.read` and `gppcs.simplify_files`, and return the files that they name.
 
@@ -112,6 +118,8 @@ class CloudFiles:
             As for `gppcs.read`.
         query : Query, optional
             Which points to read.
+        if_needed : bool
+            As for the class.
 
         Returns
         -------
@@ -124,7 +132,7 @@ class CloudFiles:
         """
         same = flag("assume_same_crs", assume_same_crs)
         files = [file for path in paths for file in files_of(file_path(path))]
-        return cls(files, format, columns, query, same)
+        return cls(files, format, columns, query, same, if_needed)
 
     def __enter__(self) -> CloudFiles:
         return self
@@ -163,15 +171,37 @@ class CloudFiles:
     def _spans(self, path: Path, rows: int) -> list[Span | None]:
         """Return the parts of a file; None stands for all of it."""
         with self._opened(path) as (file, known):
-            if path in self._copies or self._columns is not None or known.spans is None:
+            if path in self._copies or self._columns_of(known) is not None or known.spans is None:
                 return [None]
             spans = known.spans(file, rows)
             return [*spans] if len(spans) > 1 else [None]
 
     @property
-    def settings(self) -> tuple[str | None, Sequence[str] | None, Query | None, bool]:
+    def settings(self) -> tuple[str | None, Sequence[str] | None, Query | None, bool, bool]:
         """How the files are read: all arguments but the paths and the span."""
-        return self._format, self._columns, self.query, self._assume_same_crs
+        return self._format, self._columns, self.query, self._assume_same_crs, self._if_needed
+
+    def formats(self) -> list[Format]:
+        """Return the format of each file.
+
+        Returns
+        -------
+        list of Format
+
+        Raises
+        ------
+        FileFormatError, OSError
+            As for `read`.
+        """
+        found = []
+        for path in self.paths:
+            with self._opened(path) as (_, known):
+                found.append(known)
+        return found
+
+    def _columns_of(self, known: Format) -> list[str] | None:
+        """Return the names of the columns of a file of a format; None for those in the file."""
+        return None if self._if_needed and known.read_named is None else self._columns
 
     def read(self) -> PointCloud:
         """Read all points with their attributes.
@@ -199,7 +229,7 @@ class CloudFiles:
         if path in self._whole:
             return self._whole.pop(path)
         with self._opened(path) as (file, known):
-            return read_as(known, file, self._columns)
+            return read_as(known, file, self._columns_of(known))
 
     def chunks(self, attributes: bool, rows: int = ROWS) -> Iterator[PointCloud]:
         """Read all points once, in chunks.
@@ -244,7 +274,7 @@ class CloudFiles:
         for path in self.paths:
             with self._opened(path) as (file, known):
                 clouds.append(next(self._chunks(file, known, BLOCK, True)))
-                if not known.chunks or self._columns or len(clouds[-1]) > BLOCK:
+                if not known.chunks or self._columns_of(known) or len(clouds[-1]) > BLOCK:
                     whole = known.name
                     self._whole[path] = clouds[-1]
                 read += file.tell() if len(clouds[-1]) == BLOCK else _size(file)
@@ -280,10 +310,10 @@ class CloudFiles:
 
     def _chunks(self, file: Any, known: Format, rows: int, attributes: bool) -> Iterator[PointCloud]:
         """Read an open file in chunks, or as a whole if that is the only way."""
-        if known.chunks and self._columns is None:
+        if known.chunks and self._columns_of(known) is None:
             yield from known.chunks(file, rows, attributes, **({"span": self._span} if self._span else {}))
         else:
-            yield read_as(known, file, self._columns)
+            yield read_as(known, file, self._columns_of(known))
 
     def _in_one_system(self, cloud: PointCloud) -> PointCloud:
         """Return a cloud with the header of the first file, if its coordinate system counts for all files.
@@ -305,7 +335,7 @@ class CloudFiles:
                 self._copies[path] = self._stack.enter_context(plain_input(path))
             file, name = self._copies.get(path) or stack.enter_context(plain_input(path))
             file.seek(0)
-            yield file, format_of(file, name, self._format, self.query)
+            yield file, format_of(file, name, self._format, self.query, self._if_needed)
 
 
 def _size(file: Any) -> int:

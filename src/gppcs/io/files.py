@@ -192,16 +192,31 @@ def check_storable(
     chosen = format_to_write(path, format, ascii)
     fitted, lost = chosen.fitted(cloud)
     if not lossy:
-        _refuse(path, chosen, lost)
+        refuse_losses(path, chosen.name, lost)
     with tempfile.TemporaryFile() as trial:
         assert chosen.write is not None
         chosen.write(trial, fitted[:1])
 
 
-def _refuse(path: str | os.PathLike[str], chosen: Format, lost: list[str]) -> None:
-    """Raise an error if something would be lost."""
+def refuse_losses(path: str | os.PathLike[str], name: str, lost: list[str]) -> None:
+    """Raise an error if something would be lost.
+
+    Parameters
+    ----------
+    path : str or path
+        The file to be written.
+    name : str
+        Of its format.
+    lost : list of str
+        In words what the format cannot hold.
+
+    Raises
+    ------
+    OutputError
+        If that is anything.
+    """
     if lost:
-        found = f"{chosen.name} cannot hold: {', '.join(lost)}"
+        found = f"{name} cannot hold: {', '.join(lost)}"
         hint = f"{path}: expected a format that holds all of the cloud, but {found}; choose another format, or leave "
         raise OutputError(f"{hint}this out with lossy=True", command=f"{hint}this out with --lossy")
 
@@ -286,7 +301,7 @@ def store(
     chosen = format_to_write(path, format, ascii)
     fitted, lost = chosen.fitted(cloud)
     if not flag("lossy", lossy):
-        _refuse(path, chosen, lost)
+        refuse_losses(path, chosen.name, lost)
     with whole_output(path, force) as file:
         assert chosen.write is not None
         chosen.write(file, fitted)
@@ -349,6 +364,7 @@ def format_of(
     path: Path,
     format: str | None = None,  # noqa: A002
     query: Query | None = None,
+    if_needed: bool = False,
 ) -> Format:
     """Return the format of a file by its content or else its name; leave the file at its start.
 
@@ -362,6 +378,8 @@ def format_of(
         Suffix of the format, which overrides both.
     query : Query, optional
         Which points the format should read.
+    if_needed : bool
+        Whether `format` overrides the name only.
 
     Returns
     -------
@@ -374,8 +392,8 @@ def format_of(
     """
     head, size = file.read(_HEAD), os.fstat(file.fileno()).st_size
     file.seek(0)
-    known = None if format else next((known for known in FORMATS if known.recognises(head, size)), None)
-    known = known or _of_suffix(format or path.suffix)
+    told = next((known for known in FORMATS if known.recognises(head, size)), None)
+    known = told if told and (if_needed or not format) else _of_suffix(format or path.suffix)
     return restricted(known, query) if query else known
 
 
@@ -396,9 +414,8 @@ def check_suffix(suffix: str | None) -> None:
 
 
 def _of_suffix(suffix: str) -> Format:
-    wanted = "." + suffix.lower().removeprefix(".")
     for known in FORMATS:
-        if wanted in known.suffixes:
+        if known.has_suffix(suffix):
             return known
     raise FileFormatError(f"expected one of the formats {_listed()}, found {suffix or 'no suffix'!r}")
 

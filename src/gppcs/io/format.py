@@ -145,3 +145,17 @@ class Format:
     count: Callable[[BufferedReader], int] | None = None
     takes_query: bool = False
     spans: Callable[[BufferedReader, int], list[Span]] | None = None
+
+    def has_suffix(self, suffix: str) -> bool:
+        """Return whether a suffix names this format.
+
+        Parameters
+        ----------
+        suffix : str
+            In letters of any case, with or without the dot.
+
+        Returns
+        -------
+        bool
+        """
+        return "." + suffix.lower().removeprefix(".") in self.suffixes

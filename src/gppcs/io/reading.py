@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import ExitStack
 from typing import NamedTuple
 
 from gppcs.clouds.cloud import PointCloud
+from gppcs.errors import FileFormatError
 from gppcs.io.cloud_files import CloudFiles
+from gppcs.io.format import Format
 from gppcs.io.query import Query
 
 
@@ -129,3 +132,46 @@ def load(
     query = Query.of(box, resolution, only, drop, polygon)
     with CloudFiles.of([path], format, columns, query, assume_same_crs) as files:
         return Loaded(files.read(), *files.left_out())
+
+
+def read_each(
+    paths: Sequence[str | os.PathLike[str]],
+    format: str | None = None,  # noqa: A002
+    columns: Sequence[str] | None = None,
+) -> list[PointCloud]:
+    """Read clouds that a command puts side by side, of which only some need a format and columns.
+
+    Parameters
+    ----------
+    paths : sequence of path
+        At least one, each as for `read`.
+    format, columns
+        As for `read` if there is one path. Otherwise the format counts for the files whose content does not tell
+        theirs, and the columns for text tables.
+
+    Returns
+    -------
+    list of PointCloud
+
+    Raises
+    ------
+    FileFormatError
+        As for `read`, and if no file has the format, or columns are given and none is a text table.
+    ParameterError, OSError
+        As for `read`.
+    """
+    several = len(paths) > 1
+    with ExitStack() as stack:
+        each = [stack.enter_context(CloudFiles.of([path], format, columns, if_needed=several)) for path in paths]
+        if several:
+            _check_needed([known for files in each for known in files.formats()], format, columns)
+        return [files.read() for files in each]
+
+
+def _check_needed(found: list[Format], format: str | None, columns: Sequence[str] | None) -> None:  # noqa: A002
+    """Raise an error if a format or names of columns are given and no file needs them."""
+    names = " and ".join(dict.fromkeys(known.name for known in found))
+    if format is not None and not any(known.has_suffix(format) for known in found):
+        raise FileFormatError(f"expected a file of the format {format}, found {names}")
+    if columns is not None and not any(known.read_named for known in found):
+        raise FileFormatError(f"expected a text table, whose columns can be named, found {names}")

@@ -18,11 +18,13 @@ from gppcs.app.printing import (
     Inside,
     Lossy,
     Only,
+    Quiet,
     Resolution,
     To,
     names_of,
     note_left_out,
     numbers_of,
+    progress,
 )
 from gppcs.errors import file_path
 
@@ -63,6 +65,7 @@ def convert(
     assume_same_crs: AssumeSameCrs = False,
     force: Force = False,
     lossy: Lossy = False,
+    quiet: Quiet = False,
 ) -> None:
     """Write a cloud in another format, with every attribute.
 
@@ -71,6 +74,7 @@ def convert(
     """
     from gppcs import io
 
+    progress(quiet)
     io.format_to_write(target, output_format, ascii)
     io.check_output(target, force)
     io.check_distinct([target], [source])

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from gppcs.app.printing import Json, Threads, figure_rows, print_error, print_json
+from gppcs.app.printing import (
+    Columns,
+    From,
+    Json,
+    Quiet,
+    Threads,
+    figure_rows,
+    names_of,
+    print_error,
+    print_json,
+    progress,
+)
 from gppcs.engine.threads import set_threads
 from gppcs.errors import ParameterError, file_path
 from gppcs.evaluation.report import MeshReport, Rebuilt, Report, figures_of
-
-if TYPE_CHECKING:
-    from gppcs.clouds.mesh import Mesh
-    from gppcs.engine.stages import Stages
 
 
 def _defined(report: type) -> str:
@@ -60,12 +67,18 @@ def evaluate(
             metavar="FILE", help="A mesh of ORIGINAL to judge, such as one of gppcs mesh, without SIMPLIFIED."
         ),
     ] = None,
+    input_format: From = None,
+    columns: Columns = None,
     threads: Threads = None,
+    quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
     """Measure how good a simplified cloud or mesh is. Points with NaN or infinite coordinates are left out."""
-    from gppcs.engine.progress import ProgressBar
+    from gppcs import io
+    from gppcs.app.console import print_table
     from gppcs.engine.stages import Stages
+    from gppcs.evaluation.judge import evaluate as measured
+    from gppcs.evaluation.judge import evaluate_mesh
     from gppcs.io.mesh_files import read_mesh
 
     set_threads(threads)
@@ -73,48 +86,27 @@ def evaluate(
         found = "neither" if simplified is None else "both"
         raise ParameterError(f"expected either SIMPLIFIED or --simplified-mesh, found {found}")
     surface = read_mesh(mesh) if mesh else None
-    stages = Stages(ProgressBar())
-    if simplified_mesh is not None:
-        _judge_mesh(original, simplified_mesh, mesh, surface, as_json, stages)
-    elif simplified is not None:
-        _judge_cloud(original, simplified, mesh, surface, as_json, stages)
-
-
-def _judge_mesh(
-    original: Path, simplified: Path, mesh: Path | None, surface: Mesh | None, as_json: bool, stages: Stages
-) -> None:
-    """Print the figures of a mesh."""
-    from gppcs import io
-    from gppcs.app.console import print_table
-    from gppcs.evaluation.judge import evaluate_mesh
-    from gppcs.io.mesh_files import read_mesh
-
-    judged = read_mesh(simplified)
-    before = io.read(original)
-    report = evaluate_mesh(before.take(before.finite_rows()), judged, surface, stages)
+    stages = Stages(progress(quiet))
+    judged = read_mesh(simplified_mesh) if simplified_mesh else None
+    with stages("reading"):
+        read = io.read_each([original, *([simplified] if simplified else [])], input_format, names_of(columns))
+    clouds = [cloud.take(cloud.finite_rows()) for cloud in read]
+    report = (
+        evaluate_mesh(clouds[0], judged, surface, stages) if judged else measured(clouds[0], clouds[1], surface, stages)
+    )
     if as_json:
-        files = {"original": str(original), "simplified_mesh": str(simplified), "mesh": str(mesh) if mesh else None}
+        result = {"simplified_mesh": str(simplified_mesh)} if judged else {"simplified": str(simplified)}
+        files = {"original": str(original), **result, "mesh": str(mesh) if mesh else None}
         print_json({**files, "figures": report.figures(), "relative": report.figures(relative=True)})
-    else:
-        print_table(f"{original} → {simplified}", figure_rows(report))
+    elif not quiet:
+        counts = {} if judged else {"points": f"{len(clouds[0]):,} in, {len(clouds[1]):,} out"}
+        print_table(f"{original} → {simplified_mesh or simplified}", {**counts, **figure_rows(report)})
+    if isinstance(report, Report):
+        _note_strays(report)
 
 
-def _judge_cloud(
-    original: Path, simplified: Path, mesh: Path | None, surface: Mesh | None, as_json: bool, stages: Stages
-) -> None:
-    """Print the figures of a cloud."""
-    from gppcs import io
-    from gppcs.app.console import print_table
-    from gppcs.evaluation.judge import evaluate as measured
-
-    before, after = (cloud.take(cloud.finite_rows()) for cloud in map(io.read, (original, simplified)))
-    report = measured(before, after, surface, stages)
-    if as_json:
-        files = {"original": str(original), "simplified": str(simplified), "mesh": str(mesh) if mesh else None}
-        print_json({**files, "figures": report.figures(), "relative": report.figures(relative=True)})
-    else:
-        counts = f"{report.points_in:,} in, {report.points_out:,} out"
-        print_table(f"{original} → {simplified}", {"points": counts, **figure_rows(report)})
+def _note_strays(report: Report) -> None:
+    """Print a note for each surface of which a part lies far from the true one."""
     for name, rebuilt in (("", report.rebuilt), (", with carried normals,", report.rebuilt_carried)):
         if rebuilt and rebuilt.stray_share > 0:
             print_error(

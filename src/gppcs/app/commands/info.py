@@ -16,6 +16,7 @@ from gppcs.app.printing import (
     Box,
     Columns,
     Drop,
+    From,
     Inside,
     Json,
     Only,
@@ -41,6 +42,7 @@ def info(
             show_default=False,
         ),
     ],
+    input_format: From = None,
     columns: Columns = None,
     box: Box = None,
     only: Only = None,
@@ -54,12 +56,17 @@ def info(
     If the file is a mesh, it also says how many faces there are. If one of several files cannot be read, the others are
     still shown, and the exit code is 2.
     """
-    part: dict[str, Any] = {"columns": names_of(columns), "box": numbers_of(box), "resolution": resolution}
-    part |= {"only": only, "drop": drop, "polygon": polygon}
+    options: dict[str, Any] = {
+        "format": input_format,
+        "columns": names_of(columns),
+        "box": numbers_of(box),
+        "resolution": resolution,
+    }
+    options |= {"only": only, "drop": drop, "polygon": polygon}
     failed = False
     for file in sources_of(files):
         try:
-            _print(file, part, as_json)
+            _print(file, options, as_json)
         except FAILURES as error:
             tell(error, file)
             failed = True
@@ -67,13 +74,13 @@ def info(
         raise typer.Exit(BAD_INPUT)
 
 
-def _print(file: Path, part: dict[str, Any], as_json: bool) -> None:
-    """Print the facts about one file; `part` are arguments of `gppcs.read`."""
+def _print(file: Path, options: dict[str, Any], as_json: bool) -> None:
+    """Print the facts about one file; `options` are arguments of `gppcs.read`."""
     from gppcs import io
     from gppcs.app.console import print_table
     from gppcs.clouds.summary import info as summarise
 
-    cloud, faces, _ = io.load(file, **part)
+    cloud, faces, _ = io.load(file, **options)
     summary = summarise(cloud)
     if as_json:
         print_json({"file": str(file), **dataclasses.asdict(summary), "faces": faces})

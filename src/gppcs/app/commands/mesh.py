@@ -14,6 +14,7 @@ from gppcs.app.printing import (
     From,
     Invalid,
     Json,
+    Lossy,
     Quiet,
     Threads,
     names_of,
@@ -39,7 +40,7 @@ EPILOG = (
     "[bold]Examples[/bold]\n\n"
     "gppcs mesh scan.ply -o small.ply --points 5k\n\n"
     "gppcs mesh scan.ply -o small.glb --faces 20k --moved\n\n"
-    "gppcs mesh scan.ply -o small.stl --tolerance 0.5 --fill-holes 20\n\n"
+    "gppcs mesh scan.ply -o small.stl --tolerance 0.5 --fill-holes 20 --lossy\n\n"
     "gppcs simplify scan.ply -o kept.ply --ratio 5% && gppcs mesh scan.ply -o small.ply --keep-points kept.ply\n\n"
     "gppcs evaluate scan.ply --simplified-mesh small.ply measures how good a mesh is."
 )
@@ -90,6 +91,7 @@ def mesh(
     invalid: Invalid = "error",
     threads: Threads = None,
     force: Force = False,
+    lossy: Lossy = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -100,9 +102,8 @@ def mesh(
     """
     from gppcs import io
     from gppcs.engine.stages import Stages
-    from gppcs.io.cloud_files import CloudFiles
     from gppcs.io.files import naming
-    from gppcs.io.mesh_writing import check_mesh_format, write_mesh
+    from gppcs.io.mesh_writing import check_mesh_format, check_mesh_storable, write_mesh
     from gppcs.meshing.pipeline import check_size
     from gppcs.meshing.pipeline import mesh as meshed
 
@@ -118,13 +119,16 @@ def mesh(
     io.check_distinct([output], [cloud, *([keep_points] if keep_points else [])])
     io.check_writable(output, force)
     stages = Stages(progress(quiet))
-    with stages("reading"), CloudFiles.of([cloud], input_format, names_of(columns)) as files:
-        original = files.read()
-        kept = None if keep_points is None else _rows_of(original, io.read(keep_points), keep_points)
+    with stages("reading"):
+        original, *others = io.read_each(
+            [cloud, *([keep_points] if keep_points else [])], input_format, names_of(columns)
+        )
+        kept = _rows_of(original, others[0], keep_points) if keep_points else None
+    check_mesh_storable(output, original, lossy)
     with naming(cloud):
         result = meshed(original, **size, keep=kept, moved=moved, fill_holes=fill_holes, invalid=invalid, stages=stages)
     with stages("writing"):
-        lost = write_mesh(output, result.mesh, result.cloud, force)
+        lost = write_mesh(output, result.mesh, result.cloud, force, lossy=True)
     note_left_out(output, lost)
     _note_fewer(cloud, result, size["n_points"])
     if as_json:

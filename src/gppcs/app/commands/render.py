@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from gppcs.app.printing import Columns, Force, Quiet, Threads, names_of, note_left_out, print_error
+from gppcs.app.printing import Columns, Force, From, Quiet, Threads, names_of, note_left_out, print_error
 from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.threads import set_threads
 from gppcs.errors import OutputError, ParameterError, file_path, shown
@@ -50,6 +50,7 @@ def render(
     size: Annotated[str, typer.Option(metavar="WIDTHxHEIGHT", help="Size in pixels.")] = "1280x960",
     view: View = None,
     up: Up = None,
+    input_format: From = None,
     columns: Columns = None,
     threads: Threads = None,
     force: Force = False,
@@ -73,7 +74,7 @@ def render(
     require_matplotlib()
     io.check_distinct([output], [source])
     io.check_output(output, force)
-    cloud, faces, unread = io.load(source, columns=names_of(columns))
+    cloud, faces, unread = io.load(source, input_format, names_of(columns))
     is_mesh = faces > 0 and source.suffix.lower() in MESHES
     mesh = read_mesh(source) if is_mesh else None
     with naming(source), io.whole_output(output, force) as file:

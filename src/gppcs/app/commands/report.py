@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from gppcs.app.printing import Force, Threads
+from gppcs.app.printing import Columns, Force, From, Quiet, Threads, names_of, progress
 from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.threads import set_threads
 from gppcs.errors import file_path
@@ -51,10 +51,13 @@ def report(
             "extra evaluate.",
         ),
     ] = False,
+    input_format: From = None,
+    columns: Columns = None,
     view: View = None,
     up: Up = None,
     threads: Threads = None,
     force: Force = False,
+    quiet: Quiet = False,
 ) -> None:
     """Write a page that shows simplified clouds beside their original, to turn in the browser.
 
@@ -62,22 +65,22 @@ def report(
     original to each result, by the order of choice, by any attribute or RGB, and holds the figures of gppcs evaluate.
     """
     from gppcs import io
-    from gppcs.app.pages import different_names, how_made, rebuilt
+    from gppcs.app.pages import check_page, different_names, how_made, rebuilt
     from gppcs.drawing.web.contents import Named, report_page
     from gppcs.engine.extras import require_pymeshlab
-    from gppcs.engine.progress import ProgressBar
     from gppcs.engine.stages import Stages
 
     set_threads(threads)
     viewpoint = viewpoint_of(view, up, picture=True)
     inputs = [original, *simplified]
     io.check_distinct([output], inputs)
-    io.check_output(output, force)
+    check_page(output, force)
     if meshes:
         require_pymeshlab()
-    stages = Stages(ProgressBar())
+    stages = Stages(progress(quiet))
     with stages("reading"):
-        clouds = [Named(name, io.read(path)) for name, path in zip(different_names(inputs), inputs, strict=True)]
+        read = io.read_each(inputs, input_format, names_of(columns))
+        clouds = [Named(name, cloud) for name, cloud in zip(different_names(inputs), read, strict=True)]
     if meshes:
         with stages("meshes", len(clouds)) as advanced:
             finite = [each.cloud.take(each.cloud.finite_rows()) for each in clouds]
@@ -87,5 +90,5 @@ def report(
     page = report_page(clouds[0], clouds[1:], how_made(context.obj, inputs), viewpoint, stages)
     with io.whole_output(output, force) as file:
         page.write(file)
-    if not io.is_standard(output):
+    if not quiet and not io.is_standard(output):
         typer.echo(f"{output}: {output.stat().st_size / 1e6:.1f} MB; open it in a browser")

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from gppcs import __version__
-from gppcs.app.printing import Ascii, Force, Json, Lossy, To, note_left_out, print_json
+from gppcs.app.printing import Ascii, Force, Json, Lossy, Quiet, To, note_left_out, print_json, progress
 from gppcs.app.quantities import count_of
 from gppcs.errors import file_path
 
@@ -50,6 +50,7 @@ def sample(
     ascii: Ascii = None,  # noqa: A002
     force: Force = False,
     lossy: Lossy = False,
+    quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
     """Make a synthetic scan of a surface that is known exactly, with its normals.
@@ -58,6 +59,7 @@ def sample(
     """
     from gppcs import io, scans
 
+    progress(quiet)
     io.format_to_write(output, output_format, ascii)
     io.check_output(output, force)
     options: dict[str, Any] = {"noise": noise, "outliers": outliers, "uneven": uneven, "seed": seed}

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from gppcs.app.printing import Force, Threads, print_error
+from gppcs.app.printing import Columns, Force, From, Quiet, Threads, names_of, print_error, progress
 from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.threads import set_threads
 from gppcs.errors import file_path
@@ -39,25 +39,32 @@ def view(
         ),
     ] = None,
     opened: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")] = True,
+    input_format: From = None,
+    columns: Columns = None,
     view: View = None,
     up: Up = None,
     threads: Threads = None,
     force: Force = False,
+    quiet: Quiet = False,
 ) -> None:
     """Show point clouds side by side in the browser, in views that turn together.
 
     Files of all formats that gppcs reads can be shown. The page is one file that needs no network.
     """
     from gppcs import io
-    from gppcs.app.pages import different_names, how_made
+    from gppcs.app.pages import check_page, different_names, how_made
     from gppcs.drawing.web.contents import Named, view_page
+    from gppcs.engine.stages import Stages
 
     set_threads(threads)
     viewpoint = viewpoint_of(view, up, picture=True)
     if output:
         io.check_distinct([output], inputs)
-        io.check_output(output, force)
-    clouds = [Named(name, io.read(path)) for name, path in zip(different_names(inputs), inputs, strict=True)]
+        check_page(output, force)
+    stages = Stages(progress(quiet))
+    with stages("reading"):
+        read = io.read_each(inputs, input_format, names_of(columns))
+    clouds = [Named(name, cloud) for name, cloud in zip(different_names(inputs), read, strict=True)]
     page = view_page(clouds, how_made(context.obj, inputs), viewpoint)
     if output is None:
         output = Path(tempfile.mkdtemp(prefix="gppcs-")) / "view.html"
@@ -65,6 +72,7 @@ def view(
         page.write(file)
     if io.is_standard(output):
         return
-    typer.echo(output)
+    if not quiet:
+        typer.echo(output)
     if opened and not webbrowser.open(output.absolute().as_uri()):
         print_error(f"note: no browser was found; open {output} yourself")

@@ -7,13 +7,13 @@ from time import perf_counter
 import typer
 
 from gppcs import __version__
-from gppcs.app.printing import Json, print_json
+from gppcs.app.printing import Json, Quiet, print_json, progress
 from gppcs.errors import OutputError
 
 EPILOG = "[bold]Example[/bold]\n\ngppcs warmup"
 
 
-def warmup(as_json: Json = False) -> None:
+def warmup(quiet: Quiet = False, as_json: Json = False) -> None:
     """Compile all kernels now, in a minute or two. Later runs then start at once.
 
     Compiled kernels are stored in the first of these folders that can be written: the one that NUMBA_CACHE_DIR names,
@@ -22,7 +22,6 @@ def warmup(as_json: Json = False) -> None:
     """
     from gppcs.app.compilation import compile_all
     from gppcs.engine.kernel_cache import are_kept
-    from gppcs.engine.progress import ProgressBar
     from gppcs.engine.stages import Stages
     from gppcs.methods import METHODS
 
@@ -32,10 +31,10 @@ def warmup(as_json: Json = False) -> None:
             "be written; set NUMBA_CACHE_DIR to a folder that can"
         )
     start = perf_counter()
-    with Stages(ProgressBar())("compiling kernels", len(METHODS)) as advanced:
+    with Stages(progress(quiet))("compiling kernels", len(METHODS)) as advanced:
         compiled, folders = compile_all(advanced)
     seconds = perf_counter() - start
     if as_json:
         print_json({"compiled": compiled, "seconds": seconds, "folders": folders, "version": __version__})
-    else:
+    elif not quiet:
         typer.echo(f"kernels compiled: {compiled}, in {seconds:.1f} s; all are kept in {', '.join(folders)}")
