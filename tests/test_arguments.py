@@ -118,7 +118,7 @@ CALLS = {  # a public function, and arguments with which it works
     "mesh": (gppcs.mesh, {"cloud": BALL, "n_points": 9, "ratio": None, "n_faces": None, "tolerance": None,
                           "keep": None, "moved": False, "fill_holes": None, "invalid": "error", "stages": None}),
     "write_mesh": (gppcs.write_mesh, {"path": "new.stl", "mesh": HULL, "vertices": None,
-                                      "force": True}),
+                                      "force": True, "lossy": False}),
     "estimate_features": (gppcs.estimate_features, {"cloud": CLOUD, "neighbours": 9, "search": "radius", "tree": None}),
     "estimate_normals": (gppcs.estimate_normals, {"cloud": CLOUD, "at": None, "neighbours": None}),
     "info": (gppcs.info, {"cloud": CLOUD}),

@@ -26,10 +26,11 @@ def compiled():
 
 @pytest.mark.parametrize("suffix", [".ply", ".obj", ".off"])
 def test_a_mesh_is_written_with_its_vertices(gppcs_command, ball, suffix):
-    code, out, err = gppcs_command("mesh", "ball.ply", "-o", f"small{suffix}", "--points", 100, "-q")
+    lossy = [] if suffix == ".ply" else ["--lossy"]
+    code, out, err = gppcs_command("mesh", "ball.ply", "-o", f"small{suffix}", "--points", 100, "-q", *lossy)
     expected = gppcs.mesh(ball, n_points=100)
     assert (code, out) == (0, "")
-    assert err == ("" if suffix == ".ply" else f"gppcs: note: small{suffix}: left out: curvature\n")
+    assert err == ("" if suffix == ".ply" else f"gppcs: note: small{suffix}: left out: attribute curvature (float32)\n")
     read = gppcs.read(f"small{suffix}")
     assert np.array_equal(read.points.astype(np.float32), expected.mesh.vertices.astype(np.float32))
     if suffix == ".ply":
@@ -128,6 +129,19 @@ def test_clouds_without_a_surface_are_one_line_and_leave_no_file(gppcs_command, 
     gppcs.write("cloud.ply", points)
     assert_one_line(gppcs_command("mesh", "cloud.ply", "-o", "small.ply", "--points", 9, "-q"), part)
     assert files() == ["cloud.ply"]
+
+
+def test_what_the_format_cannot_hold_is_refused_before_the_work(gppcs_command, ball, monkeypatch):
+    monkeypatch.setattr("gppcs.meshing.pipeline.mesh", None)
+    parts = ("small.obj: expected a format that holds all", "OBJ cannot hold: attribute curvature", "with --lossy")
+    assert_one_line(gppcs_command("mesh", "ball.ply", "-o", "small.obj", "--points", 100), *parts)
+    assert files() == ["ball.ply"]
+
+
+def test_a_cloud_without_attributes_becomes_a_mesh_of_any_format(gppcs_command, ball):
+    """The normals that are estimated to make the mesh are none of the cloud's."""
+    gppcs.write("plain.npy", ball.points)
+    assert gppcs_command("mesh", "plain.npy", "-o", "small.stl", "--points", 100, "-q") == (0, "", "")
 
 
 @pytest.mark.parametrize(("name", "part"), [("small.las", "formats of meshes"), ("ball.ply", "ball.ply")])

@@ -16,6 +16,7 @@ COLOURS = {
     "green": np.array([1, 2, 3, 128], np.uint8),
     "blue": np.array([255, 0, 4, 9], np.uint8),
 }
+LABEL = ["attribute label (int64)"]
 NORMALS = {name: np.float32([0.6, 0, 0.6, 0])[[i, 1, 2, 3]] for i, name in enumerate(("nx", "ny", "nz"))}
 
 
@@ -34,20 +35,21 @@ def vertices():
 def test_another_program_reads_the_triangles(tmp_path, mesh, vertices, suffix, with_attributes):
     pytest.importorskip("pymeshlab")
     path = tmp_path / f"mesh{suffix}"
-    lost = gppcs.write_mesh(path, mesh, vertices if with_attributes else None)
+    lost = gppcs.write_mesh(path, mesh, vertices if with_attributes else None, lossy=with_attributes)
     read = gppcs.read_mesh(path)
     order = np.lexsort(read.vertices.T), np.lexsort(CORNERS.T)
     assert read.vertices[order[0]] == pytest.approx(CORNERS[order[1]], abs=1e-7)
     volume = np.linalg.det(read.vertices[read.faces]).sum() / 6
     assert volume == pytest.approx(1.1 / 6)  # so the triangles are those, with their orientation
-    expected = {".ply": [], ".stl": [*COLOURS, *NORMALS, "label"]}.get(suffix, ["label"])
+    colours = [f"attribute {name} (uint8)" for name in COLOURS]
+    expected = {".ply": [], ".stl": [*colours, *LABEL]}.get(suffix, LABEL)
     assert lost == (expected if with_attributes else [])
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".off", ".obj"])
 def test_we_read_the_vertices_with_what_the_format_holds(tmp_path, mesh, vertices, suffix):
     path = tmp_path / f"mesh{suffix}"
-    gppcs.write_mesh(path, mesh, vertices)
+    gppcs.write_mesh(path, mesh, vertices, lossy=True)
     read = gppcs.read(path)
     assert np.array_equal(read.points, CORNERS)
     if suffix == ".obj":
@@ -65,7 +67,7 @@ def test_gltf_is_what_trimesh_reads(tmp_path, mesh, vertices, suffix):
 
     trimesh = pytest.importorskip("trimesh")
     path = tmp_path / f"mesh{suffix}"
-    assert gppcs.write_mesh(path, mesh, vertices) == ["label"]
+    assert gppcs.write_mesh(path, mesh, vertices, lossy=True) == LABEL
     content = path.read_bytes() if suffix == ".glb" else gzip.decompress(path.read_bytes())
     read = trimesh.load(io.BytesIO(content), file_type="glb", force="mesh", process=False)
     assert read.vertices == pytest.approx(CORNERS, abs=1e-6)
@@ -93,16 +95,44 @@ def test_what_is_lost_of_the_header_is_told(tmp_path, mesh, suffix):
     path = tmp_path / "corners.pcd"
     path.write_bytes(path.read_bytes().replace(b"VIEWPOINT 0 0 0", b"VIEWPOINT 1 2 3"))
     cloud = gppcs.read(path)
-    assert gppcs.write_mesh(tmp_path / f"mesh{suffix}", mesh, cloud) == ["the viewpoint"]
+    with pytest.raises(gppcs.OutputError, match=r"cannot hold: the viewpoint; .* lossy=True"):
+        gppcs.write_mesh(tmp_path / f"mesh{suffix}", mesh, cloud)
+    assert gppcs.write_mesh(tmp_path / f"mesh{suffix}", mesh, cloud, lossy=True) == ["the viewpoint"]
 
 
 def test_texts_which_ply_files_cannot_hold_are_told(tmp_path, mesh):
     cloud = gppcs.PointCloud(CORNERS, {"kind": np.array(["a", "b", "c", "d"]), "label": np.arange(4)})
-    assert gppcs.write_mesh(tmp_path / "mesh.ply", mesh, cloud) == ["kind"]
+    assert gppcs.write_mesh(tmp_path / "mesh.ply", mesh, cloud, lossy=True) == ["attribute kind (text)"]
+
+
+@pytest.mark.parametrize(
+    ("suffix", "changes", "lost"),
+    [
+        (".obj", {"label": [1, 2, 3, 4]}, "attribute label"),
+        (".off", {"red": [1, 2, 3, 4]}, "attribute red"),  # a colour needs green and blue
+        (".obj", dict.fromkeys(COLOURS, np.array([0, 300, 9, 65535], np.uint16)), "colours"),
+        (".stl", COLOURS, "attribute red"),
+    ],
+)
+def test_what_a_format_cannot_hold_is_refused_and_leaves_no_file(tmp_path, mesh, suffix, changes, lost):
+    cloud = gppcs.PointCloud(CORNERS, changes)
+    with pytest.raises(gppcs.OutputError, match=f"cannot hold: {lost}"):
+        gppcs.write_mesh(tmp_path / f"mesh{suffix}", mesh, cloud)
+    assert not list(tmp_path.iterdir())
+    (first, *_) = gppcs.write_mesh(tmp_path / f"mesh{suffix}", mesh, cloud, lossy=True)
+    assert first.startswith(lost)
+
+
+def test_survey_coordinates_are_not_rounded_to_single_precision_unasked(tmp_path):
+    far = gppcs.Mesh(CORNERS + np.array([5e5 + 0.1, 5e6, 0]), FACES)
+    with pytest.raises(gppcs.OutputError, match=r"coordinates \(they are rounded to single precision\)"):
+        gppcs.write_mesh(tmp_path / "mesh.stl", far)
+    gppcs.write_mesh(tmp_path / "mesh.obj", far)
+    assert len(gppcs.write_mesh(tmp_path / "mesh.stl", far, lossy=True)) == 1
 
 
 def test_normals_of_obj_files_are_those_of_the_corners(tmp_path, mesh, vertices):
-    gppcs.write_mesh(tmp_path / "mesh.obj", mesh, vertices)
+    gppcs.write_mesh(tmp_path / "mesh.obj", mesh, vertices, lossy=True)
     lines = (tmp_path / "mesh.obj").read_text().splitlines()
     assert [line for line in lines if line.startswith("f")][1] == "f 1//1 2//2 4//4"
     assert sum(line.startswith("vn ") for line in lines) == 4
