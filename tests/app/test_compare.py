@@ -1,6 +1,7 @@
 """`gppcs compare`."""
 
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from command_line import files
+from command_line import assert_one_line, files
 from web_page import WebPage
 
 
@@ -149,6 +150,18 @@ def test_what_compare_refuses_leaves_nothing(gppcs_command, scan, arguments, par
     assert Path("old/table.md").read_text() == "mine"
 
 
+@pytest.mark.parametrize("above", ["nowhere", "readonly"])
+def test_a_folder_that_cannot_be_made_is_told_before_any_work(gppcs_command, scan, monkeypatch, above):
+    Path(above).symlink_to("missing") if above == "nowhere" else Path(above).mkdir()
+    access = os.access
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path).name != "readonly" and access(path, mode))
+    output, part = {
+        "nowhere": ("nowhere", "nowhere: expected a folder, found a link to nothing"),
+        "readonly": ("readonly/side", "no permission"),
+    }[above]
+    assert_one_line(gppcs_command("compare", "missing.ply", "--points", 9, "-o", output, "--no-picture"), part)
+
+
 @pytest.fixture
 def ball(folder):
     """The cloud in the file ball.ply."""
@@ -226,6 +239,7 @@ def test_compare_meshes_writes_tables_if_no_way_finds_a_surface(gppcs_command, b
         (["--methods", "mesh,mesh-move"], "no way to a mesh 'mesh-move'; did you mean 'mesh-moved'?"),
         (["--methods", "gp"], "no way to a mesh 'gp'; expected one of mesh, mesh-moved, "),
         (["--ratio", "0.1"], "found both"),
+        (["--seed", 3], "expected --seed without --meshes"),
     ],
 )
 def test_what_compare_meshes_refuses_leaves_nothing(gppcs_command, ball, options, part):

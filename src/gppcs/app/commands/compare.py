@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from functools import partial
 from io import BytesIO
@@ -15,6 +16,7 @@ from gppcs.app.pages import how_made, rebuilt
 from gppcs.app.printing import (
     Columns,
     Force,
+    From,
     Invalid,
     Json,
     Quiet,
@@ -27,7 +29,7 @@ from gppcs.app.printing import (
 from gppcs.app.quantities import Points, Ratio, count_of, share_of
 from gppcs.app.viewpoint import Colour, Up, View, require_picture, viewpoint_of
 from gppcs.engine.threads import set_threads
-from gppcs.errors import OutputError, file_path
+from gppcs.errors import OutputError, ParameterError, file_path
 from gppcs.methods import METHODS
 
 if TYPE_CHECKING:
@@ -98,6 +100,7 @@ def compare(
     seed: Annotated[
         int | None, typer.Option(help="Seed of random numbers. Methods without random numbers ignore it.")
     ] = None,
+    input_format: From = None,
     columns: Columns = None,
     invalid: Invalid = "error",
     picture: Annotated[
@@ -135,6 +138,8 @@ def compare(
     set_threads(threads)
     share, count = None if ratio is None else share_of(ratio), None if points is None else count_of(points)
     chosen = None if methods is None else [name.strip() for name in methods.split(",")]
+    if meshes and seed is not None:
+        raise ParameterError("expected --seed without --meshes, whose ways draw no random numbers")
     work = _of_ways(chosen, share, count) if meshes else _of_methods(chosen, share, count, seed)
     viewpoint = viewpoint_of(view, up, picture or report)
     require_picture(colour, picture)
@@ -142,7 +147,7 @@ def compare(
     targets = _targets([cloud, mesh] if mesh else [cloud], output, names, force)
     surface = read_mesh(mesh) if mesh else None
     stages = Stages(progress(quiet))
-    original = io.read(cloud, columns=names_of(columns))
+    original = io.read(cloud, input_format, names_of(columns))
     if colour is not None:
         Colourable.of(original).require(colour)
     entries = work(original, mesh=surface, invalid=invalid, stages=stages)
@@ -272,8 +277,9 @@ def _targets(inputs: list[Path], folder: Path, names: list[str], force: bool) ->
 
     if is_standard(folder):
         raise OutputError(f"{folder}: expected a folder, found the name of standard output; name a folder")
-    if folder.exists() and not folder.is_dir():
-        raise OutputError(f"{folder}: expected a folder, found a file; name a folder")
+    if os.path.lexists(folder) and not folder.is_dir():
+        found = "a file" if folder.exists() else "a link to nothing"
+        raise OutputError(f"{folder}: expected a folder, found {found}; name a folder")
     if not force and folder.is_dir() and any(folder.iterdir()):
         raise OutputError(
             f"{folder}: expected a new or empty folder, found one with files; choose another, or use --force to "
@@ -286,7 +292,6 @@ def _targets(inputs: list[Path], folder: Path, names: list[str], force: bool) ->
         require_pyvista()
     targets = {name: folder / name for name in names}
     check_distinct(list(targets.values()), inputs)
-    if folder.exists():
-        for target in targets.values():
-            check_writable(target, force)
+    for target in targets.values():
+        check_writable(target, force, makes_folders=True)
     return targets
