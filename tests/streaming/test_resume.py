@@ -1,11 +1,15 @@
 """Interrupted work goes on from the steps that are done, and gives the same result."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
 import gppcs
 from gppcs.engine.journal import Journal
 from gppcs.engine.stages import Stages
+from gppcs.streaming.scratch import scratch_folder
 
 N = 6_000
 
@@ -119,6 +123,52 @@ def test_other_files_and_parameters_begin_anew(path):
     gppcs.write(path, gppcs.sample("bracket", N, seed=4).points, force=True)
     expected = gppcs.simplify(path, n_points=70).indices
     np.testing.assert_array_equal(run(path, 70).indices, expected)
+
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from gppcs.streaming.scratch import scratch_folder
+with scratch_folder(Path(sys.argv[1]), 0, "gppcs-work") as folder:
+    (folder / "step.done").touch()
+    print("under way", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_a_second_run_is_told_that_the_first_is_under_way(tmp_path):
+    """But a process that was killed holds nobody up, and what it has done is there."""
+    with subprocess.Popen([sys.executable, "-c", HOLD, tmp_path], stdout=subprocess.PIPE) as first:
+        assert first.stdout.readline() == b"under way\n"
+        with pytest.raises(gppcs.OutputError, match="found one under way; wait for it, or name another folder by scr"):
+            scratch_folder(tmp_path, 0, "gppcs-work").__enter__()
+        first.kill()
+    assert (tmp_path / "gppcs-work" / "step.done").exists()
+    with scratch_folder(tmp_path, 0, "gppcs-work") as folder:
+        assert (folder / "step.done").exists()
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_same_work_at_the_same_time_is_refused(path):
+    """In a process, too: the first run calls the second one in the middle of a step."""
+    refused = []
+
+    class Twice(Interrupt):
+        def advanced(self, steps):
+            if not refused:
+                with pytest.raises(gppcs.OutputError) as caught:
+                    run(path, 70)
+                refused.append(str(caught.value))
+
+    run(path, 70, Twice())
+    assert "under way" in refused[0]
+    assert not list((path.parent / "scratch").iterdir())
+
+
+def test_too_little_space_for_kept_work_leaves_no_folder(tmp_path):
+    with pytest.raises(gppcs.OutputError, match="of disk space"):
+        scratch_folder(tmp_path, 10**18, "gppcs-work").__enter__()
+    assert not list(tmp_path.iterdir())
 
 
 def test_without_the_option_nothing_is_kept(path):

@@ -17,7 +17,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
+
+from gppcs.engine.locks import locks
 
 KERNELS = Path(__file__).with_name("kernels_of_gp.json")  # `make kernels` writes it
 METHOD = "gp"  # the method that these kernels are of: the default one, which has the most
@@ -94,7 +96,7 @@ def compile_from_last(lock: str) -> None:
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         with open(lock, "w") as file:
-            if _locks(file):
+            if locks(file):
                 for name, types in reversed(json.loads(KERNELS.read_text())):
                     module, _, kernel = name.rpartition(".")
                     getattr(import_module(module), kernel).compile(tuple(map(_numba_type, types)))
@@ -105,22 +107,6 @@ def compile_from_last(lock: str) -> None:
 def _end_with_parent() -> None:
     os.read(0, 1)  # nothing comes but the end
     os._exit(0)
-
-
-def _locks(file: IO[str]) -> bool:
-    """Lock a file until this process ends, and return whether no other process has."""
-    try:
-        if sys.platform == "win32":
-            import msvcrt
-
-            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-        else:
-            import fcntl
-
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
 
 
 def _numba_type(described: Any) -> Any:

@@ -10,11 +10,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from gppcs.engine.locks import locks
 from gppcs.engine.unfinished import unfinished
 from gppcs.errors import OutputError, ParameterError
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.whole_file import is_standard
 from gppcs.streaming.sizes import size_of
+
+LOCK = "lock"  # a file in a folder that is kept; the process that works there has locked it
 
 
 @contextmanager
@@ -38,12 +41,48 @@ def scratch_folder(parent: Path | None, size: int, name: str | None = None) -> I
     Raises
     ------
     OutputError
-        If there is no such parent, or too little space on its disk.
+        If there is no such parent, too little space on its disk, or another process is at work in the folder.
     """
     parent = Path(tempfile.gettempdir()) if parent is None else parent
     if not parent.is_dir():
         raise OutputError(f"{parent}: expected an existing folder for temporary files; make it, or name another")
-    used = sum(file.stat().st_size for file in (parent / name).rglob("*")) if name else 0
+    if name:
+        with _kept_folder(parent / name, size) as folder:
+            yield folder
+        return
+    _check_space(parent, size)
+    temporary = tempfile.mkdtemp(prefix="gppcs-", dir=parent)
+    with unfinished(temporary):
+        yield Path(temporary)
+
+
+@contextmanager
+def _kept_folder(folder: Path, size: int) -> Iterator[Path]:
+    """Make a folder, unless it is there, for this process alone; remove it if the block ends without an error."""
+    if not folder.exists():
+        _check_space(folder.parent, size)  # before anything is made
+    folder.mkdir(mode=0o700, exist_ok=True)
+    with open(folder / LOCK, "w") as lock:
+        if not locks(lock):
+            found = (
+                f"{folder}: expected no other run with the same files and parameters, found one under way; wait for it"
+            )
+            raise OutputError(
+                f"{found}, or name another folder by scratch=",
+                command=f"{found}, or name another folder by --scratch",
+            )
+        _check_space(folder.parent, size, sum(file.stat().st_size for file in folder.rglob("*")))
+        yield folder
+        for path in folder.iterdir():  # all but the lock, which not all systems remove while it is open
+            if path.is_dir():
+                shutil.rmtree(path)
+            elif path.name != LOCK:
+                path.unlink()
+    shutil.rmtree(folder)
+
+
+def _check_space(parent: Path, size: int, used: int = 0) -> None:
+    """Check that a disk has room for temporary files of a size, of which a part is there already."""
     free = shutil.disk_usage(parent).free + used
     if free < size:
         found = f"{parent}: expected at least {size_of(size)} of disk space for temporary files, found {size_of(free)}"
@@ -51,14 +90,6 @@ def scratch_folder(parent: Path | None, size: int, name: str | None = None) -> I
             f"{found}; name a folder with more by scratch=, or raise memory=",
             command=f"{found}; name a folder with more by --scratch, or raise --memory",
         )
-    if name:
-        (parent / name).mkdir(mode=0o700, exist_ok=True)
-        yield parent / name
-        shutil.rmtree(parent / name)
-        return
-    folder = tempfile.mkdtemp(prefix="gppcs-", dir=parent)
-    with unfinished(folder):
-        yield Path(folder)
 
 
 def work_name(files: CloudFiles, asked: object) -> str:
