@@ -39,6 +39,8 @@ def test_compare_writes_a_report_of_all_methods(gppcs_command, scan):
     described = WebPage(Path("side/report.html").read_text(encoding="utf-8")).described
     assert [cloud["name"] for cloud in described["clouds"]] == ["scan.ply", "fps", "random"]
     assert all(len(cloud["prefixes"]) == 4 for cloud in described["clouds"][1:])
+    reasons = [None, gppcs.METHODS["fps"].summary, gppcs.METHODS["random"].summary]
+    assert [cloud["reason"] for cloud in described["clouds"]] == reasons
     assert dict(described["made"])["command"] == f"gppcs {' '.join(words)} --report --up y"
     assert described["up"] == "y"
 

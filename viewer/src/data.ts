@@ -44,6 +44,8 @@ export interface Cloud {
   values: Values[];
   prefixes: Prefix[];
   mesh: Surface | null;
+  /** In a few words, why the points of a result were chosen, if it is known. */
+  reason: string | null;
 }
 
 export interface Figure {

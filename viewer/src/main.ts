@@ -442,23 +442,42 @@ function tell(): void {
   const { arrays } = layers[cloud]!;
   const row = arrays.rows[index]!;
   const rows: [string, string][] = [["row", row.toLocaleString("en")]];
-  if (each.role === "result")
+  if (each.role === "result") {
     rows.push(["chosen", `number ${(row + 1).toLocaleString("en")} of ${each.points.toLocaleString("en")}`]);
+    rows.push(["why", reasonOf(each, index)]);
+  }
   if (arrays.originals) rows.push(["row in the original", arrays.originals[index]! === 0xffffffff
     ? "none: this point was moved" : arrays.originals[index]!.toLocaleString("en")]);
   ["x", "y", "z"].forEach((axis, c) =>
     rows.push([axis, shown(each.low[c]! + each.step[c]! * arrays.positions[3 * index + c]!, 6)]));
   if (arrays.colours) rows.push(["RGB", [...arrays.colours.slice(3 * index, 3 * index + 3)].join(" ")]);
   for (const values of each.values) {
-    const number = numbers.get(values)![index]!;
-    const value = values.categories ? values.categories[number]! : values.low + values.step * number;
-    rows.push([values.title, number === UNKNOWN ? "unknown" : shown(value)]);
+    const value = valueAt(values, index);
+    rows.push([values.title, value === null ? "unknown" : shown(value)]);
   }
   const list = element("dl");
   for (const [name, value] of rows) list.append(element("dt", name), element("dd", value));
   const close = element("button", "×", { type: "button", className: "plain", ariaLabel: "Close" });
   close.addEventListener("click", () => choose(null));
   box.replaceChildren(element("b", each.name), close, list);
+}
+
+/** Return a value of a point; null if it is unknown. */
+function valueAt(values: Values, index: number): number | null {
+  const number = numbers.get(values)![index]!;
+  if (number === UNKNOWN) return null;
+  return values.categories ? values.categories[number]! : values.low + values.step * number;
+}
+
+/** Return in plain words why a point of a result was chosen. */
+function reasonOf(cloud: Cloud, index: number): string {
+  const [score, deviation] = ["score", "deviation"].map((name) => {
+    const values = valuesFor(cloud, `attribute:${name}`);
+    return values ? valueAt(values, index) : null;
+  });
+  if (score != null && deviation != null)
+    return `the surface was most uncertain here (deviation ${shown(deviation, 3)} of the prior one)`;
+  return cloud.reason ?? "the file does not say; gppcs simplify --scores writes it (method gp)";
 }
 
 /** Put a ring around the chosen point in each view. */

@@ -80,7 +80,7 @@ def named_meshes(entries: Sequence[MeshEntry]) -> list[Named]:
     from gppcs.drawing.web.contents import Named
 
     return [
-        Named(entry.way, PointCloud(_vertices(entry.mesh)), entry.mesh)
+        Named(entry.way, PointCloud(_vertices(entry.mesh)), entry.mesh, f"it is a vertex of the mesh by {entry.way}")
         for entry in entries
         if entry.mesh and entry.report
     ]

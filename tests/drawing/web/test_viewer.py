@@ -19,6 +19,8 @@ BUILT = ROOT / "src" / "gppcs" / "drawing" / "web" / "page.html"
 BROWSERS = "chromium", "chromium-browser", "google-chrome"
 MARKUP = "<img src=x onerror=alert(1)>"
 
+SCORES = {"score": np.linspace(2, 1, 1000), "deviation": np.linspace(0.9, 0.2, 1000)}  # as gp writes them
+
 
 @pytest.fixture(scope="module")
 def node():
@@ -48,9 +50,13 @@ def seen(node, scan, kept, tmp_path_factory):
     if not browser:
         pytest.skip(f"no browser: none of {', '.join(BROWSERS)}")
     voxels = gppcs.simplify(scan, n_points=1000, method="voxel").cloud
+    scored = PointCloud(kept.cloud.points, {**kept.cloud.attributes, **SCORES})
     page = report_page(
         Named(f"{MARKUP}.ply", scan, gppcs.mesh(scan, n_points=2000).mesh),
-        [Named("fps.ply", kept.cloud, gppcs.mesh(scan, n_points=500).mesh), Named("voxel.ply", voxels)],
+        [
+            Named("fps.ply", scored, gppcs.mesh(scan, n_points=500).mesh, "farthest points"),
+            Named("voxel.ply", voxels, reason="a point for each cell"),
+        ],
         [("command", f"gppcs report {MARKUP}")],
     )
     path = tmp_path_factory.mktemp("page") / "page.html"
@@ -127,7 +133,7 @@ class TestInTheBrowser:
         assert all_differ(seen["start"][1:], seen["fewer"]["pictures"][1:])
 
     def test_a_picked_point_is_the_point_of_the_file(self, seen, scan, kept):
-        original, first, _ = seen["picked"]
+        original, first, other = seen["picked"]
         for found, cloud in ((original, scan), (first, kept.cloud)):
             row = int(found["values"]["row"].replace(",", ""))
             place = [float(found["values"][axis]) for axis in "xyz"]
@@ -137,6 +143,10 @@ class TestInTheBrowser:
         row = int(first["values"]["row"].replace(",", ""))
         assert first["values"]["row in the original"].replace(",", "") == str(kept.indices[row])
         assert first["values"]["chosen"] == f"number {row + 1:,} of 1,000"
+        told = re.fullmatch(r"the surface .* here \(deviation (0\.\d+) of the prior one\)", first["values"]["why"])
+        assert float(told[1]) == pytest.approx(SCORES["deviation"][row], abs=0.001)
+        assert other["values"]["why"] == "a point for each cell"
+        assert "why" not in original["values"]
         assert seen["hidden"]
 
     def test_the_swipe_compares_two_clouds(self, seen):

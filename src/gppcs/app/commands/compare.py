@@ -214,7 +214,7 @@ def _named(entries: Sequence[Entry], surfaces: Sequence[Mesh | None]) -> list[Na
     from gppcs.drawing.web.contents import Named
 
     return [
-        Named(entry.result.method.label, entry.result.cloud, mesh)
+        Named(entry.result.method.label, entry.result.cloud, mesh, entry.result.method.summary)
         for entry, mesh in zip(entries, surfaces[1:], strict=True)
     ]
 

@@ -525,7 +525,8 @@ class _Job:
         shown = Path("result") if is_standard(target) else target
         original, simplified = different_names([Path(titled(sources)), shown])
         made, page = how_made(self.command, sources), BytesIO()
-        report_page(Named(original, cloud), [Named(simplified, result.cloud)], made, self.viewpoint).write(page)
+        named = Named(simplified, result.cloud, reason=result.method.summary)
+        report_page(Named(original, cloud), [named], made, self.viewpoint).write(page)
         return page.getvalue()
 
     def _amount(self) -> tuple[float | None, int | None]:

@@ -40,11 +40,14 @@ class Named:
     cloud : PointCloud
     mesh : Mesh, optional
         The surface rebuilt from the cloud, which the page can show in place of the points.
+    reason : str, optional
+        Of a result: in a few words, why its points were chosen.
     """
 
     name: str
     cloud: PointCloud
     mesh: Mesh | None = None
+    reason: str | None = None
 
 
 def report_page(
@@ -159,6 +162,7 @@ def _result(blocks: Blocks, result: Named, original: Surface) -> tuple[Layer, Su
     layer.add_values("variation", *VARIATION, kept.variation[layer.shown], root=True)
     layer.add_attributes()
     layer.add_mesh(result.mesh)
+    layer.described["reason"] = result.reason
     rows = np.where(squared[:, 0] == 0.0, original.rows[distinct], MOVED)
     layer.described["blocks"]["originals"] = blocks.add(rows[layer.shown].astype(np.uint32))
     return layer, kept

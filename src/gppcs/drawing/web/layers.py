@@ -154,6 +154,7 @@ class Layer:
             "values": [],
             "prefixes": [],
             "mesh": None,
+            "reason": None,
         }
         if len(rows) != points:
             self.described["blocks"]["rows"] = blocks.add(rows)
