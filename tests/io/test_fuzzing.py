@@ -1,0 +1,162 @@
+"""Each reader makes of damaged files a cloud or one of our errors, whatever bytes are damaged, and soon."""
+
+import time
+
+import laspy
+import numpy as np
+import pytest
+
+import gppcs
+from copc_file import write_copc
+from gppcs.errors import GppcsError
+
+N = 60
+AT_MOST = 5.0  # seconds for one read, on a busy machine: a header that lies must not cost time or memory
+NUMBERS = (0, 1, 0x7F, 0x80, 0xFF, *b"09-+.e \n,n")  # bytes at which counts and texts change their meaning
+
+
+def cloud():
+    rng = np.random.default_rng(0)
+    attributes = {name: rng.integers(0, 256, N).astype(np.uint8) for name in ("red", "green", "blue")}
+    return gppcs.PointCloud(
+        np.float32(rng.uniform(-9, 9, (N, 3))), {"intensity": rng.integers(0, 999, N).astype("u2"), **attributes}
+    )
+
+
+def written(path, **options):
+    gppcs.write(path, cloud(), lossy=True, **options)
+
+
+def as_pcd(path, encoding):
+    written(path, ascii=encoding == "ascii")
+    if encoding == "binary_compressed":
+        points = cloud().points.astype("<f4").T.tobytes()
+        # Runs of literals, as LZF knows them: a byte of their length less one, then at most 32 bytes.
+        literals = b"".join(
+            bytes([len(run) - 1]) + run for run in (points[i : i + 32] for i in range(0, len(points), 32))
+        )
+        head = f"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {N}\nHEIGHT 1\nPOINTS {N}\n"
+        sizes = np.array([len(literals), len(points)], "<u4").tobytes()
+        path.write_bytes(head.encode() + b"DATA binary_compressed\n" + sizes + literals)
+
+
+def as_ptx(path, _):
+    rows = "\n".join(f"{x:.4f} {y:.4f} {z:.4f} 0.5 1 2 3" for x, y, z in cloud().points)
+    path.write_text(f"6\n{N // 6}\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n{rows}\n")
+
+
+def as_copc(path, _):
+    las = laspy.LasData(laspy.LasHeader(point_format=7, version="1.4"))
+    las.x, las.y, las.z = cloud().points.T
+    write_copc(path, las, 2, 1.0)
+
+
+def as_mesh(path, _):
+    points = cloud().points
+    faces = np.arange(N).reshape(-1, 3)
+    gppcs.write_mesh(path, gppcs.Mesh(points, faces), lossy=True)
+
+
+def as_text_stl(path, _):
+    facets = "".join(
+        "facet normal 0 0 1\nouter loop\n" + "".join(f"vertex {x:.4f} {y:.4f} {z:.4f}\n" for x, y, z in corners)
+        + "endloop\nendfacet\n" for corners in cloud().points.reshape(-1, 3, 3)
+    )  # fmt: skip
+    path.write_text(f"solid a\n{facets}endsolid a\n")
+
+
+def plain(path, _):
+    written(path)
+
+
+FILES = {
+    "ply": (".ply", plain, None),
+    "ply ascii": (".ply", lambda path, _: written(path, ascii=True), None),
+    "las": (".las", plain, None),
+    "laz": (".laz", plain, None),
+    "copc": (".copc.laz", as_copc, None),
+    "pcd ascii": (".pcd", as_pcd, "ascii"),
+    "pcd binary": (".pcd", as_pcd, "binary"),
+    "pcd compressed": (".pcd", as_pcd, "binary_compressed"),
+    "ptx": (".ptx", as_ptx, None),
+    "e57": (".e57", plain, "pye57"),
+    "parquet": (".parquet", plain, "pyarrow"),
+    "feather": (".feather", plain, "pyarrow"),
+    "xyz": (".xyz", plain, None),
+    "csv": (".csv", plain, None),
+    "pts": (".pts", plain, None),
+    "npy": (".npy", plain, None),
+    "npz": (".npz", plain, None),
+    "obj": (".obj", as_mesh, None),
+    "off": (".off", as_mesh, None),
+    "stl": (".stl", as_mesh, None),
+    "stl ascii": (".stl", as_text_stl, None),
+    "ply mesh": (".ply", as_mesh, None),
+    "gz": (".csv.gz", plain, None),
+    "zst": (".ply.zst", plain, None),
+}
+
+
+def damaged(content, rng):
+    """Return a file with some bytes changed, left out, repeated or cut off, more often near its start or end."""
+    data = bytearray(content)
+    for _ in range(rng.integers(1, 4)):
+        size = len(data)
+        at = int(
+            rng.choice([rng.integers(size), rng.integers(min(size, 400)), size - 1 - rng.integers(min(size, 100))])
+        )
+        length = int(rng.integers(1, 9))
+        kind = rng.integers(6)
+        if kind == 0:
+            data[at] ^= 1 << int(rng.integers(8))
+        elif kind == 1:
+            data[at] = int(rng.choice(NUMBERS))
+        elif kind == 2:
+            data[at : at + length] = rng.bytes(length)
+        elif kind == 3:
+            del data[at : at + length]
+        elif kind == 4:
+            data[at:at] = data[at : at + length]
+        elif at:
+            del data[at:]
+    return bytes(data)
+
+
+def read_damaged(name, tmp_path, seeds):
+    suffix, make, setting = FILES[name]
+    if setting in ("pye57", "pyarrow"):
+        pytest.importorskip(setting)
+    path = tmp_path / f"whole{suffix}"
+    make(path, setting)
+    content = path.read_bytes()
+    assert len(gppcs.read(path)) == N
+    path = tmp_path / f"damaged{suffix}"
+    refused = 0
+    for seed in seeds:
+        path.write_bytes(damaged(content, np.random.default_rng(seed)))
+        start = time.monotonic()
+        try:
+            found = gppcs.read(path)
+        except GppcsError as error:
+            refused += 1
+            assert str(path) in str(error), seed  # noqa: PT017 - either outcome is right
+            assert "\n" not in str(error), seed  # noqa: PT017
+        except BaseException as error:
+            raise AssertionError(f"the damage of seed {seed} raised {error!r}") from error
+        else:
+            assert all(len(values) == len(found) for values in found.attributes.values()), seed
+        assert time.monotonic() - start < AT_MOST, seed
+    assert refused > 0
+
+
+@pytest.mark.parametrize("name", FILES)
+@pytest.mark.filterwarnings("ignore:Reading .* created on Python 2")
+def test_damaged_files_give_a_cloud_or_our_error(name, tmp_path):
+    read_damaged(name, tmp_path, range(40))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FILES)
+@pytest.mark.filterwarnings("ignore:Reading .* created on Python 2")
+def test_many_damaged_files_give_a_cloud_or_our_error(name, tmp_path):
+    read_damaged(name, tmp_path, range(1000, 3000))
