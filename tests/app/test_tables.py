@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs.app.tables import SHOWN, UNITS, Column, Row, as_csv, as_markdown, columns_of, shown
+from gppcs.app.tables import SHOWN, UNITS, Column, Row, as_csv, as_markdown, as_text, columns_of
 
 
 def rows_of(entries):
@@ -137,4 +137,4 @@ def test_no_value_is_best_where_all_are_equal_or_none_is_better():
     ],
 )
 def test_numbers_show_three_digits(value, text):
-    assert shown(value) == text
+    assert as_text(value) == text

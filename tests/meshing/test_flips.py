@@ -5,7 +5,7 @@ import pytest
 
 from gppcs.clouds.topology import topology_of
 from gppcs.meshing.assignment import Assignment
-from gppcs.meshing.flips import THIN, energy, flip, flip_edge, is_flippable, thinness
+from gppcs.meshing.flips import THIN_IN_FLIPS, energy, flip, flip_edge, is_flippable, thinness
 from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, faults
 from shapes import ball, random_mesh, sheet
 
@@ -64,4 +64,4 @@ def test_thin_triangles_cost_and_others_do_not():
     assert thinness((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.5, 0.9, 0.0)) == 0
     assert thinness((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (2.0, 0.0, 0.0)) == 1
     thin = thinness((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.5, 0.04, 0.0))
-    assert thin == pytest.approx(1 - 4 * np.sqrt(3) * 0.02 / (1 + 2 * (0.25 + 0.0016)) / THIN)
+    assert thin == pytest.approx(1 - 4 * np.sqrt(3) * 0.02 / (1 + 2 * (0.25 + 0.0016)) / THIN_IN_FLIPS)

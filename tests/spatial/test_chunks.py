@@ -19,7 +19,7 @@ def parts(points, cuts):
 @pytest.fixture(autouse=True)
 def few(monkeypatch):
     """Let the finds of chunks be looked through again and again."""
-    monkeypatch.setattr(chunks, "FEWEST", 20)
+    monkeypatch.setattr(chunks, "FINDS_AT_ONCE", 20)
 
 
 @given(CUTS, st.integers(0, 99), st.sampled_from([0.01, 0.2, 0.7, 5.0]))

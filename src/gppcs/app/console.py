@@ -11,7 +11,7 @@ from rich.text import Text
 
 from gppcs.amounts.accuracy import Measure
 from gppcs.amounts.curve import Curve
-from gppcs.app.tables import Row, columns_of, shown, units_of
+from gppcs.app.tables import Row, as_text, columns_of, units_of
 
 
 def print_comparison(rows: Sequence[Row]) -> None:
@@ -23,14 +23,14 @@ def print_comparison(rows: Sequence[Row]) -> None:
         At least one.
     """
     columns = columns_of(rows)
-    widths = [max(map(len, [*column.title.split(), *map(shown, column.values)])) for column in columns]
+    widths = [max(map(len, [*column.title.split(), *map(as_text, column.values)])) for column in columns]
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column(rows[0].kind, width=(longest := max(map(len, [*(row.label for row in rows), rows[0].kind]))))
     for column, width in zip(columns, widths, strict=True):
         table.add_column(column.title, justify="right", width=width)
     for number, row in enumerate(rows):
         cells = (
-            Text(shown(column.values[number]), style="bold" if column.is_best(number) else "") for column in columns
+            Text(as_text(column.values[number]), style="bold" if column.is_best(number) else "") for column in columns
         )
         table.add_row(Text(row.label), *cells)
     needed = longest + sum(widths) + 2 * len(columns)

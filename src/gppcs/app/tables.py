@@ -170,7 +170,7 @@ def units_of(rows: Sequence[Row]) -> str:
     return UNITS if rows[0].kind == "method" else UNITS_OF_MESHES
 
 
-def shown(value: float | None) -> str:
+def as_text(value: float | None) -> str:
     """Return a number with three significant digits.
 
     Parameters
@@ -207,7 +207,7 @@ def as_markdown(rows: Sequence[Row]) -> str:
     lines = [[rows[0].kind, *(column.title for column in columns)], ["---"] * (len(columns) + 1)]
     for number, row in enumerate(rows):
         cells = (
-            f"**{shown(column.values[number])}**" if column.is_best(number) else shown(column.values[number])
+            f"**{as_text(column.values[number])}**" if column.is_best(number) else as_text(column.values[number])
             for column in columns
         )
         lines.append([row.label, *cells])

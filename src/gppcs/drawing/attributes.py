@@ -14,7 +14,7 @@ from gppcs.errors import ParameterError, nearest_name, shown
 
 RGB, VARIATION = "rgb", "variation"  # colourings that are no attributes; an attribute of that name wins
 MOST_KINDS = 8  # whole numbers of at most so many different values are shown as kinds: there are as many colours
-COLOURS = (("red", "green", "blue"), ("r", "g", "b"))
+COLOUR_NAMES = (("red", "green", "blue"), ("r", "g", "b"))
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Colourable:
         Colourable
         """
         columns = dict(_columns(cloud))
-        for names in (*COLOURS, *((f"{name} 0", f"{name} 1", f"{name} 2") for name in ("rgb", "color", "colors"))):
+        for names in (*COLOUR_NAMES, *((f"{name} 0", f"{name} 1", f"{name} 2") for name in ("rgb", "color", "colors"))):
             if set(names) <= set(columns):
                 return cls(columns, eight_bits(np.stack([columns.pop(name) for name in names], axis=1)))
         return cls(columns, None)

@@ -23,7 +23,7 @@ MAX_SURFACE_RADIUS = 28  # supersampled pixels; more in close-ups
 MIN_POINT_RADIUS = 2.4  # supersampled pixels
 GHOST_OPACITY = 0.35  # opacity of the original behind single points
 NORMAL_NEIGHBOURS = 12  # points that a normal is estimated from
-BLOCK = 1 << 18  # pixels of discs drawn at once, to bound the memory
+PIXELS_AT_ONCE = 1 << 18  # pixels of discs drawn at once, to bound the memory
 
 
 @dataclass(frozen=True)
@@ -283,7 +283,7 @@ def _splat(
         if normals is not None:
             slope = normals[members, :2] * (1.0, -1.0) / np.maximum(normals[members, 2:], MIN_FACING)
         offsets = _disc(size)
-        for part in np.array_split(offsets, math.ceil(len(offsets) * len(members) / BLOCK)):
+        for part in np.array_split(offsets, math.ceil(len(offsets) * len(members) / PIXELS_AT_ONCE)):
             dx, dy = part.T
             deeper = slope[:, :1] * dx + slope[:, 1:] * dy
             column, row = x[:, None] + dx, y[:, None] + dy

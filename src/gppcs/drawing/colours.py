@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-COLOURS, DARKEST = "viridis", 0.22  # a colour map, from this place on: darker colours would hide the shading
+COLOUR_MAP, DARKEST = "viridis", 0.22  # a colour map, from this place on: darker colours would hide the shading
 # The palette of Okabe and Ito, for kinds; the page for the browser has the same.
 KINDS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#8a7f00", "#7a5195")
 NO_VALUE = 0.6  # grey level of NaN
@@ -69,7 +69,7 @@ def colour_scale(clouds: Sequence[NDArray[Any]], root: bool = True) -> ScalarMap
     ends = np.array([scale_ends(values, root) for values in clouds])
     low, high = ends[:, 0].min(), ends[:, 1].max()
     high = high if high > low else low + 1.0
-    shades = ListedColormap(colormaps[COLOURS](np.linspace(DARKEST, 1.0, 256)))
+    shades = ListedColormap(colormaps[COLOUR_MAP](np.linspace(DARKEST, 1.0, 256)))
     return ScalarMappable(PowerNorm(0.5, low, high, clip=True) if root else Normalize(low, high, clip=True), shades)
 
 

@@ -38,7 +38,7 @@ from gppcs.io.rows import BLOCK, ends_early
 _AXES = ("X", "Y", "Z")
 _UNDESCRIBED = "ExtraBytes"  # laspy's name for bytes of each point that no record describes
 _LONGEST_NAME = 32
-ROUNDING = 2.0  # Units in the last place by which 41 times 0.01 may differ from 0.41.
+LAST_PLACES = 2.0  # Units in the last place by which 41 times 0.01 may differ from 0.41.
 FARTHEST = 1e300  # Largest coordinate. Beyond, a whole number times the scale overflows.
 _LARGEST = 2**31 - 1  # of the whole numbers that coordinates are stored as
 _LONGEST_RECORD = 2**16 - 1
@@ -620,7 +620,7 @@ def _fit_points(points: NDArray[np.float64], header: LasHeader) -> tuple[NDArray
     for i, values in enumerate(points.T):
         if not _is_exact(values, scales[i], offsets[i]):
             scales[i], offsets[i] = _scale_and_offset(values)
-            if not _is_exact(values, scales[i], offsets[i], ROUNDING):
+            if not _is_exact(values, scales[i], offsets[i], LAST_PLACES):
                 coarsest = max(coarsest, scales[i])
         stored[:, i] = _multiples(values, scales[i], offsets[i])
     rounding = [f"coordinates (they are rounded to multiples of {coarsest:g})"] if coarsest else []
@@ -658,7 +658,7 @@ def _scale_and_offset(values: NDArray[np.float64]) -> tuple[float, float]:
         finest = _finest(reach)
         # In multiples of coarser scales than the first, all but zero are too small.
         for exponent in range(max(finest, min(finest + 10, 0)), finest - 1, -1):
-            rounding = ROUNDING if -9 <= exponent <= 0 else 0.0  # People write numbers in these scales.
+            rounding = LAST_PLACES if -9 <= exponent <= 0 else 0.0  # People write numbers in these scales.
             if _is_exact(values, float(f"1e{exponent}"), offset, rounding):
                 return float(f"1e{exponent}"), offset
     return float(f"1e{finest}"), middle

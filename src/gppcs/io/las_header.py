@@ -19,7 +19,7 @@ from gppcs.errors import FileFormatError
 
 # The names and places that the LAS specification gives; a file of version 1.2 ends before `waveforms`, one of 1.3
 # before `first_extended`.
-BLOCK = np.dtype(
+HEADER = np.dtype(
     [
         ("signature", "S4"), ("source_id", "<u2"), ("global_encoding", "<u2"), ("project_id", "V16"),
         ("major", "u1"), ("minor", "u1"), ("system_identifier", "S32"), ("generating_software", "S32"),
@@ -126,11 +126,11 @@ class LasHeader(Header):
     padding: bytes = b""
 
     def fields(self) -> NDArray[Any]:
-        """Return a copy of the public header block by the names of `BLOCK`. Fields beyond its version are zero.
+        """Return a copy of the public header block by the names of `HEADER`. Fields beyond its version are zero.
 
         Returns
         -------
-        array of one row, of type `BLOCK`
+        array of one row, of type `HEADER`
         """
         return _fields(self.block)
 
@@ -140,7 +140,7 @@ class LasHeader(Header):
         Parameters
         ----------
         **values
-            By the names of `BLOCK`.
+            By the names of `HEADER`.
 
         Returns
         -------
@@ -333,7 +333,7 @@ def read_header(file: BufferedReader) -> tuple[LasHeader, NDArray[Any], dict[tup
     Returns
     -------
     header : LasHeader
-    fields : array of one row, of type `BLOCK`
+    fields : array of one row, of type `HEADER`
         The public header block as it stands in the file.
     own : dict of kind to Record
         The records that are right for this file only: of its compression (`LASZIP`) and of its index (`COPC`).
@@ -365,7 +365,7 @@ def read_header(file: BufferedReader) -> tuple[LasHeader, NDArray[Any], dict[tup
 
 
 def _read_block(file: BufferedReader, size: int) -> tuple[NDArray[Any], bytes]:
-    head = file.read(BLOCK.itemsize)
+    head = file.read(HEADER.itemsize)
     if not head.startswith(b"LASF") or len(head) < SIZES[2]:
         raise FileFormatError(
             f"expected a LAS header of at least {SIZES[2]} bytes, found {len(head)} or another format"
@@ -386,7 +386,7 @@ def _read_block(file: BufferedReader, size: int) -> tuple[NDArray[Any], bytes]:
 
 def _fields(block: bytes) -> NDArray[Any]:
     """Return the public header block by names. What stands behind the fields of its version is left out."""
-    return np.frombuffer(block[: SIZES[block[_MINOR]]].ljust(BLOCK.itemsize, b"\0"), BLOCK).copy()
+    return np.frombuffer(block[: SIZES[block[_MINOR]]].ljust(HEADER.itemsize, b"\0"), HEADER).copy()
 
 
 def _record(data: bytes, position: int, index: int, count: int) -> bytes:

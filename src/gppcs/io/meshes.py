@@ -20,11 +20,11 @@ from gppcs.io.format import Format, reduced
 from gppcs.io.rows import (
     Block,
     as_count,
+    as_found,
     ends_early,
     joined,
     lines_of,
     number_blocks,
-    shown,
     typed_columns,
     write_rows,
 )
@@ -68,14 +68,14 @@ def _off_header(numbered: Iterator[tuple[int, str]]) -> tuple[re.Match[str], int
     number, line = next(numbered, (1, ""))
     header = _OFF_HEADER.match(line)
     if header is None or "BINARY" in line:
-        raise FileFormatError(f"expected a text file that begins with OFF, COFF or NOFF, found {shown(line)}")
+        raise FileFormatError(f"expected a text file that begins with OFF, COFF or NOFF, found {as_found(line)}")
     text = header[4].strip()
     if not text:
         number, text = next(numbered, (number, ""))
     counts = [as_count(word) for word in text.split()[:2]]
     known = [count for count in counts if count is not None]
     if not counts or counts[0] is None:
-        raise FileFormatError(f"line {number}: expected numbers of vertices, faces, edges, found {shown(text)}")
+        raise FileFormatError(f"line {number}: expected numbers of vertices, faces, edges, found {as_found(text)}")
     return header, number, known
 
 
@@ -116,7 +116,7 @@ def check_off_faces(file: BufferedReader) -> None:
         if count != len(corners[:count]) or not all(0 <= corner < vertices for corner in corners[:count]):
             raise FileFormatError(
                 f"line {number}: expected a number of corners and then as many indices from 0 to {vertices - 1}, "
-                f"found {shown(text)}"
+                f"found {as_found(text)}"
             )
 
 
@@ -142,7 +142,7 @@ def check_obj_faces(file: BufferedReader) -> None:
             if not all(1 <= abs(corner) <= vertices for corner in corners):
                 raise FileFormatError(
                     f"line {number}: expected indices of earlier vertices, 1 to {vertices} or -1 to {-vertices}, "
-                    f"found {shown(text)}"
+                    f"found {as_found(text)}"
                 )
 
 
@@ -150,7 +150,7 @@ def _indices(number: int, words: list[str]) -> list[int]:
     try:
         return [int(word) for word in words]
     except ValueError:
-        raise FileFormatError(f"line {number}: expected whole numbers, found {shown(' '.join(words))}") from None
+        raise FileFormatError(f"line {number}: expected whole numbers, found {as_found(' '.join(words))}") from None
 
 
 def _off_numbers(line: str) -> str:

@@ -21,11 +21,11 @@ from gppcs.io.format import Format, reduced
 from gppcs.io.rows import (
     BLOCK,
     as_count,
+    as_found,
     bytes_left,
     ends_early,
     lines_of,
     number_blocks,
-    shown,
     write_records,
     write_rows,
 )
@@ -207,15 +207,15 @@ def _read_header(file: BufferedReader) -> _Layout:
             keyword, *words = text.split()
             keyword = "FIELDS" if keyword == "COLUMNS" else keyword  # the name before version 0.7
             if keyword not in _KEYWORDS or keyword in entries or len(line) == _LONGEST_LINE:
-                found = shown(text.encode("utf-8", "replace").decode())
+                found = as_found(text.encode("utf-8", "replace").decode())
                 raise FileFormatError(f"line {number}: expected a PCD header, found {found}")
             entries[keyword] = words
     version = _entry(entries, "VERSION", 1)[0] if "VERSION" in entries else ".7"
     if version.removeprefix("0") not in (".5", ".6", ".7"):
-        raise FileFormatError(f"expected a PCD file of version 0.5, 0.6 or 0.7, found {shown(version)}")
+        raise FileFormatError(f"expected a PCD file of version 0.5, 0.6 or 0.7, found {as_found(version)}")
     (encoding,) = _entry(entries, "DATA", 1)
     if encoding not in _ENCODINGS:
-        raise FileFormatError(f"expected DATA to be one of {', '.join(_ENCODINGS)}, found {shown(encoding)}")
+        raise FileFormatError(f"expected DATA to be one of {', '.join(_ENCODINGS)}, found {as_found(encoding)}")
     width, height = _size(entries)
     header = PcdHeader(_viewpoint(entries), tuple(comments), is_text=encoding == "ascii")
     return _Layout(_fields(entries), width, height, encoding, header, number)
@@ -226,7 +226,7 @@ def _entry(entries: dict[str, list[str]], keyword: str, length: int | None = Non
     words = entries.get(keyword, [])
     if not words or len(words) != (length or len(words)):
         wanted = f"{length} value{'s' if length and length > 1 else ''}" if length else "values"
-        found = shown(" ".join(words).encode("utf-8", "replace").decode()) if words else "none"
+        found = as_found(" ".join(words).encode("utf-8", "replace").decode()) if words else "none"
         raise FileFormatError(f"expected a line {keyword} with {wanted} in the PCD header, found {found}")
     return words
 
@@ -245,11 +245,11 @@ def _fields(entries: dict[str, list[str]]) -> list[_Field]:
             dtype, count = np.dtype("u1"), (count or 0) * (as_count(size) or 0)
         if dtype is None:
             raise FileFormatError(
-                f"expected TYPE and SIZE to be F 4, F 8, or I or U with 1, 2, 4 or 8, found {shown(f'{letter} {size}')}"
-                f" for {name!r}"
+                "expected TYPE and SIZE to be F 4, F 8, or I or U with 1, 2, 4 or 8, "
+                f"found {as_found(f'{letter} {size}')} for {name!r}"
             )
         if not count:
-            raise FileFormatError(f"expected COUNT to be 1 or more, found {shown(text)} for {name!r}")
+            raise FileFormatError(f"expected COUNT to be 1 or more, found {as_found(text)} for {name!r}")
         fields.append(_Field(name, dtype, count))
     if sum(each.size for each in fields) > _LARGEST_RECORD:
         raise FileFormatError("expected less than 2^31 bytes for each point, found more in SIZE and COUNT")
@@ -265,7 +265,7 @@ def _size(entries: dict[str, list[str]]) -> tuple[int, int]:
     }
     for keyword, number in found.items():
         if number is None:
-            raise FileFormatError(f"expected a whole number as {keyword}, found {shown(entries[keyword][0])}")
+            raise FileFormatError(f"expected a whole number as {keyword}, found {as_found(entries[keyword][0])}")
     width, height, points = found.get("WIDTH"), found.get("HEIGHT", 1), found.get("POINTS")
     if width is None or height is None:
         width, height = points, 1
@@ -283,7 +283,7 @@ def _viewpoint(entries: dict[str, list[str]]) -> tuple[float, ...]:
     try:
         return tuple(map(float, words))
     except ValueError:
-        raise FileFormatError(f"expected 7 numbers as VIEWPOINT, found {shown(' '.join(words))}") from None
+        raise FileFormatError(f"expected 7 numbers as VIEWPOINT, found {as_found(' '.join(words))}") from None
 
 
 def _empty(layout: _Layout) -> dict[str, Column]:
@@ -400,7 +400,7 @@ def _cast(values: NDArray[np.float64], texts: list[str], first: int, done: int, 
 
 
 def _wrong_number(word: str, index: int, to: _Field) -> FileFormatError:
-    return FileFormatError(f"expected {to.dtype} as {to.name} of point {index + 1}, found {shown(word)}")
+    return FileFormatError(f"expected {to.dtype} as {to.name} of point {index + 1}, found {as_found(word)}")
 
 
 def _unpacked(columns: dict[str, Column], layout: _Layout) -> tuple[dict[str, Column], PackedColour | None]:

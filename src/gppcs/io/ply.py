@@ -23,11 +23,11 @@ from gppcs.io.format import Format, reduced, without_attributes
 from gppcs.io.rows import (
     BLOCK,
     as_count,
+    as_found,
     bytes_left,
     ends_early,
     lines_of,
     number_blocks,
-    shown,
     texts_of,
     write_records,
     write_rows,
@@ -236,7 +236,7 @@ def _read_header(file: BufferedReader) -> _Header:
         header.lines += 1
         text = line.decode("utf-8", "replace").rstrip("\r\n")
         if header.lines == 1 and text.rstrip() != "ply":
-            raise FileFormatError(f"expected 'ply' as the first line of a PLY file, found {shown(text)}")
+            raise FileFormatError(f"expected 'ply' as the first line of a PLY file, found {as_found(text)}")
         if text.rstrip() == "end_header":
             if not header.encoding:
                 raise FileFormatError("expected a line 'format ...' in the header, found none")
@@ -263,7 +263,7 @@ def _take_header_line(header: _Header, line: str) -> None:
         ):
             _add_property(header, _Property(name, _TYPES[kind], _TYPES[length]))
         case _:
-            raise FileFormatError(f"line {header.lines}: expected a PLY header, found {shown(line)}")
+            raise FileFormatError(f"line {header.lines}: expected a PLY header, found {as_found(line)}")
 
 
 def _add_property(header: _Header, new: _Property) -> None:

@@ -14,7 +14,7 @@ from gppcs.clouds.columns import Column, cloud_of_columns
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
 from gppcs.io.format import Format
-from gppcs.io.rows import as_count, lines_of, number_blocks, shown
+from gppcs.io.rows import as_count, as_found, lines_of, number_blocks
 
 _WIDTHS = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)  # numbers in the lines before the points of a scan
 _NAMES = {4: ("intensity",), 7: ("intensity", "red", "green", "blue")}  # by the number of numbers of a point
@@ -159,7 +159,7 @@ def _header(first: str, lines: Iterator[str], number: int) -> PtxScan:
         if len(row) != width or not np.isfinite(row).all() or (width == 1 and as_count(line.strip()) is None):
             what = f"{width} finite numbers" if width > 1 else "a whole number"
             raise FileFormatError(
-                f"line {number + i}: expected {what} before the points of a scan, found {shown(line)}"
+                f"line {number + i}: expected {what} before the points of a scan, found {as_found(line)}"
             )
         values += row
     return PtxScan(int(values[0]), int(values[1]), tuple(values[2:14]), tuple(values[14:]))

@@ -49,7 +49,7 @@ def lines_of(file: BufferedReader) -> Iterator[str]:
             text.detach()
 
 
-def shown(line: str) -> str:
+def as_found(line: str) -> str:
     """Return a line in quotes for a message, shortened to 60 characters.
 
     Parameters
@@ -168,7 +168,7 @@ def number_blocks(
                 bad, row, expected = _first_bad_line(batch, numbers_of, delimiter, width)
                 if count is not None and not batch[bad].endswith("\n"):
                     raise ends_early(what, done + row, count)
-                raise FileFormatError(f"line {first_line + bad}: expected {expected}, found {shown(batch[bad])}")
+                raise FileFormatError(f"line {first_line + bad}: expected {expected}, found {as_found(batch[bad])}")
             yield texts, values
         done += len(texts)
         first_line += len(batch)
@@ -272,7 +272,7 @@ def joined(blocks: Sequence[Column]) -> Column:
 def _rounded(word: str) -> FileFormatError:
     return FileFormatError(
         "expected columns of whole numbers that int64, uint64 or float64 holds exactly, found one that none does, with "
-        f"{shown(word)}; write this with a decimal point if it may be rounded"
+        f"{as_found(word)}; write this with a decimal point if it may be rounded"
     )
 
 

@@ -27,7 +27,7 @@ from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.errors import FileFormatError, InputError
 from gppcs.io.columns import attribute_columns, coordinate_type, default_names, held_by_columns
 from gppcs.io.format import Format, without_attributes
-from gppcs.io.rows import as_count, joined, lines_of, number_blocks, shown, typed_columns, write_rows
+from gppcs.io.rows import as_count, as_found, joined, lines_of, number_blocks, typed_columns, write_rows
 from gppcs.io.text_fields import TextApart, delimiter_of, fields_of, is_number, is_row, text_columns
 
 _PTS_EXTRAS = {4: ["intensity"], 6: ["red", "green", "blue"], 7: ["intensity", "red", "green", "blue"]}
@@ -251,7 +251,7 @@ def _layout(lines: Iterator[str], given: list[str] | None) -> _Layout:
         elif given is None:
             layout.names, layout.names_line = _header(fields, number, line), number
         elif layout.names_line:
-            raise FileFormatError(f"line {number}: expected numbers as x, y and z, found {shown(line)}")
+            raise FileFormatError(f"line {number}: expected numbers as x, y and z, found {as_found(line)}")
         else:  # names that the given ones replace
             layout.names_line = number
     if layout.names is None and commented and len(commented) == (layout.width or len(commented)):
@@ -292,7 +292,7 @@ def _check_width(layout: _Layout, given: list[str] | None) -> None:
         return
     if layout.width < 3:
         raise FileFormatError(
-            f"line {layout.first_line}: expected at least three numbers, found {shown(layout.first_row)}"
+            f"line {layout.first_line}: expected at least three numbers, found {as_found(layout.first_row)}"
         )
     if given is not None and len(given) != layout.width:
         raise FileFormatError(
@@ -312,7 +312,7 @@ def _header(fields: list[str], number: int, line: str) -> list[str]:
         coordinate_names(names)
     except InputError as error:
         raise FileFormatError(
-            f"line {number}: expected numbers, or names of columns with x, y, z, found {shown(line)}"
+            f"line {number}: expected numbers, or names of columns with x, y, z, found {as_found(line)}"
         ) from error
     repeated = next((name for name in names if names.count(name) > 1), None)
     if repeated is not None:

@@ -8,7 +8,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from gppcs.engine.kernels import kernel
-from gppcs.meshing.coverage import NEAREST, Cover, are_covered, is_covered
+from gppcs.meshing.coverage import COVERING_POINTS, Cover, are_covered, is_covered
 from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, following, new_keys, preceding, slot_of
 from gppcs.spatial.triangles import area_vector, dot, minus, row
 
@@ -19,7 +19,7 @@ PINHOLE, PINHOLE_SIZE = (
 )  # corners and size, in usual edges, of a gap that is filled though no points cover it, as random samples have
 LARGEST_GAP = 40  # corners of a gap that is filled at the end
 MOST_CORNERS = 1000  # of a hole that is filled on request: its filling takes the cube of their number in time
-FEWEST = 12  # triangles of a piece; smaller ones are scraps
+PIECE_TRIANGLES = 12  # triangles of a piece; smaller ones are scraps
 BEND = 4.0  # weight of the bend of a filling, beside its area
 LENGTH = 0.02  # weight of its squared edges, which keeps its triangles compact
 
@@ -286,7 +286,7 @@ def _fill_all(mesh, loops, ends, most, points, normals, reaches, cover, covered,
         if mesh.origin[h] >= 0:
             key = mesh.origin[h] * n + mesh.origin[following(h)]
             keys[slot_of(keys, key)] = key
-    found, squared = np.empty(NEAREST, dtype=np.int64), np.empty(NEAREST, dtype=np.float64)
+    found, squared = np.empty(COVERING_POINTS, dtype=np.int64), np.empty(COVERING_POINTS, dtype=np.float64)
     degrees = np.zeros(n, dtype=np.int64)
     for v in mesh.origin:
         if v >= 0:
@@ -376,7 +376,7 @@ def _cost(points, normals, a, b, c):
     return 0.5 * doubled * (1.0 + BEND * (1.0 - agreement) ** 2) + LENGTH * max(dot(ab, ab), dot(ca, ca))
 
 
-def without_scraps(faces: NDArray[np.int64], n: int, fewest: int = FEWEST) -> NDArray[np.int64]:
+def without_scraps(faces: NDArray[np.int64], n: int, fewest: int = PIECE_TRIANGLES) -> NDArray[np.int64]:
     """Leave out connected pieces of few triangles.
 
     Parameters

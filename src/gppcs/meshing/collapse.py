@@ -21,7 +21,7 @@ from gppcs.meshing.quadrics import add_moved, value
 from gppcs.spatial.triangles import area_vector, dot, minus, quality, row
 
 TURN = 0.2, -0.3  # least cosine between a triangle's normals before and after: in the first pass, and in the second
-THIN = 0.3  # triangles below this quality cost extra
+THIN_IN_COLLAPSE = 0.3  # triangles below this quality cost extra
 EXTRA = 1e-3  # that cost, in squared edges for each unit of quality and each dense point of a vertex
 AT_ONCE = 16_384  # collapses until progress is reported
 
@@ -242,7 +242,7 @@ def _thinness(mesh, vertices, normals, limit, v, u, edges, halves):
                 return np.inf
             if dot(after, row(normals, u)) + dot(after, row(normals, a)) + dot(after, row(normals, b)) < 0.0:
                 return np.inf
-        thin = THIN - quality(pu, pa, pb)
+        thin = THIN_IN_COLLAPSE - quality(pu, pa, pb)
         if thin > 0.0:
             total += thin * squared
     return total

@@ -14,7 +14,7 @@ from gppcs.spatial.triangles import dot, minus, row
 
 RANK = 6  # a point covers the surface as far as its neighbour of this rank, times
 SPAN = 1.5  # this; less opens pinholes in random samples
-NEAREST = 4  # dense points that may cover a place: the nearest ones
+COVERING_POINTS = 4  # dense points that may cover a place: the nearest ones
 MOST_STEPS = 8  # steps of the lattice of places along an edge, at most
 RISE = 0.2  # a covering point may lie this far off the triangle, in its longest edges: curved parts are covered too
 TRIANGLES_AT_ONCE = 64  # triangles that a thread takes at once, at least
@@ -71,7 +71,7 @@ def are_covered(
 @kernel
 def _cover_all(begin, end, cover, triangles, points, reaches, covered):
     """Fill `covered`, (t,); other arrays as in `are_covered`."""
-    found, squared = np.empty(NEAREST, dtype=np.int64), np.empty(NEAREST, dtype=np.float64)
+    found, squared = np.empty(COVERING_POINTS, dtype=np.int64), np.empty(COVERING_POINTS, dtype=np.float64)
     for t in range(begin, end):
         a, b, c = triangles[t]
         covered[t] = is_covered(cover, points, reaches, a, b, c, found, squared)
@@ -89,7 +89,7 @@ def is_covered(cover, points, reaches, a, b, c, found, squared):
     reaches : (n,) array
         How far the corners cover the surface.
     a, b, c : int
-    found, squared : (NEAREST,) arrays, int64 and float64
+    found, squared : (COVERING_POINTS,) arrays, int64 and float64
         Buffers.
 
     Returns

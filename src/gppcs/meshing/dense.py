@@ -17,7 +17,7 @@ from gppcs.surface.normals import estimate_normals
 PER_VERTEX = 32  # dense points for each vertex of the result: more make the quadrics hardly better
 NOISY = 0.25  # least noise that counts, in distances to the neighbour of rank `RANK`
 FITS = 20, 40  # points of the quadrics that tell noise from detail; points go to the feet on those of the second
-WIDER = 2.0  # how far a point covers the surface at most, in median distances that its neighbours cover
+WIDEST_COVER = 2.0  # how far a point covers the surface at most, in median distances that its neighbours cover
 STEPS = 2  # such projections
 
 
@@ -102,7 +102,7 @@ def _reaches(tree: KdTree) -> NDArray[np.float64]:
     near, squared = tree.neighbours(min(RANK, len(tree.order) - 1))
     reaches = np.sqrt(squared[:, -1])
     usual = np.partition(reaches[near], (near.shape[1] - 1) // 2, axis=1)[:, (near.shape[1] - 1) // 2]
-    return np.minimum(reaches, WIDER * usual)
+    return np.minimum(reaches, WIDEST_COVER * usual)
 
 
 def _noise(tree: KdTree) -> float:

@@ -16,7 +16,7 @@ from gppcs.spatial.triangles import area_vector, dot, row
 PULL = 0.02  # weight with which a vertex is held where it is, in mean weights of a vertex
 LEAST_COSINE = 0.2  # between a triangle's normal and the mean of its corners' after a move
 MOST_ITERATIONS = 100  # of conjugate gradients
-ROUNDS = 4  # of undoing moves that turn triangles over
+UNDO_ROUNDS = 4  # of undoing moves that turn triangles over
 
 
 @one_blas_thread()
@@ -67,7 +67,7 @@ def fitted(
 @kernel
 def _undo_turns(mesh, vertices, normals, moved):
     """Put vertices back, in `moved`, (V, 3), whose triangles turn against the normals of their corners."""
-    for _ in range(ROUNDS):
+    for _ in range(UNDO_ROUNDS):
         undone = 0
         for f in range(len(mesh.origin) // 3):
             a, b, c = mesh.origin[3 * f], mesh.origin[3 * f + 1], mesh.origin[3 * f + 2]

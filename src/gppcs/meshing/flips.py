@@ -20,7 +20,7 @@ from gppcs.spatial.triangles import (
 
 SWEEPS = 8  # tries of each edge at most, on average
 UPRIGHT = 0.1  # least cosine between a new triangle's normal and the mean of its corners'
-THIN = 0.22  # triangles below this quality cost extra
+THIN_IN_FLIPS = 0.22  # triangles below this quality cost extra
 LESS = 1.0 - 1e-7  # an energy counts as lower if it is below this share: rounding flips nothing
 
 
@@ -47,7 +47,7 @@ def flip(
     assigned : Assignment
         Their triangles, changed in place; the weights are no longer valid.
     extra : float
-        Cost of a triangle without area; the cost falls to 0 at the quality `THIN`.
+        Cost of a triangle without area; the cost falls to 0 at the quality `THIN_IN_FLIPS`.
 
     Returns
     -------
@@ -163,7 +163,7 @@ def _is_better(mesh, vertices, points, assigned, extra, first, after, h):
 
 @kernel
 def thinness(a, b, c):
-    """Return how far the quality of a triangle is below `THIN`, as a share of this.
+    """Return how far the quality of a triangle is below `THIN_IN_FLIPS`, as a share of this.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def thinness(a, b, c):
     float
         0 for triangles that are not thin.
     """
-    return max(0.0, 1.0 - quality(a, b, c) / THIN)
+    return max(0.0, 1.0 - quality(a, b, c) / THIN_IN_FLIPS)
 
 
 @kernel
@@ -256,4 +256,4 @@ def energy(mesh: HalfEdges, vertices: NDArray[np.float64], assigned: Assignment,
     a, b, c = (vertices[corner] for corner in mesh.faces().T)
     squared = sum(((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a)))
     qualities = 2.0 * np.sqrt(3.0) * np.linalg.norm(np.cross(b - a, c - a), axis=1) / squared
-    return float(assigned.squared.sum() + extra * np.maximum(0.0, 1.0 - qualities / THIN).sum())
+    return float(assigned.squared.sum() + extra * np.maximum(0.0, 1.0 - qualities / THIN_IN_FLIPS).sum())

@@ -37,8 +37,8 @@ NEIGHBOURS = 24  # of a point of the first mesh, among which those of its fan ar
 LEAST_VERTICES = 256  # the first mesh of a lighter result is made as for this many
 LEAST_AGREED = 0.38  # of the fans' triangles, the share that another fan has too; below it, points lie on no surface
 THIN_COST = 5.0  # what flips may cost to remove a thin triangle, in mean squared distances of a triangle's points
-ROUNDS = 4  # of fitting and flipping
-FLAT = 1e-6  # points whose second widest extent is below this share of the widest lie on a line
+FIT_ROUNDS = 4  # of fitting and flipping
+LINE_WIDTH = 1e-6  # points whose second widest extent is below this share of the widest lie on a line
 FIRST_TRY = 2_000  # vertices of the first mesh of a search for a tolerance
 NEAR_ENOUGH = 0.9  # a mean distance above this share of the tolerance ends the search
 MOST_TRIES = 8  # meshes of such a search
@@ -258,7 +258,7 @@ def _require_surface(points: NDArray[np.float64]) -> None:
     if len(points) <= 10 * FEWEST_VERTICES and distinct < FEWEST_VERTICES:
         raise NoSurfaceError(f"expected at least {FEWEST_VERTICES} points on a surface, found {distinct}")
     extents = np.sqrt(np.abs(np.linalg.eigvalsh(np.cov(points.T))))
-    if extents[1] <= FLAT * extents[2]:
+    if extents[1] <= LINE_WIDTH * extents[2]:
         raise NoSurfaceError(f"expected points on a surface, found {len(points)} points on a line")
 
 
@@ -347,7 +347,7 @@ class _Maker:
             flip(mesh, vertices, normals, dense.places, assigned(), extra)
         if self.moved:
             with stages("fit"):
-                for _ in range(ROUNDS):
+                for _ in range(FIT_ROUNDS):
                     vertices = fitted(mesh, vertices, normals, dense.raw, assigned())
                     flip(mesh, vertices, normals, dense.places, assigned(), extra)
         with stages("distances"):

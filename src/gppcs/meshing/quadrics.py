@@ -16,7 +16,7 @@ from gppcs.spatial.kdtree import KdTree, nearest_in_tree
 from gppcs.spatial.triangles import cross, dot, minus, row
 
 NUMBERS = 10  # of a quadric
-NEAREST = 4  # vertices among which that of a dense point is chosen
+NEAREST_VERTICES = 4  # vertices among which that of a dense point is chosen
 QUERIES_AT_ONCE = 256  # dense points that a thread takes at once, at least
 
 
@@ -54,7 +54,7 @@ def nearest_vertices(
 @kernel
 def _find_vertices(begin, end, points, normals, vertices, low, high, vertex_normals, members, found):
     """Fill `found`, (N,), with one of `members`, (V',); vertices, (3, V'), and boxes are those of a tree."""
-    k = min(NEAREST, vertices.shape[1])
+    k = min(NEAREST_VERTICES, vertices.shape[1])
     near, squared = np.empty(k, dtype=np.int64), np.empty(k, dtype=np.float64)
     for i in range(begin, end):
         nearest_in_tree(vertices, low, high, points[i, 0], points[i, 1], points[i, 2], near, squared)

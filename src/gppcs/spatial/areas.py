@@ -11,7 +11,7 @@ from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range
 from gppcs.spatial.nearest import WIDER, look_around, search_for, steps_to_nearest
 
 NEIGHBOURS = 8  # as in `gppcs.spatial.spacing.surface_area`
-LARGEST = 0.99  # quantile to which larger areas are cut
+AREA_QUANTILE = 0.99  # quantile to which larger areas are cut
 TASKS = 256  # runs of leaves; within a run, each search starts from the radius of the one before
 
 
@@ -39,7 +39,7 @@ def areas_of_points(tree: KdTree) -> NDArray[np.float64]:
     tasks = min(tree.leaves, TASKS)
     on_ranges(_squared_reaches, tasks, tasks, tree.points, tree.order, tree.low, tree.high, min(k + 1, n), areas)
     areas *= np.pi / k
-    largest = np.quantile(areas, LARGEST)
+    largest = np.quantile(areas, AREA_QUANTILE)
     return np.minimum(areas, largest) if largest > 0.0 else np.ones(n)
 
 

@@ -17,7 +17,7 @@ from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 
 Advanced = Callable[[int], None]  # Called with the number of points that a pass has read since the last call.
 
-FEWEST = 1 << 18  # Finds of chunks wait until there are so many, as looking through few at a time costs more.
+FINDS_AT_ONCE = 1 << 18  # Finds of chunks wait until there are so many, as looking through few at a time costs more.
 
 
 def _ignore(steps: int) -> None:
@@ -291,14 +291,14 @@ def _merged(parts: Iterable[Places], reduced: Callable[[Places], Places]) -> Pla
     twice, and little more than three times as many finds as it leaves are held.
     """
     waiting: list[Places] = []
-    held, most = 0, FEWEST
+    held, most = 0, FINDS_AT_ONCE
     for part in parts:
         waiting.append(part)
         held += len(part.rows)
         if held > most and len(waiting) > 1:
             waiting = [reduced(joined_places(waiting))]
             held = len(waiting[0].rows)
-            most = max(3 * held, FEWEST)
+            most = max(3 * held, FINDS_AT_ONCE)
     return waiting[0] if len(waiting) == 1 else reduced(joined_places(waiting))
 
 

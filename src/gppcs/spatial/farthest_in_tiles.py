@@ -22,7 +22,7 @@ from gppcs.spatial.stored import StoredPoints
 
 TILE = 1 << 19  # Points of a tile at most.
 FIRST = 4096  # Points that the first level chooses, about: so many of a sample tell its distance.
-HALO = 3.0  # In units of the distance of the level.
+LEVEL_HALO = 3.0  # In units of the distance of the level.
 SPARE = 1.05  # Points chosen for each one wanted: the last level is aimed a little too low.
 LEAST_STEP = 0.5  # From one level to the next, at most.
 NEGLIGIBLE = 1e-150  # A smaller distance counts as none; its square would vanish.
@@ -93,7 +93,7 @@ def _lower(level: float, step: float) -> float:
 
 def _round(points: StoredPoints, tiles: list[Tile], chosen: Farthest, level: float, each: Each) -> Iterator[Farthest]:
     """Yield what each class of tiles chooses down to a level, after what is `chosen`."""
-    halo = HALO * level if math.isfinite(level) else 0.0
+    halo = LEVEL_HALO * level if math.isfinite(level) else 0.0
     settled, known = np.zeros(len(points.boxes), dtype=np.bool_), chosen.places
     for some in classes(tiles, halo):
         asked = [_Asked(tile, _within(known, tile, halo)) for tile in some]

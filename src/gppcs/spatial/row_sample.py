@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-LARGEST = float(2**64)
+HASHES = float(2**64)
 
 
 def row_hashes(rows: NDArray[np.int64]) -> NDArray[np.uint64]:
@@ -63,7 +63,7 @@ def drawn(rows: NDArray[np.int64], share: float) -> NDArray[np.bool_]:
     -------
     (n,) array, bool
     """
-    return row_hashes(rows) < share * LARGEST if share < 1.0 else np.ones(len(rows), dtype=np.bool_)
+    return row_hashes(rows) < share * HASHES if share < 1.0 else np.ones(len(rows), dtype=np.bool_)
 
 
 class PlaceSample:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 UNKNOWN = 2**16 - 1  # stands for NaN and infinity among values
-LARGEST = 2**16 - 1  # of coordinates
+LARGEST_NUMBER = 2**16 - 1  # of coordinates
 
 Array = NDArray[np.float64]
 
@@ -81,8 +81,10 @@ def quantised_points(points: Array) -> Quantised:
         Each coordinate differs by at most half a step from the true one.
     """
     low = points.min(axis=0)
-    step = points.max(axis=0) / LARGEST - low / LARGEST  # divided first: the extent can exceed the largest float
-    return Quantised(_numbers(points, low, step, LARGEST), low, step)
+    step = (
+        points.max(axis=0) / LARGEST_NUMBER - low / LARGEST_NUMBER
+    )  # divided first: the extent can exceed the largest float
+    return Quantised(_numbers(points, low, step, LARGEST_NUMBER), low, step)
 
 
 def quantised_values(values: NDArray[Any]) -> Quantised:

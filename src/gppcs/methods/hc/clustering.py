@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 
-FLAT = 1e-12  # a surface variation below this is rounding, and counts as zero
+ROUNDING = 1e-12  # a surface variation below this is rounding, and counts as zero
 
 
 def hierarchical_clusters(points: NDArray[np.float64], size: int, variation: float) -> NDArray[np.int64]:
@@ -170,7 +170,7 @@ def _principal_axis(xx, xy, xz, yy, yz, zz, axis):
     largest = np.argmax(np.array([a[0, 0], a[1, 1], a[2, 2]]))
     axis[:] = vectors[:, largest]
     smallest = min(a[0, 0], a[1, 1], a[2, 2])
-    return smallest if smallest > FLAT else 0.0
+    return smallest if smallest > ROUNDING else 0.0
 
 
 @kernel

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gppcs.engine.kernels import kernel
 from gppcs.spatial.kdtree import KdTree
 
-ROUNDING = 1e-14  # times N: tolerance of the constraint that the selection sums to M
+SUM_TOLERANCE = 1e-14  # times N: tolerance of the constraint that the selection sums to M
 BOUND_STEPS = 10  # power iterations; the bound of the largest eigenvalue is then within a few per cent
 CHECK_EVERY = 10  # steps between two computations of the duality gap, each of which costs as much as a step
 
@@ -284,7 +284,7 @@ def _share_out(numerator, inverse, total, multiplier, s):
             slope += inverse[i] if 0.0 < share < 1.0 else 0.0
             s[i] = min(max(share, 0.0), 1.0)
             above += s[i]
-        if abs(above) <= ROUNDING * len(s):
+        if abs(above) <= SUM_TOLERANCE * len(s):
             return multiplier
         if above > 0:
             low = multiplier
