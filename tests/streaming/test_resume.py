@@ -1,5 +1,6 @@
 """Interrupted work goes on from the steps that are done, and gives the same result."""
 
+import errno
 import subprocess
 import sys
 
@@ -163,6 +164,16 @@ def test_the_same_work_at_the_same_time_is_refused(path):
     run(path, 70, Twice())
     assert "under way" in refused[0]
     assert not list((path.parent / "scratch").iterdir())
+
+
+def test_work_goes_on_where_files_cannot_be_locked(tmp_path, monkeypatch):
+    def fail(file):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr("gppcs.streaming.scratch.locks", fail)
+    with scratch_folder(tmp_path, 0, "gppcs-work") as folder:
+        assert folder.is_dir()
+    assert not list(tmp_path.iterdir())
 
 
 def test_too_little_space_for_kept_work_leaves_no_folder(tmp_path):

@@ -7,7 +7,7 @@ from typing import IO
 
 
 def locks(file: IO[str]) -> bool:
-    """Lock a file until it is closed or this process ends, and return whether no other process has.
+    """Lock a file until it is closed or this process ends, unless it is locked.
 
     Parameters
     ----------
@@ -17,6 +17,12 @@ def locks(file: IO[str]) -> bool:
     Returns
     -------
     bool
+        False if it has been locked by another process, or by another opening of the file in this one.
+
+    Raises
+    ------
+    OSError
+        If its file system has no locks.
     """
     try:
         if sys.platform == "win32":
@@ -27,6 +33,6 @@ def locks(file: IO[str]) -> bool:
             import fcntl
 
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
+    except (BlockingIOError, PermissionError):  # the second one on Windows
         return False
     return True

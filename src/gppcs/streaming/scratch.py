@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 from gppcs.engine.locks import locks
 from gppcs.engine.unfinished import unfinished
@@ -63,7 +64,7 @@ def _kept_folder(folder: Path, size: int) -> Iterator[Path]:
         _check_space(folder.parent, size)  # before anything is made
     folder.mkdir(mode=0o700, exist_ok=True)
     with open(folder / LOCK, "w") as lock:
-        if not locks(lock):
+        if _is_locked(lock):
             found = (
                 f"{folder}: expected no other run with the same files and parameters, found one under way; wait for it"
             )
@@ -79,6 +80,14 @@ def _kept_folder(folder: Path, size: int) -> Iterator[Path]:
             elif path.name != LOCK:
                 path.unlink()
     shutil.rmtree(folder)
+
+
+def _is_locked(file: IO[str]) -> bool:
+    """Lock a file if that is possible, and return whether another run has done so before."""
+    try:
+        return not locks(file)
+    except OSError:  # some file systems of networks have no locks; there, users must take care
+        return False
 
 
 def _check_space(parent: Path, size: int, used: int = 0) -> None:

@@ -81,9 +81,8 @@ def quantised_points(points: Array) -> Quantised:
         Each coordinate differs by at most half a step from the true one.
     """
     low = points.min(axis=0)
-    step = (
-        points.max(axis=0) / LARGEST_NUMBER - low / LARGEST_NUMBER
-    )  # divided first: the extent can exceed the largest float
+    # Divided first: the extent can exceed the largest float.
+    step = points.max(axis=0) / LARGEST_NUMBER - low / LARGEST_NUMBER
     return Quantised(_numbers(points, low, step, LARGEST_NUMBER), low, step)
 
 
