@@ -13,6 +13,7 @@ from gppcs.app.printing import (
     Columns,
     Drop,
     Force,
+    From,
     Inside,
     Invalid,
     Json,
@@ -67,6 +68,7 @@ def curve(
     seed: Annotated[
         int | None, typer.Option(help="Seed of random numbers. Methods without random numbers ignore it.")
     ] = None,
+    input_format: From = None,
     columns: Columns = None,
     box: Box = None,
     only: Only = None,
@@ -101,7 +103,7 @@ def curve(
         io.check_distinct([plot], [cloud])
         io.check_output(plot, force)
     query: dict[str, Any] = {"box": numbers_of(box), "only": only, "drop": drop, "polygon": polygon}
-    original = io.load(cloud, columns=names_of(columns), **query).cloud
+    original = io.load(cloud, input_format, names_of(columns), **query).cloud
     curves = measured(original, chosen, sizes=wanted, invalid=invalid, stages=Stages(progress(quiet)))
     if plot is not None:
         with io.whole_output(plot, force) as file:
