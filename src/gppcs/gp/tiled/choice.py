@@ -21,7 +21,7 @@ from gppcs.gp.local.greedy import FALL, SPARE, STEP, extend, extend_down_to
 from gppcs.gp.tiled.field import TiledField
 from gppcs.spatial.boxes import Each, Tile, classes
 
-HALO = 6.0  # In target spacings. 3 give the same points as 24, but for one in a hundred (docs/local-field.md).
+HALO = 6.0  # In target spacings. 3 give the same points as 24, but for one in a hundred (docs/experiments.md).
 LOWER = 0.98  # The level, in units of the last score of the stage before. Fields of all stages are much alike.
 LOWEST = 1e-6  # Below this level, all candidates are chosen.
 
