@@ -7,7 +7,6 @@ import re
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
-from urllib.request import url2pathname
 
 from gppcs.errors import FileFormatError
 
@@ -58,4 +57,6 @@ def _file_of(path: Path, feature: Any, number: int) -> Path:
     scheme = re.match(r"(\w[\w+.-]+)://", name)
     if scheme and scheme[1] != "file":
         raise FileFormatError(f"{path}: expected files of this machine, found {name}; get them first, and the list")
+    from urllib.request import url2pathname  # it loads ssl, which takes longer than all else here
+
     return Path(url2pathname(urlsplit(name).path)) if scheme else path.parent / name
