@@ -21,8 +21,8 @@ from gppcs.meshing.quadrics import add_moved, value
 from gppcs.spatial.triangles import area_vector, dot, minus, quality, row
 
 TURN = 0.2, -0.3  # least cosine between a triangle's normals before and after: in the first pass, and in the second
-THIN_IN_COLLAPSE = 0.3  # triangles below this quality cost extra
-EXTRA = 1e-3  # that cost, in squared edges for each unit of quality and each dense point of a vertex
+THIN = 0.3  # triangles below this quality cost extra
+EXTRA = 1e-2  # that cost, in squared edges for each unit of quality and each dense point of a vertex
 AT_ONCE = 16_384  # collapses until progress is reported
 
 
@@ -74,7 +74,7 @@ def collapse(
         while True:
             left = mesh.faces().shape[0] if faces else np.count_nonzero(mesh.leaving >= 0)
             if left <= target:
-                return _ends(into)
+                return ends(into)
             steps = min(AT_ONCE, -(-(left - target) // 2) if faces else left - target)
             removed = _collapse_some(
                 mesh, vertices, normals, quadrics, kept, EXTRA * density, limit, steps, costs, winner, into
@@ -83,11 +83,21 @@ def collapse(
                 advanced(removed)
             if removed == 0:
                 break
-    return _ends(into)
+    return ends(into)
 
 
-def _ends(into: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return where each vertex went in the end."""
+def ends(into: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return where each vertex went in the end.
+
+    Parameters
+    ----------
+    into : (V,) array, int64
+        Where each went at first; itself if it stays.
+
+    Returns
+    -------
+    (V,) array, int64
+    """
     while not np.array_equal(further := into[into], into):
         into = further
     return into
@@ -168,7 +178,7 @@ def _best(mesh, vertices, normals, quadrics, extra, limit, v, halves, found, oth
         cost = value(quadrics[v], minus(row(vertices, u), row(vertices, v))) + quadrics[u, 9]
         if cost >= best or not is_allowed(mesh, v, slot, count, edges, closed, halves, found, others, beyond):
             continue
-        cost += extra * _thinness(mesh, vertices, normals, limit, v, u, edges, halves)
+        cost += extra * thinness_after(mesh, vertices, normals, limit, v, u, edges, halves)
         if cost < best:
             best, target = cost, u
     return best, target
@@ -222,8 +232,25 @@ def _is_ear(mesh, h):
 
 
 @kernel
-def _thinness(mesh, vertices, normals, limit, v, u, edges, halves):
-    """Return how thin the moved triangles are, times their squared edges; infinity if one turns over."""
+def thinness_after(mesh, vertices, normals, limit, v, u, edges, halves):
+    """Return how thin the triangles would be that a collapse moves.
+
+    Parameters
+    ----------
+    mesh : HalfEdges
+    vertices, normals : (V, 3) arrays
+    limit : float
+        Least cosine between a triangle's normals before and after; below -1, triangles may turn over.
+    v, u : int
+        The vertex to remove, and the neighbour that takes its triangles.
+    edges, halves
+        What `neighbours` found around v.
+
+    Returns
+    -------
+    float
+        What their qualities lack to `THIN`, times their squared edges; infinity if one degenerates or turns over.
+    """
     total = 0.0
     pu, pv = row(vertices, u), row(vertices, v)
     for slot in range(edges):

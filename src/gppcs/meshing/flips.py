@@ -253,7 +253,23 @@ def energy(mesh: HalfEdges, vertices: NDArray[np.float64], assigned: Assignment,
     -------
     float
     """
+    lack = np.maximum(0.0, 1.0 - qualities(mesh, vertices) / THIN)
+    return float(assigned.squared.sum() + extra * lack.sum())
+
+
+def qualities(mesh: HalfEdges, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the qualities of the triangles, as `triangles.quality` defines them.
+
+    Parameters
+    ----------
+    mesh : HalfEdges
+    vertices : (V, 3) array, float64
+
+    Returns
+    -------
+    (F,) array, float64
+    """
     a, b, c = (vertices[corner] for corner in mesh.faces().T)
     squared = sum(((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a)))
-    qualities = 2.0 * np.sqrt(3.0) * np.linalg.norm(np.cross(b - a, c - a), axis=1) / squared
-    return float(assigned.squared.sum() + extra * np.maximum(0.0, 1.0 - qualities / THIN_IN_FLIPS).sum())
+    found: NDArray[np.float64] = 2.0 * np.sqrt(3.0) * np.linalg.norm(np.cross(b - a, c - a), axis=1) / squared
+    return found

@@ -17,14 +17,9 @@ from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import Stages, in_words
 from gppcs.errors import NoSurfaceError, ParameterError, flag, number, shown, whole_number
 from gppcs.meshing.assembly import assembled, holes_filled, without_scraps
-from gppcs.meshing.assignment import Assignment
-from gppcs.meshing.collapse import collapse
 from gppcs.meshing.dense import DensePoints
+from gppcs.meshing.draft import MOST_THIN, Draft
 from gppcs.meshing.fans import fans_of
-from gppcs.meshing.fit import fitted
-from gppcs.meshing.flips import flip
-from gppcs.meshing.halfedges import HalfEdges
-from gppcs.meshing.quadrics import add_borders, dense_quadrics, nearest_vertices
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
@@ -36,9 +31,11 @@ LEVEL_OF_NOISY = 3  # the same for noisy clouds, whose finest points are not wor
 NEIGHBOURS = 24  # of a point of the first mesh, among which those of its fan are
 LEAST_VERTICES = 256  # the first mesh of a lighter result is made as for this many
 LEAST_AGREED = 0.38  # of the fans' triangles, the share that another fan has too; below it, points lie on no surface
-THIN_COST = 5.0  # what flips may cost to remove a thin triangle, in mean squared distances of a triangle's points
-FIT_ROUNDS = 4  # of fitting and flipping
-LINE_WIDTH = 1e-6  # points whose second widest extent is below this share of the widest lie on a line
+FIRST_STOP = 1.3  # vertices at which the collapse stops for flips, in vertices of the result
+REFINEMENTS, REFINED = 3, 0.2  # rounds in which new vertices, this share of all, replace those that matter least
+ROUNDS = 4  # of fitting and flipping
+LAST_FLIPS = 6  # rounds of flips at most while too many triangles are thin
+FLAT = 1e-6  # points whose second widest extent is below this share of the widest lie on a line
 FIRST_TRY = 2_000  # vertices of the first mesh of a search for a tolerance
 NEAR_ENOUGH = 0.9  # a mean distance above this share of the tolerance ends the search
 MOST_TRIES = 8  # meshes of such a search
@@ -322,36 +319,23 @@ class _Maker:
         with stages("first mesh"):
             level = self._level(dense, max(n_vertices, LEAST_VERTICES), chosen)
             faces, left_out = _first_mesh(dense, level)
-        places = dense.places if self.moved else dense.raw
-        vertices, normals = places[level], dense.normals[level]
-        mesh = HalfEdges.of(faces, len(level))
-        with stages("quadrics"):
-            nearest = nearest_vertices(dense.places, dense.normals, dense.places[level], normals, np.unique(faces))
-            quadrics = dense_quadrics(dense.places, dense.normals, vertices, nearest)
-            density = len(dense.rows) / len(level)
-            add_borders(mesh, vertices, density, quadrics)
         kept = np.isin(dense.rows[level], chosen)
-        there = int(np.count_nonzero(mesh.leaving >= 0))
-        target = int(np.count_nonzero(kept & (mesh.leaving >= 0))) if self.chosen is not None else count
-        with stages("collapse", max(0, there - n_vertices)) as advanced:
-            into = collapse(mesh, vertices, normals, quadrics, target, kept, density, counts_faces, advanced)
-        start = np.where(nearest >= 0, into[nearest], -1)
-
-        def assigned() -> Assignment:
-            return Assignment.of(mesh, vertices, dense.places, dense.normals, start)
-
-        with stages("flips"):
-            first = assigned()
-            flip(mesh, vertices, normals, dense.places, first, 0.0)
-            extra = THIN_COST * float(first.squared.sum()) / len(mesh.faces())
-            flip(mesh, vertices, normals, dense.places, assigned(), extra)
+        with stages("quadrics"):
+            draft = Draft.of(dense, self.moved, level, kept, faces)
+        target = int(np.count_nonzero(kept & (draft.mesh.leaving >= 0))) if self.chosen is not None else count
+        self._thin_out(draft, target, counts_faces)
         if self.moved:
             with stages("fit"):
-                for _ in range(FIT_ROUNDS):
-                    vertices = fitted(mesh, vertices, normals, dense.raw, assigned())
-                    flip(mesh, vertices, normals, dense.places, assigned(), extra)
+                for _ in range(ROUNDS):
+                    draft.fit()
+                    draft.flip()
+        with stages("mending"):
+            for _ in range(LAST_FLIPS):
+                if draft.thin() > MOST_THIN:
+                    draft.flip()
+            draft.mend(fixed=self.chosen is not None)
         with stages("distances"):
-            distances = assigned()
+            distances = draft.assigned()
             there_too = distances.face >= 0
             diagnostics = {
                 "dense_points": float(len(dense.rows)),
@@ -361,12 +345,33 @@ class _Maker:
             }
             if self.chosen is not None:
                 diagnostics["missing"] = float(len(chosen) - target)
-        faces = mesh.faces()
+        faces = draft.mesh.faces()
         if self.hole_size is not None:
             with stages("holes"):
-                faces = holes_filled(faces, vertices, normals, self.hole_size, dense.cover)
+                faces = holes_filled(faces, draft.vertices, draft.normals, self.hole_size, dense.cover)
         used, faces = np.unique(faces, return_inverse=True)
-        return _Made(faces.reshape(-1, 3), vertices[used], normals[used], dense.rows[level[used]], diagnostics)
+        return _Made(
+            faces.reshape(-1, 3), draft.vertices[used], draft.normals[used], dense.rows[draft.level[used]], diagnostics
+        )  # fmt: skip
+
+    def _thin_out(self, draft: Draft, target: int, counts_faces: bool) -> None:
+        """Remove vertices until the target is reached; then let others take the place of the least useful ones."""
+        vertices = -(-target // 2) if counts_faces else target
+        too_many = draft.used() - vertices
+        with self.stages("collapse", max(0, too_many)) as advanced:
+            draft.collapse(round(FIRST_STOP * target), counts_faces, advanced)
+        with self.stages("flips"):
+            draft.compact()
+            draft.flip()
+        with self.stages("refinement"):
+            draft.collapse(target, counts_faces)
+            draft.flip()
+            if self.chosen is None and too_many > 0:
+                for _ in range(REFINEMENTS):
+                    draft.refine(round(REFINED * vertices))
+                    draft.collapse(target, counts_faces)
+                    draft.compact()
+                    draft.flip()
 
     def _level(self, dense: DensePoints, n_vertices: int, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the positions of the points of the first mesh, ascending."""

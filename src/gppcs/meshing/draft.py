@@ -1,0 +1,185 @@
+"""A mesh of dense points while it is made: each step changes the mesh, and what belongs to its vertices with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.meshing.assignment import Assignment
+from gppcs.meshing.collapse import collapse
+from gppcs.meshing.cuts import cutting, mend
+from gppcs.meshing.dense import DensePoints
+from gppcs.meshing.fit import fitted
+from gppcs.meshing.flips import flip, qualities
+from gppcs.meshing.halfedges import HalfEdges
+from gppcs.meshing.quadrics import add_borders, dense_quadrics, nearest_vertices
+from gppcs.meshing.refinement import split, worst_places
+
+THIN_COST = 5.0  # what flips may cost at first to remove a thin triangle, in mean squared distances of its points
+THIN, MOST_THIN = 0.2, 0.012  # triangles below this quality are thin; while more than this share is, they cost
+DEARER = 2.0  # times as much
+CANDIDATES = 4  # places at which a vertex is tried, for each that is missing
+
+
+@dataclass
+class Draft:
+    """A mesh between dense points.
+
+    Attributes
+    ----------
+    dense : DensePoints
+    moved : bool
+        Whether vertices may leave the points.
+    level : (V,) array, int64
+        The dense point of each vertex.
+    kept : (V,) array, bool
+        Vertices that are never removed.
+    mesh : HalfEdges
+    vertices, normals : (V, 3) arrays, float64
+    start : (n,) array, int64
+        A vertex near each dense point, -1 if there is none on its sheet.
+    extra : float
+        Cost of a triangle without area in flips; 0 before the first flips.
+    """
+
+    dense: DensePoints
+    moved: bool
+    level: NDArray[np.int64]
+    kept: NDArray[np.bool_]
+    mesh: HalfEdges
+    vertices: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    start: NDArray[np.int64]
+    extra: float = 0.0
+
+    @classmethod
+    def of(
+        cls,
+        dense: DensePoints,
+        moved: bool,
+        level: NDArray[np.int64],
+        kept: NDArray[np.bool_],
+        faces: NDArray[np.int64],
+    ) -> Draft:
+        """Begin with a mesh of some dense points.
+
+        Parameters
+        ----------
+        dense, moved, level, kept
+            See the attributes.
+        faces : (F, 3) array, int64
+            An oriented manifold.
+
+        Returns
+        -------
+        Draft
+        """
+        places, normals = dense.places[level], dense.normals[level]
+        start = nearest_vertices(dense.places, dense.normals, places, normals, np.unique(faces))
+        vertices = places if moved else dense.raw[level]
+        return cls(dense, moved, level, kept, HalfEdges.of(faces, len(level)), vertices, normals, start)
+
+    def used(self) -> int:
+        """Return the number of vertices that triangles join."""
+        return int(np.count_nonzero(self.mesh.leaving >= 0))
+
+    def assigned(self) -> Assignment:
+        """Return the triangles of the dense points."""
+        return Assignment.of(self.mesh, self.vertices, self.dense.places, self.dense.normals, self.start)
+
+    def collapse(self, target: int, faces: bool, advanced: Callable[[int], None] | None = None) -> None:
+        """Remove vertices by quadrics until few enough are left; see `collapse.collapse` for the arguments."""
+        density = len(self.start) / self.used()
+        quadrics = dense_quadrics(self.dense.places, self.dense.normals, self.vertices, self.start)
+        add_borders(self.mesh, self.vertices, density, quadrics)
+        into = collapse(
+            self.mesh, self.vertices, self.normals, quadrics, target, self.kept, density, faces, advanced
+        )  # fmt: skip
+        self._go(into)
+
+    def _go(self, into: NDArray[np.int64]) -> None:
+        """Let the starts follow the vertices that went into others."""
+        self.start = np.where(self.start >= 0, into[self.start], -1)
+
+    def flip(self) -> None:
+        """Flip edges; while too many triangles are thin, they cost more the next time."""
+        assigned = self.assigned()
+        if self.extra == 0.0:
+            self.extra = THIN_COST * float(assigned.squared.sum()) / len(self.mesh.faces())
+        flip(self.mesh, self.vertices, self.normals, self.dense.places, assigned, self.extra)
+        if self.thin() > MOST_THIN:
+            self.extra *= DEARER
+
+    def thin(self) -> float:
+        """Return the share of triangles that are thin."""
+        return float((qualities(self.mesh, self.vertices) < THIN).mean())
+
+    def fit(self) -> None:
+        """Move the vertices so that the mesh fits the dense points."""
+        self.vertices = fitted(self.mesh, self.vertices, self.normals, self.dense.raw, self.assigned())
+
+    def refine(self, count: int) -> None:
+        """Add vertices where the dense points are farthest off, in at most so many triangles; mend what cuts."""
+        assigned = self._settled()
+        self._insert(assigned, *worst_places(self.mesh, assigned, self._unused(), count))
+        self.flip()
+        self._go(mend(self.mesh, self.vertices, self.normals, self.kept))
+        self._settled()
+
+    def _settled(self) -> Assignment:
+        """Return the triangles of the dense points, and let each start at the nearest corner of its triangle."""
+        assigned = self.assigned()
+        there = np.flatnonzero(assigned.face >= 0)
+        s, t = assigned.weights[there].T
+        corner = np.argmax([1.0 - s - t, s, t], axis=0)
+        self.start[there] = self.mesh.origin[3 * assigned.face[there] + corner]
+        return assigned
+
+    def _unused(self) -> NDArray[np.bool_]:
+        """Return which dense points are not vertices of the mesh."""
+        unused = np.ones(len(self.start), dtype=np.bool_)
+        unused[self.level[self.mesh.leaving >= 0]] = False
+        return unused
+
+    def _insert(self, assigned: Assignment, faces: NDArray[np.int64], points: NDArray[np.int64]) -> None:
+        """Split triangles, ascending, each by a dense point."""
+        first = len(self.level)
+        new = np.full(len(self.mesh.origin) // 3, -1)
+        new[faces] = first + np.arange(len(faces))
+        inside = (assigned.face >= 0) & (new[assigned.face] >= 0)
+        self.start[inside] = new[assigned.face[inside]]
+        self.mesh = split(self.mesh, faces, first)
+        places = self.dense.places if self.moved else self.dense.raw
+        self.level = np.concatenate([self.level, points])
+        self.kept = np.concatenate([self.kept, np.zeros(len(points), dtype=np.bool_)])
+        self.vertices = np.concatenate([self.vertices, places[points]])
+        self.normals = np.concatenate([self.normals, self.dense.normals[points]])
+
+    def compact(self) -> None:
+        """Forget the vertices that no triangle joins."""
+        used, faces = np.unique(self.mesh.faces(), return_inverse=True)
+        number = np.full(len(self.level), -1)
+        number[used] = np.arange(len(used))
+        self.start = np.where(self.start >= 0, number[self.start], -1)
+        self.level, self.kept = self.level[used], self.kept[used]
+        self.vertices, self.normals = self.vertices[used], self.normals[used]
+        self.mesh = HalfEdges.of(faces.reshape(-1, 3), len(used))
+
+    def mend(self, fixed: bool) -> None:
+        """Mend triangles that cut others; unless the vertices are fixed, others take the place of those removed."""
+        before = self.used()
+        kept = np.ones_like(self.kept) if fixed else self.kept
+        self._go(mend(self.mesh, self.vertices, self.normals, kept))
+        missing = before - self.used()
+        if missing:
+            assigned = self._settled()
+            faces, points = worst_places(self.mesh, assigned, self._unused(), CANDIDATES * missing)
+            places = self.dense.places if self.moved else self.dense.raw
+            trial = split(self.mesh, faces, len(self.level))
+            cut = cutting(trial, np.concatenate([self.vertices, places[points]]))
+            spoilt = np.isin(len(self.level) + np.arange(len(points)), trial.origin.reshape(-1, 3)[cut])
+            best = np.sort(np.argsort(spoilt, kind="stable")[:missing])
+            self._insert(assigned, faces[best], points[best])
