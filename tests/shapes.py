@@ -10,10 +10,15 @@ def ball(n, seed=0):
     """Points, normals and faces of a triangulated unit sphere."""
     points = np.random.default_rng(seed).standard_normal((n, 3))
     points /= np.linalg.norm(points, axis=1)[:, None]
+    return points, points.copy(), hull(points)
+
+
+def hull(points):
+    """Faces of the convex hull of points around the origin, oriented outward."""
     faces = ConvexHull(points).simplices.astype(np.int64)
     inward = np.linalg.det(points[faces]) < 0
     faces[inward] = faces[inward][:, ::-1]
-    return points, points.copy(), faces
+    return faces
 
 
 def sheet(n, seed=0, hole=0.0):
