@@ -104,14 +104,15 @@ class Draft:
         """Let the starts follow the vertices that went into others."""
         self.start = np.where(self.start >= 0, into[self.start], -1)
 
-    def flip(self) -> None:
-        """Flip edges; while too many triangles are thin, they cost more the next time."""
+    def flip(self) -> Assignment:
+        """Flip edges, and return the triangles of the dense points; while many are thin, these cost more next time."""
         assigned = self.assigned()
         if self.extra == 0.0:
             self.extra = THIN_COST * float(assigned.squared.sum()) / len(self.mesh.faces())
         flip(self.mesh, self.vertices, self.normals, self.dense.places, assigned, self.extra)
         if self.thin() > MOST_THIN:
             self.extra *= DEARER
+        return assigned
 
     def thin(self) -> float:
         """Return the share of triangles that are thin."""
@@ -122,21 +123,18 @@ class Draft:
         self.vertices = fitted(self.mesh, self.vertices, self.normals, self.dense.raw, self.assigned())
 
     def refine(self, count: int) -> None:
-        """Add vertices where the dense points are farthest off, in at most so many triangles; mend what cuts."""
-        assigned = self._settled()
-        self._insert(assigned, *worst_places(self.mesh, assigned, self._unused(), count))
-        self.flip()
-        self._go(mend(self.mesh, self.vertices, self.normals, self.kept))
-        self._settled()
-
-    def _settled(self) -> Assignment:
-        """Return the triangles of the dense points, and let each start at the nearest corner of its triangle."""
+        """Add vertices where the dense points are farthest off, in at most so many triangles."""
         assigned = self.assigned()
+        self._insert(assigned, *worst_places(self.mesh, assigned, self._unused(), count))
+        self._settle(self.flip())
+
+    def _settle(self, assigned: Assignment) -> None:
+        """Let the start of each dense point be the nearest corner of its triangle."""
         there = np.flatnonzero(assigned.face >= 0)
-        s, t = assigned.weights[there].T
-        corner = np.argmax([1.0 - s - t, s, t], axis=0)
-        self.start[there] = self.mesh.origin[3 * assigned.face[there] + corner]
-        return assigned
+        corners = self.mesh.origin.reshape(-1, 3)[assigned.face[there]]
+        steps = self.vertices[corners] - self.dense.places[there, None]
+        nearest = np.einsum("ijk,ijk->ij", steps, steps).argmin(axis=1)
+        self.start[there] = corners[np.arange(len(there)), nearest]
 
     def _unused(self) -> NDArray[np.bool_]:
         """Return which dense points are not vertices of the mesh."""
@@ -175,7 +173,7 @@ class Draft:
         self._go(mend(self.mesh, self.vertices, self.normals, kept))
         missing = before - self.used()
         if missing:
-            assigned = self._settled()
+            assigned = self.assigned()
             faces, points = worst_places(self.mesh, assigned, self._unused(), CANDIDATES * missing)
             places = self.dense.places if self.moved else self.dense.raw
             trial = split(self.mesh, faces, len(self.level))
