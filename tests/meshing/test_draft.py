@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import gppcs
+from gppcs.meshing.cuts import cutting
 from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.draft import MOST_THIN, THIN, Draft
 from gppcs.meshing.flips import qualities
@@ -53,7 +54,9 @@ def test_mending_puts_vertices_elsewhere_for_those_it_removes(draft):
     before = draft.used()
     draft.vertices = draft.vertices.copy()
     draft.vertices[::40] *= -0.95
+    cuts = len(cutting(draft.mesh, draft.vertices))
     draft.mend(fixed=False)
+    assert len(cutting(draft.mesh, draft.vertices)) < cuts
     assert draft.used() == before
     assert len(draft.level) > before
     assert faults(draft.mesh) == []

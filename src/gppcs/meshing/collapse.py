@@ -21,7 +21,7 @@ from gppcs.meshing.quadrics import add_moved, value
 from gppcs.spatial.triangles import area_vector, dot, minus, quality, row
 
 TURN = 0.2, -0.3  # least cosine between a triangle's normals before and after: in the first pass, and in the second
-THIN = 0.3  # triangles below this quality cost extra
+THIN_IN_COLLAPSE = 0.3  # triangles below this quality cost extra
 EXTRA = 1e-2  # that cost, in squared edges for each unit of quality and each dense point of a vertex
 AT_ONCE = 16_384  # collapses until progress is reported
 
@@ -249,7 +249,8 @@ def thinness_after(mesh, vertices, normals, limit, v, u, edges, halves):
     Returns
     -------
     float
-        What their qualities lack to `THIN`, times their squared edges; infinity if one degenerates or turns over.
+        What their qualities lack to `THIN_IN_COLLAPSE`, times their squared edges; infinity if one degenerates or
+        turns over.
     """
     total = 0.0
     pu, pv = row(vertices, u), row(vertices, v)

@@ -9,11 +9,11 @@ from gppcs.engine.kernels import kernel
 from gppcs.meshing.collapse import ends, is_allowed, move_triangles, thinness_after
 from gppcs.meshing.flips import flip_edge, is_flippable
 from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, around, following, neighbours, preceding
-from gppcs.meshing.triangles import area_vector, cross, dot, minus, row
+from gppcs.spatial.triangles import area_vector, cross, dot, minus, row
 
 PARALLEL = 1e-18  # an edge lies in a plane if the squared sine of their angle is below this
-ROUNDS = 4  # of mending all triangles that cut others
-TURN = -0.3  # least cosine between a triangle's normals before and after a vertex of it is removed
+MEND_ROUNDS = 4  # of mending all triangles that cut others
+TURN_IN_MENDING = -0.3  # least cosine between a triangle's normals before and after a vertex of it is removed
 
 
 def cutting(mesh: HalfEdges, vertices: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -145,7 +145,7 @@ def mend(
         The vertex into which each went; itself if it stays.
     """
     into = np.arange(len(vertices))
-    for _ in range(ROUNDS):
+    for _ in range(MEND_ROUNDS):
         faces = cutting(mesh, vertices)
         if not len(faces):
             break
@@ -257,7 +257,7 @@ def _best_to_take(mesh, vertices, normals, v, near, halves, found, others, beyon
         u = found[slot]
         if not is_allowed(mesh, v, slot, count, edges, closed, halves, found, others, beyond):
             continue
-        if thinness_after(mesh, vertices, normals, TURN, v, u, edges, halves) == np.inf:
+        if thinness_after(mesh, vertices, normals, TURN_IN_MENDING, v, u, edges, halves) == np.inf:
             continue
         cuts = 0
         for other in range(edges):

@@ -253,7 +253,7 @@ def energy(mesh: HalfEdges, vertices: NDArray[np.float64], assigned: Assignment,
     -------
     float
     """
-    lack = np.maximum(0.0, 1.0 - qualities(mesh, vertices) / THIN)
+    lack = np.maximum(0.0, 1.0 - qualities(mesh, vertices) / THIN_IN_FLIPS)
     return float(assigned.squared.sum() + extra * lack.sum())
 
 

@@ -33,9 +33,9 @@ LEAST_VERTICES = 256  # the first mesh of a lighter result is made as for this m
 LEAST_AGREED = 0.38  # of the fans' triangles, the share that another fan has too; below it, points lie on no surface
 FIRST_STOP = 1.3  # vertices at which the collapse stops for flips, in vertices of the result
 REFINEMENTS, REFINED = 2, 0.2  # rounds in which new vertices, this share of all, replace those that matter least
-ROUNDS = 4  # of fitting and flipping
+FIT_ROUNDS = 4  # of fitting and flipping
 LAST_FLIPS = 6  # rounds of flips at most while too many triangles are thin
-FLAT = 1e-6  # points whose second widest extent is below this share of the widest lie on a line
+LINE_WIDTH = 1e-6  # points whose second widest extent is below this share of the widest lie on a line
 FIRST_TRY = 2_000  # vertices of the first mesh of a search for a tolerance
 NEAR_ENOUGH = 0.9  # a mean distance above this share of the tolerance ends the search
 MOST_TRIES = 8  # meshes of such a search
@@ -326,7 +326,7 @@ class _Maker:
         self._thin_out(draft, target, counts_faces)
         if self.moved:
             with stages("fit"):
-                for _ in range(ROUNDS):
+                for _ in range(FIT_ROUNDS):
                     draft.fit()
                     draft.flip()
         with stages("mending"):
