@@ -114,7 +114,7 @@ def measured_curve(
     for size in sizes.tolist():
         simplified = kept(size).points
         with stages("accuracy"):
-            found.append(measured.errors((simplified - frame.corner) / 2.0**frame.exponent))
+            found.append(measured.errors(np.ldexp(simplified - frame.corner, -frame.exponent)))
     errors = {name: np.ldexp([each[name] for each in found], frame.exponent) for name in MEASURES}
     diagonal = float(np.ldexp(np.linalg.norm(np.ldexp(high - low, -frame.exponent)), frame.exponent))
     return Curve(method, sizes, errors, diagonal)
@@ -144,9 +144,10 @@ def checked_sizes(sizes: Any, n: int) -> NDArray[np.int64]:
     if not is_list or not len(sizes):
         raise ParameterError(f"expected sizes such as [0.01, 0.1] or [500, 5000], found {shown(sizes)}")
     counts = [
-        max(1, round(number(size) * n)) if 0 < number(size) < 1 else whole_number("a size", size, 1) for size in sizes
+        max(1, round(number(size) * n)) if 0 < number(size) < 1 else min(whole_number("a size", size, 1), n)
+        for size in sizes
     ]
-    return np.unique(np.minimum(np.array(counts, dtype=np.int64), n))
+    return np.unique(np.array(counts, dtype=np.int64))
 
 
 def usual_sizes(n: int) -> NDArray[np.int64]:

@@ -109,7 +109,7 @@ def _weights(cloud: PointCloud, weight: Any) -> NDArray[np.float64]:
     if isinstance(weight, str):
         if weight not in cloud.attributes:
             near = nearest_name(weight, cloud.attributes) if cloud.attributes else "; it has none at all"
-            raise InputError(f"the cloud has no attribute {weight!r} to weigh its points by{near}")
+            raise InputError(f"the cloud has no attribute {shown(weight)} to weigh its points by{near}")
         weight = cloud.attributes[weight]
     expected = f"expected weight to be an attribute, or a number for each of the {len(cloud):,} points"
     try:
@@ -118,7 +118,8 @@ def _weights(cloud: PointCloud, weight: Any) -> NDArray[np.float64]:
         raise ParameterError(f"{expected}, found {shown(weight)}") from None
     if given.shape != (len(cloud),) or given.dtype.kind not in "biuf":
         raise ParameterError(f"{expected}, found {shown(weight)}")
-    return given.astype(np.float64)
+    with np.errstate(over="ignore"):  # an infinite weight gets an error of its own
+        return given.astype(np.float64)
 
 
 def _checked(weights: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -130,5 +131,4 @@ def _checked(weights: NDArray[np.float64]) -> NDArray[np.float64]:
         )
     if not weights.any():
         raise InputError("expected a weight above 0 of at least one point, found 0 of all")
-    shares = weights / weights.max()
-    return np.where(shares > 0.0, np.maximum(shares, LEAST_WEIGHT), 0.0)
+    return np.where(weights > 0.0, np.maximum(weights / weights.max(), LEAST_WEIGHT), 0.0)

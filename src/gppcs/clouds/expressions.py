@@ -5,7 +5,9 @@ from __future__ import annotations
 import ast
 import operator
 import re
-from collections.abc import Callable, Mapping
+import unicodedata
+import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,6 +20,8 @@ from gppcs.errors import InputError, ParameterError, nearest_name, shown
 AXES = ("x", "y", "z")
 LONGEST = 2000  # characters
 GRAMMAR = "conditions such as 'classification == 6', 'z > 2.5 and not intensity < 10' or 'classification in [2, 6]'"
+_QUOTED = r"'[^']*'|\"[^\"]*\""
+_SPACE = re.compile(rf"(?P<quoted>{_QUOTED})|\s+")
 _ANY_NAME = "attributes"  # attributes["any name"] stands for an attribute whose name is no word
 _COMPARISONS: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
     ast.Eq: operator.eq, ast.NotEq: operator.ne, ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt,
@@ -65,11 +69,17 @@ class Expression:
         """
         if not isinstance(text, str) or not text.strip() or len(text) > LONGEST or "\0" in text:
             raise ParameterError(f"expected {GRAMMAR}, found {shown(text)}")
-        text = " ".join(text.split())
-        if assignment := re.search(r"(?<![=!<>:])=(?!=)", re.sub(r"'[^']*'|\"[^\"]*\"", _blank, text)):
+        text = _SPACE.sub(lambda found: found["quoted"] or " ", text.strip())
+        bare = re.sub(_QUOTED, lambda quoted: " " * len(quoted[0]), text)
+        if assignment := re.search(r"(?<![=!<>:])=(?!=)", bare):
             raise ParameterError(f"{_at(text, assignment.start())}: expected == to compare, found a single =")
+        if "#" in bare:
+            raise ParameterError(f"{_at(text, bare.index('#'))}: expected no comment")
         try:
-            tree = ast.parse(text, mode="eval").body
+            with warnings.catch_warnings(action="ignore"):  # of '\d' and 1or: what they mean is clear
+                tree = ast.parse(text, mode="eval").body
+        except UnicodeEncodeError:
+            raise ParameterError(f"expected {GRAMMAR}, found {shown(text)}") from None
         except SyntaxError as error:
             place = (error.offset or len(text) + 1) - 1
             raise ParameterError(f"{_at(text, place)}: expected {GRAMMAR}") from None
@@ -143,7 +153,10 @@ class Expression:
         """Compare two values, of which both are numbers or both are texts."""
         if _is_text(left) != _is_text(right):
             raise self._error(node, "a text in quotes" if _is_text(left) else "a number")
-        return np.asarray(compare(left, right))
+        try:
+            return np.asarray(compare(left, right))
+        except OverflowError:
+            raise self._error(node, "a number that can be computed with") from None
 
     def _value(self, node: ast.expr, cloud: PointCloud) -> Any:
         """Return the values of a part of the condition: of each point, or one for all."""
@@ -171,30 +184,33 @@ class Expression:
         value = self._value(node, cloud)
         if _is_text(value):
             raise self._error(node, "a number to compute with")
+        if isinstance(value, np.bool_):
+            return int(value)
         if isinstance(value, np.ndarray) and value.dtype.kind in "bu":  # differences of these would be none
             return value.astype(np.int64 if value.dtype.kind == "b" else np.float64)
         return value
 
     def _column(self, node: ast.expr, name: str, cloud: PointCloud) -> NDArray[Any]:
         """Return a coordinate or an attribute; its case does not matter if only one name fits."""
-        if name in cloud.attributes:
-            values = cloud.attributes[name]
-        elif name in AXES:
+        if name not in cloud.attributes and name not in AXES:
+            name = self._known(node, name, [*cloud.attributes, *AXES])
+        if name not in cloud.attributes:
             return cloud.points[:, AXES.index(name)]
-        else:
-            values = cloud.attributes[self._known(node, name, cloud.attributes)]
+        values = cloud.attributes[name]
         if values.ndim != 1 or values.dtype.kind not in "biufUSOT":
             raise self._error(node, "an attribute with one number or text for each point")
         if values.dtype.kind in "iu" and values.dtype.itemsize < 8:  # differences of small types could overflow
             return values.astype(np.int64)
-        return values.astype(str) if values.dtype.kind in "SOT" else values
+        if values.dtype.kind == "S":
+            return np.char.decode(values, errors="replace")
+        return values.astype(str) if values.dtype.kind in "OT" else values
 
-    def _known(self, node: ast.expr, name: str, attributes: Mapping[str, Any]) -> str:
-        """Return the attribute whose name differs by case only."""
-        alike = [known for known in attributes if known.lower() == name.lower()]
+    def _known(self, node: ast.expr, name: str, names: Sequence[str]) -> str:
+        """Return the name that differs by case only, or by what Python's syntax makes of a letter such as µ."""
+        alike = [known for known in names if _plain(known) == _plain(name)]
         if len(alike) == 1:
             return alike[0]
-        near = nearest_name(name, [*attributes, *AXES])
+        near = nearest_name(name, names)
         raise InputError(f"{self._at(node)}: the cloud has no attribute {name!r}{near}")
 
     def _error(self, node: ast.expr, expected: str) -> ParameterError:
@@ -208,8 +224,8 @@ def _is_text(value: Any) -> bool:
     return isinstance(value, str) or (isinstance(value, np.ndarray) and value.dtype.kind in "UT")
 
 
-def _blank(quoted: re.Match[str]) -> str:
-    return " " * len(quoted[0])
+def _plain(name: str) -> str:
+    return unicodedata.normalize("NFKC", name).lower()
 
 
 def _at(text: str, place: int) -> str:

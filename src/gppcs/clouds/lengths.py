@@ -64,7 +64,7 @@ class Length:
         unit = found["unit"] if found else ""
         if found and unit not in (*METRES, SHARE, ""):
             raise _error(
-                name, f"to have a unit, found {unit!r} in {shown(given)}{nearest_name(unit, [*METRES, SHARE])}"
+                name, f"to have a unit, found {shown(unit)} in {shown(given)}{nearest_name(unit, [*METRES, SHARE])}"
             )
         if math.isnan(amount):
             raise _error(name, f"to be a length, such as 0.5, 0.5mm or 0.02%, found {shown(given)}")
