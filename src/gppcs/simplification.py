@@ -47,6 +47,9 @@ class Result(ComparedByValue):
         Figures that the method reports about its run, such as fitted hyperparameters.
     original : PointCloud or None
         The cloud that was simplified, for `curve`. None for files larger than memory and for copies by pickle.
+    ranked : bool
+        Whether the first points are a simplification to fewer points: if the method ranks its points, and not all but
+        repeats were kept.
 
     Examples
     --------
@@ -64,6 +67,7 @@ class Result(ComparedByValue):
     seconds: Mapping[str, float]
     diagnostics: Mapping[str, float]
     original: PointCloud | None = field(default=None, repr=False, compare=False)
+    ranked: bool = field(default=True, repr=False, compare=False)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "original": None}  # which is large, and is there where the result comes from
@@ -121,7 +125,7 @@ class Result(ComparedByValue):
         Raises
         ------
         InputError
-            If the original is not known, or not finite.
+            If the original is not known, or has no finite point.
         ParameterError
             If the method does not rank its points, or a size is none.
 
@@ -137,7 +141,8 @@ class Result(ComparedByValue):
             raise InputError("the result does not know its original: expected it as result.curve(original)")
         count = len(self.indices)
         wanted = halves(count) if sizes is None else checked_sizes(sizes, count)
-        finite = whole.take(whole.finite_rows()) if len(whole.non_finite()) else whole
+        rows = _usable_rows(whole, "drop")
+        finite = whole if rows is None else whole.take(rows)
         return measured_curve(finite, self.method, wanted, lambda m: self.cloud.take(np.arange(m)), Stages())
 
     def _require_ranking(self) -> None:
@@ -145,7 +150,7 @@ class Result(ComparedByValue):
         if not self.method.ranks:
             ranking = ", ".join(name for name, method in METHODS.items() if method.ranks)
             raise ParameterError(f"method {self.method.name!r} does not rank its points; these do: {ranking}")
-        if self.original is not None and len(self.indices) >= len(self.original):
+        if not self.ranked:
             raise ParameterError("all points were kept, in the order of the cloud, which is no ranking; ask for fewer")
 
     def show(
@@ -301,7 +306,7 @@ def simplify(
             kept = _with_normals(kept, points, selection)
     if scores:
         kept = with_scores(kept, chosen_method, selection)
-    return Result(indices, kept, chosen_method, stages.seconds, selection.diagnostics, cloud)
+    return Result(indices, kept, chosen_method, stages.seconds, selection.diagnostics, cloud, chosen_method.ranks and selection.ranked)
 
 
 def check_options(

@@ -115,6 +115,7 @@ WRONG = [
     ({"tolerance": math.inf}, "finite, found inf"),
     ({"tolerance": "half"}, "a length, such as .*, found 'half'"),
     ({"tolerance": "1 mmm"}, "a unit, found 'mmm' in '1 mmm'; did you mean 'mm'?"),
+    ({"tolerance": "1" + "m" * 9999}, r"a unit, found 'm{79}\.\.\. in '1m{78}\.\.\."),
     ({"tolerance": True}, "a length, .*found True"),
     ({"tolerance": 1, "unit": "parsec"}, "the name of a unit of length, found 'parsec'"),
     ({"tolerance": 1, "n_points": 5}, "one of ratio, n_points, tolerance and spacing, found n_points and tolerance"),

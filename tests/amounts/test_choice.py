@@ -132,6 +132,18 @@ def test_only_the_ratio_of_weights_counts_and_points_without_weight_are_left_out
     assert (gppcs.simplify(BALL, n_points=200, weight=weights, keep=lower).indices[:10] == lower).all()
 
 
+def test_repeats_have_weights_too():
+    twice = np.concatenate([CLOUD.points[:200], CLOUD.points[:200]])
+    weights = np.where(np.arange(400) % 2, 1e308, 1e-308)
+    assert len(np.unique(gppcs.simplify(twice, n_points=300, weight=weights).indices)) == 300
+    weights[::2] = 0.0
+    kept = gppcs.simplify(twice, n_points=150, weight=weights, keep=[8]).indices
+    assert len(np.unique(kept)) == 150
+    assert (weights[kept] == 0.0).sum() == 1
+    with pytest.raises(gppcs.InputError, match="at least 201 points of a weight above 0, found 200"):
+        gppcs.simplify(twice, n_points=201, weight=weights)
+
+
 def test_a_weight_may_be_an_attribute():
     cloud = gppcs.PointCloud(BALL.points, {"worth": np.where(UPPER, 4, 1).astype(np.uint8)})
     by_name = gppcs.simplify(cloud, n_points=200, weight="worth").indices
@@ -152,6 +164,7 @@ WRONG = [
     ({"weight": np.zeros(4000)}, gppcs.InputError, "a weight above 0 of at least one point"),
     ({"weight": np.arange(4000) < 3}, gppcs.InputError, "at least 5 points of a weight above 0, found 3"),
     ({"weight": [1.0]}, gppcs.ParameterError, "a number for each of the 4,000 points"),
+    ({"weight": "n" * 9999}, gppcs.InputError, "no attribute 'n{79}\\.\\.\\. to weigh"),
     ({"weight": "nzz"}, gppcs.InputError, "no attribute 'nzz' .*; did you mean 'nz'?"),
 ]
 

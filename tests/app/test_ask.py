@@ -99,6 +99,8 @@ def test_outliers_are_left_out_and_listed(gppcs_command, folder):
         (["--levels", "5,5"], ["different sizes"]),
         (["--levels", "5,10", "--points", 3], ["--levels without --points"]),
         (["--levels", "5,10", "--method", "voxel"], ["'voxel' does not rank its points"]),
+        (["--levels", ",".join(map(str, range(1, 258)))], ["at most 256 sizes, found 257"]),
+        (["--levels", "5,1000", "--outliers", "strays.ply", *FAST], ["a finest level of less than all 400 points"]),
         (["--levels", "5,1000", *FAST], ["scan.ply: expected a finest level of less than all 400 points"]),
     ],
 )

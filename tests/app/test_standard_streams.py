@@ -1,6 +1,7 @@
 """The name `-` of standard input and standard output, in all commands."""
 
 import io
+import subprocess
 import sys
 from pathlib import Path
 
@@ -52,6 +53,14 @@ def test_pages_go_to_standard_output(gppcs_command, scan, piped, monkeypatch, wo
     code, out, err = gppcs_command(*words, "-o", "-")
     assert (code, err, files()) == (0, "", ["scan.ply"])
     assert [each["name"] for each in WebPage(out).described["clouds"]] == words[1:]
+
+
+def test_a_plot_on_standard_output_is_alone_there(scan):
+    pytest.importorskip("matplotlib")
+    words = [sys.executable, "-m", "gppcs", "curve", "scan.ply", "--methods", "fps", "--sizes", "50", "--plot", "-"]
+    for more in ([], ["--json"]):
+        done = subprocess.run([*words, *more], capture_output=True, check=True)
+        assert (done.stdout[:4], done.stdout[-8:-4]) == (b"\x89PNG", b"IEND")
 
 
 def test_the_page_of_a_result_on_standard_output_is_a_file(gppcs_command, scan, piped):

@@ -20,6 +20,9 @@ CLOUD = gppcs.PointCloud(
         "label": np.array(list("abcde")),
         "pair": np.zeros((5, 2)),
         "large": np.full(5, 2**63 + 1, np.uint64),
+        "raw": np.array([b"a", b"\xff", b"a", b"b", b"b"]),
+        "two  spaces": np.array(["a  b", "a b", "a  b", "", ""]),
+        "µ": np.arange(5),
     },
 )
 
@@ -50,6 +53,13 @@ CLOUD = gppcs.PointCloud(
         ("  z > 3\n", [1, 2, 3, 4]),
         ("classification == 10000", []),
         ("1 == 1", [0, 1, 2, 3, 4]),
+        ("Z < 3", [0]),
+        ("-True < flag - True", [0, 2, 4]),
+        ("raw == 'a'", [0, 2]),
+        ("attributes['two  spaces']\n == 'a  b'", [0, 2]),
+        ("µ > 2", [3, 4]),  # which the syntax reads as another letter
+        ("label == '#'", []),
+        ("z < 3or 'a\\d' == 'b'", [0]),  # Python would warn
     ],
 )
 def test_conditions(text, rows):
@@ -96,6 +106,9 @@ def test_comparisons_are_those_of_numpy(name, sign, limit):
         ("pair > 0", "one number or text for each point"),
         ("z is 3", "expected ==, !=, <"),
         ("1 / 0 > z", "a number that can be computed with"),
+        ("z > " + "9" * 400, "at character 5 ('99999"),
+        ("z > 3 # \n and x < 0", "at character 7 ('# and x < 0'): expected no comment"),
+        ("z > 3 and '\udcff' == label", "expected conditions"),
         ("__import__('os')", "expected a number, a text in quotes, or the name"),
         ("x.__class__ == 1", "expected a number"),
         ("(lambda: 1)() == 1", "expected a number"),

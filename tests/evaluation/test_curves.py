@@ -52,8 +52,36 @@ def test_what_is_no_ranking_has_no_prefixes():
         gppcs.simplify(CLOUD, n_points=50, method="voxel").prefix(10)
     with pytest.raises(gppcs.ParameterError, match="all points were kept"):
         gppcs.simplify(CLOUD, ratio=1).prefix(10)
+    some = CLOUD.points[:200]
+    for points, wanted in (
+        (np.concatenate([some, some]), {"n_points": 300}),
+        (np.concatenate([some, [[np.nan] * 3]]), {"n_points": 200, "invalid": "drop"}),
+        (some, {"n_points": 100, "weight": np.arange(200) >= 100}),
+    ):
+        with pytest.raises(gppcs.ParameterError, match="all points were kept"):
+            gppcs.simplify(points, **wanted).prefix(10)
     with pytest.raises(gppcs.ParameterError, match="at most 50 points, as the result has, found 51"):
         gppcs.simplify(CLOUD, n_points=50, method="fps").prefix(51)
+
+
+def test_sizes_that_take_all_points_but_repeats_change_no_other():
+    twice = np.concatenate([CLOUD.points[:200], CLOUD.points[:200]])
+    for method in ("fps", "voxel"):
+        short, long = (gppcs.curve(twice, [method], sizes=sizes)[0] for sizes in ([50, 100], [50, 100, 300, 10**30]))
+        assert long.sizes.tolist() == [50, 100, 300, 400]
+        assert (long.errors["mean"][:2] == short.errors["mean"]).all()
+        assert (long.errors["mean"][2:] == 0.0).all()
+
+
+def test_coordinates_as_large_as_numbers_go():
+    large = (CLOUD.points - CLOUD.points.min(axis=0)) * (1.7e308 / np.ptp(CLOUD.points, axis=0).max())
+    assert np.isfinite(gppcs.curve(large, ["fps"], sizes=[50])[0].errors["mean"]).all()
+
+
+@pytest.mark.parametrize("original", [np.empty((0, 3)), np.full((2, 3), np.nan)])
+def test_a_curve_needs_an_original_with_points(original):
+    with pytest.raises(gppcs.InputError, match="the cloud is empty|none of the 2 points"):
+        gppcs.simplify(CLOUD, n_points=20, method="fps").curve(original)
 
 
 @pytest.mark.parametrize("method", [name for name, method in gppcs.METHODS.items() if method.ranks and name != "gp"])

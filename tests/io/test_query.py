@@ -50,6 +50,15 @@ def test_points_inside_a_polygon_with_a_hole(files, wrapped):
     assert read.points.tolist() == CLOUD.points[inside(CLOUD.points)].tolist()
 
 
+def test_a_polygon_with_many_corners():
+    angles = np.linspace(0.0, 2.0 * np.pi, 5_000, endpoint=False)
+    disc = Polygons((tuple(zip(np.cos(angles).tolist(), np.sin(angles).tolist(), strict=True)),))
+    points = np.random.default_rng(0).uniform(-1.2, 1.2, (5_000, 3))
+    radii = np.hypot(points[:, 0], points[:, 1])
+    sure = np.abs(radii - 1.0) > 1e-5
+    assert (disc.holds(points) == (radii < 1.0))[sure].all()
+
+
 def test_neighbouring_polygons_share_no_point_and_miss_none():
     points = np.indices((21, 21, 1)).reshape(3, -1).T / 2.0
     halves = [Polygons((tuple((x + left, y) for x, y in [(0, 0), (5, 0), (5, 10.5), (0, 10.5)]),)) for left in (0, 5)]
@@ -62,6 +71,8 @@ def test_neighbouring_polygons_share_no_point_and_miss_none():
     ["", "[]", "{}",
      '{"type": "Point", "coordinates": [0, 0]}', '{"type": "Polygon", "coordinates": [[[0, 0], [1, 1]]]}',
      '{"type": "Polygon", "coordinates": [[[0, 0], [1, null], [2, 2]]]}', '{"type": "Polygon", "coordinates": 3}',
+     '{"type": "Polygon", "coordinates": [[[0, 0], [1, "1"], [2, 2]]]}',
+     f'{{"type": "Polygon", "coordinates": [[[0, 0], [1, {10**400}], [2, 2]]]}}',
      '{"type": "Polygon", "coordinates": [[[0, 0], [1, NaN], [2, 2]]]}', '{"type": "Feature", "geometry": null}'],
 )  # fmt: skip
 def test_what_is_no_polygon_is_refused(files, content):

@@ -48,14 +48,14 @@ def choose(points: ChunkedPoints, count: int, method: Method, stages: Stages) ->
     from gppcs.spatial.chunks import first_repeats
 
     if count >= len(points):
-        return Selection(np.arange(len(points)))
+        return Selection(np.arange(len(points)), ranked=False)
     selection = method.in_passes(points, count, stages)
     if selection is not None:
         return selection
     with stages("repeats", len(points)) as advanced:
         distinct = points.distinct(advanced)
     if len(distinct.rows) <= count:
-        return Selection(np.concatenate([distinct.rows, first_repeats(distinct.rows, count)]))
+        return Selection(np.concatenate([distinct.rows, first_repeats(distinct.rows, count)]), ranked=False)
     if len(distinct.rows) == len(points):
         places = distinct.points
         del distinct  # to free the memory of its rows
@@ -153,10 +153,10 @@ def choose_amount(
 class _Asked:
     """The places among which is chosen. The first `fixed` of them are kept.
 
-    `rows` are those of the places, `repeats` are rows to keep at the same places; there are `n` rows in all.
+    `rows` are those of the places, `repeats` are rows to keep at the same places; `every` are all rows that may be kept.
     """
 
-    n: int
+    every: NDArray[np.int64]
     places: Points
     rows: NDArray[np.int64]
     fixed: int
@@ -176,7 +176,7 @@ class _Asked:
         rows = order[distinct.rows]
         weights = None if guide.weights is None else guide.weights[rows]
         repeats = np.setdiff1d(guide.keep, rows[:fixed], assume_unique=True)
-        return cls(len(points), distinct.points, rows, fixed, repeats, weights, method, stages)
+        return cls(order, distinct.points, rows, fixed, repeats, weights, method, stages)
 
     def of_number(self, count: int) -> Selection:
         """Return a number of points, or all places if there are no more."""
@@ -184,9 +184,9 @@ class _Asked:
         if kept > count:
             found = f"points to keep: expected at most {count:,}, as many as are asked for, found {kept:,}"
             raise InputError(f"{found}; select fewer or ask for more")
-        if self.weights is not None and count - len(self.repeats) > len(self.places):
+        if count > len(self.every):
             raise InputError(
-                f"expected at least {count:,} points of a weight above 0, found {len(self.places):,}; ask for fewer"
+                f"expected at least {count:,} points of a weight above 0, found {len(self.every):,}; ask for fewer"
             )
         return self._chosen(count - len(self.repeats))
 
@@ -218,11 +218,12 @@ class _Asked:
             just_above = np.nextafter(gap, math.inf)
             added, _ = farthest_points(self.places, len(self.places), others=kept, least=just_above)
         padded = {name: np.pad(values, (0, len(added))) for name, values in selection.attributes.items()}
-        return Selection(
-            np.concatenate([selection.indices, added]),
-            {**selection.diagnostics, "added_in_gaps": float(len(added))},
-            None if selection.points is None else np.concatenate([kept, self.places[added]]),
-            padded,
+        return dataclasses.replace(
+            selection,
+            indices=np.concatenate([selection.indices, added]),
+            diagnostics={**selection.diagnostics, "added_in_gaps": float(len(added))},
+            points=None if selection.points is None else np.concatenate([kept, self.places[added]]),
+            attributes=padded,
         )
 
     def with_repeats(self, selection: Selection, count: int) -> Selection:
@@ -233,7 +234,7 @@ class _Asked:
         place = np.full(len(self.repeats), self.fixed)
         indices = np.insert(self.rows[selection.indices], place, self.repeats)
         lacking = max(0, count - len(indices))
-        others = np.setdiff1d(np.arange(self.n), indices)[:lacking]
+        others = np.setdiff1d(self.every, indices)[:lacking]
         return dataclasses.replace(
             selection,
             indices=np.concatenate([indices, others]),
@@ -247,7 +248,7 @@ class _Asked:
     def _chosen(self, count: int) -> Selection:
         """Let the method choose among the places."""
         if count >= len(self.places):
-            return Selection(np.arange(len(self.places)))
+            return Selection(np.arange(len(self.places)), ranked=False)
         if not self.fixed and self.weights is None:
             return self.method(self.places, count, self.stages)
         return self.method.guided(self.places, count, self.fixed, self.weights, self.stages)

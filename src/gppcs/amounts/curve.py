@@ -95,7 +95,7 @@ def measured_curve(
         What has made the simplifications.
     sizes : (k,) array, int64
     kept : callable
-        Returns the simplification of a size.
+        Returns the simplification of a size. It is asked for the largest first.
     stages : Stages
         Times "accuracy". A step is a size.
 
@@ -111,12 +111,13 @@ def measured_curve(
     places = frame.local(original.points)
     measured = Original.of(places[first_occurrences(places)])
     found = []
-    for size in sizes.tolist():
+    for size in sizes[::-1].tolist():
         simplified = kept(size).points
         with stages("accuracy"):
             found.append(measured.errors(np.ldexp(simplified - frame.corner, -frame.exponent)))
-    errors = {name: np.ldexp([each[name] for each in found], frame.exponent) for name in MEASURES}
-    diagonal = float(np.ldexp(np.linalg.norm(np.ldexp(high - low, -frame.exponent)), frame.exponent))
+    with np.errstate(over="ignore", under="ignore"):
+        errors = {name: np.ldexp([each[name] for each in found[::-1]], frame.exponent) for name in MEASURES}
+        diagonal = float(np.ldexp(np.linalg.norm(np.ldexp(high - low, -frame.exponent)), frame.exponent))
     return Curve(method, sizes, errors, diagonal)
 
 

@@ -27,6 +27,7 @@ LevelsOption = Annotated[
 ]
 FIELD = "{level}"
 NAME = "level"  # of the attribute
+MOST = 256  # levels that the attribute can tell apart
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,8 @@ class Levels:
             If it is no list of different shares or numbers of points.
         """
         words = [word.strip() for word in text.split(",")]
+        if len(words) > MOST:
+            raise ParameterError(f"expected --levels with at most {MOST} sizes, found {len(words)}")
         are_shares = [word.endswith("%") or word.startswith(("0.", ".")) for word in words]
         if any(are_shares) != all(are_shares):
             raise ParameterError(f"expected --levels with shares or with numbers, found both in {shown(text)}")

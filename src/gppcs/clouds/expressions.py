@@ -202,7 +202,7 @@ class Expression:
         if values.dtype.kind in "iu" and values.dtype.itemsize < 8:  # differences of small types could overflow
             return values.astype(np.int64)
         if values.dtype.kind == "S":
-            return np.char.decode(values, errors="replace")
+            return np.char.decode(values, "utf-8", "replace")
         return values.astype(str) if values.dtype.kind in "OT" else values
 
     def _known(self, node: ast.expr, name: str, names: Sequence[str]) -> str:

@@ -73,11 +73,13 @@ def curve(
     made = []
     for method in chosen:
         run = partial(simplify, original, method=method, stages=stages)
-        most = int(wanted[-1])
-        ranking = run(n_points=most).cloud if method.ranks and most < len(original) else None
+        rankings: list[Result] = []  # none, where all points but repeats are kept
 
-        def kept(m: int, run: Run = run, ranking: PointCloud | None = ranking) -> PointCloud:
-            return run(n_points=m).cloud if ranking is None else ranking.take(np.arange(m))
+        def kept(m: int, run: Run = run, rankings: list[Result] = rankings) -> PointCloud:
+            result = rankings[0].prefix(m) if rankings else run(n_points=m)
+            if result.ranked and not rankings:
+                rankings.append(result)
+            return result.cloud
 
         made.append(measured_curve(original, method, wanted, kept, stages))
     return made

@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.errors import FileFormatError, file_path
+from gppcs.errors import FileFormatError, file_path, number
 
 Ring: TypeAlias = tuple[tuple[float, float], ...]
 
@@ -41,14 +41,19 @@ class Polygons:
         (N,) array
             Of two polygons with a common border, each point of it is inside one.
         """
-        x, y = points[:, 0], points[:, 1]
+        order = np.argsort(points[:, 1])  # so that the points beside an edge follow each other
+        x, y = points[order, 0], points[order, 1]
         inside = np.zeros(len(points), dtype=np.bool_)
         for ring in self.rings:
-            for (ax, ay), (bx, by) in zip(ring, ring[1:] + ring[:1], strict=True):
-                if ay != by:
-                    beside = (ay > y) != (by > y)
-                    inside[beside] ^= x[beside] < ax + (y[beside] - ay) / (by - ay) * (bx - ax)
-        return inside
+            places = np.searchsorted(y, np.array(ring)[:, 1])
+            for k in np.flatnonzero(places != np.roll(places, -1)):
+                (ax, ay), (bx, by) = ring[k], ring[(k + 1) % len(ring)]
+                begin, end = sorted((places[k], places[(k + 1) % len(ring)]))
+                with np.errstate(over="ignore", invalid="ignore"):
+                    inside[begin:end] ^= x[begin:end] < ax + (y[begin:end] - ay) / (by - ay) * (bx - ax)
+        result = np.empty_like(inside)
+        result[order] = inside
+        return result
 
 
 def read_polygons(path: str | os.PathLike[str]) -> Polygons:
@@ -85,7 +90,7 @@ def _rings(content: Any) -> Iterator[Ring]:
     kind = content["type"]
     if kind == "Polygon":
         for ring in content["coordinates"]:
-            corners = tuple((float(x), float(y)) for x, y, *_ in ring)
+            corners = tuple((number(x), number(y)) for x, y, *_ in ring)
             if len(corners) < 3 or not np.isfinite(corners).all():
                 raise ValueError("a ring has no three finite corners")
             yield corners

@@ -209,7 +209,7 @@ class LocalGP(Method):
         with stages("tree"):
             wanted = surface_area(KdTree.build(points)) / spacing / spacing
         count = max(1, round(min(wanted, len(points))))
-        return self(points, count, stages) if count < len(points) else Selection(np.arange(len(points)))
+        return self(points, count, stages) if count < len(points) else Selection(np.arange(len(points)), ranked=False)
 
     def memory(self, n: int, n_points: int) -> int:
         """Return about how much memory a call takes, beyond the points themselves.

@@ -50,6 +50,9 @@ class Selection(ComparedByValue):
         The new positions of the chosen points, if the method moves them.
     attributes : mapping of str to (M,) array
         Values that the method reports about each chosen point, such as scores.
+    ranked : bool
+        Whether the first points are a choice of fewer, if the method ranks its points. They are not where all points
+        but repeats are chosen, in the order of the cloud.
 
     Examples
     --------
@@ -64,6 +67,7 @@ class Selection(ComparedByValue):
     diagnostics: Mapping[str, float] = field(default_factory=dict)
     points: NDArray[np.float64] | None = None
     attributes: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    ranked: bool = True
 
 
 @dataclass(frozen=True)

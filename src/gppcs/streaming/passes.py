@@ -91,7 +91,8 @@ def simplify_in_passes(
         kept = kept.moved(np.ldexp(selection.points, frame.exponent) + frame.corner)
     if scores:
         kept = with_scores(kept, method, selection)
-    return Result(rows, kept, method, stages.seconds, selection.diagnostics), seen.count
+    ranked = method.ranks and selection.ranked
+    return Result(rows, kept, method, stages.seconds, selection.diagnostics, ranked=ranked), seen.count
 
 
 def _overview(passes: FilePasses | ClusterPasses, plan: Plan, stages: Stages) -> Overview:

@@ -108,6 +108,8 @@ def curve(
     if plot is not None:
         with io.whole_output(plot, force) as file:
             draw_curves(file, curves, measure)
+        if io.is_standard(plot):  # where nothing else may go
+            return
     if as_json:
         for each in curves:
             print_json({"input": str(cloud), **_record(each, measure)})

@@ -425,6 +425,7 @@ class _Job:
             level.check(level.targets[source], self.force)
         stages = Stages(progress(self.quiet))
         measured: Report | None = None
+        strays: PointCloud | None = None
         drawn: dict[Path, bytes] = {}
         options = {name: self.options[name] for name in ("ratio", "n_points", "invalid", "scores")}
         with CloudFiles(sources, self.input_format, self.columns, self.query, self.assume_same_crs) as files:
@@ -434,7 +435,7 @@ class _Job:
             if self.dry_run:
                 return _DryRun(sources, target, made, expected_seconds(files, made, method))
             if made.in_memory:
-                result, points, measured, drawn = self._in_memory(files, target, stages)
+                result, points, strays, measured, drawn = self._in_memory(files, target, stages)
             else:
                 self._check_storable(target, files.head().cloud)
                 where: dict[str, Any] = {"scratch": self.scratch, "cluster": self.cluster, "resume": self.resume}
@@ -447,6 +448,8 @@ class _Job:
             for path, content in drawn.items():
                 with io.whole_file(path, self.force) as file:
                     file.write(content)
+            if strays is not None and self.outliers is not None:
+                note_left_out(self.outliers, io.store(self.outliers, strays, None, self.force, self.lossy, None))
         note_left_out(target, [*unread, *lost])
         self._note_all_kept(source, len(result.indices))
         return _Run(sources, target, points, made.passes, result, measured)
@@ -459,8 +462,11 @@ class _Job:
 
         clouds = [result.cloud]
         if self.levels is not None:
-            if len(result.indices) == points:
-                raise InputError(f"expected a finest level of less than all {points:,} points, found all of them")
+            if not result.ranked:
+                raise InputError(
+                    f"expected a finest level of less than all {points:,} points, found all of them, or all without "
+                    "repeats"
+                )
             counts = self.levels.counts(len(result.indices))
             if len(self.by_level) > 1:
                 clouds = [result.cloud.take(np.arange(count)) for count in counts]
@@ -474,8 +480,8 @@ class _Job:
 
     def _in_memory(
         self, files: CloudFiles, target: Path, stages: Stages
-    ) -> tuple[Result, int, Report | None, dict[Path, bytes]]:
-        """Return the result, the number of points, the figures if wanted, and picture and page by their files."""
+    ) -> tuple[Result, int, PointCloud | None, Report | None, dict[Path, bytes]]:
+        """Return the result, the number of points, the outliers and figures if wanted, picture and page by file."""
         import numpy as np
 
         from gppcs import io
@@ -489,6 +495,8 @@ class _Job:
         if self.drop_outliers:
             with stages("outliers"):
                 cloud, strays = _without_outliers(cloud)
+            if self.outliers is not None:
+                io.check_storable(self.outliers, strays, None, self.lossy, None)
         else:
             strays = None
         if self.colour is not None:
@@ -511,10 +519,7 @@ class _Job:
         if strays is not None:
             left_out = {**result.diagnostics, "outliers": float(len(strays))}
             result = replace(result, diagnostics=left_out)
-            if self.outliers is not None:
-                with stages("writing"):
-                    note_left_out(self.outliers, io.store(self.outliers, strays, None, self.force, self.lossy, None))
-        return result, len(cloud), measured, drawn
+        return result, len(cloud), strays, measured, drawn
 
     def _page(self, cloud: PointCloud, result: Result, target: Path) -> bytes:
         """Return an HTML page of the result beside its original."""
