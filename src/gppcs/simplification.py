@@ -306,7 +306,8 @@ def simplify(
             kept = _with_normals(kept, points, selection)
     if scores:
         kept = with_scores(kept, chosen_method, selection)
-    return Result(indices, kept, chosen_method, stages.seconds, selection.diagnostics, cloud, chosen_method.ranks and selection.ranked)
+    ranked = chosen_method.ranks and selection.ranked
+    return Result(indices, kept, chosen_method, stages.seconds, selection.diagnostics, cloud, ranked)
 
 
 def check_options(

@@ -59,7 +59,6 @@ CLOUD = gppcs.PointCloud(
         ("attributes['two  spaces']\n == 'a  b'", [0, 2]),
         ("µ > 2", [3, 4]),  # which the syntax reads as another letter
         ("label == '#'", []),
-        ("z < 3or 'a\\d' == 'b'", [0]),  # Python would warn
     ],
 )
 def test_conditions(text, rows):

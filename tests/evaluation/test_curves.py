@@ -80,7 +80,7 @@ def test_coordinates_as_large_as_numbers_go():
 
 @pytest.mark.parametrize("original", [np.empty((0, 3)), np.full((2, 3), np.nan)])
 def test_a_curve_needs_an_original_with_points(original):
-    with pytest.raises(gppcs.InputError, match="the cloud is empty|none of the 2 points"):
+    with pytest.raises(gppcs.InputError, match=r"the cloud is empty|none of the 2 points"):
         gppcs.simplify(CLOUD, n_points=20, method="fps").curve(original)
 
 

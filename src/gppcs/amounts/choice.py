@@ -153,7 +153,8 @@ def choose_amount(
 class _Asked:
     """The places among which is chosen. The first `fixed` of them are kept.
 
-    `rows` are those of the places, `repeats` are rows to keep at the same places; `every` are all rows that may be kept.
+    `rows` are those of the places, `repeats` are rows to keep at the same places; `every` holds all rows that
+    may be kept.
     """
 
     every: NDArray[np.int64]

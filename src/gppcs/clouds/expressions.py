@@ -6,7 +6,6 @@ import ast
 import operator
 import re
 import unicodedata
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -76,8 +75,7 @@ class Expression:
         if "#" in bare:
             raise ParameterError(f"{_at(text, bare.index('#'))}: expected no comment")
         try:
-            with warnings.catch_warnings(action="ignore"):  # of '\d' and 1or: what they mean is clear
-                tree = ast.parse(text, mode="eval").body
+            tree = ast.parse(text, mode="eval").body
         except UnicodeEncodeError:
             raise ParameterError(f"expected {GRAMMAR}, found {shown(text)}") from None
         except SyntaxError as error:
@@ -202,7 +200,7 @@ class Expression:
         if values.dtype.kind in "iu" and values.dtype.itemsize < 8:  # differences of small types could overflow
             return values.astype(np.int64)
         if values.dtype.kind == "S":
-            return np.char.decode(values, "utf-8", "replace")
+            return np.char.decode(values.astype(np.bytes_), "utf-8", "replace")
         return values.astype(str) if values.dtype.kind in "OT" else values
 
     def _known(self, node: ast.expr, name: str, names: Sequence[str]) -> str:

@@ -6,8 +6,6 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Literal
 
-import numpy as np
-
 from gppcs.amounts.curve import Curve, checked_sizes, measured_curve, usual_sizes
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.engine.stages import Stages
