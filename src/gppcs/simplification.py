@@ -263,8 +263,8 @@ def simplify(
     ------
     InputError
         If the cloud is empty, has a wrong shape or has coordinates that are not finite; if `scores` would replace an
-        attribute of the cloud; if `keep` means more than M points; if a weight is negative or not finite; or if a
-        length has a unit and that of the cloud is not known.
+        attribute of the cloud; if `keep` means more than M points, or is a condition that none meets; if a weight is
+        negative or not finite; or if a length has a unit and that of the cloud is not known.
     ParameterError
         If a parameter is outside its range, the method does not exist or cannot do what is asked for, or a condition
         cannot be read.

@@ -157,6 +157,7 @@ WRONG = [
     ({"keep": [True]}, gppcs.ParameterError, "a mask of the 4,000 points"),
     ({"keep": [0.5]}, gppcs.ParameterError, "a mask of the 4,000 points, or rows"),
     ({"keep": "nzz > 0"}, gppcs.InputError, "at character 1 .* no attribute 'nzz'; did you mean 'nz'?"),
+    ({"keep": "nz > 9"}, gppcs.InputError, "expected points with nz > 9 to keep, found none; .* omit keep"),
     ({"keep": "nz >"}, gppcs.ParameterError, "at its end"),
     ({"keep": [1], "method": "fps"}, gppcs.ParameterError, "'fps' can neither keep given points nor weigh them"),
     ({"weight": -np.ones(4000)}, gppcs.InputError, "finite weights from 0 on, found -1 at index 0 and 3999 more"),

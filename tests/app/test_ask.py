@@ -85,6 +85,7 @@ def test_outliers_are_left_out_and_listed(gppcs_command, folder):
         (["--spacing", 5, "--method", "hc"], ["'hc' has no spacing"]),
         (["--points", 5, "--keep", "z > 0"], ["scan.ply: points to keep: expected at most 5"]),
         (["--points", 5, "--keep", "nzz > 0"], ["scan.ply: 'nzz > 0', at character 1", "did you mean 'nz'?"]),
+        (["--points", 5, "--keep", "nz > 9"], ["scan.ply: expected points with nz > 9 to keep, found none", "--keep"]),
         (["--points", 5, "--keep", "nz > "], ["'nz >', at its end: expected conditions"]),
         (["--points", 5, "--keep", "z > 0", *FAST], ["'fps' can neither keep"]),
         (["--points", 5, "--only", "z > 999"], ["scan.ply: expected points with z > 999, found none"]),

@@ -50,7 +50,8 @@ class Guide:
         Raises
         ------
         InputError
-            If a weight is negative or not finite, or none is above 0; or if the cloud has no attribute of a name.
+            If no point meets the condition `keep`; if a weight is negative or not finite, or none is above 0; or if the
+            cloud has no attribute of a name.
         ParameterError
             If an argument is of another kind or length.
         """
@@ -61,6 +62,9 @@ class Guide:
         weights = None if weight is None else _weights(cloud, weight)
         if rows is not None:
             mask, weights = mask[rows], None if weights is None else weights[rows]
+        if isinstance(keep, str) and not mask.any():
+            found = f"expected points with {keep.strip()} to keep, found none; change the condition or omit"
+            raise InputError(f"{found} keep", command=f"{found} --keep")
         if weights is not None:
             weights = _checked(weights)
         return None if weights is None and not mask.any() else cls(np.flatnonzero(mask), weights)
