@@ -47,6 +47,13 @@ def test_evaluate_leaves_out_points_that_are_not_finite(gppcs_command):
     assert (code, "399 in, 399 out" in out) == (0, True)
 
 
+def test_evaluate_tells_the_order_if_the_second_cloud_has_more_points(gppcs_command, scan):
+    gppcs.write("small.ply", scan[:60])
+    code, _, err = gppcs_command("evaluate", "small.ply", "scan.ply", "--quiet")
+    assert (code, err.count("\n")) == (0, 1)
+    assert err.startswith("gppcs: note: the second cloud has more points than the first; the order is ORIGINAL")
+
+
 def test_evaluate_with_a_mesh(gppcs_command):
     pytest.importorskip("pymeshlab")
     ball = gppcs.sample("sphere", 300)

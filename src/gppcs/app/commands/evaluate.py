@@ -91,6 +91,8 @@ def evaluate(
     with stages("reading"):
         read = io.read_each([original, *([simplified] if simplified else [])], input_format, names_of(columns))
     clouds = [cloud.take(cloud.finite_rows()) for cloud in read]
+    if not judged and len(clouds[1]) > len(clouds[0]):
+        print_error("note: the second cloud has more points than the first; the order is ORIGINAL SIMPLIFIED")
     report = (
         evaluate_mesh(clouds[0], judged, surface, stages) if judged else measured(clouds[0], clouds[1], surface, stages)
     )
