@@ -42,6 +42,15 @@ def test_a_report_holds_the_clouds_and_how_it_was_made(gppcs_command, folder, sc
     assert page.described["up"] == "y"
 
 
+def test_the_notes_of_a_report_are_printed_too(gppcs_command, folder, scan):
+    gppcs.write("far.ply", scan[:60].points + 1e5)
+    code, _, err = gppcs_command("report", "scan.ply", "far.ply", "-o", "r.html", "--quiet")
+    notes = WebPage((folder / "r.html").read_text("utf-8")).described["notes"]
+    assert code == 0
+    assert "far.ply: there are no figures" in notes[0]
+    assert err.splitlines() == [f"gppcs: note: {note}" for note in notes]
+
+
 @pytest.mark.slow
 def test_meshes_are_rebuilt_when_asked_for(gppcs_command, folder, monkeypatch):
     pytest.importorskip("pymeshlab")

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from gppcs.app.printing import Columns, Force, From, Quiet, Threads, names_of, progress
+from gppcs.app.printing import Columns, Force, From, Quiet, Threads, names_of, print_error, progress
 from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.threads import set_threads
 from gppcs.errors import file_path
@@ -90,5 +90,7 @@ def report(
     page = report_page(clouds[0], clouds[1:], how_made(context.obj, inputs), viewpoint, stages)
     with io.whole_output(output, force) as file:
         page.write(file)
+    for note in page.all_notes:
+        print_error(f"note: {note}")
     if not quiet and not io.is_standard(output):
         typer.echo(f"{output}: {output.stat().st_size / 1e6:.1f} MB; open it in a browser")

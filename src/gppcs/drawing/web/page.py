@@ -37,7 +37,7 @@ class Page:
     made : sequence of (str, str)
         How the page was made, as names and values.
     notes : sequence of str
-        What the page says first.
+        What the page says of all its clouds together.
     diagonal : float
         Length of the diagonal of the original's bounding box, for the figures.
     """
@@ -50,6 +50,14 @@ class Page:
     made: Sequence[tuple[str, str]]
     notes: Sequence[str] = ()
     diagonal: float = 0.0
+
+    @property
+    def all_notes(self) -> list[str]:
+        """What the page says first: its own notes, those of its layers, and that the clouds do not lie together."""
+        notes = [*self.notes, *(note for layer in self.layers for note in layer.notes)]
+        if not _lie_together(self.layers):
+            notes.append("The clouds lie far apart or differ much in size, so each view has a frame of its own.")
+        return notes
 
     def write(self, file: BinaryIO) -> None:
         """Write the page.
@@ -70,17 +78,14 @@ class Page:
         """Return all that the page says, and where its arrays are."""
         viewpoint = self.viewpoint.completed(self.layers[0].cloud.points)
         assert viewpoint.direction
-        notes = [note for layer in self.layers for note in layer.notes]
-        together = _lie_together(self.layers)
-        apart = "The clouds lie far apart or differ much in size, so each view has a frame of its own."
         return {
             "title": self.title,
             "lead": self.lead,
-            "notes": [*self.notes, *notes, *([] if together else [apart])],
+            "notes": self.all_notes,
             "up": viewpoint.up,
             "azimuth": viewpoint.direction[0],
             "elevation": viewpoint.direction[1],
-            "together": together,
+            "together": _lie_together(self.layers),
             "diagonal": self.diagonal,
             "clouds": [layer.described for layer in self.layers],
             "figures": [
