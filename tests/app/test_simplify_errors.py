@@ -55,6 +55,12 @@ def test_input_that_cannot_be_used(gppcs_command, scan, damage, parts):
     assert files() == before
 
 
+def test_a_missing_input_is_told_before_the_name_of_its_output(gppcs_command, scan):
+    result = gppcs_command("simplify", "tiles", "-o", "small/", "--ratio", 0.1)
+    assert_one_line(result, "gppcs: tiles: No such file or directory")
+    assert files() == ["scan.ply"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "parts"),
     [

@@ -421,6 +421,9 @@ class _Job:
         from gppcs.streaming.plan import expected_seconds, plan
 
         target, sources = self.outputs.targets[source], self.merged or [source]
+        for each in sources:
+            if not io.is_standard(each):
+                each.stat()  # a missing input is told before its name is taken for that of the output
         for level in self.by_level:
             level.check(level.targets[source], self.force)
         stages = Stages(progress(self.quiet))
