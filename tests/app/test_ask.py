@@ -125,6 +125,12 @@ def test_curve_prints_a_table_and_draws_a_plot(gppcs_command, scan):
     assert records[0]["errors"]["p95"] == fps.errors["p95"].tolist()
 
 
+def test_two_sizes_have_no_knee(gppcs_command, scan):
+    words = ["curve", "scan.ply", "--methods", "random", "--sizes", "50,100"]
+    assert "knee" not in gppcs_command(*words)[1]
+    assert json.loads(gppcs_command(*words, "--json")[1])["knee"] is None
+
+
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [

@@ -18,6 +18,7 @@ from gppcs.methods import Method
 
 SHARES = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # sizes of a curve, if no others are asked for
 FEWEST = 10  # points of such a size, at least
+FEWEST_FOR_KNEE = 3  # sizes: between two there is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +52,11 @@ class Curve(ComparedByValue):
     errors: Mapping[Measure, NDArray[np.float64]]
     diagonal: float
 
+    @property
+    def has_knee(self) -> bool:
+        """Whether there are enough sizes for a knee between the ends of the curve: at least three."""
+        return len(self.sizes) >= FEWEST_FOR_KNEE
+
     def knee(self, measure: Measure = "p95") -> int:
         """Return the size from which on more points gain little.
 
@@ -65,7 +71,7 @@ class Curve(ComparedByValue):
         Returns
         -------
         int
-            One of the sizes.
+            One of the sizes. It means little unless `has_knee`.
 
         Raises
         ------

@@ -72,7 +72,7 @@ def print_table(title: str, rows: Mapping[str, str]) -> None:
 
 
 def print_curves(title: str, curves: Sequence[Curve], measure: Measure, n: int) -> None:
-    """Print the errors of methods over their numbers of points, and the knee of each.
+    """Print the errors of methods over their numbers of points, and the knee of each that has one.
 
     Parameters
     ----------
@@ -97,5 +97,5 @@ def print_curves(title: str, curves: Sequence[Curve], measure: Measure, n: int) 
     console.print(title, style="bold", highlight=False, markup=False)
     console.print(table)
     console.print(f"{measure} error in the unit of the coordinates, and as a share of the diagonal", style="dim")
-    for each in curves:
+    for each in filter(lambda curve: curve.has_knee, curves):
         console.print(f"knee of {each.method.label}: {each.knee(measure):,} points", markup=False)

@@ -13,7 +13,7 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#0
 
 
 def draw_curves(file: BinaryIO, curves: Sequence[Curve], measure: Measure) -> None:
-    """Write a PNG of curves. A ring marks the knee of each.
+    """Write a PNG of curves. A ring marks the knee of each that has one.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def draw_curves(file: BinaryIO, curves: Sequence[Curve], measure: Measure) -> No
         colour, errors = COLOURS[number % len(COLOURS)], each.errors[measure]
         shown = errors > 0.0  # on a logarithmic axis
         axes.plot(each.sizes[shown], errors[shown], "o-", color=colour, markersize=4, label=each.method.label)
-        knee = each.sizes == each.knee(measure)
+        knee = (each.sizes == each.knee(measure)) & each.has_knee
         axes.plot(
             each.sizes[knee & shown], errors[knee & shown], "o", color=colour, markersize=12, markerfacecolor="none"
         )

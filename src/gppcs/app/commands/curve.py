@@ -38,7 +38,7 @@ EPILOG = (
     "gppcs curve scan.ply\n\n"
     "gppcs curve scan.ply --methods gp,fps,voxel --sizes 1%,2%,5%,10% --measure mean --plot curve.png\n\n"
     "The knee is the size from which on more points gain little: the point that is farthest below the line between "
-    "the ends of the curve, with both axes scaled to 0 to 1."
+    "the ends of the curve, with both axes scaled to 0 to 1. It takes at least three sizes."
 )
 
 
@@ -132,5 +132,5 @@ def _record(curve: Curve, measure: Measure) -> dict[str, object]:
         "points": curve.sizes.tolist(),
         "errors": errors,
         "diagonal": curve.diagonal,
-        "knee": curve.knee(measure),
+        "knee": curve.knee(measure) if curve.has_knee else None,
     }
