@@ -208,6 +208,7 @@ def test_a_cloud_without_finite_points_is_refused():
         ({"ratio": 0}, "a ratio above 0 and at most 1, found 0"),
         ({"ratio": -1}, "found -1"),
         ({"ratio": 1.5}, "found 1.5"),
+        ({"ratio": 3}, "found 3; for 3 percent, write 0.03$"),
         ({"ratio": np.nan}, "found nan"),
         ({"n_points": 0}, "number of points to be a whole number from 1 on, found 0"),
         ({"n_points": -3}, "found -3"),

@@ -30,7 +30,7 @@ class GppcsError(Exception):
     ...     gppcs.simplify([[0, 0, 0]], ratio=2)
     ... except gppcs.GppcsError as error:
     ...     print(error)
-    expected a ratio above 0 and at most 1, found 2
+    expected a ratio above 0 and at most 1, found 2; for 2 percent, write 0.02
     """
 
     def __init__(self, *args: object, command: str | None = None) -> None:
@@ -155,6 +155,33 @@ def number(value: Any) -> float:
         return float(value)
     except (TypeError, ValueError, OverflowError):
         return math.nan
+
+
+def share(value: Any) -> float:
+    """Return a share of the points as a float, or raise an error if it is none.
+
+    Parameters
+    ----------
+    value : object
+
+    Returns
+    -------
+    float
+        Above 0 and at most 1.
+
+    Raises
+    ------
+    ParameterError
+        If the value is no number or outside this range.
+    """
+    found = number(value)
+    if 0 < found <= 1:
+        return found
+    message = f"expected a ratio above 0 and at most 1, found {shown(value)}"
+    if not 1 < found <= 100:
+        raise ParameterError(message)
+    message += f"; for {found:g} percent, write "
+    raise ParameterError(f"{message}{found / 100:g}", command=f"{message}{found:g}%")
 
 
 def file_path(path: Any) -> Path:

@@ -22,7 +22,7 @@ from gppcs.clouds.lengths import metres_of
 from gppcs.engine.ahead import compiled_ahead
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import Stages, in_words
-from gppcs.errors import InputError, ParameterError, flag, number, one_of, shown, whole_number
+from gppcs.errors import InputError, ParameterError, flag, one_of, share, shown, whole_number
 from gppcs.methods import DEFAULT, METHODS, Method, Selection, method_named
 
 WHOLE = ("tolerance", "spacing", "max_gap", "keep", "weight")  # arguments that need all points in memory
@@ -500,8 +500,5 @@ def number_to_keep(n: int, ratio: float | None, n_points: int | None) -> int:
         found = "neither" if ratio is None else "both"
         raise ParameterError(f"expected either a ratio or a number of points, found {found}")
     if ratio is not None:
-        share = number(ratio)
-        if not 0 < share <= 1:
-            raise ParameterError(f"expected a ratio above 0 and at most 1, found {shown(ratio)}")
-        return max(1, round(share * n))
+        return max(1, round(share(ratio) * n))
     return min(whole_number("the number of points", n_points, 1), n)

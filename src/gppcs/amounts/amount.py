@@ -7,7 +7,7 @@ from typing import Any
 
 from gppcs.amounts.accuracy import MEASURES, Measure
 from gppcs.clouds.lengths import Length, option
-from gppcs.errors import ParameterError, number, one_of, shown, whole_number
+from gppcs.errors import ParameterError, one_of, share, whole_number
 
 
 @dataclass(frozen=True)
@@ -69,8 +69,7 @@ class Amount:
         if measure is not None and tolerance is None:
             expected = "a tolerance together with"
             raise ParameterError(f"expected {expected} measure", command=f"expected {expected} --measure")
-        if ratio is not None and not 0 < number(ratio) <= 1:
-            raise ParameterError(f"expected a ratio above 0 and at most 1, found {shown(ratio)}")
+        part = None if ratio is None else share(ratio)
         if n_points is not None:
             n_points = whole_number("the number of points", n_points, 1)
         lengths = {"tolerance": tolerance, "spacing": spacing, "max_gap": max_gap}
@@ -78,7 +77,7 @@ class Amount:
             name: None if value is None else Length.of(name, value) for name, value in lengths.items()
         }
         chosen: Any = one_of("measure", "p95" if measure is None else measure, MEASURES)
-        return cls(None if ratio is None else number(ratio), n_points, **known, measure=chosen)
+        return cls(part, n_points, **known, measure=chosen)
 
     def known_count(self, n: int) -> int | None:
         """Return M if the number N of points already tells it.

@@ -15,7 +15,7 @@ from gppcs.clouds.mesh import Mesh
 from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import Stages, in_words
-from gppcs.errors import NoSurfaceError, ParameterError, flag, number, shown, whole_number
+from gppcs.errors import NoSurfaceError, ParameterError, flag, number, share, shown, whole_number
 from gppcs.meshing.assembly import assembled, holes_filled, without_scraps
 from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.draft import MOST_THIN, Draft
@@ -212,8 +212,8 @@ def check_size(
         whole_number("the number of points", n_points, FEWEST_VERTICES)
     if n_faces is not None:
         whole_number("the number of triangles", n_faces, FEWEST_VERTICES)
-    if ratio is not None and not 0 < number(ratio) <= 1:
-        raise ParameterError(f"expected a ratio above 0 and at most 1, found {shown(ratio)}")
+    if ratio is not None:
+        share(ratio)
     for name, value in (("the tolerance", tolerance), ("the size of holes to fill", fill_holes)):
         if value is not None and not 0 < number(value) < np.inf:
             raise ParameterError(f"expected {name} to be a number above 0, found {shown(value)}")
