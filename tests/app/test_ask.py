@@ -14,6 +14,9 @@ from command_line import FAST, assert_one_line, files
 def test_a_tolerance_is_reached_by_evaluate(gppcs_command, scan):
     code, out, _ = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--tolerance", "2%", "--measure", "mean")
     assert code == 0
+    (row,) = (line for line in out.splitlines() if "(asked: " in line)
+    assert row.startswith("surface_mean ")
+    assert row.endswith("  (asked: 2%)")
     reached = float(out.split("surface_mean")[1].split()[0])
     record = json.loads(gppcs_command("evaluate", "scan.ply", "out.ply", "--json")[1])
     assert record["figures"]["surface_mean"] == pytest.approx(reached, rel=1e-3)

@@ -455,7 +455,7 @@ class _Job:
                 note_left_out(self.outliers, io.store(self.outliers, strays, None, self.force, self.lossy, None))
         note_left_out(target, [*unread, *lost])
         self._note_all_kept(source, len(result.indices))
-        return _Run(sources, target, points, made.passes, result, measured)
+        return _Run(sources, target, points, made.passes, result, measured, self._asked())
 
     def _store(self, source: Path, result: Result, points: int) -> list[str]:
         """Write the result, or its levels, and return what is left out."""
@@ -580,6 +580,11 @@ class _Job:
                 cloud = _with_attribute(cloud, name, np.zeros(len(cloud), dtype))
         io.check_storable(target, cloud, self.outputs.format, self.lossy, self.outputs.ascii)
 
+    def _asked(self) -> dict[str, str]:
+        """Return what was asked of a diagnostic, by its name."""
+        tolerance = self.options["tolerance"]
+        return {} if tolerance is None else {f"surface_{self.options['measure'] or 'p95'}": tolerance}
+
     def _note_all_kept(self, source: Path, kept: int) -> None:
         """Print a note if the input has fewer points than were asked for."""
         asked = self.options["n_points"]
@@ -654,7 +659,7 @@ def _record_of(sources: list[Path]) -> str | list[str]:
 
 @dataclass(frozen=True)
 class _Run:
-    """The simplification of one cloud."""
+    """The simplification of one cloud; `asked` is what was asked of diagnostics, by their names."""
 
     sources: list[Path]
     target: Path
@@ -662,6 +667,7 @@ class _Run:
     passes: int
     result: Result
     report: Report | None
+    asked: dict[str, str]
 
     def record(self) -> dict[str, Any]:
         """Return the run as the record that `--json` prints."""
@@ -696,11 +702,15 @@ class _Run:
                 "points": f"{self.points:,} in, {len(self.result.indices):,} out",
                 **({"passes": f"{self.passes} or more over the files"} if self.passes > 1 else {}),
                 "method": _written(self.result.method),
-                **{name: f"{value:.4g}" for name, value in self.result.diagnostics.items()},
+                **{name: self._marked(name, value) for name, value in self.result.diagnostics.items()},
                 **rows_of_seconds(self.result.seconds),
                 **(figure_rows(self.report) if self.report else {}),
             },
         )
+
+    def _marked(self, name: str, value: float) -> str:
+        """Return a diagnostic in words, with what was asked of it."""
+        return f"{value:.4g}" + (f"  (asked: {self.asked[name]})" if name in self.asked else "")
 
 
 def _written(method: Method) -> str:
