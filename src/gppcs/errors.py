@@ -178,7 +178,7 @@ def share(value: Any) -> float:
     if 0 < found <= 1:
         return found
     message = f"expected a ratio above 0 and at most 1, found {shown(value)}"
-    if not 1 < found <= 100:
+    if not 2 <= found <= 100:  # such as 3, meant as a percentage
         raise ParameterError(message)
     message += f"; for {found:g} percent, write "
     raise ParameterError(f"{message}{found / 100:g}", command=f"{message}{found:g}%")
