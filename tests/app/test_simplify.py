@@ -133,6 +133,8 @@ def test_a_report_is_that_of_the_command_report(gppcs_command, scan):
     page, other = (WebPage(Path(name).read_text("utf-8")) for name in ("page.html", "other.html"))
     assert page.described["made"][1] == ["command", "gppcs " + " ".join(words)]
     assert page.described["made"][2] == other.described["made"][2]
+    reasons = [each.described["clouds"][1].pop("reason") for each in (page, other)]
+    assert reasons == [gppcs.METHODS["fps"].summary, None]  # a file does not say by which method it was made
     assert page.described | {"made": None} == other.described | {"made": None}
     blocks, expected = (re.findall(r'<script id="block.*?</script>', each.text, re.DOTALL) for each in (page, other))
     assert blocks == expected != []

@@ -31,7 +31,7 @@ LEVEL_OF_NOISY = 3  # the same for noisy clouds, whose finest points are not wor
 NEIGHBOURS = 24  # of a point of the first mesh, among which those of its fan are
 LEAST_VERTICES = 256  # the first mesh of a lighter result is made as for this many
 LEAST_AGREED = 0.38  # of the fans' triangles, the share that another fan has too; below it, points lie on no surface
-FIRST_STOP = 1.3  # vertices at which the collapse stops for flips, in vertices of the result
+FIRST_STOP = 13, 10  # the collapse stops for flips at 13/10 of the vertices of the result
 REFINEMENTS, REFINED = 2, 0.2  # rounds in which new vertices, this share of all, replace those that matter least
 FIT_ROUNDS = 4  # of fitting and flipping
 LAST_FLIPS = 6  # rounds of flips at most while too many triangles are thin
@@ -359,7 +359,7 @@ class _Maker:
         vertices = -(-target // 2) if counts_faces else target
         too_many = draft.used() - vertices
         with self.stages("collapse", max(0, too_many)) as advanced:
-            draft.collapse(round(FIRST_STOP * target), counts_faces, advanced)
+            draft.collapse(target * FIRST_STOP[0] // FIRST_STOP[1], counts_faces, advanced)
         with self.stages("flips"):
             draft.compact()
             draft.flip()
