@@ -105,7 +105,8 @@ class Noise:
     Attributes
     ----------
     tree : KdTree or None
-        Over the points to which quadrics are fitted; None if no noise matters, so that its memory is free.
+        Over the points to which quadrics are fitted; None if no noise matters, so that its memory is free, or if each
+        tile has one of its own.
     neighbours : int
         Points of each fit.
     thick : bool
@@ -146,15 +147,35 @@ class Noise:
             Its level is 0 if fewer than `FEWEST` points lie within the target spacing of a point.
         """
         within = int(np.pi * len(tree.order) / n_points)  # points within the target spacing of a point, on average
+        noise = cls.from_layers(lambda neighbours: layer_of(tree, neighbours), within, spacing)
+        return noise if noise.quiet else replace(noise, tree=tree)
+
+    @classmethod
+    def from_layers(cls, layer_of: Callable[[int], Layer], within: int, spacing: float) -> Noise:
+        """Tell the noise from the layers about quadrics fitted to different numbers of points.
+
+        Parameters
+        ----------
+        layer_of : callable
+            Takes the number of points of each fit, and returns the layer.
+        within : int
+            Points within the target spacing of a point, on average.
+        spacing : float
+            Target spacing.
+
+        Returns
+        -------
+        Noise
+            Without a tree.
+        """
         if within < FEWEST:
             return cls(None, within, False, 0.0, False, spacing)
-        neighbours, layer = neighbours_across_noise(tree)
+        neighbours, layer = across_noise(layer_of)
         thick = neighbours > NEIGHBOURS
-        detail = not thick and is_detail(layer, layer_of(tree, 2 * NEIGHBOURS))
+        detail = not thick and is_detail(layer, layer_of(2 * NEIGHBOURS))
         if neighbours > within:
-            neighbours, layer = within, layer_of(tree, within)
-        noise = cls(tree, neighbours, thick, layer.level, detail, spacing)
-        return replace(noise, tree=None) if noise.quiet else noise
+            neighbours, layer = within, layer_of(within)
+        return cls(None, neighbours, thick, layer.level, detail, spacing)
 
     @property
     def quiet(self) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,11 +22,12 @@ from gppcs.gp.local.candidates import (
     lone_are_outliers,
 )
 from gppcs.gp.local.density import ROUNDING
-from gppcs.gp.tiled.survey import TiledNoise, TiledSurvey, sampled_places
+from gppcs.gp.tiled.survey import TiledSurvey, sampled_places
 from gppcs.spatial.boxes import Each, Tile
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.stored import StoredPoints, StoredTable, joined, store_part
+from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import variation_in_radius
 
 Thin = Callable[[Path, Tile], NDArray[np.int64]]  # Stores what it leaves of a tile; returns how many in each box.
@@ -74,7 +75,7 @@ class Search:
         Where the candidates go.
     density : float
         Number of cells in a square whose side is the target spacing.
-    noise : TiledNoise
+    noise : Noise
     each : callable
         Applies a function to all tiles.
     advanced : callable
@@ -85,7 +86,7 @@ class Search:
 
     folder: Path
     density: float
-    noise: TiledNoise
+    noise: Noise
     each: Each
     advanced: Callable[[int], None]
     most: int
@@ -250,9 +251,10 @@ def _thin_points(
     return store_part(folder, tile, points.boxes, found | gaps | observed)
 
 
-def _observed(noise: TiledNoise, tree: KdTree | None, places: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+def _observed(noise: Noise, tree: KdTree | None, places: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
     """Return variances of observations at n places, (n, 3), and if the noise is thick, the places on the surface."""
-    feet, variances = noise.on(tree).observe(places) if len(places) and tree else (None, np.zeros(len(places)))
+    of_tile = replace(noise, tree=tree)  # without a tree, all observations are exact
+    feet, variances = of_tile.observe(places) if len(places) else (None, np.zeros(0))
     return {"variance": variances} | ({"foot": places if feet is None else feet} if noise.thick else {})
 
 

@@ -18,9 +18,9 @@ from gppcs.gp.local.density import EDGE_ROUGHNESS, GRADATION, LEAST_ROUGHNESS, R
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.ranking import NEAREST, NUGGET, Criterion
 from gppcs.gp.tiled.candidates import ROWS, Stage
-from gppcs.gp.tiled.survey import TiledNoise
 from gppcs.spatial.boxes import Each, Tile
 from gppcs.spatial.kdtree import KdTree
+from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import features_in_radius, features_of_nearest
 
 GREATEST_ROUGHNESS = math.sqrt(1.0 / 3.0)
@@ -36,7 +36,7 @@ class TiledField:
     ----------
     stage : Stage
         Its table has the columns "variation" and "normal" of each candidate, and "spacing", the desired one.
-    noise : TiledNoise
+    noise : Noise
     criterion : Criterion
     roundness : float
         How much the density and the normals count: 1, or less for a cloud of flat faces and edges.
@@ -47,7 +47,7 @@ class TiledField:
     """
 
     stage: Stage
-    noise: TiledNoise
+    noise: Noise
     criterion: Criterion
     roundness: float
     mean: float
@@ -87,7 +87,7 @@ class TiledField:
 def tiled_field(
     stage: Stage,
     tiles: Sequence[Tile],
-    noise: TiledNoise,
+    noise: Noise,
     criterion: Criterion,
     each: Each,
     advanced: Callable[[int], None],
@@ -98,7 +98,7 @@ def tiled_field(
     ----------
     stage : Stage
     tiles : sequence of Tile
-    noise : TiledNoise
+    noise : Noise
     criterion : Criterion
     each : callable
         Applies a function to all tiles.
@@ -143,7 +143,7 @@ def _mean(
     return math.fsum(total for _, total in sums) / sum(count for count, _ in sums)
 
 
-def _measure_features(stage: Stage, noise: TiledNoise, tile: Tile) -> None:
+def _measure_features(stage: Stage, noise: Noise, tile: Tile) -> None:
     """Store surface variation and normals of the candidates of a tile."""
     table, h = stage.table, stage.spacing
     halo = (THICK_HALO if noise.thick else THIN_HALO) if stage.thinned else NEAREST_HALO

@@ -14,10 +14,11 @@ from gppcs.gp.local.ranking import Criterion, Ranking
 from gppcs.gp.tiled.candidates import Search, Stage, coarser_stage, finest_stage
 from gppcs.gp.tiled.choice import choose_in_tiles
 from gppcs.gp.tiled.field import tiled_field
-from gppcs.gp.tiled.survey import TiledNoise, TiledSurvey, rough_area, survey_tiles
+from gppcs.gp.tiled.survey import TiledSurvey, rough_area, survey_tiles
 from gppcs.spatial.boxes import Each
 from gppcs.spatial.chunks import ChunkedPoints
 from gppcs.spatial.stored import store
+from gppcs.surface.noise import Noise
 
 TILE = 1 << 19  # Points or candidates of a tile at most. With fewer, halos cost more than the tiles themselves.
 
@@ -29,11 +30,11 @@ class TiledRanking(NamedTuple):
     ----------
     ranking : Ranking
         Rows in the cloud. Fewer than M if there are fewer different places.
-    noise : TiledNoise
+    noise : Noise
     """
 
     ranking: Ranking
-    noise: TiledNoise
+    noise: Noise
 
 
 def rank_in_tiles(
@@ -95,7 +96,7 @@ def rank_in_tiles(
 
 
 def _ranked(
-    found: list[Stage], noise: TiledNoise, criterion: Criterion, stages: Stages, each: Each, journal: Journal
+    found: list[Stage], noise: Noise, criterion: Criterion, stages: Stages, each: Each, journal: Journal
 ) -> Ranking:
     """Choose stage by stage, from coarse to fine."""
     ranking, last_score = Ranking(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0)), 1.0

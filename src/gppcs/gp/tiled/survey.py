@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -19,65 +18,12 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.row_sample import drawn
 from gppcs.spatial.spacing import surface_area
 from gppcs.spatial.stored import Neighbourhood, StoredPoints
-from gppcs.surface.noise import (
-    CLEAN,
-    FEWEST,
-    NEIGHBOURS,
-    QUIET,
-    SAMPLES,
-    WIDEST,
-    Layer,
-    Noise,
-    across_noise,
-    is_detail,
-    projections,
-)
+from gppcs.surface.noise import FEWEST, NEIGHBOURS, SAMPLES, WIDEST, Layer, Noise, projections
 
 HALO = 4.0  # In rough target spacings: 120 of 26 points in a square spacing lie within 1.2 of them.
 DISCS = 16_384  # Points whose neighbours tell the area, as `surface_area` takes them.
 NEIGHBOURS_OF_DISC = 8
 NOISE_TILES = 64  # Tiles in which the noise is measured, at most.
-
-
-@dataclass(frozen=True)
-class TiledNoise:
-    """What `gppcs.surface.noise.Noise` tells, without its tree, which is another in each tile.
-
-    Attributes
-    ----------
-    neighbours, thick, level, detail, spacing
-        As of `Noise`.
-    """
-
-    neighbours: int
-    thick: bool
-    level: float
-    detail: bool
-    spacing: float
-
-    @property
-    def quiet(self) -> bool:
-        """As of `Noise`."""
-        return self.detail or self.level <= QUIET * self.spacing
-
-    @property
-    def clean(self) -> bool:
-        """As of `Noise`."""
-        return self.level <= CLEAN * self.spacing
-
-    def on(self, tree: KdTree) -> Noise:
-        """Return the noise on a tile.
-
-        Parameters
-        ----------
-        tree : KdTree
-            Over the sampled points of the tile and its halo.
-
-        Returns
-        -------
-        Noise
-        """
-        return Noise(tree, self.neighbours, self.thick, self.level, self.detail, self.spacing)
 
 
 class TiledSurvey(NamedTuple):
@@ -87,13 +33,13 @@ class TiledSurvey(NamedTuple):
     ----------
     area : float
         Area of the surface, not yet corrected by the number of occupied cells.
-    noise : TiledNoise
+    noise : Noise
     share : float
         The share of the points that are sampled.
     """
 
     area: float
-    noise: TiledNoise
+    noise: Noise
     share: float
 
 
@@ -195,22 +141,17 @@ def _noise(
     n_points: int,
     area: float,
     each: Each,
-) -> TiledNoise:
+) -> Noise:
     """Measure the noise as `Noise.measure` does, in some tiles, given the number of sampled points of all tiles."""
     within, spacing = int(np.pi * places / n_points), math.sqrt(area / n_points)
-    if within < FEWEST:
-        return TiledNoise(within, False, 0.0, False, spacing)
-    fits = sorted({*(NEIGHBOURS << i for i in range((WIDEST // NEIGHBOURS).bit_length())), min(within, WIDEST)})
-    some = tiles[:: -(-len(tiles) // NOISE_TILES)]
-    step = max(1, round(places * len(some) / len(tiles) / SAMPLES))
-    found = np.concatenate(list(each(partial(_distances, points, share, halo, fits, step), some)), axis=2)
-    layers = {k: Layer.of(*of_fit) for k, of_fit in zip(fits, found, strict=True)}
-    neighbours, layer = across_noise(layers.__getitem__)
-    thick = neighbours > NEIGHBOURS
-    detail = not thick and is_detail(layer, layers[2 * NEIGHBOURS])
-    if neighbours > within:
-        neighbours, layer = within, layers[within]
-    return TiledNoise(neighbours, thick, layer.level, detail, spacing)
+    layers: dict[int, Layer] = {}
+    if within >= FEWEST:
+        fits = sorted({*(NEIGHBOURS << i for i in range((WIDEST // NEIGHBOURS).bit_length())), min(within, WIDEST)})
+        some = tiles[:: -(-len(tiles) // NOISE_TILES)]
+        step = max(1, round(places * len(some) / len(tiles) / SAMPLES))
+        found = np.concatenate(list(each(partial(_distances, points, share, halo, fits, step), some)), axis=2)
+        layers = {k: Layer.of(*of_fit) for k, of_fit in zip(fits, found, strict=True)}
+    return Noise.from_layers(layers.__getitem__, within, spacing)
 
 
 def _distances(
