@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -49,6 +50,11 @@ class Layer(NamedTuple):
 
     level: float
     radius: float
+
+    @property
+    def thick(self) -> bool:
+        """Whether the neighbourhoods lie within the layer instead of across it."""
+        return self.level > THICK * self.radius
 
     @classmethod
     def of(cls, distances: NDArray[np.float64], radii: NDArray[np.float64]) -> Layer:
@@ -110,7 +116,7 @@ class Noise:
     neighbours : int
         Points of each fit.
     thick : bool
-        Whether neighbourhoods of `NEIGHBOURS` points lie within the layer of noise instead of across it.
+        Whether the layer of noise about quadrics of `NEIGHBOURS` points is thick.
     level : float
         Distance of the points from the surface, as in `Layer`, in the unit of the tree; 0 where it is not measured.
     detail : bool
@@ -170,12 +176,11 @@ class Noise:
         """
         if within < FEWEST:
             return cls(None, within, False, 0.0, False, spacing)
-        neighbours, layer = across_noise(layer_of)
-        thick = neighbours > NEIGHBOURS
-        detail = not thick and is_detail(layer, layer_of(2 * NEIGHBOURS))
-        if neighbours > within:
-            neighbours, layer = within, layer_of(within)
-        return cls(None, neighbours, thick, layer.level, detail, spacing)
+        layer_of = cache(layer_of)
+        narrow = layer_of(NEIGHBOURS)
+        detail = not narrow.thick and is_detail(narrow, layer_of(2 * NEIGHBOURS))
+        neighbours, layer = across_noise(layer_of, min(within, WIDEST))
+        return cls(None, neighbours, narrow.thick, layer.level, detail, spacing)
 
     @property
     def quiet(self) -> bool:
@@ -239,26 +244,28 @@ def neighbours_across_noise(tree: KdTree) -> tuple[int, Layer]:
     layer : Layer
         The layer about these quadrics, in the unit of the tree.
     """
-    return across_noise(lambda neighbours: layer_of(tree, neighbours))
+    return across_noise(lambda neighbours: layer_of(tree, neighbours), WIDEST)
 
 
-def across_noise(layer_of: Callable[[int], Layer]) -> tuple[int, Layer]:
+def across_noise(layer_of: Callable[[int], Layer], widest: int) -> tuple[int, Layer]:
     """Double neighbourhoods as `neighbours_across_noise` does.
 
     Parameters
     ----------
     layer_of : callable
-        Takes the number of points of each fit: `NEIGHBOURS`, doubled up to `WIDEST`. Returns the layer.
+        Takes the number of points of each fit. Returns the layer.
+    widest : int
+        Points of a fit at most.
 
     Returns
     -------
     neighbours : int
     layer : Layer
     """
-    neighbours = NEIGHBOURS
+    neighbours = min(NEIGHBOURS, widest)
     layer = layer_of(neighbours)
-    while layer.level > THICK * layer.radius and neighbours < WIDEST:
-        neighbours *= 2
+    while layer.thick and neighbours < widest:
+        neighbours = min(2 * neighbours, widest)
         layer = layer_of(neighbours)
     return neighbours, layer
 
