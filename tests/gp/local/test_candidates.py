@@ -6,12 +6,13 @@ from scipy.spatial import cKDTree
 
 from gppcs.engine.stages import Stages
 from gppcs.gp.local.candidates import (
+    DISTANCES,
     ENOUGH,
     FIRST_STAGE,
-    LONE,
     TOO_MANY,
     finest_candidates,
     gaps_of_lone,
+    largest_gap,
     nested_candidates,
 )
 from gppcs.spatial.cells import greatest_in_cells
@@ -100,9 +101,21 @@ def test_gaps_are_the_distances_to_the_nearest_others(sphere):
     points = np.concatenate([sphere[:2_000], 3.0 * sphere[2_000:2_100]])
     nearest = cKDTree(points).query(points, 2)[0][:, 1]
     for spacing in (0.05, 0.2, 1.0):
-        expected = np.where(nearest > LONE * spacing, nearest, 0.0)
+        expected = np.where(nearest > DISTANCES[0] * spacing, nearest, 0.0)
         np.testing.assert_allclose(gaps_of_lone(points, spacing), expected)
-    assert gaps_of_lone(points[:1], 1.0) == [0]
+    assert np.isinf(gaps_of_lone(points[:1], 1.0))
+
+
+def test_largest_gap_lies_where_the_numbers_fall_slowly():
+    for lone, expected in (
+        ([442, 88, 18, 2], np.inf),  # the far points of a LiDAR sweep
+        ([839, 673, 157, 0], 0.9),
+        ([978, 43, 39, 24], 1.8),  # some are lone by chance, and 43 are outliers
+        ([3_000, 546, 40, 29], 3.6),
+        ([5, 5, 5, 5], np.inf),  # too few to tell
+        ([3_001, 3_000, 2_900, 0], 1.8),  # too many to tell, at first
+    ):
+        assert largest_gap(np.array(lone), 15_000, 2.0) == expected
 
 
 def test_scattered_outliers_are_no_candidates():
@@ -111,6 +124,15 @@ def test_scattered_outliers_are_no_candidates():
     rows = finest_of(plane_and(outliers), 1_000)
     assert 0 < (rows >= 40_000).sum() < 0.05 * 400
     assert (rows < 40_000).sum() > 7_500
+
+
+def test_a_few_outliers_are_no_candidates_where_others_are_lone_by_chance():
+    """10 of 20,000, and every tenth point is kept: before, all of them were candidates."""
+    rng = np.random.default_rng(0)
+    plane = np.column_stack([rng.random((20_000, 2)), np.zeros(20_000)])
+    outliers = np.column_stack([rng.random((10, 2)), rng.uniform(0.1, 0.5, 10)])
+    rows = finest_of(np.concatenate([plane, outliers]), 2_000)
+    assert (rows >= 20_000).sum() <= 1
 
 
 def test_wires_and_sparse_parts_stay():

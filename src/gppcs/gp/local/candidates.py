@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -19,10 +20,12 @@ from gppcs.spatial.kdtree import KdTree
 FIRST_STAGE = 64  # Points of the first stage at most. A still smaller stage would cost no less.
 ENOUGH = 3  # Candidates for each point to keep, at least. With fewer, all points stay candidates.
 TOO_MANY = 3  # Occupied cells for each cell that the area has room for. A plane has 1.5 on average, 1.7 at most.
-LONE = 0.45  # A candidate is lone if no other lies within so many target spacings.
-# The lone ones are outliers if more than this share of them is alone within twice that distance. It is 24 % at most in
-# scans with sparse parts, and 60 % or more where outliers are scattered (docs/experiments.md).
+# A candidate is lone if no other lies within the first of these distances, in target spacings.
+DISTANCES = (0.45, 0.9, 1.8, 3.6)
+# Those alone within a distance are outliers if more than this share of them is alone within twice that distance, too.
+# It is mostly 28 % at most in scans with sparse parts, and 40 % or more of outliers (docs/experiments.md).
 OUTLIERS = 0.4
+FEW = 6  # Fewer lone candidates tell nothing.
 MINORITY = 0.2  # Share of the candidates that can be outliers. With more, the cloud is sparse.
 FOLLOWERS = 3  # Points on each side, in tree order, that are looked at first.
 SMALLEST_AREA = 1e-200  # Halving of the area stops here, before it becomes zero.
@@ -104,9 +107,9 @@ def finest_candidates(
         with clock("candidates"):
             spacing = math.sqrt(area / n_points)
             gaps = gaps_of_lone(kept.points, spacing)
-            lone, far = gaps > 0.0, gaps > 2.0 * LONE * spacing
-            if lone_are_outliers(lone.sum(), far.sum(), len(gaps)):
-                kept = kept.take(np.flatnonzero(~lone))
+            largest = largest_gap(numbers_of_lone(gaps, spacing), len(gaps), spacing)
+            if np.any(gaps > largest):
+                kept = kept.take(np.flatnonzero(gaps <= largest))
     return Finest(area, kept, thinned)
 
 
@@ -158,16 +161,16 @@ def gaps_of_lone(points: NDArray[np.float64], spacing: float) -> NDArray[np.floa
     Returns
     -------
     (n,) array
-        Distance to the nearest other candidate; 0 if that is within `LONE` target spacings.
+        Distance to the nearest other candidate; infinite if there is none, 0 if it is within the first of `DISTANCES`.
     """
-    tree, reach = KdTree.build(points), LONE * spacing
+    tree, reach = KdTree.build(points), DISTANCES[0] * spacing
     suspects = np.ones(len(points), dtype=bool)
     for step in range(1, FOLLOWERS + 1):  # in tree order, points that follow each other are mostly near each other
         steps = tree.points[:, step:] - tree.points[:, :-step]
         near = np.einsum("an,an->n", steps, steps) <= reach**2
         suspects[step:] &= ~near
         suspects[:-step] &= ~near
-    gaps = np.zeros(len(points))
+    gaps = np.full(len(points), 0.0 if len(points) > 1 else np.inf)
     if len(points) > 1:
         asked = tree.order[suspects]
         nearest = np.sqrt(tree.nearest_of(points[asked], 2)[1][:, 1])
@@ -175,26 +178,48 @@ def gaps_of_lone(points: NDArray[np.float64], spacing: float) -> NDArray[np.floa
     return gaps
 
 
-def lone_are_outliers(lone: int, far: int, n: int) -> bool:
-    """Return whether lone candidates are outliers, which are left out.
-
-    On a surface, along a wire and in a cluster, candidates are about as near each other as their cells. In sparse parts
-    of a scan some are lone, but few of these are far from all others. Scattered outliers mostly are.
+def numbers_of_lone(gaps: NDArray[np.float64], spacing: float) -> NDArray[np.int64]:
+    """Return how many candidates are alone within each of some distances.
 
     Parameters
     ----------
-    lone : int
-        Number of lone candidates.
-    far : int
-        Number of those that are alone within `2 * LONE` target spacings.
-    n : int
-        Number of all candidates.
+    gaps : (n,) array
+        Distances to the nearest other candidate, as `gaps_of_lone` returns them.
+    spacing : float
+        The target spacing.
 
     Returns
     -------
-    bool
+    (4,) array
+        One for each of `DISTANCES`.
     """
-    return far > OUTLIERS * lone and lone <= MINORITY * n
+    return np.array([np.count_nonzero(gaps > distance * spacing) for distance in DISTANCES])
+
+
+def largest_gap(lone: NDArray[np.int64], n: int, spacing: float) -> float:
+    """Return how far from all others a candidate may be. Those farther away are outliers, which are left out.
+
+    On a surface, along a wire and in a cluster, candidates are about as near each other as their cells. In sparse parts
+    of a scan some are lone, but their number falls fast with the distance. That of scattered outliers does not.
+
+    Parameters
+    ----------
+    lone : (4,) array
+        Numbers of candidates that are alone within each of `DISTANCES`.
+    n : int
+        Number of all candidates.
+    spacing : float
+        The target spacing.
+
+    Returns
+    -------
+    float
+        Infinite if there are no outliers.
+    """
+    for distance, (number, farther) in zip(DISTANCES, pairwise(lone), strict=False):
+        if FEW <= number <= MINORITY * n and farther > OUTLIERS * number:
+            return distance * spacing
+    return math.inf
 
 
 def corrected_area(points: NDArray[np.float64], n_points: int, area: float, density: float) -> float:

@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.gp.local.candidates import (
+    DISTANCES,
     ENOUGH,
-    LONE,
     SMALLEST_AREA,
     TOO_MANY,
     gaps_of_lone,
-    lone_are_outliers,
+    largest_gap,
+    numbers_of_lone,
 )
 from gppcs.gp.local.density import ROUNDING
 from gppcs.gp.tiled.survey import TiledSurvey, sampled_places
@@ -146,22 +147,24 @@ def finest_stage(points: StoredPoints, survey: TiledSurvey, n_points: int, searc
 
 def _without_outliers(table: StoredTable, area: float, n_points: int, search: Search) -> StoredTable:
     """Return the table of the candidates without outliers: the same one if there are none."""
-    reach, lone, far = 2.0 * LONE * math.sqrt(area / n_points), 0, 0
+    spacing, lone = math.sqrt(area / n_points), np.zeros(len(DISTANCES), dtype=np.int64)
     for gaps in table.chunks_of("gap", ROWS):
-        lone += int(np.count_nonzero(gaps))
-        far += int(np.count_nonzero(gaps > reach))
-    if not lone_are_outliers(lone, far, len(table)):
+        lone += numbers_of_lone(gaps, spacing)
+    largest = largest_gap(lone, len(table), spacing)
+    if math.isinf(largest):
         return table
     folder = _folder(search, n_points, area, "without-outliers")
-    kept = search.table(table, partial(_store_not_lone, table, search.columns), search.columns, folder)
+    kept = search.table(table, partial(_store_near, table, search.columns, largest), search.columns, folder)
     shutil.rmtree(table.folder)
     return kept
 
 
-def _store_not_lone(table: StoredTable, columns: Sequence[str], folder: Path, tile: Tile) -> NDArray[np.int64]:
-    """Store the candidates of a tile that are not lone."""
+def _store_near(
+    table: StoredTable, columns: Sequence[str], largest: float, folder: Path, tile: Tile
+) -> NDArray[np.int64]:
+    """Store the candidates of a tile that are no farther than the largest gap from another."""
     own = table.rows_of(tile)
-    kept = own.start + np.flatnonzero(table.take("gap", own) == 0.0)
+    kept = own.start + np.flatnonzero(table.take("gap", own) <= largest)
     return store_part(folder, tile, table.boxes, {name: table.take(name, kept) for name in columns})
 
 
@@ -233,7 +236,8 @@ def _thin_points(
 ) -> NDArray[np.int64]:
     """Store the sharpest point of each cell of a tile or, unless `thinned`, all without repeats."""
     noise, spacing = survey.noise, edge * math.sqrt(density)
-    halo = max(DIAGONAL * edge + max(edge, 2.0 * LONE * spacing), 0.0 if noise.quiet else NOISE_HALO * noise.spacing)
+    of_cells = DIAGONAL * edge + max(edge, DISTANCES[-1] * spacing)
+    halo = max(of_cells, 0.0 if noise.quiet else NOISE_HALO * noise.spacing)
     near = points.near(tile, halo)
     some = sampled_places(near, survey.share)
     tree = KdTree.build(near.points[some]) if len(some) else None
