@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import hashlib
 import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -369,11 +370,18 @@ def distances_from(reference: Reference, kept: Array, normals: Array | None) -> 
     return {"hausdorff_mean": float(distances.mean()), "hausdorff_max": float(distances.max())}
 
 
+def digest_of(cloud: gppcs.PointCloud) -> str:
+    """Return a digest of the points and the normals of a cloud."""
+    normals = cloud.normals()
+    return hashlib.sha256(cloud.points.tobytes() + (b"" if normals is None else normals.tobytes())).hexdigest()
+
+
 class Runs:
     """Figures of runs, kept in a file of JSON lines, so that a call that was cut short can go on.
 
     A run is found again only if nothing that decides its figures has changed: the code of its method, of the judge and
-    of its condition, and the number of threads. So a change of one method leaves the runs of the others valid.
+    of its condition, and the number of threads. So a change of one method leaves the runs of the others valid. If a
+    changed method keeps the same points, they are not judged again.
 
     Attributes
     ----------
@@ -386,12 +394,13 @@ class Runs:
     def __init__(self, path: Path | None, jobs: int = 1) -> None:
         self.path, self.jobs = path, jobs
         self.known: dict[tuple[str, ...], dict[str, float]] = {}
+        self.judged: dict[tuple[str, ...], dict[str, float]] = {}
         for line in path.read_text().splitlines() if path and path.exists() else ():
             try:
                 record = json.loads(line)
             except json.JSONDecodeError:  # an empty line, or one that was cut short
                 continue
-            self.known[(record["by"], *record["run"])] = record["figures"]
+            self.known[(record["by"], *record["run"])] = self.judged[tuple(record["judged"])] = record["figures"]
 
     def of(self, condition: Condition, label: str, start: int, work: Work, by: str = "") -> Figures:
         """Return the figures of a run, from the file if it is there; none if it fails.
@@ -405,13 +414,15 @@ class Runs:
             print(", ".join(run), file=sys.stderr)
             try:
                 kept, seconds = work()
-                self.known[key, *run] = {**figures(condition, kept), "seconds": seconds}
+                judged = (judge, condition.name, digest_of(kept))
+                found = {**(self.judged.get(judged) or figures(condition, kept)), "seconds": seconds}
+                self.known[key, *run] = self.judged[judged] = found
             except Exception as error:  # leaves a blank cell, and other runs go on; the next call tries again
                 print(f"{', '.join(run)}: {type(error).__name__}: {error}", file=sys.stderr)
                 return {}
             if self.path:
                 with open(self.path, "a") as file:
-                    file.write("\n" + json.dumps({"by": key, "run": run, "figures": self.known[key, *run]}))
+                    file.write("\n" + json.dumps({"by": key, "run": run, "judged": judged, "figures": found}))
         return self.known[key, *run]
 
     def over(self, chosen: Sequence[Condition], work: Callable[[Condition, Runs], Made]) -> list[Made]:
