@@ -132,11 +132,12 @@ def progress(quiet: bool) -> Listener | None:
     -------
     Listener or None
     """
-    from gppcs.engine.progress import ProgressBar
-
     if quiet:
         logging.getLogger("gppcs").setLevel(logging.WARNING)
-    return None if quiet else ProgressBar()
+        return None
+    from gppcs.engine.progress import ProgressBar
+
+    return ProgressBar()
 
 
 def names_of(columns: str | None) -> list[str] | None:

@@ -488,8 +488,6 @@ class _Job:
         import numpy as np
 
         from gppcs import io
-        from gppcs.drawing.attributes import Colourable
-        from gppcs.evaluation.judge import evaluate
         from gppcs.simplification import simplify
 
         with stages("reading"):
@@ -503,10 +501,14 @@ class _Job:
         else:
             strays = None
         if self.colour is not None:
+            from gppcs.drawing.attributes import Colourable
+
             Colourable.of(cloud).require(self.colour)
         result = simplify(cloud, stages=stages, **self.options)
         measured, drawn = None, {}
         if self.figures:
+            from gppcs.evaluation.judge import evaluate
+
             with stages("figures"):
                 measured = evaluate(cloud.take(cloud.finite_rows()), result.cloud)
         if self.picture:
