@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from gppcs.app import panels
 from gppcs.app.tables import FIGURES
 from gppcs.engine.stages import COMPILATION, Listener
 from gppcs.engine.strict_json import strict_json
@@ -38,6 +39,7 @@ From = Annotated[
         "--from",
         metavar="SUFFIX",
         help="Format of the input, such as xyz. By default, the content tells; for text and OBJ, the name.",
+        rich_help_panel=panels.INPUT,
     ),
 ]
 To = Annotated[
@@ -60,6 +62,7 @@ Columns = Annotated[
     typer.Option(
         metavar="NAME,...",
         help="Names of the columns of a text table, such as x,y,z,red,green,blue. They replace those in the file.",
+        rich_help_panel=panels.INPUT,
     ),
 ]
 
@@ -68,6 +71,7 @@ Box = Annotated[
     typer.Option(
         metavar="XMIN,YMIN,...",
         help="Read only the points in this box: xmin,ymin,xmax,ymax or xmin,ymin,zmin,xmax,ymax,zmax.",
+        rich_help_panel=panels.INPUT,
     ),
 ]
 Only = Annotated[
@@ -76,11 +80,16 @@ Only = Annotated[
         metavar="CONDITION",
         help="Read only the points that meet a condition on attributes and x, y, z, such as 'classification == 6 and z "
         "> 2.5'.",
+        rich_help_panel=panels.INPUT,
     ),
 ]
 Drop = Annotated[
     str | None,
-    typer.Option(metavar="CONDITION", help="Read only the points that do not meet a condition, such as 'z < 0'."),
+    typer.Option(
+        metavar="CONDITION",
+        help="Read only the points that do not meet a condition, such as 'z < 0'.",
+        rich_help_panel=panels.INPUT,
+    ),
 ]
 Inside = Annotated[
     Path | None,
@@ -89,6 +98,7 @@ Inside = Annotated[
         metavar="FILE",
         parser=file_path,
         help="Read only the points inside the polygons of a GeoJSON file, in the coordinate system of the input.",
+        rich_help_panel=panels.INPUT,
     ),
 ]
 Keep = Annotated[
@@ -97,6 +107,7 @@ Keep = Annotated[
         metavar="CONDITION",
         help="Keep all points that meet a condition on attributes and x, y, z, such as 'classification == 6'. They "
         "count in --points, and the others are chosen where these are not (method gp).",
+        rich_help_panel=panels.CHOICE,
     ),
 ]
 Weight = Annotated[
@@ -104,6 +115,13 @@ Weight = Annotated[
     typer.Option(
         metavar="NAME",
         help="Multiply the density of the kept points by this attribute, from 0 on (method gp).",
+        rich_help_panel=panels.CHOICE,
+    ),
+]
+Seed = Annotated[
+    int | None,
+    typer.Option(
+        help="Seed of random numbers. Methods without random numbers ignore it.", rich_help_panel=panels.METHOD
     ),
 ]
 Resolution = Annotated[
@@ -111,12 +129,16 @@ Resolution = Annotated[
     typer.Option(
         metavar="LENGTH",
         help="Read a COPC file only down to the level on which neighbours are about that far from each other.",
+        rich_help_panel=panels.INPUT,
     ),
 ]
 
 Invalid = Annotated[
     Literal["error", "drop"],
-    typer.Option(help="For NaN and infinite coordinates: stop with an error, or drop these points."),
+    typer.Option(
+        help="For NaN and infinite coordinates: stop with an error, or drop these points.",
+        rich_help_panel=panels.INPUT,
+    ),
 ]
 
 

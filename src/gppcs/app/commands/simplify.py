@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gppcs import __version__
+from gppcs.app import panels
 from gppcs.app.large_files import (
     AssumeSameCrs,
     DryRun,
@@ -46,6 +47,7 @@ from gppcs.app.printing import (
     Only,
     Quiet,
     Resolution,
+    Seed,
     Threads,
     To,
     Weight,
@@ -153,15 +155,22 @@ def simplify(
     weight: Weight = None,
     method: Annotated[
         str,
-        typer.Option(help="Name of the method, from the list below.", autocompletion=lambda: list(METHODS)),
+        typer.Option(
+            help="Name of the method, from the list below.",
+            autocompletion=lambda: list(METHODS),
+            rich_help_panel=panels.METHOD,
+        ),
     ] = DEFAULT,
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Set a parameter of the method. Can be repeated."),
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Set a parameter of the method. Can be repeated.",
+            rich_help_panel=panels.METHOD,
+        ),
     ] = None,
-    seed: Annotated[
-        int | None, typer.Option(help="Seed of random numbers. Methods without random numbers ignore it.")
-    ] = None,
+    seed: Seed = None,
     input_format: From = None,
     output_format: To = None,
     ascii: Ascii = None,  # noqa: A002
@@ -176,12 +185,16 @@ def simplify(
         typer.Option(
             "--drop-outliers",
             help="Leave out the points that neither their neighbours nor the surface explain, before the choice.",
+            rich_help_panel=panels.CHOICE,
         ),
     ] = False,
     outliers: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", parser=file_path, help="Do the same, and write the points that are left out to a file."
+            metavar="FILE",
+            parser=file_path,
+            help="Do the same, and write the points that are left out to a file.",
+            rich_help_panel=panels.CHOICE,
         ),
     ] = None,
     invalid: Invalid = "error",
@@ -192,12 +205,15 @@ def simplify(
             help="Add to each kept point a normal estimated from all points of the input, to rebuild a surface. It "
             "replaces the normal of the input. Normals of closed pieces of the surface point outward, of flat pieces "
             "along +z.",
+            rich_help_panel=panels.ATTRIBUTES,
         ),
     ] = False,
     scores: Annotated[
         bool,
         typer.Option(
-            "--scores", help="Add to each kept point its score and standard deviation when it was chosen (method gp)."
+            "--scores",
+            help="Add to each kept point its score and standard deviation when it was chosen (method gp).",
+            rich_help_panel=panels.ATTRIBUTES,
         ),
     ] = False,
     index_attribute: Annotated[
@@ -206,6 +222,7 @@ def simplify(
             metavar="NAME",
             help="Add to each kept point its row in the input, counted from 0, as NAME; with --box, --only "
             "and so on, its row among the points that are read.",
+            rich_help_panel=panels.ATTRIBUTES,
         ),
     ] = None,
     mark: Annotated[
@@ -213,15 +230,23 @@ def simplify(
         typer.Option(
             metavar="NAME",
             help="Write all points of the input, with an attribute NAME: 1 for kept points, 0 for others.",
+            rich_help_panel=panels.ATTRIBUTES,
         ),
     ] = None,
     figures: Annotated[
-        bool, typer.Option("--figures", help="Measure how good the result is, as gppcs evaluate does.")
+        bool,
+        typer.Option(
+            "--figures",
+            help="Measure how good the result is, as gppcs evaluate does.",
+            rich_help_panel=panels.LOOK,
+        ),
     ] = False,
     picture: Annotated[
         Path | None,
         typer.Option(
-            metavar="PNG", help="Draw the original and the result, coloured by surface variation, to a PNG file."
+            metavar="PNG",
+            help="Draw the original and the result, coloured by surface variation, to a PNG file.",
+            rich_help_panel=panels.LOOK,
         ),
     ] = None,
     colour: Colour = None,
@@ -230,6 +255,7 @@ def simplify(
         typer.Option(
             metavar="HTML",
             help="Write a page that shows the result beside the original in the browser; see gppcs report.",
+            rich_help_panel=panels.LOOK,
         ),
     ] = None,
     view: View = None,
