@@ -17,6 +17,8 @@ from gppcs.errors import GppcsError, InputError, ParameterError, file_path, show
 from gppcs.evaluation.report import MeshReport, Report
 
 BAD_INPUT = 2
+MOST_IN_FULL = 1e15  # of whole numbers; floats hold larger ones without their last digits
+LONG = 0.1  # the share of the time from which a stage is named
 FAILURES = (GppcsError, OSError, MemoryError)  # printed as one line, without a traceback
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, one object per line.")]
@@ -199,8 +201,22 @@ def numbers_of(box: str | None) -> list[float] | None:
         raise ParameterError(f"expected --box with numbers, such as 0,0,100,50, found {shown(box)}") from None
 
 
-def rows_of_seconds(seconds: Mapping[str, float]) -> dict[str, str]:
-    """Return the times of a run as rows of a table.
+def number_in_words(value: float) -> str:
+    """Return a number with four digits, or in full if it is whole and not huge.
+
+    Parameters
+    ----------
+    value : float
+
+    Returns
+    -------
+    str
+    """
+    return f"{value:,.0f}" if value.is_integer() and abs(value) < MOST_IN_FULL else f"{value:.4g}"
+
+
+def time_in_words(seconds: Mapping[str, float]) -> str:
+    """Return the time of a run, and the stages that took most of it.
 
     Parameters
     ----------
@@ -209,16 +225,18 @@ def rows_of_seconds(seconds: Mapping[str, float]) -> dict[str, str]:
 
     Returns
     -------
-    dict of str to str
-        A row for each stage but the compilation, and one for all.
+    str
+        The stages that took at least a tenth of the time without the compilation, in the order of the run.
     """
     from gppcs.engine.kernel_cache import are_kept
 
-    total = f"{sum(seconds.values()):.2f}"
-    if compilation := seconds.get(COMPILATION, 0.0):
-        total += f", of which {compilation:.2f} compiling kernels{', this time only' if are_kept() else ''}"
-    stages = {f"{stage}, s": f"{value:.2f}" for stage, value in seconds.items() if stage != COMPILATION}
-    return {**stages, "all, s": total}
+    total, compilation = sum(seconds.values()), seconds.get(COMPILATION, 0.0)
+    text = f"{total:.2f} s"
+    if compilation:
+        text += f", of which {compilation:.2f} s compiling kernels{', this time only' if are_kept() else ''}"
+    least = LONG * (total - compilation)
+    named = {stage: value for stage, value in seconds.items() if stage != COMPILATION and value >= least}
+    return text + "".join(f"; {stage} {value:.2f} s" for stage, value in named.items())
 
 
 def print_json(record: dict[str, Any]) -> None:

@@ -20,10 +20,11 @@ from gppcs.app.printing import (
     Threads,
     names_of,
     note_left_out,
+    number_in_words,
     print_error,
     print_json,
     progress,
-    rows_of_seconds,
+    time_in_words,
 )
 from gppcs.app.quantities import Ratio, count_of, share_of
 from gppcs.engine.memory import peak_memory
@@ -213,7 +214,7 @@ def _print(source: Path, output: Path, n: int, result: MeshResult) -> None:
         {
             "points": f"{n:,}",
             "mesh": f"{len(result.mesh.vertices):,} vertices, {len(result.mesh.faces):,} triangles",
-            **{name.replace("_", " "): f"{value:.4g}" for name, value in result.diagnostics.items()},
-            **rows_of_seconds(result.seconds),
+            **{name.replace("_", " "): number_in_words(value) for name, value in result.diagnostics.items()},
+            "time": time_in_words(result.seconds),
         },
     )

@@ -54,12 +54,13 @@ from gppcs.app.printing import (
     figure_rows,
     names_of,
     note_left_out,
+    number_in_words,
     numbers_of,
     print_error,
     print_json,
     progress,
-    rows_of_seconds,
     tell,
+    time_in_words,
 )
 from gppcs.app.quantities import (
     ErrorMeasure,
@@ -78,7 +79,7 @@ from gppcs.engine.memory import peak_memory
 from gppcs.engine.stages import COMPILATION
 from gppcs.engine.threads import set_threads
 from gppcs.errors import InputError, OutputError, ParameterError, file_path
-from gppcs.methods import DEFAULT, METHODS, Method, method_named
+from gppcs.methods import DEFAULT, METHODS, method_named
 from gppcs.simplification import WHOLE
 from gppcs.streaming.plan import GUESS
 
@@ -473,7 +474,7 @@ class _Job:
         if self.index_attribute is not None:
             result = replace(result, cloud=_with_attribute(result.cloud, self.index_attribute, result.indices))
         with stages("writing"):
-            lost = self._store(source, result, points)
+            written, lost = self._store(source, result, points)
             for path, content in drawn.items():
                 with io.whole_file(path, self.force) as file:
                     file.write(content)
@@ -481,10 +482,10 @@ class _Job:
                 note_left_out(self.outliers, io.store(self.outliers, strays, None, self.force, self.lossy, None))
         note_left_out(target, [*unread, *lost])
         self._note_all_kept(source, len(result.indices))
-        return _Run(sources, target, points, made.passes, result, measured, self._asked())
+        return _Run(sources, written, points, made.passes, result, measured, self._asked())
 
-    def _store(self, source: Path, result: Result, points: int) -> list[str]:
-        """Write the result, or its levels, and return what is left out."""
+    def _store(self, source: Path, result: Result, points: int) -> tuple[dict[Path, int], list[str]]:
+        """Write the result, or its levels; return the number of points in each file, and what is left out."""
         import numpy as np
 
         from gppcs import io
@@ -501,11 +502,13 @@ class _Job:
                 clouds = [result.cloud.take(np.arange(count)) for count in counts]
             else:
                 clouds = [_with_attribute(result.cloud, LEVEL, level_of_each(counts))]
+        written = {}
         for to, cloud in zip(self.by_level, clouds, strict=True):
             target = to.targets[source]
             to.make_folder(target)
             lost = io.store(target, cloud, to.format, self.force, self.lossy, to.ascii)
-        return lost
+            written[target] = len(cloud)
+        return written, lost
 
     def _in_memory(
         self, files: CloudFiles, target: Path, stages: Stages
@@ -685,21 +688,31 @@ def _record_of(sources: list[Path]) -> str | list[str]:
 
 @dataclass(frozen=True)
 class _Run:
-    """The simplification of one cloud; `asked` is what was asked of diagnostics, by their names."""
+    """The simplification of one cloud.
+
+    `written` has the number of points in each file, from the coarsest level to the finest; `asked` is what was asked of
+    diagnostics, by their names.
+    """
 
     sources: list[Path]
-    target: Path
+    written: dict[Path, int]
     points: int
     passes: int
     result: Result
     report: Report | None
     asked: dict[str, str]
 
+    @property
+    def target(self) -> Path:
+        """The file of the whole result."""
+        return list(self.written)[-1]
+
     def record(self) -> dict[str, Any]:
         """Return the run as the record that `--json` prints."""
         return {
             "input": _record_of(self.sources),
             "output": str(self.target),
+            **({"levels": self._levels()} if len(self.written) > 1 else {}),
             "points_in": self.points,
             "points_out": len(self.result.indices),
             "method": self.result.method.name,
@@ -716,30 +729,38 @@ class _Run:
     def line(self) -> str:
         """Return the run as one line."""
         counts = f"{self.points:,} points in, {len(self.result.indices):,} out"
-        return f"{titled(self.sources)} → {self.target}: {counts}, {sum(self.result.seconds.values()):.2f} s"
+        targets = ", ".join(map(str, self.written))
+        return f"{titled(self.sources)} → {targets}: {counts}, {sum(self.result.seconds.values()):.2f} s"
+
+    def _levels(self) -> list[dict[str, Any]]:
+        """Return the files of the levels for the record."""
+        return [{"output": str(file), "points_out": count} for file, count in self.written.items()]
 
     def print(self) -> None:
         """Print the run as a table."""
         from gppcs.app.console import print_table
 
+        kept = len(self.result.indices)
         print_table(
             f"{titled(self.sources)} → {self.target}",
             {
-                "points": f"{self.points:,} in, {len(self.result.indices):,} out",
+                "points": f"{self.points:,} in, {kept:,} out ({100 * kept / self.points:.3g} %)",
+                **({} if len(self.written) == 1 else self._rows_of_levels()),
                 **({"passes": f"{self.passes} or more over the files"} if self.passes > 1 else {}),
-                "method": _written(self.result.method),
-                **{name: self._marked(name, value) for name, value in self.result.diagnostics.items()},
-                **rows_of_seconds(self.result.seconds),
+                "method": self.result.method.label,
+                **dict(self._in_words(name, value) for name, value in self.result.diagnostics.items()),
+                "time": time_in_words(self.result.seconds),
                 **(figure_rows(self.report) if self.report else {}),
             },
         )
 
-    def _marked(self, name: str, value: float) -> str:
-        """Return a diagnostic in words, with what was asked of it."""
-        return f"{value:.4g}" + (f"  (asked: {self.asked[name]})" if name in self.asked else "")
+    def _rows_of_levels(self) -> dict[str, str]:
+        """Return a row of the table for the file of each level."""
+        return {f"level {n}": f"{file}: {count:,} points" for n, (file, count) in enumerate(self.written.items())}
 
-
-def _written(method: Method) -> str:
-    """Return the method with all its parameters as one line."""
-    parameters = ", ".join(f"{name}={value}" for name, value in dataclasses.asdict(method).items())
-    return f"{method.name} ({parameters})" if parameters else method.name
+    def _in_words(self, name: str, value: float) -> tuple[str, str]:
+        """Return a diagnostic as a row of the table, with what was asked of it."""
+        if name == "noise_in_spacings":
+            return "noise", f"{100 * value:.2g} % of the distance between neighbouring points"
+        asked = f"  (asked: {self.asked[name]})" if name in self.asked else ""
+        return name.replace("_", " "), number_in_words(value) + asked
