@@ -6,6 +6,7 @@ Needs the extra `evaluate`, Chromium, Node.js, and what `npm ci` installs in `vi
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import tempfile
@@ -73,6 +74,7 @@ def main() -> None:
             "First picture: from the start of the navigation until a picture of points is on the canvas. All unpacked: "
             "until every colouring and the meshes can be shown.",
             "Pictures a second: those that the page draws in five seconds while the pointer turns it.",
+            f"Load average of the machine: {os.getloadavg()[2]:.0f}; nice value of the browser: {os.nice(0)}.",
         ],
     )
 
