@@ -1,7 +1,7 @@
 """Make all tables of `results/` again, the most important first.
 
-A script that needs a package that is not installed is skipped. A script that fails does not stop the others. The end is
-a summary; the exit status is 1 if a script failed.
+A script that needs a package or a program that is not installed is skipped. A script that fails does not stop the
+others. The end is a summary; the exit status is 1 if a script failed.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from importlib.util import find_spec
+from shutil import which
 from time import perf_counter
 
 import report
@@ -30,17 +31,23 @@ class Script:
         Packages that it imports, beside those of gppcs without extras.
     options : tuple of str
         Words for its command line.
+    programs : tuple of str
+        Programs that it starts.
     """
 
     file: str
     page: str
     needs: tuple[str, ...] = ()
     options: tuple[str, ...] = ()
+    programs: tuple[str, ...] = ()
 
     @property
     def missing(self) -> list[str]:
-        """The packages that are not installed."""
-        return [name for name in self.needs if not find_spec(name)]
+        """The packages and programs that are not installed."""
+        return [
+            *(name for name in self.needs if not find_spec(name)),
+            *(name for name in self.programs if not which(name)),
+        ]
 
 
 SCRIPTS = (
@@ -61,6 +68,7 @@ SCRIPTS = (
     Script("meshes.py", "meshes", ("pymeshlab",)),
     Script("perception.py", "perception", ("pymeshlab", "pyvista")),
     Script("rivals.py", "rivals", ("CGAL",)),
+    Script("viewing.py", "viewing", ("pymeshlab",), programs=("node", "chromium")),
     Script("paper/table1.py", "paper_table1", ("pymeshlab",)),
     Script("paper/ablation.py", "ablation"),
     Script("paper/all_points.py", "all_points"),

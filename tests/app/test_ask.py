@@ -15,9 +15,9 @@ def test_a_tolerance_is_reached_by_evaluate(gppcs_command, scan):
     code, out, _ = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--tolerance", "2%", "--measure", "mean")
     assert code == 0
     (row,) = (line for line in out.splitlines() if "(asked: " in line)
-    assert row.startswith("surface_mean ")
+    assert row.startswith("surface mean ")
     assert row.endswith("  (asked: 2%)")
-    reached = float(out.split("surface_mean")[1].split()[0])
+    reached = float(out.split("surface mean")[1].split()[0])
     record = json.loads(gppcs_command("evaluate", "scan.ply", "out.ply", "--json")[1])
     assert record["figures"]["surface_mean"] == pytest.approx(reached, rel=1e-3)
     assert record["relative"]["surface_mean"] <= 0.02
@@ -44,6 +44,22 @@ def test_conditions_and_polygons(gppcs_command, scan):
     assert json.loads(gppcs_command("info", "scan.ply", "--json", *options)[1])["points"] == len(part)
     assert gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--ratio", 1, *options)[0] == 0
     assert gppcs.read("out.ply") == part
+
+
+def test_each_file_of_a_level_is_named(gppcs_command, scan):
+    command = ("simplify", "scan.ply", "-o", "scan_{level}.ply", "--levels", "20,40,100", *FAST, "--force")
+    rows = [" ".join(line.split()) for line in gppcs_command(*command)[1].splitlines()]
+    assert rows[:2] == ["scan.ply → scan_2.ply", "points 400 in, 100 out (25 %)"]
+    assert rows[2:5] == [f"level {n} scan_{n}.ply: {count} points" for n, count in enumerate([20, 40, 100])]
+    record = json.loads(gppcs_command(*command, "--json")[1])
+    assert record["output"] == "scan_2.ply"
+    assert record["levels"] == [
+        {"output": f"scan_{n}.ply", "points_out": count} for n, count in enumerate([20, 40, 100])
+    ]
+    gppcs.write("other.ply", scan)
+    command = ("simplify", "scan.ply", "other.ply", "-o", "{stem}_{level}.ply", "--levels", "20,40", *FAST, "--force")
+    line = gppcs_command(*command)[1].splitlines()[1]
+    assert line.startswith("other.ply → other_0.ply, other_1.ply: 400 points in, 40 out")
 
 
 @pytest.mark.parametrize("sizes", ["25%,10%,5%", "20,100,40"])

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import time
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import typer.main
 
 import gppcs
 from command_line import COMMAND, FAST, assert_one_line, files
-from gppcs.app import program
+from gppcs.app import panels, program
 
 
 @pytest.mark.parametrize("arguments", [(), ("--help",)])
@@ -47,6 +48,22 @@ def test_every_help_shows_flags_without_a_type(gppcs_command, monkeypatch, comma
     assert (code, err) == (0, "")
     assert "--help" in out
     assert "bool" not in out.lower()
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_no_group_of_options_is_long(command):
+    options = (each for each in COMMANDS[command].params if each.param_type_name == "option")
+    groups = Counter(option.rich_help_panel for option in options)
+    assert max(groups.values()) <= 12, groups
+
+
+@pytest.mark.parametrize("command", ["simplify", "compare", "mesh"])
+def test_the_help_shows_the_groups(gppcs_command, command):
+    _, out, _ = gppcs_command(command, "--help")
+    _, size, rest = out.partition(panels.SIZE)
+    assert size
+    assert "--ratio" in rest.partition("╰")[0]
+    assert panels.INPUT in out
 
 
 def options_of(command):

@@ -5,8 +5,10 @@ import json
 import os
 from pathlib import Path
 
+import laspy
 import numpy as np
 import pytest
+from laspy.vlrs.known import WktCoordinateSystemVlr
 
 import gppcs
 from command_line import write_scan_with
@@ -22,9 +24,40 @@ def test_info_prints_the_facts(gppcs_command):
     assert (code, err) == (0, "")
     rows = [" ".join(row.split()) for row in out.splitlines()]
     assert rows[:2] == ["scan.ply", "points 400"]
-    for row in ("low corner -50 -30 0", "repeats 1", "not finite 1", "coordinates float32", "attribute red uint8"):
+    for row in ("low corner -50 -30 0", "repeats 1", "not finite 1", "coordinates float32"):
         assert row in rows
+    assert "unit the file does not say it" in rows
     assert any(row.startswith("spacing 3.") for row in rows)
+
+
+def test_info_prints_type_and_range_of_each_attribute(gppcs_command):
+    attributes = {
+        "class": np.array([2, 200, 7], np.uint8),
+        "time": np.array([0.25, np.nan, 1e9 + 0.5]),
+        "nothing": np.full(3, np.nan, np.float32),
+        "same": np.full(3, 2**60 + 1),
+    }
+    gppcs.write("scan.npz", gppcs.PointCloud(np.eye(3), attributes))
+    out = gppcs_command("info", "scan.npz")[1]
+    assert [" ".join(row.split()) for row in out.splitlines() if row.startswith("attribute")] == [
+        "attribute class uint8 2 to 200",
+        "attribute time float64 0.25 to 1e+09",
+        "attribute nothing float32",
+        "attribute same int64 1152921504606846977",
+    ]
+
+
+def test_info_prints_the_unit_that_the_coordinate_system_tells(gppcs_command, folder):
+    header = laspy.LasHeader(version="1.4", point_format=6)
+    header.vlrs.append(WktCoordinateSystemVlr('PROJCS["A",UNIT["US survey foot",0.304800609601219]]'))
+    header.global_encoding.wkt = True
+    las = laspy.LasData(header)
+    las.xyz = np.array([[0.0, 0, 0], [3, 4, 0]])
+    las.write("scan.las")
+    out = gppcs_command("info", "scan.las")[1]
+    rows = {" ".join(row.split()) for row in out.splitlines()}
+    assert {"unit us-ft", "diagonal 5 us-ft", "spacing 5 us-ft (median distance to the nearest other point)"} <= rows
+    assert json.loads(gppcs_command("info", "scan.las", "--json")[1])["unit"] == "us-ft"
 
 
 def test_info_json_is_the_summary(gppcs_command, scan):

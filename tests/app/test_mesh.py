@@ -1,6 +1,7 @@
 """`gppcs mesh`."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -70,7 +71,8 @@ def test_the_run_is_printed_as_a_table(gppcs_command, ball):
     assert "ball.ply → small.ply" in text
     assert "mesh 100 vertices, 196 triangles" in text
     assert "mean distance" in text
-    assert "all, s" in text
+    assert f"dense points {round(gppcs.mesh(ball, n_points=100).diagnostics['dense_points']):,} " in text
+    assert re.search(r"time \d+\.\d\d s", text)
 
 
 def test_points_that_a_method_has_chosen_become_the_vertices(gppcs_command, ball):

@@ -187,20 +187,23 @@ def test_simplify_json_is_one_strict_object_a_line(gppcs_command, scan):
 
 
 def test_simplify_prints_times_parameters_and_figures(gppcs_command, scan):
-    _, out, _ = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 40, "--figures")
-    title, *rows = out.splitlines()
+    options = ("--points", 40, "--set", "feature_weight=0.8", "--figures")
+    _, out, _ = gppcs_command("simplify", "scan.ply", "-o", "out.ply", *options)
+    title, *rows = (" ".join(line.split()) for line in out.splitlines())
     assert title == "scan.ply → out.ply"
-    for name in (
-        "points",
-        "method",
-        "noise_in_spacings",
-        "reading, s",
-        "greedy selection, s",
-        "all, s",
-        "covering radius",
-    ):
-        assert sum(row.startswith(f"{name} ") for row in rows) == 1
-    assert "gp (feature_weight=0.5, lengthscale=1.5, neighbours=4," in out
+    assert rows[:2] == ["points 400 in, 40 out (10 %)", "method gp (feature_weight=0.8)"]
+    assert re.fullmatch(r"noise [\d.e-]+ % of the distance between neighbouring points", rows[2])
+    assert re.match(r"time \d+\.\d\d s", rows[3])
+    assert rows[4].startswith("diagonal")
+    assert sum(row.startswith("covering radius ") for row in rows) == 1
+
+
+def test_the_table_tells_diagnostics_in_words(gppcs_command, scan):
+    options = ("--points", 40, "--max-gap", 30, "--drop-outliers")
+    _, out, _ = gppcs_command("simplify", "scan.ply", "-o", "out.ply", *options)
+    rows = [" ".join(line.split()) for line in out.splitlines()]
+    assert any(re.fullmatch(r"added in gaps \d+", row) for row in rows)
+    assert any(re.fullmatch(r"outliers \d+", row) for row in rows)
 
 
 def test_help_shows_examples_and_each_method_with_its_source(gppcs_command):

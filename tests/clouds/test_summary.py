@@ -10,7 +10,9 @@ def test_facts_of_a_grid():
     grid = np.stack(np.meshgrid([0.0, 2.0, 4.0], [0.0, 2.0], [0.0, 2.0]), axis=-1).reshape(-1, 3)
     points = np.concatenate([grid + 10, grid[:3] + 10, [[np.nan, 0, 0], [0, np.inf, 0]]])
     cloud = gppcs.PointCloud(
-        points, {"label": np.zeros(17, np.uint8), "normal": np.zeros((17, 3), np.float32)}, np.dtype(np.float32)
+        points,
+        {"label": np.arange(17, dtype=np.uint8), "normal": np.tile(np.float32([-1, 0, np.inf]), (17, 1))},
+        np.dtype(np.float32),
     )
     assert gppcs.info(cloud) == gppcs.Summary(
         points=17,
@@ -22,7 +24,15 @@ def test_facts_of_a_grid():
         non_finite=2,
         coordinate_type="float32",
         attributes={"label": "uint8", "normal": "float32 x 3"},
+        ranges={"label": (0, 16), "normal": (-1.0, 0.0)},
     )
+
+
+def test_ranges_of_what_is_no_number_and_of_truth_values():
+    attributes = {"name": np.array(["a", "b"]), "flag": np.array([False, True]), "unknown": np.full(2, np.nan)}
+    assert gppcs.info(gppcs.PointCloud(np.eye(3)[:2], attributes)).ranges == {
+        "name": None, "flag": (0, 1), "unknown": None,
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("points", [np.empty((0, 3)), np.full((2, 3), np.nan)])

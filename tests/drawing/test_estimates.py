@@ -29,3 +29,10 @@ def test_repeats_count_once():
 
 def test_the_variation_is_unknown_where_fewer_than_four_points_are_near():
     assert np.isnan(Estimates.of(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])).variation).all()
+
+
+def test_a_plane_has_no_relief_of_rounding_errors():
+    plane = np.random.default_rng(0).random((30, 3)) * [1, 1, 0]
+    assert (Estimates.of(plane).variation == 0).all()
+    tilted = plane @ np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+    assert (Estimates.of(tilted).variation == 0).all()

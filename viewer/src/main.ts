@@ -33,17 +33,14 @@ async function start(): Promise<void> {
   byId("lead").textContent = described.lead;
   byId("notes").append(...described.notes.map((note) => element("li", note)));
   byId("notes").hidden = described.notes.length === 0;
-  for (const cloud of clouds) {
-    const layer = new Layer(cloud, await arraysOf(cloud), frameOf(cloud));
-    if (cloud.mesh) layer.addMesh(cloud.mesh, await trianglesOf(cloud.mesh));
-    layers.push(layer);
-    for (const values of cloud.values) numbers.set(values, await valuesOf(cloud, values));
-  }
+  for (const cloud of clouds) layers.push(new Layer(cloud, await arraysOf(cloud), frameOf(cloud)));
+  fillSettings();
+  const first = select("colouring").value;
+  await unpackValues((values) => values.key === first);
   byId("page").hidden = false;
   byId("message").remove();
   views = new Views(byId<HTMLCanvasElement>("canvas"), placeMarks);
-  layers.forEach((layer) => views.add(layer));
-  fillSettings();
+  layers.forEach(({ points }) => views.add(points));
   fillMade(described.made);
   if (measured(clouds).length > 0) fillFigures();
   listen();
@@ -53,7 +50,32 @@ async function start(): Promise<void> {
   arrange();
   views.look(described.azimuth, described.elevation);
   new ResizeObserver(arrange).observe(byId("views"));
+  await nextPicture();
+  await unpackRest(first);
   document.documentElement.dataset["state"] = "ready";
+}
+
+/** Unpack some of the values that colours can show. */
+async function unpackValues(wanted: (values: Values) => boolean): Promise<void> {
+  for (const cloud of clouds)
+    for (const values of cloud.values) if (wanted(values)) numbers.set(values, await valuesOf(cloud, values));
+}
+
+/** Unpack what the first picture does not need, while it is seen. */
+async function unpackRest(first: string): Promise<void> {
+  await unpackValues((values) => !numbers.has(values));
+  for (const layer of layers) {
+    const { mesh } = layer.cloud;
+    if (mesh) views.add(layer.addMesh(mesh, await trianglesOf(mesh)));
+  }
+  byId("solids").hidden = !layers.some(({ mesh }) => mesh);
+  // By now somebody may have chosen another colouring, or a point.
+  if (select("colouring").value !== first) recolour();
+  tell();
+}
+
+function nextPicture(): Promise<void> {
+  return new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
 }
 
 /** Return the frame of a cloud: that of all clouds, or its own if they are shown for themselves. */
@@ -81,7 +103,6 @@ function fillSettings(): void {
   select("left").value = String(Math.max(0, Math.min(original, clouds.length - 1)));
   select("right").value = String(clouds.length - 1);
   byId("layouts").hidden = clouds.length < 2;
-  byId("solids").hidden = !clouds.some(({ mesh }) => mesh);
   byId("chips").hidden = clouds.length < 2;
   clouds.forEach(({ name }, i) => {
     const chip = element("button", name, { type: "button" });
@@ -323,7 +344,7 @@ function recolour(): void {
       else if (key === ORDER && cloud.role !== "original") {
         const last = Math.max(1, cloud.points - 1);
         layer.colour(0, Uint16Array.from(arrays.rows, (row) => row / last * (UNKNOWN - 1)), [0, 1 / (UNKNOWN - 1), 1]);
-      } else if (values && all) layer.colour(values.categories ? 2 : 0, numbers.get(values)!, scaleOf(values, all));
+      } else if (values && all) colourBy(layer, values, all);
       else layer.colour(0, null, [0, 1, 1]);
     }
     fillLegend(key, all);
@@ -356,6 +377,10 @@ function scaleOf(values: Values, { from, to }: Ends): [number, number, number] {
   return [(from - values.low) / step, step / (to - from || 1), values.root ? 0.5 : 1];
 }
 
+/** Colour a cloud by values; until they are unpacked, as unknown. */
+function colourBy(layer: Layer, values: Values, ends: Ends): void {
+  layer.colour(values.categories ? 2 : 0, numbers.get(values) ?? null, scaleOf(values, ends));
+}
 
 function colourDistances(): void {
   const all = endsOf(DISTANCE)!;
@@ -367,9 +392,9 @@ function colourDistances(): void {
     if (!copies.has(i)) {
       const copy = new Layer(base.cloud, base.arrays, base.frame);
       copies.set(i, copy);
-      views.add(copy);
+      views.add(copy.points);
     }
-    copies.get(i)!.colour(0, numbers.get(values)!, scaleOf(values, all));
+    colourBy(copies.get(i)!, values, all);
   });
   fillLegend(DISTANCE, all);
 }
@@ -451,7 +476,7 @@ function tell(): void {
   ["x", "y", "z"].forEach((axis, c) =>
     rows.push([axis, shown(each.low[c]! + each.step[c]! * arrays.positions[3 * index + c]!, 6)]));
   if (arrays.colours) rows.push(["RGB", [...arrays.colours.slice(3 * index, 3 * index + 3)].join(" ")]);
-  for (const values of each.values) {
+  for (const values of each.values.filter((some) => numbers.has(some))) {
     const value = valueAt(values, index);
     rows.push([values.title, value === null ? "unknown" : shown(value)]);
   }

@@ -67,8 +67,8 @@ export class Layer {
     this.points.frustumCulled = false;
   }
 
-  /** Give the layer the surface rebuilt from its points. */
-  addMesh(surface: Surface, { positions, faces }: Triangles): void {
+  /** Give the layer the surface rebuilt from its points, and return it. */
+  addMesh(surface: Surface, { positions, faces }: Triangles): Mesh {
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", new BufferAttribute(positions, 3, true));
     geometry.setIndex(new BufferAttribute(faces, 1));
@@ -77,6 +77,7 @@ export class Layer {
     const shaders = { vertexShader: meshVertexShader, fragmentShader: meshFragmentShader };
     this.mesh = new Mesh(geometry, new RawShaderMaterial({ glslVersion: GLSL3, side: DoubleSide, ...shaders, uniforms }));
     this.mesh.frustumCulled = false;
+    return this.mesh;
   }
 
   /** Colour the points by numbers in file order. */
@@ -197,9 +198,8 @@ export class Views {
     this.controls.addEventListener("change", () => this.move());
   }
 
-  add(layer: Layer): void {
-    this.turned.add(layer.points);
-    if (layer.mesh) this.turned.add(layer.mesh);
+  add(drawn: Points | Mesh): void {
+    this.turned.add(drawn);
   }
 
   /** Put the end of an axis up: x, y, z, -x, -y or -z. */

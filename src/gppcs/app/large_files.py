@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gppcs.app import panels
 from gppcs.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -16,7 +17,12 @@ if TYPE_CHECKING:
     from gppcs.streaming.plan import Plan
 
 Merge = Annotated[
-    bool, typer.Option("--merge", help="Take all inputs as one cloud, in the order in which they are given.")
+    bool,
+    typer.Option(
+        "--merge",
+        help="Take all inputs as one cloud, in the order in which they are given.",
+        rich_help_panel=panels.INPUT,
+    ),
 ]
 AssumeSameCrs = Annotated[
     bool,
@@ -24,6 +30,7 @@ AssumeSameCrs = Annotated[
         "--assume-same-crs",
         help="If several files are one cloud, give all of them the coordinate system of the first file. Without this "
         "option, files with different coordinate systems are an error.",
+        rich_help_panel=panels.INPUT,
     ),
 ]
 Memory = Annotated[
@@ -32,6 +39,7 @@ Memory = Annotated[
         metavar="SIZE",
         help="How much memory to use, such as 2GB; half of what is free by default. A larger cloud is read in several "
         "passes (method gp), to the same result; and if more points are kept than these can hold, in tiles.",
+        rich_help_panel=panels.LARGE,
     ),
 ]
 Scratch = Annotated[
@@ -39,6 +47,7 @@ Scratch = Annotated[
     typer.Option(
         metavar="FOLDER",
         help="Existing folder for the temporary files of a cloud in tiles; by default that of the system.",
+        rich_help_panel=panels.LARGE,
     ),
 ]
 Workers = Annotated[
@@ -48,11 +57,16 @@ Workers = Annotated[
         min=1,
         help="Share the work among this many processes of this machine (needs Dask). Each takes one file, or a part of "
         "one, at a time.",
+        rich_help_panel=panels.LARGE,
     ),
 ]
 Scheduler = Annotated[
     str | None,
-    typer.Option(metavar="ADDRESS", help="Work on the workers of a Dask scheduler, such as tcp://10.0.0.5:8786."),
+    typer.Option(
+        metavar="ADDRESS",
+        help="Work on the workers of a Dask scheduler, such as tcp://10.0.0.5:8786.",
+        rich_help_panel=panels.LARGE,
+    ),
 ]
 Resume = Annotated[
     bool,
@@ -60,11 +74,16 @@ Resume = Annotated[
         "--resume",
         help="If the work in passes or tiles is interrupted, keep what is done in the folder of --scratch; go on from "
         "what an interrupted run kept.",
+        rich_help_panel=panels.LARGE,
     ),
 ]
 DryRun = Annotated[
     bool,
-    typer.Option("--dry-run", help="Print what would be done, in how much memory and about how long, and do nothing."),
+    typer.Option(
+        "--dry-run",
+        help="Print what would be done, in how much memory and about how long, and do nothing.",
+        rich_help_panel=panels.LARGE,
+    ),
 ]
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from gppcs.app import panels
 from gppcs.app.outputs import Outputs, outputs_of
 from gppcs.app.quantities import count_of, share_of
 from gppcs.errors import ParameterError, shown
@@ -23,6 +24,7 @@ LevelsOption = Annotated[
         help="Make several sizes at once, such as 10%,3%,1% or 50k,5k, of which each is the start of the next. With "
         "{level} in the name, each is a file: level 0 is the coarsest. Otherwise OUT is the finest, and its attribute "
         "level tells to which level each point belongs first. In place of --points.",
+        rich_help_panel=panels.SIZE,
     ),
 ]
 FIELD = "{level}"

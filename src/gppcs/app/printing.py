@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from gppcs.app import panels
 from gppcs.app.tables import FIGURES
 from gppcs.engine.stages import COMPILATION, Listener
 from gppcs.engine.strict_json import strict_json
@@ -16,6 +17,8 @@ from gppcs.errors import GppcsError, InputError, ParameterError, file_path, show
 from gppcs.evaluation.report import MeshReport, Report
 
 BAD_INPUT = 2
+MOST_IN_FULL = 1e15  # of whole numbers; floats hold larger ones without their last digits
+LONG = 0.1  # the share of the time from which a stage is named
 FAILURES = (GppcsError, OSError, MemoryError)  # printed as one line, without a traceback
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, one object per line.")]
@@ -38,6 +41,7 @@ From = Annotated[
         "--from",
         metavar="SUFFIX",
         help="Format of the input, such as xyz. By default, the content tells; for text and OBJ, the name.",
+        rich_help_panel=panels.INPUT,
     ),
 ]
 To = Annotated[
@@ -60,6 +64,7 @@ Columns = Annotated[
     typer.Option(
         metavar="NAME,...",
         help="Names of the columns of a text table, such as x,y,z,red,green,blue. They replace those in the file.",
+        rich_help_panel=panels.INPUT,
     ),
 ]
 
@@ -68,6 +73,7 @@ Box = Annotated[
     typer.Option(
         metavar="XMIN,YMIN,...",
         help="Read only the points in this box: xmin,ymin,xmax,ymax or xmin,ymin,zmin,xmax,ymax,zmax.",
+        rich_help_panel=panels.INPUT,
     ),
 ]
 Only = Annotated[
@@ -76,11 +82,16 @@ Only = Annotated[
         metavar="CONDITION",
         help="Read only the points that meet a condition on attributes and x, y, z, such as 'classification == 6 and z "
         "> 2.5'.",
+        rich_help_panel=panels.INPUT,
     ),
 ]
 Drop = Annotated[
     str | None,
-    typer.Option(metavar="CONDITION", help="Read only the points that do not meet a condition, such as 'z < 0'."),
+    typer.Option(
+        metavar="CONDITION",
+        help="Read only the points that do not meet a condition, such as 'z < 0'.",
+        rich_help_panel=panels.INPUT,
+    ),
 ]
 Inside = Annotated[
     Path | None,
@@ -89,6 +100,7 @@ Inside = Annotated[
         metavar="FILE",
         parser=file_path,
         help="Read only the points inside the polygons of a GeoJSON file, in the coordinate system of the input.",
+        rich_help_panel=panels.INPUT,
     ),
 ]
 Keep = Annotated[
@@ -97,6 +109,7 @@ Keep = Annotated[
         metavar="CONDITION",
         help="Keep all points that meet a condition on attributes and x, y, z, such as 'classification == 6'. They "
         "count in --points, and the others are chosen where these are not (method gp).",
+        rich_help_panel=panels.CHOICE,
     ),
 ]
 Weight = Annotated[
@@ -104,6 +117,13 @@ Weight = Annotated[
     typer.Option(
         metavar="NAME",
         help="Multiply the density of the kept points by this attribute, from 0 on (method gp).",
+        rich_help_panel=panels.CHOICE,
+    ),
+]
+Seed = Annotated[
+    int | None,
+    typer.Option(
+        help="Seed of random numbers. Methods without random numbers ignore it.", rich_help_panel=panels.METHOD
     ),
 ]
 Resolution = Annotated[
@@ -111,12 +131,16 @@ Resolution = Annotated[
     typer.Option(
         metavar="LENGTH",
         help="Read a COPC file only down to the level on which neighbours are about that far from each other.",
+        rich_help_panel=panels.INPUT,
     ),
 ]
 
 Invalid = Annotated[
     Literal["error", "drop"],
-    typer.Option(help="For NaN and infinite coordinates: stop with an error, or drop these points."),
+    typer.Option(
+        help="For NaN and infinite coordinates: stop with an error, or drop these points.",
+        rich_help_panel=panels.INPUT,
+    ),
 ]
 
 
@@ -178,8 +202,22 @@ def numbers_of(box: str | None) -> list[float] | None:
         raise ParameterError(f"expected --box with numbers, such as 0,0,100,50, found {shown(box)}") from None
 
 
-def rows_of_seconds(seconds: Mapping[str, float]) -> dict[str, str]:
-    """Return the times of a run as rows of a table.
+def number_in_words(value: float) -> str:
+    """Return a number with four digits, or in full if it is whole and not huge.
+
+    Parameters
+    ----------
+    value : float
+
+    Returns
+    -------
+    str
+    """
+    return f"{value:,.0f}" if value.is_integer() and abs(value) < MOST_IN_FULL else f"{value:.4g}"
+
+
+def time_in_words(seconds: Mapping[str, float]) -> str:
+    """Return the time of a run, and the stages that took most of it.
 
     Parameters
     ----------
@@ -188,16 +226,18 @@ def rows_of_seconds(seconds: Mapping[str, float]) -> dict[str, str]:
 
     Returns
     -------
-    dict of str to str
-        A row for each stage but the compilation, and one for all.
+    str
+        The stages that took at least a tenth of the time without the compilation, in the order of the run.
     """
     from gppcs.engine.kernel_cache import are_kept
 
-    total = f"{sum(seconds.values()):.2f}"
-    if compilation := seconds.get(COMPILATION, 0.0):
-        total += f", of which {compilation:.2f} compiling kernels{', this time only' if are_kept() else ''}"
-    stages = {f"{stage}, s": f"{value:.2f}" for stage, value in seconds.items() if stage != COMPILATION}
-    return {**stages, "all, s": total}
+    total, compilation = sum(seconds.values()), seconds.get(COMPILATION, 0.0)
+    text = f"{total:.2f} s"
+    if compilation:
+        text += f", of which {compilation:.2f} s compiling kernels{', this time only' if are_kept() else ''}"
+    least = LONG * (total - compilation)
+    named = {stage: value for stage, value in seconds.items() if stage != COMPILATION and value >= least}
+    return text + "".join(f"; {stage} {value:.2f} s" for stage, value in named.items())
 
 
 def print_json(record: dict[str, Any]) -> None:

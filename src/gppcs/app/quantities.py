@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from gppcs.amounts.accuracy import Measure
+from gppcs.app import panels
 from gppcs.errors import ParameterError, shown
 from gppcs.methods import METHODS
 
@@ -17,11 +18,16 @@ Ratio = Annotated[
     typer.Option(
         metavar="SHARE",
         help="Share of the points to keep, above 0 and at most 1, such as 0.03 or 3%. Or give --points.",
+        rich_help_panel=panels.SIZE,
     ),
 ]
 Points = Annotated[
     str | None,
-    typer.Option(metavar="M", help="Number of points to keep, such as 5000, 5,000, 5k or 1.5M. Or give --ratio."),
+    typer.Option(
+        metavar="M",
+        help="Number of points to keep, such as 5000, 5,000, 5k or 1.5M. Or give --ratio.",
+        rich_help_panel=panels.SIZE,
+    ),
 ]
 Tolerance = Annotated[
     str | None,
@@ -29,6 +35,7 @@ Tolerance = Annotated[
         metavar="LENGTH",
         help="Keep the fewest points whose local surface misses the original by at most this: 0.5 (in the unit of the "
         "coordinates), 0.5mm, or 0.02% of the diagonal. In place of --points.",
+        rich_help_panel=panels.SIZE,
     ),
 ]
 ErrorMeasure = Annotated[
@@ -37,6 +44,7 @@ ErrorMeasure = Annotated[
         help="Which error --tolerance means: 95 % of the points are as near as that (p95), or the mean, the root mean "
         "square or the largest distance.",
         show_default="p95",
+        rich_help_panel=panels.SIZE,
     ),
 ]
 Spacing = Annotated[
@@ -45,6 +53,7 @@ Spacing = Annotated[
         metavar="LENGTH",
         help="Keep as many points as have this spacing: 0.05, 5cm or 1%. In place of --points. "
         + " ".join(f"{name}: {method.spacing}" for name, method in METHODS.items() if method.spacing),
+        rich_help_panel=panels.SIZE,
     ),
 ]
 MaxGap = Annotated[
@@ -53,6 +62,7 @@ MaxGap = Annotated[
         metavar="LENGTH",
         help="Add points until no original point is farther than this from a kept one. Alone or with --points and so "
         "on.",
+        rich_help_panel=panels.SIZE,
     ),
 ]
 Unit = Annotated[
@@ -61,6 +71,7 @@ Unit = Annotated[
         metavar="NAME",
         help="Unit of the coordinates, such as m or mm, for lengths with a unit. By default, the coordinate system of "
         "the input tells it.",
+        rich_help_panel=panels.SIZE,
     ),
 ]
 

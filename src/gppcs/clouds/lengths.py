@@ -135,6 +135,22 @@ def metres_of(unit: Any, header: Header | None) -> float | None:
     return METRES[unit]
 
 
+def name_of_unit(metres: float) -> str:
+    """Return the name of a unit of length.
+
+    Parameters
+    ----------
+    metres : float
+        The unit in metres.
+
+    Returns
+    -------
+    str
+        One of the names in `METRES`; for another unit, its length in metres, such as "0.9144 m".
+    """
+    return next((name for name, each in METRES.items() if math.isclose(each, metres, rel_tol=1e-7)), f"{metres:g} m")
+
+
 def option(name: str) -> str:
     """Return the option of the command that stands for an argument of the library.
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
+from gppcs.clouds.lengths import name_of_unit
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,11 @@ class Summary:
         in "uint8 x 3".
     crs : str or None
         The coordinate reference system, if the file of the cloud names one.
+    unit : str or None
+        The unit of the coordinates, such as "m" or "us-ft", if the coordinate reference system tells it.
+    ranges : mapping of str to (number, number) or None
+        The least and the greatest value of each attribute by name, without NaN and infinity; None if there is no such
+        value, or the attribute is no number. An attribute with several numbers per point has one range for all.
 
     Examples
     --------
@@ -56,6 +63,8 @@ class Summary:
     coordinate_type: str
     attributes: Mapping[str, str]
     crs: str | None = None
+    unit: str | None = None
+    ranges: Mapping[str, tuple[float, float] | None] = field(default_factory=dict)
 
 
 def info(cloud: CloudLike) -> Summary:
@@ -111,7 +120,17 @@ def info(cloud: CloudLike) -> Summary:
             for name, values in cloud.attributes.items()
         },
         crs=cloud.header.crs if cloud.header else None,
+        unit=name_of_unit(cloud.header.metres) if cloud.header and cloud.header.metres else None,
+        ranges={name: _range(values) for name, values in cloud.attributes.items()},
     )
+
+
+def _range(values: NDArray[np.generic]) -> tuple[float, float] | None:
+    """Return the least and the greatest of the finite values of an attribute; whole numbers stay whole."""
+    if not (np.issubdtype(values.dtype, np.number) or values.dtype == bool) or np.iscomplexobj(values):
+        return None
+    finite = values[np.isfinite(values)]
+    return (+finite.min().item(), +finite.max().item()) if finite.size else None
 
 
 def _scaled(length: float, exponent: int) -> float:

@@ -15,6 +15,7 @@ from gppcs.surface.surface_variation import estimate_features
 Array = NDArray[np.float64]
 
 KNOWN = 4  # points in a neighbourhood, at least: fewer always seem flat
+ROUNDING = 1e-12  # surface variation that rounding leaves on a plane; drawn, it would look like relief
 
 
 class Estimates(NamedTuple):
@@ -51,6 +52,7 @@ class Estimates(NamedTuple):
         distinct = local[first_occurrences(local)]
         tree = KdTree.build(distinct)
         features = estimate_features(distinct, tree=tree)
-        variation = np.where(features.neighbours >= KNOWN, features.surface_variation, np.nan)
+        measured = np.where(features.surface_variation <= ROUNDING, 0.0, features.surface_variation)
+        variation = np.where(features.neighbours >= KNOWN, measured, np.nan)
         same = tree.nearest_of(local, 1)[0][:, 0]
         return cls(variation[same], features.normals[same], tree)

@@ -6,7 +6,7 @@ import gc
 import sys
 from time import perf_counter
 
-NOTICE = "compiling its kernels, once on this machine; this can take a minute"
+NOTICE = "compiling the kernels for this task, once; this can take a minute"
 PASSING_NOTICE = (
     "compiling its kernels, for this run only, since neither its folder nor the user's cache folder can be "
     "written; set NUMBA_CACHE_DIR to a folder that can"

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gppcs.app import panels
 from gppcs.app.mesh_pictures import drawn_meshes, named_meshes
 from gppcs.app.pages import how_made, rebuilt
 from gppcs.app.printing import (
@@ -20,6 +21,7 @@ from gppcs.app.printing import (
     Invalid,
     Json,
     Quiet,
+    Seed,
     Threads,
     names_of,
     print_error,
@@ -80,6 +82,7 @@ def compare(
             "--meshes",
             help="Compare ways to make a light mesh instead of methods. They are listed below. Needs the extra "
             "evaluate.",
+            rich_help_panel=panels.METHOD,
         ),
     ] = False,
     methods: Annotated[
@@ -89,23 +92,26 @@ def compare(
             help="Names of the methods, separated by commas, in the order of the table. See gppcs methods. With "
             "--meshes, names of ways to a mesh; by default all ways whose packages are installed.",
             show_default="all",
+            rich_help_panel=panels.METHOD,
         ),
     ] = None,
     mesh: Annotated[
         Path | None,
         typer.Option(
-            help="A mesh file of the true surface of IN. The meshes that are made or rebuilt are compared with it."
+            help="A mesh file of the true surface of IN. The meshes that are made or rebuilt are compared with it.",
+            rich_help_panel=panels.LOOK,
         ),
     ] = None,
-    seed: Annotated[
-        int | None, typer.Option(help="Seed of random numbers. Methods without random numbers ignore it.")
-    ] = None,
+    seed: Seed = None,
     input_format: From = None,
     columns: Columns = None,
     invalid: Invalid = "error",
     picture: Annotated[
         bool,
-        typer.Option(help="Draw the clouds and the meshes rebuilt from them. Needs the extras view and evaluate."),
+        typer.Option(
+            help="Draw the clouds and the meshes rebuilt from them. Needs the extras view and evaluate.",
+            rich_help_panel=panels.LOOK,
+        ),
     ] = True,
     colour: Colour = None,
     report: Annotated[
@@ -114,6 +120,7 @@ def compare(
             "--report",
             help="Also write report.html, a page that shows all clouds and the meshes of the picture in the browser; "
             "see gppcs report.",
+            rich_help_panel=panels.LOOK,
         ),
     ] = False,
     view: View = None,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gppcs.amounts.accuracy import Measure
+from gppcs.app import panels
 from gppcs.app.printing import (
     Box,
     Columns,
@@ -19,6 +20,7 @@ from gppcs.app.printing import (
     Json,
     Only,
     Quiet,
+    Seed,
     Threads,
     names_of,
     numbers_of,
@@ -47,7 +49,12 @@ def curve(
         Path, typer.Argument(metavar="IN", parser=file_path, help="A point cloud file.", show_default=False)
     ],
     methods: Annotated[
-        str, typer.Option(metavar="NAME,...", help="Names of the methods, separated by commas. See gppcs methods.")
+        str,
+        typer.Option(
+            metavar="NAME,...",
+            help="Names of the methods, separated by commas. See gppcs methods.",
+            rich_help_panel=panels.METHOD,
+        ),
     ] = DEFAULT,
     sizes: Annotated[
         str | None,
@@ -55,19 +62,26 @@ def curve(
             metavar="SIZE,...",
             help="Numbers of points and shares, such as 1%,5%,20k.",
             show_default="0.1% to 20%",
+            rich_help_panel=panels.SIZE,
         ),
     ] = None,
     measure: Annotated[
         Measure,
-        typer.Option(help="Which error: 95 % of the points are as near as that (p95), or the mean, rms or largest."),
+        typer.Option(
+            help="Which error: 95 % of the points are as near as that (p95), or the mean, rms or largest.",
+            rich_help_panel=panels.SIZE,
+        ),
     ] = "p95",
     plot: Annotated[
         Path | None,
-        typer.Option(metavar="PNG", parser=file_path, help="Draw the curves. Needs the extra picture."),
+        typer.Option(
+            metavar="PNG",
+            parser=file_path,
+            help="Draw the curves. Needs the extra picture.",
+            rich_help_panel=panels.LOOK,
+        ),
     ] = None,
-    seed: Annotated[
-        int | None, typer.Option(help="Seed of random numbers. Methods without random numbers ignore it.")
-    ] = None,
+    seed: Seed = None,
     input_format: From = None,
     columns: Columns = None,
     box: Box = None,

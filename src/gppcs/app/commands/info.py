@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -27,6 +27,9 @@ from gppcs.app.printing import (
     tell,
 )
 from gppcs.errors import file_path
+
+if TYPE_CHECKING:
+    from gppcs.clouds.summary import Summary
 
 EPILOG = "[bold]Examples[/bold]\n\ngppcs info scan.ply --json\n\ngppcs info a.ply b.xyz folder"
 
@@ -51,7 +54,7 @@ def info(
     resolution: Resolution = None,
     as_json: Json = False,
 ) -> None:
-    """Print the number of points, bounding box, spacing, attributes, repeats and invalid points.
+    """Print the number of points, bounding box, unit, spacing, repeats, invalid points, and each attribute's range.
 
     If the file is a mesh, it also says how many faces there are. If one of several files cannot be read, the others are
     still shown, and the exit code is 2.
@@ -85,12 +88,14 @@ def _print(file: Path, options: dict[str, Any], as_json: bool) -> None:
     if as_json:
         print_json({"file": str(file), **dataclasses.asdict(summary), "faces": faces})
         return
+    unit = f" {summary.unit}" if summary.unit else ""
     rows = {
         "points": f"{summary.points:,}",
         "low corner": "  ".join(f"{value:.9g}" for value in summary.low),
         "high corner": "  ".join(f"{value:.9g}" for value in summary.high),
-        "diagonal": f"{summary.diagonal:.6g}",
-        "spacing": f"{summary.spacing:.4g} (median distance to the nearest other point)",
+        "unit": summary.unit or "the file does not say it",
+        "diagonal": f"{summary.diagonal:.6g}{unit}",
+        "spacing": f"{summary.spacing:.4g}{unit} (median distance to the nearest other point)",
         "repeats": f"{summary.repeats:,}",
         "not finite": f"{summary.non_finite:,}",
         "coordinates": summary.coordinate_type,
@@ -99,5 +104,19 @@ def _print(file: Path, options: dict[str, Any], as_json: bool) -> None:
         rows["coordinate system"] = summary.crs
     if faces:
         rows["faces"] = f"{faces:,} (the file is a mesh; only its vertices are read)"
-    rows |= {f"attribute {name}": re.sub(r"^[<>]U\d+", "text", kind) for name, kind in summary.attributes.items()}
-    print_table(str(file), rows)
+    print_table(str(file), {**rows, **_attribute_rows(summary)})
+
+
+def _attribute_rows(summary: Summary) -> dict[str, str]:
+    """Return the type and the range of each attribute as rows of a table."""
+    kinds = {name: re.sub(r"^[<>]U\d+", "text", kind) for name, kind in summary.attributes.items()}
+    width = max(map(len, kinds.values()), default=0)
+    return {f"attribute {name}": f"{kind:<{width}}  {_written(summary.ranges[name])}" for name, kind in kinds.items()}
+
+
+def _written(limits: tuple[float, float] | None) -> str:
+    """Return a range in words; whole numbers in full, others with nine digits, as coordinates have."""
+    if limits is None:
+        return ""
+    least, greatest = (f"{limit}" if isinstance(limit, int) else f"{limit:.9g}" for limit in limits)
+    return least if least == greatest else f"{least} to {greatest}"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gppcs import __version__
+from gppcs.app import panels
 from gppcs.app.printing import (
     Columns,
     Force,
@@ -19,10 +20,11 @@ from gppcs.app.printing import (
     Threads,
     names_of,
     note_left_out,
+    number_in_words,
     print_error,
     print_json,
     progress,
-    rows_of_seconds,
+    time_in_words,
 )
 from gppcs.app.quantities import Ratio, count_of, share_of
 from gppcs.engine.memory import peak_memory
@@ -61,18 +63,36 @@ def mesh(
         ),
     ],
     points: Annotated[
-        str | None, typer.Option(metavar="M", help="Number of vertices, such as 5000, 5,000, 5k or 1.5M.")
+        str | None,
+        typer.Option(
+            metavar="M",
+            help="Number of vertices, such as 5000, 5,000, 5k or 1.5M.",
+            rich_help_panel=panels.SIZE,
+        ),
     ] = None,
     ratio: Ratio = None,
-    faces: Annotated[str | None, typer.Option(metavar="F", help="Number of triangles at most.")] = None,
+    faces: Annotated[
+        str | None,
+        typer.Option(
+            metavar="F",
+            help="Number of triangles at most.",
+            rich_help_panel=panels.SIZE,
+        ),
+    ] = None,
     tolerance: Annotated[
         float | None,
-        typer.Option(metavar="T", help="Mean distance from the points to the mesh at most, in the unit of the cloud."),
+        typer.Option(
+            metavar="T",
+            help="Mean distance from the points to the mesh at most, in the unit of the cloud.",
+            rich_help_panel=panels.SIZE,
+        ),
     ] = None,
     keep_points: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="A file of points of IN: they become the vertices. They may come from gppcs simplify."
+            metavar="FILE",
+            help="A file of points of IN: they become the vertices. They may come from gppcs simplify.",
+            rich_help_panel=panels.SIZE,
         ),
     ] = None,
     moved: Annotated[
@@ -194,7 +214,7 @@ def _print(source: Path, output: Path, n: int, result: MeshResult) -> None:
         {
             "points": f"{n:,}",
             "mesh": f"{len(result.mesh.vertices):,} vertices, {len(result.mesh.faces):,} triangles",
-            **{name.replace("_", " "): f"{value:.4g}" for name, value in result.diagnostics.items()},
-            **rows_of_seconds(result.seconds),
+            **{name.replace("_", " "): number_in_words(value) for name, value in result.diagnostics.items()},
+            "time": time_in_words(result.seconds),
         },
     )

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from gppcs.app import panels
 from gppcs.app.printing import Columns, Force, From, Quiet, Threads, names_of, note_left_out, print_error
 from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.threads import set_threads
@@ -45,9 +46,17 @@ def render(
             metavar="NAME",
             help="What the colours show: rgb, variation (surface variation), or the name of an attribute. By default "
             "rgb if IN has colours. If not, a cloud shows surface variation, and a mesh is white.",
+            rich_help_panel=panels.LOOK,
         ),
     ] = None,
-    size: Annotated[str, typer.Option(metavar="WIDTHxHEIGHT", help="Size in pixels.")] = "1280x960",
+    size: Annotated[
+        str,
+        typer.Option(
+            metavar="WIDTHxHEIGHT",
+            help="Size in pixels.",
+            rich_help_panel=panels.LOOK,
+        ),
+    ] = "1280x960",
     view: View = None,
     up: Up = None,
     input_format: From = None,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gppcs import __version__
+from gppcs.app import panels
 from gppcs.app.large_files import (
     AssumeSameCrs,
     DryRun,
@@ -46,18 +47,20 @@ from gppcs.app.printing import (
     Only,
     Quiet,
     Resolution,
+    Seed,
     Threads,
     To,
     Weight,
     figure_rows,
     names_of,
     note_left_out,
+    number_in_words,
     numbers_of,
     print_error,
     print_json,
     progress,
-    rows_of_seconds,
     tell,
+    time_in_words,
 )
 from gppcs.app.quantities import (
     ErrorMeasure,
@@ -76,7 +79,7 @@ from gppcs.engine.memory import peak_memory
 from gppcs.engine.stages import COMPILATION
 from gppcs.engine.threads import set_threads
 from gppcs.errors import InputError, OutputError, ParameterError, file_path
-from gppcs.methods import DEFAULT, METHODS, Method, method_named
+from gppcs.methods import DEFAULT, METHODS, method_named
 from gppcs.simplification import WHOLE
 from gppcs.streaming.plan import GUESS
 
@@ -153,15 +156,22 @@ def simplify(
     weight: Weight = None,
     method: Annotated[
         str,
-        typer.Option(help="Name of the method, from the list below.", autocompletion=lambda: list(METHODS)),
+        typer.Option(
+            help="Name of the method, from the list below.",
+            autocompletion=lambda: list(METHODS),
+            rich_help_panel=panels.METHOD,
+        ),
     ] = DEFAULT,
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Set a parameter of the method. Can be repeated."),
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Set a parameter of the method. Can be repeated.",
+            rich_help_panel=panels.METHOD,
+        ),
     ] = None,
-    seed: Annotated[
-        int | None, typer.Option(help="Seed of random numbers. Methods without random numbers ignore it.")
-    ] = None,
+    seed: Seed = None,
     input_format: From = None,
     output_format: To = None,
     ascii: Ascii = None,  # noqa: A002
@@ -176,12 +186,16 @@ def simplify(
         typer.Option(
             "--drop-outliers",
             help="Leave out the points that neither their neighbours nor the surface explain, before the choice.",
+            rich_help_panel=panels.CHOICE,
         ),
     ] = False,
     outliers: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", parser=file_path, help="Do the same, and write the points that are left out to a file."
+            metavar="FILE",
+            parser=file_path,
+            help="Do the same, and write the points that are left out to a file.",
+            rich_help_panel=panels.CHOICE,
         ),
     ] = None,
     invalid: Invalid = "error",
@@ -192,12 +206,15 @@ def simplify(
             help="Add to each kept point a normal estimated from all points of the input, to rebuild a surface. It "
             "replaces the normal of the input. Normals of closed pieces of the surface point outward, of flat pieces "
             "along +z.",
+            rich_help_panel=panels.ATTRIBUTES,
         ),
     ] = False,
     scores: Annotated[
         bool,
         typer.Option(
-            "--scores", help="Add to each kept point its score and standard deviation when it was chosen (method gp)."
+            "--scores",
+            help="Add to each kept point its score and standard deviation when it was chosen (method gp).",
+            rich_help_panel=panels.ATTRIBUTES,
         ),
     ] = False,
     index_attribute: Annotated[
@@ -206,6 +223,7 @@ def simplify(
             metavar="NAME",
             help="Add to each kept point its row in the input, counted from 0, as NAME; with --box, --only "
             "and so on, its row among the points that are read.",
+            rich_help_panel=panels.ATTRIBUTES,
         ),
     ] = None,
     mark: Annotated[
@@ -213,15 +231,23 @@ def simplify(
         typer.Option(
             metavar="NAME",
             help="Write all points of the input, with an attribute NAME: 1 for kept points, 0 for others.",
+            rich_help_panel=panels.ATTRIBUTES,
         ),
     ] = None,
     figures: Annotated[
-        bool, typer.Option("--figures", help="Measure how good the result is, as gppcs evaluate does.")
+        bool,
+        typer.Option(
+            "--figures",
+            help="Measure how good the result is, as gppcs evaluate does.",
+            rich_help_panel=panels.LOOK,
+        ),
     ] = False,
     picture: Annotated[
         Path | None,
         typer.Option(
-            metavar="PNG", help="Draw the original and the result, coloured by surface variation, to a PNG file."
+            metavar="PNG",
+            help="Draw the original and the result, coloured by surface variation, to a PNG file.",
+            rich_help_panel=panels.LOOK,
         ),
     ] = None,
     colour: Colour = None,
@@ -230,6 +256,7 @@ def simplify(
         typer.Option(
             metavar="HTML",
             help="Write a page that shows the result beside the original in the browser; see gppcs report.",
+            rich_help_panel=panels.LOOK,
         ),
     ] = None,
     view: View = None,
@@ -447,7 +474,7 @@ class _Job:
         if self.index_attribute is not None:
             result = replace(result, cloud=_with_attribute(result.cloud, self.index_attribute, result.indices))
         with stages("writing"):
-            lost = self._store(source, result, points)
+            written, lost = self._store(source, result, points)
             for path, content in drawn.items():
                 with io.whole_file(path, self.force) as file:
                     file.write(content)
@@ -455,10 +482,10 @@ class _Job:
                 note_left_out(self.outliers, io.store(self.outliers, strays, None, self.force, self.lossy, None))
         note_left_out(target, [*unread, *lost])
         self._note_all_kept(source, len(result.indices))
-        return _Run(sources, target, points, made.passes, result, measured, self._asked())
+        return _Run(sources, written, points, made.passes, result, measured, self._asked())
 
-    def _store(self, source: Path, result: Result, points: int) -> list[str]:
-        """Write the result, or its levels, and return what is left out."""
+    def _store(self, source: Path, result: Result, points: int) -> tuple[dict[Path, int], list[str]]:
+        """Write the result, or its levels; return the number of points in each file, and what is left out."""
         import numpy as np
 
         from gppcs import io
@@ -475,11 +502,13 @@ class _Job:
                 clouds = [result.cloud.take(np.arange(count)) for count in counts]
             else:
                 clouds = [_with_attribute(result.cloud, LEVEL, level_of_each(counts))]
+        written = {}
         for to, cloud in zip(self.by_level, clouds, strict=True):
             target = to.targets[source]
             to.make_folder(target)
             lost = io.store(target, cloud, to.format, self.force, self.lossy, to.ascii)
-        return lost
+            written[target] = len(cloud)
+        return written, lost
 
     def _in_memory(
         self, files: CloudFiles, target: Path, stages: Stages
@@ -661,21 +690,31 @@ def _record_of(sources: list[Path]) -> str | list[str]:
 
 @dataclass(frozen=True)
 class _Run:
-    """The simplification of one cloud; `asked` is what was asked of diagnostics, by their names."""
+    """The simplification of one cloud.
+
+    `written` has the number of points in each file, from the coarsest level to the finest; `asked` is what was asked of
+    diagnostics, by their names.
+    """
 
     sources: list[Path]
-    target: Path
+    written: dict[Path, int]
     points: int
     passes: int
     result: Result
     report: Report | None
     asked: dict[str, str]
 
+    @property
+    def target(self) -> Path:
+        """The file of the whole result."""
+        return list(self.written)[-1]
+
     def record(self) -> dict[str, Any]:
         """Return the run as the record that `--json` prints."""
         return {
             "input": _record_of(self.sources),
             "output": str(self.target),
+            **({"levels": self._levels()} if len(self.written) > 1 else {}),
             "points_in": self.points,
             "points_out": len(self.result.indices),
             "method": self.result.method.name,
@@ -692,30 +731,38 @@ class _Run:
     def line(self) -> str:
         """Return the run as one line."""
         counts = f"{self.points:,} points in, {len(self.result.indices):,} out"
-        return f"{titled(self.sources)} → {self.target}: {counts}, {sum(self.result.seconds.values()):.2f} s"
+        targets = ", ".join(map(str, self.written))
+        return f"{titled(self.sources)} → {targets}: {counts}, {sum(self.result.seconds.values()):.2f} s"
+
+    def _levels(self) -> list[dict[str, Any]]:
+        """Return the files of the levels for the record."""
+        return [{"output": str(file), "points_out": count} for file, count in self.written.items()]
 
     def print(self) -> None:
         """Print the run as a table."""
         from gppcs.app.console import print_table
 
+        kept = len(self.result.indices)
         print_table(
             f"{titled(self.sources)} → {self.target}",
             {
-                "points": f"{self.points:,} in, {len(self.result.indices):,} out",
+                "points": f"{self.points:,} in, {kept:,} out ({100 * kept / self.points:.3g} %)",
+                **({} if len(self.written) == 1 else self._rows_of_levels()),
                 **({"passes": f"{self.passes} or more over the files"} if self.passes > 1 else {}),
-                "method": _written(self.result.method),
-                **{name: self._marked(name, value) for name, value in self.result.diagnostics.items()},
-                **rows_of_seconds(self.result.seconds),
+                "method": self.result.method.label,
+                **dict(self._in_words(name, value) for name, value in self.result.diagnostics.items()),
+                "time": time_in_words(self.result.seconds),
                 **(figure_rows(self.report) if self.report else {}),
             },
         )
 
-    def _marked(self, name: str, value: float) -> str:
-        """Return a diagnostic in words, with what was asked of it."""
-        return f"{value:.4g}" + (f"  (asked: {self.asked[name]})" if name in self.asked else "")
+    def _rows_of_levels(self) -> dict[str, str]:
+        """Return a row of the table for the file of each level."""
+        return {f"level {n}": f"{file}: {count:,} points" for n, (file, count) in enumerate(self.written.items())}
 
-
-def _written(method: Method) -> str:
-    """Return the method with all its parameters as one line."""
-    parameters = ", ".join(f"{name}={value}" for name, value in dataclasses.asdict(method).items())
-    return f"{method.name} ({parameters})" if parameters else method.name
+    def _in_words(self, name: str, value: float) -> tuple[str, str]:
+        """Return a diagnostic as a row of the table, with what was asked of it."""
+        if name == "noise_in_spacings":
+            return "noise", f"{100 * value:.2g} % of the distance between neighbouring points"
+        asked = f"  (asked: {self.asked[name]})" if name in self.asked else ""
+        return name.replace("_", " "), number_in_words(value) + asked
