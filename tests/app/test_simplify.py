@@ -192,7 +192,7 @@ def test_simplify_prints_times_parameters_and_figures(gppcs_command, scan):
     title, *rows = (" ".join(line.split()) for line in out.splitlines())
     assert title == "scan.ply → out.ply"
     assert rows[:2] == ["points 400 in, 40 out (10 %)", "method gp (feature_weight=0.8)"]
-    assert re.fullmatch(r"noise [\d.e-]+ % of the distance between neighbouring points", rows[2])
+    assert re.fullmatch(r"noise [\d.e-]+ % of the distance between neighbouring kept points", rows[2])
     assert re.match(r"time \d+\.\d\d s", rows[3])
     assert rows[4].startswith("diagonal")
     assert sum(row.startswith("covering radius ") for row in rows) == 1

@@ -763,6 +763,6 @@ class _Run:
     def _in_words(self, name: str, value: float) -> tuple[str, str]:
         """Return a diagnostic as a row of the table, with what was asked of it."""
         if name == "noise_in_spacings":
-            return "noise", f"{100 * value:.2g} % of the distance between neighbouring points"
+            return "noise", f"{100 * value:.2g} % of the distance between neighbouring kept points"
         asked = f"  (asked: {self.asked[name]})" if name in self.asked else ""
         return name.replace("_", " "), number_in_words(value) + asked
