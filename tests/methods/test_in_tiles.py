@@ -61,8 +61,8 @@ def test_voxel_is_the_same_as_in_memory(tmp_path, place, points):
 
 
 def test_farthest_points_are_as_far_as_in_memory(tmp_path):
-    points = normalised(gppcs.sample("bracket", 10_000, seed=1).points)[0]
-    for n_points in (300, 1_500):
+    points = normalised(gppcs.sample("bracket", 20_000, seed=1).points)[0]
+    for n_points in (500, 3_000):
         kept = [
             points[rows]
             for rows in (
