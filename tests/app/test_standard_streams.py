@@ -1,7 +1,6 @@
 """The name `-` of standard input and standard output, in all commands."""
 
 import io
-import subprocess
 import sys
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import pytest
 
 import gppcs
 from command_line import assert_one_line, files
+from gppcs.app import program
 from web_page import WebPage
 
 SMALL = ("--points", 60, "--method", "random")
@@ -55,12 +55,13 @@ def test_pages_go_to_standard_output(gppcs_command, scan, piped, monkeypatch, wo
     assert [each["name"] for each in WebPage(out).described["clouds"]] == words[1:]
 
 
-def test_a_plot_on_standard_output_is_alone_there(scan):
+def test_a_plot_on_standard_output_is_alone_there(scan, capfdbinary):
     pytest.importorskip("matplotlib")
-    words = [sys.executable, "-m", "gppcs", "curve", "scan.ply", "--methods", "fps", "--sizes", "50", "--plot", "-"]
+    words = ["curve", "scan.ply", "--methods", "fps", "--sizes", "50", "--plot", "-"]
     for more in ([], ["--json"]):
-        done = subprocess.run([*words, *more], capture_output=True, check=True)
-        assert (done.stdout[:4], done.stdout[-8:-4]) == (b"\x89PNG", b"IEND")
+        assert program.run([*words, *more]) == 0
+        out, _ = capfdbinary.readouterr()
+        assert (out[:4], out[-8:-4]) == (b"\x89PNG", b"IEND")
 
 
 def test_the_page_of_a_result_on_standard_output_is_a_file(gppcs_command, scan, piped):

@@ -59,6 +59,8 @@ CLOUD = gppcs.PointCloud(
         ("attributes['two  spaces']\n == 'a  b'", [0, 2]),
         ("µ > 2", [3, 4]),  # which the syntax reads as another letter
         ("label == '#'", []),
+        ("z > 3and x < 12", [1, 2, 3]),  # of which Python itself warns, as of the next
+        (r"label != '\d'", [0, 1, 2, 3, 4]),
     ],
 )
 def test_conditions(text, rows):

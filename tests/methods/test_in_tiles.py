@@ -12,17 +12,17 @@ from gppcs.spatial import farthest_in_tiles, stored
 from gppcs.spatial.chunks import ChunkedPoints
 from gppcs.spatial.scaling import normalised
 
-N = 5_000
+N = 3_000
 SCAN = normalised(gppcs.sample("bracket", N, seed=1).points)[0]
-TWICE = np.concatenate([SCAN[:2_500], SCAN[:2_500]])
-FEW = SCAN[:50][np.random.default_rng(0).integers(0, 50, 3_000)]
+TWICE = np.concatenate([SCAN[: N // 2], SCAN[: N // 2]])
+FEW = SCAN[:50][np.random.default_rng(0).integers(0, 50, 1_800)]
 METHODS = [gppcs.Random(seed=3), gppcs.FarthestPoint(), gppcs.Voxel(), gppcs.Voxel(place="mean")]
 
 
 @pytest.fixture(autouse=True)
 def small_tiles(monkeypatch):
-    monkeypatch.setattr(voxel_tiles, "TILE", 1_000)
-    monkeypatch.setattr(farthest_in_tiles, "TILE", 1_000)
+    monkeypatch.setattr(voxel_tiles, "TILE", 600)
+    monkeypatch.setattr(farthest_in_tiles, "TILE", 600)
     monkeypatch.setattr(farthest_in_tiles, "FIRST", 100)
     monkeypatch.setattr(stored, "BOX", 200)
 
@@ -38,7 +38,7 @@ def in_tiles(method, points, n_points, folder, parts=4):
 @pytest.mark.parametrize("points", [SCAN, TWICE, FEW, FEW[:1].repeat(400, axis=0)], ids=["scan", "twice", "few", "one"])
 def test_exactly_m_points_whatever_the_chunks(tmp_path, method, points):
     places = len(np.unique(points, axis=0))
-    for n_points in (1, 51, 1_200):
+    for n_points in (1, 51, 700):
         if n_points >= len(points):
             continue
         found = in_tiles(method, points, n_points, tmp_path)
@@ -52,7 +52,7 @@ def test_exactly_m_points_whatever_the_chunks(tmp_path, method, points):
 @pytest.mark.parametrize("points", [SCAN, TWICE], ids=["scan", "twice"])
 def test_voxel_is_the_same_as_in_memory(tmp_path, place, points):
     method = gppcs.Voxel(place=place)
-    for n_points in (60, 1_200):
+    for n_points in (60, 700):
         expected = gppcs.simplify(points, n_points=n_points, method=method)
         found = in_tiles(method, points, n_points, tmp_path)
         np.testing.assert_array_equal(found.indices, expected.indices)

@@ -220,6 +220,7 @@ def die(item):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+@pytest.mark.slow
 def test_workers_that_end_again_and_again_are_told(three):
     with pytest.raises(gppcs.ClusterError, match="the workers ended again and again during a task"):
         list(Cluster(three).each(die, [1]))

@@ -158,8 +158,8 @@ def test_walls_far_apart_are_measured_each_by_itself():
 def test_points_that_crowd_together_are_counted_as_by_brute_force():
     """Most of the points lie in two dots, within the radius of each other or of some of the rest."""
     rng = np.random.default_rng(0)
-    dots = 1e-3 * rng.standard_normal((2_500, 3)), 1e-3 * rng.standard_normal((2_500, 3)) + [0.1, 0.0, 0.0]
-    points = np.concatenate([*dots, rng.random((1_000, 3)) * [1.0, 1.0, 0.01]])
+    dots = 1e-3 * rng.standard_normal((1_000, 3)), 1e-3 * rng.standard_normal((1_000, 3)) + [0.1, 0.0, 0.0]
+    points = np.concatenate([*dots, rng.random((400, 3)) * [1.0, 1.0, 0.01]])
     features = features_in_radius(KdTree.build(points), 0.101)
     inside = ((points[:, None] - points) ** 2).sum(axis=2) <= 0.101**2
     np.testing.assert_array_equal(features.neighbours, inside.sum(axis=1))

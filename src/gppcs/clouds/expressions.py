@@ -6,6 +6,7 @@ import ast
 import operator
 import re
 import unicodedata
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -75,7 +76,10 @@ class Expression:
         if "#" in bare:
             raise ParameterError(f"{_at(text, bare.index('#'))}: expected no comment")
         try:
-            tree = ast.parse(text, mode="eval").body
+            with warnings.catch_warnings():
+                # Python warns of `2and` and of unknown escapes in quotes: advice on source code, which this is not.
+                warnings.simplefilter("ignore")
+                tree = ast.parse(text, mode="eval").body
         except UnicodeEncodeError:
             raise ParameterError(f"expected {GRAMMAR}, found {shown(text)}") from None
         except SyntaxError as error:
