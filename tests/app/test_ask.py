@@ -4,8 +4,10 @@ import json
 from itertools import pairwise
 from pathlib import Path
 
+import laspy
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 import gppcs
 from command_line import FAST, assert_one_line, files
@@ -21,6 +23,46 @@ def test_a_tolerance_is_reached_by_evaluate(gppcs_command, scan):
     record = json.loads(gppcs_command("evaluate", "scan.ply", "out.ply", "--json")[1])
     assert record["figures"]["surface_mean"] == pytest.approx(reached, rel=1e-3)
     assert record["relative"]["surface_mean"] <= 0.02
+
+
+def test_a_tolerance_that_the_points_do_not_resolve_is_told(gppcs_command, scan):
+    for tolerance, told in (("0.01%", True), ("2%", False)):
+        _, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--force", "--tolerance", tolerance, *FAST)
+        assert ("of the points; it is below what their spacing and noise resolve" in err) == told
+
+
+def test_the_largest_gap_is_told(gppcs_command, scan):
+    out = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--max-gap", "9", *FAST)[1]
+    (row,) = (line for line in out.splitlines() if "largest_gap" in line)
+    assert row.endswith("  (asked: 9)")
+    reached = cKDTree(gppcs.read("out.ply").points).query(scan.points)[0].max()
+    assert float(row.split()[1]) == pytest.approx(reached, rel=1e-3)
+
+
+def las_in(wkt, keys=()):
+    """Write a.las, whose coordinate system is given as WKT or as keys of GeoTIFF."""
+    las = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+    las.x, las.y, las.z = np.random.default_rng(0).uniform(0, 9, (200, 3)).T
+    las.header.global_encoding.wkt = bool(wkt)
+    number, content = (2112, wkt) if wkt else (34735, np.array([1, 1, 0, len(keys), *keys], "<u2").tobytes())
+    las.header.vlrs.append(laspy.VLR("LASF_Projection", number, "", content))
+    las.write("a.las")
+
+
+def test_a_unit_that_is_not_that_of_the_file_is_told(gppcs_command, folder):
+    las_in(b'PROJCS["UTM 32N",UNIT["metre",1]]\0')
+    words = ["simplify", "a.las", "-o", "out.las", "--force", "--max-gap", "500cm", "-q", *FAST]
+    for unit, told in (("m", False), ("mm", True)):
+        code, _, err = gppcs_command(*words, "--unit", unit)
+        assert code == 0
+        assert ("note: a.las: its coordinate system says that the unit is m; --unit mm is used" in err) == told
+
+
+def test_a_file_with_only_the_code_of_its_system_takes_a_unit(gppcs_command, folder):
+    las_in(b"", (3072, 0, 1, 25832))
+    words = ["simplify", "a.las", "-o", "out.las", "--max-gap", "500cm", "-q", *FAST]
+    assert_one_line(gppcs_command(*words), "does not say in which unit its coordinates are", "--unit m")
+    assert gppcs_command(*words, "--unit", "m") == (0, "", "")
 
 
 def test_options_do_what_the_library_does(gppcs_command, scan):
@@ -115,6 +157,8 @@ def test_outliers_are_left_out_and_listed(gppcs_command, folder):
         (["--points", 5, "--weight", "rad"], ["scan.ply: the cloud has no attribute 'rad'", "did you mean 'red'?"]),
         (["--points", 5, "--weight", "nz"], ["scan.ply: expected finite weights from 0 on, found -"]),
         (["--points", 5, "--outliers", "scan.ply"], ["a file other than the input scan.ply"]),
+        (["--points", 5, "--outliers", "-"], ["-: expected the name of a file for the outliers"]),
+        (["--levels", "5,390", "--keep", "z > 60"], ["points to keep: expected at most 5, as many as the coarsest"]),
         (["--levels", "5,10%"], ["with shares or with numbers, found both"]),
         (["--levels", "5,5"], ["different sizes"]),
         (["--levels", "5,10", "--points", 3], ["--levels without --points"]),
@@ -157,6 +201,7 @@ def test_two_sizes_have_no_knee(gppcs_command, scan):
         (["--sizes", "1.5"], "--sizes to be a whole number"),
         (["--sizes", "x%"], "--sizes to be a number"),
         (["--methods", "fsp"], "no method 'fsp'"),
+        (["--only", "z > 999"], "scan.ply: expected points with z > 999, found none; gppcs info shows"),
         (["--plot", "curve.jpg"], "a name that ends in .png for the plot"),
     ],
 )

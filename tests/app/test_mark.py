@@ -31,6 +31,36 @@ def test_all_points_are_written_with_a_mark_for_those_kept(gppcs_command, rows):
         assert (marked.attributes[name] == values).all()
 
 
+@pytest.fixture
+def strays(folder):
+    """Which points of stray.ply, of which some with z > 5 are outliers, have z > 5; and which are no outliers."""
+    cloud = gppcs.sample("bracket", 3000, outliers=0.01)
+    gppcs.write("stray.ply", cloud)
+    part = cloud[cloud.points[:, 2] > 5]
+    return part, ~gppcs.find_outliers(part)
+
+
+ONLY = ["--only", "z > 5", "--drop-outliers", *FPS]
+
+
+def test_rows_are_those_of_the_points_that_are_read_outliers_included(gppcs_command, strays):
+    part, clean = strays
+    assert gppcs_command("simplify", "stray.ply", "-o", "out.ply", "--index-attribute", "row", *ONLY)[0] == 0
+    kept = gppcs.read("out.ply")
+    assert (kept.points == part.points[kept.attributes["row"]]).all()
+    assert clean[kept.attributes["row"]].all()
+    assert (~clean[: kept.attributes["row"].max()]).any()
+
+
+def test_outliers_are_among_the_marked_points(gppcs_command, strays):
+    part, clean = strays
+    assert gppcs_command("simplify", "stray.ply", "-o", "out.ply", "--mark", "kept", *ONLY)[0] == 0
+    marked = gppcs.read("out.ply")
+    assert (marked.points == part.points).all()
+    result = gppcs.simplify(part[clean], n_points=40, method="fps")
+    assert (np.flatnonzero(marked.attributes["kept"]) == np.sort(np.flatnonzero(clean)[result.indices])).all()
+
+
 @pytest.mark.parametrize("option", ["--index-attribute", "--mark"])
 def test_attributes_of_the_cloud_are_not_replaced(gppcs_command, folder, scan, option):
     code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", option, "red", *FPS)

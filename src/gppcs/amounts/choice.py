@@ -112,7 +112,8 @@ def choose_amount(
     Returns
     -------
     Selection
-        Its diagnostics also tell the errors, if a tolerance was asked for, in the unit of the cloud.
+        Its diagnostics also tell the errors, if a tolerance was asked for, and the largest gap, if that was, in the
+        unit of the cloud, and the number of points to keep.
 
     Raises
     ------
@@ -145,7 +146,10 @@ def choose_amount(
         assert amount.max_gap is not None
         selection = asked.of_number(asked.fewest_without_gaps(scale.inside(amount.max_gap)))
     if amount.max_gap is not None:
-        selection = asked.without_gaps(selection, scale.inside(amount.max_gap))
+        selection = asked.without_gaps(selection, amount, scale)
+    if len(guide.keep):
+        to_keep = {"points_to_keep": float(len(guide.keep))}
+        selection = dataclasses.replace(selection, diagnostics={**selection.diagnostics, **to_keep})
     return asked.with_repeats(selection, 0 if count is None else count)
 
 
@@ -210,19 +214,24 @@ class _Asked:
         wanted = math.ceil(min(FEWEST_WITHOUT_GAPS * area / gap / gap, 1e18))
         return min(max(wanted, self.fixed + len(self.repeats), 1), len(self.places) + len(self.repeats))
 
-    def without_gaps(self, selection: Selection, gap: float) -> Selection:
+    def without_gaps(self, selection: Selection, amount: Amount, scale: Scale) -> Selection:
         """Add points, each the farthest from all others, until no place is farther from one than a length."""
+        assert amount.max_gap is not None
+        gap = scale.inside(amount.max_gap)
         from gppcs.spatial.farthest_points import farthest_points
+        from gppcs.spatial.kdtree import KdTree
 
         kept = self.places[selection.indices] if selection.points is None else selection.points
         with self.stages("gaps"):
             just_above = np.nextafter(gap, math.inf)
             added, _ = farthest_points(self.places, len(self.places), others=kept, least=just_above)
+            reached = KdTree.build(np.concatenate([kept, self.places[added]])).nearest_of(self.places, 1)[1].max()
+        found = {"added_in_gaps": float(len(added)), "largest_gap": scale.outside(math.sqrt(reached))}
         padded = {name: np.pad(values, (0, len(added))) for name, values in selection.attributes.items()}
         return dataclasses.replace(
             selection,
             indices=np.concatenate([selection.indices, added]),
-            diagnostics={**selection.diagnostics, "added_in_gaps": float(len(added))},
+            diagnostics={**selection.diagnostics, **found},
             points=None if selection.points is None else np.concatenate([kept, self.places[added]]),
             attributes=padded,
         )

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
-from gppcs.errors import FileFormatError, ParameterError, number, shown
+from gppcs.errors import FileFormatError, InputError, ParameterError, number, shown
 from gppcs.io.format import Format
 from gppcs.io.polygons import Polygons, read_polygons
 from gppcs.io.rows import BLOCK
@@ -110,6 +110,16 @@ class Query:
             (self.drop is not None, f"without {self.drop.text if self.drop else ''}"),
         )
         return " and ".join(words for known, words in parts if known) or "in the box"
+
+    def nothing_found(self) -> InputError:
+        """Return the error for a cloud without such points.
+
+        Returns
+        -------
+        InputError
+        """
+        found = f"expected points {self.wanted}, found none; "
+        return InputError(f"{found}gppcs.info shows where they lie", command=f"{found}gppcs info shows where they lie")
 
     def holds(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which points are in the box and in the polygons; those on the border of the box are.

@@ -120,8 +120,7 @@ def plan(
     head = files.head()
     n, row = head.points, _bytes_of_row(head.cloud)
     if files.query and not n:
-        found = f"expected points {files.query.wanted}, found none; "
-        raise InputError(f"{found}gppcs.info shows where they lie", command=f"{found}gppcs info shows where they lie")
+        raise files.query.nothing_found()
     kept = number_to_keep(n, ratio, n_points) if n else 0
     in_memory = PROGRAM + max(2 * row * n, row * n + 24 * n + method.memory(n, kept))
     if (limit is None or in_memory <= limit) and not shared:

@@ -106,6 +106,8 @@ def curve(
     from gppcs.engine.stages import Stages
     from gppcs.evaluation.comparison import checked_methods
     from gppcs.evaluation.curves import curve as measured
+    from gppcs.io.files import naming
+    from gppcs.io.query import Query
 
     set_threads(threads)
     chosen = checked_methods([name.strip() for name in methods.split(",")], None, 1, seed)
@@ -118,7 +120,11 @@ def curve(
         io.check_output(plot, force)
     query: dict[str, Any] = {"box": numbers_of(box), "only": only, "drop": drop, "polygon": polygon}
     original = io.load(cloud, input_format, names_of(columns), **query).cloud
-    curves = measured(original, chosen, sizes=wanted, invalid=invalid, stages=Stages(progress(quiet)))
+    with naming(cloud):
+        asked = Query.of(resolution=None, **query)
+        if asked and not len(original):
+            raise asked.nothing_found()
+        curves = measured(original, chosen, sizes=wanted, invalid=invalid, stages=Stages(progress(quiet)))
     if plot is not None:
         with io.whole_output(plot, force) as file:
             draw_curves(file, curves, measure)

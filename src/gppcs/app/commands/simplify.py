@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
@@ -74,7 +75,7 @@ from gppcs.app.quantities import (
     share_of,
 )
 from gppcs.app.viewpoint import Colour, Up, View, require_picture, viewpoint_of
-from gppcs.clouds.lengths import option
+from gppcs.clouds.lengths import METRES, metres_of, option
 from gppcs.engine.memory import peak_memory
 from gppcs.engine.stages import COMPILATION
 from gppcs.engine.threads import set_threads
@@ -222,7 +223,7 @@ def simplify(
         typer.Option(
             metavar="NAME",
             help="Add to each kept point its row in the input, counted from 0, as NAME; with --box, --only "
-            "and so on, its row among the points that are read.",
+            "and so on, its row among the points that are read. Outliers and invalid points count, too.",
             rich_help_panel=panels.ATTRIBUTES,
         ),
     ] = None,
@@ -230,7 +231,7 @@ def simplify(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Write all points of the input, with an attribute NAME: 1 for kept points, 0 for others.",
+            help="Write all points that are read, with an attribute NAME: 1 for kept points, 0 for others.",
             rich_help_panel=panels.ATTRIBUTES,
         ),
     ] = None,
@@ -280,7 +281,7 @@ def simplify(
     If one of several inputs cannot be used, the others are still simplified, and the exit code is 2. The name - stands
     for standard input, or for standard output with --to.
     """
-    from gppcs.io import check_distinct
+    from gppcs.io import check_distinct, is_standard
     from gppcs.io.query import Query
     from gppcs.simplification import check_options
     from gppcs.streaming.sizes import bytes_of
@@ -328,6 +329,8 @@ def simplify(
     check_distinct([*written, *filter(None, (picture, report, outliers))], [*inputs, *(merged or sources)])
     if outliers is not None:
         _check_single("--outliers", sources)
+        if is_standard(outliers):
+            raise OutputError("-: expected the name of a file for the outliers, found standard output")
         Outputs({sources[0]: outliers}, makes_folders=False).check(outliers, force)
     with cluster_of(workers, scheduler) as cluster:
         job = _Job(
@@ -464,6 +467,8 @@ class _Job:
             made = plan(files, method, *self._amount(), self.limit, self._whole(), shared)
             if self.dry_run:
                 return _DryRun(sources, target, made, expected_seconds(files, made, method))
+            if self.options["unit"] is not None:
+                self._note_other_unit(source, files.head().cloud)
             if made.in_memory:
                 result, points, strays, measured, drawn = self._in_memory(files, target, stages)
             else:
@@ -482,6 +487,7 @@ class _Job:
                 note_left_out(self.outliers, io.store(self.outliers, strays, None, self.force, self.lossy, None))
         note_left_out(target, [*unread, *lost])
         self._note_all_kept(source, len(result.indices))
+        self._note_fine_tolerance(source, len(result.indices) / points)
         return _Run(sources, written, points, made.passes, result, measured, self._asked())
 
     def _store(self, source: Path, result: Result, points: int) -> tuple[dict[Path, int], list[str]]:
@@ -498,6 +504,11 @@ class _Job:
                     "repeats"
                 )
             counts = self.levels.counts(len(result.indices))
+            if counts[0] < (to_keep := result.diagnostics.get("points_to_keep", 0)):
+                raise InputError(
+                    f"points to keep: expected at most {counts[0]:,}, as many as the coarsest of the levels has, found "
+                    f"{to_keep:,.0f}; select fewer or make that level larger"
+                )
             if len(self.by_level) > 1:
                 clouds = [result.cloud.take(np.arange(count)) for count in counts]
             else:
@@ -522,13 +533,16 @@ class _Job:
         with stages("reading"):
             cloud = files.read()
         self._check_storable(target, cloud)
+        read, rows, strays = cloud, np.arange(len(cloud)), None
         if self.drop_outliers:
+            from gppcs.surface.outliers import find_outliers
+
             with stages("outliers"):
-                cloud, strays = _without_outliers(cloud)
+                mask = find_outliers(cloud)
+                rows, strays = np.flatnonzero(~mask), cloud.take(np.flatnonzero(mask))
+                cloud = cloud.take(rows)
             if self.outliers is not None:
                 io.check_storable(self.outliers, strays, None, self.lossy, None)
-        else:
-            strays = None
         if self.colour is not None:
             from gppcs.drawing.attributes import Colourable
 
@@ -546,10 +560,11 @@ class _Job:
         if self.report:
             with stages("report"):
                 drawn[self.report] = self._page(cloud, result, target)
+        result = replace(result, indices=rows[result.indices])
         if self.mark is not None:
-            kept = np.zeros(len(cloud), dtype=np.uint8)
+            kept = np.zeros(len(read), dtype=np.uint8)
             kept[result.indices] = 1
-            result = replace(result, cloud=_with_attribute(cloud, self.mark, kept))
+            result = replace(result, cloud=_with_attribute(read, self.mark, kept))
         if strays is not None:
             left_out = {**result.diagnostics, "outliers": float(len(strays))}
             result = replace(result, diagnostics=left_out)
@@ -613,8 +628,11 @@ class _Job:
 
     def _asked(self) -> dict[str, str]:
         """Return what was asked of a diagnostic, by its name."""
-        tolerance = self.options["tolerance"]
-        return {} if tolerance is None else {f"surface_{self.options['measure'] or 'p95'}": tolerance}
+        asked = {
+            f"surface_{self.options['measure'] or 'p95'}": self.options["tolerance"],
+            "largest_gap": self.options["max_gap"],
+        }
+        return {name: length for name, length in asked.items() if length is not None}
 
     def _note_all_kept(self, source: Path, kept: int) -> None:
         """Print a note if the input has fewer points than were asked for."""
@@ -625,15 +643,21 @@ class _Job:
                 f"note: {source}: all of its {kept:,} points{usable} were kept, fewer than the {asked:,} asked for"
             )
 
+    def _note_fine_tolerance(self, source: Path, share: float) -> None:
+        """Print a note if the points that are left out, less than half, tell that a tolerance is too small for them."""
+        if self.options["tolerance"] is not None and share > 0.5:
+            print_error(
+                f"note: {source}: this tolerance takes {share:.0%} of the points; it is below what their spacing and "
+                "noise resolve"
+            )
 
-def _without_outliers(cloud: PointCloud) -> tuple[PointCloud, PointCloud]:
-    """Return a cloud without its outliers, and these."""
-    import numpy as np
-
-    from gppcs.surface.outliers import find_outliers
-
-    mask = find_outliers(cloud)
-    return cloud.take(np.flatnonzero(~mask)), cloud.take(np.flatnonzero(mask))
+    def _note_other_unit(self, source: Path, cloud: PointCloud) -> None:
+        """Print a note if the unit that is given is not that of the input."""
+        unit = self.options["unit"]
+        own, given = metres_of(None, cloud.header), metres_of(unit, cloud.header)
+        if own is not None and given is not None and not math.isclose(own, given, rel_tol=1e-9):
+            known = next((name for name, metres in METRES.items() if metres == own), f"{own:g} m")
+            print_error(f"note: {source}: its coordinate system says that the unit is {known}; --unit {unit} is used")
 
 
 def _with_attribute(cloud: PointCloud, name: str, values: NDArray[Any]) -> PointCloud:
