@@ -18,11 +18,13 @@ MEASURES: tuple[Measure, ...] = get_args(Measure)
 
 FIRST = 1000  # Points of the first ranking, by which the number of points is guessed.
 SPARE = 1.2  # Points of a ranking for each one that the guess says. A ranking that is too short costs another one.
-GROWTH = 30.0  # From one ranking to the next at most: errors of few points tell little of those of many.
+GROWTH = 100.0  # From one ranking to the next at most.
 SOME = 20_000  # Original points from which a guess is measured.
 FALL = 1.0  # Errors fall about as the number of points to this power, where two of them do not tell.
+# The least and greatest power that two errors may tell. Those of few points tell little of those of many.
+FLATTEST, FLATTEST_AT_FIRST, STEEPEST = 0.25, 0.7, 4.0
 CLOSE = 1.02  # The fewest points are found up to this factor, and one point.
-SURE = 0.97  # A ranking is long enough if the guessed error is at most this share of the tolerance.
+SURE = 0.97  # A ranking is long enough if the guessed number is at most this share of its points.
 FEWER = 0.95  # So few points miss the tolerance.
 
 Points = NDArray[np.float64]
@@ -142,17 +144,23 @@ class _Search:
     def ranked(self) -> tuple[Selection, dict[Measure, float]]:
         """Search among the first points of a ranking that is long enough."""
         most = len(self.points) - 1  # of a ranking
-        count = max(min(FIRST, most), self.least)
+        count = judged = max(min(FIRST, most), self.least)
+        before, error_before, flattest = count // 2, math.inf, FLATTEST_AT_FIRST
         while 0 < count <= most:
             ranking = self.choose(count)
             places = self._places(ranking)
-            error, of_half = self._guessed(places), self._guessed(places[: count // 2])
-            guess = count * min((error / self.tolerance) ** (1.0 / _power(of_half, error)), GROWTH)
-            if error <= SURE * self.tolerance or count == most:
-                enough, errors = self._fewest(lambda m, places=places: places[:m], guess, count)  # type: ignore[misc]
+            error = self._guessed(places[:judged])
+            if math.isinf(error_before):
+                error_before = self._guessed(places[:before])
+            power = _power(before, error_before, judged, error, flattest)
+            guess = self._crossing(judged, error, power)
+            if guess <= SURE * count or count == most:
+                enough, errors = self._fewest(lambda m, places=places: places[:m], guess, count, power)  # type: ignore[misc]
                 if errors[self.measure] <= self.tolerance:
                     return first_of(ranking, enough), errors
-            count = len(self.points) if count == most else min(math.ceil(SPARE * max(guess, count)), most)
+            before, error_before, flattest = judged, error, FLATTEST
+            judged = min(max(round(guess), count), most)
+            count = len(self.points) if count == most else min(math.ceil(SPARE * judged), most)
         return self.choose(len(self.points)), dict.fromkeys(MEASURES, 0.0)
 
     def unranked(self) -> tuple[Selection, dict[Measure, float]]:
@@ -164,11 +172,16 @@ class _Search:
                 known[m] = self.choose(m)
             return self._places(known[m])
 
-        enough, errors = self._fewest(places, FIRST, len(self.points))
+        enough, errors = self._fewest(places, FIRST, len(self.points), FALL)
         return known[enough], errors
 
-    def _fewest(self, places: Callable[[int], Points], begin: float, most: int) -> tuple[int, dict[Measure, float]]:
-        """Return the fewest points that reach the tolerance, if `most` do, and their errors; begin the search there."""
+    def _fewest(
+        self, places: Callable[[int], Points], begin: float, most: int, power: float
+    ) -> tuple[int, dict[Measure, float]]:
+        """Return the fewest points that reach the tolerance, if `most` do, and their errors; begin the search there.
+
+        Errors fall about as the number of points to a power.
+        """
         known: dict[int, dict[Measure, float]] = {}
 
         def error(m: int) -> float:
@@ -177,39 +190,43 @@ class _Search:
                     known[m] = self.whole.errors(places(m))
             return known[m][self.measure]
 
-        first = min(max(round(begin), self.least), most)
-        guess = self._bracketed(lambda m: self._guessed(places(m)), first, most)
-        enough = most
+        guess, enough = min(max(round(begin), self.least), most), most
         while True:
-            enough = self._bracketed(error, min(guess, enough), enough)
+            enough = self._bracketed(error, guess, enough, power)
             guess = math.floor(FEWER * enough)
             if guess < self.least or error(guess) > self.tolerance:
                 error(enough)
                 return enough, known[enough]
             enough = guess
 
-    def _bracketed(self, error: Callable[[int], float], guess: int, most: int) -> int:
+    def _bracketed(self, error: Callable[[int], float], guess: int, most: int, power: float) -> int:
         """Return a number of points that reaches the tolerance, while a little fewer (`CLOSE`) miss it.
 
-        The error of a number of points falls, apart from small ups and downs. The search begins at a guess; `most`
-        points are known to reach the tolerance.
+        The search begins at a guess; `most` points are known to reach the tolerance. Each next number is a step from
+        the last one, to the other side of where the error should cross the tolerance, or close to there. Steps to the
+        same side grow, as the error may stay as it is for long.
         """
-        few, enough, above, below = self.least - 1, most, math.inf, 0.0
-        step = CLOSE**0.9
+        few, enough, run, side = self.least - 1, most, 0, True
         while enough > few + 1 and enough > CLOSE * few:
             found = error(guess)
-            if found > self.tolerance:
-                few, above = guess, found
+            side, before = found <= self.tolerance, side
+            run = run + 1 if side == before else 1
+            step, crossing = CLOSE**2.0 ** max(0, run - 2), self._crossing(guess, found, power) * CLOSE**0.3
+            if side:
+                enough, guess = guess, math.ceil(min(guess / step, crossing))
             else:
-                enough, below = guess, found
-            if above == math.inf:  # go down in growing steps
-                guess, step = math.floor(enough / step), step * step
-            elif enough == most:  # or up
-                guess, step = math.ceil(few * step), step * step
-            else:
-                guess = _between(few, enough, above, below, self.tolerance)
-            guess = min(max(guess, few + 1), enough - 1)
+                few, guess = guess, math.floor(max(guess * step, crossing))
+            least, largest = few + 1, enough - 1
+            if few >= self.least and enough < most:  # go on inside, not too near the ends
+                least, largest = (round(few * (enough / few) ** share) for share in (0.2, 0.8))
+            guess = min(max(guess, least, few + 1), largest, enough - 1)
         return enough
+
+    def _crossing(self, count: int, error: float, power: float) -> float:
+        """Return the number of points where the error would be the tolerance, given that of another number."""
+        if error == 0.0:
+            return count / GROWTH
+        return count * min(max((error / self.tolerance) ** (1.0 / power), 1.0 / GROWTH), GROWTH)
 
     def _places(self, selection: Selection) -> Points:
         """Return where the chosen points are."""
@@ -242,17 +259,8 @@ def first_of(ranking: Selection, count: int) -> Selection:
     )
 
 
-def _power(error_of_half: float, error: float) -> float:
-    """Return the power of the number of points with which errors fall, from those of half of the points and of all."""
-    if not 0.0 < error < error_of_half < math.inf:
+def _power(few: int, error_of_few: float, many: int, error: float, flattest: float) -> float:
+    """Return the power of the number of points with which errors fall, from those of two numbers."""
+    if not 0.0 < error < error_of_few < math.inf:
         return FALL
-    return float(np.clip(math.log2(error_of_half / error), 0.25, 4.0))
-
-
-def _between(few: int, enough: int, above: float, below: float, tolerance: float) -> int:
-    """Return where the error would cross the tolerance if it fell as a power, but not too near the ends."""
-    share = 0.5
-    if above > below > 0.0 and math.isfinite(above):
-        share = math.log(above / tolerance) / math.log(above / below)
-    share = min(max(share, 0.2), 0.8)
-    return round(few * (enough / few) ** share)
+    return min(max(math.log(error_of_few / error) / math.log(many / few), flattest), STEEPEST)
