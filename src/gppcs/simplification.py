@@ -14,7 +14,7 @@ from gppcs.amounts.accuracy import Measure
 from gppcs.amounts.amount import Amount
 from gppcs.amounts.choice import Scale, choose_amount
 from gppcs.amounts.curve import Curve, checked_sizes, halves, measured_curve
-from gppcs.amounts.guide import Guide
+from gppcs.amounts.guide import Guide, check_guided_amount
 from gppcs.clouds import display
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.clouds.expressions import Expression
@@ -25,7 +25,7 @@ from gppcs.engine.stages import Stages, in_words
 from gppcs.errors import InputError, ParameterError, flag, one_of, share, shown, whole_number
 from gppcs.methods import DEFAULT, METHODS, Method, Selection, method_named
 
-WHOLE = ("tolerance", "spacing", "max_gap", "keep", "weight")  # arguments that need all points in memory
+WHOLE = ("tolerance", "spacing", "max_gap", "keep", "weight")  # arguments that may need all points in memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,6 +286,7 @@ def simplify(
     stages = Stages.of(stages)
     normals, scores = flag("normals", normals), flag("scores", scores)
     amount = Amount.of(ratio, n_points, tolerance, spacing, max_gap, measure)
+    check_guided_amount(spacing, keep, weight)
     with stages("preparation"):
         cloud = PointCloud.of(cloud)
         chosen_method = resolved(method, seed)
@@ -336,6 +337,7 @@ def check_options(
         If an argument is outside its range.
     """
     Amount.of(ratio, n_points, tolerance, spacing, max_gap, measure)
+    check_guided_amount(spacing, keep, weight)
     metres_of(unit, None)
     if keep is not None:
         Expression.of(keep)
@@ -344,6 +346,27 @@ def check_options(
         method.require_spacing()
     if keep is not None or weight is not None:
         method.require_guided()
+
+
+def takes_all_points(method: Method, asked: Mapping[str, Any]) -> str | None:
+    """Return the argument of `simplify`, besides `normals`, for which all points have to be in memory.
+
+    Parameters
+    ----------
+    method : Method
+    asked : mapping of str to object
+        At least the arguments in `WHOLE`.
+
+    Returns
+    -------
+    str or None
+        None if passes over files do, too.
+    """
+    given = [name for name in WHOLE if asked[name] is not None]
+    passes = (given == ["spacing"] and method.counts_at_spacing) or (
+        given == ["keep"] and method.guides_in_passes and isinstance(asked["keep"], str)
+    )
+    return None if passes or not given else given[0]
 
 
 def _with_normals(kept: PointCloud, points: NDArray[np.float64], selection: Selection) -> PointCloud:

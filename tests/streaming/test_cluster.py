@@ -73,6 +73,12 @@ def test_workers_choose_what_memory_chooses(three, cloud, paths, n_points):
     assert_same(found, expected)
 
 
+@pytest.mark.parametrize("wanted", [{"spacing": 12.0}, {"n_points": 200, "keep": "row % 900 < 9"}])
+def test_workers_find_a_spacing_and_points_to_keep(three, cloud, paths, wanted):
+    expected = gppcs.simplify(cloud, invalid="drop", scores=True, **wanted)
+    assert_same(gppcs.simplify_files(paths, invalid="drop", scores=True, client=three, **wanted), expected)
+
+
 @pytest.fixture
 def small_parts(monkeypatch):
     """Let a part of a file be small; note how many there are of each run."""

@@ -15,11 +15,11 @@ from gppcs.amounts.amount import Amount
 from gppcs.amounts.guide import Guide
 from gppcs.clouds.lengths import Length
 from gppcs.engine.stages import Stages
-from gppcs.errors import InputError, ParameterError
+from gppcs.errors import InputError
 from gppcs.methods import Method, Selection
 
 if TYPE_CHECKING:
-    from gppcs.spatial.chunks import ChunkedPoints
+    from gppcs.spatial.chunks import ChunkedPoints, Places
 
 FEWEST_WITHOUT_GAPS = 2.0 / (3.0 * math.sqrt(3.0))  # Discs of radius 1 for each unit of area, if they cover a plane.
 SHORTEST, LONGEST = 1e-100, 1e100  # Lengths in sizes of the cloud: squares of others would vanish or overflow.
@@ -27,7 +27,7 @@ SHORTEST, LONGEST = 1e-100, 1e100  # Lengths in sizes of the cloud: squares of o
 Points = NDArray[np.float64]
 
 
-def choose(points: ChunkedPoints, count: int, method: Method, stages: Stages) -> Selection:
+def choose(points: ChunkedPoints, count: int, method: Method, stages: Stages, *, repeats: bool = True) -> Selection:
     """Let the method choose among the points without repeats; add repeats only if there are too few others.
 
     Parameters
@@ -39,6 +39,8 @@ def choose(points: ChunkedPoints, count: int, method: Method, stages: Stages) ->
     method : Method
     stages : Stages
         Times the stages of the method, and "repeats".
+    repeats : bool
+        Whether to add repeats. Otherwise there may be fewer than M points.
 
     Returns
     -------
@@ -47,13 +49,15 @@ def choose(points: ChunkedPoints, count: int, method: Method, stages: Stages) ->
     """
     from gppcs.spatial.chunks import first_repeats
 
-    if count >= len(points):
+    if count >= len(points) and repeats:
         return Selection(np.arange(len(points)), ranked=False)
-    selection = method.in_passes(points, count, stages)
+    selection = method.in_passes(points, count, stages) if count < len(points) else None
     if selection is not None:
         return selection
     with stages("repeats", len(points)) as advanced:
         distinct = points.distinct(advanced)
+    if len(distinct.rows) <= count and not repeats:
+        return Selection(distinct.rows, ranked=False)
     if len(distinct.rows) <= count:
         return Selection(np.concatenate([distinct.rows, first_repeats(distinct.rows, count)]), ranked=False)
     if len(distinct.rows) == len(points):
@@ -62,6 +66,45 @@ def choose(points: ChunkedPoints, count: int, method: Method, stages: Stages) ->
         return method(places, count, stages)
     selection = method(distinct.points, count, stages)
     return dataclasses.replace(selection, indices=distinct.rows[selection.indices])
+
+
+def choose_keeping(points: ChunkedPoints, count: int, to_keep: Places, method: Method, stages: Stages) -> Selection:
+    """Let the method choose points of which some are given.
+
+    Parameters
+    ----------
+    points : ChunkedPoints
+        N finite points.
+    count : int
+        M, from 1 to N.
+    to_keep : Places
+        Some of the points.
+    method : Method
+    stages : Stages
+        Times the stages of the method.
+
+    Returns
+    -------
+    Selection
+        M points: first those to keep that repeat no earlier one of them, then those that do, then the others.
+
+    Raises
+    ------
+    InputError
+        If more than M are to be kept.
+    """
+    from gppcs.spatial.cells import first_occurrences
+
+    _check_to_keep(len(to_keep.rows), count)
+    first = first_occurrences(to_keep.points)
+    fixed, repeats = to_keep.take(np.flatnonzero(first)), to_keep.rows[~first]
+    selection = None
+    if count < len(points):
+        selection = method.guided_in_passes(points, count - len(repeats), fixed, stages)
+    if selection is None:
+        guide = Guide(to_keep.rows, None)
+        return _Asked.of(points.every(1), guide, method, stages).with_number(count)
+    return _with_repeats(selection, repeats, len(fixed.rows))
 
 
 class Scale(NamedTuple):
@@ -122,19 +165,23 @@ def choose_amount(
     ParameterError
         If the method cannot do what is asked for.
     """
-    from gppcs.spatial.chunks import ChunkedPoints
+    from gppcs.spatial.chunks import ChunkedPoints, Places
 
     count = amount.known_count(len(points))
-    if guide is None and amount.max_gap is None and count is not None:
-        return choose(ChunkedPoints.of(points), count, method, stages)
+    chunked = ChunkedPoints.of(points)
     if amount.spacing is not None:
         method.require_spacing()
+    if guide is None and amount.spacing is not None and method.counts_at_spacing:
+        count = method.count_at_spacing(chunked, scale.inside(amount.spacing), stages)
+    if guide is None and amount.max_gap is None and count is not None:
+        return choose(chunked, count, method, stages, repeats=amount.spacing is None)
     if guide is None:
         guide = Guide(np.empty(0, dtype=np.int64), None)
     else:
         method.require_guided()
-        if amount.spacing is not None:
-            raise ParameterError("expected a number, a share or a tolerance with points to keep or weights")
+    if guide.weights is None and amount.max_gap is None and count is not None:
+        to_keep = Places(guide.keep, points[guide.keep], np.zeros(len(guide.keep), np.float32))
+        return choose_keeping(chunked, count, to_keep, method, stages)
     asked = _Asked.of(points, guide, method, stages)
     if count is not None:
         selection = asked.of_number(count)
@@ -147,10 +194,7 @@ def choose_amount(
         selection = asked.of_number(asked.fewest_without_gaps(scale.inside(amount.max_gap)))
     if amount.max_gap is not None:
         selection = asked.without_gaps(selection, amount, scale)
-    if len(guide.keep):
-        to_keep = {"points_to_keep": float(len(guide.keep))}
-        selection = dataclasses.replace(selection, diagnostics={**selection.diagnostics, **to_keep})
-    return asked.with_repeats(selection, 0 if count is None else count)
+    return asked.with_repeats(selection, 0 if count is None or amount.spacing is not None else count)
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,15 +229,16 @@ class _Asked:
 
     def of_number(self, count: int) -> Selection:
         """Return a number of points, or all places if there are no more."""
-        kept = self.fixed + len(self.repeats)
-        if kept > count:
-            found = f"points to keep: expected at most {count:,}, as many as are asked for, found {kept:,}"
-            raise InputError(f"{found}; select fewer or ask for more")
+        _check_to_keep(self.fixed + len(self.repeats), count)
         if count > len(self.every):
             raise InputError(
                 f"expected at least {count:,} points of a weight above 0, found {len(self.every):,}; ask for fewer"
             )
         return self._chosen(count - len(self.repeats))
+
+    def with_number(self, count: int) -> Selection:
+        """Return the rows of a number of points, or all if there are no more."""
+        return self.with_repeats(self.of_number(count), count)
 
     def of_accuracy(self, amount: Amount, scale: Scale) -> Selection:
         """Return the fewest points that reach a tolerance."""
@@ -241,18 +286,15 @@ class _Asked:
 
         If there are too few places for a number of points, other repeats follow.
         """
-        place = np.full(len(self.repeats), self.fixed)
-        indices = np.insert(self.rows[selection.indices], place, self.repeats)
-        lacking = max(0, count - len(indices))
-        others = np.setdiff1d(self.every, indices)[:lacking]
+        chosen = dataclasses.replace(selection, indices=self.rows[selection.indices])
+        found = _with_repeats(chosen, self.repeats, self.fixed)
+        lacking = max(0, count - len(found.indices))
+        others = np.setdiff1d(self.every, found.indices)[:lacking]
         return dataclasses.replace(
-            selection,
-            indices=np.concatenate([indices, others]),
+            found,
+            indices=np.concatenate([found.indices, others]),
             points=None if len(others) else selection.points,
-            attributes={
-                name: np.pad(np.insert(values, place, 0.0), (0, len(others)))
-                for name, values in selection.attributes.items()
-            },
+            attributes={name: np.pad(values, (0, len(others))) for name, values in found.attributes.items()},
         )
 
     def _chosen(self, count: int) -> Selection:
@@ -262,3 +304,22 @@ class _Asked:
         if not self.fixed and self.weights is None:
             return self.method(self.places, count, self.stages)
         return self.method.guided(self.places, count, self.fixed, self.weights, self.stages)
+
+
+def _with_repeats(selection: Selection, repeats: NDArray[np.int64], fixed: int) -> Selection:
+    """Return a selection with repeats to keep after the first points, and tell how many are kept in all."""
+    place = np.full(len(repeats), fixed)
+    kept = fixed + len(repeats)
+    return dataclasses.replace(
+        selection,
+        indices=np.insert(selection.indices, place, repeats),
+        diagnostics={**selection.diagnostics, **({"points_to_keep": float(kept)} if kept else {})},
+        attributes={name: np.insert(values, place, 0.0) for name, values in selection.attributes.items()},
+    )
+
+
+def _check_to_keep(kept: int, count: int) -> None:
+    """Check that no more points are to be kept than are asked for."""
+    if kept > count:
+        found = f"points to keep: expected at most {count:,}, as many as are asked for, found {kept:,}"
+        raise InputError(f"{found}; select fewer or ask for more")

@@ -63,8 +63,7 @@ class Guide:
         if rows is not None:
             mask, weights = mask[rows], None if weights is None else weights[rows]
         if isinstance(keep, str) and not mask.any():
-            found = f"expected points with {keep.strip()} to keep, found none; change the condition or omit"
-            raise InputError(f"{found} keep", command=f"{found} --keep")
+            raise nothing_to_keep(keep)
         if weights is not None:
             weights = _checked(weights)
         return None if weights is None and not mask.any() else cls(np.flatnonzero(mask), weights)
@@ -85,6 +84,38 @@ class Guide:
         free = np.ones(n, dtype=np.bool_) if self.weights is None else self.weights > 0.0
         free[self.keep] = False
         return np.concatenate([self.keep, np.flatnonzero(free)])
+
+
+def check_guided_amount(spacing: Any, keep: Any, weight: Any) -> None:
+    """Check that no spacing is asked for together with points to keep or weights.
+
+    Parameters
+    ----------
+    spacing, keep, weight
+        As for `gppcs.simplify`.
+
+    Raises
+    ------
+    ParameterError
+        If it is.
+    """
+    if spacing is not None and (keep is not None or weight is not None):
+        raise ParameterError("expected a number, a share or a tolerance with points to keep or weights")
+
+
+def nothing_to_keep(condition: str) -> InputError:
+    """Return the error for a condition of points to keep that none meets.
+
+    Parameters
+    ----------
+    condition : str
+
+    Returns
+    -------
+    InputError
+    """
+    found = f"expected points with {condition.strip()} to keep, found none; change the condition or omit"
+    return InputError(f"{found} keep", command=f"{found} --keep")
 
 
 def _mask(cloud: PointCloud, keep: Any) -> NDArray[np.bool_]:

@@ -14,9 +14,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from gppcs.gp.local.ranking import Criterion
+    from gppcs.gp.local.ranking import Criterion, Ranking
     from gppcs.spatial.boxes import Each
-    from gppcs.spatial.chunks import ChunkedPoints
+    from gppcs.spatial.chunks import ChunkedPoints, Places
+    from gppcs.surface.noise import Noise
 
 
 # Memory in bytes, a little more than measured.
@@ -158,11 +159,41 @@ class LocalGP(Method):
             finest.places.points, candidates, self.criterion, noise, stages, fixed,
             None if weights is None else weights[rows],
         )  # fmt: skip
-        return Selection(
-            rows[ranking.indices],
-            {"noise_in_spacings": noise.level / noise.spacing if noise.spacing > 0.0 else 0.0},
-            attributes={"score": ranking.scores, "deviation": ranking.deviations},
-        )
+        return self._selection(rows, ranking, noise)
+
+    def guided_in_passes(self, points: ChunkedPoints, n_points: int, fixed: Places, stages: Stages) -> Selection | None:
+        """Choose as `guided`, unless all points would be measured, or be candidates; see `Method.guided_in_passes`.
+
+        Parameters
+        ----------
+        points : ChunkedPoints
+            N finite points, which may repeat each other.
+        n_points : int
+            M, from 1 to N - 1.
+        fixed : Places
+            At most M of the points, without repeats.
+        stages : Stages
+            Times the stages of a call.
+
+        Returns
+        -------
+        Selection or None
+        """
+        from gppcs.gp.local.candidates import finest_candidates, nested_candidates
+        from gppcs.gp.local.guiding import after_fixed, behind_fixed
+        from gppcs.gp.local.ranking import rank
+        from gppcs.gp.local.survey import is_sampled, survey
+
+        if not is_sampled(len(points), n_points):
+            return None
+        area, noise, sharpness = survey(points, n_points, self.candidates, stages)
+        finest = finest_candidates(points, n_points, area, self.candidates, sharpness, stages)
+        if not finest.thinned:
+            return None
+        finest = behind_fixed(finest, fixed, sharpness)
+        candidates = after_fixed(nested_candidates(finest, n_points, self.candidates, stages), len(fixed.rows))
+        ranking = rank(finest.places.points, candidates, self.criterion, noise, stages, len(fixed.rows))
+        return self._selection(finest.places.rows, ranking, noise)
 
     def in_passes(self, points: ChunkedPoints, n_points: int, stages: Stages) -> Selection | None:
         """Choose the points, unless all of them would be measured, or be candidates; see `Method.in_passes`.
@@ -203,13 +234,37 @@ class LocalGP(Method):
         """
         import numpy as np
 
+        from gppcs.spatial.chunks import ChunkedPoints
+
+        count = self.count_at_spacing(ChunkedPoints.of(points), spacing, stages)
+        return self(points, count, stages) if count < len(points) else Selection(np.arange(len(points)), ranked=False)
+
+    def count_at_spacing(self, points: ChunkedPoints, spacing: float, stages: Stages) -> int:
+        """Return how many points have a mean spacing on the surface, of which a sample measures the area.
+
+        Parameters
+        ----------
+        points : ChunkedPoints
+            N finite points, which may repeat each other.
+        spacing : float
+            In the unit of the points.
+        stages : Stages
+            Times "sample" and "tree". A step of the first is a point read.
+
+        Returns
+        -------
+        int
+        """
+        from gppcs.gp.local.survey import sample
+        from gppcs.spatial.cells import first_occurrences
         from gppcs.spatial.kdtree import KdTree
         from gppcs.spatial.spacing import surface_area
 
+        with stages("sample", len(points)) as advanced:
+            _, places = sample(points, 1, advanced)
         with stages("tree"):
-            wanted = surface_area(KdTree.build(points)) / spacing / spacing
-        count = max(1, round(min(wanted, len(points))))
-        return self(points, count, stages) if count < len(points) else Selection(np.arange(len(points)), ranked=False)
+            wanted = surface_area(KdTree.build(places[first_occurrences(places)])) / spacing / spacing
+        return max(1, round(min(wanted, len(points))))
 
     def memory(self, n: int, n_points: int) -> int:
         """Return about how much memory a call takes, beyond the points themselves.
@@ -366,8 +421,13 @@ class LocalGP(Method):
         del sharpness  # to free its memory
         places, candidates = finest.places, nested_candidates(finest, n_points, self.candidates, stages)
         ranking = rank(places.points, candidates, self.criterion, noise, stages)
+        return self._selection(places.rows, ranking, noise)
+
+    @staticmethod
+    def _selection(rows: NDArray[np.int64], ranking: Ranking, noise: Noise) -> Selection:
+        """Return the ranked points, of candidates with these rows."""
         return Selection(
-            places.rows[ranking.indices],
+            rows[ranking.indices],
             {"noise_in_spacings": noise.level / noise.spacing if noise.spacing > 0.0 else 0.0},
             attributes={"score": ranking.scores, "deviation": ranking.deviations},
         )

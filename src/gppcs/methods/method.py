@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gppcs.spatial.boxes import Each
-    from gppcs.spatial.chunks import ChunkedPoints
+    from gppcs.spatial.chunks import ChunkedPoints, Places
 
 
 Value = TypeVar("Value")
@@ -295,6 +295,60 @@ class Method(ABC):
             raise ParameterError(
                 f"method {self.name!r} has no spacing to ask for; use 'gp', 'fps', 'sample-elimination' or 'voxel'"
             )
+
+    def count_at_spacing(self, points: ChunkedPoints, spacing: float, stages: Stages) -> int | None:
+        """Return how many points have a spacing, if passes over the points tell it.
+
+        A method that can do so overrides this. It then chooses so many points in place of a call of `at_spacing`.
+
+        Parameters
+        ----------
+        points : ChunkedPoints
+            N finite points, which may repeat each other.
+        spacing : float
+            In the unit of the points.
+        stages : Stages
+            Measures the time of each stage, and reports progress to its listener.
+
+        Returns
+        -------
+        int or None
+            From 1 to N. None if only `at_spacing` tells.
+        """
+        return None
+
+    @property
+    def counts_at_spacing(self) -> bool:
+        """Whether the method overrides `count_at_spacing`."""
+        return type(self).count_at_spacing is not Method.count_at_spacing
+
+    def guided_in_passes(self, points: ChunkedPoints, n_points: int, fixed: Places, stages: Stages) -> Selection | None:
+        """Choose as `guided` some points of a cloud that need not fit into memory, without weights.
+
+        A method that can do so overrides this. It then chooses the same points, whatever the chunks.
+
+        Parameters
+        ----------
+        points : ChunkedPoints
+            N finite points, which may repeat each other.
+        n_points : int
+            M, from 1 to N - 1.
+        fixed : Places
+            At most M of the points, without repeats, which are chosen first, in their order.
+        stages : Stages
+            Measures the time of each stage, and reports progress to its listener.
+
+        Returns
+        -------
+        Selection or None
+            M points, no two at the same place; None if `guided` must be called on all points that are no repeats.
+        """
+        return None
+
+    @property
+    def guides_in_passes(self) -> bool:
+        """Whether the method overrides `guided_in_passes`."""
+        return type(self).guided_in_passes is not Method.guided_in_passes
 
     def in_passes(self, points: ChunkedPoints, n_points: int, stages: Stages) -> Selection | None:
         """Choose points of a cloud that need not fit into memory.

@@ -59,6 +59,22 @@ class SparseValues(NamedTuple):
         found[self.rows[first:last] - begin] = self.values[first:last]
         return found
 
+    def take(self, rows: NDArray[np.int64]) -> NDArray[np.float32]:
+        """Return the values of some points.
+
+        Parameters
+        ----------
+        rows : (m,) array, int64
+
+        Returns
+        -------
+        (m,) array, float32
+        """
+        found = np.zeros(len(rows), dtype=np.float32)
+        known = np.isin(rows, self.rows)
+        found[known] = self.values[np.searchsorted(self.rows, rows[known])]
+        return found
+
     def every(self, step: int) -> SparseValues:
         """Return the values of every `step`-th point.
 

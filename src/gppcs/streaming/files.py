@@ -10,15 +10,16 @@ from numpy.typing import ArrayLike
 
 from gppcs.amounts.accuracy import Measure
 from gppcs.amounts.amount import Amount
+from gppcs.amounts.guide import check_guided_amount
 from gppcs.engine.stages import Stages
 from gppcs.errors import ParameterError, file_path, flag, shown
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.query import Query
 from gppcs.methods import DEFAULT, Method
-from gppcs.simplification import WHOLE, Result, resolved, simplify
+from gppcs.simplification import Result, resolved, simplify
+from gppcs.streaming.asked import plan_for
 from gppcs.streaming.cluster import Cluster
 from gppcs.streaming.passes import simplify_in_passes
-from gppcs.streaming.plan import GUESS, plan
 from gppcs.streaming.sizes import bytes_of
 
 
@@ -72,7 +73,8 @@ def simplify_files(
     ratio, n_points, method, seed, invalid, normals, scores, stages
         As for `gppcs.simplify`. Normals need all points in memory.
     tolerance, measure, spacing, max_gap, unit, keep, weight
-        As for `gppcs.simplify`. They need all points in memory.
+        As for `gppcs.simplify`. They need all points in memory, but for `spacing` alone, and for `keep` as a condition
+        with `ratio` or `n_points`, of the method `gp`. `keep` does not work in tiles.
     format, columns
         As for `gppcs.read`, for all files. A text table whose columns are named so is read as a whole.
     box, resolution, only, drop, polygon
@@ -131,22 +133,20 @@ def simplify_files(
         raise ParameterError(f"expected a file or a list of files, found {shown(paths)}")
     stages, normals, scores = Stages.of(stages), flag("normals", normals), flag("scores", scores)
     resume = flag("resume", resume)
-    options: dict[str, Any] = {"ratio": ratio, "n_points": n_points, "invalid": invalid, "scores": scores}
     query = Query.of(box, resolution, only, drop, polygon)
-    amount = Amount.of(ratio, n_points, tolerance, spacing, max_gap, measure)
-    asked: dict[str, Any] = {"tolerance": tolerance, "spacing": spacing, "max_gap": max_gap}
-    asked |= {"keep": keep, "weight": weight}
-    whole = next((name for name in WHOLE if asked[name] is not None), "normals" if normals else None)
+    Amount.of(ratio, n_points, tolerance, spacing, max_gap, measure)
+    check_guided_amount(spacing, keep, weight)
+    asked: dict[str, Any] = {"ratio": ratio, "n_points": n_points, "tolerance": tolerance, "spacing": spacing}
+    asked |= {"max_gap": max_gap, "keep": keep, "weight": weight, "unit": unit, "invalid": invalid}
     with CloudFiles.of(paths, format, columns, query, assume_same_crs) as files:
         chosen, limit = resolved(method, seed), None if memory is None else bytes_of(memory)
         cluster = None if client is None else Cluster(client)
-        share = GUESS if amount.ratio is None and amount.n_points is None else ratio
-        made = plan(files, chosen, share, n_points, limit, whole, cluster is not None)
+        made, options = plan_for(files, chosen, asked, limit, "normals" if normals else None, cluster, stages)
         if made.in_memory:
             with stages("reading"):
                 cloud = files.read()
-            asked |= {"measure": measure, "unit": unit, "normals": normals}
-            return simplify(cloud, method=chosen, stages=stages, **options, **asked)
+            asked |= {"measure": measure, "normals": normals, "scores": scores}
+            return simplify(cloud, method=chosen, stages=stages, **asked)
         folder = None if scratch is None else file_path(scratch)
-        options |= {"scratch": folder, "cluster": cluster, "resume": resume}
+        options |= {"invalid": invalid, "scores": scores, "scratch": folder, "cluster": cluster, "resume": resume}
         return simplify_in_passes(files, made, chosen, stages=stages, **options)[0]

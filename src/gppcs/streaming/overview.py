@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.expressions import Expression
 from gppcs.io.cloud_files import JointColumns
-from gppcs.spatial.scaling import bounds
+from gppcs.spatial.chunks import Places
+from gppcs.spatial.scaling import Frame, bounds
 
 
 class Overview:
@@ -21,9 +24,17 @@ class Overview:
     columns : JointColumns
     parts : list of Overview
         Those that were merged.
+
+    Parameters
+    ----------
+    keep : Expression, optional
+        Which points are kept whatever happens.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, keep: Expression | None = None) -> None:
+        self._keep = keep
+        self._rows: list[NDArray[np.int64]] = [np.empty(0, dtype=np.int64)]  # of points to keep, among the finite
+        self._places = [np.empty((0, 3))]
         self.count = self.bad = self.first_bad = 0
         self.low, self.high = np.full(3, np.inf), np.full(3, -np.inf)
         self.columns = JointColumns()
@@ -33,6 +44,22 @@ class Overview:
     def finite(self) -> int:
         """Number of finite points."""
         return self.count - self.bad
+
+    def to_keep(self, frame: Frame) -> Places:
+        """Return the finite points that are kept whatever happens.
+
+        Parameters
+        ----------
+        frame : Frame
+            In which they are given.
+
+        Returns
+        -------
+        Places
+            Rows among the finite points.
+        """
+        rows = np.concatenate(self._rows)
+        return Places(rows, frame.local(np.concatenate(self._places)), np.zeros(len(rows), dtype=np.float32))
 
     def add(self, cloud: PointCloud) -> None:
         """Take note of the next points.
@@ -46,8 +73,15 @@ class Overview:
         ------
         FileFormatError
             If they do not fit those before.
+        InputError, ParameterError
+            As for `Expression.mask`.
         """
         self.columns.add(cloud)
+        if self._keep is not None:
+            usable = cloud.finite_rows()
+            kept = np.flatnonzero(self._keep.mask(cloud)[usable])
+            self._rows.append(self.finite + kept)
+            self._places.append(cloud.points[usable[kept]])
         low, high = bounds(cloud.points)
         if not np.isfinite([low, high]).all():
             bad = cloud.non_finite()
@@ -74,5 +108,7 @@ class Overview:
         self.columns.merge(other.columns)
         if other.bad and not self.bad:
             self.first_bad = self.count + other.first_bad
+        self._rows += [self.finite + rows for rows in other._rows]
+        self._places += other._places
         self.count, self.bad = self.count + other.count, self.bad + other.bad
         self.low, self.high = np.minimum(self.low, other.low), np.maximum(self.high, other.high)

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.clouds.expressions import Expression
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 from gppcs.spatial.chunks import Advanced, ChunkedPoints, Places, SparseValues, joined_places
@@ -36,19 +37,20 @@ class ClusterPasses:
         self._files, self._rows, self._cluster = files, rows, cluster
         self._passes = [FilePasses(each, rows) for each in files.each(part)]
 
-    def overview(self, advanced: Advanced) -> Overview:
+    def overview(self, advanced: Advanced, keep: Expression | None = None) -> Overview:
         """As `FilePasses.overview`.
 
         Parameters
         ----------
         advanced : callable
+        keep : Expression, optional
 
         Returns
         -------
         Overview
         """
         whole = Overview()
-        for seen in self._cluster.each(_overview, self._passes):
+        for seen in self._cluster.each(partial(_overview, keep), self._passes):
             whole.merge(seen)
             advanced(seen.count)
         return whole
@@ -190,9 +192,9 @@ class ClusterPoints(ChunkedPoints):
         return found
 
 
-def _overview(passes: FilePasses) -> Overview:
+def _overview(keep: Expression | None, passes: FilePasses) -> Overview:
     with passes.files:
-        return passes.overview(lambda steps: None)
+        return passes.overview(lambda steps: None, keep)
 
 
 def _kept(asked: tuple[FilePasses, Overview, NDArray[np.int64]]) -> Kept:

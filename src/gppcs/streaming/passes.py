@@ -7,8 +7,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.amounts.choice import choose
+from gppcs.amounts.choice import Scale, choose, choose_keeping
+from gppcs.amounts.guide import nothing_to_keep
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.expressions import Expression
+from gppcs.clouds.lengths import Length
 from gppcs.engine.ahead import compiled_ahead
 from gppcs.engine.journal import Journal
 from gppcs.engine.stages import Stages
@@ -36,6 +39,8 @@ def simplify_in_passes(
     scratch: Path | None = None,
     cluster: Cluster | None = None,
     resume: bool = False,
+    keep: str | None = None,
+    repeats: bool = True,
 ) -> tuple[Result, int]:
     """Choose exactly M points of a cloud without ever holding all of it.
 
@@ -55,6 +60,10 @@ def simplify_in_passes(
         Where to work; by default in this process.
     resume : bool
         As for `simplify_files`.
+    keep : str, optional
+        A condition on points that are kept whatever happens, as for `simplify_files`. Not in tiles.
+    repeats : bool
+        Whether repeats are kept where there are too few different places.
 
     Returns
     -------
@@ -68,22 +77,28 @@ def simplify_in_passes(
         As for `simplify_files`.
     """
     check_scores(scores, method, files.head().cloud)
-    passes = ClusterPasses(files, plan.rows, cluster, plan.part) if cluster else FilePasses(files, plan.rows)
-    asked = (method, ratio, n_points, invalid, plan.way, cluster is not None)
+    passes = _passes(files, plan, cluster)
+    asked = (method, ratio, n_points, invalid, plan.way, cluster is not None, keep, repeats)
+    condition = None if keep is None else Expression.of(keep)
     with scratch_folder(scratch, plan.disk, work_name(files, asked) if resume else None) as folder:
         journal = Journal(folder)
-        seen = journal.once("bounds", lambda: _overview(passes, plan, stages))
+        seen = journal.once("bounds", lambda: _overview(passes, plan, stages, condition))
         check_usable(seen.count, seen.bad, seen.first_bad, invalid)
         count = number_to_keep(seen.finite, ratio, n_points)
         frame = Frame.around(seen.low, seen.high)
         points = passes.points(seen, frame)
         each = cluster.each if cluster else map
+        to_keep = None if keep is None else seen.to_keep(frame)
+        if keep is not None and to_keep is not None and not len(to_keep.rows):
+            raise nothing_to_keep(keep)
 
         def chosen() -> Selection:
             with compiled_ahead(method.name):
                 if plan.way is Way.TILES and count < len(points):
                     return method.in_tiles(points, count, folder, stages, each)
-                return choose(points, count, method, stages)
+                if to_keep is not None:
+                    return choose_keeping(points, count, to_keep, method, stages)
+                return choose(points, count, method, stages, repeats=repeats)
 
         selection = journal.once("choice", chosen)
         rows, kept = _kept(passes, seen, selection, stages)
@@ -95,9 +110,65 @@ def simplify_in_passes(
     return Result(rows, kept, method, stages.seconds, selection.diagnostics, ranked=ranked), seen.count
 
 
-def _overview(passes: FilePasses | ClusterPasses, plan: Plan, stages: Stages) -> Overview:
+def count_in_passes(
+    files: CloudFiles,
+    plan: Plan,
+    method: Method,
+    spacing: Length,
+    metres: float | None,
+    invalid: str,
+    stages: Stages,
+    cluster: Cluster | None = None,
+) -> int:
+    """Return how many points of a cloud have a spacing, by two passes over its files.
+
+    Parameters
+    ----------
+    files : CloudFiles
+    plan : Plan
+        Made for them.
+    method : Method
+        Whose `counts_at_spacing` is true.
+    spacing : Length
+    metres : float or None
+        The unit of the cloud in metres, if it is known.
+    invalid : str
+        As for `simplify_files`.
+    stages : Stages
+        Times "bounds", and the stages of the method.
+    cluster : Cluster, optional
+        Where to work; by default in this process.
+
+    Returns
+    -------
+    int
+        From 1 to the number of points.
+
+    Raises
+    ------
+    ClusterError, FileFormatError, InputError, OSError, ParameterError
+        As for `simplify_files`.
+    """
+    passes = _passes(files, plan, cluster)
+    seen = _overview(passes, plan, stages)
+    check_usable(seen.count, seen.bad, seen.first_bad, invalid)
+    frame = Frame.around(seen.low, seen.high)
+    diagonal = np.linalg.norm(np.subtract(*frame.local(np.array([seen.high, seen.low]))))
+    wanted = Scale(float(diagonal), metres, frame.exponent).inside(spacing)
+    count = method.count_at_spacing(passes.points(seen, frame), wanted, stages)
+    assert count is not None
+    return count
+
+
+def _passes(files: CloudFiles, plan: Plan, cluster: Cluster | None) -> FilePasses | ClusterPasses:
+    return ClusterPasses(files, plan.rows, cluster, plan.part) if cluster else FilePasses(files, plan.rows)
+
+
+def _overview(
+    passes: FilePasses | ClusterPasses, plan: Plan, stages: Stages, keep: Expression | None = None
+) -> Overview:
     with stages("bounds", plan.points) as advanced:
-        return passes.overview(advanced)
+        return passes.overview(advanced, keep)
 
 
 def _kept(

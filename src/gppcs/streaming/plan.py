@@ -24,7 +24,6 @@ PART = (
     1 << 22
 )  # Points of a part of a file, where many are kept: the scheduler holds what a task returns to the client.
 TASKS = 10_000  # Tasks of a pass over one large file: many more would be much to do for the scheduler.
-GUESS = 0.1  # Share of the points that are kept, if only the work tells their number.
 ROWS_PER_KEPT = 40  # Points of a chunk for each point kept: some for each cell, so that most are dropped at once.
 
 
@@ -88,6 +87,7 @@ def plan(
     limit: int | None = None,
     whole: str | None = None,
     shared: bool = False,
+    keeping: bool = False,
 ) -> Plan:
     """Decide whether a cloud is simplified in memory, in passes, or in tiles.
 
@@ -103,6 +103,8 @@ def plan(
         What needs all points in memory besides the method, as messages name it.
     shared : bool
         Whether workers are to share the work. They cannot if all points have to be in memory.
+    keeping : bool
+        Whether some points are kept whatever happens, which is not possible in tiles.
 
     Returns
     -------
@@ -127,7 +129,7 @@ def plan(
         return Plan(Way.MEMORY, n, kept, in_memory, limit, ROWS)
     chunked = not (whole or head.whole)
     passes = method.memory_in_passes(n, kept) if chunked else None
-    tiles = method.memory_in_tiles(n, kept) if chunked else None
+    tiles = method.memory_in_tiles(n, kept) if chunked and not keeping else None
     needed = in_memory
     limit = limit or sys.maxsize
     for way, takes in ((Way.PASSES, passes), (Way.TILES, tiles)):

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.expressions import Expression
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.spatial.chunks import ChunkedPoints
@@ -48,19 +49,21 @@ class FilePasses:
     files: CloudFiles
     rows: int
 
-    def overview(self, advanced: Advanced) -> Overview:
-        """Read the bounds, the number of points and the types of attributes.
+    def overview(self, advanced: Advanced, keep: Expression | None = None) -> Overview:
+        """Read the bounds, the number of points, the types of attributes, and the points to keep.
 
         Parameters
         ----------
         advanced : callable
             Called with the number of points read since the last call.
+        keep : Expression, optional
+            Which points are kept whatever happens.
 
         Returns
         -------
         Overview
         """
-        seen = Overview()
+        seen = Overview(keep)
         for cloud in self.files.chunks(True, self.rows):
             seen.add(cloud)
             advanced(len(cloud))

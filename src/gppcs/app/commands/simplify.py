@@ -81,8 +81,7 @@ from gppcs.engine.stages import COMPILATION
 from gppcs.engine.threads import set_threads
 from gppcs.errors import InputError, OutputError, ParameterError, file_path
 from gppcs.methods import DEFAULT, METHODS, method_named
-from gppcs.simplification import WHOLE
-from gppcs.streaming.plan import GUESS
+from gppcs.simplification import takes_all_points
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -447,8 +446,9 @@ class _Job:
         from gppcs.engine.stages import Stages
         from gppcs.io.cloud_files import CloudFiles
         from gppcs.simplification import resolved
+        from gppcs.streaming.asked import plan_for
         from gppcs.streaming.passes import simplify_in_passes
-        from gppcs.streaming.plan import expected_seconds, plan
+        from gppcs.streaming.plan import expected_seconds
 
         target, sources = self.outputs.targets[source], self.merged or [source]
         for each in sources:
@@ -460,11 +460,10 @@ class _Job:
         measured: Report | None = None
         strays: PointCloud | None = None
         drawn: dict[Path, bytes] = {}
-        options = {name: self.options[name] for name in ("ratio", "n_points", "invalid", "scores")}
         with CloudFiles(sources, self.input_format, self.columns, self.query, self.assume_same_crs) as files:
             method = resolved(self.options["method"], self.options["seed"])
-            shared = self.cluster is not None
-            made = plan(files, method, *self._amount(), self.limit, self._whole(), shared)
+            self._check_dry_run()
+            made, options = plan_for(files, method, self.options, self.limit, self._whole(), self.cluster, stages)
             if self.dry_run:
                 return _DryRun(sources, target, made, expected_seconds(files, made, method))
             if self.options["unit"] is not None:
@@ -473,8 +472,9 @@ class _Job:
                 result, points, strays, measured, drawn = self._in_memory(files, target, stages)
             else:
                 self._check_storable(target, files.head().cloud)
-                where: dict[str, Any] = {"scratch": self.scratch, "cluster": self.cluster, "resume": self.resume}
-                result, points = simplify_in_passes(files, made, method, stages=stages, **options, **where)
+                options |= {name: self.options[name] for name in ("invalid", "scores")}
+                options |= {"scratch": self.scratch, "cluster": self.cluster, "resume": self.resume}
+                result, points = simplify_in_passes(files, made, method, stages=stages, **options)
             _, unread = files.left_out()
         if self.index_attribute is not None:
             result = replace(result, cloud=_with_attribute(result.cloud, self.index_attribute, result.indices))
@@ -583,19 +583,16 @@ class _Job:
         report_page(Named(original, cloud), [named], made, self.viewpoint).write(page)
         return page.getvalue()
 
-    def _amount(self) -> tuple[float | None, int | None]:
-        """Return share and number of points for the plan, with a guess if the points themselves decide."""
-        ratio, n_points = self.options["ratio"], self.options["n_points"]
-        if ratio is not None or n_points is not None:
-            return ratio, n_points
-        if self.dry_run:
+    def _check_dry_run(self) -> None:
+        """Check that the number of points is known before the work, if there is to be none."""
+        if self.dry_run and self.options["ratio"] is None and self.options["n_points"] is None:
             raise ParameterError("expected --ratio or --points with --dry-run, as only the work tells another amount")
-        return GUESS, None
 
     def _whole(self) -> str | None:
         """Return the option that takes all points at once, if any."""
+        name = takes_all_points(self.options["method"], self.options)
         wanted = {
-            **{option(name): self.options[name] is not None for name in WHOLE},
+            **({} if name is None else {option(name): True}),
             "--normals": self.options["normals"],
             "--drop-outliers": self.drop_outliers,
             "--mark": self.mark is not None,

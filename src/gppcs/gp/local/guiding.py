@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.gp.local.candidates import Candidates, Finest
-from gppcs.spatial.chunks import Places
+from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.chunks import Places, SparseValues, joined_places
 
 GROUPS = 9  # Weights are compared in groups: quantiles, or single weights if there are no more.
 FEWEST = 24  # Chosen points of a group from which on it is compared.
@@ -111,6 +112,27 @@ def with_fixed(finest: Finest, fixed: int, points: NDArray[np.float64], sharpnes
     """
     rows = np.union1d(finest.places.rows, np.arange(fixed))
     return finest._replace(places=Places(rows, points[rows], sharpness[rows]))
+
+
+def behind_fixed(finest: Finest, fixed: Places, sharpness: SparseValues) -> Finest:
+    """Return the candidates of the last stage behind given points, without those at the same places.
+
+    Parameters
+    ----------
+    finest : Finest
+    fixed : Places
+        Without repeats.
+    sharpness : SparseValues
+        Of all points.
+
+    Returns
+    -------
+    Finest
+        Its rows do not ascend.
+    """
+    found = fixed._replace(values=sharpness.take(fixed.rows))
+    both = joined_places([found, finest.places])
+    return finest._replace(places=both.take(np.flatnonzero(first_occurrences(both.points))))
 
 
 def after_fixed(candidates: Sequence[Candidates], fixed: int) -> list[Candidates]:

@@ -1,0 +1,89 @@
+"""The plan for what is asked for, also if only the points tell how many are kept."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from gppcs.clouds.lengths import Length, metres_of
+from gppcs.engine.stages import Stages
+from gppcs.errors import InputError
+from gppcs.io.cloud_files import CloudFiles
+from gppcs.methods import Method
+from gppcs.simplification import takes_all_points
+from gppcs.streaming.cluster import Cluster
+from gppcs.streaming.passes import count_in_passes
+from gppcs.streaming.plan import Plan, plan
+
+GUESS = 0.1  # Share of the points that are kept, if only the work tells their number.
+
+
+class Planned(NamedTuple):
+    """What `plan_for` returns.
+
+    Attributes
+    ----------
+    plan : Plan
+    options : dict
+        Arguments of `simplify_in_passes` that say how many points are kept, and which.
+    """
+
+    plan: Plan
+    options: dict[str, Any]
+
+
+def plan_for(
+    files: CloudFiles,
+    method: Method,
+    asked: Mapping[str, Any],
+    limit: int | None,
+    whole: str | None,
+    cluster: Cluster | None,
+    stages: Stages,
+) -> Planned:
+    """Decide how a cloud is simplified. If that takes it, count in passes over the files how many points are kept.
+
+    Parameters
+    ----------
+    files : CloudFiles
+    method : Method
+    asked : mapping of str to object
+        At least the arguments of `gppcs.simplify` that say what is kept, `unit` and `invalid`.
+    limit : int, optional
+        Bytes of memory that the process may hold; by default half of what is free.
+    whole : str, optional
+        What needs all points in memory besides the method and the arguments, as messages name it.
+    cluster : Cluster, optional
+        Where to work.
+    stages : Stages
+        Times the passes.
+
+    Returns
+    -------
+    Planned
+
+    Raises
+    ------
+    ClusterError, FileFormatError, InputError, OSError, ParameterError
+        As for `simplify_files`.
+    """
+    ratio, n_points, spacing, keep = (asked[name] for name in ("ratio", "n_points", "spacing", "keep"))
+
+    def made(share: float | None, count: int | None) -> Plan:
+        return plan(files, method, share, count, limit, whole, cluster is not None, keep is not None)
+
+    whole = whole or takes_all_points(method, asked)
+    if ratio is not None or n_points is not None:
+        return Planned(made(ratio, n_points), {"ratio": ratio, "n_points": n_points, "keep": keep})
+    if whole or spacing is None:
+        return Planned(made(GUESS, None), {})
+    try:
+        guessed = made(GUESS, None)
+        if guessed.in_memory:
+            return Planned(guessed, {})
+    except InputError:  # the number of points may be smaller
+        pass
+    metres = metres_of(asked["unit"], files.head().cloud.header)
+    length = Length.of("spacing", spacing)
+    count = count_in_passes(files, made(None, 1), method, length, metres, asked["invalid"], stages, cluster)
+    return Planned(made(None, count), {"ratio": None, "n_points": count, "repeats": False})

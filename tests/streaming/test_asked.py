@@ -1,0 +1,132 @@
+"""A spacing and points to keep in passes: the same points as in memory, whatever the files and chunks."""
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.engine.stages import Stages
+from gppcs.io.cloud_files import CloudFiles
+from gppcs.streaming import asked as streaming_asked
+from gppcs.streaming import files as streaming_files
+from gppcs.streaming import plan as planning
+from gppcs.streaming.passes import simplify_in_passes
+from gppcs.streaming.plan import Plan, Way
+
+N = 6_000
+
+
+@pytest.fixture(autouse=True)
+def small_sample(monkeypatch):
+    """Let a cloud of thousands be a large one, of which a sample is measured."""
+    monkeypatch.setattr("gppcs.gp.local.survey.LARGE", 2_000)
+
+
+@pytest.fixture
+def in_passes(monkeypatch):
+    """Let no cloud fit into memory, and chunks be small."""
+    monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
+    monkeypatch.setattr(streaming_files, "simplify", None)  # which takes a cloud in memory
+
+    def run(rows, paths, **options):
+        for name in ("ROWS", "FEWEST_ROWS"):
+            monkeypatch.setattr(planning, name, rows)
+        monkeypatch.setattr(planning, "ROWS_PER_KEPT", 0)
+        return gppcs.simplify_files(paths, memory="3GB", invalid="drop", scores=True, **options)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def cloud():
+    """A bracket with repeats, also of points to keep, and points that are not finite."""
+    points = gppcs.sample("bracket", N, seed=3).points
+    points[500:520, 1] = np.nan
+    points[3000:3500] = points[:500]
+    kind = (np.arange(N) % 500 < 8).astype(np.uint8)  # each eight points repeat others
+    return gppcs.PointCloud(points, {"kind": kind})
+
+
+@pytest.fixture(scope="module", params=[[], [2_000, 2_001, 4_500]], ids=["one file", "four files"])
+def paths(cloud, request, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("parts")
+    found = []
+    for number, rows in enumerate(np.split(np.arange(N), request.param)):
+        found.append(folder / f"{number}.ply")
+        gppcs.write(found[-1], cloud.take(rows))
+    return found
+
+
+ASKED = [
+    {"spacing": 20.0},
+    {"spacing": "1.6 cm", "unit": "mm"},
+    {"spacing": "12%"},
+    {"n_points": 120, "keep": "kind == 1"},
+    {"ratio": 0.02, "keep": "kind == 1 and z > 5"},
+    {"n_points": 88, "keep": "kind == 1"},
+]
+
+
+@pytest.mark.parametrize("rows", [300, 1_000, N])
+@pytest.mark.parametrize("wanted", ASKED)
+def test_files_and_chunks_make_no_difference(in_passes, cloud, paths, wanted, rows):
+    expected = gppcs.simplify(cloud, invalid="drop", scores=True, **wanted)
+    assert expected.ranked
+    assert_same(in_passes(rows, paths, **wanted), expected)
+
+
+def assert_same(found, expected):
+    np.testing.assert_array_equal(found.indices, expected.indices)
+    assert found.cloud == expected.cloud
+    assert found.diagnostics == expected.diagnostics
+
+
+@pytest.mark.parametrize("n_points", [1_000, 5_600, N])
+def test_where_all_points_are_measured_too(cloud, paths, n_points):
+    expected = gppcs.simplify(cloud, n_points=n_points, keep="kind == 1", invalid="drop", scores=True)
+    with CloudFiles(paths) as files:
+        made = Plan(Way.PASSES, N, n_points, 0, None, 1_000)
+        asked = {"ratio": None, "n_points": n_points, "invalid": "drop", "scores": True, "keep": "kind == 1"}
+        found, _ = simplify_in_passes(files, made, gppcs.LocalGP(), stages=Stages(), **asked)
+    assert_same(found, expected)
+
+
+def test_points_to_keep_come_first(cloud):
+    wanted = np.flatnonzero(cloud.attributes["kind"] & np.isfinite(cloud.points).all(axis=1))
+    result = gppcs.simplify(cloud, n_points=120, keep="kind == 1", invalid="drop")
+    assert sorted(result.indices[: len(wanted)]) == wanted.tolist()
+    assert result.diagnostics["points_to_keep"] == len(wanted)
+    assert len(np.unique(result.indices)) == 120
+    others = cloud.points[result.indices[len(wanted) :]]
+    assert len(np.unique(np.concatenate([cloud.points[wanted], others]), axis=0)) == len(others) + len(wanted) - 8
+
+
+@pytest.mark.parametrize(
+    ("wanted", "message"),
+    [
+        ({"n_points": 87, "keep": "kind == 1"}, "points to keep: expected at most 87, .* found 88"),
+        ({"n_points": 95, "keep": "kind == 7"}, "expected points with kind == 7 to keep, found none"),
+        ({"n_points": 95, "keep": "kin == 7"}, "no attribute 'kin'; did you mean 'kind'"),
+        ({"spacing": "4mm"}, "does not say in which unit"),
+        ({"n_points": 95, "keep": [1, 2]}, "as keep takes all points at once"),
+        ({"n_points": 95, "weight": "kind"}, "as weight takes all points at once"),
+        ({"tolerance": 1.0}, "as tolerance takes all points at once"),
+        ({"spacing": 4.0, "max_gap": 9.0}, "as spacing takes all points at once"),
+        ({"spacing": 4.0, "method": "fps"}, "as spacing takes all points at once"),
+    ],
+)
+def test_what_cannot_be_asked_for_is_refused(in_passes, monkeypatch, paths, wanted, message):
+    monkeypatch.setattr(gppcs.FarthestPoint, "memory", lambda self, n, n_points: 10**12)
+    with pytest.raises(gppcs.InputError, match=message):
+        in_passes(1_000, paths, **{"method": "gp", **wanted})
+
+
+def test_a_spacing_below_that_of_the_points_keeps_each_place_once(in_passes, cloud, paths):
+    expected = gppcs.simplify(cloud, spacing=1e-3, invalid="drop", scores=True)
+    assert len(expected.indices) == N - 20 - 500
+    assert_same(in_passes(1_000, paths, spacing=1e-3), expected)
+
+
+def test_cloud_in_memory_is_not_counted_in_passes(monkeypatch, cloud, paths):
+    monkeypatch.setattr(streaming_asked, "count_in_passes", None)
+    found = gppcs.simplify_files(paths, spacing=4.0, invalid="drop")
+    np.testing.assert_array_equal(found.indices, gppcs.simplify(cloud, spacing=4.0, invalid="drop").indices)
