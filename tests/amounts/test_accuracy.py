@@ -91,11 +91,11 @@ def test_the_fewest_points_of_a_known_error_are_found_in_few_steps(monkeypatch):
     """With an error of 1 / M, which does not come from any surface."""
     sizes = []
 
-    def errors(self, kept):
-        sizes.append(len(kept))
-        return dict.fromkeys(MEASURES, 1.0 / len(kept))
+    def distances(self, surface):
+        sizes.append(len(surface.tree.order))
+        return np.full(len(self.points), 1.0 / sizes[-1])
 
-    monkeypatch.setattr(Original, "errors", errors)
+    monkeypatch.setattr(Original, "distances", distances)
     points, method = CLOUD.points[:3000], gppcs.FarthestPoint()
     for wanted in (1, 2, 37, 1000, 1500, 2900):
         sizes.clear()

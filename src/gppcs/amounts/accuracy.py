@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.stages import Stages
 from gppcs.methods import Selection
+
+if TYPE_CHECKING:
+    from gppcs.surface.local_surface import LocalSurface
 
 Measure: TypeAlias = Literal["mean", "rms", "p95", "max"]
 MEASURES: tuple[Measure, ...] = get_args(Measure)
@@ -20,6 +23,7 @@ FIRST = 1000  # Points of the first ranking, by which the number of points is gu
 SPARE = 1.2  # Points of a ranking for each one that the guess says. A ranking that is too short costs another one.
 GROWTH = 100.0  # From one ranking to the next at most.
 SOME = 20_000  # Original points from which a guess is measured.
+FARTHEST = 0.15  # Share of the original points that may tell that a tolerance is missed. A 95th percentile takes 0.05.
 FALL = 1.0  # Errors fall about as the number of points to this power, where two of them do not tell.
 # The least and greatest power that two errors may tell. Those of few points tell little of those of many.
 FLATTEST, FLATTEST_AT_FIRST, STEEPEST = 0.25, 0.7, 4.0
@@ -70,16 +74,57 @@ class Original:
         dict of str to float
             Each of `MEASURES`, as `gppcs.Report` defines them under names with "surface_".
         """
-        from gppcs.spatial.cells import first_occurrences
-        from gppcs.surface.local_surface import LocalSurface
+        return _errors_of(self.distances(_surface_of(kept)))
 
-        distances, _ = LocalSurface.of(kept[first_occurrences(kept)]).nearest_to(self.points)
-        return {
-            "mean": float(distances.mean()),
-            "rms": float(np.sqrt((distances**2).mean())),
-            "p95": float(np.quantile(distances, 0.95)),
-            "max": float(distances.max()),
-        }
+    def distances(self, surface: LocalSurface) -> NDArray[np.float64]:
+        """Return the distance of each point to a local surface.
+
+        Parameters
+        ----------
+        surface : LocalSurface
+
+        Returns
+        -------
+        (N,) array
+        """
+        return surface.nearest_to(self.points)[0]
+
+    def farthest(self, distances: NDArray[np.float64]) -> Original:
+        """Return the points of the largest distances, a share `FARTHEST` of them.
+
+        Parameters
+        ----------
+        distances : (N,) array
+
+        Returns
+        -------
+        Original
+        """
+        n = len(self.points)
+        nearer = int((1.0 - FARTHEST) * n)
+        return Original(self.points[np.sort(np.argpartition(distances, nearer)[nearer:])])
+
+
+def _surface_of(kept: Points) -> LocalSurface:
+    from gppcs.spatial.cells import first_occurrences
+    from gppcs.surface.local_surface import LocalSurface
+
+    return LocalSurface.of(kept[first_occurrences(kept)])
+
+
+def _errors_of(distances: NDArray[np.float64]) -> dict[Measure, float]:
+    return {
+        "mean": float(distances.mean()),
+        "rms": float(np.sqrt((distances**2).mean())),
+        "p95": float(np.quantile(distances, 0.95)),
+        "max": float(distances.max()),
+    }
+
+
+def _error_at_least(some: NDArray[np.float64], n: int, measure: Measure) -> float:
+    """Return what the 95th percentile or the largest of n distances is at least, given some of them."""
+    rank = 1 if measure == "max" else n - math.floor(0.95 * (n - 1))
+    return float(np.partition(some, -rank)[-rank]) if rank <= len(some) else 0.0
 
 
 def fewest_points(
@@ -140,6 +185,7 @@ class _Search:
         self.choose, self.least, self.stages = choose, least, stages
         self.whole = Original.of(points)
         self.some = self.whole.some()
+        self.farthest: Original | None = None  # points of the whole that may tell that a tolerance is missed
 
     def ranked(self) -> tuple[Selection, dict[Measure, float]]:
         """Search among the first points of a ranking that is long enough."""
@@ -187,7 +233,7 @@ class _Search:
         def error(m: int) -> float:
             if m not in known:
                 with self.stages("accuracy"):
-                    known[m] = self.whole.errors(places(m))
+                    known[m] = self._judged(places(m))
             return known[m][self.measure]
 
         guess, enough = min(max(round(begin), self.least), most), most
@@ -211,7 +257,7 @@ class _Search:
             found = error(guess)
             side, before = found <= self.tolerance, side
             run = run + 1 if side == before else 1
-            step, crossing = CLOSE**2.0 ** max(0, run - 2), self._crossing(guess, found, power) * CLOSE**0.3
+            step, crossing = CLOSE**2.0 ** max(0, run - 2), self._crossing(guess, found, power) * CLOSE**0.15
             if side:
                 enough, guess = guess, math.ceil(min(guess / step, crossing))
             else:
@@ -227,6 +273,21 @@ class _Search:
         if error == 0.0:
             return count / GROWTH
         return count * min(max((error / self.tolerance) ** (1.0 / power), 1.0 / GROWTH), GROWTH)
+
+    def _judged(self, kept: Points) -> dict[Measure, float]:
+        """Return the errors of some places; if they miss the tolerance, perhaps only the least that the error can be.
+
+        The points that were farthest from other places are mostly so again, and tell that these are too few.
+        """
+        surface = _surface_of(kept)
+        if self.farthest is not None:
+            error = _error_at_least(self.farthest.distances(surface), len(self.whole.points), self.measure)
+            if error > self.tolerance:
+                return {self.measure: error}
+        distances = self.whole.distances(surface)
+        if self.measure in ("p95", "max"):
+            self.farthest = self.whole.farthest(distances)
+        return _errors_of(distances)
 
     def _places(self, selection: Selection) -> Points:
         """Return where the chosen points are."""
