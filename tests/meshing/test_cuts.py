@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from gppcs.clouds.topology import topology_of
-from gppcs.meshing.cuts import cutting, mend
+from gppcs.meshing.cuts import cutting
 from gppcs.meshing.halfedges import HalfEdges, faults
+from gppcs.meshing.mending import mend
 from shapes import ball
 
 

@@ -340,13 +340,31 @@ def _fill(loop, points, normals, keys, n, triangles):
             for m in range(i + 1, k):
                 cost = costs[i, m] + costs[m, k]
                 if cost < costs[i, k]:
-                    cost += _cost(points, normals, p, loop[m], q)
+                    cost += cost_of_filling(points, normals, p, loop[m], q)
                     if cost < costs[i, k]:
                         costs[i, k], middles[i, k] = cost, m
-    if costs[0, length - 1] == np.inf:
-        return 0
-    stack = np.empty((length, 2), dtype=np.int64)
-    stack[0, 0], stack[0, 1] = 0, length - 1
+    return trace_filling(loop, middles, triangles) if costs[0, length - 1] < np.inf else 0
+
+
+@kernel
+def trace_filling(loop, middles, triangles):
+    """Fill `triangles`, (L - 2, 3), with those of a filling; return their number.
+
+    Parameters
+    ----------
+    loop : (L,) array, int64
+        Vertices of the border.
+    middles : (L, L) array, int64
+        For each edge between two corners of the loop, the third corner of the triangle behind it.
+    triangles : (L - 2, 3) array, int64
+        Filled.
+
+    Returns
+    -------
+    int
+    """
+    stack = np.empty((len(loop), 2), dtype=np.int64)
+    stack[0, 0], stack[0, 1] = 0, len(loop) - 1
     height, count = 1, 0
     while height:
         height -= 1
@@ -363,8 +381,20 @@ def _fill(loop, points, normals, keys, n, triangles):
 
 
 @kernel
-def _cost(points, normals, a, b, c):
-    """Return the cost of a triangle of a filling."""
+def cost_of_filling(points, normals, a, b, c):
+    """Return the cost of a triangle of a filling.
+
+    Parameters
+    ----------
+    points, normals : (n, 3) arrays
+    a, b, c : int
+        The corners.
+
+    Returns
+    -------
+    float
+        The area, more if the triangle bends away from the normals of its corners or is long.
+    """
     pa, pb, pc = row(points, a), row(points, b), row(points, c)
     normal = area_vector(pa, pb, pc)
     doubled = np.sqrt(dot(normal, normal))
@@ -391,10 +421,28 @@ def without_scraps(faces: NDArray[np.int64], n: int, fewest: int = PIECE_TRIANGL
     -------
     (F', 3) array, int64
     """
+    pieces = pieces_of(faces, n)
+    return faces[np.bincount(pieces, minlength=1)[pieces] >= fewest]
+
+
+def pieces_of(faces: NDArray[np.int64], n: int) -> NDArray[np.int64]:
+    """Number the connected pieces of triangles.
+
+    Parameters
+    ----------
+    faces : (F, 3) array, int64
+    n : int
+        Number of vertices.
+
+    Returns
+    -------
+    (F,) array, int32
+        The piece of each triangle.
+    """
     ends = np.concatenate([faces[:, :2], faces[:, 1:]]).T
     _, pieces = connected_components(coo_array((np.ones(ends.shape[1]), ends), shape=(n, n)), directed=False)
-    sizes = np.bincount(pieces[faces[:, 0]], minlength=1)
-    return faces[sizes[pieces[faces[:, 0]]] >= fewest]
+    found: NDArray[np.int64] = pieces[faces[:, 0]]
+    return found
 
 
 def holes_filled(

@@ -1,22 +1,106 @@
-"""Triangles that cut others: find them, and flip edges or remove vertices until they no longer do."""
+"""Triangles that cut others: found by a tree of boxes, which follows the changes of the mesh."""
 
 from __future__ import annotations
+
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
-from gppcs.meshing.collapse import ends, is_allowed, move_triangles, thinness_after
-from gppcs.meshing.flips import flip_edge, is_flippable
-from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, around, following, neighbours, preceding
+from gppcs.engine.threads import on_ranges
+from gppcs.meshing.halfedges import HalfEdges
+from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range
 from gppcs.spatial.triangles import area_vector, cross, dot, minus, row
 
 PARALLEL = 1e-18  # an edge lies in a plane if the squared sine of their angle is below this
-MEND_ROUNDS = 4  # of mending all triangles that cut others
-TURN_IN_MENDING = -0.3  # least cosine between a triangle's normals before and after a vertex of it is removed
+TRIANGLES_AT_ONCE = 256  # triangles that a thread looks at at once, at least
+DEEPEST = 64  # nodes that wait in a search; a tree of fewer than 2^62 leaves has no more
 
 
-def cutting(mesh: HalfEdges, vertices: NDArray[np.float64]) -> NDArray[np.int64]:
+class TriangleTree(NamedTuple):
+    """Boxes around triangles, in the nodes of a `KdTree` over their centroids.
+
+    Attributes
+    ----------
+    order : (f,) array, int64
+        The triangles that were there when the tree was built, in tree order.
+    leaf : (F,) array, int64
+        The leaf of each triangle; -1 for one that was not there.
+    low, high : (nodes, 3) arrays, float64
+        Corners of the boxes; row 0 is unused.
+    """
+
+    order: NDArray[np.int64]
+    leaf: NDArray[np.int64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, mesh: HalfEdges, vertices: NDArray[np.float64]) -> Self:
+        """Build the tree of the triangles of a mesh.
+
+        Parameters
+        ----------
+        mesh : HalfEdges
+        vertices : (V, 3) array, float64
+
+        Returns
+        -------
+        TriangleTree
+        """
+        there = np.flatnonzero(mesh.origin[::3] >= 0)
+        points = KdTree.build(vertices[mesh.origin.reshape(-1, 3)[there]].mean(axis=1))
+        low, high = np.full_like(points.low, np.inf), np.full_like(points.high, -np.inf)
+        tree = cls(there[points.order], np.full(len(mesh.origin) // 3, -1), low, high)
+        _fill_boxes(mesh, vertices, tree)
+        return tree
+
+
+@kernel
+def _fill_boxes(mesh, vertices, tree):
+    """Fill `leaf`, `low` and `high` of a tree, whose boxes are empty."""
+    leaves = first_leaf(tree.low)
+    for node in range(leaves, 2 * leaves):
+        begin, end = leaf_range(len(tree.order), leaves, node)
+        for f in tree.order[begin:end]:
+            tree.leaf[f] = node
+            _widen(mesh, vertices, tree, f, node)
+    for node in range(leaves - 1, 0, -1):
+        for axis in range(3):
+            tree.low[node, axis] = min(tree.low[2 * node, axis], tree.low[2 * node + 1, axis])
+            tree.high[node, axis] = max(tree.high[2 * node, axis], tree.high[2 * node + 1, axis])
+
+
+@kernel
+def _widen(mesh, vertices, tree, f, node):
+    """Widen the box of a node so that it has the triangle f."""
+    for h in range(3 * f, 3 * f + 3):
+        for axis in range(3):
+            x = vertices[mesh.origin[h], axis]
+            tree.low[node, axis] = min(tree.low[node, axis], x)
+            tree.high[node, axis] = max(tree.high[node, axis], x)
+
+
+@kernel
+def follow(mesh, vertices, tree, f):
+    """Widen the boxes of a tree after the triangle f has changed.
+
+    Parameters
+    ----------
+    mesh : HalfEdges
+    vertices : (V, 3) array
+    tree : TriangleTree
+        Changed in place. It must have been built while the triangle was there.
+    f : int
+    """
+    node = tree.leaf[f]
+    while node > 0:
+        _widen(mesh, vertices, tree, f, node)
+        node //= 2
+
+
+def cutting(mesh: HalfEdges, vertices: NDArray[np.float64], tree: TriangleTree | None = None) -> NDArray[np.int64]:
     """Return the triangles that cut another one.
 
     Triangles with a common edge do not cut each other, and those in one plane are not looked for.
@@ -25,62 +109,101 @@ def cutting(mesh: HalfEdges, vertices: NDArray[np.float64]) -> NDArray[np.int64]
     ----------
     mesh : HalfEdges
     vertices : (V, 3) array, float64
+    tree : TriangleTree, optional
+        Of the mesh.
 
     Returns
     -------
     (m,) array, int64
         Ascending.
     """
-    low, high = _boxes(mesh, vertices)
-    axis = int(np.argmax(np.ptp(vertices[mesh.faces()].reshape(-1, 3), axis=0)))
-    there = np.flatnonzero(mesh.origin[::3] >= 0)
-    order = there[np.argsort(low[there, axis], kind="stable")]
-    found = np.zeros(len(low), dtype=np.bool_)
-    _mark_cutting(mesh, vertices, low, high, axis, order, found)
+    found = np.zeros(len(mesh.origin) // 3, dtype=np.bool_)
+    if len(mesh.faces()):
+        tree = tree or TriangleTree.of(mesh, vertices)
+        inside = np.zeros_like(found)
+        on_ranges(_mark_cutting, len(found), mesh, vertices, tree, inside, found, least=TRIANGLES_AT_ONCE)
     return np.flatnonzero(found)
 
 
-def _boxes(mesh: HalfEdges, vertices: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the lower and upper corners, (F, 3), of the boxes around triangles; those of removed ones are empty."""
-    corners = mesh.origin.reshape(-1, 3)
-    low, high = vertices[corners].min(axis=1), vertices[corners].max(axis=1)
-    low[corners[:, 0] < 0] = np.inf
-    return low, high
+@kernel
+def _mark_cutting(begin, end, mesh, vertices, tree, inside, found):
+    """Mark in `found`, (F,), the triangles of a range that cut others."""
+    for f in range(begin, end):
+        a, b, c = mesh.origin[3 * f], mesh.origin[3 * f + 1], mesh.origin[3 * f + 2]
+        found[f] = a >= 0 and first_cut(mesh, vertices, tree, inside, a, b, c) >= 0
 
 
 @kernel
-def _mark_cutting(mesh, vertices, low, high, axis, order, found):
-    """Mark in `found`, (F,), the triangles that cut others, in a sweep along an axis."""
-    for i in range(len(order)):
-        f = order[i]
-        for j in range(i + 1, len(order)):
-            g = order[j]
-            if low[g, axis] > high[f, axis]:
-                break
-            if _overlap(low, high, f, g) and are_cut(mesh, vertices, f, g, -1, -1):
-                found[f] = found[g] = True
-
-
-@kernel
-def _overlap(low, high, f, g):
-    """Return whether two boxes overlap."""
-    apart = False
-    for k in range(3):
-        apart = apart or low[f, k] > high[g, k] or low[g, k] > high[f, k]
-    return not apart
-
-
-@kernel
-def are_cut(mesh, vertices, f, g, v, u):
-    """Return whether two triangles cut each other, or would do so if a vertex went into another.
+def first_cut(mesh, vertices, tree, inside, a, b, c):
+    """Return a triangle of a mesh that a triangle cuts.
 
     Parameters
     ----------
     mesh : HalfEdges
     vertices : (V, 3) array
-    f, g : int
-    v, u : int
-        The vertex that would go, and the one that would take its triangles; -1 and -1 for the mesh as it is.
+    tree : TriangleTree
+    inside : (F,) array, bool
+        Marks triangles of the mesh that do not count.
+    a, b, c : int
+        Corners of the triangle, which need not be of the mesh.
+
+    Returns
+    -------
+    int
+        -1 if there is none.
+    """
+    pa, pb, pc = row(vertices, a), row(vertices, b), row(vertices, c)
+    low = min(pa[0], pb[0], pc[0]), min(pa[1], pb[1], pc[1]), min(pa[2], pb[2], pc[2])
+    high = max(pa[0], pb[0], pc[0]), max(pa[1], pb[1], pc[1]), max(pa[2], pb[2], pc[2])
+    leaves = first_leaf(tree.low)
+    waiting = np.empty(DEEPEST, dtype=np.int64)
+    waiting[0], height = 1, 1
+    while height:
+        height -= 1
+        node = waiting[height]
+        if not _overlap(low, high, row(tree.low, node), row(tree.high, node)):
+            continue
+        if node < leaves:
+            waiting[height], waiting[height + 1] = 2 * node, 2 * node + 1
+            height += 2
+            continue
+        begin, end = leaf_range(len(tree.order), leaves, node)
+        for f in tree.order[begin:end]:
+            d, e, g = mesh.origin[3 * f], mesh.origin[3 * f + 1], mesh.origin[3 * f + 2]
+            if d >= 0 and not inside[f] and _may_meet(vertices, low, high, d, e, g):
+                if are_cut(vertices, (a, b, c), (d, e, g)):
+                    return f
+    return -1
+
+
+@kernel
+def _may_meet(vertices, low, high, a, b, c):
+    """Return whether the box around a triangle meets another."""
+    pa, pb, pc = row(vertices, a), row(vertices, b), row(vertices, c)
+    least = min(pa[0], pb[0], pc[0]), min(pa[1], pb[1], pc[1]), min(pa[2], pb[2], pc[2])
+    most = max(pa[0], pb[0], pc[0]), max(pa[1], pb[1], pc[1]), max(pa[2], pb[2], pc[2])
+    return _overlap(low, high, least, most)
+
+
+@kernel
+def _overlap(low, high, least, most):
+    """Return whether two boxes overlap."""
+    return (
+        low[0] <= most[0] and high[0] >= least[0]
+        and low[1] <= most[1] and high[1] >= least[1]
+        and low[2] <= most[2] and high[2] >= least[2]
+    )  # fmt: skip
+
+
+@kernel
+def are_cut(vertices, f, g):
+    """Return whether two triangles cut each other.
+
+    Parameters
+    ----------
+    vertices : (V, 3) array
+    f, g : three ints each
+        Their corners.
 
     Returns
     -------
@@ -90,28 +213,19 @@ def are_cut(mesh, vertices, f, g, v, u):
     shared = at_f = at_g = 0
     for i in range(3):
         for j in range(3):
-            if _end(mesh, 3 * f + i, v, u) == _end(mesh, 3 * g + j, v, u):
+            if f[i] == g[j]:
                 shared, at_f, at_g = shared + 1, i, j
     if shared > 1:
         return False
     for this, other, corner in ((f, g, at_f), (g, f, at_g)):
-        a = row(vertices, _end(mesh, 3 * other, v, u))
-        b = row(vertices, _end(mesh, 3 * other + 1, v, u))
-        c = row(vertices, _end(mesh, 3 * other + 2, v, u))
+        a, b, c = row(vertices, other[0]), row(vertices, other[1]), row(vertices, other[2])
         for k in range(3):
-            h = 3 * this + (corner + 1 + k) % 3  # with a shared corner, the edge opposite to it comes first
-            p, q = row(vertices, _end(mesh, h, v, u)), row(vertices, _end(mesh, following(h), v, u))
-            if _crosses(p, q, a, b, c):
+            i = (corner + 1 + k) % 3  # with a shared corner, the edge opposite to it comes first
+            if _crosses(row(vertices, this[i]), row(vertices, this[(i + 1) % 3]), a, b, c):
                 return True
             if shared:
                 break
     return False
-
-
-@kernel
-def _end(mesh, h, v, u):
-    """Return the vertex at which a half-edge begins after v has gone into u."""
-    return u if mesh.origin[h] == v else mesh.origin[h]
 
 
 @kernel
@@ -124,159 +238,3 @@ def _crosses(p, q, a, b, c):
         return False
     v, w = dot(minus(c, a), turned) / height, -dot(minus(b, a), turned) / height
     return v >= 0.0 and w >= 0.0 and v + w <= 1.0
-
-
-def mend(
-    mesh: HalfEdges, vertices: NDArray[np.float64], normals: NDArray[np.float64], kept: NDArray[np.bool_]
-) -> NDArray[np.int64]:
-    """Flip edges and remove vertices of triangles that cut others, wherever then fewer do.
-
-    Parameters
-    ----------
-    mesh : HalfEdges
-        Changed in place. It stays a manifold of the same topology.
-    vertices, normals : (V, 3) arrays, float64
-    kept : (V,) array, bool
-        Vertices that are never removed.
-
-    Returns
-    -------
-    (V,) array, int64
-        The vertex into which each went; itself if it stays.
-    """
-    into = np.arange(len(vertices))
-    for _ in range(MEND_ROUNDS):
-        faces = cutting(mesh, vertices)
-        if not len(faces):
-            break
-        low, high = _boxes(mesh, vertices)
-        if _mend_all(mesh, vertices, normals, kept, low, high, faces, into) == 0:
-            break
-    return ends(into)
-
-
-@kernel
-def _mend_all(mesh, vertices, normals, kept, low, high, faces, into):
-    """Mend the triangles `faces`, (m,), one after another; return how many changes were made.
-
-    The boxes `low` and `high`, (F, 3), and `into`, (V,), follow the changes.
-    """
-    near = np.empty(len(low), dtype=np.int64)
-    halves, found = np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_AROUND + 1, dtype=np.int64)
-    others, beyond = np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_AROUND + 1, dtype=np.int64)
-    changes = 0
-    for f in faces:
-        if mesh.origin[3 * f] < 0:
-            continue
-        about = near[: _list_near(mesh, low, high, f, halves, near)]
-        if _cuts(mesh, vertices, f, about, -1, -1) == 0:
-            continue
-        changed = False
-        for h in range(3 * f, 3 * f + 3):
-            if not changed and is_flippable(mesh, vertices, normals, h, halves):
-                changed = _flip_if_better(mesh, vertices, h, about, low, high)
-        for k in range(3):
-            v = mesh.origin[3 * f + k]
-            if not changed and not kept[v]:
-                u = _best_to_take(mesh, vertices, normals, v, about, halves, found, others, beyond)
-                if u >= 0:
-                    edges, _ = around(mesh, v, halves)
-                    move_triangles(mesh, v, u, others)
-                    for slot in range(edges):
-                        _set_box(mesh, vertices, halves[slot] // 3, low, high)
-                    into[v] = u
-                    changed = True
-        changes += changed
-    return changes
-
-
-@kernel
-def _list_near(mesh, low, high, f, halves, near):
-    """Fill `near` with the triangles whose boxes meet that of the triangles around the corners of one; count them."""
-    least, most = low[f].copy(), high[f].copy()
-    for k in range(3):
-        edges, _ = around(mesh, mesh.origin[3 * f + k], halves)
-        for slot in range(edges):
-            g = halves[slot] // 3
-            for axis in range(3):
-                least[axis] = min(least[axis], low[g, axis])
-                most[axis] = max(most[axis], high[g, axis])
-    count = 0
-    for g in range(len(low)):
-        meets = mesh.origin[3 * g] >= 0
-        for axis in range(3):
-            meets = meets and low[g, axis] <= most[axis] and high[g, axis] >= least[axis]
-        if meets:
-            near[count] = g
-            count += 1
-    return count
-
-
-@kernel
-def _cuts(mesh, vertices, f, near, v, u):
-    """Return how many of the triangles `near` cut one, or would do so if v went into u."""
-    count = 0
-    for g in near:
-        if g != f and mesh.origin[3 * g] >= 0:
-            vanishes = False
-            if v >= 0:
-                has_v = has_u = False
-                for k in range(3):
-                    has_v = has_v or mesh.origin[3 * g + k] == v
-                    has_u = has_u or mesh.origin[3 * g + k] == u
-                vanishes = has_v and has_u
-            if not vanishes and are_cut(mesh, vertices, f, g, v, u):
-                count += 1
-    return count
-
-
-@kernel
-def _flip_if_better(mesh, vertices, h, near, low, high):
-    """Flip an edge if its triangles then cut fewer others; return whether they do."""
-    f, g = h // 3, mesh.opposite[h] // 3
-    before = _cuts(mesh, vertices, f, near, -1, -1) + _cuts(mesh, vertices, g, near, -1, -1)
-    flip_edge(mesh, h)
-    if _cuts(mesh, vertices, f, near, -1, -1) + _cuts(mesh, vertices, g, near, -1, -1) >= before:
-        flip_edge(mesh, 3 * f + 1)
-        better = False
-    else:
-        better = True
-    _set_box(mesh, vertices, f, low, high)
-    _set_box(mesh, vertices, g, low, high)
-    return better
-
-
-@kernel
-def _best_to_take(mesh, vertices, normals, v, near, halves, found, others, beyond):
-    """Return the neighbour into which v can go so that the fewest triangles cut, fewer than now; -1 if none."""
-    count, edges, closed = neighbours(mesh, v, halves, found)
-    least, best = 0, -1
-    for slot in range(edges):
-        least += _cuts(mesh, vertices, halves[slot] // 3, near, -1, -1)
-    for slot in range(count):
-        u = found[slot]
-        if not is_allowed(mesh, v, slot, count, edges, closed, halves, found, others, beyond):
-            continue
-        if thinness_after(mesh, vertices, normals, TURN_IN_MENDING, v, u, edges, halves) == np.inf:
-            continue
-        cuts = 0
-        for other in range(edges):
-            h = halves[other]
-            if mesh.origin[following(h)] != u and mesh.origin[preceding(h)] != u:
-                cuts += _cuts(mesh, vertices, h // 3, near, v, u)
-        if cuts < least:
-            least, best = cuts, u
-    return best
-
-
-@kernel
-def _set_box(mesh, vertices, f, low, high):
-    """Set the box of a triangle, unless it has been removed."""
-    for axis in range(3):
-        if mesh.origin[3 * f] >= 0:
-            a, b, c = (
-                vertices[mesh.origin[3 * f], axis],
-                vertices[mesh.origin[3 * f + 1], axis],
-                vertices[mesh.origin[3 * f + 2], axis],
-            )
-            low[f, axis], high[f, axis] = min(a, b, c), max(a, b, c)

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.collapse import collapse
-from gppcs.meshing.cuts import cutting, mend
+from gppcs.meshing.cuts import cutting
 from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.fit import fitted
 from gppcs.meshing.flips import flip, qualities
 from gppcs.meshing.halfedges import HalfEdges
+from gppcs.meshing.mending import cut_out, mend
 from gppcs.meshing.quadrics import add_borders, dense_quadrics, nearest_vertices
 from gppcs.meshing.refinement import split, worst_places
 
@@ -22,6 +23,7 @@ THIN_COST = 5.0  # what flips may cost at first to remove a thin triangle, in me
 THIN, MOST_THIN = 0.2, 0.012  # triangles below this quality are thin; while more than this share is, they cost
 DEARER = 2.0  # times as much
 CANDIDATES = 4  # places at which a vertex is tried, for each that is missing
+MEND_TRIES = 4  # of mending; before all but the first, vertices are added
 
 
 @dataclass
@@ -85,6 +87,10 @@ class Draft:
     def used(self) -> int:
         """Return the number of vertices that triangles join."""
         return int(np.count_nonzero(self.mesh.leaving >= 0))
+
+    def used_and_kept(self) -> int:
+        """Return the number of these that are never removed."""
+        return int(np.count_nonzero(self.kept & (self.mesh.leaving >= 0)))
 
     def assigned(self) -> Assignment:
         """Return the triangles of the dense points."""
@@ -166,18 +172,37 @@ class Draft:
         self.vertices, self.normals = self.vertices[used], self.normals[used]
         self.mesh = HalfEdges.of(faces.reshape(-1, 3), len(used))
 
-    def mend(self, fixed: bool) -> None:
-        """Mend triangles that cut others; unless the vertices are fixed, others take the place of those removed."""
-        before = self.used()
-        kept = np.ones_like(self.kept) if fixed else self.kept
-        self._go(mend(self.mesh, self.vertices, self.normals, kept))
-        missing = before - self.used()
-        if missing:
-            assigned = self.assigned()
-            faces, points = worst_places(self.mesh, assigned, self._unused(), CANDIDATES * missing)
-            places = self.dense.places if self.moved else self.dense.raw
-            trial = split(self.mesh, faces, len(self.level))
-            cut = cutting(trial, np.concatenate([self.vertices, places[points]]))
-            spoilt = np.isin(len(self.level) + np.arange(len(points)), trial.origin.reshape(-1, 3)[cut])
-            best = np.sort(np.argsort(spoilt, kind="stable")[:missing])
-            self._insert(assigned, faces[best], points[best])
+    def mend(self, counts_faces: bool) -> int:
+        """Mend triangles that cut others, so that none does; other vertices take the place of those removed.
+
+        Parameters
+        ----------
+        counts_faces : bool
+            Whether as many triangles shall be left as there were, rather than as many vertices.
+
+        Returns
+        -------
+        int
+            Number of holes that this leaves.
+        """
+        vertices, triangles, holes = self.used(), len(self.mesh.faces()), 0
+        for tries in reversed(range(MEND_TRIES)):
+            self._go(mend(self.mesh, self.vertices, self.normals, self.kept))
+            faces, opened = cut_out(self.mesh, self.vertices, self.normals, self.kept)
+            self.mesh, holes = HalfEdges.of(faces, len(self.level)), holes + opened
+            missing = (triangles - len(faces)) // 2 if counts_faces else vertices - self.used()
+            if not missing or not tries or self.kept.any():
+                break
+            self._add(missing)
+        return holes
+
+    def _add(self, count: int) -> None:
+        """Add vertices where the dense points are farthest off, and where the new triangles cut none."""
+        assigned = self.assigned()
+        faces, points = worst_places(self.mesh, assigned, self._unused(), CANDIDATES * count)
+        places = self.dense.places if self.moved else self.dense.raw
+        trial = split(self.mesh, faces, len(self.level))
+        cut = cutting(trial, np.concatenate([self.vertices, places[points]]))
+        spoilt = np.isin(len(self.level) + np.arange(len(points)), trial.origin.reshape(-1, 3)[cut])
+        best = np.flatnonzero(~spoilt)[:count]
+        self._insert(assigned, faces[best], points[best])

@@ -16,10 +16,12 @@ from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import Stages, in_words
 from gppcs.errors import NoSurfaceError, ParameterError, flag, number, share, shown, whole_number
-from gppcs.meshing.assembly import assembled, holes_filled, without_scraps
+from gppcs.meshing.assembly import assembled, without_scraps
 from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.draft import MOST_THIN, Draft
 from gppcs.meshing.fans import fans_of
+from gppcs.meshing.halfedges import HalfEdges
+from gppcs.meshing.mending import cut_out, holes_closed, mend
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
@@ -60,8 +62,9 @@ class MeshResult(ComparedByValue):
     diagnostics : mapping of str to float
         `dense_points`, from which the mesh was made; `noise`, their root mean square distance from the surface, 0 if
         it is too small to count; `mean_distance` of the dense points from the mesh; `left_out`, the share of the
-        points of the first mesh that are on no piece of it that is large enough; with `keep` also `missing`, the
-        number of these points that are no vertices.
+        points of the first mesh that are on no piece of it that is large enough; `opened`, the number of small holes
+        that stay open because all triangles that would close them cut others; with `keep` also `missing`, the number
+        of these points that are no vertices.
 
     Examples
     --------
@@ -318,11 +321,11 @@ class _Maker:
             dense = DensePoints.of(self.points, max(n_vertices, LEAST_VERTICES), chosen)
         with stages("first mesh"):
             level = self._level(dense, max(n_vertices, LEAST_VERTICES), chosen)
-            faces, left_out = _first_mesh(dense, level)
-        kept = np.isin(dense.rows[level], chosen)
+            kept = np.isin(dense.rows[level], chosen)
+            faces, left_out = _first_mesh(dense, level, kept)
         with stages("quadrics"):
             draft = Draft.of(dense, self.moved, level, kept, faces)
-        target = int(np.count_nonzero(kept & (draft.mesh.leaving >= 0))) if self.chosen is not None else count
+        target = count if self.chosen is None else draft.used_and_kept()
         self._thin_out(draft, target, counts_faces)
         if self.moved:
             with stages("fit"):
@@ -333,7 +336,7 @@ class _Maker:
             for _ in range(LAST_FLIPS):
                 if draft.thin() > MOST_THIN:
                     draft.flip()
-            draft.mend(fixed=self.chosen is not None)
+            opened = draft.mend(counts_faces)
         with stages("distances"):
             distances = draft.assigned()
             there_too = distances.face >= 0
@@ -342,13 +345,14 @@ class _Maker:
                 "noise": dense.noise,
                 "mean_distance": float(np.sqrt(distances.squared[there_too]).mean()),
                 "left_out": left_out,
+                "opened": float(opened),
             }
             if self.chosen is not None:
-                diagnostics["missing"] = float(len(chosen) - target)
+                diagnostics["missing"] = float(len(chosen) - draft.used_and_kept())
         faces = draft.mesh.faces()
         if self.hole_size is not None:
             with stages("holes"):
-                faces = holes_filled(faces, draft.vertices, draft.normals, self.hole_size, dense.cover)
+                faces = holes_closed(faces, draft.vertices, draft.normals, self.hole_size, dense.cover)
         used, faces = np.unique(faces, return_inverse=True)
         return _Made(
             faces.reshape(-1, 3), draft.vertices[used], draft.normals[used], dense.rows[draft.level[used]], diagnostics
@@ -386,8 +390,13 @@ class _Maker:
         return np.union1d(even, forced)
 
 
-def _first_mesh(dense: DensePoints, level: NDArray[np.int64]) -> tuple[NDArray[np.int64], float]:
-    """Return the triangles, (F, 3), of the mesh of some points, and the share of these that are not on it."""
+def _first_mesh(
+    dense: DensePoints, level: NDArray[np.int64], kept: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], float]:
+    """Return the triangles, (F, 3), of the mesh of some points, and the share of these that are not on it.
+
+    The points `kept`, (n,), are only left out where no triangle joins them.
+    """
     places, normals, reaches = dense.places[level], dense.normals[level], dense.cover.reaches[level]
     tree = KdTree.over(np.ascontiguousarray(places.T))
     near, _ = tree.neighbours(min(NEIGHBOURS, len(level) - 1))
@@ -399,6 +408,9 @@ def _first_mesh(dense: DensePoints, level: NDArray[np.int64]) -> tuple[NDArray[n
             "their spacing"
         )
     faces = assembled(triangles, votes, radii, places, normals, reaches, dense.cover)
+    mesh = HalfEdges.of(faces, len(level))
+    mend(mesh, places, normals, kept)
+    faces, _ = cut_out(mesh, places, normals, kept)
     faces = without_scraps(faces, len(level))
     if not len(faces):
         raise NoSurfaceError(f"expected points on a surface, found {len(level)} points of which no triangles join")
