@@ -1,26 +1,16 @@
-"""Triangles that cut others are those that dense samples and another program find, and mending leaves fewer of them."""
+"""Triangles that cut others are those that another program finds, also after the mesh has changed."""
 
 import numpy as np
 import pytest
 
-from gppcs.clouds.topology import topology_of
-from gppcs.meshing.cuts import cutting
-from gppcs.meshing.halfedges import HalfEdges, faults
-from gppcs.meshing.mending import mend
+from gppcs.meshing.cuts import TriangleTree, cutting, follow
+from gppcs.meshing.halfedges import HalfEdges
 from shapes import ball
 
 
 def loose(vertices, faces):
     """Triangles that need not be a manifold: only their corners matter for cuts."""
     return HalfEdges(np.ravel(faces).copy(), np.full(np.size(faces), -1), np.full(len(vertices), -1))
-
-
-def crumpled(seed):
-    """A ball some of whose points lie so far inside that their triangles cut others."""
-    points, normals, faces = ball(300, seed)
-    points = points.copy()
-    points[::60] *= -0.95
-    return points, normals, faces
 
 
 @pytest.mark.parametrize("shared", [False, True])
@@ -55,32 +45,16 @@ def test_neighbours_in_one_plane_do_not_cut():
     assert len(cutting(HalfEdges.of(faces, 25), vertices)) == 0
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_mending_keeps_the_topology_and_leaves_no_cut(seed):
-    points, normals, faces = crumpled(seed)
-    mesh = HalfEdges.of(faces, len(points))
-    assert len(cutting(mesh, points)) > 0
-    into = mend(mesh, points, normals, np.zeros(len(points), dtype=bool))
-    used = np.unique(mesh.faces())
-    assert faults(mesh) == []
-    assert topology_of(mesh.faces()) == (0, 0, 0, 1, 0)
-    assert len(used) >= len(points) - 30
-    assert set(into) == set(used)
-    assert len(cutting(mesh, points)) == 0
-
-
-def test_kept_vertices_stay_while_edges_flip():
-    points, normals, faces = crumpled(0)
-    mesh = HalfEdges.of(faces, len(points))
-    before = len(cutting(mesh, points))
-    into = mend(mesh, points, normals, np.ones(len(points), dtype=bool))
-    assert np.array_equal(into, np.arange(len(points)))
-    assert len(np.unique(mesh.faces())) == len(points)
-    assert len(cutting(mesh, points)) <= before
-
-
-def test_a_mesh_without_cuts_is_not_changed():
-    points, normals, faces = ball(200)
-    mesh = HalfEdges.of(faces, 200)
-    mend(mesh, points, normals, np.zeros(200, dtype=bool))
-    assert np.array_equal(mesh.faces(), faces)
+@pytest.mark.parametrize("seed", range(3))
+def test_a_tree_that_follows_the_changes_finds_what_a_new_one_finds(seed):
+    points, _, faces = ball(300, seed)
+    mesh = HalfEdges.of(faces, 300)
+    tree = TriangleTree.of(mesh, points)
+    assert len(cutting(mesh, points, tree)) == 0
+    moved = points.copy()
+    moved[::60] *= -0.95
+    for f in np.flatnonzero((faces % 60 == 0).any(axis=1)):
+        follow(mesh, moved, tree, f)
+    found = cutting(mesh, moved, tree)
+    assert len(found) > 0
+    assert np.array_equal(found, cutting(mesh, moved))

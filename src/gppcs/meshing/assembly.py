@@ -426,7 +426,7 @@ def without_scraps(faces: NDArray[np.int64], n: int, fewest: int = PIECE_TRIANGL
 
 
 def pieces_of(faces: NDArray[np.int64], n: int) -> NDArray[np.int64]:
-    """Number the connected pieces of triangles.
+    """Return the connected piece of each triangle.
 
     Parameters
     ----------
@@ -437,7 +437,7 @@ def pieces_of(faces: NDArray[np.int64], n: int) -> NDArray[np.int64]:
     Returns
     -------
     (F,) array, int32
-        The piece of each triangle.
+        Its number.
     """
     ends = np.concatenate([faces[:, :2], faces[:, 1:]]).T
     _, pieces = connected_components(coo_array((np.ones(ends.shape[1]), ends), shape=(n, n)), directed=False)

@@ -170,9 +170,10 @@ def first_cut(mesh, vertices, tree, inside, a, b, c):
         begin, end = leaf_range(len(tree.order), leaves, node)
         for f in tree.order[begin:end]:
             d, e, g = mesh.origin[3 * f], mesh.origin[3 * f + 1], mesh.origin[3 * f + 2]
-            if d >= 0 and not inside[f] and _may_meet(vertices, low, high, d, e, g):
-                if are_cut(vertices, (a, b, c), (d, e, g)):
-                    return f
+            if d < 0 or inside[f] or not _may_meet(vertices, low, high, d, e, g):
+                continue
+            if are_cut(vertices, (a, b, c), (d, e, g)):
+                return f
     return -1
 
 
@@ -208,15 +209,16 @@ def are_cut(vertices, f, g):
     Returns
     -------
     bool
-        False if they share an edge. If they share a corner, whether they meet anywhere else.
+        False if they share an edge, unless they have the same corners and lie on each other. If they share a corner,
+        whether they meet anywhere else.
     """
     shared = at_f = at_g = 0
     for i in range(3):
         for j in range(3):
             if f[i] == g[j]:
                 shared, at_f, at_g = shared + 1, i, j
-    if shared > 1:
-        return False
+    if shared > 1:  # with three, they are the same triangle, or one lies on the other
+        return shared == 3 and f[(at_f + 1) % 3] != g[(at_g + 1) % 3]
     for this, other, corner in ((f, g, at_f), (g, f, at_g)):
         a, b, c = row(vertices, other[0]), row(vertices, other[1]), row(vertices, other[2])
         for k in range(3):

@@ -6,17 +6,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
-from gppcs.meshing.assembly import border_loops, cost_of_filling, holes_filled, pieces_of, trace_filling, without_bow_ties
+from gppcs.meshing.assembly import (
+    border_loops,
+    cost_of_filling,
+    holes_filled,
+    pieces_of,
+    trace_filling,
+    without_bow_ties,
+)
 from gppcs.meshing.collapse import ends
 from gppcs.meshing.coverage import Cover
 from gppcs.meshing.cuts import TriangleTree, are_cut, cutting, first_cut, follow
-from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, around, following, leave_by, preceding
-from gppcs.spatial.triangles import area_vector, dot, minus, row
+from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, around, following, leave_by
+from gppcs.spatial.triangles import area_vector, dot, minus, nearest_in_triangle, row, squared_distance
 
 ROUNDS = 4  # of mending all triangles that cut others
 MOST_RINGS = 2  # of triangles by which a hole grows so that it can be closed
 PATCHES = 11  # patches around a triangle that are tried
 MOST_TRIANGLES = 120  # of a patch
+LOST = 0.3  # farthest a vertex inside may lie from what closes a hole, in usual edges
 LONGEST_LOOP = 36  # corners of a patch
 LEAST_AREA = 1e-9  # twice that of a triangle, in its sum of squared edges
 
@@ -341,12 +349,30 @@ def _closed_wider(
     piece, label = pieces_of(gone, n), np.full(n, -1)
     label[gone] = piece[:, None]
     open_ = np.setdiff1d(_border_edges(HalfEdges.of(closed, n)), old) // n
-    failed = np.unique(label[open_])
-    new = closed[len(left) :]
+    new, lost = closed[len(left) :], np.setdiff1d(gone, closed)
+    edges = np.linalg.norm(vertices[gone] - vertices[np.roll(gone, 1, axis=1)], axis=2).mean(axis=1)
+    usual = np.bincount(piece, edges) / np.maximum(1, np.bincount(piece))
+    far = _distances(vertices, lost, new, label) > LOST * usual[label[lost]]  # a part of the surface would be lost
+    failed = np.union1d(label[open_], label[lost[far]])
     result = np.concatenate([left, new[~np.isin(label[new[:, 0]], failed)], gone[np.isin(piece, failed)]])
     if len(cutting(HalfEdges.of(result, n), vertices)):
         return faces, holes
     return result, [hole for hole in holes if label[hole[0]] in failed]
+
+
+@kernel
+def _distances(vertices, lost, new, label):
+    """Return the distance of each of some vertices to the nearest new triangle with the same label."""
+    distances = np.full(len(lost), np.inf)
+    for i in range(len(lost)):
+        place = row(vertices, lost[i])
+        for t in range(len(new)):
+            if label[new[t, 0]] == label[lost[i]]:
+                a = minus(row(vertices, new[t, 0]), place)
+                b, c = minus(row(vertices, new[t, 1]), place), minus(row(vertices, new[t, 2]), place)
+                v, w = nearest_in_triangle(a, b, c)
+                distances[i] = min(distances[i], np.sqrt(squared_distance(a, b, c, v, w)))
+    return distances
 
 
 def _first_edges(faces: NDArray[np.int64], n: int) -> NDArray[np.int64]:

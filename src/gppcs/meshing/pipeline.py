@@ -20,8 +20,7 @@ from gppcs.meshing.assembly import assembled, without_scraps
 from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.draft import MOST_THIN, Draft
 from gppcs.meshing.fans import fans_of
-from gppcs.meshing.halfedges import HalfEdges
-from gppcs.meshing.mending import cut_out, holes_closed, mend
+from gppcs.meshing.mending import holes_closed
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
@@ -321,8 +320,8 @@ class _Maker:
             dense = DensePoints.of(self.points, max(n_vertices, LEAST_VERTICES), chosen)
         with stages("first mesh"):
             level = self._level(dense, max(n_vertices, LEAST_VERTICES), chosen)
-            kept = np.isin(dense.rows[level], chosen)
-            faces, left_out = _first_mesh(dense, level, kept)
+            faces, left_out = _first_mesh(dense, level)
+        kept = np.isin(dense.rows[level], chosen)
         with stages("quadrics"):
             draft = Draft.of(dense, self.moved, level, kept, faces)
         target = count if self.chosen is None else draft.used_and_kept()
@@ -390,13 +389,8 @@ class _Maker:
         return np.union1d(even, forced)
 
 
-def _first_mesh(
-    dense: DensePoints, level: NDArray[np.int64], kept: NDArray[np.bool_]
-) -> tuple[NDArray[np.int64], float]:
-    """Return the triangles, (F, 3), of the mesh of some points, and the share of these that are not on it.
-
-    The points `kept`, (n,), are only left out where no triangle joins them.
-    """
+def _first_mesh(dense: DensePoints, level: NDArray[np.int64]) -> tuple[NDArray[np.int64], float]:
+    """Return the triangles, (F, 3), of the mesh of some points, and the share of these that are not on it."""
     places, normals, reaches = dense.places[level], dense.normals[level], dense.cover.reaches[level]
     tree = KdTree.over(np.ascontiguousarray(places.T))
     near, _ = tree.neighbours(min(NEIGHBOURS, len(level) - 1))
@@ -408,9 +402,6 @@ def _first_mesh(
             "their spacing"
         )
     faces = assembled(triangles, votes, radii, places, normals, reaches, dense.cover)
-    mesh = HalfEdges.of(faces, len(level))
-    mend(mesh, places, normals, kept)
-    faces, _ = cut_out(mesh, places, normals, kept)
     faces = without_scraps(faces, len(level))
     if not len(faces):
         raise NoSurfaceError(f"expected points on a surface, found {len(level)} points of which no triangles join")

@@ -177,7 +177,7 @@ def _rows_of(original: PointCloud, kept: PointCloud, path: Path) -> NDArray[Any]
 
 
 def _note_fewer(source: Path, result: MeshResult, asked: int | None) -> None:
-    """Print notes if there are fewer vertices than were asked for."""
+    """Print notes on what the mesh lacks: vertices that were asked for, parts of the surface."""
     made = len(result.indices)
     if asked is not None and made < asked:
         print_error(f"note: {source}: the mesh has {made:,} vertices, fewer than the {asked:,} asked for")
@@ -187,6 +187,8 @@ def _note_fewer(source: Path, result: MeshResult, asked: int | None) -> None:
         )
     if (share := result.diagnostics["left_out"]) > 0.001:
         print_error(f"note: {source}: {share:.1%} of the points are on no piece of the surface that is large enough")
+    if opened := int(result.diagnostics["opened"]):
+        print_error(f"note: {source}: the mesh has small holes in {opened:,} places, where triangles would cut others")
 
 
 def _record(source: Path, output: Path, n: int, result: MeshResult) -> dict[str, Any]:

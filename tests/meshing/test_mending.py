@@ -1,0 +1,127 @@
+"""A mended mesh has no triangles that cut others, is a manifold, and keeps the handles and borders of the surface."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gppcs.clouds.topology import topology_of
+from gppcs.meshing.assembly import holes_filled
+from gppcs.meshing.cuts import cutting
+from gppcs.meshing.halfedges import HalfEdges, faults
+from gppcs.meshing.mending import cut_out, holes_closed, mend
+from meshing.test_coverage import cover_of
+from shapes import ball, random_mesh, sheet
+
+
+def crumpled(seed):
+    """A ball some of whose points lie so far inside that their triangles cut others."""
+    points, normals, faces = ball(300, seed)
+    points = points.copy()
+    points[::60] *= -0.95
+    return points, normals, faces
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_mending_keeps_the_topology_and_leaves_no_cut(seed):
+    points, normals, faces = crumpled(seed)
+    mesh = HalfEdges.of(faces, len(points))
+    assert len(cutting(mesh, points)) > 0
+    into = mend(mesh, points, normals, np.zeros(len(points), dtype=bool))
+    used = np.unique(mesh.faces())
+    assert faults(mesh) == []
+    assert topology_of(mesh.faces()) == (0, 0, 0, 1, 0)
+    assert len(used) >= len(points) - 30
+    assert set(into) == set(used)
+    assert len(cutting(mesh, points)) == 0
+
+
+def test_kept_vertices_stay_while_edges_flip():
+    points, normals, faces = crumpled(0)
+    mesh = HalfEdges.of(faces, len(points))
+    before = len(cutting(mesh, points))
+    into = mend(mesh, points, normals, np.ones(len(points), dtype=bool))
+    assert np.array_equal(into, np.arange(len(points)))
+    assert len(np.unique(mesh.faces())) == len(points)
+    assert len(cutting(mesh, points)) <= before
+
+
+def test_a_mesh_without_cuts_is_not_changed():
+    points, normals, faces = ball(200)
+    mesh = HalfEdges.of(faces, 200)
+    mend(mesh, points, normals, np.zeros(200, dtype=bool))
+    assert np.array_equal(mesh.faces(), faces)
+
+
+def no_vertex(points):
+    return np.zeros(len(points), dtype=bool)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10_000), share=st.floats(0.01, 0.5), depth=st.floats(-2.0, 2.0))
+def test_planted_cuts_all_go(seed, share, depth):
+    """Points of balls and sheets leave their places, so that their triangles cut others in any way."""
+    points, normals, mesh = random_mesh(seed)
+    rng = np.random.default_rng(seed)
+    some = rng.random(len(points)) < share
+    points = points + depth * some[:, None] * rng.standard_normal(points.shape)
+    mend(mesh, points, normals, no_vertex(points))
+    assert faults(mesh) == []
+    faces, holes = cut_out(mesh, points, normals, no_vertex(points))
+    whole = HalfEdges.of(faces, len(points))
+    assert faults(whole) == []
+    assert topology_of(faces)[:2] == (0, 0)
+    assert len(cutting(whole, points)) == 0
+    assert holes == 0 or topology_of(faces).borders > 0
+
+
+def two_sheets():
+    """A sheet over another, with a spike that goes through that one."""
+    points, normals, faces = sheet(400)
+    lower = points - [0.0, 0.0, 0.3]
+    spike = np.argmin(np.linalg.norm(points[:, :2] - 0.5, axis=1))
+    points = points.copy()
+    points[spike, 2] -= 0.5
+    return np.concatenate([points, lower]), np.concatenate([normals, normals]), np.concatenate([faces, faces + 400])
+
+
+def test_a_spike_through_another_sheet_goes_and_both_stay_whole():
+    points, normals, faces = two_sheets()
+    before = topology_of(faces)
+    mesh = HalfEdges.of(faces, len(points))
+    assert len(cutting(mesh, points)) > 0
+    mend(mesh, points, normals, no_vertex(points))
+    assert len(cutting(mesh, points)) == 0
+    assert topology_of(mesh.faces()) == before
+    assert len(np.unique(mesh.faces())) == len(points) - 1
+
+
+def test_without_cuts_nothing_is_left_out():
+    points, normals, faces = ball(200)
+    left, holes = cut_out(HalfEdges.of(faces, 200), points, normals, no_vertex(points))
+    assert np.array_equal(left, faces)
+    assert holes == 0
+
+
+def test_borders_stay_open():
+    points, normals, faces = sheet(400, hole=0.2)
+    before = topology_of(faces)
+    inner = np.argmin(np.linalg.norm(points[:, :2] - 0.15, axis=1))
+    points[inner, :2] += 0.5
+    mesh = HalfEdges.of(faces, len(points))
+    assert len(cutting(mesh, points)) > 0
+    mend(mesh, points, normals, no_vertex(points))
+    faces, holes = cut_out(mesh, points, normals, no_vertex(points))
+    assert holes == 0
+    assert topology_of(faces) == before
+
+
+def test_a_hole_is_not_closed_through_another_part():
+    points, normals, faces = sheet(2000, hole=0.2)
+    flap = np.array([[0.5, 0.5, -0.2], [0.45, 0.55, 0.3], [0.55, 0.55, 0.3]])
+    cover, _ = cover_of(points, normals)
+    both = np.concatenate([points, flap]), np.concatenate([normals, np.tile([0.0, -1.0, 0.0], (3, 1))])
+    assert topology_of(holes_closed(faces, points, normals, 0.9, cover)).borders == 1
+    pierced = np.concatenate([faces, [[len(points), len(points) + 1, len(points) + 2]]])
+    assert len(holes_filled(pierced, *both, 0.9, cover)) > len(pierced)
+    assert np.array_equal(holes_closed(pierced, *both, 0.9, cover), pierced)
