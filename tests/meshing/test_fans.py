@@ -60,3 +60,14 @@ def test_neighbours_on_another_sheet_are_left_out():
     triangles, _, _ = fans_of(points, normals, neighbours(points, 24))
     assert len(triangles) > 300
     assert ((triangles < 200).all(axis=1) | (triangles >= 200).all(axis=1)).all()
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3])
+def test_fans_agree_on_grids(angle):
+    """The corners of each square lie on a circle: all fans have the same of the two diagonals."""
+    x, y = np.meshgrid(np.arange(20.0), np.arange(20.0))
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    points = np.column_stack([np.column_stack([x.ravel(), y.ravel()]) @ turn, np.zeros(400)])
+    points = points[np.random.default_rng(0).permutation(400)]
+    triangles, votes, _ = fans_of(points, np.tile([0.0, 0.0, 1.0], (400, 1)), neighbours(points, 24))
+    assert (votes == 3).sum() == 2 * 19 * 19

@@ -13,6 +13,8 @@ from gppcs.surface.moments import tangents
 MOST_TRIANGLES = 24  # of a fan; the mean is six
 AGREEING = 0.1  # least cosine between the normals of neighbours; below it, they lie on two sheets
 STEEPEST = 0.7  # largest sine of the angle between a step to a neighbour and the tangent plane
+# Largest squared sine of a turn at which points count as lying on one circle: those of grids do, of curved ones nearly.
+ON_CIRCLE = 1e-8
 FANS_AT_ONCE = 128  # fans that a thread takes at once, at least
 
 
@@ -59,7 +61,7 @@ def _build_fans(begin, end, points, normals, near, corners):
     index = np.empty(near.shape[1], dtype=np.int64)
     for i in range(begin, end):
         count = _lay_out(points, normals, i, near[i], inverse, index)
-        _wrap(inverse, index, count, corners[i])
+        _wrap(inverse, index, count, i, corners[i])
 
 
 @kernel
@@ -89,8 +91,8 @@ def _lay_out(points, normals, i, near, inverse, index):
 
 
 @kernel
-def _wrap(inverse, index, count, corners):
-    """Fill `corners`, (MOST_TRIANGLES, 2), with the triangles at the origin of `count` inverted neighbours, (k, 2).
+def _wrap(inverse, index, count, i, corners):
+    """Fill `corners`, (MOST_TRIANGLES, 2), with the triangles at point i, of `count` inverted neighbours, (k, 2).
 
     The bisector between the origin and a neighbour is dual to the inverted neighbour. So the Voronoi cell of the
     origin is dual to the convex hull of the inverted neighbours, and each edge of the hull that turns left around the
@@ -102,14 +104,22 @@ def _wrap(inverse, index, count, corners):
             first = slot
     current, triangles = first, 0
     for _ in range(count):
-        best = -1
+        best, in_line = -1, False
         for slot in range(count):
-            if slot != current and (best < 0 or _is_outside(inverse, current, best, slot)):
+            if slot == current:
+                continue
+            if best < 0:
+                best = slot
+                continue
+            turn = _turn(inverse, current, best, slot)
+            in_line = in_line or turn == 0.0
+            if turn < 0.0 or (turn == 0.0 and _is_farther(inverse, current, best, slot)):
                 best = slot
         if best < 0:
             return
-        turn = inverse[current, 0] * inverse[best, 1] - inverse[current, 1] * inverse[best, 0]
-        if turn > 0.0 and triangles < MOST_TRIANGLES:
+        if in_line and _turns_left(inverse, current, best):
+            best = _first_in_line(inverse, index, count, i, current, best)
+        if _turns_left(inverse, current, best) and triangles < MOST_TRIANGLES:
             corners[triangles, 0], corners[triangles, 1] = index[current], index[best]
             triangles += 1
         current = best
@@ -124,12 +134,60 @@ def _length(inverse, slot):
 
 
 @kernel
-def _is_outside(inverse, current, best, slot):
-    """Return whether a neighbour is to the right of the line to the best one, or on it and farther away."""
+def _turn(inverse, current, best, slot):
+    """Return how far a neighbour is to the left of the line to the best one; 0 if it is hardly off the line."""
     ax, ay = inverse[best, 0] - inverse[current, 0], inverse[best, 1] - inverse[current, 1]
     bx, by = inverse[slot, 0] - inverse[current, 0], inverse[slot, 1] - inverse[current, 1]
     turn = ax * by - ay * bx
-    return turn < 0.0 or (turn == 0.0 and bx * bx + by * by > ax * ax + ay * ay)
+    return 0.0 if turn * turn <= ON_CIRCLE * (ax * ax + ay * ay) * (bx * bx + by * by) else turn
+
+
+@kernel
+def _squared(inverse, current, slot):
+    """Return the squared distance between two inverted neighbours."""
+    return (inverse[slot, 0] - inverse[current, 0]) ** 2 + (inverse[slot, 1] - inverse[current, 1]) ** 2
+
+
+@kernel
+def _turns_left(inverse, current, best):
+    """Return whether the way from a neighbour to another turns left around the origin, by more than a little."""
+    turn = inverse[current, 0] * inverse[best, 1] - inverse[current, 1] * inverse[best, 0]
+    return turn > 0.0 and turn * turn > ON_CIRCLE * _length(inverse, current) * _length(inverse, best)
+
+
+@kernel
+def _is_farther(inverse, current, best, slot):
+    """Return whether a neighbour on the line from the current to the best one is farther on; not if it is behind."""
+    if _is_ahead(inverse, current, best, slot):
+        return _squared(inverse, current, slot) > _squared(inverse, current, best)
+    return _turns_left(inverse, current, slot)
+
+
+@kernel
+def _first_in_line(inverse, index, count, i, current, last):
+    """Return the next neighbour on an edge of the hull that several neighbours lie on, from `current` to `last`.
+
+    These lie on a circle with point i. Each of them triangulates it from the one of lowest index, so their fans agree.
+    """
+    nearest = lowest = last
+    for slot in range(count):
+        ahead = slot != current and _turn(inverse, current, last, slot) == 0.0
+        if ahead and _is_ahead(inverse, current, last, slot):
+            if index[slot] < index[lowest]:
+                lowest = slot
+            if _squared(inverse, current, slot) < _squared(inverse, current, nearest):
+                nearest = slot
+    if i < min(index[current], index[lowest]):
+        return nearest
+    return lowest if index[lowest] < index[current] else last
+
+
+@kernel
+def _is_ahead(inverse, current, last, slot):
+    """Return whether an inverted neighbour on the line from the current to the last one lies ahead, not behind."""
+    ax, ay = inverse[last, 0] - inverse[current, 0], inverse[last, 1] - inverse[current, 1]
+    bx, by = inverse[slot, 0] - inverse[current, 0], inverse[slot, 1] - inverse[current, 1]
+    return ax * bx + ay * by > 0.0
 
 
 @kernel

@@ -102,8 +102,8 @@ def mesh(
 
     Some of the points are joined to a mesh: about eight times as many as wanted, evenly spread. Its vertices are then
     removed, the cheapest first; what that costs is told by the tangent planes of all points (quadrics). At last,
-    edges are flipped where that brings the mesh nearer to the points. The mesh is oriented and a manifold. It is open
-    where the points leave holes.
+    edges are flipped where that brings the mesh nearer to the points. The mesh is oriented and a manifold, and none of
+    its triangles cuts another. It is open where the points leave holes.
 
     Parameters
     ----------
