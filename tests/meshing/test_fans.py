@@ -69,5 +69,5 @@ def test_fans_agree_on_grids(angle):
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     points = np.column_stack([np.column_stack([x.ravel(), y.ravel()]) @ turn, np.zeros(400)])
     points = points[np.random.default_rng(0).permutation(400)]
-    triangles, votes, _ = fans_of(points, np.tile([0.0, 0.0, 1.0], (400, 1)), neighbours(points, 24))
+    _, votes, _ = fans_of(points, np.tile([0.0, 0.0, 1.0], (400, 1)), neighbours(points, 24))
     assert (votes == 3).sum() == 2 * 19 * 19

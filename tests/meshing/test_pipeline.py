@@ -5,6 +5,7 @@ import pytest
 
 import gppcs
 from gppcs.clouds.topology import topology_of
+from gppcs.meshing.cuts import cutting
 from gppcs.meshing.halfedges import HalfEdges, faults
 from shapes import torus
 
@@ -15,12 +16,14 @@ def ball():
 
 
 def is_sound(mesh):
-    """Whether a mesh is an oriented manifold without unused vertices, repeated triangles or triangles without area."""
+    """Whether a mesh is an oriented manifold without unused vertices, repeated triangles,
+    triangles without area or such that cut others."""
     assert faults(HalfEdges.of(mesh.faces, len(mesh.vertices))) == []
     assert topology_of(mesh.faces)[:2] == (0, 0)
     assert np.array_equal(np.unique(mesh.faces), np.arange(len(mesh.vertices)))
     assert len(np.unique(np.sort(mesh.faces), axis=0)) == len(mesh.faces)
     assert mesh.face_areas().min() > 0
+    assert len(cutting(HalfEdges.of(mesh.faces, len(mesh.vertices)), mesh.vertices)) == 0
     return True
 
 
@@ -73,6 +76,14 @@ def test_a_torus_keeps_its_handle(moved):
     result = gppcs.mesh(points, n_points=300, moved=moved)
     assert is_sound(result.mesh)
     assert topology_of(result.mesh.faces) == (0, 0, 0, 1, 1)
+
+
+def test_a_flat_grid_and_a_curved_one_are_surfaces():
+    x, y = np.meshgrid(np.arange(50.0), np.arange(50.0))
+    for z in (np.zeros_like(x), np.sqrt(4000 - (x - 25) ** 2)):
+        result = gppcs.mesh(np.column_stack([x.ravel(), y.ravel(), z.ravel()]), n_points=100)
+        assert is_sound(result.mesh)
+        assert topology_of(result.mesh.faces) == (0, 0, 1, 1, 0)
 
 
 def test_two_balls_are_two_pieces(ball):

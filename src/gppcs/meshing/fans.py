@@ -13,13 +13,16 @@ from gppcs.surface.moments import tangents
 MOST_TRIANGLES = 24  # of a fan; the mean is six
 AGREEING = 0.1  # least cosine between the normals of neighbours; below it, they lie on two sheets
 STEEPEST = 0.7  # largest sine of the angle between a step to a neighbour and the tangent plane
-# Largest squared sine of a turn at which points count as lying on one circle: those of grids do, of curved ones nearly.
-ON_CIRCLE = 1e-8
+# Largest squared sine of a turn at which points count as lying on one circle: those of flat grids, and of curved ones.
+ON_CIRCLE = 1e-8, 1e-6
 FANS_AT_ONCE = 128  # fans that a thread takes at once, at least
 
 
 def fans_of(
-    points: NDArray[np.float64], normals: NDArray[np.float64], near: NDArray[np.int64]
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    near: NDArray[np.int64],
+    on_circle: float = ON_CIRCLE[0],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Lay the neighbours of each point out in its tangent plane, and return the Delaunay triangles at the point.
 
@@ -33,6 +36,9 @@ def fans_of(
         Unit normals with signs.
     near : (n, k) array, int64
         Neighbours of each point. Those on another sheet are left out.
+    on_circle : float
+        Largest squared sine of a turn at which points count as lying on one circle. So that fans agree, all of them
+        triangulate such points alike.
 
     Returns
     -------
@@ -45,7 +51,7 @@ def fans_of(
     """
     n = len(points)
     corners = np.full((n, MOST_TRIANGLES, 2), -1)
-    on_ranges(_build_fans, n, points, normals, near, corners, least=FANS_AT_ONCE)
+    on_ranges(_build_fans, n, points, normals, near, on_circle, corners, least=FANS_AT_ONCE)
     votes = np.zeros((n, MOST_TRIANGLES), dtype=np.int8)
     radii = np.zeros((n, MOST_TRIANGLES))
     on_ranges(_count_votes, n, points, corners, votes, radii, least=FANS_AT_ONCE)
@@ -55,13 +61,13 @@ def fans_of(
 
 
 @kernel
-def _build_fans(begin, end, points, normals, near, corners):
+def _build_fans(begin, end, points, normals, near, on_circle, corners):
     """Fill the corners of the fans, (n, MOST_TRIANGLES, 2); other arrays as in `fans_of`."""
     inverse = np.empty((near.shape[1], 2), dtype=np.float64)
     index = np.empty(near.shape[1], dtype=np.int64)
     for i in range(begin, end):
         count = _lay_out(points, normals, i, near[i], inverse, index)
-        _wrap(inverse, index, count, i, corners[i])
+        _wrap(inverse, index, count, i, on_circle, corners[i])
 
 
 @kernel
@@ -91,7 +97,7 @@ def _lay_out(points, normals, i, near, inverse, index):
 
 
 @kernel
-def _wrap(inverse, index, count, i, corners):
+def _wrap(inverse, index, count, i, on_circle, corners):
     """Fill `corners`, (MOST_TRIANGLES, 2), with the triangles at point i, of `count` inverted neighbours, (k, 2).
 
     The bisector between the origin and a neighbour is dual to the inverted neighbour. So the Voronoi cell of the
@@ -111,15 +117,15 @@ def _wrap(inverse, index, count, i, corners):
             if best < 0:
                 best = slot
                 continue
-            turn = _turn(inverse, current, best, slot)
+            turn = _turn(inverse, current, best, slot, on_circle)
             in_line = in_line or turn == 0.0
-            if turn < 0.0 or (turn == 0.0 and _is_farther(inverse, current, best, slot)):
+            if turn < 0.0 or (turn == 0.0 and _is_farther(inverse, current, best, slot, on_circle)):
                 best = slot
         if best < 0:
             return
-        if in_line and _turns_left(inverse, current, best):
-            best = _first_in_line(inverse, index, count, i, current, best)
-        if _turns_left(inverse, current, best) and triangles < MOST_TRIANGLES:
+        if in_line and _turns_left(inverse, current, best, on_circle):
+            best = _first_in_line(inverse, index, count, i, current, best, on_circle)
+        if _turns_left(inverse, current, best, on_circle) and triangles < MOST_TRIANGLES:
             corners[triangles, 0], corners[triangles, 1] = index[current], index[best]
             triangles += 1
         current = best
@@ -134,12 +140,12 @@ def _length(inverse, slot):
 
 
 @kernel
-def _turn(inverse, current, best, slot):
+def _turn(inverse, current, best, slot, on_circle):
     """Return how far a neighbour is to the left of the line to the best one; 0 if it is hardly off the line."""
     ax, ay = inverse[best, 0] - inverse[current, 0], inverse[best, 1] - inverse[current, 1]
     bx, by = inverse[slot, 0] - inverse[current, 0], inverse[slot, 1] - inverse[current, 1]
     turn = ax * by - ay * bx
-    return 0.0 if turn * turn <= ON_CIRCLE * (ax * ax + ay * ay) * (bx * bx + by * by) else turn
+    return 0.0 if turn * turn <= on_circle * (ax * ax + ay * ay) * (bx * bx + by * by) else turn
 
 
 @kernel
@@ -149,29 +155,29 @@ def _squared(inverse, current, slot):
 
 
 @kernel
-def _turns_left(inverse, current, best):
+def _turns_left(inverse, current, best, on_circle):
     """Return whether the way from a neighbour to another turns left around the origin, by more than a little."""
     turn = inverse[current, 0] * inverse[best, 1] - inverse[current, 1] * inverse[best, 0]
-    return turn > 0.0 and turn * turn > ON_CIRCLE * _length(inverse, current) * _length(inverse, best)
+    return turn > 0.0 and turn * turn > on_circle * _length(inverse, current) * _length(inverse, best)
 
 
 @kernel
-def _is_farther(inverse, current, best, slot):
+def _is_farther(inverse, current, best, slot, on_circle):
     """Return whether a neighbour on the line from the current to the best one is farther on; not if it is behind."""
     if _is_ahead(inverse, current, best, slot):
         return _squared(inverse, current, slot) > _squared(inverse, current, best)
-    return _turns_left(inverse, current, slot)
+    return _turns_left(inverse, current, slot, on_circle)
 
 
 @kernel
-def _first_in_line(inverse, index, count, i, current, last):
+def _first_in_line(inverse, index, count, i, current, last, on_circle):
     """Return the next neighbour on an edge of the hull that several neighbours lie on, from `current` to `last`.
 
     These lie on a circle with point i. Each of them triangulates it from the one of lowest index, so their fans agree.
     """
     nearest = lowest = last
     for slot in range(count):
-        ahead = slot != current and _turn(inverse, current, last, slot) == 0.0
+        ahead = slot != current and _turn(inverse, current, last, slot, on_circle) == 0.0
         if ahead and _is_ahead(inverse, current, last, slot):
             if index[slot] < index[lowest]:
                 lowest = slot

@@ -19,7 +19,7 @@ from gppcs.errors import NoSurfaceError, ParameterError, flag, number, share, sh
 from gppcs.meshing.assembly import assembled, without_scraps
 from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.draft import MOST_THIN, Draft
-from gppcs.meshing.fans import fans_of
+from gppcs.meshing.fans import ON_CIRCLE, fans_of
 from gppcs.meshing.mending import holes_closed
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import farthest_points
@@ -394,8 +394,11 @@ def _first_mesh(dense: DensePoints, level: NDArray[np.int64]) -> tuple[NDArray[n
     places, normals, reaches = dense.places[level], dense.normals[level], dense.cover.reaches[level]
     tree = KdTree.over(np.ascontiguousarray(places.T))
     near, _ = tree.neighbours(min(NEIGHBOURS, len(level) - 1))
-    triangles, votes, radii = fans_of(places, normals, near)
-    if not np.count_nonzero(votes > 1) >= LEAST_AGREED * max(1, len(votes)):
+    for on_circle in ON_CIRCLE:
+        triangles, votes, radii = fans_of(places, normals, near, on_circle)
+        if np.count_nonzero(votes > 1) >= LEAST_AGREED * max(1, len(votes)):
+            break
+    else:
         raise NoSurfaceError(
             f"expected points on a surface, found {len(level)} points of whose triangles only "
             f"{np.mean(votes > 1):.0%} fit together: they fill a volume, are too few, or have noise thicker than "
