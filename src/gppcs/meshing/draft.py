@@ -191,7 +191,7 @@ class Draft:
             faces, opened = cut_out(self.mesh, self.vertices, self.normals, self.kept)
             self.mesh, holes = HalfEdges.of(faces, len(self.level)), holes + opened
             missing = (triangles - len(faces)) // 2 if counts_faces else vertices - self.used()
-            if not missing or not tries or self.kept.any():
+            if missing <= 0 or not tries or self.kept.any():
                 break
             self._add(missing)
         return holes
@@ -204,5 +204,8 @@ class Draft:
         trial = split(self.mesh, faces, len(self.level))
         cut = cutting(trial, np.concatenate([self.vertices, places[points]]))
         spoilt = np.isin(len(self.level) + np.arange(len(points)), trial.origin.reshape(-1, 3)[cut])
-        best = np.flatnonzero(~spoilt)[:count]
+        there = assigned.face >= 0
+        sums = np.bincount(assigned.face[there], assigned.squared[there], minlength=len(self.mesh.origin) // 3)
+        worst_first = np.argsort(-sums[faces], kind="stable")
+        best = np.sort(worst_first[~spoilt[worst_first]][:count])
         self._insert(assigned, faces[best], points[best])
