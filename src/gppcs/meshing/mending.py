@@ -24,7 +24,7 @@ ROUNDS = 4  # of mending all triangles that cut others
 MOST_RINGS = 2  # of triangles by which a hole grows so that it can be closed
 PATCHES = 11  # patches around a triangle that are tried
 MOST_TRIANGLES = 120  # of a patch
-LOST = 0.3  # farthest a vertex inside may lie from what closes a hole, in usual edges
+LOST = 0.5  # farthest a vertex inside may lie from what closes a hole, in usual edges
 LONGEST_LOOP = 36  # corners of a patch
 LEAST_AREA = 1e-9  # twice that of a triangle, in its sum of squared edges
 
