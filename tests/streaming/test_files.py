@@ -174,9 +174,9 @@ def test_files_that_change_meanwhile_are_refused(tmp_path, monkeypatch):
     [path] = written(cloud_of(VARIANTS["plain"]), tmp_path, [])
     choose = streaming_passes.choose
 
-    def truncated(*arguments):
+    def truncated(*arguments, **options):
         gppcs.write(path, cloud_of(VARIANTS["plain"][:-1]), force=True)
-        return choose(*arguments)
+        return choose(*arguments, **options)
 
     monkeypatch.setattr(streaming_passes, "choose", truncated)
     with pytest.raises(gppcs.InputError, match=r"expected 6,000 points again, found 5,999: the files have changed"):
