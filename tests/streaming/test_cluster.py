@@ -3,7 +3,6 @@
 import os
 import signal
 import sys
-import time
 
 import laspy
 import numpy as np
@@ -221,15 +220,10 @@ def test_other_methods(three, paths, method, tmp_path):
     assert len(np.unique(found.indices)) == 300
 
 
-def die(item):
-    time.sleep(0.1)
-    os.kill(os.getpid(), signal.SIGKILL)
-
-
 @pytest.mark.slow
 def test_workers_that_end_again_and_again_are_told(three):
     with pytest.raises(gppcs.ClusterError, match="the workers ended again and again during a task"):
-        list(Cluster(three).each(die, [1]))
+        list(Cluster(three).each(signal.raise_signal, [signal.SIGKILL]))
 
 
 def test_errors_of_workers_are_those_of_one_process(three, paths, tmp_path):
