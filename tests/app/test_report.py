@@ -138,6 +138,20 @@ def test_view_writes_a_page_without_opening_it(gppcs_command, folder, scan, open
     assert (folder / "v.html").exists()
 
 
+def test_view_shows_the_faces_of_a_mesh(gppcs_command, folder, opened, monkeypatch):
+    pytest.importorskip("pymeshlab")
+    tent = gppcs.Mesh([[0, 0, 0], [2, 0, 0], [2, 2, 0], [1, 1, 1]], [[0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    gppcs.write_mesh("tent.ply", tent)
+    assert gppcs_command("view", "tent.ply", "-o", "v.html", "--no-open") == (0, "v.html\n", "")
+    [cloud] = WebPage((folder / "v.html").read_text("utf-8")).described["clouds"]
+    assert (cloud["points"], cloud["mesh"]["triangles"]) == (4, 3)
+    monkeypatch.setitem(sys.modules, "pymeshlab", None)
+    code, _, err = gppcs_command("view", "tent.ply", "-o", "v.html", "--no-open", "--force")
+    assert code == 0
+    assert "note: tent.ply: only the vertices are shown: " in err
+    assert WebPage((folder / "v.html").read_text("utf-8")).described["clouds"][0]["mesh"] is None
+
+
 def test_without_a_browser_view_says_where_the_page_is(gppcs_command, scan, monkeypatch):
     monkeypatch.setattr(webbrowser, "open", lambda page: False)
     code, out, err = gppcs_command("view", "scan.ply", "-o", "v.html")

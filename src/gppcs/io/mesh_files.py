@@ -11,6 +11,8 @@ from gppcs.errors import FileFormatError, InputError, file_path
 from gppcs.io.meshes import FACE_CHECKS
 from gppcs.io.reading import read
 
+SUFFIXES = (".ply", ".off", ".obj", ".stl")  # of meshes whose vertices gppcs reads, too
+
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     r"""Read a mesh file: PLY, OBJ, OFF, STL and whatever else PyMeshLab reads.
@@ -70,13 +72,34 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
         raise FileFormatError(f"{source}: {error}") from error
 
 
+def mesh_of(path: Path, faces: int) -> Mesh | None:
+    """Read the mesh of a file, if it has one and its suffix tells PyMeshLab the format.
+
+    Parameters
+    ----------
+    path : path
+    faces : int
+        Number of faces of the file.
+
+    Returns
+    -------
+    Mesh or None
+
+    Raises
+    ------
+    MissingExtraError, FileFormatError, OSError
+        As for `read_mesh`.
+    """
+    return read_mesh(path) if faces > 0 and path.suffix.lower() in SUFFIXES else None
+
+
 def _require_sound(source: Path) -> None:
     """Raise an error for invalid vertices or faces, which PyMeshLab would drop silently or crash on."""
     suffix = source.suffix.lower()
     if suffix in FACE_CHECKS:
         with open(source, "rb") as file:
             FACE_CHECKS[suffix](file)
-    if suffix in (".ply", ".off", ".obj", ".stl"):
+    if suffix in SUFFIXES:
         try:
             cloud = read(source, suffix)
         except FileFormatError:  # PyMeshLab may read more variants of the format

@@ -89,7 +89,8 @@ def evaluate(
     stages = Stages(progress(quiet))
     judged = read_mesh(simplified_mesh) if simplified_mesh else None
     with stages("reading"):
-        read = io.read_each([original, *([simplified] if simplified else [])], input_format, names_of(columns))
+        inputs = [original, *([simplified] if simplified else [])]
+        read = [each.cloud for each in io.read_each(inputs, input_format, names_of(columns))]
     clouds = [cloud.take(cloud.finite_rows()) for cloud in read]
     if not judged and len(clouds[1]) > len(clouds[0]):
         print_error("note: the second cloud has more points than the first; the order is ORIGINAL SIMPLIFIED")

@@ -14,7 +14,6 @@ from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.threads import set_threads
 from gppcs.errors import OutputError, ParameterError, file_path, shown
 
-MESHES = (".ply", ".off", ".obj", ".stl")  # the suffix tells PyMeshLab the format; of other files the points are drawn
 EPILOG = (
     "[bold]Examples[/bold]\n\n"
     "gppcs render scan.ply -o scan.png\n\n"
@@ -73,7 +72,7 @@ def render(
     from gppcs.drawing.single import checked_size, draw_single
     from gppcs.engine.extras import require_matplotlib
     from gppcs.io.files import naming
-    from gppcs.io.mesh_files import read_mesh
+    from gppcs.io.mesh_files import mesh_of
 
     set_threads(threads)
     viewpoint = viewpoint_of(view, up, picture=True)
@@ -84,11 +83,10 @@ def render(
     io.check_distinct([output], [source])
     io.check_output(output, force)
     cloud, faces, unread = io.load(source, input_format, names_of(columns))
-    is_mesh = faces > 0 and source.suffix.lower() in MESHES
-    mesh = read_mesh(source) if is_mesh else None
+    mesh = mesh_of(source, faces)
     with naming(source), io.whole_output(output, force) as file:
         drawn = draw_single(file, cloud, mesh, colour, viewpoint, pixels)
-    if faces and not is_mesh:
+    if faces and mesh is None:
         note_left_out(output, unread)
     if drawn.left_out:
         print_error(f"note: {source}: {drawn.left_out:,} points with NaN or infinite coordinates are left out")

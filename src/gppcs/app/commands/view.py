@@ -5,14 +5,17 @@ from __future__ import annotations
 import tempfile
 import webbrowser
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gppcs.app.printing import Columns, Force, From, Quiet, Threads, names_of, print_error, progress
 from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.threads import set_threads
-from gppcs.errors import file_path
+from gppcs.errors import MissingExtraError, file_path
+
+if TYPE_CHECKING:
+    from gppcs.clouds.mesh import Mesh
 
 EPILOG = (
     "[bold]Examples[/bold]\n\n"
@@ -49,7 +52,8 @@ def view(
 ) -> None:
     """Show point clouds side by side in the browser, in views that turn together.
 
-    Files of all formats that gppcs reads can be shown. The page is one file that needs no network.
+    Files of all formats that gppcs reads can be shown, meshes with their faces. The page is one file that needs no
+    network.
     """
     from gppcs import io
     from gppcs.app.pages import check_page, different_names, how_made
@@ -64,7 +68,10 @@ def view(
     stages = Stages(progress(quiet))
     with stages("reading"):
         read = io.read_each(inputs, input_format, names_of(columns))
-    clouds = [Named(name, cloud) for name, cloud in zip(different_names(inputs), read, strict=True)]
+        meshes = [_mesh(path, each.faces) for path, each in zip(inputs, read, strict=True)]
+    clouds = [
+        Named(name, each.cloud, mesh) for name, each, mesh in zip(different_names(inputs), read, meshes, strict=True)
+    ]
     page = view_page(clouds, how_made(context.obj, inputs), viewpoint)
     if output is None:
         output = Path(tempfile.mkdtemp(prefix="gppcs-")) / "view.html"
@@ -76,3 +83,14 @@ def view(
         typer.echo(output)
     if opened and not webbrowser.open(output.absolute().as_uri()):
         print_error(f"note: no browser was found; open {output} yourself")
+
+
+def _mesh(path: Path, faces: int) -> Mesh | None:
+    """Return the mesh of a file, None if it has none or cannot be read without an extra."""
+    from gppcs.io.mesh_files import mesh_of
+
+    try:
+        return mesh_of(path, faces)
+    except MissingExtraError as error:
+        print_error(f"note: {path}: only the vertices are shown: {error}")
+        return None
