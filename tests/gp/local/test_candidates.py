@@ -115,7 +115,8 @@ def test_largest_gap_lies_where_the_numbers_fall_slowly():
         ([5, 5, 5, 5], np.inf),  # too few to tell
         ([3_001, 3_000, 2_900, 0], 1.8),  # too many to tell, at first
     ):
-        assert largest_gap(np.array(lone), 15_000, 2.0) == expected
+        assert largest_gap(np.array(lone), 15_000, 1_000, 2.0) == expected
+    assert largest_gap(np.array([488, 29, 8, 4]), 56_000, 7_500, 2.0) == np.inf  # 8 of 7,500 do no harm
 
 
 def test_scattered_outliers_are_no_candidates():

@@ -26,6 +26,7 @@ DISTANCES = (0.45, 0.9, 1.8, 3.6)
 # It is mostly 28 % at most in scans with sparse parts, and 40 % or more of outliers (docs/experiments.md).
 OUTLIERS = 0.4
 FEW = 6  # Fewer lone candidates tell nothing.
+HARMLESS = 0.003  # Lone candidates take so few of the points to keep that they may stay, whatever they are.
 MINORITY = 0.2  # Share of the candidates that can be outliers. With more, the cloud is sparse.
 FOLLOWERS = 3  # Points on each side, in tree order, that are looked at first.
 SMALLEST_AREA = 1e-200  # Halving of the area stops here, before it becomes zero.
@@ -107,7 +108,7 @@ def finest_candidates(
         with clock("candidates"):
             spacing = math.sqrt(area / n_points)
             gaps = gaps_of_lone(kept.points, spacing)
-            largest = largest_gap(numbers_of_lone(gaps, spacing), len(gaps), spacing)
+            largest = largest_gap(numbers_of_lone(gaps, spacing), len(gaps), n_points, spacing)
             if np.any(gaps > largest):
                 kept = kept.take(np.flatnonzero(gaps <= largest))
     return Finest(area, kept, thinned)
@@ -196,7 +197,7 @@ def numbers_of_lone(gaps: NDArray[np.float64], spacing: float) -> NDArray[np.int
     return np.array([np.count_nonzero(gaps > distance * spacing) for distance in DISTANCES])
 
 
-def largest_gap(lone: NDArray[np.int64], n: int, spacing: float) -> float:
+def largest_gap(lone: NDArray[np.int64], n: int, n_points: int, spacing: float) -> float:
     """Return how far from all others a candidate may be. Those farther away are outliers, which are left out.
 
     On a surface, along a wire and in a cluster, candidates are about as near each other as their cells. In sparse parts
@@ -208,6 +209,8 @@ def largest_gap(lone: NDArray[np.int64], n: int, spacing: float) -> float:
         Numbers of candidates that are alone within each of `DISTANCES`.
     n : int
         Number of all candidates.
+    n_points : int
+        M, the number of points to keep.
     spacing : float
         The target spacing.
 
@@ -217,7 +220,7 @@ def largest_gap(lone: NDArray[np.int64], n: int, spacing: float) -> float:
         Infinite if there are no outliers.
     """
     for distance, (number, farther) in zip(DISTANCES, pairwise(lone), strict=False):
-        if FEW <= number <= MINORITY * n and farther > OUTLIERS * number:
+        if max(FEW, HARMLESS * n_points) <= number <= MINORITY * n and farther > OUTLIERS * number:
             return distance * spacing
     return math.inf
 

@@ -150,7 +150,7 @@ def _without_outliers(table: StoredTable, area: float, n_points: int, search: Se
     spacing, lone = math.sqrt(area / n_points), np.zeros(len(DISTANCES), dtype=np.int64)
     for gaps in table.chunks_of("gap", ROWS):
         lone += numbers_of_lone(gaps, spacing)
-    largest = largest_gap(lone, len(table), spacing)
+    largest = largest_gap(lone, len(table), n_points, spacing)
     if math.isinf(largest):
         return table
     folder = _folder(search, n_points, area, "without-outliers")
