@@ -19,7 +19,7 @@ unexport PYTHONDONTWRITEBYTECODE
 test test-all test-browser test-lowest coverage: export OPENBLAS_NUM_THREADS = 1
 
 .NOTPARALLEL:
-.PHONY: help demo test test-all test-browser test-lowest coverage benchmarks kernels viewer docs workflows dist clean
+.PHONY: help demo pictures test test-all test-browser test-lowest coverage benchmarks kernels viewer docs workflows dist clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -50,6 +50,12 @@ demo: $(VENV)/.installed  ## Make a sample scan, simplify it, draw a picture, pr
 	mkdir -p demo
 	$(BIN)/gppcs sample medallion -o demo/scan.ply --points 400000 --noise 0.0001 --force
 	$(BIN)/gppcs simplify demo/scan.ply -o demo/simplified.ply --ratio 0.03 --picture demo/picture.png --figures --force
+
+pictures: demo  ## Draw anew the pictures of README.md and docs/ that no benchmark draws
+	cp demo/picture.png docs/picture.png
+	$(BIN)/gppcs sample bracket -o demo/bracket.ply --points 100000 --force
+	$(BIN)/gppcs compare demo/bracket.ply --points 1500 --methods gp,fps,hc,wlop,gp-spectral -o demo/comparison --force
+	cp demo/comparison/picture.png docs/comparison.png
 
 test: $(VENV)/.installed  ## Check style and types, run all tests but the slow ones
 	$(BIN)/ruff check
