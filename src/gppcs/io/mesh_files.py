@@ -8,6 +8,7 @@ from pathlib import Path
 from gppcs.clouds.mesh import Mesh
 from gppcs.engine.extras import require_pymeshlab
 from gppcs.errors import FileFormatError, InputError, file_path
+from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.meshes import FACE_CHECKS
 from gppcs.io.reading import read
 
@@ -72,14 +73,14 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
         raise FileFormatError(f"{source}: {error}") from error
 
 
-def mesh_of(path: Path, faces: int) -> Mesh | None:
+def mesh_of(path: Path, format: str | None = None) -> Mesh | None:  # noqa: A002
     """Read the mesh of a file, if it has one and its suffix tells PyMeshLab the format.
 
     Parameters
     ----------
     path : path
-    faces : int
-        Number of faces of the file.
+    format : str, optional
+        As for `gppcs.read`, where the content of the file does not tell it.
 
     Returns
     -------
@@ -90,7 +91,11 @@ def mesh_of(path: Path, faces: int) -> Mesh | None:
     MissingExtraError, FileFormatError, OSError
         As for `read_mesh`.
     """
-    return read_mesh(path) if faces > 0 and path.suffix.lower() in SUFFIXES else None
+    if path.suffix.lower() not in SUFFIXES:
+        return None
+    with CloudFiles.of([path], format, if_needed=True) as files:
+        faces, _ = files.left_out()
+    return read_mesh(path) if faces else None
 
 
 def _require_sound(source: Path) -> None:

@@ -138,7 +138,7 @@ def read_each(
     paths: Sequence[str | os.PathLike[str]],
     format: str | None = None,  # noqa: A002
     columns: Sequence[str] | None = None,
-) -> list[Loaded]:
+) -> list[PointCloud]:
     """Read clouds that a command puts side by side, of which only some need a format and columns.
 
     Parameters
@@ -151,7 +151,7 @@ def read_each(
 
     Returns
     -------
-    list of Loaded
+    list of PointCloud
 
     Raises
     ------
@@ -165,7 +165,7 @@ def read_each(
         each = [stack.enter_context(CloudFiles.of([path], format, columns, if_needed=several)) for path in paths]
         if several:
             _check_needed([known for files in each for known in files.formats()], format, columns)
-        return [Loaded(files.read(), *files.left_out()) for files in each]
+        return [files.read() for files in each]
 
 
 def _check_needed(found: list[Format], format: str | None, columns: Sequence[str] | None) -> None:  # noqa: A002

@@ -207,7 +207,6 @@ class LocalGP(Method):
         stages : Stages
             Times "sample", "tree", "noise", "candidates", "features" and "greedy selection".
 
-
         Returns
         -------
         Selection or None

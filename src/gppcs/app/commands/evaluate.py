@@ -90,7 +90,7 @@ def evaluate(
     judged = read_mesh(simplified_mesh) if simplified_mesh else None
     with stages("reading"):
         inputs = [original, *([simplified] if simplified else [])]
-        read = [each.cloud for each in io.read_each(inputs, input_format, names_of(columns))]
+        read = io.read_each(inputs, input_format, names_of(columns))
     clouds = [cloud.take(cloud.finite_rows()) for cloud in read]
     if not judged and len(clouds[1]) > len(clouds[0]):
         print_error("note: the second cloud has more points than the first; the order is ORIGINAL SIMPLIFIED")

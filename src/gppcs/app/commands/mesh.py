@@ -141,7 +141,7 @@ def mesh(
     stages = Stages(progress(quiet))
     with stages("reading"):
         files = [cloud, *([keep_points] if keep_points else [])]
-        original, *others = (each.cloud for each in io.read_each(files, input_format, names_of(columns)))
+        original, *others = io.read_each(files, input_format, names_of(columns))
         kept = _rows_of(original, others[0], keep_points) if keep_points else None
     check_mesh_storable(output, original, lossy)
     with naming(cloud):

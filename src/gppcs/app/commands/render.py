@@ -83,7 +83,7 @@ def render(
     io.check_distinct([output], [source])
     io.check_output(output, force)
     cloud, faces, unread = io.load(source, input_format, names_of(columns))
-    mesh = mesh_of(source, faces)
+    mesh = mesh_of(source, input_format)
     with naming(source), io.whole_output(output, force) as file:
         drawn = draw_single(file, cloud, mesh, colour, viewpoint, pixels)
     if faces and mesh is None:

@@ -79,7 +79,7 @@ def report(
         require_pymeshlab()
     stages = Stages(progress(quiet))
     with stages("reading"):
-        read = [each.cloud for each in io.read_each(inputs, input_format, names_of(columns))]
+        read = io.read_each(inputs, input_format, names_of(columns))
         clouds = [Named(name, cloud) for name, cloud in zip(different_names(inputs), read, strict=True)]
     if meshes:
         with stages("meshes", len(clouds)) as advanced:

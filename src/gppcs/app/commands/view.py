@@ -68,10 +68,8 @@ def view(
     stages = Stages(progress(quiet))
     with stages("reading"):
         read = io.read_each(inputs, input_format, names_of(columns))
-        meshes = [_mesh(path, each.faces) for path, each in zip(inputs, read, strict=True)]
-    clouds = [
-        Named(name, each.cloud, mesh) for name, each, mesh in zip(different_names(inputs), read, meshes, strict=True)
-    ]
+        meshes = [_mesh(path, input_format) for path in inputs]
+    clouds = [Named(*each) for each in zip(different_names(inputs), read, meshes, strict=True)]
     page = view_page(clouds, how_made(context.obj, inputs), viewpoint)
     if output is None:
         output = Path(tempfile.mkdtemp(prefix="gppcs-")) / "view.html"
@@ -85,12 +83,12 @@ def view(
         print_error(f"note: no browser was found; open {output} yourself")
 
 
-def _mesh(path: Path, faces: int) -> Mesh | None:
+def _mesh(path: Path, input_format: str | None) -> Mesh | None:
     """Return the mesh of a file, None if it has none or cannot be read without an extra."""
     from gppcs.io.mesh_files import mesh_of
 
     try:
-        return mesh_of(path, faces)
+        return mesh_of(path, input_format)
     except MissingExtraError as error:
         print_error(f"note: {path}: only the vertices are shown: {error}")
         return None
