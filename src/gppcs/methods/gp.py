@@ -138,7 +138,7 @@ class LocalGP(Method):
         import numpy as np
 
         from gppcs.gp.local.candidates import finest_candidates, nested_candidates
-        from gppcs.gp.local.guiding import after_fixed, refinement, with_fixed
+        from gppcs.gp.local.guiding import after_fixed, behind_fixed, refinement
         from gppcs.gp.local.ranking import rank
         from gppcs.gp.local.survey import survey
         from gppcs.spatial.chunks import ChunkedPoints, Places
@@ -148,11 +148,12 @@ class LocalGP(Method):
         chunked, density = ChunkedPoints.of(points), self.candidates * refinement(weights)
         area, noise, sharpness = survey(chunked, n_points, density, stages)
         finest = finest_candidates(chunked, n_points, area, density, sharpness, stages)
-        sharp = sharpness.dense(0, len(points))
         if finest.thinned:
-            finest = with_fixed(finest, fixed, points, sharp)
+            first = Places(np.arange(fixed), points[:fixed], np.zeros(fixed, dtype=np.float32))
+            finest = behind_fixed(finest, first, sharpness)
         else:
-            finest = finest._replace(places=Places(np.arange(len(points)), points, sharp))
+            places = Places(np.arange(len(points)), points, sharpness.dense(0, len(points)))
+            finest = finest._replace(places=places)
         rows = finest.places.rows
         candidates = after_fixed(nested_candidates(finest, n_points, density, stages), fixed)
         ranking = rank(

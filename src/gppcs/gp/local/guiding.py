@@ -93,27 +93,6 @@ def refinement(weights: NDArray[np.float64] | None) -> float:
     return 1.0 if weights is None else min(float(weights.max() / weights.mean()), FINEST)
 
 
-def with_fixed(finest: Finest, fixed: int, points: NDArray[np.float64], sharpness: NDArray[np.float32]) -> Finest:
-    """Return the candidates of the last stage with the first points of the cloud among them.
-
-    Parameters
-    ----------
-    finest : Finest
-    fixed : int
-        How many first points.
-    points : (N, 3) array
-        All points.
-    sharpness : (N,) array
-        Of all points.
-
-    Returns
-    -------
-    Finest
-    """
-    rows = np.union1d(finest.places.rows, np.arange(fixed))
-    return finest._replace(places=Places(rows, points[rows], sharpness[rows]))
-
-
 def behind_fixed(finest: Finest, fixed: Places, sharpness: SparseValues) -> Finest:
     """Return the candidates of the last stage behind given points, without those at the same places.
 
@@ -128,7 +107,7 @@ def behind_fixed(finest: Finest, fixed: Places, sharpness: SparseValues) -> Fine
     Returns
     -------
     Finest
-        Its rows do not ascend.
+        Its rows need not ascend.
     """
     found = fixed._replace(values=sharpness.take(fixed.rows))
     both = joined_places([found, finest.places])
