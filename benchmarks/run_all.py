@@ -64,6 +64,7 @@ SCRIPTS = (
     Script("gp_prefixes.py", "gp_prefixes", ("pymeshlab",)),
     Script("cluster.py", "cluster"),
     Script("larger_than_memory.py", "larger_than_memory"),
+    Script("tiles.py", "tiles", ("pymeshlab",)),
     Script("normals.py", "normals", ("pymeshlab",)),
     Script("meshes.py", "meshes", ("pymeshlab",)),
     Script("perception.py", "perception", ("pymeshlab", "pyvista")),
