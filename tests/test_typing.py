@@ -36,6 +36,7 @@ gppcs.simplify(cloud, ratio="a tenth")  # type: ignore[arg-type]
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(importlib.util.find_spec("mypy") is None, reason="mypy is not installed")
 def test_a_users_file_passes_mypy_strict(tmp_path, pytestconfig):
     (tmp_path / "user.py").write_text(USER + "\n".join(f"gppcs.{name}" for name in gppcs.__all__))

@@ -1,6 +1,9 @@
 """Fixtures of the tests of the command."""
 
+from functools import cache
+
 import pytest
+import typer.main
 
 import gppcs
 from gppcs.app import program
@@ -31,8 +34,16 @@ def scan(folder):
     return cloud
 
 
+@pytest.fixture(scope="session")
+def parser():
+    """Build the parser of the command line once, not for each run."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(typer.main, "get_command", cache(typer.main.get_command))
+        yield
+
+
 @pytest.fixture
-def gppcs_command(kernels, folder, capsys):
+def gppcs_command(kernels, parser, folder, capsys):
     """Run the command in this process; return its exit code, stdout and stderr, less the notice of a first run."""
 
     def run(*arguments):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -145,7 +145,6 @@ def test_attributes_of_several_numbers_are_spread(folder):
 
 
 @pytest.mark.filterwarnings("ignore:Reading .* created on Python 2")
-@settings(max_examples=60)
 @given(
     cloud=clouds(["f4", "i4", "u1"], least=1),
     start=st.floats(0, 1, exclude_max=True),

@@ -6,8 +6,9 @@ import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 _lock = threading.RLock()
 _inside = False  # whether the Python thread that holds the lock has limited the threads
@@ -22,15 +23,23 @@ def one_blas_thread() -> Iterator[None]:
     """
     global _inside
     with _lock:
-        if _inside:  # a block within a block of the same Python thread; to look for the libraries takes a millisecond
+        if _inside:  # a block within a block of the same Python thread
             yield
             return
-        with threadpool_limits(1, user_api="blas"):
+        with _libraries().limit(limits=1, user_api="blas"):
             _inside = True
             try:
                 yield
             finally:
                 _inside = False
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    """Find the libraries of the process, once, as that takes some milliseconds."""
+    import scipy.linalg  # noqa: F401 - it loads a library of its own
+
+    return ThreadpoolController()
 
 
 def _unlock() -> None:

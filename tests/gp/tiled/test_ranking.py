@@ -115,27 +115,28 @@ def test_a_level_that_is_too_high_is_lowered(tmp_path, monkeypatch):
 
 def odd_clouds():
     rng = np.random.default_rng(0)
-    plain = bracket(6_000)
+    plain = bracket(3_000)
     dot = plain.copy()
-    dot[:3_000] = 1e-5 * rng.random((3_000, 3))
-    line = np.zeros((6_000, 3))
-    line[:, 0] = rng.random(6_000)
+    dot[:1_500] = 1e-5 * rng.random((1_500, 3))
+    line = np.zeros((3_000, 3))
+    line[:, 0] = rng.random(3_000)
     return {
-        "twice": np.concatenate([plain[:3_000], plain[:3_000]]),
-        "few places": plain[:120][rng.integers(0, 120, 6_000)],
-        "one place": np.zeros((6_000, 3)),
+        "twice": np.concatenate([plain[:1_500], plain[:1_500]]),
+        "few places": plain[:120][rng.integers(0, 120, 3_000)],
+        "one place": np.zeros((3_000, 3)),
         "half in a dot": dot,
         "a line": line,
-        "a volume": rng.random((6_000, 3)),
+        "a volume": rng.random((3_000, 3)),
     }
 
 
 ODD = odd_clouds()
 
 
-@pytest.mark.parametrize("n_points", [1, 100, 3_500])
+@pytest.mark.parametrize("n_points", [1, 100, 1_750])
 @pytest.mark.parametrize("variant", ODD)
-def test_odd_clouds(tmp_path, variant, n_points):
+def test_odd_clouds(tmp_path, monkeypatch, variant, n_points):
+    monkeypatch.setattr(ranking, "TILE", 1_500)
     points = ODD[variant]
     found = in_tiles(points, n_points, tmp_path)
     assert len(np.unique(found.indices)) == len(found.indices) == n_points
