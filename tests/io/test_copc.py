@@ -11,7 +11,7 @@ from gppcs.io import load
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.query import Query
 
-N, DEPTH, SPACING = 5000, 4, 8.0
+N, DEPTH, SPACING = 2000, 3, 8.0
 CORNERS = ([1000.0, 2000.0, 0.0], [1100.0, 2050.0, 20.0])
 BOX = [1020.0, 2010.0, 1060.0, 2030.0]
 BOXES = [None, BOX, [*BOX[:2], 5.0, *BOX[2:], 9.0], [0.0, 0.0, 9e5, 9e5], [0.0, 0.0, 1.0, 1.0]]
