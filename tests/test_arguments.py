@@ -148,7 +148,7 @@ def test_every_public_function_and_class_is_tried():
     """Plain records are what our own functions return, errors, protocols and abstract classes are no functions."""
     kinds = {name for name in gppcs.__all__ if callable(value := getattr(gppcs, name))
              and not (isinstance(value, type) and issubclass(value, Exception | gppcs.Method))}  # fmt: skip
-    others = {"ChunkedPoints", "Header", "Listener", "Places", "ProgressBar", "SparseValues"}
+    others = {"ChunkedPoints", "ChunkedValues", "Header", "Listener", "Places", "ProgressBar", "SparseValues"}
     assert kinds - PLAIN - others == {name.split(".")[0] for name in CALLS}
 
 

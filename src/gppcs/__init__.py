@@ -83,6 +83,7 @@ Write a method, follow a run
     ProgressBar              draws a progress bar, in a terminal or a notebook
     Listener                 hears of each stage, for instance to draw a progress bar of your own
     ChunkedPoints            points in chunks, of a cloud that need not fit into memory
+    ChunkedValues            their values, such as weights
     Places                   some of these points
     SparseValues             a value for each point, 0 for most
     KdTree                   a k-d tree, to search for neighbours
@@ -162,7 +163,7 @@ if TYPE_CHECKING:
     from gppcs.methods.method import Parameter, parameter
     from gppcs.scans import sample
     from gppcs.simplification import Result, simplify
-    from gppcs.spatial.chunks import ChunkedPoints, Places, SparseValues
+    from gppcs.spatial.chunks import ChunkedPoints, ChunkedValues, Places, SparseValues
     from gppcs.spatial.kdtree import KdTree
     from gppcs.streaming.files import simplify_files
     from gppcs.surface.normals import estimate_normals
@@ -222,7 +223,7 @@ _HOMES = {  # the module that defines each public name
     "streaming.files": ("simplify_files",),
     "scans": ("sample",),
     "simplification": ("Result", "simplify"),
-    "spatial.chunks": ("ChunkedPoints", "Places", "SparseValues"),
+    "spatial.chunks": ("ChunkedPoints", "ChunkedValues", "Places", "SparseValues"),
     "spatial.kdtree": ("KdTree",),
     "surface.normals": ("estimate_normals",),
     "surface.outliers": ("find_outliers",),
@@ -235,6 +236,7 @@ __all__ = [
     "QEM",
     "WLOP",
     "ChunkedPoints",
+    "ChunkedValues",
     "ClusterError",
     "Curve",
     "Entry",

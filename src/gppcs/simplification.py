@@ -363,10 +363,10 @@ def takes_all_points(method: Method, asked: Mapping[str, Any]) -> str | None:
         None if passes over files do, too.
     """
     given = [name for name in WHOLE if asked[name] is not None]
-    passes = (given == ["spacing"] and method.counts_at_spacing) or (
-        given == ["keep"] and method.guides_in_passes and isinstance(asked["keep"], str)
-    )
-    return None if passes or not given else given[0]
+    if given == ["spacing"] and method.counts_at_spacing:
+        return None
+    by_name = {name for name in ("keep", "weight") if method.guides_in_passes and isinstance(asked[name], str)}
+    return next((name for name in given if name not in by_name), None)
 
 
 def _with_normals(kept: PointCloud, points: NDArray[np.float64], selection: Selection) -> PointCloud:

@@ -1,4 +1,4 @@
-"""A spacing and points to keep in passes: the same points as in memory, whatever the files and chunks."""
+"""A spacing, points to keep and weights in passes: the same points as in memory, whatever the files and chunks."""
 
 import numpy as np
 import pytest
@@ -43,7 +43,9 @@ def cloud():
     points[500:520, 1] = np.nan
     points[3000:3500] = points[:500]
     kind = (np.arange(N) % 500 < 8).astype(np.uint8)  # each eight points repeat others
-    return gppcs.PointCloud(points, {"kind": kind})
+    wanted = np.random.default_rng(4).random(N) * (1.0 + 3.0 * (points[:, 2] > 5.0))
+    wanted[510] = -1.0  # of a point that is not finite
+    return gppcs.PointCloud(points, {"kind": kind, "wanted": wanted, "half": (points[:, 2] > 5.0).astype(np.uint8)})
 
 
 @pytest.fixture(scope="module", params=[[], [2_000, 2_001, 4_500]], ids=["one file", "four files"])
@@ -63,6 +65,10 @@ ASKED = [
     {"n_points": 120, "keep": "kind == 1"},
     {"ratio": 0.02, "keep": "kind == 1 and z > 5"},
     {"n_points": 88, "keep": "kind == 1"},
+    {"n_points": 120, "weight": "wanted"},
+    {"ratio": 0.02, "weight": "half"},
+    {"n_points": 120, "weight": "half", "keep": "kind == 1"},
+    {"n_points": 60, "weight": "half"},
 ]
 
 
@@ -90,6 +96,53 @@ def test_where_all_points_are_measured_too(cloud, paths, n_points):
     assert_same(found, expected)
 
 
+@pytest.mark.parametrize("wanted", [{"weight": "wanted"}, {"weight": "half"}, {"weight": "half", "keep": "kind == 1"}])
+def test_no_more_passes_than_planned_and_never_all_points(in_passes, paths, monkeypatch, wanted):
+    read, plain = [], CloudFiles.chunks
+    monkeypatch.setattr(CloudFiles, "chunks", lambda *of: read.append(1) or plain(*of))
+    monkeypatch.setattr("gppcs.amounts.choice._Asked", None)  # which holds all places
+    heard = Heard()
+    in_passes(1_000, paths, n_points=90, stages=Stages(heard), **wanted)
+    assert len(read) == Plan(Way.PASSES, N, 90, 0, None, 1_000, weighed=True).passes == 6
+    whole = [stage for stage, _, steps in heard.stages if steps > 2_000]  # fewer are candidates
+    assert whole == ["bounds", "weights", "sample", "candidates", "weights", "kept points"]
+
+
+class Heard:
+    def __init__(self):
+        self.stages = []
+
+    def started(self, stage, total):
+        self.stages.append([stage, total, 0])
+
+    def advanced(self, steps):
+        self.stages[-1][2] += steps
+
+    def finished(self):
+        pass
+
+
+def test_points_without_weight_are_not_kept(in_passes, cloud, paths):
+    kept = in_passes(1_000, paths, n_points=120, weight="half").cloud
+    assert kept.attributes["half"].all()
+
+
+@pytest.mark.parametrize("bad", [{4_700: -2.0, 4_800: np.inf}, {30: np.nan}, dict.fromkeys(range(N), 0.0)])
+def test_bad_weights_are_told_as_in_memory(in_passes, cloud, tmp_path, bad):
+    """Wherever they are, but not of a point that is not finite."""
+    wanted = cloud.attributes["wanted"].copy()
+    wanted[list(bad)] = list(bad.values())
+    cloud = gppcs.PointCloud(cloud.points, {"wanted": wanted})
+    paths = [tmp_path / "a.ply", tmp_path / "b.ply"]
+    for path, rows in zip(paths, np.split(np.arange(N), [4_000]), strict=True):
+        gppcs.write(path, cloud.take(rows))
+    with pytest.raises(gppcs.InputError) as expected:
+        gppcs.simplify(cloud, n_points=100, weight="wanted", invalid="drop")
+    with pytest.raises(gppcs.InputError) as found:
+        in_passes(1_000, paths, n_points=100, weight="wanted")
+    assert str(found.value) == str(expected.value)
+
+
 def test_points_to_keep_come_first(cloud):
     wanted = np.flatnonzero(cloud.attributes["kind"] & np.isfinite(cloud.points).all(axis=1))
     result = gppcs.simplify(cloud, n_points=120, keep="kind == 1", invalid="drop")
@@ -108,7 +161,12 @@ def test_points_to_keep_come_first(cloud):
         ({"n_points": 95, "keep": "kin == 7"}, "no attribute 'kin'; did you mean 'kind'"),
         ({"spacing": "4mm"}, "does not say in which unit"),
         ({"n_points": 95, "keep": [1, 2]}, "as keep takes all points at once"),
-        ({"n_points": 95, "weight": "kind"}, "as weight takes all points at once"),
+        (
+            {"n_points": 100, "weight": "kind"},
+            "expected at least 100 points of a weight above 0, found 88; ask for fewer",
+        ),
+        ({"n_points": 95, "weight": "hall"}, "the cloud has no attribute 'hall' to weigh its points by; did you mean"),
+        ({"n_points": 95, "weight": np.ones(N)}, "as weight takes all points at once"),
         ({"tolerance": 1.0}, "as tolerance takes all points at once"),
         ({"spacing": 4.0, "max_gap": 9.0}, "as spacing takes all points at once"),
         ({"spacing": 4.0, "method": "fps"}, "as spacing takes all points at once"),

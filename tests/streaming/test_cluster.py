@@ -40,7 +40,8 @@ def three():
 def cloud():
     points = gppcs.sample("bracket", N, seed=3).points
     points[500:520, 1] = np.nan
-    return gppcs.PointCloud(points, {"row": np.arange(N, dtype=np.int32)})
+    rows = np.arange(N, dtype=np.int32)
+    return gppcs.PointCloud(points, {"row": rows, "ramp": rows % 300 / 300.0})
 
 
 @pytest.fixture(scope="module")
@@ -72,8 +73,16 @@ def test_workers_choose_what_memory_chooses(three, cloud, paths, n_points):
     assert_same(found, expected)
 
 
-@pytest.mark.parametrize("wanted", [{"spacing": 12.0}, {"n_points": 200, "keep": "row % 900 < 9"}])
-def test_workers_find_a_spacing_and_points_to_keep(three, cloud, paths, wanted):
+ASKED = [
+    {"spacing": 12.0},
+    {"n_points": 200, "keep": "row % 900 < 9"},
+    {"n_points": 150, "weight": "ramp"},
+    {"n_points": 150, "weight": "ramp", "keep": "row % 900 < 9"},
+]
+
+
+@pytest.mark.parametrize("wanted", ASKED)
+def test_workers_find_what_is_asked_for(three, cloud, paths, wanted):
     expected = gppcs.simplify(cloud, invalid="drop", scores=True, **wanted)
     assert_same(gppcs.simplify_files(paths, invalid="drop", scores=True, client=three, **wanted), expected)
 

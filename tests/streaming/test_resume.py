@@ -61,16 +61,16 @@ def run(path, n_points, listener=None, resume=True, **options):
     )
 
 
-def assert_goes_on(path, n_points, interrupt, done):
+def assert_goes_on(path, n_points, interrupt, done, **options):
     """Interrupt a run, and check that the next one gives the right result without the stages that are done."""
-    expected = run(path, n_points, resume=False)
+    expected = run(path, n_points, resume=False, **options)
     scratch = path.parent / "scratch"
     assert not list(scratch.iterdir())
     with pytest.raises(InterruptionError):
-        run(path, n_points, interrupt)
+        run(path, n_points, interrupt, **options)
     assert len(list(scratch.iterdir())) == 1
     heard = Interrupt()
-    found = run(path, n_points, heard)
+    found = run(path, n_points, heard, **options)
     np.testing.assert_array_equal(found.indices, expected.indices)
     assert found.cloud == expected.cloud
     assert found.diagnostics == expected.diagnostics
@@ -86,6 +86,16 @@ def assert_goes_on(path, n_points, interrupt, done):
 def test_passes(path, stage, done):
     times = 2 if stage == "candidates" else 1  # the first measures the sample
     assert_goes_on(path, 70, Interrupt(stage, times), done)
+
+
+@pytest.mark.parametrize(
+    ("stage", "done"), [("weights", ["bounds"]), ("kept points", ["bounds", "weights", "greedy selection"])]
+)
+def test_passes_with_weights(path, stage, done):
+    points = np.load(path)
+    path = path.with_suffix(".ply")
+    gppcs.write(path, gppcs.PointCloud(points, {"height": points[:, 2] - points[:, 2].min()}))
+    assert_goes_on(path, 70, Interrupt(stage), done, weight="height")
 
 
 @pytest.mark.parametrize(

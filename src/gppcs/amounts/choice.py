@@ -19,7 +19,7 @@ from gppcs.errors import InputError
 from gppcs.methods import Method, Selection
 
 if TYPE_CHECKING:
-    from gppcs.spatial.chunks import ChunkedPoints, Places
+    from gppcs.spatial.chunks import ChunkedPoints, ChunkedValues, Places
 
 FEWEST_WITHOUT_GAPS = 2.0 / (3.0 * math.sqrt(3.0))  # Discs of radius 1 for each unit of area, if they cover a plane.
 SHORTEST, LONGEST = 1e-100, 1e100  # Lengths in sizes of the cloud: squares of others would vanish or overflow.
@@ -68,17 +68,26 @@ def choose(points: ChunkedPoints, count: int, method: Method, stages: Stages, *,
     return dataclasses.replace(selection, indices=distinct.rows[selection.indices])
 
 
-def choose_keeping(points: ChunkedPoints, count: int, to_keep: Places, method: Method, stages: Stages) -> Selection:
-    """Let the method choose points of which some are given.
+def choose_guided(
+    points: ChunkedPoints,
+    count: int,
+    to_keep: Places,
+    weights: ChunkedValues | None,
+    method: Method,
+    stages: Stages,
+) -> Selection:
+    """Let the method choose points of which some are given, or with a density multiplied by weights.
 
     Parameters
     ----------
     points : ChunkedPoints
         N finite points.
     count : int
-        M, from 1 to N.
+        M, at least 1.
     to_keep : Places
         Some of the points.
+    weights : ChunkedValues or None
+        One for each point, as shares of the largest one. Above 0, but for points to keep.
     method : Method
     stages : Stages
         Times the stages of the method.
@@ -91,18 +100,19 @@ def choose_keeping(points: ChunkedPoints, count: int, to_keep: Places, method: M
     Raises
     ------
     InputError
-        If more than M are to be kept.
+        If more than M are to be kept, or there are fewer than M points.
     """
     from gppcs.spatial.cells import first_occurrences
 
     _check_to_keep(len(to_keep.rows), count)
+    _check_weighted(len(points), count)
     first = first_occurrences(to_keep.points)
     fixed, repeats = to_keep.take(np.flatnonzero(first)), to_keep.rows[~first]
     selection = None
     if count < len(points):
-        selection = method.guided_in_passes(points, count - len(repeats), fixed, stages)
+        selection = method.guided_in_passes(points, count - len(repeats), fixed, weights, stages)
     if selection is None:
-        guide = Guide(to_keep.rows, None)
+        guide = Guide(to_keep.rows, None if weights is None else weights.every(1))
         return _Asked.of(points.every(1), guide, method, stages).with_number(count)
     return _with_repeats(selection, repeats, len(fixed.rows))
 
@@ -165,7 +175,7 @@ def choose_amount(
     ParameterError
         If the method cannot do what is asked for.
     """
-    from gppcs.spatial.chunks import ChunkedPoints, Places
+    from gppcs.spatial.chunks import ChunkedPoints
 
     count = amount.known_count(len(points))
     chunked = ChunkedPoints.of(points)
@@ -179,9 +189,8 @@ def choose_amount(
         guide = Guide(np.empty(0, dtype=np.int64), None)
     else:
         method.require_guided()
-    if guide.weights is None and amount.max_gap is None and count is not None:
-        to_keep = Places(guide.keep, points[guide.keep], np.zeros(len(guide.keep), np.float32))
-        return choose_keeping(chunked, count, to_keep, method, stages)
+    if amount.max_gap is None and count is not None:
+        return _guided(points, count, guide, method, stages)
     asked = _Asked.of(points, guide, method, stages)
     if count is not None:
         selection = asked.of_number(count)
@@ -195,6 +204,20 @@ def choose_amount(
     if amount.max_gap is not None:
         selection = asked.without_gaps(selection, amount, scale)
     return asked.with_repeats(selection, 0 if count is None or amount.spacing is not None else count)
+
+
+def _guided(points: Points, count: int, guide: Guide, method: Method, stages: Stages) -> Selection:
+    """Let the method choose a number of the points among which is chosen, and return their rows among all."""
+    from gppcs.spatial.chunks import ChunkedPoints, ChunkedValues, Places
+
+    rows = guide.rows(len(points))
+    keep, weights = np.searchsorted(rows, guide.keep), guide.weights
+    if len(rows) < len(points):
+        points, weights = points[rows], None if weights is None else weights[rows]
+    to_keep = Places(keep, points[keep], np.zeros(len(keep), dtype=np.float32))
+    chunked = None if weights is None else ChunkedValues.of(weights)
+    found = choose_guided(ChunkedPoints.of(points), count, to_keep, chunked, method, stages)
+    return dataclasses.replace(found, indices=rows[found.indices])
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,10 +253,7 @@ class _Asked:
     def of_number(self, count: int) -> Selection:
         """Return a number of points, or all places if there are no more."""
         _check_to_keep(self.fixed + len(self.repeats), count)
-        if count > len(self.every):
-            raise InputError(
-                f"expected at least {count:,} points of a weight above 0, found {len(self.every):,}; ask for fewer"
-            )
+        _check_weighted(len(self.every), count)
         return self._chosen(count - len(self.repeats))
 
     def with_number(self, count: int) -> Selection:
@@ -316,6 +336,12 @@ def _with_repeats(selection: Selection, repeats: NDArray[np.int64], fixed: int) 
         diagnostics={**selection.diagnostics, **({"points_to_keep": float(kept)} if kept else {})},
         attributes={name: np.insert(values, place, 0.0) for name, values in selection.attributes.items()},
     )
+
+
+def _check_weighted(n: int, count: int) -> None:
+    """Check that there are as many points to choose among as are asked for."""
+    if count > n:
+        raise InputError(f"expected at least {count:,} points of a weight above 0, found {n:,}; ask for fewer")
 
 
 def _check_to_keep(kept: int, count: int) -> None:

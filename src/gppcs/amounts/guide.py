@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,14 +60,34 @@ class Guide:
             return None
         n = len(cloud)
         mask = np.zeros(n, dtype=np.bool_) if keep is None else _mask(cloud, keep)
-        weights = None if weight is None else _weights(cloud, weight)
+        weights = None if weight is None else weights_of(cloud, weight)
         if rows is not None:
             mask, weights = mask[rows], None if weights is None else weights[rows]
         if isinstance(keep, str) and not mask.any():
             raise nothing_to_keep(keep)
         if weights is not None:
-            weights = _checked(weights)
+            known = WeightRange.of(weights)
+            known.check()
+            weights = known.shares(weights)
         return None if weights is None and not mask.any() else cls(np.flatnonzero(mask), weights)
+
+    def rows(self, n: int) -> NDArray[np.int64]:
+        """Return the rows among which is chosen, ascending.
+
+        Parameters
+        ----------
+        n : int
+            N, the number of points.
+
+        Returns
+        -------
+        (n,) array, int64
+        """
+        if self.weights is None:
+            return np.arange(n)
+        usable = self.weights > 0.0
+        usable[self.keep] = True
+        return np.flatnonzero(usable)
 
     def order(self, n: int) -> NDArray[np.int64]:
         """Return the rows among which is chosen.
@@ -79,11 +100,123 @@ class Guide:
         Returns
         -------
         (n,) array, int64
-            First those to keep, then those that have a weight.
+            As `rows`, but first those to keep.
         """
-        free = np.ones(n, dtype=np.bool_) if self.weights is None else self.weights > 0.0
-        free[self.keep] = False
-        return np.concatenate([self.keep, np.flatnonzero(free)])
+        rows = self.rows(n)
+        return np.concatenate([self.keep, np.setdiff1d(rows, self.keep, assume_unique=True)])
+
+
+class WeightRange(NamedTuple):
+    """What is known of some weights.
+
+    Attributes
+    ----------
+    n, bad : int
+        Number of weights, and of those that are negative or not finite.
+    first_bad : int
+        Index of the first of these.
+    found : float
+        Its value.
+    largest : float
+        Of the others; 0 if there are none.
+    """
+
+    n: int = 0
+    bad: int = 0
+    first_bad: int = 0
+    found: float = math.nan
+    largest: float = 0.0
+
+    @classmethod
+    def of(cls, weights: NDArray[np.float64]) -> WeightRange:
+        """Look at weights, (n,)."""
+        good = (weights >= 0.0) & np.isfinite(weights)
+        bad = np.flatnonzero(~good)
+        first, found = (int(bad[0]), float(weights[bad[0]])) if len(bad) else (0, math.nan)
+        return cls(len(weights), len(bad), first, found, float(weights.max(initial=0.0, where=good)))
+
+    def followed_by(self, other: WeightRange) -> WeightRange:
+        """Return what is known of these weights and others behind them."""
+        first, found = (self.first_bad, self.found) if self.bad else (self.n + other.first_bad, other.found)
+        return WeightRange(self.n + other.n, self.bad + other.bad, first, found, max(self.largest, other.largest))
+
+    def check(self) -> None:
+        """Check that they are weights.
+
+        Raises
+        ------
+        InputError
+            If one is negative or not finite, or none is above 0.
+        """
+        if self.bad:
+            raise InputError(
+                f"expected finite weights from 0 on, found {self.found:g} at index {self.first_bad} and "
+                f"{self.bad - 1} more"
+            )
+        if not self.largest:
+            raise InputError("expected a weight above 0 of at least one point, found 0 of all")
+
+    def shares(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return some of the weights, (n,), as shares of the largest one, but 0 or at least `LEAST_WEIGHT`."""
+        return np.where(weights > 0.0, np.maximum(weights / self.largest, LEAST_WEIGHT), 0.0)
+
+
+class Guided(NamedTuple):
+    """What a `ChunkGuide` says of some points.
+
+    Attributes
+    ----------
+    rows : (n,) array, int64
+        The finite points among which is chosen, ascending.
+    keep : (K,) array, int64
+        Which of these are kept whatever happens, ascending.
+    weights : (m,) array, float64, or None
+        Of all finite points, as they are given.
+    """
+
+    rows: NDArray[np.int64]
+    keep: NDArray[np.int64]
+    weights: NDArray[np.float64] | None
+
+
+@dataclass(frozen=True)
+class ChunkGuide:
+    """What users know of the points of a cloud in chunks, by their attributes.
+
+    Attributes
+    ----------
+    keep : Expression or None
+        Which points are kept whatever happens.
+    weight : str or None
+        The attribute that multiplies the density.
+    """
+
+    keep: Expression | None
+    weight: str | None
+
+    def of_chunk(self, cloud: PointCloud) -> Guided:
+        """Return what it says of the points of a chunk.
+
+        Parameters
+        ----------
+        cloud : PointCloud
+
+        Returns
+        -------
+        Guided
+
+        Raises
+        ------
+        InputError, ParameterError
+            As `Guide.of` if the cloud has no such attribute.
+        """
+        rows = cloud.finite_rows()
+        mask = np.zeros(len(rows), dtype=np.bool_) if self.keep is None else self.keep.mask(cloud)[rows]
+        if self.weight is None:
+            return Guided(rows, np.flatnonzero(mask), None)
+        weights = weights_of(cloud, self.weight)[rows]
+        usable = mask | (weights > 0.0)
+        return Guided(rows[usable], np.flatnonzero(mask[usable]), weights)
 
 
 def check_guided_amount(spacing: Any, keep: Any, weight: Any) -> None:
@@ -139,8 +272,27 @@ def _mask(cloud: PointCloud, keep: Any) -> NDArray[np.bool_]:
     return mask
 
 
-def _weights(cloud: PointCloud, weight: Any) -> NDArray[np.float64]:
-    """Return the weight of each point."""
+def weights_of(cloud: PointCloud, weight: Any) -> NDArray[np.float64]:
+    """Return the weight of each point.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+    weight
+        As for `gppcs.simplify`.
+
+    Returns
+    -------
+    (N,) array, float64
+        As they are given.
+
+    Raises
+    ------
+    InputError
+        If the cloud has no such attribute.
+    ParameterError
+        If it is no attribute, and no number for each point.
+    """
     if isinstance(weight, str):
         if weight not in cloud.attributes:
             near = nearest_name(weight, cloud.attributes) if cloud.attributes else "; it has none at all"
@@ -155,15 +307,3 @@ def _weights(cloud: PointCloud, weight: Any) -> NDArray[np.float64]:
         raise ParameterError(f"{expected}, found {shown(weight)}")
     with np.errstate(over="ignore"):  # an infinite weight gets an error of its own
         return given.astype(np.float64)
-
-
-def _checked(weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return weights as shares of the largest one, but 0 or at least `LEAST_WEIGHT`."""
-    bad = np.flatnonzero(~((weights >= 0.0) & np.isfinite(weights)))
-    if len(bad):
-        raise InputError(
-            f"expected finite weights from 0 on, found {weights[bad[0]]:g} at index {bad[0]} and {len(bad) - 1} more"
-        )
-    if not weights.any():
-        raise InputError("expected a weight above 0 of at least one point, found 0 of all")
-    return np.where(weights > 0.0, np.maximum(weights / weights.max(), LEAST_WEIGHT), 0.0)

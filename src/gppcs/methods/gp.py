@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from gppcs.gp.local.ranking import Criterion, Ranking
     from gppcs.spatial.boxes import Each
-    from gppcs.spatial.chunks import ChunkedPoints, Places
+    from gppcs.spatial.chunks import ChunkedPoints, ChunkedValues, Places
     from gppcs.surface.noise import Noise
 
 
@@ -162,7 +162,9 @@ class LocalGP(Method):
         )  # fmt: skip
         return self._selection(rows, ranking, noise)
 
-    def guided_in_passes(self, points: ChunkedPoints, n_points: int, fixed: Places, stages: Stages) -> Selection | None:
+    def guided_in_passes(
+        self, points: ChunkedPoints, n_points: int, fixed: Places, weights: ChunkedValues | None, stages: Stages
+    ) -> Selection | None:
         """Choose as `guided`, unless all points would be measured, or be candidates; see `Method.guided_in_passes`.
 
         Parameters
@@ -173,28 +175,36 @@ class LocalGP(Method):
             M, from 1 to N - 1.
         fixed : Places
             At most M of the points, without repeats.
+        weights : ChunkedValues, optional
+            One for each point, as shares of the largest one. Above 0, but for points that are chosen anyway.
         stages : Stages
-            Times the stages of a call.
+            Times the stages of a call, and "weights".
 
         Returns
         -------
         Selection or None
         """
         from gppcs.gp.local.candidates import finest_candidates, nested_candidates
-        from gppcs.gp.local.guiding import after_fixed, behind_fixed
+        from gppcs.gp.local.guiding import ChunkedWeights, after_fixed, behind_fixed
         from gppcs.gp.local.ranking import rank
         from gppcs.gp.local.survey import is_sampled, survey
 
         if not is_sampled(len(points), n_points):
             return None
-        area, noise, sharpness = survey(points, n_points, self.candidates, stages)
-        finest = finest_candidates(points, n_points, area, self.candidates, sharpness, stages)
+        known = None if weights is None else ChunkedWeights(weights, stages)
+        density = self.candidates * (1.0 if known is None else known.refinement)
+        area, noise, sharpness = survey(points, n_points, density, stages)
+        finest = finest_candidates(points, n_points, area, density, sharpness, stages)
         if not finest.thinned:
             return None
         finest = behind_fixed(finest, fixed, sharpness)
-        candidates = after_fixed(nested_candidates(finest, n_points, self.candidates, stages), len(fixed.rows))
-        ranking = rank(finest.places.points, candidates, self.criterion, noise, stages, len(fixed.rows))
-        return self._selection(finest.places.rows, ranking, noise)
+        rows = finest.places.rows
+        candidates = after_fixed(nested_candidates(finest, n_points, density, stages), len(fixed.rows))
+        ranking = rank(
+            finest.places.points, candidates, self.criterion, noise, stages, len(fixed.rows),
+            None if known is None else known.take(rows),
+        )  # fmt: skip
+        return self._selection(rows, ranking, noise)
 
     def in_passes(self, points: ChunkedPoints, n_points: int, stages: Stages) -> Selection | None:
         """Choose the points, unless all of them would be measured, or be candidates; see `Method.in_passes`.
@@ -307,6 +317,25 @@ class LocalGP(Method):
         if not is_sampled(n, n_points):
             return 3 * POINT * n + self.memory(n, n_points)
         return MEASURED * sample_size(n_points) + self._memory_of_ranking(n, n_points)
+
+    def memory_of_weights(self, n: int, n_points: int) -> int:
+        """Return about how much more memory than without weights a call takes at most; see `Method.memory_of_weights`.
+
+        Parameters
+        ----------
+        n : int
+            N, the number of points.
+        n_points : int
+            M, the number of points to keep.
+
+        Returns
+        -------
+        int
+            Bytes.
+        """
+        from gppcs.gp.local.guiding import FINEST
+
+        return self._memory_of_ranking(n, round(FINEST * n_points)) - self._memory_of_ranking(n, n_points)
 
     def in_tiles(
         self, points: ChunkedPoints, n_points: int, folder: Path, stages: Stages, each: Each = map

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gppcs.spatial.boxes import Each
-    from gppcs.spatial.chunks import ChunkedPoints, Places
+    from gppcs.spatial.chunks import ChunkedPoints, ChunkedValues, Places
 
 
 Value = TypeVar("Value")
@@ -322,8 +322,10 @@ class Method(ABC):
         """Whether the method overrides `count_at_spacing`."""
         return type(self).count_at_spacing is not Method.count_at_spacing
 
-    def guided_in_passes(self, points: ChunkedPoints, n_points: int, fixed: Places, stages: Stages) -> Selection | None:
-        """Choose as `guided` some points of a cloud that need not fit into memory, without weights.
+    def guided_in_passes(
+        self, points: ChunkedPoints, n_points: int, fixed: Places, weights: ChunkedValues | None, stages: Stages
+    ) -> Selection | None:
+        """Choose as `guided` some points of a cloud that need not fit into memory.
 
         A method that can do so overrides this. It then chooses the same points, whatever the chunks.
 
@@ -335,6 +337,8 @@ class Method(ABC):
             M, from 1 to N - 1.
         fixed : Places
             At most M of the points, without repeats, which are chosen first, in their order.
+        weights : ChunkedValues, optional
+            One for each point, as shares of the largest one. Above 0, but for points that are chosen anyway.
         stages : Stages
             Measures the time of each stage, and reports progress to its listener.
 
@@ -387,6 +391,23 @@ class Method(ABC):
             Bytes.
         """
         return self.bytes_per_point * n
+
+    def memory_of_weights(self, n: int, n_points: int) -> int:
+        """Return about how much more memory than without weights `guided` and `guided_in_passes` take at most.
+
+        Parameters
+        ----------
+        n : int
+            N, the number of points.
+        n_points : int
+            M, the number of points to keep.
+
+        Returns
+        -------
+        int
+            Bytes.
+        """
+        return 0
 
     def seconds(self, n: int, n_points: int) -> float | None:
         """Return about how long a call takes on two cores.

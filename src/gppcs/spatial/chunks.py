@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -131,40 +131,41 @@ class Places(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ChunkedPoints:
-    """N points that come in chunks, as often as they are asked for.
+class ChunkedValues:
+    """Values of N points that come in chunks, as often as they are asked for.
 
     Attributes
     ----------
     count : int
         N, at least 1.
-    chunks : callable() -> iterable of (n, 3) arrays, float64
-        Begins a pass over the points, which are the same in each pass. No chunk is empty.
+    chunks : callable() -> iterable of arrays, float64
+        Begins a pass over the points, which are the same in each pass. Each array has a value, or a row of values, for
+        each point of a chunk. No chunk is empty.
 
     Examples
     --------
-    >>> points = gppcs.sample("sphere", n_points=1000).points
-    >>> chunked = gppcs.ChunkedPoints(1000, lambda: [points[:600], points[600:]])
-    >>> (chunked.take(np.array([5, 700])) == points[[5, 700]]).all()
-    np.True_
+    >>> weights = gppcs.ChunkedValues(3, lambda: [np.array([0.5, 1.0]), np.array([0.25])])
+    >>> weights.take(np.array([0, 2]))
+    array([0.5 , 0.25])
     """
 
     count: int
     chunks: Callable[[], Iterable[NDArray[np.float64]]]
 
     @classmethod
-    def of(cls, points: NDArray[np.float64]) -> ChunkedPoints:
-        """Return the points of an array as a single chunk.
+    def of(cls, values: NDArray[np.float64]) -> Self:
+        """Return the values of an array as a single chunk.
 
         Parameters
         ----------
-        points : (N, 3) array, float64
+        values : (N, ...) array, float64
 
         Returns
         -------
-        ChunkedPoints
+        ChunkedValues
+            Of this class.
         """
-        return cls(len(points), lambda: [points])
+        return cls(len(values), lambda: [values])
 
     def __len__(self) -> int:
         return self.count
@@ -188,7 +189,7 @@ class ChunkedPoints:
             yield work(first, chunk)
 
     def take(self, rows: NDArray[np.int64], advanced: Advanced = _ignore) -> NDArray[np.float64]:
-        """Return some of the points, in one pass.
+        """Return the values of some of the points, in one pass.
 
         Parameters
         ----------
@@ -198,16 +199,19 @@ class ChunkedPoints:
 
         Returns
         -------
-        (n, 3) array, float64
+        (n, ...) array, float64
         """
-        found = np.empty((len(rows), 3))
+        found = None
         for first, chunk in self._pass(advanced):
+            if found is None:
+                found = np.empty((len(rows), *chunk.shape[1:]))
             begin, end = np.searchsorted(rows, [first, first + len(chunk)])
             found[begin:end] = chunk[rows[begin:end] - first]
+        assert found is not None
         return found
 
     def every(self, step: int, advanced: Advanced = _ignore) -> NDArray[np.float64]:
-        """Return every `step`-th point, from the first on, in one pass.
+        """Return the values of every `step`-th point, from the first on, in one pass.
 
         Parameters
         ----------
@@ -217,10 +221,31 @@ class ChunkedPoints:
 
         Returns
         -------
-        (ceil(N / step), 3) array, float64
+        (ceil(N / step), ...) array, float64
         """
         parts = [np.ascontiguousarray(chunk[-first % step :: step]) for first, chunk in self._pass(advanced)]
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+    def _pass(self, advanced: Advanced) -> Iterator[tuple[int, NDArray[np.float64]]]:
+        """Yield the row of the first point of each chunk, and the chunk."""
+        first = 0
+        for chunk in self.chunks():
+            yield first, chunk
+            first += len(chunk)
+            advanced(len(chunk))
+
+
+@dataclass(frozen=True, eq=False)
+class ChunkedPoints(ChunkedValues):
+    """N points that come in chunks, as often as they are asked for: each array of `chunks` has three columns.
+
+    Examples
+    --------
+    >>> points = gppcs.sample("sphere", n_points=1000).points
+    >>> chunked = gppcs.ChunkedPoints(1000, lambda: [points[:600], points[600:]])
+    >>> (chunked.take(np.array([5, 700])) == points[[5, 700]]).all()
+    np.True_
+    """
 
     def greatest_in_cells(self, edge: float, values: SparseValues, advanced: Advanced = _ignore) -> Places:
         """Choose the point of greatest value in each occupied cell of a cubic grid, in one pass.
@@ -272,14 +297,6 @@ class ChunkedPoints:
                 yield firsts(Places(rows, chunk, np.zeros(len(chunk), dtype=np.float32)))
 
         return _merged(of_chunks(), firsts)
-
-    def _pass(self, advanced: Advanced) -> Iterator[tuple[int, NDArray[np.float64]]]:
-        """Yield the row of the first point of each chunk, and the chunk."""
-        first = 0
-        for chunk in self.chunks():
-            yield first, chunk
-            first += len(chunk)
-            advanced(len(chunk))
 
 
 def first_repeats(distinct: NDArray[np.int64], count: int) -> NDArray[np.int64]:

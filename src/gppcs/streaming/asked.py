@@ -67,14 +67,16 @@ def plan_for(
     ClusterError, FileFormatError, InputError, OSError, ParameterError
         As for `simplify_files`.
     """
-    ratio, n_points, spacing, keep = (asked[name] for name in ("ratio", "n_points", "spacing", "keep"))
+    ratio, n_points, spacing = (asked[name] for name in ("ratio", "n_points", "spacing"))
+    guide = {name: asked[name] for name in ("keep", "weight")}
 
     def made(share: float | None, count: int | None) -> Plan:
-        return plan(files, method, share, count, limit, whole, cluster is not None, keep is not None)
+        keeps, weights = (value is not None for value in guide.values())
+        return plan(files, method, share, count, limit, whole, cluster is not None, keeps, weights)
 
     whole = whole or takes_all_points(method, asked)
     if ratio is not None or n_points is not None:
-        return Planned(made(ratio, n_points), {"ratio": ratio, "n_points": n_points, "keep": keep})
+        return Planned(made(ratio, n_points), {"ratio": ratio, "n_points": n_points, **guide})
     if whole or spacing is None:
         return Planned(made(GUESS, None), {})
     try:

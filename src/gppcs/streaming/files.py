@@ -74,7 +74,7 @@ def simplify_files(
         As for `gppcs.simplify`. Normals need all points in memory.
     tolerance, measure, spacing, max_gap, unit, keep, weight
         As for `gppcs.simplify`. They need all points in memory, but for `spacing` alone, and for `keep` as a condition
-        with `ratio` or `n_points`, of the method `gp`. `keep` does not work in tiles.
+        and `weight` as a name with `ratio` or `n_points`, of the method `gp`. These two do not work in tiles.
     format, columns
         As for `gppcs.read`, for all files. A text table whose columns are named so is read as a whole.
     box, resolution, only, drop, polygon

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.amounts.guide import ChunkGuide, WeightRange
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.expressions import Expression
 from gppcs.io.cloud_files import JointColumns
 from gppcs.spatial.chunks import Places
 from gppcs.spatial.scaling import Frame, bounds
@@ -22,20 +22,26 @@ class Overview:
     low, high : (3,) arrays
         Bounds of the finite points; infinite if there are none.
     columns : JointColumns
+    guide : ChunkGuide or None
+    weightless : int
+        Number of finite points among which is not chosen, as they have no weight.
+    weights : WeightRange
+        Of the finite points.
     parts : list of Overview
         Those that were merged.
 
     Parameters
     ----------
-    keep : Expression, optional
-        Which points are kept whatever happens.
+    guide : ChunkGuide, optional
+        What users know of the points.
     """
 
-    def __init__(self, keep: Expression | None = None) -> None:
-        self._keep = keep
-        self._rows: list[NDArray[np.int64]] = [np.empty(0, dtype=np.int64)]  # of points to keep, among the finite
+    def __init__(self, guide: ChunkGuide | None = None) -> None:
+        self.guide = guide
+        self._rows: list[NDArray[np.int64]] = [np.empty(0, dtype=np.int64)]  # of points to keep, among the usable
         self._places = [np.empty((0, 3))]
-        self.count = self.bad = self.first_bad = 0
+        self.count = self.bad = self.first_bad = self.weightless = 0
+        self.weights = WeightRange()
         self.low, self.high = np.full(3, np.inf), np.full(3, -np.inf)
         self.columns = JointColumns()
         self.parts: list[Overview] = []
@@ -45,8 +51,18 @@ class Overview:
         """Number of finite points."""
         return self.count - self.bad
 
+    @property
+    def weight(self) -> str | None:
+        """The attribute that multiplies the density, if any."""
+        return None if self.guide is None else self.guide.weight
+
+    @property
+    def usable(self) -> int:
+        """Number of points among which is chosen."""
+        return self.finite - self.weightless
+
     def to_keep(self, frame: Frame) -> Places:
-        """Return the finite points that are kept whatever happens.
+        """Return the usable points that are kept whatever happens.
 
         Parameters
         ----------
@@ -56,7 +72,7 @@ class Overview:
         Returns
         -------
         Places
-            Rows among the finite points.
+            Rows among the usable points.
         """
         rows = np.concatenate(self._rows)
         return Places(rows, frame.local(np.concatenate(self._places)), np.zeros(len(rows), dtype=np.float32))
@@ -74,14 +90,16 @@ class Overview:
         FileFormatError
             If they do not fit those before.
         InputError, ParameterError
-            As for `Expression.mask`.
+            As for `ChunkGuide.of_chunk`.
         """
         self.columns.add(cloud)
-        if self._keep is not None:
-            usable = cloud.finite_rows()
-            kept = np.flatnonzero(self._keep.mask(cloud)[usable])
-            self._rows.append(self.finite + kept)
-            self._places.append(cloud.points[usable[kept]])
+        if self.guide is not None:
+            rows, keep, weights = self.guide.of_chunk(cloud)
+            self._rows.append(self.usable + keep)
+            self._places.append(cloud.points[rows[keep]])
+            if weights is not None:
+                self.weights = self.weights.followed_by(WeightRange.of(weights))
+                self.weightless += len(weights) - len(rows)
         low, high = bounds(cloud.points)
         if not np.isfinite([low, high]).all():
             bad = cloud.non_finite()
@@ -108,7 +126,9 @@ class Overview:
         self.columns.merge(other.columns)
         if other.bad and not self.bad:
             self.first_bad = self.count + other.first_bad
-        self._rows += [self.finite + rows for rows in other._rows]
+        self._rows += [self.usable + rows for rows in other._rows]
         self._places += other._places
+        self.weights = self.weights.followed_by(other.weights)
+        self.weightless += other.weightless
         self.count, self.bad = self.count + other.count, self.bad + other.bad
         self.low, self.high = np.minimum(self.low, other.low), np.maximum(self.high, other.high)

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.clouds.expressions import Expression
+from gppcs.amounts.guide import ChunkGuide, WeightRange
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
-from gppcs.spatial.chunks import Advanced, ChunkedPoints, Places, SparseValues, joined_places
+from gppcs.spatial.chunks import Advanced, ChunkedPoints, ChunkedValues, Places, SparseValues, joined_places
 from gppcs.spatial.scaling import Frame
 from gppcs.streaming.cluster import Cluster
 from gppcs.streaming.overview import Overview
@@ -37,20 +37,20 @@ class ClusterPasses:
         self._files, self._rows, self._cluster = files, rows, cluster
         self._passes = [FilePasses(each, rows) for each in files.each(part)]
 
-    def overview(self, advanced: Advanced, keep: Expression | None = None) -> Overview:
+    def overview(self, advanced: Advanced, guide: ChunkGuide | None = None) -> Overview:
         """As `FilePasses.overview`.
 
         Parameters
         ----------
         advanced : callable
-        keep : Expression, optional
+        guide : ChunkGuide, optional
 
         Returns
         -------
         Overview
         """
-        whole = Overview()
-        for seen in self._cluster.each(partial(_overview, keep), self._passes):
+        whole = Overview(guide)
+        for seen in self._cluster.each(partial(_overview, guide), self._passes):
             whole.merge(seen)
             advanced(seen.count)
         return whole
@@ -67,21 +67,42 @@ class ClusterPasses:
         -------
         ClusterPoints
         """
-        parts, first = [], 0
-        for passes, own in zip(self._passes, seen.parts, strict=True):
-            if own.finite:
-                parts.append(Partition(passes, own, frame, first))
-            first += own.finite
         local = FilePasses(self._files, self._rows).points(seen, frame)
+        parts = self._parts(seen, partial(FilePasses.points, frame=frame))
         return ClusterPoints(local.count, local.chunks, parts, self._cluster)
 
-    def kept(self, seen: Overview, finite: NDArray[np.int64], advanced: Advanced) -> Kept:
+    def weights(self, seen: Overview, known: WeightRange) -> ClusterValues:
+        """As `FilePasses.weights`.
+
+        Parameters
+        ----------
+        seen : Overview
+        known : WeightRange
+
+        Returns
+        -------
+        ClusterValues
+        """
+        local = FilePasses(self._files, self._rows).weights(seen, known)
+        parts = self._parts(seen, partial(FilePasses.weights, known=known))
+        return ClusterValues(local.count, local.chunks, parts, self._cluster)
+
+    def _parts(self, seen: Overview, values: Callable[..., ChunkedValues]) -> list[Partition]:
+        """Return the partitions with usable points, of which `values` returns what is wanted."""
+        parts, first = [], 0
+        for passes, own in zip(self._passes, seen.parts, strict=True):
+            if own.usable:
+                parts.append(Partition(passes, own, values, first))
+            first += own.usable
+        return parts
+
+    def kept(self, seen: Overview, usable: NDArray[np.int64], advanced: Advanced) -> Kept:
         """As `FilePasses.kept`.
 
         Parameters
         ----------
         seen : Overview
-        finite : (n,) array, int64
+        usable : (n,) array, int64
         advanced : callable
 
         Returns
@@ -90,49 +111,50 @@ class ClusterPasses:
         """
         asked, first = [], 0
         for passes, own in zip(self._passes, seen.parts, strict=True):
-            begin, end = np.searchsorted(finite, [first, first + own.finite])
-            asked.append((passes, own, finite[begin:end] - first))
-            first += own.finite
+            begin, end = np.searchsorted(usable, [first, first + own.usable])
+            asked.append((passes, own, usable[begin:end] - first))
+            first += own.usable
         rows, clouds, before = [], [], 0
         for (_, own, _), found in zip(asked, self._cluster.each(_kept, asked), strict=True):
             rows.append(before + found.rows)
             clouds += found.clouds
             before += own.count
-            advanced(own.finite)
+            advanced(own.usable)
         return Kept(np.concatenate(rows), clouds)
 
 
 class Partition(NamedTuple):
-    """The finite points of a file, or of a part of one.
+    """The usable points of a file, or of a part of one.
 
     Attributes
     ----------
     passes : FilePasses
     seen : Overview
-    frame : Frame
+    values : callable(FilePasses, Overview) -> ChunkedValues
+        Returns what of the points is wanted.
     first : int
-        Row of its first point among the finite points of all files.
+        Row of its first point among the usable points of all files.
     """
 
     passes: FilePasses
     seen: Overview
-    frame: Frame
+    values: Callable[..., ChunkedValues]
     first: int
 
     def slice(self, rows: NDArray[np.int64]) -> slice:
         """Return which of some ascending rows of all files lie in this one."""
-        begin, end = np.searchsorted(rows, [self.first, self.first + self.seen.finite])
+        begin, end = np.searchsorted(rows, [self.first, self.first + self.seen.usable])
         return slice(int(begin), int(end))
 
-    def opened(self, work: Callable[[ChunkedPoints], Any]) -> Any:
-        """Do some work on the points."""
+    def opened(self, work: Callable[[Any], Any]) -> Any:
+        """Do some work on the values."""
         with self.passes.files:
-            return work(self.passes.points(self.seen, self.frame))
+            return work(self.values(self.passes, self.seen))
 
 
 @dataclass(frozen=True, eq=False)
-class ClusterPoints(ChunkedPoints):
-    """Points in files. Its passes are tasks; `chunks` reads in this process.
+class ClusterValues(ChunkedValues):
+    """Values of points in files. Its passes are tasks; `chunks` reads in this process.
 
     Attributes
     ----------
@@ -146,27 +168,32 @@ class ClusterPoints(ChunkedPoints):
     def each(
         self, work: Callable[[int, NDArray[np.float64]], Any], advanced: Advanced = lambda steps: None
     ) -> Iterator[Any]:
-        """As `ChunkedPoints.each`; all chunks of a partition are one task."""
+        """As `ChunkedValues.each`; all chunks of a partition are one task."""
         for part, found in zip(self.parts, self.cluster.each(partial(_each, work), self.parts), strict=True):
             yield from found
-            advanced(part.seen.finite)
+            advanced(part.seen.usable)
 
     def take(self, rows: NDArray[np.int64], advanced: Advanced = lambda steps: None) -> NDArray[np.float64]:
-        """As `ChunkedPoints.take`."""
+        """As `ChunkedValues.take`."""
         return self._joined(
             _taken, [(part, _gaps(rows[part.slice(rows)] - part.first)) for part in self.parts], advanced
         )
 
     def every(self, step: int, advanced: Advanced = lambda steps: None) -> NDArray[np.float64]:
-        """As `ChunkedPoints.every`."""
+        """As `ChunkedValues.every`."""
         return self._joined(_taken_every, [(part, step) for part in self.parts], advanced)
 
     def _joined(self, work: Callable[[Any], Any], asked: Sequence[Any], advanced: Advanced) -> NDArray[np.float64]:
-        found = [np.empty((0, 3))]
-        for part, places in zip(self.parts, self.cluster.each(work, asked), strict=True):
-            found.append(places)
-            advanced(part.seen.finite)
+        found = []
+        for part, values in zip(self.parts, self.cluster.each(work, asked), strict=True):
+            found.append(values)
+            advanced(part.seen.usable)
         return np.concatenate(found)
+
+
+@dataclass(frozen=True, eq=False)
+class ClusterPoints(ClusterValues, ChunkedPoints):
+    """Points in files."""
 
     def greatest_in_cells(self, edge: float, values: SparseValues, advanced: Advanced = lambda steps: None) -> Places:
         """As `ChunkedPoints.greatest_in_cells`; the finds of two partitions are merged by a task, and so on."""
@@ -187,20 +214,20 @@ class ClusterPoints(ChunkedPoints):
         merge: Callable[[Places, Places], Places],
         advanced: Advanced,
     ) -> Places:
-        counts = iter(part.seen.finite for part in self.parts)
+        counts = iter(part.seen.usable for part in self.parts)
         found: Places = self.cluster.merged(find, asked, merge, lambda: advanced(next(counts)))
         return found
 
 
-def _overview(keep: Expression | None, passes: FilePasses) -> Overview:
+def _overview(guide: ChunkGuide | None, passes: FilePasses) -> Overview:
     with passes.files:
-        return passes.overview(lambda steps: None, keep)
+        return passes.overview(lambda steps: None, guide)
 
 
 def _kept(asked: tuple[FilePasses, Overview, NDArray[np.int64]]) -> Kept:
-    passes, seen, finite = asked
+    passes, seen, usable = asked
     with passes.files:
-        rows, clouds = passes.kept(seen, finite, lambda steps: None)
+        rows, clouds = passes.kept(seen, usable, lambda steps: None)
         return Kept(rows, [seen.columns.joined(clouds)] if len(rows) else [])
 
 
@@ -228,7 +255,7 @@ def _taken(asked: tuple[Partition, NDArray[Any]]) -> Any:
 
 def _taken_every(asked: tuple[Partition, int]) -> Any:
     part, step = asked
-    return part.opened(lambda points: points.take(np.arange(-part.first % step, part.seen.finite, step)))
+    return part.opened(lambda points: points.take(np.arange(-part.first % step, part.seen.usable, step)))
 
 
 def _greatest(asked: tuple[Partition, float, NDArray[Any], NDArray[np.float32]]) -> Places:

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.amounts.choice import Scale, choose, choose_keeping
-from gppcs.amounts.guide import nothing_to_keep
+from gppcs.amounts.choice import Scale, choose, choose_guided
+from gppcs.amounts.guide import ChunkGuide, nothing_to_keep
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
 from gppcs.clouds.lengths import Length
@@ -40,6 +40,7 @@ def simplify_in_passes(
     cluster: Cluster | None = None,
     resume: bool = False,
     keep: str | None = None,
+    weight: str | None = None,
     repeats: bool = True,
 ) -> tuple[Result, int]:
     """Choose exactly M points of a cloud without ever holding all of it.
@@ -62,6 +63,8 @@ def simplify_in_passes(
         As for `simplify_files`.
     keep : str, optional
         A condition on points that are kept whatever happens, as for `simplify_files`. Not in tiles.
+    weight : str, optional
+        An attribute that multiplies the density, as for `simplify_files`. Not in tiles.
     repeats : bool
         Whether repeats are kept where there are too few different places.
 
@@ -78,26 +81,30 @@ def simplify_in_passes(
     """
     check_scores(scores, method, files.head().cloud)
     passes = _passes(files, plan, cluster)
-    asked = (method, ratio, n_points, invalid, plan.way, cluster is not None, keep, repeats)
-    condition = None if keep is None else Expression.of(keep)
+    asked = (method, ratio, n_points, invalid, plan.way, cluster is not None, keep, weight, repeats)
+    guide = _guide_of(keep, weight)
     with scratch_folder(scratch, plan.disk, work_name(files, asked) if resume else None) as folder:
         journal = Journal(folder)
-        seen = journal.once("bounds", lambda: _overview(passes, plan, stages, condition))
+        seen = journal.once("bounds", lambda: _overview(passes, plan, stages, guide))
         check_usable(seen.count, seen.bad, seen.first_bad, invalid)
         count = number_to_keep(seen.finite, ratio, n_points)
         frame = Frame.around(seen.low, seen.high)
         points = passes.points(seen, frame)
         each = cluster.each if cluster else map
-        to_keep = None if keep is None else seen.to_keep(frame)
-        if keep is not None and to_keep is not None and not len(to_keep.rows):
+        to_keep = seen.to_keep(frame)
+        if keep is not None and not len(to_keep.rows):
             raise nothing_to_keep(keep)
+        weights = None
+        if weight is not None:
+            seen.weights.check()
+            weights = passes.weights(seen, seen.weights)
 
         def chosen() -> Selection:
             with compiled_ahead(method.name):
                 if plan.way is Way.TILES and count < len(points):
                     return method.in_tiles(points, count, folder, stages, each)
-                if to_keep is not None:
-                    return choose_keeping(points, count, to_keep, method, stages)
+                if guide is not None:
+                    return choose_guided(points, count, to_keep, weights, method, stages)
                 return choose(points, count, method, stages, repeats=repeats)
 
         selection = journal.once("choice", chosen)
@@ -164,18 +171,25 @@ def _passes(files: CloudFiles, plan: Plan, cluster: Cluster | None) -> FilePasse
     return ClusterPasses(files, plan.rows, cluster, plan.part) if cluster else FilePasses(files, plan.rows)
 
 
+def _guide_of(keep: str | None, weight: str | None) -> ChunkGuide | None:
+    """Return what users know of the points."""
+    if keep is None and weight is None:
+        return None
+    return ChunkGuide(None if keep is None else Expression.of(keep), weight)
+
+
 def _overview(
-    passes: FilePasses | ClusterPasses, plan: Plan, stages: Stages, keep: Expression | None = None
+    passes: FilePasses | ClusterPasses, plan: Plan, stages: Stages, guide: ChunkGuide | None = None
 ) -> Overview:
     with stages("bounds", plan.points) as advanced:
-        return passes.overview(advanced, keep)
+        return passes.overview(advanced, guide)
 
 
 def _kept(
     passes: FilePasses | ClusterPasses, seen: Overview, selection: Selection, stages: Stages
 ) -> tuple[NDArray[np.int64], PointCloud]:
     """Read the chosen points with their attributes, in the order of choice, and their rows among all points."""
-    with stages("kept points", seen.finite) as advanced:
+    with stages("kept points", seen.usable) as advanced:
         order = np.argsort(selection.indices)
         rows, clouds = passes.kept(seen, selection.indices[order], advanced)
         back = np.empty_like(order)

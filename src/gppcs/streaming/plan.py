@@ -17,6 +17,7 @@ from gppcs.simplification import number_to_keep
 from gppcs.streaming.sizes import size_of
 
 PASSES = 4  # Bounds, a sample, candidates, and the kept points. One or two more if the area is far off.
+PASSES_OF_WEIGHTS = 2  # More: one finds their mean, the other those of the candidates.
 PROGRAM = 250_000_000  # Bytes that the program itself takes, with its libraries and compiled kernels.
 COPIES = 4  # A chunk is held so often at once: as it is in the file, as it is, shifted and scaled, and hashed.
 FEWEST_ROWS = 1 << 16  # Points of a chunk, however little memory there is.
@@ -52,6 +53,8 @@ class Plan:
         Points of a chunk at most.
     disk : int
         About how many bytes of disk space temporary files are going to take.
+    weighed : bool
+        Whether weights are read, too.
     """
 
     way: Way
@@ -61,6 +64,7 @@ class Plan:
     limit: int | None
     rows: int
     disk: int = 0
+    weighed: bool = False
 
     @property
     def in_memory(self) -> bool:
@@ -76,7 +80,7 @@ class Plan:
     @property
     def passes(self) -> int:
         """How often the files are read, at least."""
-        return 1 if self.in_memory else PASSES
+        return 1 if self.in_memory else PASSES + PASSES_OF_WEIGHTS * self.weighed
 
 
 def plan(
@@ -87,7 +91,8 @@ def plan(
     limit: int | None = None,
     whole: str | None = None,
     shared: bool = False,
-    keeping: bool = False,
+    keeps: bool = False,
+    weights: bool = False,
 ) -> Plan:
     """Decide whether a cloud is simplified in memory, in passes, or in tiles.
 
@@ -103,8 +108,8 @@ def plan(
         What needs all points in memory besides the method, as messages name it.
     shared : bool
         Whether workers are to share the work. They cannot if all points have to be in memory.
-    keeping : bool
-        Whether some points are kept whatever happens, which is not possible in tiles.
+    keeps, weights : bool
+        Whether some points are kept whatever happens, and whether points have weights: neither is possible in tiles.
 
     Returns
     -------
@@ -124,21 +129,23 @@ def plan(
     if files.query and not n:
         raise files.query.nothing_found()
     kept = number_to_keep(n, ratio, n_points) if n else 0
-    in_memory = PROGRAM + max(2 * row * n, row * n + 24 * n + method.memory(n, kept))
+    weighing = method.memory_of_weights(n, kept) if weights else 0
+    in_memory = PROGRAM + max(2 * row * n, row * n + 24 * n + method.memory(n, kept) + weighing)
     if (limit is None or in_memory <= limit) and not shared:
         return Plan(Way.MEMORY, n, kept, in_memory, limit, ROWS)
     chunked = not (whole or head.whole)
     passes = method.memory_in_passes(n, kept) if chunked else None
-    tiles = method.memory_in_tiles(n, kept) if chunked and not keeping else None
+    tiles = method.memory_in_tiles(n, kept) if chunked and not (keeps or weights) else None
     needed = in_memory
     limit = limit or sys.maxsize
     for way, takes in ((Way.PASSES, passes), (Way.TILES, tiles)):
         if takes is not None:
-            fixed = PROGRAM + takes + 2 * row * kept
+            fixed = PROGRAM + takes + weighing + 2 * row * kept
             rows = min(n, max(ROWS, ROWS_PER_KEPT * kept), max(FEWEST_ROWS, (limit - fixed) // (COPIES * row)))
             needed = fixed + COPIES * row * rows
             if needed <= limit:
-                return Plan(way, n, kept, needed, limit, rows, method.disk_in_tiles(n, kept) if way is Way.TILES else 0)
+                disk = method.disk_in_tiles(n, kept) if way is Way.TILES else 0
+                return Plan(way, n, kept, needed, limit, rows, disk, weights)
     if passes is None and tiles is None:
         if shared:
             raise InputError(f"expected work that several workers can share, but {_reason(head, method, whole)}")

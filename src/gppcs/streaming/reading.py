@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.amounts.guide import ChunkGuide, WeightRange, weights_of
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.expressions import Expression
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
-from gppcs.spatial.chunks import ChunkedPoints
+from gppcs.spatial.chunks import ChunkedPoints, ChunkedValues
 from gppcs.spatial.scaling import Frame, bounds
 from gppcs.streaming.overview import Overview
 
@@ -49,28 +49,28 @@ class FilePasses:
     files: CloudFiles
     rows: int
 
-    def overview(self, advanced: Advanced, keep: Expression | None = None) -> Overview:
-        """Read the bounds, the number of points, the types of attributes, and the points to keep.
+    def overview(self, advanced: Advanced, guide: ChunkGuide | None = None) -> Overview:
+        """Read the bounds, the number of points, the types of attributes, the points to keep, and the range of weights.
 
         Parameters
         ----------
         advanced : callable
             Called with the number of points read since the last call.
-        keep : Expression, optional
-            Which points are kept whatever happens.
+        guide : ChunkGuide, optional
+            What users know of the points.
 
         Returns
         -------
         Overview
         """
-        seen = Overview(keep)
+        seen = Overview(guide)
         for cloud in self.files.chunks(True, self.rows):
             seen.add(cloud)
             advanced(len(cloud))
         return seen
 
     def points(self, seen: Overview, frame: Frame) -> ChunkedPoints:
-        """Return the finite points.
+        """Return the usable points.
 
         Parameters
         ----------
@@ -85,22 +85,44 @@ class FilePasses:
         """
 
         def chunks() -> Iterator[NDArray[np.float64]]:
-            for part in self._finite_parts(seen.count, attributes=False):
+            for part in self._usable_parts(seen, attributes=False):
                 yield frame.local(part.cloud.points)
 
-        return ChunkedPoints(seen.finite, chunks)
+        return ChunkedPoints(seen.usable, chunks)
 
-    def kept(self, seen: Overview, finite: NDArray[np.int64], advanced: Advanced) -> Kept:
+    def weights(self, seen: Overview, known: WeightRange) -> ChunkedValues:
+        """Return the weights of the usable points.
+
+        Parameters
+        ----------
+        seen : Overview
+            Of these files, with a guide that has weights.
+        known : WeightRange
+            Of all weights.
+
+        Returns
+        -------
+        ChunkedValues
+            As shares of the largest one; 0 or at least `LEAST_WEIGHT`.
+        """
+
+        def chunks() -> Iterator[NDArray[np.float64]]:
+            for part in self._usable_parts(seen, attributes=True):
+                yield known.shares(weights_of(part.cloud, seen.weight))
+
+        return ChunkedValues(seen.usable, chunks)
+
+    def kept(self, seen: Overview, usable: NDArray[np.int64], advanced: Advanced) -> Kept:
         """Read some points with all their attributes.
 
         Parameters
         ----------
         seen : Overview
             Of these files.
-        finite : (n,) array, int64
-            Their rows among the finite points, ascending.
+        usable : (n,) array, int64
+            Their rows among the usable points, ascending.
         advanced : callable
-            Called with the number of finite points read since the last call.
+            Called with the number of usable points read since the last call.
 
         Returns
         -------
@@ -110,34 +132,37 @@ class FilePasses:
         rows: list[NDArray[np.int64]] = [np.empty(0, dtype=np.int64)]
         clouds: list[PointCloud] = []
         first = 0
-        for part in self._finite_parts(seen.count, attributes=True):
-            begin, end = np.searchsorted(finite, [first, first + len(part.cloud)])
-            taken = finite[begin:end] - first
+        for part in self._usable_parts(seen, attributes=True):
+            begin, end = np.searchsorted(usable, [first, first + len(part.cloud)])
+            taken = usable[begin:end] - first
             rows.append(part.rows[taken])
             clouds.append(part.cloud.take(taken))
             first += len(part.cloud)
             advanced(len(part.cloud))
         return Kept(np.concatenate(rows), clouds)
 
-    def _finite_parts(self, count: int, attributes: bool) -> Iterator[_Part]:
-        """Yield the finite points of all chunks; raise an error if there are not as many points as at first."""
+    def _usable_parts(self, seen: Overview, attributes: bool) -> Iterator[_Part]:
+        """Yield the usable points of all chunks; raise an error if there are not as many points as at first."""
         first = 0
-        for cloud in self.files.chunks(attributes, self.rows):
+        for cloud in self.files.chunks(attributes or seen.weightless > 0, self.rows):
             here = np.arange(first, first + len(cloud))
             first += len(cloud)
-            if not np.isfinite(bounds(cloud.points)).all():
+            if seen.guide is not None and seen.weightless:
+                usable = seen.guide.of_chunk(cloud).rows
+                cloud, here = cloud.take(usable), here[usable]
+            elif not np.isfinite(bounds(cloud.points)).all():
                 finite = cloud.finite_rows()
                 cloud, here = cloud.take(finite), here[finite]
             if len(cloud):
                 yield _Part(cloud, here)
-        if first != count:
+        if first != seen.count:
             raise InputError(
-                f"expected {count:,} points again, found {first:,}: the files have changed meanwhile; start anew"
+                f"expected {seen.count:,} points again, found {first:,}: the files have changed meanwhile; start anew"
             )
 
 
 class _Part(NamedTuple):
-    """The finite points of a chunk, and their rows in the whole cloud."""
+    """The usable points of a chunk, and their rows in the whole cloud."""
 
     cloud: PointCloud
     rows: NDArray[np.int64]

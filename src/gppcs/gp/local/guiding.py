@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.stages import Stages
 from gppcs.gp.local.candidates import Candidates, Finest
 from gppcs.spatial.cells import first_occurrences
-from gppcs.spatial.chunks import Places, SparseValues, joined_places
+from gppcs.spatial.chunks import ChunkedValues, Places, SparseValues, joined_places
 
 GROUPS = 9  # Weights are compared in groups: quantiles, or single weights if there are no more.
 FEWEST = 24  # Chosen points of a group from which on it is compared.
 SMALLER = 0.7  # The logarithm of what is lacking, from stage to stage: it goes as the spacing.
 GREATEST_POWER = 1.2
 FINEST = 8.0  # Times the usual number of candidates at most, where large weights want many points in few places.
+HALF_MANTISSA = 33  # Bits. Weights from 2^-14 to 1 are whole multiples of 2^-66.
 
 
 class Weighing:
@@ -91,6 +94,72 @@ def refinement(weights: NDArray[np.float64] | None) -> float:
         At least 1: the largest weight in units of their mean.
     """
     return 1.0 if weights is None else min(float(weights.max() / weights.mean()), FINEST)
+
+
+class ChunkedWeights:
+    """Weights of points in chunks. This takes a pass over them, which finds their mean and the least one.
+
+    Parameters
+    ----------
+    weights : ChunkedValues
+        Shares of the largest one: 0 or at least 2^-14. Those of points that are chosen anyway may be 0; they count as
+        the least of the others.
+    stages : Stages
+        Times "weights". A step is a point read.
+    """
+
+    def __init__(self, weights: ChunkedValues, stages: Stages) -> None:
+        self._weights, self._stages = weights, stages
+        with stages("weights", len(weights)) as advanced:
+            found = list(weights.each(_summed, advanced))
+        self._least = min(each.least for each in found)
+        zeros = sum(each.zeros for each in found)
+        total = sum(each.total for each in found) + zeros * _exact_sum(np.array([self._least]))
+        self._mean = total / (len(weights) << 2 * HALF_MANTISSA)
+
+    @property
+    def refinement(self) -> float:
+        """How many times as many candidates are needed as without weights; see `refinement`."""
+        return min(1.0 / self._mean, FINEST)
+
+    def take(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the weights of some points, above 0, by a pass over all of them.
+
+        Parameters
+        ----------
+        rows : (n,) array, int64
+            In any order.
+
+        Returns
+        -------
+        (n,) array
+        """
+        order = np.argsort(rows)
+        found = np.empty(len(rows))
+        with self._stages("weights", len(self._weights)) as advanced:
+            found[order] = self._weights.take(rows[order], advanced)
+        return np.maximum(found, self._least)
+
+
+class _Summed(NamedTuple):
+    """The sum of the weights of a chunk in units of 2^-66, the number of those that are 0, and the least of others."""
+
+    total: int
+    zeros: int
+    least: float
+
+
+def _summed(first: int, weights: NDArray[np.float64]) -> _Summed:
+    positive = weights > 0.0
+    return _Summed(_exact_sum(weights), int((~positive).sum()), float(weights.min(initial=1.0, where=positive)))
+
+
+def _exact_sum(weights: NDArray[np.float64]) -> int:
+    """Return the sum of weights in units of 2^-66. It is exact, so it does not depend on the chunks."""
+    scaled = weights * 2.0**HALF_MANTISSA
+    high = np.floor(scaled)
+    low = (scaled - high) * 2.0**HALF_MANTISSA
+    return (int(high.astype(np.int64).sum()) << HALF_MANTISSA) + int(low.astype(np.int64).sum())
 
 
 def behind_fixed(finest: Finest, fixed: Places, sharpness: SparseValues) -> Finest:
