@@ -355,7 +355,7 @@ def takes_all_points(method: Method, asked: Mapping[str, Any]) -> str | None:
     ----------
     method : Method
     asked : mapping of str to object
-        At least the arguments in `WHOLE`.
+        At least the arguments in `WHOLE`, `ratio` and `n_points`.
 
     Returns
     -------
@@ -363,10 +363,12 @@ def takes_all_points(method: Method, asked: Mapping[str, Any]) -> str | None:
         None if passes over files do, too.
     """
     given = [name for name in WHOLE if asked[name] is not None]
-    if given == ["spacing"] and method.counts_at_spacing:
-        return None
-    by_name = {name for name in ("keep", "weight") if method.guides_in_passes and isinstance(asked[name], str)}
-    return next((name for name in given if name not in by_name), None)
+    in_passes = {name for name in ("keep", "weight") if method.guides_in_passes and isinstance(asked[name], str)}
+    if method.counts_at_spacing:
+        in_passes.add("spacing")
+    if asked["ratio"] is not None or asked["n_points"] is not None or method.measures_area:
+        in_passes.add("max_gap")
+    return next((name for name in given if name not in in_passes), None)
 
 
 def _with_normals(kept: PointCloud, points: NDArray[np.float64], selection: Selection) -> PointCloud:

@@ -1,4 +1,4 @@
-"""A spacing, points to keep and weights in passes: the same points as in memory, whatever the files and chunks."""
+"""What is asked for besides a number, in passes: the same points as in memory, whatever the files and chunks."""
 
 import numpy as np
 import pytest
@@ -6,11 +6,12 @@ import pytest
 import gppcs
 from gppcs.engine.stages import Stages
 from gppcs.io.cloud_files import CloudFiles
+from gppcs.spatial.kdtree import KdTree
 from gppcs.streaming import asked as streaming_asked
 from gppcs.streaming import files as streaming_files
 from gppcs.streaming import plan as planning
 from gppcs.streaming.passes import simplify_in_passes
-from gppcs.streaming.plan import Plan, Way
+from gppcs.streaming.plan import Besides, Plan, Way
 
 N = 6_000
 
@@ -31,7 +32,7 @@ def in_passes(monkeypatch):
         for name in ("ROWS", "FEWEST_ROWS"):
             monkeypatch.setattr(planning, name, rows)
         monkeypatch.setattr(planning, "ROWS_PER_KEPT", 0)
-        return gppcs.simplify_files(paths, memory="3GB", invalid="drop", scores=True, **options)
+        return gppcs.simplify_files(paths, memory="3GB", invalid="drop", **{"scores": True, **options})
 
     return run
 
@@ -69,6 +70,11 @@ ASKED = [
     {"ratio": 0.02, "weight": "half"},
     {"n_points": 120, "weight": "half", "keep": "kind == 1"},
     {"n_points": 60, "weight": "half"},
+    {"n_points": 60, "max_gap": 9.0},
+    {"max_gap": "7%"},
+    {"spacing": 20.0, "max_gap": "1.2cm", "unit": "mm"},
+    {"n_points": 120, "max_gap": 10.0, "keep": "kind == 1"},
+    {"max_gap": 10.0, "weight": "half", "keep": "kind == 1"},
 ]
 
 
@@ -96,16 +102,26 @@ def test_where_all_points_are_measured_too(cloud, paths, n_points):
     assert_same(found, expected)
 
 
-@pytest.mark.parametrize("wanted", [{"weight": "wanted"}, {"weight": "half"}, {"weight": "half", "keep": "kind == 1"}])
-def test_no_more_passes_than_planned_and_never_all_points(in_passes, paths, monkeypatch, wanted):
+PASSES = ["bounds", "weights", "sample", "candidates", "weights", "kept points"]
+BY_PASSES = [
+    ({"weight": "wanted"}, PASSES),
+    ({"weight": "half", "keep": "kind == 1"}, PASSES),
+    ({"max_gap": 9.0}, ["bounds", "sample", "candidates", "gaps", "gaps", "gaps", "kept points"]),
+    ({"max_gap": 9.0, "weight": "half"}, [*PASSES[:-1], "gaps", "gaps", "gaps", "kept points"]),
+]
+
+
+@pytest.mark.parametrize(("wanted", "passes"), BY_PASSES)
+def test_no_more_passes_than_planned_and_never_all_points(in_passes, paths, monkeypatch, wanted, passes):
     read, plain = [], CloudFiles.chunks
     monkeypatch.setattr(CloudFiles, "chunks", lambda *of: read.append(1) or plain(*of))
     monkeypatch.setattr("gppcs.amounts.choice._Asked", None)  # which holds all places
     heard = Heard()
     in_passes(1_000, paths, n_points=90, stages=Stages(heard), **wanted)
-    assert len(read) == Plan(Way.PASSES, N, 90, 0, None, 1_000, weighed=True).passes == 6
+    besides = Besides(False, "weight" in wanted, "max_gap" in wanted)
+    assert len(read) == Plan(Way.PASSES, N, 90, 0, None, 1_000, besides=besides).passes == len(passes)
     whole = [stage for stage, _, steps in heard.stages if steps > 2_000]  # fewer are candidates
-    assert whole == ["bounds", "weights", "sample", "candidates", "weights", "kept points"]
+    assert whole == passes
 
 
 class Heard:
@@ -143,6 +159,22 @@ def test_bad_weights_are_told_as_in_memory(in_passes, cloud, tmp_path, bad):
     assert str(found.value) == str(expected.value)
 
 
+@pytest.mark.parametrize("method", ["fps", "random", gppcs.Voxel(place="mean")])
+def test_gaps_between_points_of_other_methods_are_filled(in_passes, monkeypatch, cloud, paths, method):
+    for kind in (gppcs.FarthestPoint, gppcs.Random, gppcs.Voxel):
+        monkeypatch.setattr(kind, "memory", lambda self, n, n_points: 10**12)
+    found = in_passes(1_000, paths, n_points=60, max_gap=9.0, method=method, scores=False)
+    assert len(found.indices) == 60 + found.diagnostics["added_in_gaps"] > 60
+    original = cloud.points[np.isfinite(cloud.points).all(axis=1)]
+    covering = KdTree.build(found.cloud.points).nearest_of(original, 1)[1].max() ** 0.5
+    assert covering == pytest.approx(found.diagnostics["largest_gap"])
+    assert covering < 9.0
+    if method == gppcs.Voxel(place="mean"):
+        expected = gppcs.simplify(cloud, n_points=60, max_gap=9.0, method=method, invalid="drop")
+        np.testing.assert_array_equal(found.indices, expected.indices)
+        np.testing.assert_array_equal(found.cloud.points, expected.cloud.points)
+
+
 def test_points_to_keep_come_first(cloud):
     wanted = np.flatnonzero(cloud.attributes["kind"] & np.isfinite(cloud.points).all(axis=1))
     result = gppcs.simplify(cloud, n_points=120, keep="kind == 1", invalid="drop")
@@ -168,7 +200,10 @@ def test_points_to_keep_come_first(cloud):
         ({"n_points": 95, "weight": "hall"}, "the cloud has no attribute 'hall' to weigh its points by; did you mean"),
         ({"n_points": 95, "weight": np.ones(N)}, "as weight takes all points at once"),
         ({"tolerance": 1.0}, "as tolerance takes all points at once"),
-        ({"spacing": 4.0, "max_gap": 9.0}, "as spacing takes all points at once"),
+        ({"max_gap": "4mm"}, "does not say in which unit"),
+        ({"max_gap": 4.0, "keep": "kind == 7"}, "expected points with kind == 7 to keep, found none"),
+        ({"max_gap": 4.0, "method": "fps"}, "as max_gap takes all points at once"),
+        ({"tolerance": 4.0, "max_gap": 9.0}, "as tolerance takes all points at once"),
         ({"spacing": 4.0, "method": "fps"}, "as spacing takes all points at once"),
     ],
 )

@@ -78,6 +78,8 @@ ASKED = [
     {"n_points": 200, "keep": "row % 900 < 9"},
     {"n_points": 150, "weight": "ramp"},
     {"n_points": 150, "weight": "ramp", "keep": "row % 900 < 9"},
+    {"n_points": 60, "max_gap": 8.0},
+    {"max_gap": 8.0, "weight": "ramp"},
 ]
 
 

@@ -75,6 +75,8 @@ def choose_guided(
     weights: ChunkedValues | None,
     method: Method,
     stages: Stages,
+    *,
+    repeats: bool = True,
 ) -> Selection:
     """Let the method choose points of which some are given, or with a density multiplied by weights.
 
@@ -91,6 +93,8 @@ def choose_guided(
     method : Method
     stages : Stages
         Times the stages of the method.
+    repeats : bool
+        Whether to add repeats where there are too few different places. Otherwise there may be fewer than M points.
 
     Returns
     -------
@@ -107,14 +111,76 @@ def choose_guided(
     _check_to_keep(len(to_keep.rows), count)
     _check_weighted(len(points), count)
     first = first_occurrences(to_keep.points)
-    fixed, repeats = to_keep.take(np.flatnonzero(first)), to_keep.rows[~first]
+    fixed, again = to_keep.take(np.flatnonzero(first)), to_keep.rows[~first]
     selection = None
     if count < len(points):
-        selection = method.guided_in_passes(points, count - len(repeats), fixed, weights, stages)
+        selection = method.guided_in_passes(points, count - len(again), fixed, weights, stages)
     if selection is None:
         guide = Guide(to_keep.rows, None if weights is None else weights.every(1))
-        return _Asked.of(points.every(1), guide, method, stages).with_number(count)
-    return _with_repeats(selection, repeats, len(fixed.rows))
+        asked = _Asked.of(points.every(1), guide, method, stages)
+        return asked.with_repeats(asked.of_number(count), count if repeats else 0)
+    return _with_repeats(selection, again, len(fixed.rows))
+
+
+def fewest_without_gaps(area: float, gap: float, kept: int, n: int) -> int:
+    """Return how many points an even cover needs so that no point is farther from it than a length.
+
+    Parameters
+    ----------
+    area : float
+        Of the surface.
+    gap : float
+        The length.
+    kept : int
+        So many points at least.
+    n : int
+        N, the number of points.
+
+    Returns
+    -------
+    int
+        From 1 to N.
+    """
+    wanted = math.ceil(min(FEWEST_WITHOUT_GAPS * area / gap / gap, 1e18))
+    return min(max(wanted, kept, 1), n)
+
+
+def without_gaps(points: ChunkedPoints, selection: Selection, gap: Length, scale: Scale, stages: Stages) -> Selection:
+    """Add points, each the farthest from all others, until no point is farther from one than a length.
+
+    Parameters
+    ----------
+    points : ChunkedPoints
+        N finite points.
+    selection : Selection
+        Of these points.
+    gap : Length
+    scale : Scale
+    stages : Stages
+        Times "gaps".
+
+    Returns
+    -------
+    Selection
+        Its diagnostics also tell how many points are added, and the largest gap, in the unit of the cloud.
+    """
+    from gppcs.spatial.gaps import fill_gaps
+
+    kept = selection.points
+    if kept is None:
+        order = np.argsort(selection.indices)
+        kept = np.empty((len(order), 3))
+        with stages("gaps", len(points)) as advanced:
+            kept[order] = points.take(selection.indices[order], advanced)
+    added = fill_gaps(points, kept, scale.inside(gap), stages)
+    found = {"added_in_gaps": float(len(added.rows)), "largest_gap": scale.outside(added.reached)}
+    return dataclasses.replace(
+        selection,
+        indices=np.concatenate([selection.indices, added.rows]),
+        diagnostics={**selection.diagnostics, **found},
+        points=None if selection.points is None else np.concatenate([kept, added.places]),
+        attributes={name: np.pad(values, (0, len(added.rows))) for name, values in selection.attributes.items()},
+    )
 
 
 class Scale(NamedTuple):
@@ -189,35 +255,41 @@ def choose_amount(
         guide = Guide(np.empty(0, dtype=np.int64), None)
     else:
         method.require_guided()
-    if amount.max_gap is None and count is not None:
-        return _guided(points, count, guide, method, stages)
-    asked = _Asked.of(points, guide, method, stages)
+    rows = guide.rows(len(points))
+    if len(rows) < len(points):
+        points, guide = points[rows], guide.among(rows)
+        chunked = ChunkedPoints.of(points)
+    selection = _of_amount(points, count, amount, scale, guide, method, stages)
+    if amount.max_gap is not None:
+        selection = without_gaps(chunked, selection, amount.max_gap, scale, stages)
+    return dataclasses.replace(selection, indices=rows[selection.indices])
+
+
+def _of_amount(
+    points: Points, count: int | None, amount: Amount, scale: Scale, guide: Guide, method: Method, stages: Stages
+) -> Selection:
+    """Let the method choose a number of the points, or as many as an amount means; gaps are filled later."""
+    from gppcs.spatial.chunks import ChunkedPoints, ChunkedValues, Places
+
+    chunked = ChunkedPoints.of(points)
+    if count is None and amount.max_gap is not None and amount.tolerance is None and amount.spacing is None:
+        area = method.surface_area(chunked, stages)
+        if area is not None:
+            count = fewest_without_gaps(area, scale.inside(amount.max_gap), len(guide.keep), len(points))
     if count is not None:
-        selection = asked.of_number(count)
-    elif amount.tolerance is not None:
+        to_keep = Places(guide.keep, points[guide.keep], np.zeros(len(guide.keep), dtype=np.float32))
+        weights = None if guide.weights is None else ChunkedValues.of(guide.weights)
+        exact = amount.known_count(len(points)) is not None
+        return choose_guided(chunked, count, to_keep, weights, method, stages, repeats=exact)
+    asked = _Asked.of(points, guide, method, stages)
+    if amount.tolerance is not None:
         selection = asked.of_accuracy(amount, scale)
     elif amount.spacing is not None:
         selection = method.at_spacing(asked.places, scale.inside(amount.spacing), stages)
     else:
         assert amount.max_gap is not None
         selection = asked.of_number(asked.fewest_without_gaps(scale.inside(amount.max_gap)))
-    if amount.max_gap is not None:
-        selection = asked.without_gaps(selection, amount, scale)
-    return asked.with_repeats(selection, 0 if count is None or amount.spacing is not None else count)
-
-
-def _guided(points: Points, count: int, guide: Guide, method: Method, stages: Stages) -> Selection:
-    """Let the method choose a number of the points among which is chosen, and return their rows among all."""
-    from gppcs.spatial.chunks import ChunkedPoints, ChunkedValues, Places
-
-    rows = guide.rows(len(points))
-    keep, weights = np.searchsorted(rows, guide.keep), guide.weights
-    if len(rows) < len(points):
-        points, weights = points[rows], None if weights is None else weights[rows]
-    to_keep = Places(keep, points[keep], np.zeros(len(keep), dtype=np.float32))
-    chunked = None if weights is None else ChunkedValues.of(weights)
-    found = choose_guided(ChunkedPoints.of(points), count, to_keep, chunked, method, stages)
-    return dataclasses.replace(found, indices=rows[found.indices])
+    return asked.with_repeats(selection, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,10 +328,6 @@ class _Asked:
         _check_weighted(len(self.every), count)
         return self._chosen(count - len(self.repeats))
 
-    def with_number(self, count: int) -> Selection:
-        """Return the rows of a number of points, or all if there are no more."""
-        return self.with_repeats(self.of_number(count), count)
-
     def of_accuracy(self, amount: Amount, scale: Scale) -> Selection:
         """Return the fewest points that reach a tolerance."""
         assert amount.tolerance is not None
@@ -271,35 +339,12 @@ class _Asked:
         return dataclasses.replace(selection, diagnostics={**selection.diagnostics, **found})
 
     def fewest_without_gaps(self, gap: float) -> int:
-        """Return how many points an even cover needs so that no place is farther from it than a length."""
+        """Return how many points an even cover needs; see the function of this name."""
         from gppcs.spatial.kdtree import KdTree
         from gppcs.spatial.spacing import surface_area
 
         area = surface_area(KdTree.build(self.places))
-        wanted = math.ceil(min(FEWEST_WITHOUT_GAPS * area / gap / gap, 1e18))
-        return min(max(wanted, self.fixed + len(self.repeats), 1), len(self.places) + len(self.repeats))
-
-    def without_gaps(self, selection: Selection, amount: Amount, scale: Scale) -> Selection:
-        """Add points, each the farthest from all others, until no place is farther from one than a length."""
-        assert amount.max_gap is not None
-        gap = scale.inside(amount.max_gap)
-        from gppcs.spatial.farthest_points import farthest_points
-        from gppcs.spatial.kdtree import KdTree
-
-        kept = self.places[selection.indices] if selection.points is None else selection.points
-        with self.stages("gaps"):
-            just_above = np.nextafter(gap, math.inf)
-            added, _ = farthest_points(self.places, len(self.places), others=kept, least=just_above)
-            reached = KdTree.build(np.concatenate([kept, self.places[added]])).nearest_of(self.places, 1)[1].max()
-        found = {"added_in_gaps": float(len(added)), "largest_gap": scale.outside(math.sqrt(reached))}
-        padded = {name: np.pad(values, (0, len(added))) for name, values in selection.attributes.items()}
-        return dataclasses.replace(
-            selection,
-            indices=np.concatenate([selection.indices, added]),
-            diagnostics={**selection.diagnostics, **found},
-            points=None if selection.points is None else np.concatenate([kept, self.places[added]]),
-            attributes=padded,
-        )
+        return fewest_without_gaps(area, gap, self.fixed + len(self.repeats), len(self.places) + len(self.repeats))
 
     def with_repeats(self, selection: Selection, count: int) -> Selection:
         """Return the rows of chosen places, with the repeats to keep after the places to keep.

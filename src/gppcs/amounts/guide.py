@@ -89,6 +89,20 @@ class Guide:
         usable[self.keep] = True
         return np.flatnonzero(usable)
 
+    def among(self, rows: NDArray[np.int64]) -> Guide:
+        """Return the same for some of the points alone.
+
+        Parameters
+        ----------
+        rows : (n,) array, int64
+            These points, ascending, with those to keep among them.
+
+        Returns
+        -------
+        Guide
+        """
+        return Guide(np.searchsorted(rows, self.keep), None if self.weights is None else self.weights[rows])
+
     def order(self, n: int) -> NDArray[np.int64]:
         """Return the rows among which is chosen.
 

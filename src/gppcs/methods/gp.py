@@ -259,11 +259,29 @@ class LocalGP(Method):
         spacing : float
             In the unit of the points.
         stages : Stages
-            Times "sample" and "tree". A step of the first is a point read.
+            Times the stages of `surface_area`.
 
         Returns
         -------
         int
+        """
+        wanted = self.surface_area(points, stages) / spacing / spacing
+        return max(1, round(min(wanted, len(points))))
+
+    def surface_area(self, points: ChunkedPoints, stages: Stages) -> float:
+        """Return the area of the surface, as a sample of the points measures it.
+
+        Parameters
+        ----------
+        points : ChunkedPoints
+            N finite points, which may repeat each other.
+        stages : Stages
+            Times "sample" and "tree". A step of the first is a point read.
+
+        Returns
+        -------
+        float
+            In squared units of the points.
         """
         from gppcs.gp.local.survey import sample
         from gppcs.spatial.cells import first_occurrences
@@ -273,8 +291,7 @@ class LocalGP(Method):
         with stages("sample", len(points)) as advanced:
             _, places = sample(points, 1, advanced)
         with stages("tree"):
-            wanted = surface_area(KdTree.build(places[first_occurrences(places)])) / spacing / spacing
-        return max(1, round(min(wanted, len(points))))
+            return surface_area(KdTree.build(places[first_occurrences(places)]))
 
     def memory(self, n: int, n_points: int) -> int:
         """Return about how much memory a call takes, beyond the points themselves.

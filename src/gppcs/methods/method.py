@@ -317,6 +317,30 @@ class Method(ABC):
         """
         return None
 
+    def surface_area(self, points: ChunkedPoints, stages: Stages) -> float | None:
+        """Return the area of the surface, if passes over the points tell it.
+
+        A method that can do so overrides this.
+
+        Parameters
+        ----------
+        points : ChunkedPoints
+            N finite points, which may repeat each other.
+        stages : Stages
+            Measures the time of each stage, and reports progress to its listener.
+
+        Returns
+        -------
+        float or None
+            In squared units of the points.
+        """
+        return None
+
+    @property
+    def measures_area(self) -> bool:
+        """Whether the method overrides `surface_area`."""
+        return type(self).surface_area is not Method.surface_area
+
     @property
     def counts_at_spacing(self) -> bool:
         """Whether the method overrides `count_at_spacing`."""

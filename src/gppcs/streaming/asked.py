@@ -13,7 +13,7 @@ from gppcs.methods import Method
 from gppcs.simplification import takes_all_points
 from gppcs.streaming.cluster import Cluster
 from gppcs.streaming.passes import count_in_passes
-from gppcs.streaming.plan import Plan, plan
+from gppcs.streaming.plan import Besides, Plan, plan
 
 GUESS = 0.1  # Share of the points that are kept, if only the work tells their number.
 
@@ -67,25 +67,25 @@ def plan_for(
     ClusterError, FileFormatError, InputError, OSError, ParameterError
         As for `simplify_files`.
     """
-    ratio, n_points, spacing = (asked[name] for name in ("ratio", "n_points", "spacing"))
-    guide = {name: asked[name] for name in ("keep", "weight")}
+    wanted = {name: asked[name] for name in ("ratio", "n_points", "keep", "weight")}
+    besides = Besides(*(asked[name] is not None for name in ("keep", "weight", "max_gap")))
 
     def made(share: float | None, count: int | None) -> Plan:
-        keeps, weights = (value is not None for value in guide.values())
-        return plan(files, method, share, count, limit, whole, cluster is not None, keeps, weights)
+        return plan(files, method, share, count, limit, whole, cluster is not None, besides)
 
     whole = whole or takes_all_points(method, asked)
-    if ratio is not None or n_points is not None:
-        return Planned(made(ratio, n_points), {"ratio": ratio, "n_points": n_points, **guide})
-    if whole or spacing is None:
-        return Planned(made(GUESS, None), {})
+    counted = wanted["ratio"] is not None or wanted["n_points"] is not None
     try:
-        guessed = made(GUESS, None)
-        if guessed.in_memory:
-            return Planned(guessed, {})
-    except InputError:  # the number of points may be smaller
-        pass
+        first = made(wanted["ratio"], wanted["n_points"]) if counted else made(GUESS, None)
+        if whole or first.in_memory:
+            return Planned(first, {})
+    except InputError:  # if only the work tells the number of points, it may be smaller
+        if whole or counted:
+            raise
     metres = metres_of(asked["unit"], files.head().cloud.header)
-    length = Length.of("spacing", spacing)
-    count = count_in_passes(files, made(None, 1), method, length, metres, asked["invalid"], stages, cluster)
-    return Planned(made(None, count), {"ratio": None, "n_points": count, "repeats": False})
+    if asked["max_gap"] is not None:
+        wanted |= {"max_gap": Length.of("max_gap", asked["max_gap"]), "metres": metres}
+    if counted:
+        return Planned(first, wanted)
+    count = count_in_passes(files, made(None, 1), method, asked, metres, stages, cluster)
+    return Planned(made(None, count), wanted | {"n_points": count, "repeats": False})

@@ -73,8 +73,9 @@ def simplify_files(
     ratio, n_points, method, seed, invalid, normals, scores, stages
         As for `gppcs.simplify`. Normals need all points in memory.
     tolerance, measure, spacing, max_gap, unit, keep, weight
-        As for `gppcs.simplify`. They need all points in memory, but for `spacing` alone, and for `keep` as a condition
-        and `weight` as a name with `ratio` or `n_points`, of the method `gp`. These two do not work in tiles.
+        As for `gppcs.simplify`. `tolerance` needs all points in memory. So do `spacing`, `keep` and `weight` of methods
+        other than `gp`, `max_gap` of these without `ratio` and `n_points`, `keep` unless it is a condition, and
+        `weight` unless it is a name. `keep` and `weight` do not work in tiles.
     format, columns
         As for `gppcs.read`, for all files. A text table whose columns are named so is read as a whole.
     box, resolution, only, drop, polygon

@@ -61,6 +61,11 @@ class Overview:
         """Number of points among which is chosen."""
         return self.finite - self.weightless
 
+    @property
+    def keeps(self) -> bool:
+        """Whether there are points that are kept whatever happens."""
+        return any(map(len, self._rows))
+
     def to_keep(self, frame: Frame) -> Places:
         """Return the usable points that are kept whatever happens.
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.amounts.choice import Scale, choose, choose_guided
+from gppcs.amounts.choice import Scale, choose, choose_guided, fewest_without_gaps, without_gaps
 from gppcs.amounts.guide import ChunkGuide, nothing_to_keep
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
@@ -41,6 +43,8 @@ def simplify_in_passes(
     resume: bool = False,
     keep: str | None = None,
     weight: str | None = None,
+    max_gap: Length | None = None,
+    metres: float | None = None,
     repeats: bool = True,
 ) -> tuple[Result, int]:
     """Choose exactly M points of a cloud without ever holding all of it.
@@ -65,6 +69,10 @@ def simplify_in_passes(
         A condition on points that are kept whatever happens, as for `simplify_files`. Not in tiles.
     weight : str, optional
         An attribute that multiplies the density, as for `simplify_files`. Not in tiles.
+    max_gap : Length, optional
+        Then points are added until no gap is larger, as for `simplify_files`.
+    metres : float, optional
+        The unit of the cloud in metres, if it is known.
     repeats : bool
         Whether repeats are kept where there are too few different places.
 
@@ -81,33 +89,31 @@ def simplify_in_passes(
     """
     check_scores(scores, method, files.head().cloud)
     passes = _passes(files, plan, cluster)
-    asked = (method, ratio, n_points, invalid, plan.way, cluster is not None, keep, weight, repeats)
+    asked = (method, ratio, n_points, invalid, plan.way, cluster is not None, keep, weight, max_gap, metres, repeats)
     guide = _guide_of(keep, weight)
     with scratch_folder(scratch, plan.disk, work_name(files, asked) if resume else None) as folder:
         journal = Journal(folder)
         seen = journal.once("bounds", lambda: _overview(passes, plan, stages, guide))
-        check_usable(seen.count, seen.bad, seen.first_bad, invalid)
+        _check_seen(seen, invalid, keep)
         count = number_to_keep(seen.finite, ratio, n_points)
         frame = Frame.around(seen.low, seen.high)
         points = passes.points(seen, frame)
         each = cluster.each if cluster else map
-        to_keep = seen.to_keep(frame)
-        if keep is not None and not len(to_keep.rows):
-            raise nothing_to_keep(keep)
-        weights = None
-        if weight is not None:
-            seen.weights.check()
-            weights = passes.weights(seen, seen.weights)
+        weights = None if weight is None else passes.weights(seen, seen.weights)
 
         def chosen() -> Selection:
             with compiled_ahead(method.name):
                 if plan.way is Way.TILES and count < len(points):
                     return method.in_tiles(points, count, folder, stages, each)
-                if guide is not None:
-                    return choose_guided(points, count, to_keep, weights, method, stages)
+                if guide is not None or max_gap is not None:
+                    to_keep = seen.to_keep(frame)
+                    return choose_guided(points, count, to_keep, weights, method, stages, repeats=repeats)
                 return choose(points, count, method, stages, repeats=repeats)
 
         selection = journal.once("choice", chosen)
+        if max_gap is not None:
+            scale, before = _scale(seen, frame, metres), selection
+            selection = journal.once("gaps", lambda: without_gaps(points, before, max_gap, scale, stages))
         rows, kept = _kept(passes, seen, selection, stages)
     if selection.points is not None:
         kept = kept.moved(np.ldexp(selection.points, frame.exponent) + frame.corner)
@@ -121,13 +127,12 @@ def count_in_passes(
     files: CloudFiles,
     plan: Plan,
     method: Method,
-    spacing: Length,
+    asked: Mapping[str, Any],
     metres: float | None,
-    invalid: str,
     stages: Stages,
     cluster: Cluster | None = None,
 ) -> int:
-    """Return how many points of a cloud have a spacing, by two passes over its files.
+    """Return how many points of a cloud have a spacing, or leave about no gap, by two passes over its files.
 
     Parameters
     ----------
@@ -135,12 +140,12 @@ def count_in_passes(
     plan : Plan
         Made for them.
     method : Method
-        Whose `counts_at_spacing` is true.
-    spacing : Length
+        Whose `counts_at_spacing` or `measures_area` is true.
+    asked : mapping of str to object
+        The arguments `spacing`, `max_gap`, `keep`, `weight` and `invalid` of `simplify_files`. If there is a spacing,
+        it counts.
     metres : float or None
         The unit of the cloud in metres, if it is known.
-    invalid : str
-        As for `simplify_files`.
     stages : Stages
         Times "bounds", and the stages of the method.
     cluster : Cluster, optional
@@ -157,14 +162,31 @@ def count_in_passes(
         As for `simplify_files`.
     """
     passes = _passes(files, plan, cluster)
-    seen = _overview(passes, plan, stages)
-    check_usable(seen.count, seen.bad, seen.first_bad, invalid)
+    seen = _overview(passes, plan, stages, _guide_of(asked["keep"], asked["weight"]))
+    _check_seen(seen, asked["invalid"], asked["keep"])
     frame = Frame.around(seen.low, seen.high)
+    points, scale = passes.points(seen, frame), _scale(seen, frame, metres)
+    if asked["spacing"] is not None:
+        count = method.count_at_spacing(points, scale.inside(Length.of("spacing", asked["spacing"])), stages)
+        assert count is not None
+        return count
+    gap, area = scale.inside(Length.of("max_gap", asked["max_gap"])), method.surface_area(points, stages)
+    assert area is not None
+    return fewest_without_gaps(area, gap, len(seen.to_keep(frame).rows), len(points))
+
+
+def _scale(seen: Overview, frame: Frame, metres: float | None) -> Scale:
     diagonal = np.linalg.norm(np.subtract(*frame.local(np.array([seen.high, seen.low]))))
-    wanted = Scale(float(diagonal), metres, frame.exponent).inside(spacing)
-    count = method.count_at_spacing(passes.points(seen, frame), wanted, stages)
-    assert count is not None
-    return count
+    return Scale(float(diagonal), metres, frame.exponent)
+
+
+def _check_seen(seen: Overview, invalid: str, keep: str | None) -> None:
+    """Check that there are points to choose among, and all that users say of them."""
+    check_usable(seen.count, seen.bad, seen.first_bad, invalid)
+    if keep is not None and not seen.keeps:
+        raise nothing_to_keep(keep)
+    if seen.weight is not None:
+        seen.weights.check()
 
 
 def _passes(files: CloudFiles, plan: Plan, cluster: Cluster | None) -> FilePasses | ClusterPasses:

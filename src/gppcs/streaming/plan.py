@@ -7,6 +7,7 @@ import sys
 from dataclasses import dataclass
 from enum import Enum
 from time import perf_counter
+from typing import NamedTuple
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.engine.memory import available_memory
@@ -14,10 +15,13 @@ from gppcs.errors import InputError
 from gppcs.io.cloud_files import ROWS, CloudFiles, Head
 from gppcs.methods import Method
 from gppcs.simplification import number_to_keep
+from gppcs.spatial.gaps import AT_ONCE
 from gppcs.streaming.sizes import size_of
 
 PASSES = 4  # Bounds, a sample, candidates, and the kept points. One or two more if the area is far off.
 PASSES_OF_WEIGHTS = 2  # More: one finds their mean, the other those of the candidates.
+PASSES_OF_GAPS = 3  # More: the places of the kept points, those in gaps, and the largest gap that is left.
+GAPS = 200  # Bytes of memory for each point in a gap, with trees over these and the kept points.
 PROGRAM = 250_000_000  # Bytes that the program itself takes, with its libraries and compiled kernels.
 COPIES = 4  # A chunk is held so often at once: as it is in the file, as it is, shifted and scaled, and hashed.
 FEWEST_ROWS = 1 << 16  # Points of a chunk, however little memory there is.
@@ -34,6 +38,28 @@ class Way(Enum):
     MEMORY = "in memory"
     PASSES = "in passes over the files"
     TILES = "in tiles on disk"
+
+
+class Besides(NamedTuple):
+    """What is asked for besides a number of points.
+
+    Attributes
+    ----------
+    keep, weights, gaps : bool
+        Whether some points are kept whatever happens, points have weights, and gaps are filled.
+    """
+
+    keep: bool = False
+    weights: bool = False
+    gaps: bool = False
+
+    @property
+    def passes(self) -> int:
+        """How many more passes this takes, at least."""
+        return PASSES_OF_WEIGHTS * self.weights + PASSES_OF_GAPS * self.gaps
+
+
+NOTHING = Besides()
 
 
 @dataclass(frozen=True)
@@ -53,8 +79,8 @@ class Plan:
         Points of a chunk at most.
     disk : int
         About how many bytes of disk space temporary files are going to take.
-    weighed : bool
-        Whether weights are read, too.
+    besides : Besides
+        What is asked for besides a number of points.
     """
 
     way: Way
@@ -64,7 +90,7 @@ class Plan:
     limit: int | None
     rows: int
     disk: int = 0
-    weighed: bool = False
+    besides: Besides = NOTHING
 
     @property
     def in_memory(self) -> bool:
@@ -80,7 +106,7 @@ class Plan:
     @property
     def passes(self) -> int:
         """How often the files are read, at least."""
-        return 1 if self.in_memory else PASSES + PASSES_OF_WEIGHTS * self.weighed
+        return 1 if self.in_memory else PASSES + self.besides.passes
 
 
 def plan(
@@ -91,8 +117,7 @@ def plan(
     limit: int | None = None,
     whole: str | None = None,
     shared: bool = False,
-    keeps: bool = False,
-    weights: bool = False,
+    besides: Besides = NOTHING,
 ) -> Plan:
     """Decide whether a cloud is simplified in memory, in passes, or in tiles.
 
@@ -108,8 +133,8 @@ def plan(
         What needs all points in memory besides the method, as messages name it.
     shared : bool
         Whether workers are to share the work. They cannot if all points have to be in memory.
-    keeps, weights : bool
-        Whether some points are kept whatever happens, and whether points have weights: neither is possible in tiles.
+    besides : Besides
+        What is asked for besides a number of points. Points to keep and weights are not possible in tiles.
 
     Returns
     -------
@@ -129,23 +154,24 @@ def plan(
     if files.query and not n:
         raise files.query.nothing_found()
     kept = number_to_keep(n, ratio, n_points) if n else 0
-    weighing = method.memory_of_weights(n, kept) if weights else 0
-    in_memory = PROGRAM + max(2 * row * n, row * n + 24 * n + method.memory(n, kept) + weighing)
+    more = method.memory_of_weights(n, kept) if besides.weights else 0
+    more += GAPS * min(n, AT_ONCE) if besides.gaps else 0
+    in_memory = PROGRAM + max(2 * row * n, row * n + 24 * n + method.memory(n, kept) + more)
     if (limit is None or in_memory <= limit) and not shared:
         return Plan(Way.MEMORY, n, kept, in_memory, limit, ROWS)
     chunked = not (whole or head.whole)
     passes = method.memory_in_passes(n, kept) if chunked else None
-    tiles = method.memory_in_tiles(n, kept) if chunked and not (keeps or weights) else None
+    tiles = method.memory_in_tiles(n, kept) if chunked and not (besides.keep or besides.weights) else None
     needed = in_memory
     limit = limit or sys.maxsize
     for way, takes in ((Way.PASSES, passes), (Way.TILES, tiles)):
         if takes is not None:
-            fixed = PROGRAM + takes + weighing + 2 * row * kept
+            fixed = PROGRAM + takes + more + 2 * row * kept
             rows = min(n, max(ROWS, ROWS_PER_KEPT * kept), max(FEWEST_ROWS, (limit - fixed) // (COPIES * row)))
             needed = fixed + COPIES * row * rows
             if needed <= limit:
                 disk = method.disk_in_tiles(n, kept) if way is Way.TILES else 0
-                return Plan(way, n, kept, needed, limit, rows, disk, weights)
+                return Plan(way, n, kept, needed, limit, rows, disk, besides)
     if passes is None and tiles is None:
         if shared:
             raise InputError(f"expected work that several workers can share, but {_reason(head, method, whole)}")
