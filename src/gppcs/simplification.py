@@ -366,6 +366,8 @@ def takes_all_points(method: Method, asked: Mapping[str, Any]) -> str | None:
     in_passes = {name for name in ("keep", "weight") if method.guides_in_passes and isinstance(asked[name], str)}
     if method.counts_at_spacing:
         in_passes.add("spacing")
+    if method.guides_in_passes and method.ranks:
+        in_passes.add("tolerance")
     if asked["ratio"] is not None or asked["n_points"] is not None or method.measures_area:
         in_passes.add("max_gap")
     return next((name for name in given if name not in in_passes), None)

@@ -140,7 +140,7 @@ def test_outliers_are_left_out_and_listed(gppcs_command, folder):
         (["--tolerance", 1, "--measure", "p99"], ["'p99' is not one of"]),
         (["--points", 5, "--measure", "p95"], ["a tolerance together with --measure"]),
         (["--tolerance", "1%", "--dry-run"], ["--ratio or --points with --dry-run"]),
-        (["--tolerance", "1%", "--memory", "1MB"], ["as --tolerance takes all points at once"]),
+        (["--tolerance", "1%", "--memory", "1MB"], ["at least 251 MB of memory to choose 400 of about 400"]),
         (["--points", 5, "--weight", "red", "--memory", "1MB"], ["expected at least 251 MB of memory to choose 5 of"]),
         (["--points", 5, "--keep", "z > 60", "--memory", "1MB"], ["to choose 5 of about 400 points in passes"]),
         (["--max-gap", "-1"], ["expected --max-gap to be above 0"]),

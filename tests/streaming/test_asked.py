@@ -23,6 +23,14 @@ def small_sample(monkeypatch):
 
 
 @pytest.fixture
+def short_rankings(monkeypatch):
+    """Let a few hundred points be so few that a sample of the cloud is measured."""
+    monkeypatch.setattr("gppcs.gp.local.survey.PER_POINT", 8)
+    for module in ("amounts.accuracy", "streaming.asked"):
+        monkeypatch.setattr(f"gppcs.{module}.FIRST", 100)
+
+
+@pytest.fixture
 def in_passes(monkeypatch):
     """Let no cloud fit into memory, and chunks be small."""
     monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
@@ -159,6 +167,47 @@ def test_bad_weights_are_told_as_in_memory(in_passes, cloud, tmp_path, bad):
     assert str(found.value) == str(expected.value)
 
 
+MEASURED = [
+    ({"tolerance": 4.0}, "p95"),
+    ({"tolerance": "1%", "measure": "mean"}, "mean"),
+    ({"tolerance": 1.0, "measure": "rms", "weight": "half"}, "rms"),
+    ({"tolerance": "0.5cm", "unit": "mm", "measure": "max", "keep": "kind == 1"}, "max"),
+]
+
+
+@pytest.mark.parametrize(("wanted", "measure"), MEASURED)
+def test_a_tolerance_is_reached_and_five_per_cent_fewer_points_miss_it(
+    in_passes, short_rankings, cloud, tmp_path, wanted, measure
+):
+    """Both as `gppcs.evaluate` judges the written file. Without repeats, of which there it takes no note."""
+    cloud = cloud.take(np.r_[0:500, 520:3_000, 3_500:N])
+    results = []
+    for name, cuts, rows in (("one", [], 6_000), ("four", [800, 801, 4_000], 700)):
+        (tmp_path / name).mkdir()
+        paths = [tmp_path / name / f"{number}.ply" for number in range(len(cuts) + 1)]
+        for path, part in zip(paths, np.split(np.arange(len(cloud)), cuts), strict=True):
+            gppcs.write(path, cloud.take(part))
+        results.append(in_passes(rows, paths, **wanted))
+    assert_same(*results)
+    found = results[0]
+    usable = cloud.take(np.flatnonzero(cloud.attributes["half"])) if "weight" in wanted else cloud
+    diagonal = gppcs.info(cloud).diagonal
+    tolerance = {4.0: 4.0, "1%": 0.01 * diagonal, 1.0: 1.0, "0.5cm": 5.0}[wanted["tolerance"]]
+    gppcs.write(tmp_path / "small.ply", found.cloud)
+    reached = gppcs.evaluate(usable, tmp_path / "small.ply").figures()
+    assert reached[f"surface_{measure}"] <= tolerance
+    for name in ("mean", "rms", "p95", "max"):
+        assert found.diagnostics[f"surface_{name}"] == pytest.approx(reached[f"surface_{name}"], rel=1e-9)
+    fewer = found.prefix(int(0.95 * len(found.indices)))
+    assert gppcs.evaluate(usable, fewer.cloud).figures()[f"surface_{measure}"] > tolerance
+
+
+def test_an_accuracy_and_no_larger_gap(in_passes, short_rankings, paths):
+    found = in_passes(1_000, paths, tolerance=4.0, max_gap=9.0)
+    assert found.diagnostics["surface_p95"] <= 4.0
+    assert found.diagnostics["largest_gap"] <= 9.0
+
+
 @pytest.mark.parametrize("method", ["fps", "random", gppcs.Voxel(place="mean")])
 def test_gaps_between_points_of_other_methods_are_filled(in_passes, monkeypatch, cloud, paths, method):
     for kind in (gppcs.FarthestPoint, gppcs.Random, gppcs.Voxel):
@@ -199,15 +248,17 @@ def test_points_to_keep_come_first(cloud):
         ),
         ({"n_points": 95, "weight": "hall"}, "the cloud has no attribute 'hall' to weigh its points by; did you mean"),
         ({"n_points": 95, "weight": np.ones(N)}, "as weight takes all points at once"),
-        ({"tolerance": 1.0}, "as tolerance takes all points at once"),
+        ({"tolerance": 1.0, "method": "fps"}, "as tolerance takes all points at once"),
+        ({"tolerance": 1e-9}, "expected at least .* of memory to choose .* of about .* points in passes"),
+        ({"tolerance": "4mm"}, "does not say in which unit"),
         ({"max_gap": "4mm"}, "does not say in which unit"),
         ({"max_gap": 4.0, "keep": "kind == 7"}, "expected points with kind == 7 to keep, found none"),
         ({"max_gap": 4.0, "method": "fps"}, "as max_gap takes all points at once"),
-        ({"tolerance": 4.0, "max_gap": 9.0}, "as tolerance takes all points at once"),
+        ({"tolerance": 4.0, "normals": True}, "as normals takes all points at once"),
         ({"spacing": 4.0, "method": "fps"}, "as spacing takes all points at once"),
     ],
 )
-def test_what_cannot_be_asked_for_is_refused(in_passes, monkeypatch, paths, wanted, message):
+def test_what_cannot_be_asked_for_is_refused(in_passes, short_rankings, monkeypatch, paths, wanted, message):
     monkeypatch.setattr(gppcs.FarthestPoint, "memory", lambda self, n, n_points: 10**12)
     with pytest.raises(gppcs.InputError, match=message):
         in_passes(1_000, paths, **{"method": "gp", **wanted})

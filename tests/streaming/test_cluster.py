@@ -89,6 +89,16 @@ def test_workers_find_what_is_asked_for(three, cloud, paths, wanted):
     assert_same(gppcs.simplify_files(paths, invalid="drop", scores=True, client=three, **wanted), expected)
 
 
+def test_workers_find_an_accuracy(three, paths, monkeypatch):
+    wanted = {"tolerance": 4.0, "invalid": "drop", "scores": True}
+    monkeypatch.setattr("gppcs.gp.local.survey.PER_POINT", 8)
+    for module in ("amounts.accuracy", "streaming.asked"):
+        monkeypatch.setattr(f"gppcs.{module}.FIRST", 100)
+    found = gppcs.simplify_files(paths, client=three, **wanted)
+    monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
+    assert_same(gppcs.simplify_files(paths, memory="3GB", **wanted), found)
+
+
 @pytest.fixture
 def small_parts(monkeypatch):
     """Let a part of a file be small; note how many there are of each run."""

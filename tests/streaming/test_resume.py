@@ -98,6 +98,12 @@ def test_passes_with_weights(path, stage, done):
     assert_goes_on(path, 70, Interrupt(stage), done, weight="height")
 
 
+def test_passes_that_reach_an_accuracy(path, monkeypatch):
+    monkeypatch.setattr("gppcs.streaming.asked.FIRST", 100)
+    monkeypatch.setattr("gppcs.amounts.accuracy.FIRST", 100)
+    assert_goes_on(path, None, Interrupt("kept points"), ["bounds", "greedy selection", "accuracy"], tolerance=9.0)
+
+
 def test_passes_that_fill_gaps(path):
     assert_goes_on(path, 70, Interrupt("gaps", 2), ["bounds", "sample", "greedy selection"], max_gap=9.0)
     assert_goes_on(path, 70, Interrupt("kept points"), ["bounds", "greedy selection", "gaps"], max_gap=9.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,7 +74,7 @@ class Original:
         dict of str to float
             Each of `MEASURES`, as `gppcs.Report` defines them under names with "surface_".
         """
-        return _errors_of(self.distances(_surface_of(kept)))
+        return _errors_of(self.distances(surface_of(kept)))
 
     def distances(self, surface: LocalSurface) -> NDArray[np.float64]:
         """Return the distance of each point to a local surface.
@@ -105,7 +105,8 @@ class Original:
         return Original(self.points[np.sort(np.argpartition(distances, nearer)[nearer:])])
 
 
-def _surface_of(kept: Points) -> LocalSurface:
+def surface_of(kept: Points) -> LocalSurface:
+    """Return the local surface of places, (M, 3), which may repeat each other."""
     from gppcs.spatial.cells import first_occurrences
     from gppcs.surface.local_surface import LocalSurface
 
@@ -165,36 +166,88 @@ def fewest_points(
     errors : dict of str to float
         Of these points, by measure.
     """
-    search = _Search(points, tolerance, measure, choose, least, stages)
+    search = Search(_Judge(points, tolerance, measure, stages), len(points), tolerance, measure, choose, least)
     return search.ranked() if ranks else search.unranked()
 
 
-class _Search:
-    """The search for the fewest points."""
+class Judge(Protocol):
+    """Tells how far a cloud is from the local surface of some places."""
+
+    def places(self, selection: Selection) -> Points:
+        """Return where chosen points are."""
+        ...
+
+    def guessed(self, kept: Points) -> dict[Measure, float]:
+        """Return about how large the errors of some places are."""
+        ...
+
+    def judged(self, kept: Points) -> dict[Measure, float]:
+        """Return the errors of some places; if they miss the tolerance, perhaps only the least that it can be."""
+        ...
+
+
+class _Judge:
+    """Judges by points in memory."""
+
+    def __init__(self, points: Points, tolerance: float, measure: Measure, stages: Stages) -> None:
+        self._points, self._tolerance, self._measure, self._stages = points, tolerance, measure, stages
+        self._whole = Original.of(points)
+        self._some = self._whole.some()
+        self._farthest: Original | None = None  # points of the whole that may tell that a tolerance is missed
+
+    def places(self, selection: Selection) -> Points:
+        return self._points[selection.indices] if selection.points is None else selection.points
+
+    def guessed(self, kept: Points) -> dict[Measure, float]:
+        with self._stages("accuracy"):
+            return self._some.errors(kept)
+
+    def judged(self, kept: Points) -> dict[Measure, float]:
+        """Judge first by the points that were farthest from other places: they are mostly so again."""
+        with self._stages("accuracy"):
+            surface = surface_of(kept)
+            if self._farthest is not None:
+                error = _error_at_least(self._farthest.distances(surface), len(self._whole.points), self._measure)
+                if error > self._tolerance:
+                    return {self._measure: error}
+            distances = self._whole.distances(surface)
+            if self._measure in ("p95", "max"):
+                self._farthest = self._whole.farthest(distances)
+            return _errors_of(distances)
+
+
+class Search:
+    """The search for the fewest points, of which the local surface misses the original by at most a tolerance.
+
+    Parameters
+    ----------
+    judge : Judge
+    n : int
+        N, the number of points.
+    tolerance, measure, choose, least
+        As for `fewest_points`.
+    """
 
     def __init__(
         self,
-        points: Points,
+        judge: Judge,
+        n: int,
         tolerance: float,
         measure: Measure,
         choose: Callable[[int], Selection],
         least: int,
-        stages: Stages,
     ) -> None:
-        self.points, self.tolerance, self.measure = points, tolerance, measure
-        self.choose, self.least, self.stages = choose, least, stages
-        self.whole = Original.of(points)
-        self.some = self.whole.some()
-        self.farthest: Original | None = None  # points of the whole that may tell that a tolerance is missed
+        self.judge, self.n, self.tolerance, self.measure = judge, n, tolerance, measure
+        self.choose, self.least = choose, least
 
     def ranked(self) -> tuple[Selection, dict[Measure, float]]:
         """Search among the first points of a ranking that is long enough."""
-        most = len(self.points) - 1  # of a ranking
+        most = self.n - 1  # of a ranking
         count = judged = max(min(FIRST, most), self.least)
         before, error_before, flattest = count // 2, math.inf, FLATTEST_AT_FIRST
         while 0 < count <= most:
             ranking = self.choose(count)
-            places = self._places(ranking)
+            places = self.judge.places(ranking)
             error = self._guessed(places[:judged])
             if math.isinf(error_before):
                 error_before = self._guessed(places[:before])
@@ -206,8 +259,8 @@ class _Search:
                     return first_of(ranking, enough), errors
             before, error_before, flattest = judged, error, FLATTEST
             judged = min(max(round(guess), count), most)
-            count = len(self.points) if count == most else min(math.ceil(SPARE * judged), most)
-        return self.choose(len(self.points)), dict.fromkeys(MEASURES, 0.0)
+            count = self.n if count == most else min(math.ceil(SPARE * judged), most)
+        return self.choose(self.n), dict.fromkeys(MEASURES, 0.0)
 
     def unranked(self) -> tuple[Selection, dict[Measure, float]]:
         """Search among the choices of all numbers."""
@@ -216,9 +269,9 @@ class _Search:
         def places(m: int) -> Points:
             if m not in known:
                 known[m] = self.choose(m)
-            return self._places(known[m])
+            return self.judge.places(known[m])
 
-        enough, errors = self._fewest(places, FIRST, len(self.points), FALL)
+        enough, errors = self._fewest(places, FIRST, self.n, FALL)
         return known[enough], errors
 
     def _fewest(
@@ -232,8 +285,7 @@ class _Search:
 
         def error(m: int) -> float:
             if m not in known:
-                with self.stages("accuracy"):
-                    known[m] = self._judged(places(m))
+                known[m] = self.judge.judged(places(m))
             return known[m][self.measure]
 
         guess, enough = min(max(round(begin), self.least), most), most
@@ -274,29 +326,9 @@ class _Search:
             return count / GROWTH
         return count * min(max((error / self.tolerance) ** (1.0 / power), 1.0 / GROWTH), GROWTH)
 
-    def _judged(self, kept: Points) -> dict[Measure, float]:
-        """Return the errors of some places; if they miss the tolerance, perhaps only the least that the error can be.
-
-        The points that were farthest from other places are mostly so again, and tell that these are too few.
-        """
-        surface = _surface_of(kept)
-        if self.farthest is not None:
-            error = _error_at_least(self.farthest.distances(surface), len(self.whole.points), self.measure)
-            if error > self.tolerance:
-                return {self.measure: error}
-        distances = self.whole.distances(surface)
-        if self.measure in ("p95", "max"):
-            self.farthest = self.whole.farthest(distances)
-        return _errors_of(distances)
-
-    def _places(self, selection: Selection) -> Points:
-        """Return where the chosen points are."""
-        return self.points[selection.indices] if selection.points is None else selection.points
-
     def _guessed(self, kept: Points) -> float:
         """Return about how large the error of some places is."""
-        with self.stages("accuracy"):
-            return self.some.errors(kept)[self.measure] if len(kept) else math.inf
+        return self.judge.guessed(kept)[self.measure] if len(kept) else math.inf
 
 
 def first_of(ranking: Selection, count: int) -> Selection:

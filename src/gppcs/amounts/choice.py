@@ -168,10 +168,8 @@ def without_gaps(points: ChunkedPoints, selection: Selection, gap: Length, scale
 
     kept = selection.points
     if kept is None:
-        order = np.argsort(selection.indices)
-        kept = np.empty((len(order), 3))
         with stages("gaps", len(points)) as advanced:
-            kept[order] = points.take(selection.indices[order], advanced)
+            kept = points.at(selection.indices, advanced)
     added = fill_gaps(points, kept, scale.inside(gap), stages)
     found = {"added_in_gaps": float(len(added.rows)), "largest_gap": scale.outside(added.reached)}
     return dataclasses.replace(

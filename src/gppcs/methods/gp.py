@@ -202,7 +202,7 @@ class LocalGP(Method):
         candidates = after_fixed(nested_candidates(finest, n_points, density, stages), len(fixed.rows))
         ranking = rank(
             finest.places.points, candidates, self.criterion, noise, stages, len(fixed.rows),
-            None if known is None else known.take(rows),
+            None if known is None else known.at(rows),
         )  # fmt: skip
         return self._selection(rows, ranking, noise)
 

@@ -210,6 +210,23 @@ class ChunkedValues:
         assert found is not None
         return found
 
+    def at(self, rows: NDArray[np.int64], advanced: Advanced = _ignore) -> NDArray[np.float64]:
+        """Return the values of some of the points in any order, in one pass.
+
+        Parameters
+        ----------
+        rows : (n,) array, int64
+        advanced : callable, optional
+
+        Returns
+        -------
+        (n, ...) array, float64
+        """
+        order = np.argsort(rows)
+        back = np.empty_like(order)
+        back[order] = np.arange(len(order))
+        return self.take(rows[order], advanced)[back]
+
     def every(self, step: int, advanced: Advanced = _ignore) -> NDArray[np.float64]:
         """Return the values of every `step`-th point, from the first on, in one pass.
 

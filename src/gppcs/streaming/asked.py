@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
+from gppcs.amounts.accuracy import FIRST
 from gppcs.clouds.lengths import Length, metres_of
 from gppcs.engine.stages import Stages
 from gppcs.errors import InputError
@@ -12,8 +15,8 @@ from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import Method
 from gppcs.simplification import takes_all_points
 from gppcs.streaming.cluster import Cluster
-from gppcs.streaming.passes import count_in_passes
-from gppcs.streaming.plan import Besides, Plan, plan
+from gppcs.streaming.passes import Accuracy, count_in_passes
+from gppcs.streaming.plan import FEWEST_ROWS, Besides, Plan, plan
 
 GUESS = 0.1  # Share of the points that are kept, if only the work tells their number.
 
@@ -68,7 +71,7 @@ def plan_for(
         As for `simplify_files`.
     """
     wanted = {name: asked[name] for name in ("ratio", "n_points", "keep", "weight")}
-    besides = Besides(*(asked[name] is not None for name in ("keep", "weight", "max_gap")))
+    besides = Besides(*(asked[name] is not None for name in ("keep", "weight", "max_gap", "tolerance")))
 
     def made(share: float | None, count: int | None) -> Plan:
         return plan(files, method, share, count, limit, whole, cluster is not None, besides)
@@ -80,12 +83,18 @@ def plan_for(
         if whole or first.in_memory:
             return Planned(first, {})
     except InputError:  # if only the work tells the number of points, it may be smaller
-        if whole or counted:
+        if whole or counted or (besides.accuracy and files.head().whole):
             raise
     metres = metres_of(asked["unit"], files.head().cloud.header)
     if asked["max_gap"] is not None:
         wanted |= {"max_gap": Length.of("max_gap", asked["max_gap"]), "metres": metres}
     if counted:
         return Planned(first, wanted)
+    if besides.accuracy:
+        in_passes = partial(plan, files, method, None, limit=limit, shared=True, besides=besides)
+        begun = replace(in_passes(FIRST), rows=FEWEST_ROWS)  # chunks leave the most room for longer rankings
+        tolerance = Length.of("tolerance", asked["tolerance"])
+        wanted["accuracy"] = Accuracy(tolerance, asked["measure"] or "p95", in_passes)
+        return Planned(begun, wanted | {"metres": metres})
     count = count_in_passes(files, made(None, 1), method, asked, metres, stages, cluster)
     return Planned(made(None, count), wanted | {"n_points": count, "repeats": False})

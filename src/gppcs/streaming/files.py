@@ -73,9 +73,10 @@ def simplify_files(
     ratio, n_points, method, seed, invalid, normals, scores, stages
         As for `gppcs.simplify`. Normals need all points in memory.
     tolerance, measure, spacing, max_gap, unit, keep, weight
-        As for `gppcs.simplify`. `tolerance` needs all points in memory. So do `spacing`, `keep` and `weight` of methods
-        other than `gp`, `max_gap` of these without `ratio` and `n_points`, `keep` unless it is a condition, and
-        `weight` unless it is a name. `keep` and `weight` do not work in tiles.
+        As for `gppcs.simplify`. All points have to be in memory for `max_gap` alone and the others with methods other
+        than `gp`, for `keep` unless it is a condition, and for `weight` unless it is a name. `tolerance`, `keep` and
+        `weight` do not work in tiles. Without all points in memory, `tolerance` keeps its promise, but the number of
+        points may be a little another.
     format, columns
         As for `gppcs.read`, for all files. A text table whose columns are named so is read as a whole.
     box, resolution, only, drop, polygon
@@ -139,6 +140,7 @@ def simplify_files(
     check_guided_amount(spacing, keep, weight)
     asked: dict[str, Any] = {"ratio": ratio, "n_points": n_points, "tolerance": tolerance, "spacing": spacing}
     asked |= {"max_gap": max_gap, "keep": keep, "weight": weight, "unit": unit, "invalid": invalid}
+    asked["measure"] = measure
     with CloudFiles.of(paths, format, columns, query, assume_same_crs) as files:
         chosen, limit = resolved(method, seed), None if memory is None else bytes_of(memory)
         cluster = None if client is None else Cluster(client)
@@ -146,7 +148,7 @@ def simplify_files(
         if made.in_memory:
             with stages("reading"):
                 cloud = files.read()
-            asked |= {"measure": measure, "normals": normals, "scores": scores}
+            asked |= {"normals": normals, "scores": scores}
             return simplify(cloud, method=chosen, stages=stages, **asked)
         folder = None if scratch is None else file_path(scratch)
         options |= {"invalid": invalid, "scores": scores, "scratch": folder, "cluster": cluster, "resume": resume}

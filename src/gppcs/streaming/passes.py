@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.amounts.accuracy import Measure
 from gppcs.amounts.choice import Scale, choose, choose_guided, fewest_without_gaps, without_gaps
 from gppcs.amounts.guide import ChunkGuide, nothing_to_keep
 from gppcs.clouds.cloud import PointCloud
@@ -20,6 +22,7 @@ from gppcs.engine.stages import Stages
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import Method, Selection
 from gppcs.simplification import Result, check_scores, check_usable, number_to_keep, with_scores
+from gppcs.spatial.chunks import ChunkedPoints, ChunkedValues, Places
 from gppcs.spatial.scaling import Frame
 from gppcs.streaming.cluster import Cluster
 from gppcs.streaming.overview import Overview
@@ -27,6 +30,23 @@ from gppcs.streaming.partitions import ClusterPasses
 from gppcs.streaming.plan import Plan, Way
 from gppcs.streaming.reading import FilePasses
 from gppcs.streaming.scratch import scratch_folder, work_name
+
+
+class Accuracy(NamedTuple):
+    """An accuracy that tells how many points are kept.
+
+    Attributes
+    ----------
+    tolerance : Length
+    measure : str
+        Which error is meant.
+    check : callable
+        Given a number of points, raises an `InputError` if ranking so many takes more memory than allowed.
+    """
+
+    tolerance: Length
+    measure: Measure
+    check: Callable[[int], Any]
 
 
 def simplify_in_passes(
@@ -43,6 +63,7 @@ def simplify_in_passes(
     resume: bool = False,
     keep: str | None = None,
     weight: str | None = None,
+    accuracy: Accuracy | None = None,
     max_gap: Length | None = None,
     metres: float | None = None,
     repeats: bool = True,
@@ -56,7 +77,7 @@ def simplify_in_passes(
         Made for them.
     method : Method
     ratio, n_points, invalid, scores
-        As for `simplify_files`.
+        As for `simplify_files`. No number is given with an accuracy.
     stages : Stages
         Times "bounds", the stages of the method, and "kept points". A step of a pass is a point.
     scratch : path, optional
@@ -69,6 +90,8 @@ def simplify_in_passes(
         A condition on points that are kept whatever happens, as for `simplify_files`. Not in tiles.
     weight : str, optional
         An attribute that multiplies the density, as for `simplify_files`. Not in tiles.
+    accuracy : Accuracy, optional
+        Then the fewest points that reach it are kept. Not in tiles.
     max_gap : Length, optional
         Then points are added until no gap is larger, as for `simplify_files`.
     metres : float, optional
@@ -89,22 +112,37 @@ def simplify_in_passes(
     """
     check_scores(scores, method, files.head().cloud)
     passes = _passes(files, plan, cluster)
-    asked = (method, ratio, n_points, invalid, plan.way, cluster is not None, keep, weight, max_gap, metres, repeats)
+    asked = (
+        method,
+        ratio,
+        n_points,
+        invalid,
+        plan.way,
+        cluster is not None,
+        keep,
+        weight,
+        max_gap,
+        metres,
+        repeats,
+        accuracy and accuracy[:2],
+    )
     guide = _guide_of(keep, weight)
     with scratch_folder(scratch, plan.disk, work_name(files, asked) if resume else None) as folder:
         journal = Journal(folder)
         seen = journal.once("bounds", lambda: _overview(passes, plan, stages, guide))
         _check_seen(seen, invalid, keep)
-        count = number_to_keep(seen.finite, ratio, n_points)
         frame = Frame.around(seen.low, seen.high)
         points = passes.points(seen, frame)
-        each = cluster.each if cluster else map
+        scale = _scale(seen, frame, metres)
         weights = None if weight is None else passes.weights(seen, seen.weights)
 
         def chosen() -> Selection:
             with compiled_ahead(method.name):
+                if accuracy is not None:
+                    return _accurate(points, accuracy, scale, seen.to_keep(frame), weights, method, stages)
+                count = number_to_keep(seen.finite, ratio, n_points)
                 if plan.way is Way.TILES and count < len(points):
-                    return method.in_tiles(points, count, folder, stages, each)
+                    return method.in_tiles(points, count, folder, stages, cluster.each if cluster else map)
                 if guide is not None or max_gap is not None:
                     to_keep = seen.to_keep(frame)
                     return choose_guided(points, count, to_keep, weights, method, stages, repeats=repeats)
@@ -112,7 +150,7 @@ def simplify_in_passes(
 
         selection = journal.once("choice", chosen)
         if max_gap is not None:
-            scale, before = _scale(seen, frame, metres), selection
+            before = selection
             selection = journal.once("gaps", lambda: without_gaps(points, before, max_gap, scale, stages))
         rows, kept = _kept(passes, seen, selection, stages)
     if selection.points is not None:
@@ -121,6 +159,30 @@ def simplify_in_passes(
         kept = with_scores(kept, method, selection)
     ranked = method.ranks and selection.ranked
     return Result(rows, kept, method, stages.seconds, selection.diagnostics, ranked=ranked), seen.count
+
+
+def _accurate(
+    points: ChunkedPoints,
+    accuracy: Accuracy,
+    scale: Scale,
+    to_keep: Places,
+    weights: ChunkedValues | None,
+    method: Method,
+    stages: Stages,
+) -> Selection:
+    """Choose the fewest points that reach an accuracy; the diagnostics tell the errors in the unit of the cloud."""
+    from gppcs.amounts.accuracy_in_passes import fewest_points_in_passes
+
+    def ranked(count: int) -> Selection:
+        accuracy.check(count)
+        return choose_guided(points, count, to_keep, weights, method, stages, repeats=False)
+
+    least = max(len(to_keep.rows), 1)
+    selection, errors = fewest_points_in_passes(
+        points, scale.inside(accuracy.tolerance), accuracy.measure, ranked, least, stages
+    )
+    found = {f"surface_{name}": scale.outside(error) for name, error in errors.items()}
+    return replace(selection, diagnostics={**selection.diagnostics, **found})
 
 
 def count_in_passes(

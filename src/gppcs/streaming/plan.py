@@ -22,6 +22,8 @@ PASSES = 4  # Bounds, a sample, candidates, and the kept points. One or two more
 PASSES_OF_WEIGHTS = 2  # More: one finds their mean, the other those of the candidates.
 PASSES_OF_GAPS = 3  # More: the places of the kept points, those in gaps, and the largest gap that is left.
 GAPS = 200  # Bytes of memory for each point in a gap, with trees over these and the kept points.
+PASSES_OF_ACCURACY = 6  # More: a sample, the places of a ranking, and four judgements. Each other ranking takes three.
+DISTANCES = 1  # Byte of memory for each point, where its distance from a surface is measured: the largest are held.
 PROGRAM = 250_000_000  # Bytes that the program itself takes, with its libraries and compiled kernels.
 COPIES = 4  # A chunk is held so often at once: as it is in the file, as it is, shifted and scaled, and hashed.
 FEWEST_ROWS = 1 << 16  # Points of a chunk, however little memory there is.
@@ -45,18 +47,25 @@ class Besides(NamedTuple):
 
     Attributes
     ----------
-    keep, weights, gaps : bool
-        Whether some points are kept whatever happens, points have weights, and gaps are filled.
+    keep, weights, gaps, accuracy : bool
+        Whether some points are kept whatever happens, points have weights, gaps are filled, and the accuracy of the
+        first points of rankings is measured.
     """
 
     keep: bool = False
     weights: bool = False
     gaps: bool = False
+    accuracy: bool = False
 
     @property
     def passes(self) -> int:
         """How many more passes this takes, at least."""
-        return PASSES_OF_WEIGHTS * self.weights + PASSES_OF_GAPS * self.gaps
+        return PASSES_OF_WEIGHTS * self.weights + PASSES_OF_GAPS * self.gaps + PASSES_OF_ACCURACY * self.accuracy
+
+    @property
+    def tiled(self) -> bool:
+        """Whether it is possible in tiles."""
+        return not (self.keep or self.weights or self.accuracy)
 
 
 NOTHING = Besides()
@@ -134,7 +143,7 @@ def plan(
     shared : bool
         Whether workers are to share the work. They cannot if all points have to be in memory.
     besides : Besides
-        What is asked for besides a number of points. Points to keep and weights are not possible in tiles.
+        What is asked for besides a number of points. Not all of it is possible in tiles.
 
     Returns
     -------
@@ -156,12 +165,13 @@ def plan(
     kept = number_to_keep(n, ratio, n_points) if n else 0
     more = method.memory_of_weights(n, kept) if besides.weights else 0
     more += GAPS * min(n, AT_ONCE) if besides.gaps else 0
+    more += DISTANCES * n if besides.accuracy else 0
     in_memory = PROGRAM + max(2 * row * n, row * n + 24 * n + method.memory(n, kept) + more)
     if (limit is None or in_memory <= limit) and not shared:
         return Plan(Way.MEMORY, n, kept, in_memory, limit, ROWS)
     chunked = not (whole or head.whole)
     passes = method.memory_in_passes(n, kept) if chunked else None
-    tiles = method.memory_in_tiles(n, kept) if chunked and not (besides.keep or besides.weights) else None
+    tiles = method.memory_in_tiles(n, kept) if chunked and besides.tiled else None
     needed = in_memory
     limit = limit or sys.maxsize
     for way, takes in ((Way.PASSES, passes), (Way.TILES, tiles)):

@@ -12,13 +12,13 @@ from gppcs.engine.stages import Stages
 from gppcs.gp.local.candidates import Candidates, Finest
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.chunks import ChunkedValues, Places, SparseValues, joined_places
+from gppcs.spatial.exact_sums import exact_sum, mean_of
 
 GROUPS = 9  # Weights are compared in groups: quantiles, or single weights if there are no more.
 FEWEST = 24  # Chosen points of a group from which on it is compared.
 SMALLER = 0.7  # The logarithm of what is lacking, from stage to stage: it goes as the spacing.
 GREATEST_POWER = 1.2
 FINEST = 8.0  # Times the usual number of candidates at most, where large weights want many points in few places.
-HALF_MANTISSA = 33  # Bits. Weights from 2^-14 to 1 are whole multiples of 2^-66.
 
 
 class Weighing:
@@ -102,7 +102,7 @@ class ChunkedWeights:
     Parameters
     ----------
     weights : ChunkedValues
-        Shares of the largest one: 0 or at least 2^-14. Those of points that are chosen anyway may be 0; they count as
+        Shares of the largest one. Those of points that are chosen anyway may be 0; they count as
         the least of the others.
     stages : Stages
         Times "weights". A step is a point read.
@@ -114,15 +114,15 @@ class ChunkedWeights:
             found = list(weights.each(_summed, advanced))
         self._least = min(each.least for each in found)
         zeros = sum(each.zeros for each in found)
-        total = sum(each.total for each in found) + zeros * _exact_sum(np.array([self._least]))
-        self._mean = total / (len(weights) << 2 * HALF_MANTISSA)
+        total = sum(each.total for each in found) + zeros * exact_sum(np.array([self._least]))
+        self._mean = mean_of(total, len(weights))
 
     @property
     def refinement(self) -> float:
         """How many times as many candidates are needed as without weights; see `refinement`."""
         return min(1.0 / self._mean, FINEST)
 
-    def take(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    def at(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the weights of some points, above 0, by a pass over all of them.
 
         Parameters
@@ -134,15 +134,12 @@ class ChunkedWeights:
         -------
         (n,) array
         """
-        order = np.argsort(rows)
-        found = np.empty(len(rows))
         with self._stages("weights", len(self._weights)) as advanced:
-            found[order] = self._weights.take(rows[order], advanced)
-        return np.maximum(found, self._least)
+            return np.maximum(self._weights.at(rows, advanced), self._least)
 
 
 class _Summed(NamedTuple):
-    """The sum of the weights of a chunk in units of 2^-66, the number of those that are 0, and the least of others."""
+    """The exact sum of the weights of a chunk, the number of those that are 0, and the least of others."""
 
     total: int
     zeros: int
@@ -151,15 +148,7 @@ class _Summed(NamedTuple):
 
 def _summed(first: int, weights: NDArray[np.float64]) -> _Summed:
     positive = weights > 0.0
-    return _Summed(_exact_sum(weights), int((~positive).sum()), float(weights.min(initial=1.0, where=positive)))
-
-
-def _exact_sum(weights: NDArray[np.float64]) -> int:
-    """Return the sum of weights in units of 2^-66. It is exact, so it does not depend on the chunks."""
-    scaled = weights * 2.0**HALF_MANTISSA
-    high = np.floor(scaled)
-    low = (scaled - high) * 2.0**HALF_MANTISSA
-    return (int(high.astype(np.int64).sum()) << HALF_MANTISSA) + int(low.astype(np.int64).sum())
+    return _Summed(exact_sum(weights), int((~positive).sum()), float(weights.min(initial=1.0, where=positive)))
 
 
 def behind_fixed(finest: Finest, fixed: Places, sharpness: SparseValues) -> Finest:

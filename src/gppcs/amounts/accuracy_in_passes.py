@@ -1,0 +1,124 @@
+"""The fewest points that reach an accuracy, of a cloud that need not fit into memory."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.amounts.accuracy import SOME, Measure, Original, Points, Search, surface_of
+from gppcs.engine.stages import Stages
+from gppcs.methods import Selection
+from gppcs.spatial.chunks import ChunkedPoints
+from gppcs.spatial.exact_sums import exact_sum, mean_of
+
+if TYPE_CHECKING:
+    from gppcs.surface.local_surface import LocalSurface
+
+# Shares of the distances that are not held, where the 95th percentile is looked for. The first should do.
+NEAR = (0.94, 0.8, 0.0)
+
+
+def fewest_points_in_passes(
+    points: ChunkedPoints,
+    tolerance: float,
+    measure: Measure,
+    choose: Callable[[int], Selection],
+    least: int,
+    stages: Stages,
+) -> tuple[Selection, dict[Measure, float]]:
+    """Choose as `fewest_points` the first points of a ranking, of which each is judged by a pass over all points.
+
+    They need not be as many as in memory, where another sample tells the guess that the search begins with.
+
+    Parameters
+    ----------
+    points : ChunkedPoints
+        N finite points of about unit size. If they repeat each other, each counts.
+    tolerance : float
+        Above 0.
+    measure : str
+        Which error is meant.
+    choose : callable
+        Lets the method rank a number of them.
+    least : int
+        The fewest points that may be chosen, from 1 to N.
+    stages : Stages
+        Times the stages of the method, and "accuracy". A step of the latter is a point read.
+
+    Returns
+    -------
+    selection : Selection
+        M points.
+    errors : dict of str to float
+        Of these points, by measure. They do not depend on the chunks.
+    """
+    return Search(_ChunkJudge(points, stages), len(points), tolerance, measure, choose, least).ranked()
+
+
+class _ChunkJudge:
+    """Judges by points that come in chunks, and guesses by a random sample of them."""
+
+    def __init__(self, points: ChunkedPoints, stages: Stages) -> None:
+        self._points, self._stages = points, stages
+        rows = np.unique(np.random.default_rng(0).integers(0, len(points), SOME))
+        with stages("accuracy", len(points)) as advanced:
+            self._some = Original(points.take(rows, advanced))
+
+    def places(self, selection: Selection) -> Points:
+        with self._stages("accuracy", len(self._points)) as advanced:
+            return self._points.at(selection.indices, advanced)
+
+    def guessed(self, kept: Points) -> dict[Measure, float]:
+        with self._stages("accuracy"):
+            return self._some.errors(kept)
+
+    def judged(self, kept: Points) -> dict[Measure, float]:
+        with self._stages("accuracy"):
+            surface = surface_of(kept)
+            of_some = self._some.distances(surface)
+        for share in NEAR:
+            far = float(np.quantile(of_some, share)) if share else 0.0
+            with self._stages("accuracy", len(self._points)) as advanced:
+                found = list(self._points.each(partial(_measured, surface, far), advanced))
+            distances = np.concatenate([each.far for each in found])
+            n = len(self._points)
+            if len(distances) >= n - _rank(n):
+                break
+        return {
+            "mean": mean_of(sum(each.total for each in found), n),
+            "rms": math.sqrt(mean_of(sum(each.squares for each in found), n)),
+            "p95": _percentile(distances, n),
+            "max": float(distances.max()),
+        }
+
+
+class _Measured(NamedTuple):
+    """What is known of the distances of a chunk: exact sums of them and of their squares, and the largest ones."""
+
+    total: int
+    squares: int
+    far: NDArray[np.float64]
+
+
+def _measured(surface: LocalSurface, far: float, first: int, chunk: NDArray[np.float64]) -> _Measured:
+    """Measure the points of a chunk; return the distances that are at least `far`."""
+    distances = surface.nearest_to(chunk)[0]
+    return _Measured(exact_sum(distances), exact_sum(distances**2), distances[distances >= far])
+
+
+def _rank(n: int) -> int:
+    """Return how many of n distances are below those between which the 95th percentile lies."""
+    return math.floor(0.95 * (n - 1))
+
+
+def _percentile(largest: NDArray[np.float64], n: int) -> float:
+    """Return the 95th percentile of n distances, given the largest of them, as `np.quantile` does."""
+    rank = _rank(n)
+    low = len(largest) - (n - rank)
+    between = np.partition(largest, [low, min(low + 1, len(largest) - 1)])[low : low + 2]
+    return float(np.quantile(between, 0.95 * (n - 1) - rank))
