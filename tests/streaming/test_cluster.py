@@ -96,6 +96,7 @@ def test_workers_find_an_accuracy(three, paths, monkeypatch):
         monkeypatch.setattr(f"gppcs.{module}.FIRST", 100)
     found = gppcs.simplify_files(paths, client=three, **wanted)
     monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
+    monkeypatch.setattr(gppcs.LocalGP, "memory_in_passes", lambda self, n, n_points: 0)
     assert_same(gppcs.simplify_files(paths, memory="3GB", **wanted), found)
 
 
