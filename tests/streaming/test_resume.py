@@ -102,6 +102,7 @@ def test_passes_that_reach_an_accuracy(path, monkeypatch):
     monkeypatch.setattr("gppcs.streaming.asked.FIRST", 100)
     monkeypatch.setattr("gppcs.amounts.accuracy.FIRST", 100)
     assert_goes_on(path, None, Interrupt("kept points"), ["bounds", "greedy selection", "accuracy"], tolerance=9.0)
+    assert_goes_on(path, None, Interrupt("accuracy", 2), ["bounds", "greedy selection"], tolerance=9.0)
 
 
 def test_passes_that_fill_gaps(path):

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.stages import Stages
+from gppcs.errors import InputError
 from gppcs.methods import Selection
 
 if TYPE_CHECKING:
@@ -226,6 +227,8 @@ class Search:
         N, the number of points.
     tolerance, measure, choose, least
         As for `fewest_points`.
+    most : int, optional
+        So many points at most can be chosen, besides all.
     """
 
     def __init__(
@@ -236,13 +239,14 @@ class Search:
         measure: Measure,
         choose: Callable[[int], Selection],
         least: int,
+        most: int | None = None,
     ) -> None:
         self.judge, self.n, self.tolerance, self.measure = judge, n, tolerance, measure
-        self.choose, self.least = choose, least
+        self.choose, self.least, self.most = choose, least, n - 1 if most is None else min(most, n - 1)
 
     def ranked(self) -> tuple[Selection, dict[Measure, float]]:
         """Search among the first points of a ranking that is long enough."""
-        most = self.n - 1  # of a ranking
+        most = self.most
         count = judged = max(min(FIRST, most), self.least)
         before, error_before, flattest = count // 2, math.inf, FLATTEST_AT_FIRST
         while 0 < count <= most:
@@ -258,6 +262,8 @@ class Search:
                 if errors[self.measure] <= self.tolerance:
                     return first_of(ranking, enough), errors
             before, error_before, flattest = judged, error, FLATTEST
+            if count == most < self.n - 1:
+                raise _missed(most)
             judged = min(max(round(guess), count), most)
             count = self.n if count == most else min(math.ceil(SPARE * judged), most)
         return self.choose(self.n), dict.fromkeys(MEASURES, 0.0)
@@ -329,6 +335,14 @@ class Search:
     def _guessed(self, kept: Points) -> float:
         """Return about how large the error of some places is."""
         return self.judge.guessed(kept)[self.measure] if len(kept) else math.inf
+
+
+def _missed(most: int) -> InputError:
+    """Return the error for a tolerance that too few points miss."""
+    found = f"expected a tolerance that {most:,} points reach, the most that fit into memory, found one that they miss"
+    return InputError(
+        f"{found}; allow a larger error, or raise memory=", command=f"{found}; allow a larger error, or raise --memory"
+    )
 
 
 def first_of(ranking: Selection, count: int) -> Selection:

@@ -29,6 +29,7 @@ def fewest_points_in_passes(
     measure: Measure,
     choose: Callable[[int], Selection],
     least: int,
+    most: int,
     stages: Stages,
 ) -> tuple[Selection, dict[Measure, float]]:
     """Choose as `fewest_points` the first points of a ranking, of which each is judged by a pass over all points.
@@ -47,6 +48,8 @@ def fewest_points_in_passes(
         Lets the method rank a number of them.
     least : int
         The fewest points that may be chosen, from 1 to N.
+    most : int
+        The most points that can be ranked.
     stages : Stages
         Times the stages of the method, and "accuracy". A step of the latter is a point read.
 
@@ -56,8 +59,13 @@ def fewest_points_in_passes(
         M points.
     errors : dict of str to float
         Of these points, by measure. They do not depend on the chunks.
+
+    Raises
+    ------
+    InputError
+        If `most` points miss the tolerance.
     """
-    return Search(_ChunkJudge(points, stages), len(points), tolerance, measure, choose, least).ranked()
+    return Search(_ChunkJudge(points, stages), len(points), tolerance, measure, choose, least, most).ranked()
 
 
 class _ChunkJudge:

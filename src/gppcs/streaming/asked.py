@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
-from gppcs.amounts.accuracy import FIRST
+from gppcs.amounts.accuracy import FIRST, Measure
 from gppcs.clouds.lengths import Length, metres_of
 from gppcs.engine.stages import Stages
 from gppcs.errors import InputError
@@ -51,7 +52,7 @@ def plan_for(
     files : CloudFiles
     method : Method
     asked : mapping of str to object
-        At least the arguments of `gppcs.simplify` that say what is kept, `unit` and `invalid`.
+        At least the arguments of `gppcs.simplify` that say what is kept, `measure`, `unit` and `invalid`.
     limit : int, optional
         Bytes of memory that the process may hold; by default half of what is free.
     whole : str, optional
@@ -92,9 +93,25 @@ def plan_for(
         return Planned(first, wanted)
     if besides.accuracy:
         in_passes = partial(plan, files, method, None, limit=limit, shared=True, besides=besides)
-        begun = replace(in_passes(FIRST), rows=FEWEST_ROWS)  # chunks leave the most room for longer rankings
-        tolerance = Length.of("tolerance", asked["tolerance"])
-        wanted["accuracy"] = Accuracy(tolerance, asked["measure"] or "p95", in_passes)
-        return Planned(begun, wanted | {"metres": metres})
+        begun = replace(in_passes(FIRST), rows=FEWEST_ROWS)  # small chunks leave the most room for longer rankings
+        measure: Measure = asked["measure"] or "p95"
+        accuracy = Accuracy(Length.of("tolerance", asked["tolerance"]), measure, _most_ranked(begun, in_passes))
+        return Planned(begun, wanted | {"accuracy": accuracy, "metres": metres})
     count = count_in_passes(files, made(None, 1), method, asked, metres, stages, cluster)
     return Planned(made(None, count), wanted | {"n_points": count, "repeats": False})
+
+
+def _most_ranked(begun: Plan, in_passes: Callable[[int], Plan]) -> int:
+    """Return how many points can be ranked, up to a tenth; `in_passes` raises an error if they are too many."""
+    most, step = begun.kept, 2.0
+    while step > 1.1:
+        try:
+            more = min(math.ceil(most * step), begun.points)
+            in_passes(more)
+        except InputError:
+            step **= 0.5
+            continue
+        if more == most:
+            break
+        most = more
+    return most

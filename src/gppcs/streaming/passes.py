@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -40,13 +40,13 @@ class Accuracy(NamedTuple):
     tolerance : Length
     measure : str
         Which error is meant.
-    check : callable
-        Given a number of points, raises an `InputError` if ranking so many takes more memory than allowed.
+    most : int
+        So many points at most can be ranked in the memory allowed.
     """
 
     tolerance: Length
     measure: Measure
-    check: Callable[[int], Any]
+    most: int
 
 
 def simplify_in_passes(
@@ -112,21 +112,8 @@ def simplify_in_passes(
     """
     check_scores(scores, method, files.head().cloud)
     passes = _passes(files, plan, cluster)
-    asked = (
-        method,
-        ratio,
-        n_points,
-        invalid,
-        plan.way,
-        cluster is not None,
-        keep,
-        weight,
-        max_gap,
-        metres,
-        repeats,
-        accuracy and accuracy[:2],
-    )
-    guide = _guide_of(keep, weight)
+    guide, shared = _guide_of(keep, weight), cluster is not None
+    asked = (method, ratio, n_points, invalid, plan.way, shared, keep, weight, accuracy, max_gap, metres, repeats)
     with scratch_folder(scratch, plan.disk, work_name(files, asked) if resume else None) as folder:
         journal = Journal(folder)
         seen = journal.once("bounds", lambda: _overview(passes, plan, stages, guide))
@@ -139,7 +126,7 @@ def simplify_in_passes(
         def chosen() -> Selection:
             with compiled_ahead(method.name):
                 if accuracy is not None:
-                    return _accurate(points, accuracy, scale, seen.to_keep(frame), weights, method, stages)
+                    return _accurate(points, accuracy, scale, seen.to_keep(frame), weights, method, stages, journal)
                 count = number_to_keep(seen.finite, ratio, n_points)
                 if plan.way is Way.TILES and count < len(points):
                     return method.in_tiles(points, count, folder, stages, cluster.each if cluster else map)
@@ -169,17 +156,20 @@ def _accurate(
     weights: ChunkedValues | None,
     method: Method,
     stages: Stages,
+    journal: Journal,
 ) -> Selection:
     """Choose the fewest points that reach an accuracy; the diagnostics tell the errors in the unit of the cloud."""
     from gppcs.amounts.accuracy_in_passes import fewest_points_in_passes
 
     def ranked(count: int) -> Selection:
-        accuracy.check(count)
-        return choose_guided(points, count, to_keep, weights, method, stages, repeats=False)
+        return journal.once(
+            f"ranking of {count}",
+            lambda: choose_guided(points, count, to_keep, weights, method, stages, repeats=False),
+        )
 
-    least = max(len(to_keep.rows), 1)
+    tolerance, least = scale.inside(accuracy.tolerance), max(len(to_keep.rows), 1)
     selection, errors = fewest_points_in_passes(
-        points, scale.inside(accuracy.tolerance), accuracy.measure, ranked, least, stages
+        points, tolerance, accuracy.measure, ranked, least, accuracy.most, stages
     )
     found = {f"surface_{name}": scale.outside(error) for name, error in errors.items()}
     return replace(selection, diagnostics={**selection.diagnostics, **found})
