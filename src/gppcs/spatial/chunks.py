@@ -254,7 +254,14 @@ class ChunkedValues:
 
 @dataclass(frozen=True, eq=False)
 class ChunkedPoints(ChunkedValues):
-    """N points that come in chunks, as often as they are asked for: each array of `chunks` has three columns.
+    """N points that come in chunks, as often as they are asked for.
+
+    Attributes
+    ----------
+    count : int
+        N, at least 1.
+    chunks : callable() -> iterable of (n, 3) arrays, float64
+        Begins a pass over the points, which are the same in each pass. No chunk is empty.
 
     Examples
     --------
