@@ -12,6 +12,7 @@ import typing
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 from gppcs.engine.equality import ComparedByValue
@@ -537,7 +538,7 @@ class Method(ABC):
         ParameterError
             If a parameter has a wrong type or is outside its range.
         """
-        types = typing.get_type_hints(type(self))
+        types = _types(type(self))
         for each in dataclasses.fields(self):
             alternatives = typing.get_args(types[each.name]) or (types[each.name],)
             value = _as_one_of(alternatives, getattr(self, each.name))
@@ -586,7 +587,7 @@ class Method(ABC):
         ParameterError
             If a parameter does not exist, or a value has a wrong type or is outside its range.
         """
-        types = typing.get_type_hints(type(self))
+        types = _types(type(self))
         known = [each.name for each in dataclasses.fields(self)]
         for key in settings:
             if key not in known:
@@ -728,11 +729,17 @@ def _read(value: Any, expected: Any) -> Any:
 
 def _described(cls: type[Method], fields: Mapping[str, dataclasses.Field[Any]]) -> dict[str, Parameter]:
     """Return the descriptions of the parameters that some fields of a method declare."""
-    types = typing.get_type_hints(cls)
+    types = _types(cls)
     return {
         name: Parameter(_kind(types[name]), declared.default, declared.metadata.get(_MEANING, ""))
         for name, declared in fields.items()
     }
+
+
+@cache
+def _types(cls: type) -> Mapping[str, Any]:
+    """Return the types of the fields of a class."""
+    return typing.get_type_hints(cls)
 
 
 def _kind(annotation: Any) -> str:
