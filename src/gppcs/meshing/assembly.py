@@ -95,7 +95,7 @@ def taken(triangles: NDArray[np.int64], n: int) -> NDArray[np.int64]:
     return triangles[take]
 
 
-@kernel
+@kernel(allocates=False)
 def _take(triangles, keys, thirds, degrees, closed, take):
     """Mark in `take`, (t,), the triangles that are taken.
 
@@ -125,7 +125,7 @@ def _take(triangles, keys, thirds, degrees, closed, take):
             closed[p] = _walk(keys, thirds, p * n, b, a)[0]
 
 
-@kernel
+@kernel(allocates=False)
 def _walk(keys, thirds, row_of_p, start, end):
     """Walk around a vertex p from the edge to `start`; return whether `end` is reached, and after how many steps."""
     here, steps = start, 0
@@ -380,7 +380,7 @@ def trace_filling(loop, middles, triangles):
     return count
 
 
-@kernel
+@kernel(allocates=False)
 def cost_of_filling(points, normals, a, b, c):
     """Return the cost of a triangle of a filling.
 

@@ -65,7 +65,7 @@ class Assignment(NamedTuple):
         return found
 
 
-@kernel
+@kernel(allocates=False)
 def _fill_normals(begin, end, mesh, vertices, upright):
     """Fill the normals of the triangles, (F, 3), not of unit length; their signs are all that matters."""
     for f in range(begin, end):
@@ -84,7 +84,7 @@ def _walk_all(begin, end, mesh, vertices, upright, points, normals, nearest, fou
             _walk(mesh, vertices, upright, points, normals, i, nearest[i], halves, visited, found)
 
 
-@kernel
+@kernel(allocates=False)
 def _walk(mesh, vertices, upright, points, normals, i, v, halves, visited, found):
     """Look around vertices until all three corners of the nearest triangle have been looked at."""
     point, normal = row(points, i), row(normals, i)
@@ -116,7 +116,7 @@ def _walk(mesh, vertices, upright, points, normals, i, v, halves, visited, found
         found.face[i], found.squared[i] = face, least
 
 
-@kernel
+@kernel(allocates=False)
 def corners_from(mesh, vertices, f, point):
     """Return the corners of a triangle, relative to a point.
 
@@ -138,7 +138,7 @@ def corners_from(mesh, vertices, f, point):
     )
 
 
-@kernel
+@kernel(allocates=False)
 def _longest(mesh, vertices, f):
     """Return the squared length of the longest edge of a triangle."""
     _, b, c = corners_from(mesh, vertices, f, row(vertices, mesh.origin[3 * f]))

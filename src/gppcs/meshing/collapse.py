@@ -116,7 +116,7 @@ def _start(mesh, vertices, quadrics, kept, costs, winner):
         winner[node] = b if costs[b] < costs[a] else a
 
 
-@kernel
+@kernel(allocates=False)
 def _play(costs, winner, v):
     """Update the tournament tree after the cost of a vertex has changed."""
     node = (len(costs) + v) // 2
@@ -126,7 +126,7 @@ def _play(costs, winner, v):
         node //= 2
 
 
-@kernel
+@kernel(allocates=False)
 def _least_cost(mesh, vertices, quadrics, v, halves, found):
     """Return the cost of the cheapest collapse of a vertex, whether it is allowed or not."""
     count, _, _ = neighbours(mesh, v, halves, found)
@@ -168,7 +168,7 @@ def _collapse_some(mesh, vertices, normals, quadrics, kept, extra, limit, steps,
     return removed
 
 
-@kernel
+@kernel(allocates=False)
 def _best(mesh, vertices, normals, quadrics, extra, limit, v, halves, found, others, beyond):
     """Return the cost and the neighbour of the cheapest collapse of v that is allowed; infinity and -1 if none is."""
     count, edges, closed = neighbours(mesh, v, halves, found)
@@ -184,7 +184,7 @@ def _best(mesh, vertices, normals, quadrics, extra, limit, v, halves, found, oth
     return best, target
 
 
-@kernel
+@kernel(allocates=False)
 def is_allowed(mesh, v, slot, count, edges, closed, halves, found, others, beyond):
     """Return whether a collapse keeps the topology: the link condition, and no triangle or vertex left hanging.
 
@@ -225,13 +225,13 @@ def is_allowed(mesh, v, slot, count, edges, closed, halves, found, others, beyon
     return not (on_right and _is_ear(mesh, preceding(halves[slot - 1 if slot > 0 else edges - 1])))
 
 
-@kernel
+@kernel(allocates=False)
 def _is_ear(mesh, h):
     """Return whether the other two edges of the triangle of a half-edge are both on a border."""
     return mesh.opposite[following(h)] < 0 and mesh.opposite[preceding(h)] < 0
 
 
-@kernel
+@kernel(allocates=False)
 def thinness_after(mesh, vertices, normals, limit, v, u, edges, halves):
     """Return how thin the triangles would be that a collapse moves.
 
@@ -276,7 +276,7 @@ def thinness_after(mesh, vertices, normals, limit, v, u, edges, halves):
     return total
 
 
-@kernel
+@kernel(allocates=False)
 def move_triangles(mesh, v, u, halves):
     """Move the triangles around v to its neighbour u, and remove those that have both.
 

@@ -57,7 +57,7 @@ class TriangleTree(NamedTuple):
         return tree
 
 
-@kernel
+@kernel(allocates=False)
 def _fill_boxes(mesh, vertices, tree):
     """Fill `leaf`, `low` and `high` of a tree, whose boxes are empty."""
     leaves = first_leaf(tree.low)
@@ -72,7 +72,7 @@ def _fill_boxes(mesh, vertices, tree):
             tree.high[node, axis] = max(tree.high[2 * node, axis], tree.high[2 * node + 1, axis])
 
 
-@kernel
+@kernel(allocates=False)
 def _widen(mesh, vertices, tree, f, node):
     """Widen the box of a node so that it has the triangle f."""
     for h in range(3 * f, 3 * f + 3):
@@ -82,7 +82,7 @@ def _widen(mesh, vertices, tree, f, node):
             tree.high[node, axis] = max(tree.high[node, axis], x)
 
 
-@kernel
+@kernel(allocates=False)
 def follow(mesh, vertices, tree, f):
     """Widen the boxes of a tree after the triangle f has changed.
 
@@ -177,7 +177,7 @@ def first_cut(mesh, vertices, tree, inside, a, b, c):
     return -1
 
 
-@kernel
+@kernel(allocates=False)
 def _may_meet(vertices, low, high, a, b, c):
     """Return whether the box around a triangle meets another."""
     pa, pb, pc = row(vertices, a), row(vertices, b), row(vertices, c)
@@ -196,7 +196,7 @@ def _overlap(low, high, least, most):
     )  # fmt: skip
 
 
-@kernel
+@kernel(allocates=False)
 def are_cut(vertices, f, g):
     """Return whether two triangles cut each other.
 
@@ -230,7 +230,7 @@ def are_cut(vertices, f, g):
     return False
 
 
-@kernel
+@kernel(allocates=False)
 def _crosses(p, q, a, b, c):
     """Return whether a segment from p to q goes through a triangle."""
     normal, step, turned = area_vector(a, b, c), minus(q, p), cross(minus(q, p), minus(p, a))

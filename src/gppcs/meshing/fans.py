@@ -70,7 +70,7 @@ def _build_fans(begin, end, points, normals, near, on_circle, corners):
         _wrap(inverse, index, count, i, on_circle, corners[i])
 
 
-@kernel
+@kernel(allocates=False)
 def _lay_out(points, normals, i, near, inverse, index):
     """Fill `inverse`, (k, 2), and `index`, (k,), with the neighbours of point i on its sheet; return their number.
 
@@ -96,7 +96,7 @@ def _lay_out(points, normals, i, near, inverse, index):
     return count
 
 
-@kernel
+@kernel(allocates=False)
 def _wrap(inverse, index, count, i, on_circle, corners):
     """Fill `corners`, (MOST_TRIANGLES, 2), with the triangles at point i, of `count` inverted neighbours, (k, 2).
 
@@ -133,13 +133,13 @@ def _wrap(inverse, index, count, i, on_circle, corners):
             return
 
 
-@kernel
+@kernel(allocates=False)
 def _length(inverse, slot):
     """Return the squared length of an inverted neighbour."""
     return inverse[slot, 0] ** 2 + inverse[slot, 1] ** 2
 
 
-@kernel
+@kernel(allocates=False)
 def _turn(inverse, current, best, slot, on_circle):
     """Return how far a neighbour is to the left of the line to the best one; 0 if it is hardly off the line."""
     ax, ay = inverse[best, 0] - inverse[current, 0], inverse[best, 1] - inverse[current, 1]
@@ -148,20 +148,20 @@ def _turn(inverse, current, best, slot, on_circle):
     return 0.0 if turn * turn <= on_circle * (ax * ax + ay * ay) * (bx * bx + by * by) else turn
 
 
-@kernel
+@kernel(allocates=False)
 def _squared(inverse, current, slot):
     """Return the squared distance between two inverted neighbours."""
     return (inverse[slot, 0] - inverse[current, 0]) ** 2 + (inverse[slot, 1] - inverse[current, 1]) ** 2
 
 
-@kernel
+@kernel(allocates=False)
 def _turns_left(inverse, current, best, on_circle):
     """Return whether the way from a neighbour to another turns left around the origin, by more than a little."""
     turn = inverse[current, 0] * inverse[best, 1] - inverse[current, 1] * inverse[best, 0]
     return turn > 0.0 and turn * turn > on_circle * _length(inverse, current) * _length(inverse, best)
 
 
-@kernel
+@kernel(allocates=False)
 def _is_farther(inverse, current, best, slot, on_circle):
     """Return whether a neighbour on the line from the current to the best one is farther on; not if it is behind."""
     if _is_ahead(inverse, current, best, slot):
@@ -169,7 +169,7 @@ def _is_farther(inverse, current, best, slot, on_circle):
     return _turns_left(inverse, current, slot, on_circle)
 
 
-@kernel
+@kernel(allocates=False)
 def _first_in_line(inverse, index, count, i, current, last, on_circle):
     """Return the next neighbour on an edge of the hull that several neighbours lie on, from `current` to `last`.
 
@@ -188,7 +188,7 @@ def _first_in_line(inverse, index, count, i, current, last, on_circle):
     return lowest if index[lowest] < index[current] else last
 
 
-@kernel
+@kernel(allocates=False)
 def _is_ahead(inverse, current, last, slot):
     """Return whether an inverted neighbour on the line from the current to the last one lies ahead, not behind."""
     ax, ay = inverse[last, 0] - inverse[current, 0], inverse[last, 1] - inverse[current, 1]
@@ -196,7 +196,7 @@ def _is_ahead(inverse, current, last, slot):
     return ax * bx + ay * by > 0.0
 
 
-@kernel
+@kernel(allocates=False)
 def _count_votes(begin, end, points, corners, votes, radii):
     """Fill votes and radii, (n, MOST_TRIANGLES), at the fan of lowest index of those that have a triangle."""
     for i in range(begin, end):
@@ -211,7 +211,7 @@ def _count_votes(begin, end, points, corners, votes, radii):
             radii[i, slot] = circumradius(row(points, i), row(points, a), row(points, b))
 
 
-@kernel
+@kernel(allocates=False)
 def _has(corners, a, b):
     """Return whether a fan, (MOST_TRIANGLES, 2), has the triangle with these corners."""
     for slot in range(MOST_TRIANGLES):  # noqa: SIM110 (Numba has no generators)

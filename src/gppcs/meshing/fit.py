@@ -64,7 +64,7 @@ def fitted(
     return moved
 
 
-@kernel
+@kernel(allocates=False)
 def _undo_turns(mesh, vertices, normals, moved):
     """Put vertices back, in `moved`, (V, 3), whose triangles turn against the normals of their corners."""
     for _ in range(UNDO_ROUNDS):
@@ -80,7 +80,7 @@ def _undo_turns(mesh, vertices, normals, moved):
             return
 
 
-@kernel
+@kernel(allocates=False)
 def _cosine(normals, vertices, a, b, c):
     """Return the cosine between the normal of a triangle and the mean of its corners' normals."""
     normal = area_vector(row(vertices, a), row(vertices, b), row(vertices, c))

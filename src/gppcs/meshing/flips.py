@@ -97,7 +97,7 @@ def _flip_all(mesh, vertices, normals, points, assigned, extra, first, after):
     return flips
 
 
-@kernel
+@kernel(allocates=False)
 def is_flippable(mesh, vertices, normals, h, halves):
     """Return whether an edge can be flipped: the mesh stays a manifold, and no triangle degenerates or turns over.
 
@@ -139,7 +139,7 @@ def is_flippable(mesh, vertices, normals, h, halves):
     return True
 
 
-@kernel
+@kernel(allocates=False)
 def _is_better(mesh, vertices, points, assigned, extra, first, after, h):
     """Return whether the energy of the two triangles of an edge is lower after its flip."""
     o = mesh.opposite[h]
@@ -177,7 +177,7 @@ def thinness(a, b, c):
     return max(0.0, 1.0 - quality(a, b, c) / THIN_IN_FLIPS)
 
 
-@kernel
+@kernel(allocates=False)
 def flip_edge(mesh, h):
     """Replace the edge of two triangles by the other diagonal.
 
@@ -213,7 +213,7 @@ def flip_edge(mesh, h):
     leave_by(mesh, d, g)
 
 
-@kernel
+@kernel(allocates=False)
 def _share_out(mesh, vertices, points, assigned, first, after, f, g):
     """Give each point of two triangles to the nearer one."""
     heads = first[f], first[g]

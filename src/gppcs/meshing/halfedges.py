@@ -83,7 +83,7 @@ def new_keys(count: int) -> NDArray[np.int64]:
     return np.full(1 << (2 * count + 16).bit_length(), -1)
 
 
-@kernel
+@kernel(allocates=False)
 def slot_of(keys, key):
     """Return the slot of a hash table that holds a key, or the empty one that may take it.
 
@@ -137,7 +137,7 @@ def preceding(h):
     return h + 2 if h % 3 == 0 else h - 1
 
 
-@kernel
+@kernel(allocates=False)
 def _connect(mesh, keys, halves):
     """Fill `opposite` and `leaving` of a mesh; `keys` and `halves`, (slots,), become a table of its half-edges."""
     n = len(mesh.leaving)
@@ -154,7 +154,7 @@ def _connect(mesh, keys, halves):
             mesh.leaving[v] = h
 
 
-@kernel
+@kernel(allocates=False)
 def around(mesh, v, found):
     """List the half-edges that leave a vertex, counter-clockwise.
 
@@ -186,7 +186,7 @@ def around(mesh, v, found):
             return count, True
 
 
-@kernel
+@kernel(allocates=False)
 def neighbours(mesh, v, halves, found):
     """List the vertices around a vertex, counter-clockwise.
 
@@ -216,7 +216,7 @@ def neighbours(mesh, v, halves, found):
     return edges + 1, edges, False
 
 
-@kernel
+@kernel(allocates=False)
 def leave_by(mesh, v, h):
     """Let a vertex be left by a half-edge, or on a border by the first one.
 
@@ -279,7 +279,7 @@ def faults(mesh: HalfEdges) -> list[str]:
     return words
 
 
-@kernel
+@kernel(allocates=False)
 def _count_reached(mesh, reached):
     """Fill the number of half-edges that `around` would find at each vertex, (V,)."""
     for v in range(len(reached)):

@@ -95,7 +95,7 @@ def _cuts_any(mesh, vertices, tree, inside, f):
     return first_cut(mesh, vertices, tree, inside, a, b, c) >= 0
 
 
-@kernel
+@kernel(allocates=False)
 def _patch(mesh, f, which, halves, patch):
     """Fill `patch` with a patch around the triangle f; return its number of triangles, 0 if there is none.
 
@@ -115,7 +115,7 @@ def _patch(mesh, f, which, halves, patch):
     return size if size < MOST_TRIANGLES else 0
 
 
-@kernel
+@kernel(allocates=False)
 def _add_around(mesh, v, halves, patch, size):
     """Add the triangles around a vertex to a patch of some size; return the new size."""
     edges, _ = around(mesh, v, halves)
@@ -124,7 +124,7 @@ def _add_around(mesh, v, halves, patch, size):
     return size
 
 
-@kernel
+@kernel(allocates=False)
 def _add(patch, size, f):
     """Add a triangle to a patch of some size, unless it is there or the patch is full; return the new size."""
     for slot in range(size):
@@ -218,7 +218,7 @@ def _close(mesh, vertices, normals, tree, inside, corners, halves, new):
     return count if _is_light(mesh, corners, inside, new[:count], halves) else 0
 
 
-@kernel
+@kernel(allocates=False)
 def _is_joined(mesh, p, q, inside, halves):
     """Return whether an edge joins two vertices that a triangle outside the patch has."""
     for v, w in ((p, q), (q, p)):
@@ -229,7 +229,7 @@ def _is_joined(mesh, p, q, inside, halves):
     return False
 
 
-@kernel
+@kernel(allocates=False)
 def _is_upright(vertices, normals, a, b, c):
     """Return whether a triangle has an area, and lies on the side of the mean of its corners' normals."""
     pa, pb, pc = row(vertices, a), row(vertices, b), row(vertices, c)
@@ -239,7 +239,7 @@ def _is_upright(vertices, normals, a, b, c):
     return dot(normal, row(normals, a)) + dot(normal, row(normals, b)) + dot(normal, row(normals, c)) >= 0.0
 
 
-@kernel
+@kernel(allocates=False)
 def _is_light(mesh, corners, inside, new, halves):
     """Return whether no corner of a patch would have too many triangles."""
     for v in corners:
@@ -285,7 +285,7 @@ def _replace(mesh, vertices, tree, patch, loop, new, into):
             leave_by(mesh, mesh.origin[h], h)
 
 
-@kernel
+@kernel(allocates=False)
 def _nearest(vertices, v, corners):
     """Return the corner nearest to a vertex: itself if it is one."""
     best, least = v, np.inf

@@ -90,7 +90,7 @@ def dense_quadrics(
     return quadrics
 
 
-@kernel
+@kernel(allocates=False)
 def _add_dense(points, normals, vertices, nearest, quadrics):
     """Add the planes of all dense points to `quadrics`, (V, 10)."""
     for i in range(len(points)):
@@ -115,7 +115,7 @@ def add_borders(mesh: HalfEdges, vertices: NDArray[np.float64], weight: float, q
     _add_borders(mesh, vertices, weight, quadrics)
 
 
-@kernel
+@kernel(allocates=False)
 def _add_borders(mesh, vertices, weight, quadrics):
     """See `add_borders`."""
     for h in range(len(mesh.origin)):
@@ -132,7 +132,7 @@ def _add_borders(mesh, vertices, weight, quadrics):
             add_plane(quadrics[w], normal, 0.0, weight)
 
 
-@kernel
+@kernel(allocates=False)
 def add_plane(quadric, normal, height, weight):
     """Add a plane to a quadric.
 
@@ -159,7 +159,7 @@ def add_plane(quadric, normal, height, weight):
     quadric[9] += weight * height * height
 
 
-@kernel
+@kernel(allocates=False)
 def value(quadric, step):
     """Return the value of a quadric.
 
@@ -181,7 +181,7 @@ def value(quadric, step):
     return max(found, 0.0)
 
 
-@kernel
+@kernel(allocates=False)
 def add_moved(quadric, step, total):
     """Add a quadric to that of another vertex.
 

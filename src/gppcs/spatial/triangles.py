@@ -35,7 +35,7 @@ def minus(a, b):
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@kernel
+@kernel(allocates=False)
 def row(points, i):
     """Return a row of an array as a tuple.
 
