@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.coverage import COVERING_POINTS, Cover, are_covered, is_covered
-from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, following, new_keys, preceding, slot_of
+from gppcs.meshing.halfedges import MOST_AROUND, EdgeTable, HalfEdges, add_edge, find_edge, following, preceding
 from gppcs.spatial.triangles import area_vector, dot, minus, row
 
 SMALL_GAP = 8  # corners of a gap that is filled before triangles of a single fan are tried
@@ -89,28 +89,26 @@ def taken(triangles: NDArray[np.int64], n: int) -> NDArray[np.int64]:
     (F, 3) array, int64
     """
     triangles = np.ascontiguousarray(triangles)
-    keys = new_keys(3 * len(triangles))
-    take = np.zeros(len(triangles), dtype=np.bool_)
-    _take(triangles, keys, np.empty_like(keys), np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.bool_), take)
+    table, take = EdgeTable.of(n, 3 * len(triangles)), np.zeros(len(triangles), dtype=np.bool_)
+    _take(triangles, table, np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.bool_), take)
     return triangles[take]
 
 
 @kernel(allocates=False)
-def _take(triangles, keys, thirds, degrees, closed, take):
+def _take(triangles, table, degrees, closed, take):
     """Mark in `take`, (t,), the triangles that are taken.
 
-    The table `keys`, `thirds` has the third corner for each directed edge p q, by p n + q. `degrees` and `closed`,
-    (n,), are the number of triangles at each vertex, and whether they close around it.
+    The table, empty at first, gets their edges: 3 t + k leads from corner k of triangle t to the next one. `degrees` and
+    `closed`, (n,), are the number of triangles at each vertex, and whether they close around it.
     """
-    n = len(degrees)
     for t in range(len(triangles)):
         fits = True
         for k in range(3):
             p, a, b = triangles[t, k], triangles[t, (k + 1) % 3], triangles[t, (k + 2) % 3]
-            if closed[p] or degrees[p] == MOST_AROUND or p == a or keys[slot_of(keys, p * n + a)] >= 0:
+            if closed[p] or degrees[p] == MOST_AROUND or p == a or find_edge(table, p, a) >= 0:
                 fits = False
                 break
-            reached, steps = _walk(keys, thirds, p * n, b, a)
+            reached, steps = _walk(triangles, table, p, b, a)
             if reached and (steps < degrees[p] or steps < 2):  # it closes only a part of the triangles at p
                 fits = False
                 break
@@ -119,21 +117,20 @@ def _take(triangles, keys, thirds, degrees, closed, take):
         take[t] = True
         for k in range(3):
             p, a, b = triangles[t, k], triangles[t, (k + 1) % 3], triangles[t, (k + 2) % 3]
-            slot = slot_of(keys, p * n + a)
-            keys[slot], thirds[slot] = p * n + a, b
+            add_edge(table, p, a, 3 * t + k)
             degrees[p] += 1
-            closed[p] = _walk(keys, thirds, p * n, b, a)[0]
+            closed[p] = _walk(triangles, table, p, b, a)[0]
 
 
 @kernel(allocates=False)
-def _walk(keys, thirds, row_of_p, start, end):
+def _walk(triangles, table, p, start, end):
     """Walk around a vertex p from the edge to `start`; return whether `end` is reached, and after how many steps."""
     here, steps = start, 0
     while here != end:
-        slot = slot_of(keys, row_of_p + here)
-        if keys[slot] < 0:
+        edge = find_edge(table, p, here)
+        if edge < 0:
             return False, steps
-        here = thirds[slot]
+        here = triangles[edge // 3, (edge + 2) % 3]
         steps += 1
     return True, steps
 
@@ -156,13 +153,14 @@ def without_bow_ties(faces: NDArray[np.int64], n: int) -> NDArray[np.int64]:
         mesh = HalfEdges.of(faces, n)
         fan = np.full(len(mesh.origin), -1)
         sizes = _number_fans(mesh, fan)
+        if len(sizes) == np.count_nonzero(mesh.leaving >= 0):
+            return faces
         vertex = np.empty(len(sizes), dtype=np.int64)
         vertex[fan] = mesh.origin
-        order = np.lexsort((-sizes, vertex))
+        several = np.flatnonzero(np.bincount(vertex)[vertex] > 1)
+        order = several[np.lexsort((-sizes[several], vertex[several]))]
         smaller = np.zeros(len(sizes), dtype=np.bool_)
         smaller[order[1:]] = vertex[order[1:]] == vertex[order[:-1]]
-        if not smaller.any():
-            return faces
         faces = faces[~smaller[fan].reshape(-1, 3).any(axis=1)]
 
 
@@ -229,9 +227,9 @@ def _fillings(
     covered: bool,
 ) -> NDArray[np.int64]:
     """Return the triangles, (B, 3), that close borders, as `border_loops` lists them; see `_fill_all`."""
-    keys = new_keys(len(mesh.origin) + 3 * len(loops))
+    table = EdgeTable.of(len(mesh.leaving), len(mesh.origin) + 3 * len(loops))
     added = np.empty((len(loops), 3), dtype=np.int64)
-    return added[: _fill_all(mesh, loops, ends, most, points, normals, reaches, cover, covered, keys, added)]
+    return added[: _fill_all(mesh, loops, ends, most, points, normals, reaches, cover, covered, table, added)]
 
 
 def border_loops(mesh: HalfEdges) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -275,19 +273,17 @@ def _list_loops(mesh, loops, ends):
 
 
 @kernel
-def _fill_all(mesh, loops, ends, most, points, normals, reaches, cover, covered, keys, added):
+def _fill_all(mesh, loops, ends, most, points, normals, reaches, cover, covered, table, added):
     """Fill `added`, (B, 3), with triangles that close borders of at most `most` corners; return their number.
 
-    `keys`, (slots,), becomes the table of all directed edges, so that no filling repeats one. With `covered`, only
-    what the dense points cover is filled.
+    The table, empty at first, gets all directed edges, so that no filling repeats one. With `covered`, only what the
+    dense points cover is filled.
     """
-    n = len(mesh.leaving)
     for h in range(len(mesh.origin)):
         if mesh.origin[h] >= 0:
-            key = mesh.origin[h] * n + mesh.origin[following(h)]
-            keys[slot_of(keys, key)] = key
+            add_edge(table, mesh.origin[h], mesh.origin[following(h)], h)
     found, squared = np.empty(COVERING_POINTS, dtype=np.int64), np.empty(COVERING_POINTS, dtype=np.float64)
-    degrees = np.zeros(n, dtype=np.int64)
+    degrees = np.zeros(len(mesh.leaving), dtype=np.int64)
     for v in mesh.origin:
         if v >= 0:
             degrees[v] += 1
@@ -297,20 +293,20 @@ def _fill_all(mesh, loops, ends, most, points, normals, reaches, cover, covered,
         begin = end
         if not 3 <= len(loop) <= most:
             continue
-        new = _fill(loop, points, normals, keys, n, added[count : count + len(loop) - 2])
+        new = _fill(loop, points, normals, table, added[count : count + len(loop) - 2])
         fits = new > 0
         for t in range(count, count + new):
             for k in range(3):
                 p, q = added[t, k], added[t, (k + 1) % 3]
                 degrees[p] += 1
-                fits = fits and keys[slot_of(keys, p * n + q)] < 0 and degrees[p] <= MOST_AROUND
+                fits = fits and find_edge(table, p, q) < 0 and degrees[p] <= MOST_AROUND
             if fits and covered:
                 fits = is_covered(cover, points, reaches, added[t, 0], added[t, 1], added[t, 2], found, squared)
         for t in range(count, count + new):
             for k in range(3):
                 p, q = added[t, k], added[t, (k + 1) % 3]
                 if fits:
-                    keys[slot_of(keys, p * n + q)] = p * n + q
+                    add_edge(table, p, q, len(mesh.origin) + 3 * t + k)
                 else:
                     degrees[p] -= 1
         if fits:
@@ -319,11 +315,11 @@ def _fill_all(mesh, loops, ends, most, points, normals, reaches, cover, covered,
 
 
 @kernel
-def _fill(loop, points, normals, keys, n, triangles):
+def _fill(loop, points, normals, table, triangles):
     """Fill `triangles`, (L - 2, 3), with the cheapest that close a loop, (L,); return their number, 0 if none do.
 
     The cost is the area, more where the filling bends away from the normals of its corners (Barequet and Sharir 1995;
-    Liepa 2003). The inner edges are none that the table `keys` has.
+    Liepa 2003). The inner edges are none that the table has.
     """
     length = len(loop)
     costs = np.full((length, length), np.inf)
@@ -335,7 +331,7 @@ def _fill(loop, points, normals, keys, n, triangles):
             k = i + gap
             inner = gap < length - 1
             p, q = loop[i], loop[k]
-            if inner and (keys[slot_of(keys, p * n + q)] >= 0 or keys[slot_of(keys, q * n + p)] >= 0):
+            if inner and (find_edge(table, p, q) >= 0 or find_edge(table, q, p) >= 0):
                 continue
             for m in range(i + 1, k):
                 cost = costs[i, m] + costs[m, k]

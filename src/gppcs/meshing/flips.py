@@ -147,11 +147,15 @@ def _is_better(mesh, vertices, points, assigned, extra, first, after, h):
     c, d = mesh.origin[preceding(h)], mesh.origin[preceding(o)]
     pa, pb, pc, pd = row(vertices, a), row(vertices, b), row(vertices, c), row(vertices, d)
     old = extra * (thinness(pa, pb, pc) + thinness(pb, pa, pd))
-    new = extra * (thinness(pa, pd, pc) + thinness(pd, pb, pc))
     for side in (h // 3, o // 3):
         i = first[side]
         while i >= 0:
             old += assigned.squared[i]
+            i = after[i]
+    new = extra * (thinness(pa, pd, pc) + thinness(pd, pb, pc))
+    for side in (h // 3, o // 3):
+        i = first[side]
+        while i >= 0 and new < LESS * old:
             point = row(points, i)
             fa, fb, fc, fd = minus(pa, point), minus(pb, point), minus(pc, point), minus(pd, point)
             s, t = nearest_in_triangle(fa, fd, fc)

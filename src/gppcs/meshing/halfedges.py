@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from gppcs.engine.kernels import kernel
 
 MOST_AROUND = 64  # triangles around a vertex at most: buffers have this size, and no operation exceeds it
-MIX = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)  # of splitmix64 (Steele, Lea and Flood 2014)
 
 
 class HalfEdges(NamedTuple):
@@ -51,8 +50,7 @@ class HalfEdges(NamedTuple):
         """
         origin = np.ascontiguousarray(faces, dtype=np.int64).ravel().copy()
         mesh = cls(origin, np.full(len(origin), -1), np.full(n, -1))
-        keys = new_keys(len(origin))
-        _connect(mesh, keys, np.empty_like(keys))
+        _connect(mesh, EdgeTable.of(n, len(origin)))
         return mesh
 
     def faces(self) -> NDArray[np.int64]:
@@ -67,44 +65,77 @@ class HalfEdges(NamedTuple):
         return faces[faces[:, 0] >= 0]
 
 
-def new_keys(count: int) -> NDArray[np.int64]:
-    """Return the empty slots of a hash table.
+class EdgeTable(NamedTuple):
+    """Directed edges, listed by the vertex at which they begin. Kernels add to them.
 
-    Parameters
+    Attributes
     ----------
-    count : int
-        Entries at most.
-
-    Returns
-    -------
-    (slots,) array, int64
-        -1 in each; `slots` is a power of two.
+    first : (V,) array, int64
+        For each vertex the edge that was added last; -1 if there is none.
+    after : (edges,) array, int64
+        For each edge the one that was added before it at the same vertex; -1 if there is none.
+    target : (edges,) array, int64
+        Vertex at which each edge ends.
     """
-    return np.full(1 << (2 * count + 16).bit_length(), -1)
+
+    first: NDArray[np.int64]
+    after: NDArray[np.int64]
+    target: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, n: int, count: int) -> Self:
+        """Make a table without edges.
+
+        Parameters
+        ----------
+        n : int
+            Number of vertices, V.
+        count : int
+            Numbers of edges are below this.
+
+        Returns
+        -------
+        EdgeTable
+        """
+        return cls(np.full(n, -1), np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64))
 
 
 @kernel(allocates=False)
-def slot_of(keys, key):
-    """Return the slot of a hash table that holds a key, or the empty one that may take it.
+def add_edge(table, p, q, number):
+    """Add a directed edge to a table.
 
     Parameters
     ----------
-    keys : (slots,) array, int64
-    key : int
-        Not negative.
+    table : EdgeTable
+        Changed in place.
+    p, q : int
+        The vertices at which it begins and ends.
+    number : int
+        Of the edge; no other has it.
+    """
+    table.target[number], table.after[number] = q, table.first[p]
+    table.first[p] = number
+
+
+@kernel(allocates=False)
+def find_edge(table, p, q):
+    """Return the number of a directed edge.
+
+    Parameters
+    ----------
+    table : EdgeTable
+    p, q : int
+        The vertices at which it begins and ends.
 
     Returns
     -------
     int
+        -1 if the table does not have it; of several, the one that was added last.
     """
-    most = len(keys) - 1
-    mixed = np.uint64(key)
-    mixed = (mixed ^ (mixed >> np.uint64(30))) * MIX[0]
-    mixed = (mixed ^ (mixed >> np.uint64(27))) * MIX[1]
-    slot = np.int64((mixed ^ (mixed >> np.uint64(31))) & np.uint64(most))
-    while keys[slot] != -1 and keys[slot] != key:
-        slot = (slot + 1) & most
-    return slot
+    number = table.first[p]
+    while number >= 0 and table.target[number] != q:
+        number = table.after[number]
+    return number
 
 
 @kernel
@@ -138,16 +169,12 @@ def preceding(h):
 
 
 @kernel(allocates=False)
-def _connect(mesh, keys, halves):
-    """Fill `opposite` and `leaving` of a mesh; `keys` and `halves`, (slots,), become a table of its half-edges."""
-    n = len(mesh.leaving)
+def _connect(mesh, table):
+    """Fill `opposite` and `leaving` of a mesh; its half-edges are added to an empty table."""
     for h in range(len(mesh.origin)):
-        key = mesh.origin[h] * n + mesh.origin[following(h)]
-        slot = slot_of(keys, key)
-        keys[slot], halves[slot] = key, h
+        add_edge(table, mesh.origin[h], mesh.origin[following(h)], h)
     for h in range(len(mesh.origin)):
-        slot = slot_of(keys, mesh.origin[following(h)] * n + mesh.origin[h])
-        mesh.opposite[h] = halves[slot] if keys[slot] >= 0 else -1
+        mesh.opposite[h] = find_edge(table, mesh.origin[following(h)], mesh.origin[h])
     for h in range(len(mesh.origin)):
         v = mesh.origin[h]
         if mesh.leaving[v] < 0 or mesh.opposite[h] < 0:

@@ -72,25 +72,34 @@ def estimate_normals(
     if neighbours is not None:
         neighbours = whole_number("the number of neighbours", neighbours, 3)
     points = PointCloud.of(cloud).usable("cloud")
-    places = points if at is None else PointCloud.of(at).usable("cloud of places")
+    places = None if at is None else PointCloud.of(at).usable("cloud of places")
     points, corner, exponent = normalised(points)
     tree = KdTree.build(points[first_occurrences(points)])
-    places = _near(places, corner, exponent)
+    places = points if places is None else _near(places, corner, exponent)
     neighbours = neighbours or neighbours_across_noise(tree)[0]
-    of_places = KdTree.build(places)
+    themselves = at is None and len(tree.order) == len(points)
+    of_places = tree if themselves else KdTree.build(places)
     normals = np.empty((len(places), 3))
     normals[of_places.order] = fit_quadrics(tree, of_places, neighbours).normals.T
+    if themselves and neighbours < 2 * NEIGHBOURS:
+        signed = _oriented(tree, None)
+    else:
+        signed = _signed_nearby(tree, places, neighbours)
+    opposed = np.einsum("ij,ij->i", normals, signed) < 0
+    normals[opposed] *= -1
+    return normals
+
+
+def _signed_nearby(tree: KdTree, places: NDArray[np.float64], neighbours: int) -> NDArray[np.float64]:
+    """Return normals with signs, (M, 3), near places, (M, 3), on the surface of the points of a tree."""
     widened = max(1, neighbours // NEIGHBOURS)
     every = widened * -(-tree.points.shape[1] // MOST_GUIDES)
     guides = np.concatenate([places, tree.points.T[::every]])  # in tree order, so they are evenly spread
     if widened > 1:
         guides = _feet(tree, guides, neighbours // 2)
     guide_tree = KdTree.build(guides[first_occurrences(guides)])
-    guide_normals = _oriented(guide_tree, (tree, neighbours) if widened > 1 else None)
-    nearest = guide_tree.nearest_of(guides[: len(places)], 1)[0][:, 0]
-    opposed = np.einsum("ij,ij->i", normals, guide_normals[nearest]) < 0
-    normals[opposed] *= -1
-    return normals
+    normals = _oriented(guide_tree, (tree, neighbours) if widened > 1 else None)
+    return normals[guide_tree.nearest_of(guides[: len(places)], 1)[0][:, 0]]
 
 
 def _near(places: NDArray[np.float64], corner: NDArray[np.float64], exponent: int) -> NDArray[np.float64]:
