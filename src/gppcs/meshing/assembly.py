@@ -8,7 +8,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from gppcs.engine.kernels import kernel
-from gppcs.meshing.coverage import COVERING_POINTS, Cover, are_covered, is_covered
+from gppcs.meshing.coverage import Cover, are_covered, is_covered, no_search
 from gppcs.meshing.halfedges import MOST_AROUND, EdgeTable, HalfEdges, add_edge, find_edge, following, preceding
 from gppcs.spatial.triangles import area_vector, dot, minus, row
 
@@ -282,7 +282,7 @@ def _fill_all(mesh, loops, ends, most, points, normals, reaches, cover, covered,
     for h in range(len(mesh.origin)):
         if mesh.origin[h] >= 0:
             add_edge(table, mesh.origin[h], mesh.origin[following(h)], h)
-    found, squared = np.empty(COVERING_POINTS, dtype=np.int64), np.empty(COVERING_POINTS, dtype=np.float64)
+    last = no_search()
     degrees = np.zeros(len(mesh.leaving), dtype=np.int64)
     for v in mesh.origin:
         if v >= 0:
@@ -301,7 +301,7 @@ def _fill_all(mesh, loops, ends, most, points, normals, reaches, cover, covered,
                 degrees[p] += 1
                 fits = fits and find_edge(table, p, q) < 0 and degrees[p] <= MOST_AROUND
             if fits and covered:
-                fits = is_covered(cover, points, reaches, added[t, 0], added[t, 1], added[t, 2], found, squared)
+                fits = is_covered(cover, points, reaches, added[t, 0], added[t, 1], added[t, 2], last)
         for t in range(count, count + new):
             for k in range(3):
                 p, q = added[t, k], added[t, (k + 1) % 3]

@@ -122,7 +122,10 @@ def _play(costs, winner, v):
     node = (len(costs) + v) // 2
     while node:
         a, b = winner[2 * node], winner[2 * node + 1]
-        winner[node] = b if costs[b] < costs[a] else a
+        best = b if costs[b] < costs[a] else a
+        if best == winner[node] != v:  # nothing changes above, either
+            return
+        winner[node] = best
         node //= 2
 
 

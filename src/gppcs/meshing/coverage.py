@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.spatial.kdtree import nearest_in_tree
+from gppcs.spatial.kdtree import limit_beside, nearest_within
 from gppcs.spatial.triangles import dot, minus, row
 
 RANK = 6  # a point covers the surface as far as its neighbour of this rank, times
@@ -18,6 +18,36 @@ COVERING_POINTS = 4  # dense points that may cover a place: the nearest ones
 MOST_STEPS = 8  # steps of the lattice of places along an edge, at most
 RISE = 0.2  # a covering point may lie this far off the triangle, in its longest edges: curved parts are covered too
 TRIANGLES_AT_ONCE = 64  # triangles that a thread takes at once, at least
+
+
+class LastSearch(NamedTuple):
+    """The dense points found near the last place that was looked at, from which the next search starts.
+
+    Attributes
+    ----------
+    place : (3,) array, float64
+    found : (COVERING_POINTS,) array, int64
+        Positions of the points, nearest first.
+    squared : (COVERING_POINTS,) array, float64
+        Their squared distances.
+    """
+
+    place: NDArray[np.float64]
+    found: NDArray[np.int64]
+    squared: NDArray[np.float64]
+
+
+@kernel
+def no_search():
+    """Return what stands for the last search before the first one.
+
+    Returns
+    -------
+    LastSearch
+    """
+    return LastSearch(
+        np.zeros(3), np.empty(COVERING_POINTS, dtype=np.int64), np.full(COVERING_POINTS, np.inf)
+    )  # fmt: skip
 
 
 class Cover(NamedTuple):
@@ -71,14 +101,14 @@ def are_covered(
 @kernel
 def _cover_all(begin, end, cover, triangles, points, reaches, covered):
     """Fill `covered`, (t,); other arrays as in `are_covered`."""
-    found, squared = np.empty(COVERING_POINTS, dtype=np.int64), np.empty(COVERING_POINTS, dtype=np.float64)
+    last = no_search()
     for t in range(begin, end):
         a, b, c = triangles[t]
-        covered[t] = is_covered(cover, points, reaches, a, b, c, found, squared)
+        covered[t] = is_covered(cover, points, reaches, a, b, c, last)
 
 
 @kernel
-def is_covered(cover, points, reaches, a, b, c, found, squared):
+def is_covered(cover, points, reaches, a, b, c, last):
     """Return whether the dense points cover the triangle of three corners.
 
     Parameters
@@ -89,8 +119,8 @@ def is_covered(cover, points, reaches, a, b, c, found, squared):
     reaches : (n,) array
         How far the corners cover the surface.
     a, b, c : int
-    found, squared : (COVERING_POINTS,) arrays, int64 and float64
-        Buffers.
+    last : LastSearch
+        Changed in place.
 
     Returns
     -------
@@ -103,29 +133,30 @@ def is_covered(cover, points, reaches, a, b, c, found, squared):
     if edge <= reach:  # every place is that near a corner
         return True
     steps = min(MOST_STEPS, max(2, int(np.ceil(edge / reach))))
-    if not _is_place_covered(cover, pa, ab, ca, 1 / 3, 1 / 3, edge, found, squared):
+    if not _is_place_covered(cover, pa, ab, ca, 1 / 3, 1 / 3, edge, last):
         return False
     for i in range(steps + 1):
         for j in range(steps + 1 - i):
             corner = i == steps or j == steps or i + j == 0
-            if not corner and not _is_place_covered(cover, pa, ab, ca, i / steps, j / steps, edge, found, squared):
+            if not corner and not _is_place_covered(cover, pa, ab, ca, i / steps, j / steps, edge, last):
                 return False
     return True
 
 
 @kernel
-def _is_place_covered(cover, a, ab, ca, v, w, edge, found, squared):
+def _is_place_covered(cover, a, ab, ca, v, w, edge, last):
     """Return whether a dense point covers the place a + v ab - w ca."""
     x, y, z = a[0] + v * ab[0] - w * ca[0], a[1] + v * ab[1] - w * ca[1], a[2] + v * ab[2] - w * ca[2]
-    squared[:] = np.inf
-    nearest_in_tree(cover.points, cover.low, cover.high, x, y, z, found, squared)
-    for slot in range(len(found)):
-        if squared[slot] == np.inf:
+    limit = limit_beside(last.squared[-1], x - last.place[0], y - last.place[1], z - last.place[2])
+    nearest_within(cover.points, cover.low, cover.high, x, y, z, limit, last.found, last.squared)
+    last.place[0], last.place[1], last.place[2] = x, y, z
+    for slot in range(len(last.found)):
+        if last.squared[slot] == np.inf:
             return False
-        j = found[slot]
+        j = last.found[slot]
         step = x - cover.points[0, j], y - cover.points[1, j], z - cover.points[2, j]
         rise = dot(step, row(cover.normals, j))
         reach = SPAN * cover.reaches[j]
-        if squared[slot] - rise * rise <= reach * reach and abs(rise) <= max(RISE * edge, reach):
+        if last.squared[slot] - rise * rise <= reach * reach and abs(rise) <= max(RISE * edge, reach):
             return True
     return False

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.meshing.halfedges import HalfEdges, following
-from gppcs.spatial.kdtree import KdTree, nearest_in_tree
+from gppcs.spatial.kdtree import KdTree, limit_beside, nearest_within
 from gppcs.spatial.triangles import cross, dot, minus, row
 
 NUMBERS = 10  # of a quadric
@@ -56,13 +56,18 @@ def _find_vertices(begin, end, points, normals, vertices, low, high, vertex_norm
     """Fill `found`, (N,), with one of `members`, (V',); vertices, (3, V'), and boxes are those of a tree."""
     k = min(NEAREST_VERTICES, vertices.shape[1])
     near, squared = np.empty(k, dtype=np.int64), np.empty(k, dtype=np.float64)
+    limit = np.inf
     for i in range(begin, end):
-        nearest_in_tree(vertices, low, high, points[i, 0], points[i, 1], points[i, 2], near, squared)
+        point = row(points, i)
+        nearest_within(vertices, low, high, point[0], point[1], point[2], limit, near, squared)
         found[i] = -1
         for j in near:
             if dot(row(normals, i), row(vertex_normals, j)) > 0.0:
                 found[i] = members[j]
                 break
+        if i + 1 < end:
+            step = minus(row(points, i + 1), point)
+            limit = limit_beside(squared[-1], step[0], step[1], step[2])
 
 
 def dense_quadrics(

@@ -21,6 +21,7 @@ SHARED_LEVELS = 5  # all threads split these levels together; below them, each t
 FEW_KEYS = 256  # for fewer keys than this, the median of three keys is a good enough pivot
 SAMPLED = 64  # for more keys, the pivot comes from a random sample of this many
 LCG_MULTIPLIER = np.uint64(6364136223846793005)  # of the linear congruential generator of that sample (Knuth)
+WIDENED, LEAST_LIMIT = 1.0 + 1e-9, 1e-300  # so that rounding and underflow put no point outside a limit
 PAST_MIDDLE = 2  # the pivot lies this many sample ranks past the wanted one, so that the part to keep is small
 
 
@@ -448,9 +449,28 @@ def nearest_in_tree(points, low, high, x, y, z, found, squared):
     squared : (k,) array, float64
         Filled with the squared distances.
     """
+    nearest_within(points, low, high, x, y, z, np.inf, found, squared)
+
+
+@kernel
+def nearest_within(points, low, high, x, y, z, limit, found, squared):
+    """Find the k points of a tree nearest to (x, y, z), of which it is known that they lie within some distance.
+
+    Parameters
+    ----------
+    points, low, high
+        As in `KdTree`.
+    x, y, z : float
+    limit : float
+        Above the squared distance to the k-th nearest point.
+    found : (k,) array, int64
+        Filled with positions in tree order, nearest first.
+    squared : (k,) array, float64
+        Filled with the squared distances.
+    """
     leaves = first_leaf(low)
     n = points.shape[1]
-    squared[:] = np.inf
+    squared[:] = limit
     stack = np.empty(64, dtype=np.int64)
     stack[0] = 1
     height = 1
@@ -478,12 +498,36 @@ def nearest_in_tree(points, low, high, x, y, z, found, squared):
                     squared[slot], found[slot] = d, j
 
 
+@kernel(fastmath=False, allocates=False)
+def limit_beside(squared, x, y, z):
+    """Return a limit for `nearest_within` at a place near another one.
+
+    Parameters
+    ----------
+    squared : float
+        Squared distance from the other place to its k-th nearest point.
+    x, y, z : float
+        Step between the places.
+
+    Returns
+    -------
+    float
+    """
+    limit = (np.sqrt(squared) + np.sqrt(x * x + y * y + z * z)) ** 2 * WIDENED + LEAST_LIMIT
+    return limit if limit < np.inf else np.inf  # not NaN
+
+
 @kernel
 def _nearest_of_all(begin, end, points, low, high, queries, found, squared):
     """Fill `found` and `squared`, (Q, k), with `nearest_in_tree` of each of the queries, (Q, 3)."""
+    limit, k = np.inf, squared.shape[1]
     for q in range(begin, end):
         x, y, z = queries[q]
-        nearest_in_tree(points, low, high, x, y, z, found[q], squared[q])
+        if q > begin and k > 0:
+            limit = limit_beside(
+                squared[q - 1, k - 1], x - queries[q - 1, 0], y - queries[q - 1, 1], z - queries[q - 1, 2]
+            )
+        nearest_within(points, low, high, x, y, z, limit, found[q], squared[q])
 
 
 @kernel(fastmath=False)

@@ -136,13 +136,23 @@ def _oriented(tree: KdTree, fits: tuple[KdTree, int] | None) -> NDArray[np.float
     areas = reaches**2
     doubts = np.empty(near.shape, dtype=np.float32)
     on_ranges(_doubt, len(points), points, normals, near, doubts, least=1024)
-    edges = np.argsort(doubts, axis=None, kind="stable")
-    pieces, signs = _signs(edges, points, normals, near)
+    pieces, signs = _signs(_ascending(doubts.ravel()), points, normals, near)
     normals *= signs[:, None]
     normals *= _outward(points, normals, areas, pieces)[pieces, None]
     oriented = np.empty_like(normals)
     oriented[tree.order] = normals
     return oriented
+
+
+def _ascending(numbers: NDArray[np.float32]) -> NDArray[np.int64]:
+    """Return what a stable argsort of numbers, (n,), returns, in a fraction of its time.
+
+    The order of floats is that of their bits, but for the sign. Keys of these bits and of the index are all different.
+    """
+    bits = (numbers + np.float32(0.0)).view(np.int32)  # -0.0 becomes 0.0
+    keys = np.where(bits < 0, bits ^ 0x7FFFFFFF, bits).astype(np.int64) << 32 | np.arange(len(bits))
+    keys.sort()
+    return keys & 0xFFFFFFFF
 
 
 def _outward(
