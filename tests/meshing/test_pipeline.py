@@ -202,6 +202,18 @@ def test_a_noisy_ball_stays_a_ball(level):
     assert off.mean() < 0.7 * level * size
 
 
+@pytest.mark.slow
+def test_noise_several_times_as_thick_as_the_spacing_still_leaves_a_surface():
+    rng = np.random.default_rng(0)
+    points = rng.standard_normal((3000, 3))
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    result = gppcs.mesh(points + 0.1 * rng.standard_normal(points.shape), n_points=100, moved=True)
+    assert topology_of(result.mesh.faces) == (0, 0, 0, 1, 0)
+    assert result.diagnostics["noise"] == pytest.approx(0.1, rel=0.3)
+    off = np.abs(np.linalg.norm(result.mesh.vertices, axis=1) - 1)
+    assert off.mean() < 0.08
+
+
 @pytest.mark.parametrize(
     ("points", "message"),
     [

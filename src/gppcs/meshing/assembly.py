@@ -98,8 +98,8 @@ def taken(triangles: NDArray[np.int64], n: int) -> NDArray[np.int64]:
 def _take(triangles, table, degrees, closed, take):
     """Mark in `take`, (t,), the triangles that are taken.
 
-    The table, empty at first, gets their edges: 3 t + k leads from corner k of triangle t to the next one. `degrees` and
-    `closed`, (n,), are the number of triangles at each vertex, and whether they close around it.
+    The table, empty at first, gets their edges: 3 t + k leads from corner k of triangle t to the next one. `degrees`
+    and `closed`, (n,), are the number of triangles at each vertex, and whether they close around it.
     """
     for t in range(len(triangles)):
         fits = True

@@ -77,8 +77,8 @@ def _fill_planes(begin, end, mesh, vertices, upright, sides):
     """Fill the normals of the triangles and the planes along their edges.
 
     `upright`, (F, 3), are not of unit length; their signs are all that matters. `sides`, (F, 3, 4), are the planes
-    through the edges that are upright on the triangle: the unit normal that points outward, and how far out the triangle
-    reaches.
+    through the edges that are upright on the triangle: the unit normal that points outward, and how far out the
+    triangle reaches.
     """
     for f in range(begin, end):
         if mesh.origin[3 * f] < 0:

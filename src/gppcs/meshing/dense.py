@@ -11,12 +11,14 @@ from gppcs.meshing.coverage import RANK, Cover
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import nearest_distances
-from gppcs.surface.noise import layer_of, projections
+from gppcs.surface.noise import THICK, layer_of, projections
 from gppcs.surface.normals import estimate_normals
 
 PER_VERTEX = 32  # dense points for each vertex of the result: more make the quadrics hardly better
 NOISY = 0.25  # least noise that counts, in distances to the neighbour of rank `RANK`
 FITS = 20, 40  # points of the quadrics that tell noise from detail; points go to the feet on those of the second
+FITS_OF_THICK, FITTED_TO_THICK = (40, 80, 160, 320, 640), 160  # the same for noise thicker than those fits reach
+FALLEN = 0.85  # a layer is noise if wider fits lower its share of their radius to this; it does not fall in a volume
 WIDEST_COVER = 2.0  # how far a point covers the surface at most, in median distances that its neighbours cover
 STEPS = 2  # such projections
 
@@ -49,7 +51,9 @@ class DensePoints:
     noise: float
 
     @classmethod
-    def of(cls, points: NDArray[np.float64], n_vertices: int, chosen: NDArray[np.int64]) -> DensePoints:
+    def of(
+        cls, points: NDArray[np.float64], n_vertices: int, chosen: NDArray[np.int64], thick: bool = False
+    ) -> DensePoints:
         """Take enough points of a cloud for a mesh, evenly.
 
         Parameters
@@ -60,6 +64,8 @@ class DensePoints:
             Vertices of the mesh.
         chosen : (m,) array, int64
             Rows that are taken in any case.
+        thick : bool
+            Whether to look for noise about as thick as the fits are wide, in which no surface was found.
 
         Returns
         -------
@@ -69,11 +75,12 @@ class DensePoints:
         tree = KdTree.build(points[rows])
         rows, raw = rows[tree.order], np.ascontiguousarray(tree.points.T)
         normals = estimate_normals(raw)
-        noise = _noise(tree)
+        noise = _thick_noise(tree) if thick else _noise(tree)
         places = raw
         if noise:
+            fitted = FITTED_TO_THICK if thick else FITS[1]
             for _ in range(STEPS):
-                feet, _ = projections(tree, KdTree.over(np.ascontiguousarray(places.T)), FITS[1])
+                feet, _ = projections(tree, KdTree.over(np.ascontiguousarray(places.T)), fitted)
                 places = np.ascontiguousarray(feet.points.T)
             tree = KdTree.build(places)
             rows, raw, places, normals = (
@@ -116,3 +123,17 @@ def _noise(tree: KdTree) -> float:
     fine, wide = (layer_of(tree, k) for k in FITS)
     spacing = float(np.median(nearest_distances(tree, RANK)))
     return wide.level if wide.level > NOISY * spacing and wide.level * fine.radius <= fine.level * wide.radius else 0.0
+
+
+def _thick_noise(tree: KdTree) -> float:
+    """Return the noise of the points of a tree, 0 if no fits reach across it, as in a volume."""
+    largest = 0.0
+    for k in FITS_OF_THICK:
+        if len(tree.order) <= 2 * k:
+            break
+        layer = layer_of(tree, k)
+        ratio = layer.level / layer.radius
+        largest = max(largest, ratio)
+        if ratio < FALLEN * largest and largest > THICK:
+            return layer.level
+    return 0.0

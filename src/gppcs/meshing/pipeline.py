@@ -316,11 +316,7 @@ class _Maker:
         stages = self.stages
         n_vertices = -(-count // 2) if counts_faces else count
         chosen = np.empty(0, dtype=np.int64) if self.chosen is None else self.chosen
-        with stages("normals"):
-            dense = DensePoints.of(self.points, max(n_vertices, LEAST_VERTICES), chosen)
-        with stages("first mesh"):
-            level = self._level(dense, max(n_vertices, LEAST_VERTICES), chosen)
-            faces, left_out = _first_mesh(dense, level)
+        dense, level, faces, left_out = self._begin(max(n_vertices, LEAST_VERTICES), chosen)
         kept = np.isin(dense.rows[level], chosen)
         with stages("quadrics"):
             draft = Draft.of(dense, self.moved, level, kept, faces)
@@ -356,6 +352,23 @@ class _Maker:
         return _Made(
             faces.reshape(-1, 3), draft.vertices[used], draft.normals[used], dense.rows[draft.level[used]], diagnostics
         )  # fmt: skip
+
+    def _begin(
+        self, n_vertices: int, chosen: NDArray[np.int64]
+    ) -> tuple[DensePoints, NDArray[np.int64], NDArray[np.int64], float]:
+        """Return the dense points, the positions of those of the first mesh, and what `_first_mesh` returns."""
+        for thick in (False, True):
+            with self.stages("normals"):
+                dense = DensePoints.of(self.points, n_vertices, chosen, thick)
+            if thick and not dense.noise:
+                break
+            with self.stages("first mesh"):
+                level = self._level(dense, n_vertices, chosen)
+                try:
+                    return dense, level, *_first_mesh(dense, level)
+                except NoSurfaceError as error:
+                    found = error
+        raise found
 
     def _thin_out(self, draft: Draft, target: int, counts_faces: bool) -> None:
         """Remove vertices until the target is reached; then let others take the place of the least useful ones."""
