@@ -13,7 +13,6 @@ from copc_file import write_copc
 from gppcs.engine.stages import Stages
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.query import Query
-from gppcs.spatial.chunks import ChunkedPoints
 from gppcs.spatial.scaling import Frame
 from gppcs.streaming import cluster
 from gppcs.streaming.cluster import Cluster, local_cluster, scheduler_at
@@ -227,10 +226,10 @@ def test_tiles_are_worked_on_by_workers_alone(three, paths, small_tiles, tmp_pat
     """No points but the kept ones go through the client."""
     expected = gppcs.simplify_files(paths, n_points=1_000, invalid="drop", memory="3GB")
 
-    def unread(self, seen, frame):
-        return ChunkedPoints(seen.finite, lambda: pytest.fail("the client reads points"))
+    def unread(*of, **options):
+        pytest.fail("the client reads points")
 
-    monkeypatch.setattr("gppcs.streaming.reading.FilePasses.points", unread)  # in this process
+    monkeypatch.setattr("gppcs.streaming.reading.FilePasses._usable_parts", unread)  # in this process
     options = {"invalid": "drop", "memory": "3GB", "scratch": tmp_path, "client": three}
     assert_same(gppcs.simplify_files(paths, n_points=1_000, **options), expected)
     assert not list(tmp_path.iterdir())
