@@ -9,7 +9,7 @@ import pytest
 
 import gppcs
 
-N, M = 40_000, 1_200
+N, M = 100_000, 3_000
 FAR = 1e6  # in diagonals of the cloud
 
 

@@ -36,7 +36,7 @@ def one_blas_thread() -> Iterator[None]:
 
 @cache
 def _libraries() -> ThreadpoolController:
-    """Find the libraries of the process, once, as that takes some milliseconds."""
+    """Find the libraries of NumPy and SciPy, once, as that takes some milliseconds."""
     import scipy.linalg  # noqa: F401 - it loads a library of its own
 
     return ThreadpoolController()
