@@ -3,6 +3,7 @@
 import errno
 import subprocess
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
@@ -217,3 +218,10 @@ def test_a_step_is_done_once(tmp_path):
     with pytest.raises(ZeroDivisionError):
         Journal(tmp_path).once("two", lambda: 1 // 0)
     assert Journal(tmp_path).once("two", lambda: 5) == 5
+
+
+def test_a_result_that_a_stopped_machine_left_incomplete_is_found_anew(tmp_path):
+    for result in (1, 2):
+        assert Journal(tmp_path).once("one", partial(list, range(result))) == list(range(result))
+        [file] = tmp_path.iterdir()
+        file.write_bytes(file.read_bytes()[:-3])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pickle
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TypeVar
 
@@ -40,8 +41,9 @@ class Journal:
         """
         path = self._folder / f"{step}.done"
         if path.exists():
-            result: Result = pickle.loads(path.read_bytes())
-            return result
+            with suppress(EOFError, pickle.UnpicklingError):  # a machine that stopped may leave an incomplete file
+                result: Result = pickle.loads(path.read_bytes())
+                return result
         result = work()
         unfinished = path.with_suffix(".part")
         unfinished.write_bytes(pickle.dumps(result, protocol=pickle.HIGHEST_PROTOCOL))

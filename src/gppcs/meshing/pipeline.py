@@ -115,7 +115,7 @@ def mesh(
     ratio : float, optional
         M / N, above 0 and at most 1.
     n_faces : int, optional
-        The number of triangles at most, at least 4.
+        The number of triangles at most, at least 4; filled holes add some.
     tolerance : float, optional
         Mean distance from the points to the mesh at most, in the unit of the cloud. The mesh has about as few
         vertices as it allows.

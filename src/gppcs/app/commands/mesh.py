@@ -75,7 +75,7 @@ def mesh(
         str | None,
         typer.Option(
             metavar="F",
-            help="Number of triangles at most.",
+            help="Number of triangles at most; filled holes add some.",
             rich_help_panel=panels.SIZE,
         ),
     ] = None,
