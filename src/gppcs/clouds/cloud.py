@@ -183,7 +183,7 @@ class PointCloud(ComparedByValue):
         return len(self.points)
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
-        return np.array(self.points, dtype, copy=copy)
+        return np.asarray(self.points, dtype) if copy is None else np.array(self.points, dtype, copy=copy)
 
     def __iter__(self) -> Iterator[NDArray[np.float64]]:
         return iter(self.points)
