@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
@@ -183,7 +183,7 @@ class Judge(Protocol):
         ...
 
     def judged(self, kept: Points) -> dict[Measure, float]:
-        """Return the errors of some places; if they miss the tolerance, perhaps only the least that it can be."""
+        """Return the errors of some places; if they miss the tolerance, perhaps only a lower bound of the asked one."""
         ...
 
 
@@ -228,7 +228,7 @@ class Search:
     tolerance, measure, choose, least
         As for `fewest_points`.
     most : int, optional
-        So many points at most can be chosen, besides all.
+        The most points that can be ranked, besides all N.
     """
 
     def __init__(
@@ -246,14 +246,21 @@ class Search:
 
     def ranked(self) -> tuple[Selection, dict[Measure, float]]:
         """Search among the first points of a ranking that is long enough."""
-        most = self.most
+        n, most = self.n, self.most
+        if self.least > most < n - 1:
+            raise _too_many_to_keep(self.least, most)
         count = judged = max(min(FIRST, most), self.least)
-        before, error_before, flattest = count // 2, math.inf, FLATTEST_AT_FIRST
+        before, error_before, flattest = 0, math.inf, FLATTEST_AT_FIRST
         while 0 < count <= most:
             ranking = self.choose(count)
+            if not ranking.ranked or len(ranking.indices) < count:  # these are all places: others repeat them
+                n, most = len(ranking.indices), len(ranking.indices) - 1
+                count, judged = max(min(count, most), self.least), min(judged, most)
+                continue
             places = self.judge.places(ranking)
             error = self._guessed(places[:judged])
             if math.isinf(error_before):
+                before = judged // 2
                 error_before = self._guessed(places[:before])
             power = _power(before, error_before, judged, error, flattest)
             guess = self._crossing(judged, error, power)
@@ -262,11 +269,11 @@ class Search:
                 if errors[self.measure] <= self.tolerance:
                     return first_of(ranking, enough), errors
             before, error_before, flattest = judged, error, FLATTEST
-            if count == most < self.n - 1:
+            if count == most < n - 1:
                 raise _missed(most)
             judged = min(max(round(guess), count), most)
-            count = self.n if count == most else min(math.ceil(SPARE * judged), most)
-        return self.choose(self.n), dict.fromkeys(MEASURES, 0.0)
+            count = n if count == most else min(math.ceil(SPARE * judged), most)
+        return self.choose(n), dict.fromkeys(MEASURES, 0.0)
 
     def unranked(self) -> tuple[Selection, dict[Measure, float]]:
         """Search among the choices of all numbers."""
@@ -338,11 +345,17 @@ class Search:
 
 
 def _missed(most: int) -> InputError:
-    """Return the error for a tolerance that too few points miss."""
+    """Return the error for a tolerance that even the most points that fit into memory miss."""
     found = f"expected a tolerance that {most:,} points reach, the most that fit into memory, found one that they miss"
     return InputError(
         f"{found}; allow a larger error, or raise memory=", command=f"{found}; allow a larger error, or raise --memory"
     )
+
+
+def _too_many_to_keep(kept: int, most: int) -> InputError:
+    """Return the error for more points to keep than can be ranked."""
+    found = f"points to keep: expected at most {most:,}, the most that can be ranked in memory, found {kept:,}"
+    return InputError(f"{found}; select fewer, or raise memory=", command=f"{found}; select fewer, or raise --memory")
 
 
 def first_of(ranking: Selection, count: int) -> Selection:
@@ -358,11 +371,11 @@ def first_of(ranking: Selection, count: int) -> Selection:
     -------
     Selection
     """
-    return Selection(
-        ranking.indices[:count],
-        ranking.diagnostics,
-        None if ranking.points is None else ranking.points[:count],
-        {name: values[:count] for name, values in ranking.attributes.items()},
+    return replace(
+        ranking,
+        indices=ranking.indices[:count],
+        points=None if ranking.points is None else ranking.points[:count],
+        attributes={name: values[:count] for name, values in ranking.attributes.items()},
     )
 
 

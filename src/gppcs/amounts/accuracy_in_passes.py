@@ -32,7 +32,7 @@ def fewest_points_in_passes(
     most: int,
     stages: Stages,
 ) -> tuple[Selection, dict[Measure, float]]:
-    """Choose as `fewest_points` the first points of a ranking, of which each is judged by a pass over all points.
+    """Choose as `fewest_points` the first points of a ranking. Each number of first points is judged by a pass.
 
     They need not be as many as in memory, where another sample tells the guess that the search begins with.
 
@@ -78,6 +78,8 @@ class _ChunkJudge:
             self._some = Original(points.take(rows, advanced))
 
     def places(self, selection: Selection) -> Points:
+        if selection.points is not None:
+            return selection.points
         with self._stages("accuracy", len(self._points)) as advanced:
             return self._points.at(selection.indices, advanced)
 
@@ -93,10 +95,12 @@ class _ChunkJudge:
             far = float(np.quantile(of_some, share)) if share else 0.0
             with self._stages("accuracy", len(self._points)) as advanced:
                 found = list(self._points.each(partial(_measured, surface, far), advanced))
-            distances = np.concatenate([each.far for each in found])
+            farther = np.concatenate([each.farther for each in found])
             n = len(self._points)
-            if len(distances) >= n - _rank(n):
+            lacking = max(0, n - _rank(n) - len(farther))
+            if sum(each.ties for each in found) >= lacking:
                 break
+        distances = np.concatenate([np.full(lacking, far), farther])
         return {
             "mean": mean_of(sum(each.total for each in found), n),
             "rms": math.sqrt(mean_of(sum(each.squares for each in found), n)),
@@ -106,17 +110,22 @@ class _ChunkJudge:
 
 
 class _Measured(NamedTuple):
-    """What is known of the distances of a chunk: exact sums of them and of their squares, and the largest ones."""
+    """What is known of the distances of a chunk: exact sums of them and of their squares, and the largest ones.
+
+    Distances that equal the least one that counts are only counted, as on a plane they can be many.
+    """
 
     total: int
     squares: int
-    far: NDArray[np.float64]
+    ties: int
+    farther: NDArray[np.float64]
 
 
 def _measured(surface: LocalSurface, far: float, first: int, chunk: NDArray[np.float64]) -> _Measured:
-    """Measure the points of a chunk; return the distances that are at least `far`."""
+    """Measure the points of a chunk; return the distances above `far`, and how many are equal to it."""
     distances = surface.nearest_to(chunk)[0]
-    return _Measured(exact_sum(distances), exact_sum(distances**2), distances[distances >= far])
+    ties = int((distances == far).sum())
+    return _Measured(exact_sum(distances), exact_sum(distances**2), ties, distances[distances > far])
 
 
 def _rank(n: int) -> int:

@@ -116,8 +116,7 @@ def choose_guided(
     if count < len(points):
         selection = method.guided_in_passes(points, count - len(again), fixed, weights, stages)
     if selection is None:
-        guide = Guide(to_keep.rows, None if weights is None else weights.every(1))
-        asked = _Asked.of(points.every(1), guide, method, stages)
+        asked = _Asked.of(points, to_keep, weights, method, stages)
         return asked.with_repeats(asked.of_number(count), count if repeats else 0)
     return _with_repeats(selection, again, len(fixed.rows))
 
@@ -270,16 +269,16 @@ def _of_amount(
     from gppcs.spatial.chunks import ChunkedPoints, ChunkedValues, Places
 
     chunked = ChunkedPoints.of(points)
+    to_keep = Places(guide.keep, points[guide.keep], np.zeros(len(guide.keep), dtype=np.float32))
+    weights = None if guide.weights is None else ChunkedValues.of(guide.weights)
     if count is None and amount.max_gap is not None and amount.tolerance is None and amount.spacing is None:
         area = method.surface_area(chunked, stages)
         if area is not None:
             count = fewest_without_gaps(area, scale.inside(amount.max_gap), len(guide.keep), len(points))
     if count is not None:
-        to_keep = Places(guide.keep, points[guide.keep], np.zeros(len(guide.keep), dtype=np.float32))
-        weights = None if guide.weights is None else ChunkedValues.of(guide.weights)
         exact = amount.known_count(len(points)) is not None
         return choose_guided(chunked, count, to_keep, weights, method, stages, repeats=exact)
-    asked = _Asked.of(points, guide, method, stages)
+    asked = _Asked.of(chunked, to_keep, weights, method, stages)
     if amount.tolerance is not None:
         selection = asked.of_accuracy(amount, scale)
     elif amount.spacing is not None:
@@ -294,11 +293,9 @@ def _of_amount(
 class _Asked:
     """The places among which is chosen. The first `fixed` of them are kept.
 
-    `rows` are those of the places, `repeats` are rows to keep at the same places; `every` holds all rows that
-    may be kept.
+    `rows` are those of the places, `repeats` are rows to keep at the same places.
     """
 
-    every: NDArray[np.int64]
     places: Points
     rows: NDArray[np.int64]
     fixed: int
@@ -308,22 +305,26 @@ class _Asked:
     stages: Stages
 
     @classmethod
-    def of(cls, points: Points, guide: Guide, method: Method, stages: Stages) -> _Asked:
-        from gppcs.spatial.chunks import ChunkedPoints
+    def of(
+        cls, points: ChunkedPoints, to_keep: Places, weights: ChunkedValues | None, method: Method, stages: Stages
+    ) -> _Asked:
+        from gppcs.spatial.cells import first_occurrences
+        from gppcs.spatial.chunks import joined_places
 
-        order = guide.order(len(points))
-        with stages("repeats", len(order)) as advanced:
-            distinct = ChunkedPoints.of(points[order]).distinct(advanced)
-        fixed = int(np.searchsorted(distinct.rows, len(guide.keep)))
-        rows = order[distinct.rows]
-        weights = None if guide.weights is None else guide.weights[rows]
-        repeats = np.setdiff1d(guide.keep, rows[:fixed], assume_unique=True)
-        return cls(order, distinct.points, rows, fixed, repeats, weights, method, stages)
+        with stages("repeats", len(points)) as advanced:
+            found = points.distinct(advanced)
+        fixed, repeats = 0, to_keep.rows
+        if len(to_keep.rows):
+            found = joined_places([to_keep, found])
+            first = first_occurrences(found.points)
+            among = first[: len(to_keep.rows)]
+            fixed, repeats = int(among.sum()), to_keep.rows[~among]
+            found = found.take(np.flatnonzero(first))
+        of_places = None if weights is None else weights.at(found.rows)
+        return cls(found.points, found.rows, fixed, repeats, of_places, method, stages)
 
     def of_number(self, count: int) -> Selection:
-        """Return a number of points, or all places if there are no more."""
-        _check_to_keep(self.fixed + len(self.repeats), count)
-        _check_weighted(len(self.every), count)
+        """Return a number of points, those to keep among them, or all places if there are no more."""
         return self._chosen(count - len(self.repeats))
 
     def of_accuracy(self, amount: Amount, scale: Scale) -> Selection:
@@ -352,7 +353,7 @@ class _Asked:
         chosen = dataclasses.replace(selection, indices=self.rows[selection.indices])
         found = _with_repeats(chosen, self.repeats, self.fixed)
         lacking = max(0, count - len(found.indices))
-        others = np.setdiff1d(self.every, found.indices)[:lacking]
+        others = np.setdiff1d(np.arange(count), found.indices)[:lacking]
         return dataclasses.replace(
             found,
             indices=np.concatenate([found.indices, others]),

@@ -103,22 +103,6 @@ class Guide:
         """
         return Guide(np.searchsorted(rows, self.keep), None if self.weights is None else self.weights[rows])
 
-    def order(self, n: int) -> NDArray[np.int64]:
-        """Return the rows among which is chosen.
-
-        Parameters
-        ----------
-        n : int
-            N, the number of points.
-
-        Returns
-        -------
-        (n,) array, int64
-            As `rows`, but first those to keep.
-        """
-        rows = self.rows(n)
-        return np.concatenate([self.keep, np.setdiff1d(rows, self.keep, assume_unique=True)])
-
 
 class WeightRange(NamedTuple):
     """What is known of some weights.
