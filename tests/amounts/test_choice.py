@@ -150,6 +150,21 @@ def test_a_weight_may_be_an_attribute():
     assert (by_name == gppcs.simplify(BALL, n_points=200, weight=cloud.attributes["worth"]).indices).all()
 
 
+@pytest.mark.parametrize(
+    ("values", "found"),
+    [
+        (np.full(len(BALL.points), "much"), "texts"),
+        (np.full(len(BALL.points), "much", dtype=object), "texts"),
+        (BALL.points, "3"),
+        (np.zeros(len(BALL.points), dtype="datetime64[s]"), r"values of type datetime64\[s\]"),
+    ],
+)
+def test_an_attribute_that_is_no_weight_is_told(values, found):
+    cloud = gppcs.PointCloud(BALL.points, {"worth": values})
+    with pytest.raises(gppcs.ParameterError, match=f"'worth' to hold one number for each point, found {found}$"):
+        gppcs.simplify(cloud, n_points=5, weight="worth")
+
+
 WRONG = [
     ({"keep": range(6)}, gppcs.InputError, "points to keep: expected at most 5, .* found 6"),
     ({"keep": [4000]}, gppcs.ParameterError, "rows from 0 to 3999, found 4000"),

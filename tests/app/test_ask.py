@@ -25,6 +25,19 @@ def test_a_tolerance_is_reached_by_evaluate(gppcs_command, scan):
     assert record["relative"]["surface_mean"] <= 0.02
 
 
+def test_a_tolerance_is_reached_in_passes_too(gppcs_command, folder, monkeypatch):
+    monkeypatch.setattr("gppcs.gp.local.survey.LARGE", 2_000)
+    monkeypatch.setattr("gppcs.gp.local.survey.PER_POINT", 2)
+    gppcs.write("scan.ply", gppcs.sample("bracket", 6_000))
+    monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
+    code, out, _ = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--tolerance", "2%", "--memory", "3GB")
+    assert code == 0
+    assert "  (asked: 2%)" in out
+    record = json.loads(gppcs_command("evaluate", "scan.ply", "out.ply", "--json")[1])
+    assert record["relative"]["surface_p95"] <= 0.02
+    assert len(gppcs.read("out.ply")) < 1_000
+
+
 def test_a_tolerance_that_the_points_do_not_resolve_is_told(gppcs_command, scan):
     for tolerance, told in (("0.01%", True), ("2%", False)):
         _, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--force", "--tolerance", tolerance, *FAST)
@@ -140,7 +153,10 @@ def test_outliers_are_left_out_and_listed(gppcs_command, folder):
         (["--tolerance", 1, "--measure", "p99"], ["'p99' is not one of"]),
         (["--points", 5, "--measure", "p95"], ["a tolerance together with --measure"]),
         (["--tolerance", "1%", "--dry-run"], ["--ratio or --points with --dry-run"]),
-        (["--tolerance", "1%", "--memory", "1MB"], ["at least 251 MB of memory to choose 400 of about 400"]),
+        (
+            ["--tolerance", "1%", "--memory", "1MB"],
+            ["expected at least 251 MB of memory to look for this tolerance in passes over", "MB; raise --memory\n"],
+        ),
         (["--points", 5, "--weight", "red", "--memory", "1MB"], ["expected at least 251 MB of memory to choose 5 of"]),
         (["--points", 5, "--keep", "z > 60", "--memory", "1MB"], ["to choose 5 of about 400 points in passes"]),
         (["--max-gap", "-1"], ["expected --max-gap to be above 0"]),

@@ -1,11 +1,14 @@
 """What is asked for besides a number, in passes: the same points as in memory, whatever the files and chunks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import gppcs
 from gppcs.engine.stages import Stages
 from gppcs.io.cloud_files import CloudFiles
+from gppcs.spatial.chunks import ChunkedPoints
 from gppcs.spatial.kdtree import KdTree
 from gppcs.streaming import asked as streaming_asked
 from gppcs.streaming import files as streaming_files
@@ -202,6 +205,71 @@ def test_a_tolerance_is_reached_and_five_per_cent_fewer_points_miss_it(
     assert gppcs.evaluate(usable, fewer.cloud).figures()[f"surface_{measure}"] > tolerance
 
 
+@pytest.mark.parametrize(
+    ("wanted", "message"),
+    [
+        ({"tolerance": 1e-9}, "expected a tolerance that 300 points reach, the most that fit into memory, found one"),
+        (
+            {"tolerance": 4.0, "keep": "z > 30"},
+            r"points to keep: expected at most 300, the most that can be ranked in memory, found 1,589; select fewer",
+        ),
+    ],
+)
+def test_a_tolerance_that_takes_too_long_a_ranking_is_refused(
+    in_passes, short_rankings, monkeypatch, paths, wanted, message
+):
+    monkeypatch.setattr(streaming_asked, "_most_ranked", lambda *of: 300)
+    with pytest.raises(gppcs.InputError, match=message):
+        in_passes(1_000, paths, **wanted)
+
+
+def test_the_longest_ranking_is_found_up_to_a_fifth():
+    def in_passes(count):
+        if count > 7_777:
+            raise gppcs.InputError
+
+    begun = Plan(Way.PASSES, N * 100, 1_000, 0, None, 1_000)
+    assert 7_777 / 1.2 <= streaming_asked._most_ranked(begun, in_passes) <= 7_777
+    assert streaming_asked._most_ranked(replace(begun, points=5_000), in_passes) == 5_000
+
+
+@pytest.fixture
+def few_places(cloud, tmp_path):
+    """A cloud of 80 places, each of them 50 times, in two files. Two of them are to be kept."""
+    usable = cloud.take(np.arange(0, 480, 6))
+    cloud = usable.take(np.random.default_rng(7).permutation(np.repeat(np.arange(80), 50)))
+    paths = [tmp_path / "a.ply", tmp_path / "b.ply"]
+    for path, rows in zip(paths, np.split(np.arange(len(cloud)), [1_500]), strict=True):
+        gppcs.write(path, cloud.take(rows))
+    return cloud, paths
+
+
+@pytest.mark.parametrize("keep", [None, "kind == 1"])
+def test_where_points_repeat_few_places_a_ranking_of_these_is_judged(in_passes, short_rankings, few_places, keep):
+    cloud, paths = few_places
+    found = in_passes(1_000, paths, tolerance=6.0, measure="mean", keep=keep)
+    expected = gppcs.simplify(cloud, tolerance=6.0, measure="mean", keep=keep)
+    assert found.diagnostics["surface_mean"] <= 6.0
+    assert len(expected.indices) < 500
+    assert abs(len(found.indices) - len(expected.indices)) <= 1
+    assert in_passes(1_000, paths, tolerance=1e-9, measure="max").diagnostics["surface_max"] == 0.0
+
+
+@pytest.mark.parametrize("n_points", [101, 120, 300])
+def test_few_places_are_never_all_read_into_memory(in_passes, short_rankings, monkeypatch, few_places, n_points):
+    cloud, paths = few_places
+    wanted = {"n_points": n_points, "keep": "kind == 1", "weight": "half"}
+    expected = gppcs.simplify(cloud, scores=True, **wanted)
+    plain = ChunkedPoints.every
+
+    def every(self, step, *more):
+        assert step > 1
+        return plain(self, step, *more)
+
+    monkeypatch.setattr(ChunkedPoints, "every", every)
+    assert_same(in_passes(1_000, paths, **wanted), expected)
+
+
 def test_an_accuracy_and_no_larger_gap(in_passes, short_rankings, paths):
     found = in_passes(1_000, paths, tolerance=4.0, max_gap=9.0)
     assert found.diagnostics["surface_p95"] <= 4.0
@@ -249,7 +317,6 @@ def test_points_to_keep_come_first(cloud):
         ({"n_points": 95, "weight": "hall"}, "the cloud has no attribute 'hall' to weigh its points by; did you mean"),
         ({"n_points": 95, "weight": np.ones(N)}, "as weight takes all points at once"),
         ({"tolerance": 1.0, "method": "fps"}, "as tolerance takes all points at once"),
-        ({"tolerance": 1e-9}, "expected a tolerance that .* points reach, the most that fit into memory"),
         ({"tolerance": "4mm"}, "does not say in which unit"),
         ({"max_gap": "4mm"}, "does not say in which unit"),
         ({"max_gap": 4.0, "keep": "kind == 7"}, "expected points with kind == 7 to keep, found none"),

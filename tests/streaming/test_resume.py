@@ -106,6 +106,20 @@ def test_passes_that_reach_an_accuracy(path, monkeypatch):
     assert_goes_on(path, None, Interrupt("accuracy", 2), ["bounds", "greedy selection"], tolerance=9.0)
 
 
+def test_memory_that_is_free_later_makes_no_difference(path, monkeypatch):
+    monkeypatch.setattr("gppcs.streaming.asked.FIRST", 100)
+    monkeypatch.setattr("gppcs.amounts.accuracy.FIRST", 100)
+    options = {"tolerance": 9.0, "scratch": path.parent / "scratch", "resume": True}
+    monkeypatch.setattr("gppcs.streaming.plan.available_memory", lambda: 6 * 10**9)
+    with pytest.raises(InterruptionError):
+        gppcs.simplify_files(path, stages=Stages(Interrupt("kept points")), **options)
+    monkeypatch.setattr("gppcs.streaming.plan.available_memory", lambda: 10**9)
+    heard = Interrupt()
+    gppcs.simplify_files(path, stages=Stages(heard), **options)
+    assert heard.seen == ["kept points"]
+    assert not list(options["scratch"].iterdir())
+
+
 def test_passes_that_fill_gaps(path):
     assert_goes_on(path, 70, Interrupt("gaps", 2), ["bounds", "sample", "greedy selection"], max_gap=9.0)
     assert_goes_on(path, 70, Interrupt("kept points"), ["bounds", "greedy selection", "gaps"], max_gap=9.0)

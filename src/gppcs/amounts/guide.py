@@ -295,7 +295,7 @@ def weights_of(cloud: PointCloud, weight: Any) -> NDArray[np.float64]:
         if weight not in cloud.attributes:
             near = nearest_name(weight, cloud.attributes) if cloud.attributes else "; it has none at all"
             raise InputError(f"the cloud has no attribute {shown(weight)} to weigh its points by{near}")
-        weight = cloud.attributes[weight]
+        return _weights_in(cloud, weight)
     expected = f"expected weight to be an attribute, or a number for each of the {len(cloud):,} points"
     try:
         given = np.asarray(weight)
@@ -303,5 +303,23 @@ def weights_of(cloud: PointCloud, weight: Any) -> NDArray[np.float64]:
         raise ParameterError(f"{expected}, found {shown(weight)}") from None
     if given.shape != (len(cloud),) or given.dtype.kind not in "biuf":
         raise ParameterError(f"{expected}, found {shown(weight)}")
+    return _as_weights(given)
+
+
+def _weights_in(cloud: PointCloud, name: str) -> NDArray[np.float64]:
+    """Return the weights in an attribute."""
+    values = cloud.attributes[name]
+    if values.ndim == 1 and values.dtype.kind in "biuf":
+        return _as_weights(values)
+    if values.ndim > 1:
+        found = f"{math.prod(values.shape[1:])}"
+    elif values.dtype.kind in "US" or (values.dtype.kind == "O" and isinstance(values[0], str)):
+        found = "texts"
+    else:
+        found = "lists" if values.dtype.kind == "O" else f"values of type {values.dtype}"
+    raise ParameterError(f"expected attribute {shown(name)} to hold one number for each point, found {found}")
+
+
+def _as_weights(given: NDArray[Any]) -> NDArray[np.float64]:
     with np.errstate(over="ignore"):  # an infinite weight gets an error of its own
         return given.astype(np.float64)

@@ -17,7 +17,7 @@ from gppcs.methods import Method
 from gppcs.simplification import takes_all_points
 from gppcs.streaming.cluster import Cluster
 from gppcs.streaming.passes import Accuracy, count_in_passes
-from gppcs.streaming.plan import FEWEST_ROWS, Besides, Plan, plan
+from gppcs.streaming.plan import FEWEST_ROWS, Besides, Plan, default_limit, plan
 
 GUESS = 0.1  # Share of the points that are kept, if only the work tells their number.
 
@@ -71,6 +71,7 @@ def plan_for(
     ClusterError, FileFormatError, InputError, OSError, ParameterError
         As for `simplify_files`.
     """
+    allowed, limit = limit, limit or default_limit()  # what is free changes while this works
     wanted = {name: asked[name] for name in ("ratio", "n_points", "keep", "weight")}
     besides = Besides(*(asked[name] is not None for name in ("keep", "weight", "max_gap", "tolerance")))
 
@@ -95,14 +96,15 @@ def plan_for(
         in_passes = partial(plan, files, method, None, limit=limit, shared=True, besides=besides)
         begun = replace(in_passes(FIRST), rows=FEWEST_ROWS)  # small chunks leave the most room for longer rankings
         measure: Measure = asked["measure"] or "p95"
-        accuracy = Accuracy(Length.of("tolerance", asked["tolerance"]), measure, _most_ranked(begun, in_passes))
+        most = _most_ranked(begun, in_passes)
+        accuracy = Accuracy(Length.of("tolerance", asked["tolerance"]), measure, most, allowed)
         return Planned(begun, wanted | {"accuracy": accuracy, "metres": metres})
     count = count_in_passes(files, made(None, 1), method, asked, metres, stages, cluster)
     return Planned(made(None, count), wanted | {"n_points": count, "repeats": False})
 
 
 def _most_ranked(begun: Plan, in_passes: Callable[[int], Plan]) -> int:
-    """Return how many points can be ranked, up to a tenth; `in_passes` raises an error if they are too many."""
+    """Return how many points can be ranked, up to a fifth; `in_passes` raises an error if they are too many."""
     most, step = begun.kept, 2.0
     while step > 1.1:
         try:

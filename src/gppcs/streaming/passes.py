@@ -41,12 +41,15 @@ class Accuracy(NamedTuple):
     measure : str
         Which error is meant.
     most : int
-        So many points at most can be ranked in the memory allowed.
+        So many points at most can be ranked in memory. Resumed work goes on with the number of the first run.
+    memory : int or None
+        Bytes of memory that users allow; None if they do not say it.
     """
 
     tolerance: Length
     measure: Measure
     most: int
+    memory: int | None
 
 
 def simplify_in_passes(
@@ -113,7 +116,8 @@ def simplify_in_passes(
     check_scores(scores, method, files.head().cloud)
     passes = _passes(files, plan, cluster)
     guide, shared = _guide_of(keep, weight), cluster is not None
-    asked = (method, ratio, n_points, invalid, plan.way, shared, keep, weight, accuracy, max_gap, metres, repeats)
+    wanted = None if accuracy is None else accuracy._replace(most=0)  # which depends on the memory that is free
+    asked = (method, ratio, n_points, invalid, plan.way, shared, keep, weight, wanted, max_gap, metres, repeats)
     with scratch_folder(scratch, plan.disk, work_name(files, asked) if resume else None) as folder:
         journal = Journal(folder)
         seen = journal.once("bounds", lambda: _overview(passes, plan, stages, guide))
@@ -167,10 +171,9 @@ def _accurate(
             lambda: choose_guided(points, count, to_keep, weights, method, stages, repeats=False),
         )
 
+    most = journal.once("most", lambda: accuracy.most)
     tolerance, least = scale.inside(accuracy.tolerance), max(len(to_keep.rows), 1)
-    selection, errors = fewest_points_in_passes(
-        points, tolerance, accuracy.measure, ranked, least, accuracy.most, stages
-    )
+    selection, errors = fewest_points_in_passes(points, tolerance, accuracy.measure, ranked, least, most, stages)
     found = {f"surface_{name}": scale.outside(error) for name, error in errors.items()}
     return replace(selection, diagnostics={**selection.diagnostics, **found})
 

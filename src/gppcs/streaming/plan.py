@@ -21,7 +21,7 @@ from gppcs.streaming.sizes import size_of
 PASSES = 4  # Bounds, a sample, candidates, and the kept points. One or two more if the area is far off.
 PASSES_OF_WEIGHTS = 2  # More: one finds their mean, the other those of the candidates.
 PASSES_OF_GAPS = 3  # More: the places of the kept points, those in gaps, and the largest gap that is left.
-GAPS = 200  # Bytes of memory for each point in a gap, with trees over these and the kept points.
+GAPS = 200  # Bytes of memory for each point in a gap, with a tree over these.
 PASSES_OF_ACCURACY = 6  # More: a sample, the places of a ranking, and four judgements. Each other ranking takes three.
 DISTANCES = 1  # Byte of memory for each point, where its distance from a surface is measured: the largest are held.
 PROGRAM = 250_000_000  # Bytes that the program itself takes, with its libraries and compiled kernels.
@@ -118,6 +118,18 @@ class Plan:
         return 1 if self.in_memory else PASSES + self.besides.passes
 
 
+def default_limit() -> int | None:
+    """Return how many bytes of memory the process may hold if users do not say it: half of what is free now.
+
+    Returns
+    -------
+    int or None
+        None if the platform does not tell what is free.
+    """
+    free = available_memory()
+    return free // 2 if free else None
+
+
 def plan(
     files: CloudFiles,
     method: Method,
@@ -156,8 +168,7 @@ def plan(
     FileFormatError, OSError, ParameterError
         As for `simplify_files`.
     """
-    free = available_memory()
-    limit = limit or (free // 2 if free else None)
+    limit = limit or default_limit()
     head = files.head()
     n, row = head.points, _bytes_of_row(head.cloud)
     if files.query and not n:
@@ -186,13 +197,10 @@ def plan(
         if shared:
             raise InputError(f"expected work that several workers can share, but {_reason(head, method, whole)}")
         raise _too_large(head, method, whole, in_memory, limit)
-    found = (
-        f"expected at least {size_of(needed)} of memory to choose {kept:,} of about {n:,} points in passes "
-        f"over the files, found {size_of(limit)}"
-    )
-    raise InputError(
-        f"{found}; raise memory=, or keep fewer points", command=f"{found}; raise --memory, or keep fewer points"
-    )
+    aim = "look for this tolerance" if besides.accuracy else f"choose {kept:,} of about {n:,} points"
+    found = f"expected at least {size_of(needed)} of memory to {aim} in passes over the files, found {size_of(limit)}"
+    fewer = "" if besides.accuracy else ", or keep fewer points"
+    raise InputError(f"{found}; raise memory={fewer}", command=f"{found}; raise --memory{fewer}")
 
 
 def expected_seconds(files: CloudFiles, plan: Plan, method: Method) -> float | None:
