@@ -135,6 +135,15 @@ def test_no_more_passes_than_planned_and_never_all_points(in_passes, paths, monk
     assert whole == passes
 
 
+@pytest.mark.parametrize("more", [{}, {"weight": "half"}])
+def test_an_accuracy_takes_about_as_many_passes_as_we_say(in_passes, short_rankings, paths, monkeypatch, more):
+    read, plain = [], CloudFiles.chunks
+    monkeypatch.setattr(CloudFiles, "chunks", lambda *of: read.append(1) or plain(*of))
+    in_passes(1_000, paths, tolerance=4.0, **more)
+    least = Plan(Way.PASSES, N, 90, 0, None, 1_000, besides=Besides(weights=bool(more), accuracy=True)).passes
+    assert max(10, least) <= len(read) <= 25
+
+
 class Heard:
     def __init__(self):
         self.stages = []
@@ -263,7 +272,7 @@ def test_few_places_are_never_all_read_into_memory(in_passes, short_rankings, mo
     plain = ChunkedPoints.every
 
     def every(self, step, *more):
-        assert step > 1
+        assert step > 1 or len(self) <= 80
         return plain(self, step, *more)
 
     monkeypatch.setattr(ChunkedPoints, "every", every)

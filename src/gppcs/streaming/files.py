@@ -73,10 +73,10 @@ def simplify_files(
     ratio, n_points, method, seed, invalid, normals, scores, stages
         As for `gppcs.simplify`. Normals need all points in memory.
     tolerance, measure, spacing, max_gap, unit, keep, weight
-        As for `gppcs.simplify`. All points have to be in memory for `max_gap` alone and the others with methods other
-        than `gp`, for `keep` unless it is a condition, and for `weight` unless it is a name. `tolerance`, `keep` and
-        `weight` do not work in tiles. Without all points in memory, `tolerance` keeps its promise, but the number of
-        points may be a little another.
+        As for `gppcs.simplify`. All points must be in memory: for methods other than `gp`, if `tolerance`, `spacing`,
+        `keep`, `weight` or `max_gap` alone is given; for `keep` that is no condition; for `weight` that is no name.
+        `tolerance`, `keep` and `weight` do not work in tiles. If not all points are in memory, `tolerance` keeps its
+        promise, but each repeat of a point counts, and the number of points may differ a little.
     format, columns
         As for `gppcs.read`, for all files. A text table whose columns are named so is read as a whole.
     box, resolution, only, drop, polygon

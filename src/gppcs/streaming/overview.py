@@ -24,7 +24,7 @@ class Overview:
     columns : JointColumns
     guide : ChunkGuide or None
     weightless : int
-        Number of finite points among which is not chosen, as they have no weight.
+        Number of finite points that cannot be chosen: their weight is 0, and they are not to be kept.
     weights : WeightRange
         Of the finite points.
     parts : list of Overview

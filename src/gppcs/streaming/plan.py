@@ -22,7 +22,8 @@ PASSES = 4  # Bounds, a sample, candidates, and the kept points. One or two more
 PASSES_OF_WEIGHTS = 2  # More: one finds their mean, the other those of the candidates.
 PASSES_OF_GAPS = 3  # More: the places of the kept points, those in gaps, and the largest gap that is left.
 GAPS = 200  # Bytes of memory for each point in a gap, with a tree over these.
-PASSES_OF_ACCURACY = 6  # More: a sample, the places of a ranking, and four judgements. Each other ranking takes three.
+# More: a sample, the places of a ranking, and four judgements. Each other ranking takes three, or five with weights.
+PASSES_OF_ACCURACY = 6
 DISTANCES = 1  # Byte of memory for each point, where its distance from a surface is measured: the largest are held.
 PROGRAM = 250_000_000  # Bytes that the program itself takes, with its libraries and compiled kernels.
 COPIES = 4  # A chunk is held so often at once: as it is in the file, as it is, shifted and scaled, and hashed.
