@@ -29,8 +29,7 @@ def small_sample(monkeypatch):
 def short_rankings(monkeypatch):
     """Let a few hundred points be so few that a sample of the cloud is measured."""
     monkeypatch.setattr("gppcs.gp.local.survey.PER_POINT", 8)
-    for module in ("amounts.accuracy", "streaming.asked"):
-        monkeypatch.setattr(f"gppcs.{module}.FIRST", 100)
+    monkeypatch.setattr("gppcs.amounts.accuracy.FIRST", 100)
 
 
 @pytest.fixture

@@ -91,8 +91,7 @@ def test_workers_find_what_is_asked_for(three, cloud, paths, wanted):
 def test_workers_find_an_accuracy(three, paths, monkeypatch):
     wanted = {"tolerance": 4.0, "invalid": "drop", "scores": True}
     monkeypatch.setattr("gppcs.gp.local.survey.PER_POINT", 8)
-    for module in ("amounts.accuracy", "streaming.asked"):
-        monkeypatch.setattr(f"gppcs.{module}.FIRST", 100)
+    monkeypatch.setattr("gppcs.amounts.accuracy.FIRST", 100)
     found = gppcs.simplify_files(paths, client=three, **wanted)
     monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
     monkeypatch.setattr(gppcs.LocalGP, "memory_in_passes", lambda self, n, n_points: 0)

@@ -3,6 +3,7 @@
 import errno
 import subprocess
 import sys
+from collections import Counter
 from functools import partial
 
 import numpy as np
@@ -26,11 +27,13 @@ class Interrupt:
     def __init__(self, stage=None, times=1):
         self.stage, self.times = stage, times
         self.seen = []
+        self.steps = Counter()
 
     def started(self, stage, total):
         self.seen.append(stage)
 
     def advanced(self, steps):
+        self.steps[self.seen[-1]] += steps
         if self.stage == self.seen[-1] and self.seen.count(self.stage) == self.times:
             raise InterruptionError
 
@@ -100,14 +103,17 @@ def test_passes_with_weights(path, stage, done):
 
 
 def test_passes_that_reach_an_accuracy(path, monkeypatch):
-    monkeypatch.setattr("gppcs.streaming.asked.FIRST", 100)
     monkeypatch.setattr("gppcs.amounts.accuracy.FIRST", 100)
     assert_goes_on(path, None, Interrupt("kept points"), ["bounds", "greedy selection", "accuracy"], tolerance=9.0)
     assert_goes_on(path, None, Interrupt("accuracy", 2), ["bounds", "greedy selection"], tolerance=9.0)
+    every, half = Interrupt(), Interrupt("accuracy", 8)
+    run(path, None, every, tolerance=9.0)
+    again = assert_goes_on(path, None, half, ["bounds", "greedy selection"], tolerance=9.0)
+    assert half.steps["accuracy"] > 3 * N  # in at least four passes, of which the last is interrupted
+    assert half.steps["accuracy"] + again.steps["accuracy"] == every.steps["accuracy"] + N
 
 
 def test_memory_that_is_free_later_makes_no_difference(path, monkeypatch):
-    monkeypatch.setattr("gppcs.streaming.asked.FIRST", 100)
     monkeypatch.setattr("gppcs.amounts.accuracy.FIRST", 100)
     options = {"tolerance": 9.0, "scratch": path.parent / "scratch", "resume": True}
     monkeypatch.setattr("gppcs.streaming.plan.available_memory", lambda: 6 * 10**9)

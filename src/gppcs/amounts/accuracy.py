@@ -42,8 +42,8 @@ class Original:
     Attributes
     ----------
     points : (N, 3) array, float64
-        Without repeats, in coordinates of about unit size, and in an order in which neighbours follow each other: so
-        they find each other's surroundings in the cache.
+        Each counts. In coordinates of about unit size, and in an order in which neighbours follow each other: so they
+        find each other's surroundings in the cache.
     """
 
     points: Points
@@ -167,7 +167,9 @@ def fewest_points(
     errors : dict of str to float
         Of these points, by measure.
     """
-    search = Search(_Judge(points, tolerance, measure, stages), len(points), tolerance, measure, choose, least)
+    whole = Original.of(points)
+    judge = _Judge(points, whole, tolerance, measure, stages)
+    search = Search(judge, whole.some(), len(points), tolerance, measure, choose, least, len(points) - 1, stages)
     return search.ranked() if ranks else search.unranked()
 
 
@@ -178,10 +180,6 @@ class Judge(Protocol):
         """Return where chosen points are."""
         ...
 
-    def guessed(self, kept: Points) -> dict[Measure, float]:
-        """Return about how large the errors of some places are."""
-        ...
-
     def judged(self, kept: Points) -> dict[Measure, float]:
         """Return the errors of some places; if they miss the tolerance, perhaps only a lower bound of the asked one."""
         ...
@@ -190,18 +188,13 @@ class Judge(Protocol):
 class _Judge:
     """Judges by points in memory."""
 
-    def __init__(self, points: Points, tolerance: float, measure: Measure, stages: Stages) -> None:
-        self._points, self._tolerance, self._measure, self._stages = points, tolerance, measure, stages
-        self._whole = Original.of(points)
-        self._some = self._whole.some()
+    def __init__(self, points: Points, whole: Original, tolerance: float, measure: Measure, stages: Stages) -> None:
+        self._points, self._whole, self._tolerance, self._measure = points, whole, tolerance, measure
+        self._stages = stages
         self._farthest: Original | None = None  # points of the whole that may tell that a tolerance is missed
 
     def places(self, selection: Selection) -> Points:
         return self._points[selection.indices] if selection.points is None else selection.points
-
-    def guessed(self, kept: Points) -> dict[Measure, float]:
-        with self._stages("accuracy"):
-            return self._some.errors(kept)
 
     def judged(self, kept: Points) -> dict[Measure, float]:
         """Judge first by the points that were farthest from other places: they are mostly so again."""
@@ -223,26 +216,32 @@ class Search:
     Parameters
     ----------
     judge : Judge
+    some : Original
+        Points by which errors are guessed.
     n : int
         N, the number of points.
     tolerance, measure, choose, least
         As for `fewest_points`.
-    most : int, optional
+    most : int
         The most points that can be ranked, besides all N.
+    stages : Stages
+        Times "accuracy".
     """
 
     def __init__(
         self,
         judge: Judge,
+        some: Original,
         n: int,
         tolerance: float,
         measure: Measure,
         choose: Callable[[int], Selection],
         least: int,
-        most: int | None = None,
+        most: int,
+        stages: Stages,
     ) -> None:
-        self.judge, self.n, self.tolerance, self.measure = judge, n, tolerance, measure
-        self.choose, self.least, self.most = choose, least, n - 1 if most is None else min(most, n - 1)
+        self.judge, self.some, self.n, self.tolerance, self.measure = judge, some, n, tolerance, measure
+        self.choose, self.least, self.most, self.stages = choose, least, min(most, n - 1), stages
 
     def ranked(self) -> tuple[Selection, dict[Measure, float]]:
         """Search among the first points of a ranking that is long enough."""
@@ -341,7 +340,10 @@ class Search:
 
     def _guessed(self, kept: Points) -> float:
         """Return about how large the error of some places is."""
-        return self.judge.guessed(kept)[self.measure] if len(kept) else math.inf
+        if not len(kept):
+            return math.inf
+        with self.stages("accuracy"):
+            return self.some.errors(kept)[self.measure]
 
 
 def _missed(most: int) -> InputError:

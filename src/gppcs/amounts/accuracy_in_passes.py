@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.amounts.accuracy import SOME, Measure, Original, Points, Search, surface_of
+from gppcs.engine.journal import Journal
 from gppcs.engine.stages import Stages
 from gppcs.methods import Selection
 from gppcs.spatial.chunks import ChunkedPoints
@@ -31,6 +33,7 @@ def fewest_points_in_passes(
     least: int,
     most: int,
     stages: Stages,
+    journal: Journal,
 ) -> tuple[Selection, dict[Measure, float]]:
     """Choose as `fewest_points` the first points of a ranking. Each number of first points is judged by a pass.
 
@@ -52,6 +55,8 @@ def fewest_points_in_passes(
         The most points that can be ranked.
     stages : Stages
         Times the stages of the method, and "accuracy". A step of the latter is a point read.
+    journal : Journal
+        Keeps what passes have found.
 
     Returns
     -------
@@ -65,29 +70,37 @@ def fewest_points_in_passes(
     InputError
         If `most` points miss the tolerance.
     """
-    return Search(_ChunkJudge(points, stages), len(points), tolerance, measure, choose, least, most).ranked()
+    rows = np.unique(np.random.default_rng(0).integers(0, len(points), SOME))
+
+    def read() -> Original:
+        with stages("accuracy", len(points)) as advanced:
+            return Original.of(points.take(rows, advanced))
+
+    some = journal.once("sample of the original", read)
+    judge = _ChunkJudge(points, some, stages, journal)
+    return Search(judge, some, len(points), tolerance, measure, choose, least, most, stages).ranked()
 
 
 class _ChunkJudge:
-    """Judges by points that come in chunks, and guesses by a random sample of them."""
+    """Judges by points that come in chunks. A sample of them tells which distances are large."""
 
-    def __init__(self, points: ChunkedPoints, stages: Stages) -> None:
-        self._points, self._stages = points, stages
-        rows = np.unique(np.random.default_rng(0).integers(0, len(points), SOME))
-        with stages("accuracy", len(points)) as advanced:
-            self._some = Original(points.take(rows, advanced))
+    def __init__(self, points: ChunkedPoints, some: Original, stages: Stages, journal: Journal) -> None:
+        self._points, self._some, self._stages, self._journal = points, some, stages, journal
 
     def places(self, selection: Selection) -> Points:
         if selection.points is not None:
             return selection.points
-        with self._stages("accuracy", len(self._points)) as advanced:
-            return self._points.at(selection.indices, advanced)
 
-    def guessed(self, kept: Points) -> dict[Measure, float]:
-        with self._stages("accuracy"):
-            return self._some.errors(kept)
+        def read() -> Points:
+            with self._stages("accuracy", len(self._points)) as advanced:
+                return self._points.at(selection.indices, advanced)
+
+        return self._journal.once(f"places {_digest(selection.indices)}", read)
 
     def judged(self, kept: Points) -> dict[Measure, float]:
+        return self._journal.once(f"errors {_digest(kept)}", lambda: self._measured(kept))
+
+    def _measured(self, kept: Points) -> dict[Measure, float]:
         with self._stages("accuracy"):
             surface = surface_of(kept)
             of_some = self._some.distances(surface)
@@ -107,6 +120,10 @@ class _ChunkJudge:
             "p95": _percentile(distances, n),
             "max": float(distances.max()),
         }
+
+
+def _digest(values: NDArray[Any]) -> str:
+    return hashlib.sha256(values.tobytes()).hexdigest()[:16]
 
 
 class _Measured(NamedTuple):

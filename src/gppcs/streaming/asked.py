@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
-from gppcs.amounts.accuracy import FIRST, Measure
+from gppcs.amounts import accuracy
 from gppcs.clouds.lengths import Length, metres_of
 from gppcs.engine.stages import Stages
 from gppcs.errors import InputError
@@ -94,11 +94,13 @@ def plan_for(
         return Planned(first, wanted)
     if besides.accuracy:
         in_passes = partial(plan, files, method, None, limit=limit, shared=True, besides=besides)
-        begun = replace(in_passes(FIRST), rows=FEWEST_ROWS)  # small chunks leave the most room for longer rankings
-        measure: Measure = asked["measure"] or "p95"
+        begun = replace(
+            in_passes(accuracy.FIRST), rows=FEWEST_ROWS
+        )  # small chunks leave the most room for longer rankings
+        measure: accuracy.Measure = asked["measure"] or "p95"
         most = _most_ranked(begun, in_passes)
-        accuracy = Accuracy(Length.of("tolerance", asked["tolerance"]), measure, most, allowed)
-        return Planned(begun, wanted | {"accuracy": accuracy, "metres": metres})
+        aim = Accuracy(Length.of("tolerance", asked["tolerance"]), measure, most, allowed)
+        return Planned(begun, wanted | {"accuracy": aim, "metres": metres})
     count = count_in_passes(files, made(None, 1), method, asked, metres, stages, cluster)
     return Planned(made(None, count), wanted | {"n_points": count, "repeats": False})
 

@@ -173,7 +173,9 @@ def _accurate(
 
     most = journal.once("most", lambda: accuracy.most)
     tolerance, least = scale.inside(accuracy.tolerance), max(len(to_keep.rows), 1)
-    selection, errors = fewest_points_in_passes(points, tolerance, accuracy.measure, ranked, least, most, stages)
+    selection, errors = fewest_points_in_passes(
+        points, tolerance, accuracy.measure, ranked, least, most, stages, journal
+    )
     found = {f"surface_{name}": scale.outside(error) for name, error in errors.items()}
     return replace(selection, diagnostics={**selection.diagnostics, **found})
 
