@@ -240,8 +240,8 @@ def choose_amount(
     """
     from gppcs.spatial.chunks import ChunkedPoints
 
-    count = amount.known_count(len(points))
-    chunked = ChunkedPoints.of(points)
+    count, chunked = amount.known_count(len(points)), ChunkedPoints.of(points)
+    exact = count is not None
     if amount.spacing is not None:
         method.require_spacing()
     if guide is None and amount.spacing is not None and method.counts_at_spacing:
@@ -254,31 +254,35 @@ def choose_amount(
         method.require_guided()
     rows = guide.rows(len(points))
     if len(rows) < len(points):
-        points, guide = points[rows], guide.among(rows)
-        chunked = ChunkedPoints.of(points)
-    selection = _of_amount(points, count, amount, scale, guide, method, stages)
+        chunked, guide = ChunkedPoints.of(points[rows]), guide.among(rows)
+    selection = _of_amount(chunked, count, exact, amount, scale, guide, method, stages)
     if amount.max_gap is not None:
         selection = without_gaps(chunked, selection, amount.max_gap, scale, stages)
     return dataclasses.replace(selection, indices=rows[selection.indices])
 
 
 def _of_amount(
-    points: Points, count: int | None, amount: Amount, scale: Scale, guide: Guide, method: Method, stages: Stages
+    points: ChunkedPoints,
+    count: int | None,
+    exact: bool,
+    amount: Amount,
+    scale: Scale,
+    guide: Guide,
+    method: Method,
+    stages: Stages,
 ) -> Selection:
     """Let the method choose a number of the points, or as many as an amount means; gaps are filled later."""
-    from gppcs.spatial.chunks import ChunkedPoints, ChunkedValues, Places
+    from gppcs.spatial.chunks import ChunkedValues, Places
 
-    chunked = ChunkedPoints.of(points)
-    to_keep = Places(guide.keep, points[guide.keep], np.zeros(len(guide.keep), dtype=np.float32))
+    to_keep = Places(guide.keep, points.take(guide.keep), np.zeros(len(guide.keep), dtype=np.float32))
     weights = None if guide.weights is None else ChunkedValues.of(guide.weights)
     if count is None and amount.max_gap is not None and amount.tolerance is None and amount.spacing is None:
-        area = method.surface_area(chunked, stages)
+        area = method.surface_area(points, stages)
         if area is not None:
             count = fewest_without_gaps(area, scale.inside(amount.max_gap), len(guide.keep), len(points))
     if count is not None:
-        exact = amount.known_count(len(points)) is not None
-        return choose_guided(chunked, count, to_keep, weights, method, stages, repeats=exact)
-    asked = _Asked.of(chunked, to_keep, weights, method, stages)
+        return choose_guided(points, count, to_keep, weights, method, stages, repeats=exact)
+    asked = _Asked.of(points, to_keep, weights, method, stages)
     if amount.tolerance is not None:
         selection = asked.of_accuracy(amount, scale)
     elif amount.spacing is not None:
