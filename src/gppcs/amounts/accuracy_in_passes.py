@@ -68,7 +68,7 @@ def fewest_points_in_passes(
     Raises
     ------
     InputError
-        If `most` points miss the tolerance.
+        If `most` points miss the tolerance, or more have to be chosen.
     """
     rows = np.unique(np.random.default_rng(0).integers(0, len(points), SOME))
 

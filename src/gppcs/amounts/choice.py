@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.amounts.accuracy import fewest_points
+from gppcs.amounts.accuracy import Measure, fewest_points
 from gppcs.amounts.amount import Amount
 from gppcs.amounts.guide import Guide
 from gppcs.clouds.lengths import Length
@@ -209,6 +210,24 @@ class Scale(NamedTuple):
             return float(np.ldexp(length, self.exponent))
 
 
+def with_errors(selection: Selection, errors: Mapping[Measure, float], scale: Scale) -> Selection:
+    """Return a selection whose diagnostics also tell its errors, in the unit of the cloud.
+
+    Parameters
+    ----------
+    selection : Selection
+    errors : mapping of str to float
+        By measure, in the coordinates of the method.
+    scale : Scale
+
+    Returns
+    -------
+    Selection
+    """
+    found = {f"surface_{name}": scale.outside(error) for name, error in errors.items()}
+    return dataclasses.replace(selection, diagnostics={**selection.diagnostics, **found})
+
+
 def choose_amount(
     points: Points, amount: Amount, scale: Scale, guide: Guide | None, method: Method, stages: Stages
 ) -> Selection:
@@ -338,8 +357,7 @@ class _Asked:
             self.places, scale.inside(amount.tolerance), amount.measure, self._chosen, self.method.ranks,
             max(self.fixed, 1), self.stages,
         )  # fmt: skip
-        found = {f"surface_{name}": scale.outside(error) for name, error in errors.items()}
-        return dataclasses.replace(selection, diagnostics={**selection.diagnostics, **found})
+        return with_errors(selection, errors, scale)
 
     def fewest_without_gaps(self, gap: float) -> int:
         """Return how many points an even cover needs; see the function of this name."""

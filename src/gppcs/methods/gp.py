@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from gppcs.gp.local.ranking import Criterion, Ranking
+    from gppcs.gp.local.candidates import Finest
+    from gppcs.gp.local.ranking import Criterion
     from gppcs.spatial.boxes import Each
     from gppcs.spatial.chunks import ChunkedPoints, ChunkedValues, Places
     from gppcs.surface.noise import Noise
@@ -137,9 +138,8 @@ class LocalGP(Method):
         """
         import numpy as np
 
-        from gppcs.gp.local.candidates import finest_candidates, nested_candidates
-        from gppcs.gp.local.guiding import after_fixed, behind_fixed, refinement
-        from gppcs.gp.local.ranking import rank
+        from gppcs.gp.local.candidates import finest_candidates
+        from gppcs.gp.local.guiding import behind_fixed, refinement
         from gppcs.gp.local.survey import survey
         from gppcs.spatial.chunks import ChunkedPoints, Places
 
@@ -154,13 +154,8 @@ class LocalGP(Method):
         else:
             places = Places(np.arange(len(points)), points, sharpness.dense(0, len(points)))
             finest = finest._replace(places=places)
-        rows = finest.places.rows
-        candidates = after_fixed(nested_candidates(finest, n_points, density, stages), fixed)
-        ranking = rank(
-            finest.places.points, candidates, self.criterion, noise, stages, fixed,
-            None if weights is None else weights[rows],
-        )  # fmt: skip
-        return self._selection(rows, ranking, noise)
+        of_candidates = None if weights is None else weights[finest.places.rows]
+        return self._ranked(finest, n_points, density, noise, stages, fixed, of_candidates)
 
     def guided_in_passes(
         self, points: ChunkedPoints, n_points: int, fixed: Places, weights: ChunkedValues | None, stages: Stages
@@ -184,9 +179,8 @@ class LocalGP(Method):
         -------
         Selection or None
         """
-        from gppcs.gp.local.candidates import finest_candidates, nested_candidates
-        from gppcs.gp.local.guiding import ChunkedWeights, after_fixed, behind_fixed
-        from gppcs.gp.local.ranking import rank
+        from gppcs.gp.local.candidates import finest_candidates
+        from gppcs.gp.local.guiding import ChunkedWeights, behind_fixed
         from gppcs.gp.local.survey import is_sampled, survey
 
         if not is_sampled(len(points), n_points):
@@ -198,13 +192,8 @@ class LocalGP(Method):
         if not finest.thinned:
             return None
         finest = behind_fixed(finest, fixed, sharpness)
-        rows = finest.places.rows
-        candidates = after_fixed(nested_candidates(finest, n_points, density, stages), len(fixed.rows))
-        ranking = rank(
-            finest.places.points, candidates, self.criterion, noise, stages, len(fixed.rows),
-            None if known is None else known.at(rows),
-        )  # fmt: skip
-        return self._selection(rows, ranking, noise)
+        of_candidates = None if known is None else known.at(finest.places.rows)
+        return self._ranked(finest, n_points, density, noise, stages, len(fixed.rows), of_candidates)
 
     def in_passes(self, points: ChunkedPoints, n_points: int, stages: Stages) -> Selection | None:
         """Choose the points, unless all of them would be measured, or be candidates; see `Method.in_passes`.
@@ -452,8 +441,7 @@ class LocalGP(Method):
         """Choose the points; return None if all should be candidates, unless `every` holds them, (N, 3)."""
         import numpy as np
 
-        from gppcs.gp.local.candidates import finest_candidates, nested_candidates
-        from gppcs.gp.local.ranking import rank
+        from gppcs.gp.local.candidates import finest_candidates
         from gppcs.gp.local.survey import survey
         from gppcs.spatial.chunks import Places
 
@@ -465,13 +453,27 @@ class LocalGP(Method):
             n = len(every)
             finest = finest._replace(places=Places(np.arange(n), every, sharpness.dense(0, n)))
         del sharpness  # to free its memory
-        places, candidates = finest.places, nested_candidates(finest, n_points, self.candidates, stages)
-        ranking = rank(places.points, candidates, self.criterion, noise, stages)
-        return self._selection(places.rows, ranking, noise)
+        return self._ranked(finest, n_points, self.candidates, noise, stages)
 
-    @staticmethod
-    def _selection(rows: NDArray[np.int64], ranking: Ranking, noise: Noise) -> Selection:
-        """Return the ranked points, of candidates with these rows."""
+    def _ranked(
+        self,
+        finest: Finest,
+        n_points: int,
+        density: float,
+        noise: Noise,
+        stages: Stages,
+        fixed: int = 0,
+        weights: NDArray[np.float64] | None = None,
+    ) -> Selection:
+        """Choose among the candidates of the last stage, of which the first are fixed; the weights are theirs."""
+        from gppcs.gp.local.candidates import nested_candidates
+        from gppcs.gp.local.guiding import after_fixed
+        from gppcs.gp.local.ranking import rank
+
+        rows, candidates = finest.places.rows, nested_candidates(finest, n_points, density, stages)
+        if fixed:
+            candidates = after_fixed(candidates, fixed)
+        ranking = rank(finest.places.points, candidates, self.criterion, noise, stages, fixed, weights)
         return Selection(
             rows[ranking.indices],
             {"noise_in_spacings": noise.level / noise.spacing if noise.spacing > 0.0 else 0.0},

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.amounts.accuracy import Measure
-from gppcs.amounts.choice import Scale, choose, choose_guided, fewest_without_gaps, without_gaps
+from gppcs.amounts.choice import Scale, choose, choose_guided, fewest_without_gaps, with_errors, without_gaps
 from gppcs.amounts.guide import ChunkGuide, nothing_to_keep
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
@@ -176,8 +175,7 @@ def _accurate(
     selection, errors = fewest_points_in_passes(
         points, tolerance, accuracy.measure, ranked, least, most, stages, journal
     )
-    found = {f"surface_{name}": scale.outside(error) for name, error in errors.items()}
-    return replace(selection, diagnostics={**selection.diagnostics, **found})
+    return with_errors(selection, errors, scale)
 
 
 def count_in_passes(
