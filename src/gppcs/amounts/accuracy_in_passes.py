@@ -98,9 +98,9 @@ class _ChunkJudge:
         return self._journal.once(f"places {_digest(selection.indices)}", read)
 
     def judged(self, kept: Points) -> dict[Measure, float]:
-        return self._journal.once(f"errors {_digest(kept)}", lambda: self._measured(kept))
+        return self._journal.once(f"errors {_digest(kept)}", lambda: self._measure(kept))
 
-    def _measured(self, kept: Points) -> dict[Measure, float]:
+    def _measure(self, kept: Points) -> dict[Measure, float]:
         with self._stages("accuracy"):
             surface = surface_of(kept)
             of_some = self._some.distances(surface)
