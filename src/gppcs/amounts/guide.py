@@ -231,7 +231,9 @@ def check_guided_amount(spacing: Any, keep: Any, weight: Any) -> None:
         If it is.
     """
     if spacing is not None and (keep is not None or weight is not None):
-        raise ParameterError("expected a number, a share or a tolerance with points to keep or weights")
+        raise ParameterError(
+            "expected a number, a share, a tolerance or a largest gap with points to keep or weights, found a spacing"
+        )
 
 
 def nothing_to_keep(condition: str) -> InputError:

@@ -184,22 +184,22 @@ def plan(
     chunked = not (whole or head.whole)
     passes = method.memory_in_passes(n, kept) if chunked else None
     tiles = method.memory_in_tiles(n, kept) if chunked and besides.tiled else None
-    needed = in_memory
+    needed = [] if shared else [in_memory]
     limit = limit or sys.maxsize
     for way, takes in ((Way.PASSES, passes), (Way.TILES, tiles)):
         if takes is not None:
             fixed = PROGRAM + takes + more + 2 * row * kept
             rows = min(n, max(ROWS, ROWS_PER_KEPT * kept), max(FEWEST_ROWS, (limit - fixed) // (COPIES * row)))
-            needed = fixed + COPIES * row * rows
-            if needed <= limit:
+            needed.append(fixed + COPIES * row * rows)
+            if needed[-1] <= limit:
                 disk = method.disk_in_tiles(n, kept) if way is Way.TILES else 0
-                return Plan(way, n, kept, needed, limit, rows, disk, besides)
+                return Plan(way, n, kept, needed[-1], limit, rows, disk, besides)
     if passes is None and tiles is None:
         if shared:
             raise InputError(f"expected work that several workers can share, but {_reason(head, method, whole)}")
         raise _too_large(head, method, whole, in_memory, limit)
     aim = "look for this tolerance" if besides.accuracy else f"choose {kept:,} of about {n:,} points"
-    found = f"expected at least {size_of(needed)} of memory to {aim} in passes over the files, found {size_of(limit)}"
+    found = f"expected at least {size_of(min(needed))} of memory to {aim}, found {size_of(limit)}"
     fewer = "" if besides.accuracy else ", or keep fewer points"
     raise InputError(f"{found}; raise memory={fewer}", command=f"{found}; raise --memory{fewer}")
 

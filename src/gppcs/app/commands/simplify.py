@@ -586,7 +586,9 @@ class _Job:
     def _check_dry_run(self) -> None:
         """Check that the number of points is known before the work, if there is to be none."""
         if self.dry_run and self.options["ratio"] is None and self.options["n_points"] is None:
-            raise ParameterError("expected --ratio or --points with --dry-run, as only the work tells another amount")
+            raise ParameterError(
+                "expected --ratio or --points with --dry-run, as the number of points is known only after the work"
+            )
 
     def _whole(self) -> str | None:
         """Return the option that takes all points at once, if any."""
