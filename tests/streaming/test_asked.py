@@ -15,6 +15,7 @@ from gppcs.streaming import files as streaming_files
 from gppcs.streaming import plan as planning
 from gppcs.streaming.passes import simplify_in_passes
 from gppcs.streaming.plan import Besides, Plan, Way
+from heard import Heard
 
 N = 6_000
 
@@ -141,20 +142,6 @@ def test_an_accuracy_takes_about_as_many_passes_as_we_say(in_passes, short_ranki
     in_passes(1_000, paths, tolerance=4.0, **more)
     least = Plan(Way.PASSES, N, 90, 0, None, 1_000, besides=Besides(weights=bool(more), accuracy=True)).passes
     assert max(10, least) <= len(read) <= 25
-
-
-class Heard:
-    def __init__(self):
-        self.stages = []
-
-    def started(self, stage, total):
-        self.stages.append([stage, total, 0])
-
-    def advanced(self, steps):
-        self.stages[-1][2] += steps
-
-    def finished(self):
-        pass
 
 
 def test_points_without_weight_are_not_kept(in_passes, cloud, paths):

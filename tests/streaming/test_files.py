@@ -19,6 +19,7 @@ from gppcs.streaming import plan as planning
 from gppcs.streaming.passes import simplify_in_passes
 from gppcs.streaming.plan import Plan, Way, expected_seconds, plan
 from gppcs.streaming.sizes import bytes_of, size_of
+from heard import Heard
 
 N = 6_000
 
@@ -132,20 +133,6 @@ def test_no_more_passes_than_planned(tmp_path, monkeypatch):
     monkeypatch.setattr(CloudFiles, "chunks", lambda *of: passes.append(1) or plain(*of))
     in_passes(paths, 1_000, 70)
     assert len(passes) == planning.PASSES
-
-
-class Heard:
-    def __init__(self):
-        self.stages = []
-
-    def started(self, stage, total):
-        self.stages.append([stage, total, 0])
-
-    def advanced(self, steps):
-        self.stages[-1][2] += steps
-
-    def finished(self):
-        pass
 
 
 def test_each_pass_tells_its_progress(tmp_path):

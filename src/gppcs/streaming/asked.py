@@ -94,9 +94,8 @@ def plan_for(
         return Planned(first, wanted)
     if besides.accuracy:
         in_passes = partial(plan, files, method, None, limit=limit, shared=True, besides=besides)
-        begun = replace(
-            in_passes(accuracy.FIRST), rows=FEWEST_ROWS
-        )  # small chunks leave the most room for longer rankings
+        # Small chunks leave the most room for longer rankings.
+        begun = replace(in_passes(accuracy.FIRST), rows=FEWEST_ROWS)
         measure: accuracy.Measure = asked["measure"] or "p95"
         most = _most_ranked(begun, in_passes)
         aim = Accuracy(Length.of("tolerance", asked["tolerance"]), measure, most, allowed)
