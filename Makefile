@@ -64,8 +64,10 @@ test: $(VENV)/.installed  ## Check style and types, run all tests but the slow o
 	$(MAKE) --no-print-directory $(VENV)/.compiled
 	$(BIN)/python -m pytest $(PARALLEL) -m "$(FAST)"
 
+# Some slow tests measure time or stop processes: what fails beside the others gets a second run, alone.
 test-all: viewer/node_modules test $(VENV)/.oracles  ## The same, then the slow tests and those that need large packages
-	$(BIN)/python -m pytest $(PARALLEL) -m "not ($(FAST))"
+	$(BIN)/python -m pytest $(PARALLEL) -m "not ($(FAST))" \
+		|| $(BIN)/python -m pytest -m "not ($(FAST))" --last-failed --last-failed-no-failures none
 
 test-browser: $(VENV)/.installed viewer/node_modules  ## Test the page of gppcs report in Chromium, if that is installed
 	$(BIN)/python -m pytest tests/drawing/web/test_viewer.py

@@ -13,7 +13,7 @@ from gppcs.engine.extras import require_pyvista
 from gppcs.errors import MissingExtraError
 
 # A busy machine is no failure. Each run draws other examples, so few are enough.
-settings.register_profile("gppcs", deadline=None, max_examples=30, derandomize=False)
+settings.register_profile("gppcs", deadline=None, max_examples=20, derandomize=False)
 settings.load_profile("gppcs")
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import gppcs
 
-N, M = 100_000, 3_000
+N, M = 50_000, 1_500
 FAR = 1e6  # in diagonals of the cloud
 
 
@@ -112,13 +112,18 @@ def test_time_is_that_of_a_well_spread_cloud():
     """
     clouds = {"spread": on_sphere(N), "spread, noisy": NOISY} | {name: cloud() for name, cloud in BAD.items()}
     least, noise = dict.fromkeys(clouds, np.inf), {}
-    for _ in range(3):
+
+    def too_slow():
+        like = {name: "spread, noisy" if noise[name] > 0.1 else "spread" for name in BAD}
+        return [name for name in BAD if least[name] >= (4 if name == "a volume" else 2.5) * least[like[name]]]
+
+    for _ in range(10):  # on a busy machine, a few runs are not enough
         for name, cloud in clouds.items():
             start = time.process_time()
             result = gppcs.simplify(cloud, n_points=M)
             least[name] = min(least[name], time.process_time() - start)
             noise[name] = result.diagnostics["noise_in_spacings"]
             assert len(np.unique(result.indices)) == M
-    for name in BAD:
-        like = "spread, noisy" if noise[name] > 0.1 else "spread"
-        assert least[name] < (4 if name == "a volume" else 2.5) * least[like], least
+        if not too_slow():
+            break
+    assert too_slow() == [], least

@@ -5,7 +5,6 @@ import re
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 import gppcs
@@ -73,7 +72,6 @@ def test_exact_counts_of_odd_shapes(points, method):
         assert_exactly(chosen(points, count, method), count, len(points))
 
 
-@hypothesis_settings(max_examples=60, deadline=None)
 @given(data=st.data(), method=st.sampled_from(METHODS), seed=st.integers(0, 2**32))
 def test_exact_counts_of_any_cloud(data, method, seed):
     coordinate = st.one_of(st.integers(-3, 3), st.floats(-1e6, 1e6))

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.drawing.camera import Camera, Square, averaged
@@ -81,7 +81,6 @@ def test_a_stray_does_not_make_the_rest_tiny():
     assert np.ptp(place, axis=0).max() > 100
 
 
-@settings(deadline=None)
 @given(st.integers(0, 150), st.integers(0, 150), st.integers(20, 50), st.integers(10, 300))
 def test_a_close_up_shows_its_square_and_no_more(column, row, side, size):
     whole = Camera.towards(BOX, 100, (100, 100))

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -21,7 +21,6 @@ def test_bumps_are_found_the_rougher_first():
     assert total(picture, third) == pytest.approx(400 * 0.01)
 
 
-@settings(deadline=None)
 @given(arrays(np.float64, (15, 20), elements=st.floats(0.0, 1.0, width=16)), st.integers(1, 6))
 def test_the_first_square_is_the_best_of_all_and_squares_keep_apart(picture, side):
     squares = feature_squares(picture, side, 3)

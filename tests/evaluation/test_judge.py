@@ -162,7 +162,7 @@ def test_surface_variation_is_that_of_the_simplified_cloud(pair):
     assert gppcs.evaluate(original, simplified).mean_surface_variation == pytest.approx(np.mean(variation))
 
 
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(st.integers(0, 99), st.floats(1e-4, 1e4), st.integers(-2000, 2000))
 def test_rotation_shift_and_scale_change_figures_as_their_units_say(pair, seed, scale, shift):
     rotation = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()

@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -300,7 +300,6 @@ def test_files_without_scans_or_coordinates_are_refused(by_pye57, by_libe57):
         read(by_libe57(fields))
 
 
-@settings(max_examples=60)
 @given(data=st.data())
 @pytest.mark.parametrize("is_hostile", [False, True])
 def test_damage_is_read_or_refused(folder, is_hostile, data):

@@ -8,7 +8,7 @@ from dataclasses import replace
 import laspy
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from laspy.vlrs.known import GeoAsciiParamsVlr, GeoKeyDirectoryVlr, GeoKeyEntryStruct, WktCoordinateSystemVlr
@@ -368,7 +368,6 @@ def test_moved_points_get_a_scale_of_their_own(tmp_path):
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-@settings(max_examples=50)
 @given(
     st.integers(0, 6).flatmap(
         lambda n: st.builds(

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.clouds.topology import topology_of
@@ -23,7 +23,6 @@ from meshing.test_coverage import cover_of
 from shapes import ball, sheet
 
 
-@settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 10_000))
 def test_any_triangles_become_a_manifold(seed):
     """Triangles of several triangulations of the same points, in any order, and random ones."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.clouds.topology import topology_of
@@ -18,7 +18,6 @@ def collapsed(points, normals, mesh, target, kept=None, faces=False):
     return collapse(mesh, points, normals, quadrics, target, kept, 1.0, faces)
 
 
-@settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 10_000), choice=st.integers(0, 2**32))
 def test_allowed_collapses_keep_the_topology(seed, choice):
     """Any allowed collapse, not only a cheap one, and many in a row."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.clouds.topology import topology_of
@@ -57,7 +57,6 @@ def no_vertex(points):
     return np.zeros(len(points), dtype=bool)
 
 
-@settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 10_000), share=st.floats(0.01, 0.5), depth=st.floats(-2.0, 2.0))
 def test_planted_cuts_all_go(seed, share, depth):
     """Points of balls and sheets leave their places, so that their triangles cut others in any way."""

@@ -89,7 +89,6 @@ SHAPES = {
 }
 
 
-@settings(deadline=None, max_examples=60)
 @given(st.sampled_from(sorted(SHAPES)), st.integers(2, 300), st.booleans(), st.integers(0, 99), st.data())
 def test_equals_the_plain_algorithm(shape, n, with_trees, seed, data):
     points = SHAPES[shape](np.random.default_rng(seed), n)
@@ -105,7 +104,7 @@ def test_equals_the_plain_algorithm_on_a_scan(bracket):
     assert points_of_voxels(points, 900).tolist() == expected
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(st.lists(st.integers(0, 30), min_size=1, max_size=30), st.data())
 def test_trimming_equals_the_plain_algorithm(counts, data):
     n_points = data.draw(st.integers(1, sum(counts) + 2))

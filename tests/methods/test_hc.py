@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gppcs
@@ -63,14 +63,12 @@ def assert_central(points, clusters, indices):
         assert squared[chosen[members]] <= squared.min() * (1 + 1e-9)
 
 
-@settings(deadline=None, max_examples=30)
 @given(st.integers(1, 200), st.integers(1, 50), st.floats(0.001, 0.3), st.integers(0, 99))
 def test_limits_give_the_clusters_of_the_plain_algorithm(n, size, variation, seed):
     points = np.random.default_rng(seed).random((n, 3))
     assert_central(points, plain_clusters(points, size, variation), hierarchical_clusters(points, size, variation))
 
 
-@settings(deadline=None, max_examples=30)
 @given(st.integers(1, 120), st.integers(0, 99), st.data())
 def test_most_varied_first_gives_the_clusters_of_the_plain_algorithm(n, seed, data):
     # three points have no variation, and ties among them are broken alike

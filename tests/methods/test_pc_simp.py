@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 from scipy.spatial.distance import cdist
@@ -148,7 +148,6 @@ def test_without_uniformity_the_strongest_are_kept(bracket):
     np.testing.assert_array_equal(chosen, largest(strength, 300))
 
 
-@settings(deadline=None, max_examples=60)
 @given(st.integers(1, 200), st.floats(0, 1), st.floats(0.1, 1e6), st.floats(-1e3, 1e3), st.integers(0, 99))
 def test_shares_add_up_and_are_those_of_bisection(n, part, spread, start, seed):
     rng = np.random.default_rng(seed)

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gppcs
@@ -83,7 +83,6 @@ def plain_order(points, k, costless=False):
     return [*known, *removed[::-1]]
 
 
-@settings(deadline=None, max_examples=25)
 @given(st.sampled_from(["solid", "sphere", "far clumps"]), st.integers(5, 40), st.integers(3, 9), st.integers(0, 99))
 def test_order_is_that_of_the_plain_algorithm(shape, n, k, seed):
     """With three neighbours and more nothing is flat, where rounding would decide."""

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
@@ -61,7 +61,6 @@ def spacings(points):
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=40)
 @given(st.integers(1, 250), st.sampled_from(["solid", "lattice", "clump", "dot"]), st.integers(0, 99), st.data())
 def test_equals_the_plain_algorithm(n, shape, seed, data):
     rng = np.random.default_rng(seed)

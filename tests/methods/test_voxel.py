@@ -2,7 +2,7 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
@@ -27,7 +27,6 @@ def plain_representatives(points, edge):
     return np.sort(list(chosen)), np.array([chosen[index] for index in sorted(chosen)])
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.integers(1, 300), st.floats(0.01, 2.0), st.booleans(), st.integers(0, 99))
 def test_representatives_equal_the_plain_algorithm(n, edge, on_lattice, seed):
     rng = np.random.default_rng(seed)

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
@@ -68,7 +68,6 @@ def test_equals_the_plain_algorithm(n, m, radius, require_uniform):
     np.testing.assert_allclose(moved, plain_project(points, points[:m], radius, 5, 0.45, require_uniform), atol=1e-10)
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.integers(1, 300), st.booleans(), st.integers(0, 99), st.data())
 def test_nearest_unused_equals_the_plain_algorithm(n, on_grid, seed, data):
     rng = np.random.default_rng(seed)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.spatial.boxes import Boxes, classes
@@ -16,7 +16,6 @@ def cloud(seed, n=2_000):
 
 
 @given(SEEDS, st.sampled_from([1, 2, 8, 64]))
-@settings(max_examples=30)
 def test_points_lie_in_their_boxes(seed, count):
     points = cloud(seed)
     boxes = Boxes.of(points[:500], count)
@@ -38,7 +37,6 @@ def test_equal_points_lie_in_one_box():
 
 
 @given(SEEDS, st.integers(1, 3_000))
-@settings(max_examples=30)
 def test_tiles_divide_the_boxes(seed, most):
     points = cloud(seed)
     boxes = Boxes.of(points, 64)
@@ -56,7 +54,6 @@ def test_tiles_divide_the_boxes(seed, most):
 
 
 @given(SEEDS, st.sampled_from([0.0, 0.01, 0.2]))
-@settings(max_examples=20)
 def test_boxes_around_a_tile_hold_all_that_is_near(seed, width):
     points = np.random.default_rng(seed).random((2_000, 3))
     boxes = Boxes.of(points, 64)

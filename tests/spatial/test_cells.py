@@ -2,13 +2,12 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.spatial.cells import POINTS_PER_PART, _mixed, first_occurrences, greatest_in_cells
 
 
-@settings(deadline=None)
 @given(st.integers(0, 400), st.integers(1, 6), st.integers(0, 99))
 def test_first_occurrences(n, values, seed):
     points = np.random.default_rng(seed).integers(-values, values, (n, 3)) * 0.5
@@ -30,7 +29,6 @@ def valued(n, kinds, seed):
     return np.random.default_rng(seed).integers(0, kinds, n).astype(np.float32)
 
 
-@settings(deadline=None, max_examples=40)
 @given(
     st.integers(0, 3_000),
     st.sampled_from([1e-120, 0.02, 0.1, 0.5, 3.0]),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.spatial import chunks
@@ -23,7 +23,6 @@ def few(monkeypatch):
 
 
 @given(CUTS, st.integers(0, 99), st.sampled_from([0.01, 0.2, 0.7, 5.0]))
-@settings(max_examples=60)
 def test_the_greatest_of_cells_do_not_depend_on_the_chunks(cuts, seed, edge):
     rng = np.random.default_rng(seed)
     points = rng.integers(0, 40, (500, 3)) / 40
@@ -36,7 +35,6 @@ def test_the_greatest_of_cells_do_not_depend_on_the_chunks(cuts, seed, edge):
 
 
 @given(CUTS, st.integers(0, 99), st.sampled_from([2, 5, 1000]))
-@settings(max_examples=60)
 def test_points_without_repeats_do_not_depend_on_the_chunks(cuts, seed, sides):
     points = np.random.default_rng(seed).integers(0, sides, (500, 3)).astype(float)
     found = parts(points, cuts).distinct()
@@ -45,7 +43,6 @@ def test_points_without_repeats_do_not_depend_on_the_chunks(cuts, seed, sides):
 
 
 @given(CUTS, st.integers(1, 600), st.lists(st.integers(0, 499), unique=True).map(sorted))
-@settings(max_examples=60)
 def test_some_points_do_not_depend_on_the_chunks(cuts, step, rows):
     points = np.random.default_rng(0).random((500, 3))
     steps = []

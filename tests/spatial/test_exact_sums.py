@@ -5,7 +5,7 @@ from fractions import Fraction
 from unittest.mock import patch
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.spatial.exact_sums import exact_sum, mean_of
@@ -14,7 +14,6 @@ NUMBERS = st.lists(st.floats(0.0, 1e300), min_size=1, max_size=40)
 
 
 @given(NUMBERS, NUMBERS)
-@settings(max_examples=50)
 def test_the_mean_is_rounded_once_however_the_numbers_are_divided(some, others):
     together = [*some, *others]
     mean = mean_of(exact_sum(np.array(some)) + exact_sum(np.array(others)), len(together))

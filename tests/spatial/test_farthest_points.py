@@ -1,5 +1,5 @@
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.spatial.farthest_points import farthest_points
@@ -26,7 +26,6 @@ def plain_farthest_points(points, n_points, first=None, others=()):
     return np.array(chosen), np.sqrt(distances)
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.integers(1, 400), st.booleans(), st.integers(0, 99), st.data())
 def test_equals_the_plain_algorithm(n, on_grid, seed, data):
     rng = np.random.default_rng(seed)
@@ -38,7 +37,6 @@ def test_equals_the_plain_algorithm(n, on_grid, seed, data):
     np.testing.assert_array_equal(distances, expected_distances)
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.integers(1, 200), st.integers(0, 20), st.booleans(), st.booleans(), st.integers(0, 99), st.data())
 def test_a_start_and_points_elsewhere_are_kept_to(n, n_others, with_first, on_grid, seed, data):
     rng = np.random.default_rng(seed)

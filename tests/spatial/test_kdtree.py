@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
@@ -15,7 +15,6 @@ SHAPES = {
 }
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.sampled_from(sorted(SHAPES)), st.integers(1, 500), st.integers(1, 12), st.integers(0, 99))
 def test_nearest_are_those_of_brute_force(shape, n, k, seed):
     points = SHAPES[shape](np.random.default_rng(seed), n)
@@ -66,7 +65,6 @@ def test_boxes_hold_their_points_tightly(n):
             np.testing.assert_array_equal(tree.high[nodes + j], inside.max(axis=1))
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.sampled_from(sorted(SHAPES)), st.integers(1, 500), st.floats(0, 2), st.integers(0, 99))
 def test_no_point_near_a_box_is_outside_the_leaves_near_it(shape, n, radius, seed):
     rng = np.random.default_rng(seed)

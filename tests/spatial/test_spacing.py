@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.spatial.kdtree import KdTree
@@ -13,7 +13,6 @@ def test_paper_radius_is_cloudcompares_rule():
     assert paper_radius(points, 25) == pytest.approx(np.sqrt(25 * 24 ** (2 / 3) / 3), rel=1e-14)
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.integers(1, 300), st.floats(0.01, 3.0), st.sampled_from(["even", "flat", "far point"]), st.integers(0, 99))
 def test_neighbours_are_counted_as_by_brute_force(n, radius, shape, seed):
     points = np.random.default_rng(seed).random((n, 3))

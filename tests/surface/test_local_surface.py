@@ -144,7 +144,7 @@ coordinate = st.floats(-1, 1).map(lambda value: round(value, 3))
 corner = st.tuples(coordinate, coordinate, coordinate)
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(st.lists(corner, min_size=3, max_size=3, unique=True))
 def test_the_distance_to_a_triangle_is_the_least(triangle):
     corners = np.array(triangle)

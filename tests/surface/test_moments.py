@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.spatial.kdtree import KdTree
@@ -28,7 +28,6 @@ def solved(neighbourhoods):
     return variation, normals, sure
 
 
-@settings(deadline=None, max_examples=30)
 @given(st.integers(0, 999), st.floats(-6, 0), st.floats(-6, 0))
 def test_side_by_side_equals_one_at_a_time_and_the_eigensolver(seed, flat, thin):
     rng = np.random.default_rng(seed)

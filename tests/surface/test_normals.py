@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
@@ -26,7 +26,6 @@ def plain_normal(points, place, k):
     return normal / np.linalg.norm(normal), np.hypot(fitted[1], fitted[2])
 
 
-@settings(deadline=None, max_examples=30)
 @given(st.integers(40, 200), st.integers(12, 30), st.integers(0, 99))
 def test_equals_plain_numpy(n, k, seed):
     rng = np.random.default_rng(seed)

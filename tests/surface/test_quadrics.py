@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.spatial.kdtree import KdTree
@@ -22,7 +22,6 @@ def rotation(seed):
     return np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0]
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     st.tuples(*[st.floats(-0.25, 0.25)] * 3),
     st.floats(-0.5, 0.5),
@@ -42,7 +41,6 @@ def test_a_quadric_is_met_exactly_on_and_off_the_surface(bends, off, foot, seed)
     assert sign * height == pytest.approx(-off / steepness, abs=1e-6)
 
 
-@settings(deadline=None, max_examples=30)
 @given(st.integers(10, 40), st.integers(0, 999), st.floats(-0.3, 0.3))
 def test_a_plane_is_met_exactly(n, seed, off):
     """By more than the six points that a quadric needs: so few may lie nearly on a conic, which leaves it open."""
@@ -67,7 +65,6 @@ def plain_fit(points, place, k):
     return a / length * reach, axes @ [1, -b, -c] / length, np.hypot(b, c)
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.integers(15, 60), st.integers(12, 40), st.integers(0, 999))
 def test_equals_least_squares_and_turns_with_the_points(n, k, seed):
     rng, turn, k = np.random.default_rng(seed), rotation(seed), min(n, k)

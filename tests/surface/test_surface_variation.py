@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import gppcs
@@ -30,7 +30,6 @@ def assert_same(features, expected):
     np.testing.assert_allclose(cosines[isolated], 1.0, atol=1e-6)
 
 
-@settings(deadline=None, max_examples=30)
 @given(st.integers(1, 200), st.floats(0.05, 1.0), st.integers(0, 99))
 def test_radius_equals_plain_numpy(n, radius, seed):
     rng = np.random.default_rng(seed)
@@ -46,7 +45,6 @@ def test_unused_row_of_the_boxes_is_not_read():
     np.testing.assert_array_equal(features_in_radius(tree, 0.3).surface_variation, expected.surface_variation)
 
 
-@settings(deadline=None, max_examples=30)
 @given(st.integers(3, 200), st.integers(3, 30), st.integers(0, 99))
 def test_nearest_equals_plain_numpy(n, k, seed):
     points = np.random.default_rng(seed).random((n, 3))

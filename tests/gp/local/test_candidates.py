@@ -177,7 +177,7 @@ def plain_stages(points, n_points, area, density, sharpness):
 
 
 @pytest.mark.parametrize("dot", [0, 1_000, 9_500, 9_995])
-@pytest.mark.parametrize("area", [1e-14, 1e-3, 12.0, 1e5, 1e12])
+@pytest.mark.parametrize("area", [1e-14, 12.0, 1e12])
 def test_stages_are_those_of_a_step_at_a_time_over_all_points(sphere, dot, area, monkeypatch):
     monkeypatch.setattr("gppcs.gp.local.candidates.MINORITY", 0.0)  # beside the dot, the sphere is sparse
     rng = np.random.default_rng(0)

@@ -1,13 +1,12 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.gp.local.density import GROUP_SIZE, graded, limited, segregation
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree
 
 
-@settings(deadline=None, max_examples=30)
 @given(st.integers(1, 300), st.sampled_from([0.0, 0.1, 0.7, 5.0]), st.booleans(), st.integers(0, 99))
 def test_limits_are_those_of_all_pairs(n, slope, repeated, seed):
     rng = np.random.default_rng(seed)
@@ -59,7 +58,6 @@ def test_spacings_that_grow_slowly_stay():
     np.testing.assert_array_equal(limited(tree, 1 + 0.1 * tree.points[0], 0.1), 1 + 0.1 * tree.points[0])
 
 
-@settings(deadline=None, max_examples=50)
 @given(st.lists(st.floats(0, 0.6), min_size=1, max_size=50))
 def test_segregation_is_a_share(roughness):
     assert 0 <= segregation(np.array(roughness)) <= 1 + 1e-9

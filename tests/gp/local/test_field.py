@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse import diags, eye, kron
 from scipy.sparse.linalg import splu
@@ -77,7 +77,6 @@ fields = st.builds(
 )
 
 
-@settings(deadline=None, max_examples=40)
 @given(fields)
 def test_the_kernel_is_a_correlation_and_equals_its_plain_twin(field):
     kernel = kernel_of(field)
@@ -87,7 +86,6 @@ def test_the_kernel_is_a_correlation_and_equals_its_plain_twin(field):
     assert np.linalg.eigvalsh(kernel).min() >= -1e-10
 
 
-@settings(deadline=None, max_examples=20)
 @given(fields, st.integers(0, 99))
 def test_the_sign_of_a_normal_has_no_influence(field, seed):
     signs = np.random.default_rng(seed).choice([-1.0, 1.0], len(field.y))
@@ -112,7 +110,6 @@ def test_a_right_angle_between_normals_is_worth_the_weight_in_spacings():
     assert field_distance(0.0, 0.0, 0.0, np.sqrt(0.5), 1.0, 1.0, 1.7) == pytest.approx(1.7**2 / 2)
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.integers(1, 400), st.integers(1, 12), st.sampled_from([0.0, 0.5, 3.2]), st.integers(0, 10**6), st.data())
 def test_conditioning_is_on_the_nearest_in_the_field(n, k, weight, seed, data):
     field = random_field(n, seed, weight)
@@ -128,7 +125,6 @@ def test_conditioning_is_on_the_nearest_in_the_field(n, k, weight, seed, data):
         np.testing.assert_allclose(squared[i, :kept], distances[i, expected], rtol=1e-9, atol=1e-12)
 
 
-@settings(deadline=None, max_examples=40)
 @given(fields, st.integers(1, 12), st.data())
 def test_posterior_equals_equations_3_and_4_given_the_nearest(field, k, data):
     """With as many neighbours as are chosen, or more, it is the whole posterior."""
@@ -237,6 +233,7 @@ def beside_the_equation(alpha, neighbours):
     return np.array(rows)
 
 
+@pytest.mark.slow
 def test_the_posterior_lies_between_those_of_stochastic_equations_of_smoothness_2_and_3():
     """In the plane (kappa^2 - Laplace)^(alpha / 2) gives smoothness alpha - 1, and ours is 5/2. Found:
 

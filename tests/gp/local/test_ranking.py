@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.engine.stages import COMPILATION, Stages
@@ -83,7 +83,6 @@ def field_of(variation, **changes):
     return tree, features, local_field(tree, features, np.arange(float(n)), criterion(**changes))
 
 
-@settings(deadline=None, max_examples=30)
 @given(st.integers(2, 200), st.floats(0, 2.0), st.integers(0, 999))
 def test_the_field_is_denser_where_it_is_rougher(n, power, seed):
     variation = np.random.default_rng(seed).random(n) / 3

@@ -52,6 +52,7 @@ def test_exactly_m_points_whatever_the_chunks_and_threads(tmp_path, monkeypatch)
     set_threads(None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 0.4])
 def test_as_good_as_in_memory(tmp_path, noise):
     """The bounds are what three standard errors of one choice allow; benchmarks/tiles.py has narrower ones."""
