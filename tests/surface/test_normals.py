@@ -41,7 +41,7 @@ def test_equals_plain_numpy(n, k, seed):
 def plain_signs(points, normals, near):
     """Pieces and signs by SciPy's spanning tree; signs relative to the first point of each piece."""
     n, edges = near.shape
-    i, j = np.repeat(np.arange(n), edges), near.ravel()
+    i, j = np.repeat(np.arange(n, dtype=np.int32), edges), near.ravel().astype(np.int32)  # all that SciPy 1.13 takes
     step = points[j] - points[i]
     step /= np.linalg.norm(step, axis=1, keepdims=True)
     mirrored = normals[j] - 2 * (step * normals[j]).sum(axis=1, keepdims=True) * step
