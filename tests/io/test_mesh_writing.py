@@ -175,4 +175,4 @@ def test_gltf_without_trimesh_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "trimesh", None)
     with pytest.raises(gppcs.MissingExtraError, match="the extra gltf"):
         check_mesh_format("mesh.glb")
-    assert extras.EXTRAS["gltf"] == ("trimesh>=4",)
+    assert extras.EXTRAS["gltf"] == ("trimesh>=4.5",)

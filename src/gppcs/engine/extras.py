@@ -12,14 +12,14 @@ from gppcs.errors import MissingExtraError
 
 # What `pip install 'gppcs[extra]'` would install. That line works only if gppcs is on a package index.
 EXTRAS = {
-    "arrow": ("pyarrow>=15",),
+    "arrow": ("pyarrow>=18",),
     "cgal": ("cgal>=6.0.1",),
     "dask": ("distributed>=2024.8",),
     "e57": ("pye57>=0.4.13",),
-    "gltf": ("trimesh>=4",),
-    "picture": ("matplotlib>=3.8",),
-    "evaluate": ("pymeshlab>=2023.12",),
-    "view": ("matplotlib>=3.8", "pyvista>=0.45"),
+    "gltf": ("trimesh>=4.5",),
+    "picture": ("matplotlib>=3.9",),
+    "evaluate": ("pymeshlab>=2025.7",),
+    "view": ("matplotlib>=3.9", "pyvista>=0.48", "vtk>=9.6"),
 }
 
 # This code runs in a separate process: without OpenGL, VTK ends the process instead of raising an error.
