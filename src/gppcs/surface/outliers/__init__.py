@@ -9,7 +9,7 @@ from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.outliers.definition import NEIGHBOURS, look_at
-from gppcs.surface.outliers.rounds import Content, Part, Points, all_outliers
+from gppcs.surface.outliers.rounds import Content, Part, Points, all_outliers, repeating
 
 
 def find_outliers(cloud: CloudLike) -> NDArray[np.bool_]:
@@ -76,22 +76,3 @@ def outliers_among(points: NDArray[np.float64]) -> NDArray[np.bool_]:
     found = Points(zeros.astype(np.int64), positions, content.places(positions), zeros)
     (gone,) = all_outliers([whole], found, found.take(zeros > 0.0), map)
     return repeating(points, points[firsts[tree.order[gone]]])
-
-
-def repeating(points: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which points lie at some places.
-
-    Parameters
-    ----------
-    points : (N, 3) array
-    places : (n, 3) array
-        Different ones, of about unit size, so that no distance is rounded to zero.
-
-    Returns
-    -------
-    (N,) array, bool
-    """
-    if not len(places):
-        return np.zeros(len(points), dtype=np.bool_)
-    at_one: NDArray[np.bool_] = KdTree.build(places).nearest_of(points, 1)[1][:, 0] == 0.0
-    return at_one

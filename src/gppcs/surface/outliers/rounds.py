@@ -299,3 +299,22 @@ def _neighbours_in_part(
     content = part.open()
     starts, found = others_within(content.tree, places, reach)
     return np.diff(starts), content.places(found)
+
+
+def repeating(points: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which points lie at some places.
+
+    Parameters
+    ----------
+    points : (N, 3) array
+    places : (n, 3) array
+        Different ones, of about unit size, so that no distance is rounded to zero.
+
+    Returns
+    -------
+    (N,) array, bool
+    """
+    if not len(places):
+        return np.zeros(len(points), dtype=np.bool_)
+    at_one: NDArray[np.bool_] = KdTree.build(places).nearest_of(points, 1)[1][:, 0] == 0.0
+    return at_one
