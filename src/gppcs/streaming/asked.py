@@ -16,6 +16,7 @@ from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import Method
 from gppcs.simplification import takes_all_points
 from gppcs.streaming.cluster import Cluster
+from gppcs.streaming.outliers import OutlierSearch
 from gppcs.streaming.passes import Accuracy, count_in_passes
 from gppcs.streaming.plan import FEWEST_ROWS, Besides, Plan, default_limit, plan
 
@@ -44,6 +45,7 @@ def plan_for(
     whole: str | None,
     cluster: Cluster | None,
     stages: Stages,
+    search: OutlierSearch | None = None,
 ) -> Planned:
     """Decide how a cloud is simplified. If that takes it, count in passes over the files how many points are kept.
 
@@ -61,6 +63,8 @@ def plan_for(
         Where to work.
     stages : Stages
         Times the passes.
+    search : OutlierSearch, optional
+        If it is given, the outliers that it finds are left out.
 
     Returns
     -------
@@ -73,7 +77,8 @@ def plan_for(
     """
     allowed, limit = limit, limit or default_limit()  # what is free changes while this works
     wanted = {name: asked[name] for name in ("ratio", "n_points", "keep", "weight")}
-    besides = Besides(*(asked[name] is not None for name in ("keep", "weight", "max_gap", "tolerance")))
+    given = (asked[name] is not None for name in ("keep", "weight", "max_gap", "tolerance"))
+    besides = Besides(*given, outliers=search is not None)
 
     def made(share: float | None, count: int | None) -> Plan:
         return plan(files, method, share, count, limit, whole, cluster is not None, besides)
@@ -90,6 +95,8 @@ def plan_for(
     metres = metres_of(asked["unit"], files.head().cloud.header)
     if asked["max_gap"] is not None:
         wanted |= {"max_gap": Length.of("max_gap", asked["max_gap"]), "metres": metres}
+    if search is not None:
+        wanted |= {"search": search}
     if counted:
         return Planned(first, wanted)
     if besides.accuracy:
@@ -100,7 +107,7 @@ def plan_for(
         most = _most_ranked(begun, in_passes)
         aim = Accuracy(Length.of("tolerance", asked["tolerance"]), measure, most, allowed)
         return Planned(begun, wanted | {"accuracy": aim, "metres": metres})
-    count = count_in_passes(files, made(None, 1), method, asked, metres, stages, cluster)
+    count = count_in_passes(files, made(None, 1), method, asked, metres, stages, cluster, search)
     return Planned(made(None, count), wanted | {"n_points": count, "repeats": False})
 
 

@@ -27,10 +27,11 @@ TRIED = 1 << 10  # Points of a tile that tell how wide the halo must be.
 SHARE = 0.95  # Of these points, the neighbours and theirs are to be in the halo.
 WIDER = 2.5  # Width of the halo, relative to the distance to the 16th neighbour: these have neighbours, too.
 HALVED = 8  # A halo that is too large is halved so often at most.
+IN_MEMORY = 200  # Bytes of memory for each point, where all are looked at at once.
 IN_TILE = 320  # Bytes of memory for each point of a tile and its halo.
 OPEN = 0.05  # About this share of the points at most is not told by a tile, or found.
 OF_OPEN = 160  # Bytes of memory for each of these.
-ON_DISK = BYTES_ON_DISK + 44  # Bytes for each point: it is stored by boxes, and again in the tree of its tile.
+ON_DISK = BYTES_ON_DISK + 46  # Bytes for each point: it is stored by boxes, and again in the tree of its tile.
 
 
 def memory_of_outliers(n: int) -> int:
