@@ -309,18 +309,18 @@ def simplify(
     drop_outliers = flag("drop_outliers", drop_outliers)
     amount = Amount.of(ratio, n_points, tolerance, spacing, max_gap, measure)
     check_guided_amount(spacing, keep, weight)
-    with stages("preparation"):
-        cloud = PointCloud.of(cloud)
-        chosen_method = resolved(method, seed)
-        check_scores(scores, chosen_method, cloud)
-        rows, outliers = _usable_rows(cloud, invalid), None
+    outliers = None
     if drop_outliers:
         from gppcs.surface.outliers import find_outliers
 
         with stages("outliers"):
+            cloud = PointCloud.of(cloud)
             outliers = np.flatnonzero(find_outliers(cloud))
     with stages("preparation"):
-        rows = _left_rows(cloud, rows, outliers)
+        cloud = PointCloud.of(cloud)
+        chosen_method = resolved(method, seed)
+        check_scores(scores, chosen_method, cloud)
+        rows = _left_rows(cloud, _usable_rows(cloud, invalid), outliers)
         guide, metres = Guide.of(cloud, rows, keep, weight), metres_of(unit, cloud.header)
         points, corner, exponent = normalised(cloud.points if rows is None else cloud.points[rows])
         low, high = bounds(points)
@@ -337,9 +337,7 @@ def simplify(
     if scores:
         kept = with_scores(kept, chosen_method, selection)
     ranked = chosen_method.ranks and selection.ranked
-    result = Result(
-        indices, kept, chosen_method, stages.seconds, selection.diagnostics, original=cloud, ranked=ranked
-    )
+    result = Result(indices, kept, chosen_method, stages.seconds, selection.diagnostics, original=cloud, ranked=ranked)
     return result if outliers is None else result.without(outliers)
 
 

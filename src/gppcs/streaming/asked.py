@@ -9,6 +9,8 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from gppcs.amounts import accuracy
+from gppcs.amounts.guide import ChunkGuide
+from gppcs.clouds.expressions import Expression
 from gppcs.clouds.lengths import Length, metres_of
 from gppcs.engine.stages import Stages
 from gppcs.errors import InputError
@@ -75,10 +77,16 @@ def plan_for(
     ClusterError, FileFormatError, InputError, OSError, ParameterError
         As for `simplify_files`.
     """
+    _check_asked(files, asked)
     allowed, limit = limit, limit or default_limit()  # what is free changes while this works
     wanted = {name: asked[name] for name in ("ratio", "n_points", "keep", "weight")}
-    given = (asked[name] is not None for name in ("keep", "weight", "max_gap", "tolerance"))
-    besides = Besides(*given, outliers=search is not None)
+    besides = Besides(
+        keep=asked["keep"] is not None,
+        weights=asked["weight"] is not None,
+        gaps=asked["max_gap"] is not None,
+        accuracy=asked["tolerance"] is not None,
+        outliers=search is not None,
+    )
 
     def made(share: float | None, count: int | None) -> Plan:
         return plan(files, method, share, count, limit, whole, cluster is not None, besides)
@@ -109,6 +117,20 @@ def plan_for(
         return Planned(begun, wanted | {"accuracy": aim, "metres": metres})
     count = count_in_passes(files, made(None, 1), method, asked, metres, stages, cluster, search)
     return Planned(made(None, count), wanted | {"n_points": count, "repeats": False})
+
+
+def _check_asked(files: CloudFiles, asked: Mapping[str, Any]) -> None:
+    """Check by the first points that the cloud has the attributes that are named, and the unit that lengths need."""
+    keep, weight = (asked[name] if isinstance(asked[name], str) else None for name in ("keep", "weight"))
+    lengths = [Length.of(name, asked[name]) for name in ("tolerance", "spacing", "max_gap") if asked[name] is not None]
+    if keep is None and weight is None and not lengths:
+        return
+    cloud = files.head().cloud
+    if len(cloud):
+        ChunkGuide(None if keep is None else Expression.of(keep), weight).of_chunk(cloud)
+    metres = metres_of(asked["unit"], cloud.header)
+    for length in lengths:
+        length.in_cloud(1.0, metres)
 
 
 def _most_ranked(begun: Plan, in_passes: Callable[[int], Plan]) -> int:

@@ -121,8 +121,8 @@ def simplify_in_passes(
     passes = passes_over(files, plan, cluster, outliers)
     guide, shared = _guide_of(keep, weight), cluster is not None
     wanted = None if accuracy is None else accuracy._replace(most=0)  # which depends on the memory that is free
-    asked = (method, ratio, n_points, invalid, plan.way, shared, keep, weight, wanted, max_gap, metres, repeats)
-    asked += () if outliers is None else ("without outliers",)
+    asked: tuple[object, ...] = (method, ratio, n_points, invalid, plan.way, shared, keep, weight, wanted, max_gap)
+    asked += (metres, repeats, search is not None)
     with scratch_folder(scratch, plan.disk, work_name(files, asked) if resume else None) as folder:
         journal = Journal(folder)
         seen = journal.once("bounds", lambda: _overview(passes, plan, stages, guide))

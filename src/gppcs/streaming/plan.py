@@ -27,6 +27,7 @@ GAPS = 200  # Bytes of memory for each point in a gap, with a tree over these.
 PASSES_OF_ACCURACY = 6
 DISTANCES = 1  # Byte of memory for each point, where its distance from a surface is measured: the largest are held.
 PASSES_OF_OUTLIERS = 3  # More: bounds, a sample, and all points. One more for those that are not finite, or for a list.
+SECONDS_OF_OUTLIERS = 8e-6  # To look at a point on two cores.
 OUTLIERS = 0.02  # Share of the points that are outliers, about, at most.
 PROGRAM = 250_000_000  # Bytes that the program itself takes, with its libraries and compiled kernels.
 COPIES = 4  # A chunk is held so often at once: as it is in the file, as it is, shifted and scaled, and hashed.
@@ -186,7 +187,7 @@ def plan(
     search = IN_MEMORY * n if besides.outliers else 0
     in_memory = PROGRAM + max(2 * row * n, row * n + 24 * n + max(search, method.memory(n, kept) + more))
     if (limit is None or in_memory <= limit) and not shared:
-        return Plan(Way.MEMORY, n, kept, in_memory, limit, ROWS)
+        return Plan(Way.MEMORY, n, kept, in_memory, limit, ROWS, besides=besides)
     chunked = not (whole or head.whole)
     passes = method.memory_in_passes(n, kept) if chunked else None
     tiles = method.memory_in_tiles(n, kept) if chunked and besides.tiled else None
@@ -230,10 +231,11 @@ def expected_seconds(files: CloudFiles, plan: Plan, method: Method) -> float | N
     """
     read = plan.passes * plan.points
     choosing = method.seconds(read, plan.kept)
+    looking = SECONDS_OF_OUTLIERS * plan.points if plan.besides.outliers else 0.0
     begin = perf_counter()
     some = next(files.chunks(plan.in_memory, plan.rows), ())
     reading = (perf_counter() - begin) / max(1, len(some))
-    return None if choosing is None else choosing + read * reading
+    return None if choosing is None else choosing + looking + read * reading
 
 
 def _bytes_of_row(cloud: PointCloud) -> int:

@@ -61,9 +61,9 @@ def look_at(tree: KdTree, n: int, clearance: NDArray[np.float64] | None = None) 
     points = np.ascontiguousarray(tree.points.T)
     means, reach = np.empty(len(points)), np.empty(len(points))
     for begin in range(0, len(points), ROWS):
-        some = slice(begin, begin + ROWS)
-        squared = tree.nearest_of(points[some], NEIGHBOURS + 1)[1][:, 1:]
-        means[some], reach[some] = mean_distances(squared), squared[:, -1]
+        end = begin + ROWS
+        squared = tree.nearest_of(points[begin:end], NEIGHBOURS + 1)[1][:, 1:]
+        means[begin:end], reach[begin:end] = mean_distances(squared), squared[:, -1]
     if clearance is not None:
         means[reach * SURE >= (np.maximum(clearance, 0.0) ** 2)[tree.order]] = np.nan
     own = np.flatnonzero(tree.order < n)
@@ -140,7 +140,7 @@ def are_outside(
 
 @kernel
 def _planes(begin, end, points, starts, neighbours, moments, away):
-    """Fill `moments`, (m, 3, 3), of the neighbours around their centre, and how far `away`, (m, 3), from it points are."""
+    """Fill `moments`, (m, 3, 3), of neighbours around their centre, and the way `away`, (m, 3), from it to the points."""
     centre = np.empty(3)
     for i in range(begin, end):
         some = neighbours[starts[i] : starts[i + 1]]

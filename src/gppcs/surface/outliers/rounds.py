@@ -112,7 +112,7 @@ class Points(NamedTuple):
 
     def take(self, some: NDArray[np.int64] | NDArray[np.bool_]) -> Points:
         """Return some of them."""
-        return Points(*(values[some] for values in self))
+        return Points(self.parts[some], self.positions[some], self.places[some], self.bounds[some])
 
 
 NO_POINTS = Points(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 3)), np.empty(0))

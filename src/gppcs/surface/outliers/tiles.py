@@ -81,7 +81,7 @@ def outliers_in_tiles(
         with stages("outliers", len(points)) as advanced:
             for look in each(partial(_look, stored, high), [*enumerate(tiles)]):
                 found.append(look)
-                advanced(look.count)
+                advanced(look.total)
         return found
 
     seen = Journal(folder).once("looks", looks)
@@ -90,7 +90,7 @@ def outliers_in_tiles(
     with stages("outliers"):
         parts = [_part(stored, tile, look.different) for tile, look in zip(tiles, seen, strict=True)]
         gone = all_outliers(parts, joined([look.outside for look in seen]), joined([look.open for look in seen]), each)
-        asked = [_Gone(*of) for of in zip(tiles, gone, (look.count > look.different for look in seen), strict=True)]
+        asked = [_Gone(*of) for of in zip(tiles, gone, (look.total > look.different for look in seen), strict=True)]
         rows = list(each(partial(_rows, stored), [some for some in asked if len(some.positions)]))
     return np.sort(np.concatenate([np.empty(0, dtype=np.int64), *rows]))
 
@@ -98,11 +98,11 @@ def outliers_in_tiles(
 class _Look(NamedTuple):
     """What a tile and its halo tell.
 
-    `count` is the number of points of the tile, and `different` that of their places; `outside` are outliers, and
+    `total` is the number of points of the tile, and `different` that of their places; `outside` are outliers, and
     `open` the points of which they do not tell it.
     """
 
-    count: int
+    total: int
     different: int
     outside: Points
     open: Points
@@ -171,9 +171,7 @@ def _column(folder: Path, tile: Tile, name: str) -> Path:
 
 
 def _content(folder: Path, tile: Tile) -> Content:
-    rows, places, low, high, reach = (
-        _load(folder, tile, name) for name in ("row", "place", "low", "high", "reach")
-    )
+    rows, places, low, high, reach = (_load(folder, tile, name) for name in ("row", "place", "low", "high", "reach"))
     return Content(KdTree(rows, places, low, high), reach)
 
 
