@@ -140,7 +140,7 @@ def are_outside(
 
 @kernel
 def _planes(begin, end, points, starts, neighbours, moments, away):
-    """Fill `moments`, (m, 3, 3), of neighbours around their centre, and the way `away`, (m, 3), from it to the points."""
+    """Fill `moments`, (m, 3, 3), of neighbours around their centre, and the way from it to points, `away`, (m, 3)."""
     centre = np.empty(3)
     for i in range(begin, end):
         some = neighbours[starts[i] : starts[i + 1]]
