@@ -59,7 +59,7 @@ def in_passes(paths, **options):
 
 ASKED = [
     {"n_points": 80, "scores": True},
-    {"ratio": 0.03, "keep": "kind == 1"},
+    {"ratio": 0.02, "keep": "kind == 1"},
     {"n_points": 80, "weight": "half"},
     {"ratio": 0.02, "max_gap": 10.0},
     {"spacing": 20.0},
