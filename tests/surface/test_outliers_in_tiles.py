@@ -55,7 +55,7 @@ def test_tiles_make_no_difference(seed, kind, n, strays, chunks, sizes, batch):
     np.testing.assert_array_equal(found, outliers_among(points))
 
 
-@pytest.mark.parametrize("name", ["bracket", "street"])
+@pytest.mark.parametrize("name", ["bracket", "fan"])
 def test_outliers_of_a_scan(name):
     points = normalised(gppcs.sample(name, 12_000, outliers=0.02).points)[0]
     expected = outliers_among(points)
