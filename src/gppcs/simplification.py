@@ -45,6 +45,8 @@ class Result(ComparedByValue):
         an entry of its own, `compilation`.
     diagnostics : mapping of str to float
         Figures that the method reports about its run, such as fitted hyperparameters.
+    outliers : (n,) array, int64, or None
+        The rows of the points that were left out as outliers, ascending. None if none were looked for.
     original : PointCloud or None
         The cloud that was simplified, for `curve`. None for files larger than memory and for copies by pickle.
     ranked : bool
@@ -66,6 +68,7 @@ class Result(ComparedByValue):
     method: Method
     seconds: Mapping[str, float]
     diagnostics: Mapping[str, float]
+    outliers: NDArray[np.int64] | None = None
     original: PointCloud | None = field(default=None, repr=False, compare=False)
     ranked: bool = field(default=True, repr=False, compare=False)
 
@@ -77,6 +80,20 @@ class Result(ComparedByValue):
 
     def _repr_html_(self) -> str:
         return display.html_of(self)
+
+    def without(self, outliers: NDArray[np.int64]) -> Result:
+        """Return the result, after noting that outliers were left out.
+
+        Parameters
+        ----------
+        outliers : (n,) array, int64
+            Their rows.
+
+        Returns
+        -------
+        Result
+        """
+        return replace(self, outliers=outliers, diagnostics={**self.diagnostics, "outliers": float(len(outliers))})
 
     def prefix(self, n_points: int) -> Result:
         """Return the first points, which are a simplification to fewer points.
@@ -141,7 +158,7 @@ class Result(ComparedByValue):
             raise InputError("the result does not know its original: expected it as result.curve(original)")
         count = len(self.indices)
         wanted = halves(count) if sizes is None else checked_sizes(sizes, count)
-        rows = _usable_rows(whole, "drop")
+        rows = _left_rows(whole, _usable_rows(whole, "drop"), self.outliers)
         finite = whole if rows is None else whole.take(rows)
         return measured_curve(finite, self.method, wanted, lambda m: self.cloud.take(np.arange(m)), Stages())
 
@@ -199,6 +216,7 @@ def simplify(
     invalid: Literal["error", "drop"] = "error",
     normals: bool = False,
     scores: bool = False,
+    drop_outliers: bool = False,
     stages: Stages | None = None,
 ) -> Result:
     """Choose M points of a cloud: a number, or as many as an accuracy, a spacing or a largest gap takes.
@@ -250,6 +268,9 @@ def simplify(
     scores : bool
         Whether to add the method's own `attributes` of each kept point. They are zero for points that the method did
         not choose itself, such as repeats.
+    drop_outliers : bool
+        Whether to leave out, before all else, the points that `gppcs.find_outliers` finds, also if they are in `keep`.
+        They do not count in N. The result has their rows.
     stages : Stages, optional
         Measures the time of each stage, and reports progress to its listener.
 
@@ -285,13 +306,21 @@ def simplify(
 
     stages = Stages.of(stages)
     normals, scores = flag("normals", normals), flag("scores", scores)
+    drop_outliers = flag("drop_outliers", drop_outliers)
     amount = Amount.of(ratio, n_points, tolerance, spacing, max_gap, measure)
     check_guided_amount(spacing, keep, weight)
+    outliers = None
+    if drop_outliers:
+        from gppcs.surface.outliers import find_outliers
+
+        with stages("outliers"):
+            cloud = PointCloud.of(cloud)
+            outliers = np.flatnonzero(find_outliers(cloud))
     with stages("preparation"):
         cloud = PointCloud.of(cloud)
         chosen_method = resolved(method, seed)
         check_scores(scores, chosen_method, cloud)
-        rows = _usable_rows(cloud, invalid)
+        rows = _left_rows(cloud, _usable_rows(cloud, invalid), outliers)
         guide, metres = Guide.of(cloud, rows, keep, weight), metres_of(unit, cloud.header)
         points, corner, exponent = normalised(cloud.points if rows is None else cloud.points[rows])
         low, high = bounds(points)
@@ -308,7 +337,8 @@ def simplify(
     if scores:
         kept = with_scores(kept, chosen_method, selection)
     ranked = chosen_method.ranks and selection.ranked
-    return Result(indices, kept, chosen_method, stages.seconds, selection.diagnostics, cloud, ranked)
+    result = Result(indices, kept, chosen_method, stages.seconds, selection.diagnostics, original=cloud, ranked=ranked)
+    return result if outliers is None else result.without(outliers)
 
 
 def check_options(
@@ -468,6 +498,15 @@ def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64] | None:
     bad = cloud.non_finite()
     check_usable(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, invalid)
     return cloud.finite_rows()
+
+
+def _left_rows(
+    cloud: PointCloud, rows: NDArray[np.int64] | None, outliers: NDArray[np.int64] | None
+) -> NDArray[np.int64] | None:
+    """Return rows of a cloud without outliers; None stands for all rows, and for no outliers."""
+    if outliers is None or not len(outliers):
+        return rows
+    return np.setdiff1d(np.arange(len(cloud)) if rows is None else rows, outliers, assume_unique=True)
 
 
 def check_usable(n: int, bad: int, first: int, invalid: str) -> None:

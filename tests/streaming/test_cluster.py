@@ -316,3 +316,23 @@ def test_settings_of_files_reach_the_workers(three, tmp_path):
     assert (found.count, found.low.tolist(), found.high.tolist()) == (
         expected.count, expected.low.tolist(), expected.high.tolist()
     )  # fmt: skip
+
+
+def test_workers_leave_out_the_same_outliers(three, tmp_path, monkeypatch):
+    """LAS files are divided into parts: others to count the points than to choose them."""
+    monkeypatch.setattr("gppcs.streaming.plan.ROWS", 2_000)
+    each, plain = [], CloudFiles.each
+    monkeypatch.setattr(CloudFiles, "each", lambda *of: each.append(plain(*of)) or each[-1])
+    cloud = gppcs.sample("bracket", N, seed=3, outliers=0.02)
+    paths = [tmp_path / "a.las", tmp_path / "b.las"]
+    for path, rows in zip(paths, np.split(np.arange(N), [5_000]), strict=True):
+        gppcs.write(path, gppcs.PointCloud(cloud.points[rows].round(3)))
+    whole = gppcs.PointCloud(np.concatenate([gppcs.read(path).points for path in paths]))
+    for wanted in ({"n_points": 150}, {"max_gap": 9.0}):
+        expected = gppcs.simplify(whole, drop_outliers=True, **wanted)
+        found = gppcs.simplify_files(paths, drop_outliers=True, client=three, **wanted)
+        np.testing.assert_array_equal(found.outliers, expected.outliers)
+        np.testing.assert_array_equal(found.indices, expected.indices)
+        assert found.diagnostics == expected.diagnostics
+    assert len({len(parts) for parts in each}) > 1
+    assert len(found.outliers) > 100

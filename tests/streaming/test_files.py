@@ -293,15 +293,17 @@ def test_sizes_of_memory(text, size):
     assert bytes_of(text) == size
 
 
-@pytest.mark.parametrize("text", ["", "GB", "-1GB", "1 GB 2", "1e9", "nan", "٣GB", 0, -5, True, 2.5, None, b"1GB"])
+@pytest.mark.parametrize(
+    "text", ["", "GB", "-1GB", "1 GB 2", "1e9", "nan", "٣GB", 0, -5, True, 2.5, None, b"1GB", "0.8", "1.5b"]
+)
 def test_what_is_no_size_of_memory(text):
     with pytest.raises(gppcs.ParameterError, match="expected an amount of memory such as 4GB or 512MB, found"):
         bytes_of(text)
 
 
 def test_sizes_are_told_with_units():
-    assert [size_of(size) for size in (1, 2_500_000, 999_000_000, 10**9, 23_400_000_000, 10**12)] == [
-        "1 MB", "3 MB", "999 MB", "1 GB", "23 GB", "1,000 GB",
+    assert [size_of(size) for size in (1, 999_999, 2_500_000, 999_000_000, 10**9, 23_400_000_000, 10**12)] == [
+        "1 B", "999,999 B", "3 MB", "999 MB", "1 GB", "23 GB", "1,000 GB",
     ]  # fmt: skip
 
 

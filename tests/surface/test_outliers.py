@@ -2,8 +2,76 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import gppcs
+from gppcs.spatial.scaling import normalised
+
+
+def outliers_by_all_pairs(points):
+    """The definition, word by word: all pairs of places, round after round."""
+    places, back = np.unique(normalised(points)[0], axis=0, return_inverse=True)
+    outside, left = np.zeros(len(places), dtype=bool), np.arange(len(places))
+    while len(left) > 17:
+        near = places[left]
+        squared = ((near[:, None] - near) ** 2).sum(axis=2)
+        np.fill_diagonal(squared, np.inf)
+        nearest = np.sort(squared, axis=1)[:, :16]
+        means, new = np.sqrt(nearest).mean(axis=1), np.zeros(len(left), dtype=bool)
+        for i, place in enumerate(near):
+            others = np.flatnonzero(squared[i] <= nearest[i, -1])
+            around = np.median(means[others])
+            if means[i] > 2 * around:
+                new[i] = means[i] > 10 * around or beside_plane(place, near[others]) > around
+        if not new.any():
+            break
+        outside[left[new]] = True
+        left = left[~new]
+    return outside[back.ravel()]
+
+
+def beside_plane(place, others):
+    """The distance to the plane of others, added in order of z, y, x: if they lie like a ball, this decides."""
+    others = others[np.lexsort(others.T)]
+    centre = sum(others) / len(others)
+    moments = sum(np.outer(away, away) for away in others - centre)
+    return abs(np.linalg.eigh(moments)[1][:, 0] @ (place - centre))
+
+
+def cloud_with_strays(seed, kind, n, strays):
+    """A volume, a noisy plane, or points of grids with many equal distances; some points repeat others."""
+    rng = np.random.default_rng(seed)
+    points = rng.random((n, 3)) * [20, 20, 20 * (kind == "volume")]
+    if kind == "plane":
+        points[:, 2] = 0.1 * rng.standard_normal(n)
+    stray = 20 * rng.standard_normal((strays, 3)) + [0, 0, 40]
+    points = np.concatenate([points, points[: n // 7], stray])
+    if kind == "volume grid":
+        points[:n, 2] = rng.integers(0, 4, n)
+    return np.round(points) if kind.endswith("grid") else points
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    kind=st.sampled_from(["volume", "plane", "grid", "volume grid"]),
+    n=st.integers(5, 160),
+    strays=st.integers(0, 12),
+)
+def test_the_definition(seed, kind, n, strays):
+    """In any order of the points, also where many distances are equal."""
+    points = cloud_with_strays(seed, kind, n, strays)
+    expected = outliers_by_all_pairs(points)
+    np.testing.assert_array_equal(gppcs.find_outliers(points), expected)
+    order = np.random.default_rng(seed).permutation(len(points))
+    np.testing.assert_array_equal(gppcs.find_outliers(points[order]), expected[order])
+
+
+def test_outliers_hide_others_for_several_rounds():
+    """Each is explained by the one before, which is nearer to the surface."""
+    points = cloud_with_strays(3, "plane", 250, 12)
+    assert 2 <= outliers_by_all_pairs(points).sum() == gppcs.find_outliers(points).sum()
 
 
 @pytest.mark.parametrize("name", ["bracket", "fan", "medallion"])

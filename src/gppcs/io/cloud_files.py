@@ -177,6 +177,11 @@ class CloudFiles:
             return [*spans] if len(spans) > 1 else [None]
 
     @property
+    def first(self) -> int:
+        """The row of the first point of `chunks` in the first file."""
+        return self._span[0] if self._span else 0
+
+    @property
     def settings(self) -> tuple[str | None, Sequence[str] | None, Query | None, bool, bool]:
         """How the files are read: all arguments but the paths and the span."""
         return self._format, self._columns, self.query, self._assume_same_crs, self._if_needed

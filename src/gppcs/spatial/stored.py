@@ -32,6 +32,20 @@ _RECORD = np.dtype([("row", np.int64), ("place", np.float64, 3)])
 BYTES_ON_DISK = _RECORD.itemsize  # for each point
 
 
+class Inside(NamedTuple):
+    """The points of a tile.
+
+    Attributes
+    ----------
+    rows : (n,) array, int64
+        Rows of the points in the cloud, ascending.
+    points : (n, 3) array
+    """
+
+    rows: NDArray[np.int64]
+    points: NDArray[np.float64]
+
+
 class Neighbourhood(NamedTuple):
     """The points of a tile and of its halo.
 
@@ -84,6 +98,49 @@ class StoredPoints:
         parts = [next(self._read(run, [(tile.first, tile.last)])) for run in self.runs]
         places: NDArray[np.float64] = np.concatenate(parts)["place"]
         return places
+
+    def own(self, tile: Tile) -> Inside:
+        """Read the points of a tile alone, with their rows.
+
+        Parameters
+        ----------
+        tile : Tile
+
+        Returns
+        -------
+        Inside
+        """
+        records = np.concatenate([next(self._read(run, [(tile.first, tile.last)])) for run in self.runs])
+        order = np.argsort(records["row"], kind="stable")
+        return Inside(records["row"][order], records["place"][order])
+
+    def halo(self, tile: Tile, width: float, most: int) -> NDArray[np.float64] | None:
+        """Read the points around a tile, unless they are too many.
+
+        Parameters
+        ----------
+        tile : Tile
+        width : float
+            Of the halo, along each axis.
+        most : int
+            Number of points at most.
+
+        Returns
+        -------
+        (n, 3) array or None
+            In any order.
+        """
+        low, high = tile.low - width, tile.high + width
+        boxes = [(box, box + 1) for box in self.boxes.around(tile, width).tolist()]
+        found, count = [np.empty((0, 3))], 0
+        for run in self.runs:
+            for part in self._read(run, boxes):
+                places = part["place"]
+                found.append(places[((places >= low) & (places <= high)).all(axis=1)])
+                count += len(found[-1])
+                if count > most:
+                    return None
+        return np.concatenate(found)
 
     def near(self, tile: Tile, width: float) -> Neighbourhood:
         """Read the points of a tile and of a halo around it.

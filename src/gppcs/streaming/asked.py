@@ -9,6 +9,8 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from gppcs.amounts import accuracy
+from gppcs.amounts.guide import ChunkGuide
+from gppcs.clouds.expressions import Expression
 from gppcs.clouds.lengths import Length, metres_of
 from gppcs.engine.stages import Stages
 from gppcs.errors import InputError
@@ -16,6 +18,7 @@ from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import Method
 from gppcs.simplification import takes_all_points
 from gppcs.streaming.cluster import Cluster
+from gppcs.streaming.outliers import OutlierSearch
 from gppcs.streaming.passes import Accuracy, count_in_passes
 from gppcs.streaming.plan import FEWEST_ROWS, Besides, Plan, default_limit, plan
 
@@ -44,6 +47,7 @@ def plan_for(
     whole: str | None,
     cluster: Cluster | None,
     stages: Stages,
+    search: OutlierSearch | None = None,
 ) -> Planned:
     """Decide how a cloud is simplified. If that takes it, count in passes over the files how many points are kept.
 
@@ -61,6 +65,8 @@ def plan_for(
         Where to work.
     stages : Stages
         Times the passes.
+    search : OutlierSearch, optional
+        If it is given, the outliers that it finds are left out.
 
     Returns
     -------
@@ -71,9 +77,16 @@ def plan_for(
     ClusterError, FileFormatError, InputError, OSError, ParameterError
         As for `simplify_files`.
     """
+    _check_asked(files, asked)
     allowed, limit = limit, limit or default_limit()  # what is free changes while this works
     wanted = {name: asked[name] for name in ("ratio", "n_points", "keep", "weight")}
-    besides = Besides(*(asked[name] is not None for name in ("keep", "weight", "max_gap", "tolerance")))
+    besides = Besides(
+        keep=asked["keep"] is not None,
+        weights=asked["weight"] is not None,
+        gaps=asked["max_gap"] is not None,
+        accuracy=asked["tolerance"] is not None,
+        outliers=search is not None,
+    )
 
     def made(share: float | None, count: int | None) -> Plan:
         return plan(files, method, share, count, limit, whole, cluster is not None, besides)
@@ -90,6 +103,8 @@ def plan_for(
     metres = metres_of(asked["unit"], files.head().cloud.header)
     if asked["max_gap"] is not None:
         wanted |= {"max_gap": Length.of("max_gap", asked["max_gap"]), "metres": metres}
+    if search is not None:
+        wanted |= {"search": search}
     if counted:
         return Planned(first, wanted)
     if besides.accuracy:
@@ -100,8 +115,22 @@ def plan_for(
         most = _most_ranked(begun, in_passes)
         aim = Accuracy(Length.of("tolerance", asked["tolerance"]), measure, most, allowed)
         return Planned(begun, wanted | {"accuracy": aim, "metres": metres})
-    count = count_in_passes(files, made(None, 1), method, asked, metres, stages, cluster)
+    count = count_in_passes(files, made(None, 1), method, asked, metres, stages, cluster, search)
     return Planned(made(None, count), wanted | {"n_points": count, "repeats": False})
+
+
+def _check_asked(files: CloudFiles, asked: Mapping[str, Any]) -> None:
+    """Check by the first points that the cloud has the attributes that are named, and the unit that lengths need."""
+    keep, weight = (asked[name] if isinstance(asked[name], str) else None for name in ("keep", "weight"))
+    lengths = [Length.of(name, asked[name]) for name in ("tolerance", "spacing", "max_gap") if asked[name] is not None]
+    if keep is None and weight is None and not lengths:
+        return
+    cloud = files.head().cloud
+    if len(cloud):
+        ChunkGuide(None if keep is None else Expression.of(keep), weight).of_chunk(cloud)
+    metres = metres_of(asked["unit"], cloud.header)
+    for length in lengths:
+        length.in_cloud(1.0, metres)
 
 
 def _most_ranked(begun: Plan, in_passes: Callable[[int], Plan]) -> int:

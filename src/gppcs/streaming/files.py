@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import ExitStack
 from typing import Any, Literal
 
 from numpy.typing import ArrayLike
@@ -19,6 +20,7 @@ from gppcs.methods import DEFAULT, Method
 from gppcs.simplification import Result, resolved, simplify
 from gppcs.streaming.asked import plan_for
 from gppcs.streaming.cluster import Cluster
+from gppcs.streaming.outliers import OutlierSearch
 from gppcs.streaming.passes import simplify_in_passes
 from gppcs.streaming.sizes import bytes_of
 
@@ -40,6 +42,7 @@ def simplify_files(
     invalid: Literal["error", "drop"] = "error",
     normals: bool = False,
     scores: bool = False,
+    drop_outliers: bool = False,
     format: str | None = None,  # noqa: A002
     columns: Sequence[str] | None = None,
     box: Sequence[float] | None = None,
@@ -70,8 +73,8 @@ def simplify_files(
         One file or several, in any format that `gppcs.read` reads. Several files are one cloud: its points are those of
         the first, then those of the second and so on. They must have the same attributes. A virtual point cloud (.vpc)
         stands for the files that it lists.
-    ratio, n_points, method, seed, invalid, normals, scores, stages
-        As for `gppcs.simplify`. Normals need all points in memory.
+    ratio, n_points, method, seed, invalid, normals, scores, drop_outliers, stages
+        As for `gppcs.simplify`. Normals need all points in memory. Outliers are the same ones, whatever the memory.
     tolerance, measure, spacing, max_gap, unit, keep, weight
         As for `gppcs.simplify`. All points must be in memory: for methods other than `gp`, if `tolerance`, `spacing`,
         `keep`, `weight` or `max_gap` alone is given; for `keep` that is no condition; for `weight` that is no name.
@@ -134,22 +137,26 @@ def simplify_files(
     if not isinstance(paths, Sequence) or not paths:
         raise ParameterError(f"expected a file or a list of files, found {shown(paths)}")
     stages, normals, scores = Stages.of(stages), flag("normals", normals), flag("scores", scores)
-    resume = flag("resume", resume)
+    resume, drop_outliers = flag("resume", resume), flag("drop_outliers", drop_outliers)
     query = Query.of(box, resolution, only, drop, polygon)
     Amount.of(ratio, n_points, tolerance, spacing, max_gap, measure)
     check_guided_amount(spacing, keep, weight)
     asked: dict[str, Any] = {"ratio": ratio, "n_points": n_points, "tolerance": tolerance, "spacing": spacing}
     asked |= {"max_gap": max_gap, "keep": keep, "weight": weight, "unit": unit, "invalid": invalid}
     asked["measure"] = measure
-    with CloudFiles.of(paths, format, columns, query, assume_same_crs) as files:
+    folder = None if scratch is None else file_path(scratch)
+    with CloudFiles.of(paths, format, columns, query, assume_same_crs) as files, ExitStack() as stack:
         chosen, limit = resolved(method, seed), None if memory is None else bytes_of(memory)
         cluster = None if client is None else Cluster(client)
-        made, options = plan_for(files, chosen, asked, limit, "normals" if normals else None, cluster, stages)
+        search = OutlierSearch(files, invalid, False, stages, folder, cluster, resume) if drop_outliers else None
+        if search:
+            stack.enter_context(search)
+        whole = "normals" if normals else None
+        made, options = plan_for(files, chosen, asked, limit, whole, cluster, stages, search)
         if made.in_memory:
             with stages("reading"):
                 cloud = files.read()
-            asked |= {"normals": normals, "scores": scores}
+            asked |= {"normals": normals, "scores": scores, "drop_outliers": drop_outliers}
             return simplify(cloud, method=chosen, stages=stages, **asked)
-        folder = None if scratch is None else file_path(scratch)
         options |= {"invalid": invalid, "scores": scores, "scratch": folder, "cluster": cluster, "resume": resume}
         return simplify_in_passes(files, made, chosen, stages=stages, **options)[0]

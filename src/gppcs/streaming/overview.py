@@ -11,6 +11,8 @@ from gppcs.io.cloud_files import JointColumns
 from gppcs.spatial.chunks import Places
 from gppcs.spatial.scaling import Frame, bounds
 
+NO_ROWS = np.empty(0, dtype=np.int64)
+
 
 class Overview:
     """The number of points, the bounds of the finite ones, and the types of attributes.
@@ -19,14 +21,16 @@ class Overview:
     ----------
     count, bad, first_bad : int
         Number of points; of those that are not finite; and the row of the first of these.
+    left_out : int
+        Number of points that are left out. They are finite.
     low, high : (3,) arrays
-        Bounds of the finite points; infinite if there are none.
+        Bounds of the finite points that are not left out; infinite if there are none.
     columns : JointColumns
     guide : ChunkGuide or None
     weightless : int
-        Number of finite points that cannot be chosen: their weight is 0, and they are not to be kept.
+        Number of the others that cannot be chosen: their weight is 0, and they are not to be kept.
     weights : WeightRange
-        Of the finite points.
+        Of the finite points that are not left out.
     parts : list of Overview
         Those that were merged.
 
@@ -40,7 +44,7 @@ class Overview:
         self.guide = guide
         self._rows: list[NDArray[np.int64]] = [np.empty(0, dtype=np.int64)]  # of points to keep, among the usable
         self._places = [np.empty((0, 3))]
-        self.count = self.bad = self.first_bad = self.weightless = 0
+        self.count = self.bad = self.first_bad = self.left_out = self.weightless = 0
         self.weights = WeightRange()
         self.low, self.high = np.full(3, np.inf), np.full(3, -np.inf)
         self.columns = JointColumns()
@@ -48,8 +52,8 @@ class Overview:
 
     @property
     def finite(self) -> int:
-        """Number of finite points."""
-        return self.count - self.bad
+        """Number of finite points that are not left out."""
+        return self.count - self.bad - self.left_out
 
     @property
     def weight(self) -> str | None:
@@ -82,13 +86,15 @@ class Overview:
         rows = np.concatenate(self._rows)
         return Places(rows, frame.local(np.concatenate(self._places)), np.zeros(len(rows), dtype=np.float32))
 
-    def add(self, cloud: PointCloud) -> None:
+    def add(self, cloud: PointCloud, left_out: NDArray[np.int64] = NO_ROWS) -> None:
         """Take note of the next points.
 
         Parameters
         ----------
         cloud : PointCloud
             At least one.
+        left_out : (n,) array, int64
+            Which of them are left out, ascending. They are finite.
 
         Raises
         ------
@@ -97,7 +103,13 @@ class Overview:
         InputError, ParameterError
             As for `ChunkGuide.of_chunk`.
         """
-        self.columns.add(cloud)
+        self.columns.add(cloud)  # the types of all: without outliers, the others keep theirs
+        count, bad = len(cloud), NO_ROWS
+        if not np.isfinite(bounds(cloud.points)).all():
+            bad = cloud.non_finite()
+            self.first_bad = self.first_bad if self.bad else self.count + int(bad[0])
+        if len(left_out):
+            cloud = cloud.take(np.delete(np.arange(len(cloud)), left_out))
         if self.guide is not None:
             rows, keep, weights = self.guide.of_chunk(cloud)
             self._rows.append(self.usable + keep)
@@ -105,15 +117,11 @@ class Overview:
             if weights is not None:
                 self.weights = self.weights.followed_by(WeightRange.of(weights))
                 self.weightless += len(weights) - len(rows)
-        low, high = bounds(cloud.points)
-        if not np.isfinite([low, high]).all():
-            bad = cloud.non_finite()
-            self.first_bad = self.first_bad if self.bad else self.count + int(bad[0])
-            self.bad += len(bad)
-            finite = np.delete(cloud.points, bad, axis=0)
-            low, high = bounds(finite) if len(finite) else (self.low, self.high)
-        self.low, self.high = np.minimum(self.low, low), np.maximum(self.high, high)
-        self.count += len(cloud)
+        finite = cloud.points[cloud.finite_rows()] if len(bad) else cloud.points
+        if len(finite):
+            low, high = bounds(finite)
+            self.low, self.high = np.minimum(self.low, low), np.maximum(self.high, high)
+        self.count, self.bad, self.left_out = self.count + count, self.bad + len(bad), self.left_out + len(left_out)
 
     def merge(self, other: Overview) -> None:
         """Take note of the next points, of which there is an overview.
@@ -136,4 +144,5 @@ class Overview:
         self.weights = self.weights.followed_by(other.weights)
         self.weightless += other.weightless
         self.count, self.bad = self.count + other.count, self.bad + other.bad
+        self.left_out += other.left_out
         self.low, self.high = np.minimum(self.low, other.low), np.maximum(self.high, other.high)

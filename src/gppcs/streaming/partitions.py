@@ -16,8 +16,40 @@ from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 from gppcs.spatial.chunks import Advanced, ChunkedPoints, ChunkedValues, Places, SparseValues, joined_places
 from gppcs.spatial.scaling import Frame
 from gppcs.streaming.cluster import Cluster
-from gppcs.streaming.overview import Overview
+from gppcs.streaming.overview import NO_ROWS, Overview
 from gppcs.streaming.reading import FilePasses, Kept
+
+
+class LeftOut(NamedTuple):
+    """Points of a cloud in files that are left out.
+
+    Attributes
+    ----------
+    rows : (n,) array, int64
+        Ascending.
+    starts : list of int
+        The row of the first point of each file.
+    """
+
+    rows: NDArray[np.int64]
+    starts: list[int]
+
+    def divided(self, parts: Sequence[CloudFiles]) -> list[NDArray[np.int64]]:
+        """Return the rows of each part of the files, counted from its first point.
+
+        Parameters
+        ----------
+        parts : sequence of CloudFiles
+            What `CloudFiles.each` returns.
+
+        Returns
+        -------
+        list of (m,) array, int64
+        """
+        of_file = np.cumsum([part.first == 0 for part in parts]) - 1
+        begins = [self.starts[file] + part.first for file, part in zip(of_file, parts, strict=True)]
+        some = np.split(self.rows, np.searchsorted(self.rows, begins[1:]))
+        return [rows - begin for rows, begin in zip(some, begins, strict=True)]
 
 
 class ClusterPasses:
@@ -31,11 +63,32 @@ class ClusterPasses:
     cluster : Cluster
     part : int
         Points of a part of a file at least.
+    left_out : LeftOut, optional
+        Points that are left out.
     """
 
-    def __init__(self, files: CloudFiles, rows: int, cluster: Cluster, part: int) -> None:
-        self._files, self._rows, self._cluster = files, rows, cluster
-        self._passes = [FilePasses(each, rows) for each in files.each(part)]
+    def __init__(
+        self, files: CloudFiles, rows: int, cluster: Cluster, part: int, left_out: LeftOut | None = None
+    ) -> None:
+        self._whole, self._cluster = FilePasses(files, rows, NO_ROWS if left_out is None else left_out.rows), cluster
+        parts = files.each(part)
+        out = [NO_ROWS] * len(parts) if left_out is None else left_out.divided(parts)
+        self._passes = [FilePasses(each, rows, some) for each, some in zip(parts, out, strict=True)]
+
+    def starts(self, seen: Overview) -> list[int]:
+        """Return the row of the first point of each file.
+
+        Parameters
+        ----------
+        seen : Overview
+            Of these files.
+
+        Returns
+        -------
+        list of int
+        """
+        begins = np.concatenate([[0], np.cumsum([own.count for own in seen.parts])]).tolist()
+        return [begin for begin, passes in zip(begins, self._passes, strict=False) if passes.files.first == 0]
 
     def overview(self, advanced: Advanced, guide: ChunkGuide | None = None) -> Overview:
         """As `FilePasses.overview`.
@@ -67,7 +120,7 @@ class ClusterPasses:
         -------
         ClusterPoints
         """
-        local = FilePasses(self._files, self._rows).points(seen, frame)
+        local = self._whole.points(seen, frame)
         parts = self._parts(seen, partial(FilePasses.points, frame=frame))
         return ClusterPoints(local.count, local.chunks, parts, self._cluster)
 
@@ -83,7 +136,7 @@ class ClusterPasses:
         -------
         ClusterValues
         """
-        local = FilePasses(self._files, self._rows).weights(seen, known)
+        local = self._whole.weights(seen, known)
         parts = self._parts(seen, partial(FilePasses.weights, known=known))
         return ClusterValues(local.count, local.chunks, parts, self._cluster)
 

@@ -24,6 +24,7 @@ from gppcs.simplification import Result, check_scores, check_usable, number_to_k
 from gppcs.spatial.chunks import ChunkedPoints, ChunkedValues, Places
 from gppcs.spatial.scaling import Frame
 from gppcs.streaming.cluster import Cluster
+from gppcs.streaming.outliers import OutlierSearch, passes_over
 from gppcs.streaming.overview import Overview
 from gppcs.streaming.partitions import ClusterPasses
 from gppcs.streaming.plan import Plan, Way
@@ -69,6 +70,7 @@ def simplify_in_passes(
     max_gap: Length | None = None,
     metres: float | None = None,
     repeats: bool = True,
+    search: OutlierSearch | None = None,
 ) -> tuple[Result, int]:
     """Choose exactly M points of a cloud without ever holding all of it.
 
@@ -100,12 +102,14 @@ def simplify_in_passes(
         The unit of the cloud in metres, if it is known.
     repeats : bool
         Whether repeats are kept where there are too few different places.
+    search : OutlierSearch, optional
+        If it is given, the outliers that it finds are left out.
 
     Returns
     -------
     result : Result
     n : int
-        The number of points in the files.
+        The number of points in the files, without outliers.
 
     Raises
     ------
@@ -113,10 +117,12 @@ def simplify_in_passes(
         As for `simplify_files`.
     """
     check_scores(scores, method, files.head().cloud)
-    passes = _passes(files, plan, cluster)
+    outliers = None if search is None else search.found(plan).left_out
+    passes = passes_over(files, plan, cluster, outliers)
     guide, shared = _guide_of(keep, weight), cluster is not None
     wanted = None if accuracy is None else accuracy._replace(most=0)  # which depends on the memory that is free
-    asked = (method, ratio, n_points, invalid, plan.way, shared, keep, weight, wanted, max_gap, metres, repeats)
+    asked: tuple[object, ...] = (method, ratio, n_points, invalid, plan.way, shared, keep, weight, wanted, max_gap)
+    asked += (metres, repeats, search is not None)
     with scratch_folder(scratch, plan.disk, work_name(files, asked) if resume else None) as folder:
         journal = Journal(folder)
         seen = journal.once("bounds", lambda: _overview(passes, plan, stages, guide))
@@ -148,7 +154,8 @@ def simplify_in_passes(
     if scores:
         kept = with_scores(kept, method, selection)
     ranked = method.ranks and selection.ranked
-    return Result(rows, kept, method, stages.seconds, selection.diagnostics, ranked=ranked), seen.count
+    result = Result(rows, kept, method, stages.seconds, selection.diagnostics, ranked=ranked)
+    return result if outliers is None else result.without(outliers.rows), seen.count - seen.left_out
 
 
 def _accurate(
@@ -186,6 +193,7 @@ def count_in_passes(
     metres: float | None,
     stages: Stages,
     cluster: Cluster | None = None,
+    search: OutlierSearch | None = None,
 ) -> int:
     """Return how many points of a cloud have a spacing, or leave about no gap, by two passes over its files.
 
@@ -205,6 +213,8 @@ def count_in_passes(
         Times "bounds", and the stages of the method.
     cluster : Cluster, optional
         Where to work; by default in this process.
+    search : OutlierSearch, optional
+        If it is given, the outliers that it finds are left out.
 
     Returns
     -------
@@ -216,7 +226,7 @@ def count_in_passes(
     ClusterError, FileFormatError, InputError, OSError, ParameterError
         As for `simplify_files`.
     """
-    passes = _passes(files, plan, cluster)
+    passes = passes_over(files, plan, cluster, None if search is None else search.found(plan).left_out)
     seen = _overview(passes, plan, stages, _guide_of(asked["keep"], asked["weight"]))
     _check_seen(seen, asked["invalid"], asked["keep"])
     frame = Frame.around(seen.low, seen.high)
@@ -242,10 +252,6 @@ def _check_seen(seen: Overview, invalid: str, keep: str | None) -> None:
         raise nothing_to_keep(keep)
     if seen.weight is not None:
         seen.weights.check()
-
-
-def _passes(files: CloudFiles, plan: Plan, cluster: Cluster | None) -> FilePasses | ClusterPasses:
-    return ClusterPasses(files, plan.rows, cluster, plan.part) if cluster else FilePasses(files, plan.rows)
 
 
 def _guide_of(keep: str | None, weight: str | None) -> ChunkGuide | None:

@@ -17,6 +17,7 @@ from gppcs.methods import Method
 from gppcs.simplification import number_to_keep
 from gppcs.spatial.gaps import AT_ONCE
 from gppcs.streaming.sizes import size_of
+from gppcs.surface.outliers.tiles import IN_MEMORY, ON_DISK, memory_of_outliers
 
 PASSES = 4  # Bounds, a sample, candidates, and the kept points. One or two more if the area is far off.
 PASSES_OF_WEIGHTS = 2  # More: one finds their mean, the other those of the candidates.
@@ -25,6 +26,9 @@ GAPS = 200  # Bytes of memory for each point in a gap, with a tree over these.
 # More: a sample, the places of a ranking, and four judgements. Each other ranking takes three, or five with weights.
 PASSES_OF_ACCURACY = 6
 DISTANCES = 1  # Byte of memory for each point, where its distance from a surface is measured: the largest are held.
+PASSES_OF_OUTLIERS = 3  # More: bounds, a sample, and all points. One more for those that are not finite, or for a list.
+SECONDS_OF_OUTLIERS = 8e-6  # To look at a point on two cores.
+OUTLIERS = 0.02  # Share of the points that are outliers, about, at most.
 PROGRAM = 250_000_000  # Bytes that the program itself takes, with its libraries and compiled kernels.
 COPIES = 4  # A chunk is held so often at once: as it is in the file, as it is, shifted and scaled, and hashed.
 FEWEST_ROWS = 1 << 16  # Points of a chunk, however little memory there is.
@@ -48,20 +52,22 @@ class Besides(NamedTuple):
 
     Attributes
     ----------
-    keep, weights, gaps, accuracy : bool
-        Whether some points are kept whatever happens, points have weights, gaps are filled, and the accuracy of the
-        first points of rankings is measured.
+    keep, weights, gaps, accuracy, outliers : bool
+        Whether some points are kept whatever happens, points have weights, gaps are filled, the accuracy of the first
+        points of rankings is measured, and outliers are left out.
     """
 
     keep: bool = False
     weights: bool = False
     gaps: bool = False
     accuracy: bool = False
+    outliers: bool = False
 
     @property
     def passes(self) -> int:
         """How many more passes this takes, at least."""
-        return PASSES_OF_WEIGHTS * self.weights + PASSES_OF_GAPS * self.gaps + PASSES_OF_ACCURACY * self.accuracy
+        more = PASSES_OF_WEIGHTS * self.weights + PASSES_OF_GAPS * self.gaps + PASSES_OF_ACCURACY * self.accuracy
+        return more + PASSES_OF_OUTLIERS * self.outliers
 
     @property
     def tiled(self) -> bool:
@@ -178,21 +184,25 @@ def plan(
     more = method.memory_of_weights(n, kept) if besides.weights else 0
     more += GAPS * min(n, AT_ONCE) if besides.gaps else 0
     more += DISTANCES * n if besides.accuracy else 0
-    in_memory = PROGRAM + max(2 * row * n, row * n + 24 * n + method.memory(n, kept) + more)
+    search = IN_MEMORY * n if besides.outliers else 0
+    in_memory = PROGRAM + max(2 * row * n, row * n + 24 * n + max(search, method.memory(n, kept) + more))
     if (limit is None or in_memory <= limit) and not shared:
-        return Plan(Way.MEMORY, n, kept, in_memory, limit, ROWS)
+        return Plan(Way.MEMORY, n, kept, in_memory, limit, ROWS, besides=besides)
     chunked = not (whole or head.whole)
     passes = method.memory_in_passes(n, kept) if chunked else None
     tiles = method.memory_in_tiles(n, kept) if chunked and besides.tiled else None
     needed = [] if shared else [in_memory]
     limit = limit or sys.maxsize
+    search = memory_of_outliers(n) if besides.outliers else 0
+    held = round(OUTLIERS * n) * (8 + 2 * row) if besides.outliers else 0
     for way, takes in ((Way.PASSES, passes), (Way.TILES, tiles)):
         if takes is not None:
-            fixed = PROGRAM + takes + more + 2 * row * kept
+            fixed = PROGRAM + held + max(search, takes + more + 2 * row * kept)
             rows = min(n, max(ROWS, ROWS_PER_KEPT * kept), max(FEWEST_ROWS, (limit - fixed) // (COPIES * row)))
             needed.append(fixed + COPIES * row * rows)
             if needed[-1] <= limit:
                 disk = method.disk_in_tiles(n, kept) if way is Way.TILES else 0
+                disk = max(disk, ON_DISK * n if besides.outliers else 0)
                 return Plan(way, n, kept, needed[-1], limit, rows, disk, besides)
     if passes is None and tiles is None:
         if shared:
@@ -221,10 +231,11 @@ def expected_seconds(files: CloudFiles, plan: Plan, method: Method) -> float | N
     """
     read = plan.passes * plan.points
     choosing = method.seconds(read, plan.kept)
+    looking = SECONDS_OF_OUTLIERS * plan.points if plan.besides.outliers else 0.0
     begin = perf_counter()
     some = next(files.chunks(plan.in_memory, plan.rows), ())
     reading = (perf_counter() - begin) / max(1, len(some))
-    return None if choosing is None else choosing + read * reading
+    return None if choosing is None else choosing + looking + read * reading
 
 
 def _bytes_of_row(cloud: PointCloud) -> int:

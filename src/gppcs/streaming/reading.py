@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +15,7 @@ from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.spatial.chunks import ChunkedPoints, ChunkedValues
 from gppcs.spatial.scaling import Frame, bounds
-from gppcs.streaming.overview import Overview
+from gppcs.streaming.overview import NO_ROWS, Overview
 
 Advanced = Callable[[int], None]
 
@@ -44,10 +44,13 @@ class FilePasses:
     files : CloudFiles
     rows : int
         Points of a chunk at most.
+    left_out : (n,) array, int64
+        Rows of points that are left out, ascending. They are finite.
     """
 
     files: CloudFiles
     rows: int
+    left_out: NDArray[np.int64] = field(default_factory=lambda: NO_ROWS)
 
     def overview(self, advanced: Advanced, guide: ChunkGuide | None = None) -> Overview:
         """Read the bounds, the number of points, the types of attributes, the points to keep, and the range of weights.
@@ -65,7 +68,7 @@ class FilePasses:
         """
         seen = Overview(guide)
         for cloud in self.files.chunks(True, self.rows):
-            seen.add(cloud)
+            seen.add(cloud, self._left_out_of(seen.count, len(cloud)))
             advanced(len(cloud))
         return seen
 
@@ -146,19 +149,33 @@ class FilePasses:
         first = 0
         for cloud in self.files.chunks(attributes or seen.weightless > 0, self.rows):
             here = np.arange(first, first + len(cloud))
+            usable = self._usable_of(seen, cloud, first)
             first += len(cloud)
-            if seen.guide is not None and seen.weightless:
-                usable = seen.guide.of_chunk(cloud).rows
+            if usable is not None:
                 cloud, here = cloud.take(usable), here[usable]
-            elif not np.isfinite(bounds(cloud.points)).all():
-                finite = cloud.finite_rows()
-                cloud, here = cloud.take(finite), here[finite]
             if len(cloud):
                 yield _Part(cloud, here)
         if first != seen.count:
             raise InputError(
                 f"expected {seen.count:,} points again, found {first:,}: the files have changed meanwhile; start anew"
             )
+
+    def _usable_of(self, seen: Overview, cloud: PointCloud, first: int) -> NDArray[np.int64] | None:
+        """Return which points of a chunk are usable; None if all are."""
+        usable = None
+        if seen.guide is not None and seen.weightless:
+            usable = seen.guide.of_chunk(cloud).rows
+        elif not np.isfinite(bounds(cloud.points)).all():
+            usable = cloud.finite_rows()
+        left_out = self._left_out_of(first, len(cloud))
+        if not len(left_out):
+            return usable
+        return np.setdiff1d(np.arange(len(cloud)) if usable is None else usable, left_out, assume_unique=True)
+
+    def _left_out_of(self, first: int, count: int) -> NDArray[np.int64]:
+        """Return which points of a chunk are left out."""
+        begin, end = np.searchsorted(self.left_out, [first, first + count])
+        return self.left_out[begin:end] - first
 
 
 class _Part(NamedTuple):

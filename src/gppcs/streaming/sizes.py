@@ -30,8 +30,9 @@ def bytes_of(memory: int | str) -> int:
     """
     text = str(memory) if isinstance(memory, int | str) and not isinstance(memory, bool) else ""
     found = re.fullmatch(r"\s*(\d+|\d*\.\d+)\s*([kmgt]i?)?b?\s*", text, re.IGNORECASE | re.ASCII)
-    size = round(Decimal(found[1]) * _UNITS[(found[2] or "").lower()]) if found else 0  # floats could overflow
-    if size <= 0:
+    exact = Decimal(found[1]) * _UNITS[(found[2] or "").lower()] if found else Decimal(0)  # floats could overflow
+    size = round(exact)
+    if size <= 0 or (found and not found[2] and exact != size):
         raise ParameterError(f"expected an amount of memory such as 4GB or 512MB, found {shown(memory)}")
     return size
 
@@ -47,6 +48,8 @@ def size_of(memory: int) -> str:
     -------
     str
     """
+    if memory < 1e6:
+        return f"{memory:,} B"
     if memory < 1e9:
         return f"{math.ceil(memory / 1e6)} MB"
     return f"{memory / 1e9:.2g} GB" if memory < 1e10 else f"{memory / 1e9:,.0f} GB"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
@@ -94,6 +95,7 @@ if TYPE_CHECKING:
     from gppcs.io.query import Query
     from gppcs.simplification import Result
     from gppcs.streaming.cluster import Cluster
+    from gppcs.streaming.outliers import OutlierSearch
     from gppcs.streaming.plan import Plan
 
 EPILOG = (
@@ -301,6 +303,7 @@ def simplify(
         "invalid": invalid,
         "normals": normals,
         "scores": scores,
+        "drop_outliers": drop_outliers or outliers is not None,
     }
     wanted = None if levels is None else _checked_levels(levels, options, mark)
     if wanted:
@@ -335,7 +338,7 @@ def simplify(
         job = _Job(
             outputs, by_level, wanted, merged, options, input_format, names_of(columns), query, index_attribute, mark,
             figures, picture, colour, report, context.obj, viewpoint, limit, assume_same_crs, scratch, cluster, resume,
-            dry_run, force, lossy, quiet, drop_outliers or outliers is not None, outliers,
+            dry_run, force, lossy, quiet, outliers,
         )  # fmt: skip
         succeeded = [_reported(job, source, as_json) for source in sources]
     if not all(succeeded):
@@ -437,7 +440,6 @@ class _Job:
     force: bool
     lossy: bool
     quiet: bool
-    drop_outliers: bool
     outliers: Path | None
 
     def run(self, source: Path) -> _Run | _DryRun:
@@ -460,10 +462,16 @@ class _Job:
         measured: Report | None = None
         strays: PointCloud | None = None
         drawn: dict[Path, bytes] = {}
-        with CloudFiles(sources, self.input_format, self.columns, self.query, self.assume_same_crs) as files:
+        with (
+            CloudFiles(sources, self.input_format, self.columns, self.query, self.assume_same_crs) as files,
+            ExitStack() as stack,
+        ):
+            search = self._search(files, stages, stack)
             method = resolved(self.options["method"], self.options["seed"])
             self._check_dry_run()
-            made, options = plan_for(files, method, self.options, self.limit, self._whole(), self.cluster, stages)
+            made, options = plan_for(
+                files, method, self.options, self.limit, self._whole(), self.cluster, stages, search
+            )
             if self.dry_run:
                 return _DryRun(sources, target, made, expected_seconds(files, made, method))
             if self.options["unit"] is not None:
@@ -474,7 +482,10 @@ class _Job:
                 self._check_storable(target, files.head().cloud)
                 options |= {name: self.options[name] for name in ("invalid", "scores")}
                 options |= {"scratch": self.scratch, "cluster": self.cluster, "resume": self.resume}
+                if self.outliers is not None:
+                    io.check_storable(self.outliers, files.head().cloud, None, self.lossy, None)
                 result, points = simplify_in_passes(files, made, method, stages=stages, **options)
+                strays = search.found(made).cloud if search else None
             _, unread = files.left_out()
         if self.index_attribute is not None:
             result = replace(result, cloud=_with_attribute(result.cloud, self.index_attribute, result.indices))
@@ -489,6 +500,16 @@ class _Job:
         self._note_all_kept(source, len(result.indices))
         self._note_fine_tolerance(source, len(result.indices) / points)
         return _Run(sources, written, points, made.passes, result, measured, self._asked())
+
+    def _search(self, files: CloudFiles, stages: Stages, stack: ExitStack) -> OutlierSearch | None:
+        """Return a search for outliers in passes over the files, if they are to be left out."""
+        from gppcs.streaming.outliers import OutlierSearch
+
+        if not self.options["drop_outliers"]:
+            return None
+        listed, invalid = self.outliers is not None, self.options["invalid"]
+        search = OutlierSearch(files, invalid, listed, stages, self.scratch, self.cluster, self.resume)
+        return stack.enter_context(search)
 
     def _store(self, source: Path, result: Result, points: int) -> tuple[dict[Path, int], list[str]]:
         """Write the result, or its levels; return the number of points in each file, and what is left out."""
@@ -533,21 +554,17 @@ class _Job:
         with stages("reading"):
             cloud = files.read()
         self._check_storable(target, cloud)
-        read, rows, strays = cloud, np.arange(len(cloud)), None
-        if self.drop_outliers:
-            from gppcs.surface.outliers import find_outliers
-
-            with stages("outliers"):
-                mask = find_outliers(cloud)
-                rows, strays = np.flatnonzero(~mask), cloud.take(np.flatnonzero(mask))
-                cloud = cloud.take(rows)
-            if self.outliers is not None:
-                io.check_storable(self.outliers, strays, None, self.lossy, None)
+        if self.outliers is not None:
+            io.check_storable(self.outliers, cloud.take(cloud.finite_rows()), None, self.lossy, None)
         if self.colour is not None:
             from gppcs.drawing.attributes import Colourable
 
             Colourable.of(cloud).require(self.colour)
         result = simplify(cloud, stages=stages, **self.options)
+        read, whole, strays = cloud, result, None
+        if result.outliers is not None:  # they are seen neither in the figures nor in pictures
+            left, strays = np.delete(np.arange(len(cloud)), result.outliers), cloud.take(result.outliers)
+            cloud, result = cloud.take(left), replace(result, indices=np.searchsorted(left, result.indices))
         measured, drawn = None, {}
         if self.figures:
             from gppcs.evaluation.judge import evaluate
@@ -560,15 +577,11 @@ class _Job:
         if self.report:
             with stages("report"):
                 drawn[self.report] = self._page(cloud, result, target)
-        result = replace(result, indices=rows[result.indices])
         if self.mark is not None:
             kept = np.zeros(len(read), dtype=np.uint8)
-            kept[result.indices] = 1
-            result = replace(result, cloud=_with_attribute(read, self.mark, kept))
-        if strays is not None:
-            left_out = {**result.diagnostics, "outliers": float(len(strays))}
-            result = replace(result, diagnostics=left_out)
-        return result, len(cloud), strays, measured, drawn
+            kept[whole.indices] = 1
+            whole = replace(whole, cloud=_with_attribute(read, self.mark, kept))
+        return whole, len(cloud), strays, measured, drawn
 
     def _page(self, cloud: PointCloud, result: Result, target: Path) -> bytes:
         """Return an HTML page of the result beside its original."""
@@ -596,7 +609,6 @@ class _Job:
         wanted = {
             **({} if name is None else {option(name): True}),
             "--normals": self.options["normals"],
-            "--drop-outliers": self.drop_outliers,
             "--mark": self.mark is not None,
             "--figures": self.figures,
             "--picture": self.picture,

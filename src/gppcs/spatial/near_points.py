@@ -1,0 +1,156 @@
+"""All points within a distance of each position, whose number is not known before."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.engine.kernels import kernel
+from gppcs.engine.threads import on_ranges
+from gppcs.spatial.kdtree import QUERIES_AT_ONCE, KdTree, first_leaf, leaf_range, squared_distance_to_box
+
+ROOM = 32  # Points of a position for which there is room at first.
+
+
+class Groups(NamedTuple):
+    """Some things for each of m positions.
+
+    Attributes
+    ----------
+    starts : (m + 1,) array, int64
+        Where those of each position start.
+    members : (n, ...) array
+        Those of the first position, then those of the second and so on.
+    """
+
+    starts: NDArray[np.int64]
+    members: NDArray[np.int64]
+
+
+def others_within(tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64]) -> Groups:
+    """Find all points of a tree within a distance of each query, but at other places than the query.
+
+    Parameters
+    ----------
+    tree : KdTree
+    queries : (m, 3) array, float64
+    squared : (m,) array, float64
+        Squares of the distances. A point at just that distance is found, too.
+
+    Returns
+    -------
+    Groups
+        Positions in tree order.
+    """
+    starts, counts = np.arange(0, ROOM * len(queries) + 1, ROOM), np.empty(len(queries), dtype=np.int64)
+    while True:
+        found = np.empty(starts[-1], dtype=np.int64)
+        on_ranges(
+            _others_within, len(queries), tree.points, tree.low, tree.high, queries, squared, starts, found, counts,
+            least=QUERIES_AT_ONCE,
+        )  # fmt: skip
+        exact = np.concatenate([[0], np.cumsum(counts)])
+        if (counts <= np.diff(starts)).all():
+            filled = np.arange(exact[-1]) + np.repeat(starts[:-1] - exact[:-1], counts)
+            return Groups(exact, found[filled])
+        starts = exact
+
+
+def has_within(tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell whether there is a point of a tree within a distance of each query.
+
+    Parameters
+    ----------
+    tree : KdTree
+    queries : (m, 3) array, float64
+    squared : (m,) array, float64
+        Squares of the distances.
+
+    Returns
+    -------
+    (m,) array, bool
+    """
+    found = np.zeros(len(queries), dtype=np.bool_)
+    on_ranges(
+        _has_within, len(queries), tree.points, tree.low, tree.high, queries, squared, found, least=QUERIES_AT_ONCE
+    )
+    return found
+
+
+def medians(starts: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the median of each group of values.
+
+    Parameters
+    ----------
+    starts : (m + 1,) array, int64
+        Where the values of each group start.
+    values : (n,) array, float64
+
+    Returns
+    -------
+    (m,) array, float64
+        NaN for groups with a NaN and for empty ones.
+    """
+    found = np.empty(len(starts) - 1)
+    on_ranges(_medians, len(found), starts, values, found, least=QUERIES_AT_ONCE)
+    return found
+
+
+@kernel
+def _others_within(begin, end, points, low, high, queries, squared, starts, found, counts):
+    """Fill `counts`, (m,), and as many positions in tree order as there is room for between `starts` in `found`."""
+    leaves, n = first_leaf(low), points.shape[1]
+    stack = np.empty(64, dtype=np.int64)
+    for q in range(begin, end):
+        x, y, z = queries[q]
+        free, room, count, height = starts[q], starts[q + 1] - starts[q], 0, 1
+        stack[0] = 1
+        while height:
+            height -= 1
+            node = stack[height]
+            if squared_distance_to_box(low[node], high[node], x, y, z) > squared[q]:
+                continue
+            if node < leaves:
+                stack[height], stack[height + 1] = 2 * node + 1, 2 * node
+                height += 2
+                continue
+            for j in range(*leaf_range(n, leaves, node)):
+                d = (points[0, j] - x) ** 2 + (points[1, j] - y) ** 2 + (points[2, j] - z) ** 2
+                if 0.0 < d <= squared[q]:
+                    if count < room:
+                        found[free + count] = j
+                    count += 1
+        counts[q] = count
+
+
+@kernel
+def _has_within(begin, end, points, low, high, queries, squared, found):
+    """Fill `found`, (m,), with whether a point is within each of the squared distances."""
+    leaves, n = first_leaf(low), points.shape[1]
+    stack = np.empty(64, dtype=np.int64)
+    for q in range(begin, end):
+        x, y, z = queries[q]
+        stack[0], height = 1, 1
+        while height and not found[q]:
+            height -= 1
+            node = stack[height]
+            if squared_distance_to_box(low[node], high[node], x, y, z) > squared[q]:
+                continue
+            if node < leaves:
+                stack[height], stack[height + 1] = 2 * node + 1, 2 * node
+                height += 2
+                continue
+            for j in range(*leaf_range(n, leaves, node)):
+                d = (points[0, j] - x) ** 2 + (points[1, j] - y) ** 2 + (points[2, j] - z) ** 2
+                found[q] |= d <= squared[q]
+
+
+@kernel
+def _medians(begin, end, starts, values, found):
+    """Fill `found`, (m,), with the medians of `values` between `starts`, (m + 1,)."""
+    for i in range(begin, end):
+        some = np.sort(values[starts[i] : starts[i + 1]])  # NaN comes last
+        n = len(some)
+        found[i] = np.nan if n == 0 or np.isnan(some[-1]) else 0.5 * (some[(n - 1) // 2] + some[n // 2])
