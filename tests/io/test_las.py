@@ -217,9 +217,12 @@ def texts(words):
 def test_the_coordinate_system_is_named(tmp_path, records, uses_wkt, expected):
     las = laspy.LasData(laspy.LasHeader(version="1.4", point_format=1))
     las.header.vlrs.extend(records)
-    las.header.global_encoding.wkt = uses_wkt
     las.xyz = np.zeros((2, 3))
-    cloud = read(save(las, tmp_path / "a.las"))
+    path = save(las, tmp_path / "a.las")
+    content = bytearray(path.read_bytes())
+    content[6] = 16 * uses_wkt  # the global encoding; some versions of laspy set it by themselves
+    path.write_bytes(content)
+    cloud = read(path)
     assert cloud.header.crs == expected
     assert gppcs.info(cloud).crs == expected
     words = expected or "of unknown name"

@@ -12,7 +12,7 @@ from gppcs.errors import MissingExtraError
 
 # What `pip install 'gppcs[extra]'` would install. That line works only if gppcs is on a package index.
 EXTRAS = {
-    "arrow": ("pyarrow>=18",),
+    "arrow": ("pyarrow>=20",),
     "cgal": ("cgal>=6.0.1",),
     "dask": ("distributed>=2024.8",),
     "e57": ("pye57>=0.4.13",),
