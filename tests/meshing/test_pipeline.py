@@ -202,6 +202,26 @@ def test_a_noisy_ball_stays_a_ball(level):
     assert off.mean() < 0.7 * level * size
 
 
+def noisy_ball(level, n=10_000):
+    """A ball whose points have noise, in diagonals of the box around it."""
+    points = gppcs.sample("sphere", n_points=n).points
+    return points + level * np.linalg.norm(np.ptp(points, axis=0)) * np.random.default_rng(0).standard_normal((n, 3))
+
+
+def test_a_first_mesh_that_hardly_fits_together_is_not_taken_where_noise_is_the_reason():
+    result = gppcs.mesh(noisy_ball(0.013), n_points=260)  # 40 % of its triangles agree
+    assert topology_of(result.mesh.faces) == (0, 0, 0, 1, 0)
+    assert result.diagnostics["noise"] > 0
+    assert result.diagnostics["left_out"] < 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n_points", [60, 260, 800])
+@pytest.mark.parametrize("level", [0.005, 0.012, 0.013, 0.016])
+def test_a_ball_stays_closed_whatever_its_noise_and_the_number_of_vertices(level, n_points):
+    assert topology_of(gppcs.mesh(noisy_ball(level), n_points=n_points).mesh.faces) == (0, 0, 0, 1, 0)
+
+
 @pytest.mark.slow
 def test_noise_several_times_as_thick_as_the_spacing_still_leaves_a_surface():
     rng = np.random.default_rng(0)

@@ -53,7 +53,7 @@ class DensePoints:
     @classmethod
     def of(
         cls, points: NDArray[np.float64], n_vertices: int, chosen: NDArray[np.int64], thick: bool = False
-    ) -> DensePoints:
+    ) -> DensePoints | None:
         """Take enough points of a cloud for a mesh, evenly.
 
         Parameters
@@ -65,17 +65,20 @@ class DensePoints:
         chosen : (m,) array, int64
             Rows that are taken in any case.
         thick : bool
-            Whether to look for noise about as thick as the fits are wide, in which no surface was found.
+            Whether to look for noise about as thick as the usual fits are wide.
 
         Returns
         -------
-        DensePoints
+        DensePoints or None
+            None if thick noise is looked for and not found.
         """
         rows = _some_rows(points, n_vertices, chosen)
         tree = KdTree.build(points[rows])
+        noise = _thick_noise(tree) if thick else _noise(tree)
+        if thick and not noise:
+            return None
         rows, raw = rows[tree.order], np.ascontiguousarray(tree.points.T)
         normals = estimate_normals(raw)
-        noise = _thick_noise(tree) if thick else _noise(tree)
         places = raw
         if noise:
             fitted = FITTED_TO_THICK if thick else FITS[1]

@@ -32,6 +32,7 @@ LEVEL_OF_NOISY = 3  # the same for noisy clouds, whose finest points are not wor
 NEIGHBOURS = 24  # of a point of the first mesh, among which those of its fan are
 LEAST_VERTICES = 256  # the first mesh of a lighter result is made as for this many
 LEAST_AGREED = 0.38  # of the fans' triangles, the share that another fan has too; below it, points lie on no surface
+SURELY_AGREED = 0.5  # such a share: noise may be thick below it, as that of scans is at least 0.56
 FIRST_STOP = 13, 10  # the collapse stops for flips at 13/10 of the vertices of the result
 REFINEMENTS, REFINED = 2, 0.2  # rounds in which new vertices, this share of all, replace those that matter least
 FIT_ROUNDS = 4  # of fitting and flipping
@@ -273,6 +274,52 @@ class _Made:
 
 
 @dataclass(frozen=True)
+class _FirstMesh:
+    """The mesh of some dense points, whose vertices are then removed.
+
+    Attributes
+    ----------
+    dense : DensePoints
+    level : (V,) array, int64
+        The dense points that are joined, ascending.
+    faces : (F, 3) array, int64
+        An oriented manifold.
+    agreed : float
+        Of the fans' triangles, the share that another fan has too.
+    left_out : float
+        Share of the points that are not on the mesh.
+    """
+
+    dense: DensePoints
+    level: NDArray[np.int64]
+    faces: NDArray[np.int64]
+    agreed: float
+    left_out: float
+
+    @classmethod
+    def of(cls, dense: DensePoints, level: NDArray[np.int64]) -> _FirstMesh:
+        """Join some dense points; raise an error if they lie on no surface."""
+        places, normals, reaches = dense.places[level], dense.normals[level], dense.cover.reaches[level]
+        tree = KdTree.over(np.ascontiguousarray(places.T))
+        near, _ = tree.neighbours(min(NEIGHBOURS, len(level) - 1))
+        for on_circle in ON_CIRCLE:
+            triangles, votes, radii = fans_of(places, normals, near, on_circle)
+            agreed = np.count_nonzero(votes > 1) / max(1, len(votes))
+            if agreed >= LEAST_AGREED:
+                break
+        else:
+            raise NoSurfaceError(
+                f"expected points on a surface, found {len(level)} points of whose triangles only {agreed:.0%} fit "
+                "together: they fill a volume, are too few, or have noise thicker than their spacing"
+            )
+        faces = assembled(triangles, votes, radii, places, normals, reaches, dense.cover)
+        faces = without_scraps(faces, len(level))
+        if not len(faces):
+            raise NoSurfaceError(f"expected points on a surface, found {len(level)} points of which no triangles join")
+        return cls(dense, level, faces, agreed, 1.0 - len(np.unique(faces)) / len(level))
+
+
+@dataclass(frozen=True)
 class _Maker:
     """Makes meshes of points, (N, 3), of about unit size."""
 
@@ -316,10 +363,11 @@ class _Maker:
         stages = self.stages
         n_vertices = -(-count // 2) if counts_faces else count
         chosen = np.empty(0, dtype=np.int64) if self.chosen is None else self.chosen
-        dense, level, faces, left_out = self._begin(max(n_vertices, LEAST_VERTICES), chosen)
-        kept = np.isin(dense.rows[level], chosen)
+        first = self._begin(max(n_vertices, LEAST_VERTICES), chosen)
+        dense = first.dense
+        kept = np.isin(dense.rows[first.level], chosen)
         with stages("quadrics"):
-            draft = Draft.of(dense, self.moved, level, kept, faces)
+            draft = Draft.of(dense, self.moved, first.level, kept, first.faces)
         target = count if self.chosen is None else draft.used_and_kept()
         self._thin_out(draft, target, counts_faces)
         if self.moved:
@@ -339,7 +387,7 @@ class _Maker:
                 "dense_points": float(len(dense.rows)),
                 "noise": dense.noise,
                 "mean_distance": float(np.sqrt(distances.squared[there_too]).mean()),
-                "left_out": left_out,
+                "left_out": first.left_out,
                 "opened": float(opened),
             }
             if self.chosen is not None:
@@ -353,22 +401,31 @@ class _Maker:
             faces.reshape(-1, 3), draft.vertices[used], draft.normals[used], dense.rows[draft.level[used]], diagnostics
         )  # fmt: skip
 
-    def _begin(
-        self, n_vertices: int, chosen: NDArray[np.int64]
-    ) -> tuple[DensePoints, NDArray[np.int64], NDArray[np.int64], float]:
-        """Return the dense points, the positions of those of the first mesh, and what `_first_mesh` returns."""
+    def _begin(self, n_vertices: int, chosen: NDArray[np.int64]) -> _FirstMesh:
+        """Return the first mesh. Where its triangles hardly agree, try whether thick noise is the reason."""
+        best, error = None, None
         for thick in (False, True):
-            with self.stages("normals"):
-                dense = DensePoints.of(self.points, n_vertices, chosen, thick)
-            if thick and not dense.noise:
+            try:
+                first = self._first_mesh(n_vertices, chosen, thick)
+            except NoSurfaceError as found:
+                error = found
+                continue
+            if first and (best is None or first.left_out < best.left_out):
+                best = first
+            if best and best.agreed >= SURELY_AGREED:
                 break
-            with self.stages("first mesh"):
-                level = self._level(dense, n_vertices, chosen)
-                try:
-                    return dense, level, *_first_mesh(dense, level)
-                except NoSurfaceError as error:
-                    found = error
-        raise found
+        if best is None:
+            raise error or AssertionError
+        return best
+
+    def _first_mesh(self, n_vertices: int, chosen: NDArray[np.int64], thick: bool) -> _FirstMesh | None:
+        """Return a first mesh; with `thick`, None if there is no thick noise."""
+        with self.stages("normals"):
+            dense = DensePoints.of(self.points, n_vertices, chosen, thick)
+        if dense is None:
+            return None
+        with self.stages("first mesh"):
+            return _FirstMesh.of(dense, self._level(dense, n_vertices, chosen))
 
     def _thin_out(self, draft: Draft, target: int, counts_faces: bool) -> None:
         """Remove vertices until the target is reached; then let others take the place of the least useful ones."""
@@ -400,28 +457,6 @@ class _Maker:
         others = dense.places[forced] if len(forced) else None
         even, _ = farthest_points(dense.places, max(1, wanted - len(forced)), tree, others=others)
         return np.union1d(even, forced)
-
-
-def _first_mesh(dense: DensePoints, level: NDArray[np.int64]) -> tuple[NDArray[np.int64], float]:
-    """Return the triangles, (F, 3), of the mesh of some points, and the share of these that are not on it."""
-    places, normals, reaches = dense.places[level], dense.normals[level], dense.cover.reaches[level]
-    tree = KdTree.over(np.ascontiguousarray(places.T))
-    near, _ = tree.neighbours(min(NEIGHBOURS, len(level) - 1))
-    for on_circle in ON_CIRCLE:
-        triangles, votes, radii = fans_of(places, normals, near, on_circle)
-        if np.count_nonzero(votes > 1) >= LEAST_AGREED * max(1, len(votes)):
-            break
-    else:
-        raise NoSurfaceError(
-            f"expected points on a surface, found {len(level)} points of whose triangles only "
-            f"{np.mean(votes > 1):.0%} fit together: they fill a volume, are too few, or have noise thicker than "
-            "their spacing"
-        )
-    faces = assembled(triangles, votes, radii, places, normals, reaches, dense.cover)
-    faces = without_scraps(faces, len(level))
-    if not len(faces):
-        raise NoSurfaceError(f"expected points on a surface, found {len(level)} points of which no triangles join")
-    return faces, 1.0 - len(np.unique(faces)) / len(level)
 
 
 def _result(
