@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gppcs.meshing.coverage import RANK, Cover
 from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.even_sample import even_sample
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import nearest_distances
 from gppcs.surface.noise import THICK, layer_of, projections
@@ -96,12 +97,11 @@ class DensePoints:
 
 def _some_rows(points: NDArray[np.float64], n_vertices: int, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return rows of points without repeats, ascending: all, or about `PER_VERTEX` for each vertex."""
-    distinct = np.flatnonzero(first_occurrences(points))
-    step = len(distinct) // (PER_VERTEX * n_vertices)
+    distinct = first_occurrences(points)
+    step = np.count_nonzero(distinct) // (PER_VERTEX * n_vertices)
     if step <= 1:
-        return distinct
-    order = KdTree.build(points[distinct]).order  # neighbours follow each other, so every k-th point is an even sample
-    return np.union1d(distinct[order[::step]], chosen)
+        return np.flatnonzero(distinct)
+    return np.union1d(even_sample(points, distinct, step), chosen)
 
 
 def _reaches(tree: KdTree) -> NDArray[np.float64]:
