@@ -38,7 +38,7 @@ def test_flat_faces_have_few_thin_triangles(moved):
 
 def test_refinement_brings_the_mesh_nearer_with_as_many_vertices(draft):
     before = draft.assigned().squared.sum()
-    draft.refine(60)
+    draft.refine(60, draft.assigned())
     assert 300 < draft.used() <= 360
     draft.collapse(300, False)
     draft.compact()

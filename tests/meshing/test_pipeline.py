@@ -112,6 +112,14 @@ def test_there_are_at_most_as_many_triangles_as_asked_for(ball, n_faces):
     assert n_faces - 1 <= len(gppcs.mesh(ball, n_faces=n_faces).mesh.faces) <= n_faces
 
 
+@pytest.mark.parametrize("n_faces", [60, 401])
+def test_filled_holes_count_among_the_triangles_asked_for(ball, n_faces):
+    open_ball = ball.points[np.abs(ball.points[:, 2]) < 30]
+    result = gppcs.mesh(open_ball, n_faces=n_faces, fill_holes=130)
+    assert topology_of(result.mesh.faces) == (0, 0, 0, 1, 0)
+    assert 0.9 * n_faces < len(result.mesh.faces) <= n_faces
+
+
 @pytest.mark.parametrize("tolerance", [1.0, 0.1])
 def test_a_tolerance_is_held_by_about_as_few_vertices_as_possible(ball, tolerance):
     result = gppcs.mesh(ball, tolerance=tolerance)

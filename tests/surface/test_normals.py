@@ -71,8 +71,10 @@ def test_signs_are_those_of_the_spanning_tree(n):
     pieces, signs, doubts = plain_signs(points, normals, near)
     found_doubts = np.empty(near.shape, dtype=np.float32)
     module._doubt(0, len(points), points, normals, near, found_doubts)
-    np.testing.assert_allclose(found_doubts, doubts, atol=1e-6)
-    edges = np.argsort(doubts, axis=None, kind="stable")
+    mutual = (near[near] == np.arange(len(points))[:, None, None]).any(axis=2)
+    again = mutual & (near < np.arange(len(points))[:, None])  # the same edges from the other end
+    np.testing.assert_allclose(found_doubts, np.where(again, np.inf, doubts), atol=1e-6)
+    edges = np.argsort(found_doubts, axis=None, kind="stable")[: np.count_nonzero(~again)]
     found_pieces, found_signs = module._signs(edges, points, normals, near)
     assert len(np.unique(pieces)) == len(np.unique(found_pieces)) == 2
     for piece in (0, 1):

@@ -59,7 +59,8 @@ def assembled(
     order = np.lexsort((radii, -votes))
     agreed = votes[order] > 1
     gaps = points, normals, reaches, cover
-    faces = without_bow_ties(taken(triangles[order[agreed]], len(points)), len(points))
+    faces = taken(triangles[order[agreed]], len(points))
+    faces = without_bow_ties(faces[np.argsort(faces[:, 0], kind="stable")], len(points))  # near ones side by side
     faces = filled(faces, *gaps, SMALL_GAP)
     faces = taken(np.concatenate([faces, triangles[order[~agreed]]]), len(points))
     faces = filled(without_bow_ties(faces, len(points)), *gaps, LARGEST_GAP)

@@ -155,13 +155,12 @@ def _is_farther(sides, f, point, least):
 
     `least` is the squared distance of these.
     """
-    outside = -np.inf
     for k in range(3):
-        reach = sides[f, k, 3] + ROUNDING
-        outside = max(
-            outside, sides[f, k, 0] * point[0] + sides[f, k, 1] * point[1] + sides[f, k, 2] * point[2] - reach
-        )  # fmt: skip
-    return outside > 0.0 and outside * outside > least
+        outside = sides[f, k, 0] * point[0] + sides[f, k, 1] * point[1] + sides[f, k, 2] * point[2]
+        outside -= sides[f, k, 3] + ROUNDING
+        if outside > 0.0 and outside * outside > least:
+            return True
+    return False
 
 
 @kernel(allocates=False)
@@ -184,6 +183,41 @@ def corners_from(mesh, vertices, f, point):
         minus(row(vertices, mesh.origin[3 * f + 1]), point),
         minus(row(vertices, mesh.origin[3 * f + 2]), point),
     )
+
+
+def set_to_nearest_corners(
+    mesh: HalfEdges,
+    vertices: NDArray[np.float64],
+    points: NDArray[np.float64],
+    assigned: Assignment,
+    nearest: NDArray[np.int64],
+) -> None:
+    """Set for each dense point that has a triangle the nearest corner of it.
+
+    Parameters
+    ----------
+    mesh : HalfEdges
+    vertices : (V, 3) array, float64
+    points : (N, 3) array, float64
+        The dense points.
+    assigned : Assignment
+        Their triangles.
+    nearest : (N,) array, int64
+        Changed in place.
+    """
+    on_ranges(_set_corners, len(points), mesh, vertices, points, assigned, nearest, least=POINTS_AT_ONCE)
+
+
+@kernel(allocates=False)
+def _set_corners(begin, end, mesh, vertices, points, assigned, nearest):
+    """See `set_to_nearest_corners`; for a range of points."""
+    for i in range(begin, end):
+        f, least = assigned.face[i], np.inf
+        for h in range(3 * f, 3 * f + 3):
+            if f >= 0:
+                step = minus(row(vertices, mesh.origin[h]), row(points, i))
+                if dot(step, step) < least:
+                    nearest[i], least = mesh.origin[h], dot(step, step)
 
 
 @kernel(allocates=False)

@@ -133,20 +133,27 @@ def is_covered(cover, points, reaches, a, b, c, last):
     if edge <= reach:  # every place is that near a corner
         return True
     steps = min(MOST_STEPS, max(2, int(np.ceil(edge / reach))))
-    if not _is_place_covered(cover, pa, ab, ca, 1 / 3, 1 / 3, edge, last):
+    corners = pa, pb, pc
+    if not _is_place_covered(cover, corners, reach, 1 / 3, 1 / 3, edge, last):
         return False
     for i in range(steps + 1):
         for j in range(steps + 1 - i):
             corner = i == steps or j == steps or i + j == 0
-            if not corner and not _is_place_covered(cover, pa, ab, ca, i / steps, j / steps, edge, last):
+            if not corner and not _is_place_covered(cover, corners, reach, i / steps, j / steps, edge, last):
                 return False
     return True
 
 
 @kernel
-def _is_place_covered(cover, a, ab, ca, v, w, edge, last):
-    """Return whether a dense point covers the place a + v ab - w ca."""
-    x, y, z = a[0] + v * ab[0] - w * ca[0], a[1] + v * ab[1] - w * ca[1], a[2] + v * ab[2] - w * ca[2]
+def _is_place_covered(cover, corners, reach, v, w, edge, last):
+    """Return whether a dense point covers the place a + v (b - a) + w (c - a), as a corner does that is in reach."""
+    a, b, c = corners
+    ab, ac = minus(b, a), minus(c, a)
+    x, y, z = a[0] + v * ab[0] + w * ac[0], a[1] + v * ab[1] + w * ac[1], a[2] + v * ab[2] + w * ac[2]
+    for k in range(3):
+        step = minus(corners[k], (x, y, z))
+        if dot(step, step) <= reach * reach:
+            return True
     limit = limit_beside(last.squared[-1], x - last.place[0], y - last.place[1], z - last.place[2])
     nearest_within(cover.points, cover.low, cover.high, x, y, z, limit, last.found, last.squared)
     last.place[0], last.place[1], last.place[2] = x, y, z

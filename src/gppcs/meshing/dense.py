@@ -13,7 +13,7 @@ from gppcs.spatial.even_sample import even_sample
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import nearest_distances
 from gppcs.surface.noise import THICK, layer_of, projections
-from gppcs.surface.normals import estimate_normals
+from gppcs.surface.normals import EDGES, normals_of
 
 PER_VERTEX = 32  # dense points for each vertex of the result: more make the quadrics hardly better
 NOISY = 0.25  # least noise that counts, in distances to the neighbour of rank `RANK`
@@ -79,7 +79,8 @@ class DensePoints:
         if thick and not noise:
             return None
         rows, raw = rows[tree.order], np.ascontiguousarray(tree.points.T)
-        normals = estimate_normals(raw)
+        near, squared = tree.neighbours(min(EDGES, len(rows) - 1))
+        normals = normals_of(tree.in_own_order(), near)
         places = raw
         if noise:
             fitted = FITTED_TO_THICK if thick else FITS[1]
@@ -90,7 +91,8 @@ class DensePoints:
             rows, raw, places, normals = (
                 rows[tree.order], raw[tree.order], places[tree.order], normals[tree.order]
             )  # fmt: skip
-        reaches = _reaches(tree)
+            near, squared = tree.neighbours(min(RANK, len(rows) - 1))
+        reaches = _reaches(near[:, :RANK], squared[:, :RANK])
         cover = Cover(tree.points, tree.low, tree.high, normals, reaches)
         return cls(rows, raw, places, normals, cover, noise)
 
@@ -104,12 +106,11 @@ def _some_rows(points: NDArray[np.float64], n_vertices: int, chosen: NDArray[np.
     return np.union1d(even_sample(points, distinct, step), chosen)
 
 
-def _reaches(tree: KdTree) -> NDArray[np.float64]:
-    """Return how far each point of a tree covers the surface: to a near neighbour, but not much farther than these do.
+def _reaches(near: NDArray[np.int64], squared: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how far each point covers the surface: to its last neighbour, but not much farther than neighbours do.
 
-    Otherwise a stray point would cover all the way to the surface.
+    Otherwise a stray point would cover all the way to the surface. Neighbours and squared distances are (N, k).
     """
-    near, squared = tree.neighbours(min(RANK, len(tree.order) - 1))
     reaches = np.sqrt(squared[:, -1])
     usual = np.partition(reaches[near], (near.shape[1] - 1) // 2, axis=1)[:, (near.shape[1] - 1) // 2]
     return np.minimum(reaches, WIDEST_COVER * usual)

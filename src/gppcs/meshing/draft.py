@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.meshing.assignment import Assignment
+from gppcs.meshing.assignment import Assignment, set_to_nearest_corners
 from gppcs.meshing.collapse import collapse
 from gppcs.meshing.cuts import cutting
 from gppcs.meshing.dense import DensePoints
@@ -80,9 +80,10 @@ class Draft:
         Draft
         """
         places, normals = dense.places[level], dense.normals[level]
-        start = nearest_vertices(dense.places, dense.normals, places, normals, np.unique(faces))
+        mesh = HalfEdges.of(faces, len(level))
+        start = nearest_vertices(dense.places, dense.normals, places, normals, np.flatnonzero(mesh.leaving >= 0))
         vertices = places if moved else dense.raw[level]
-        return cls(dense, moved, level, kept, HalfEdges.of(faces, len(level)), vertices, normals, start)
+        return cls(dense, moved, level, kept, mesh, vertices, normals, start)
 
     def used(self) -> int:
         """Return the number of vertices that triangles join."""
@@ -124,23 +125,18 @@ class Draft:
         """Return the share of triangles that are thin."""
         return float((qualities(self.mesh, self.vertices) < THIN).mean())
 
-    def fit(self) -> None:
-        """Move the vertices so that the mesh fits the dense points."""
-        self.vertices = fitted(self.mesh, self.vertices, self.normals, self.dense.raw, self.assigned())
+    def fit(self, assigned: Assignment) -> None:
+        """Move the vertices so that the mesh fits the dense points, whose triangles are given."""
+        self.vertices = fitted(self.mesh, self.vertices, self.normals, self.dense.raw, assigned)
 
-    def refine(self, count: int) -> None:
-        """Add vertices where the dense points are farthest off, in at most so many triangles."""
-        assigned = self.assigned()
+    def refine(self, count: int, assigned: Assignment) -> None:
+        """Add vertices where the dense points are farthest off their triangles, in at most so many of these."""
         self._insert(assigned, *worst_places(self.mesh, assigned, self._unused(), count))
         self._settle(self.flip())
 
     def _settle(self, assigned: Assignment) -> None:
         """Let the start of each dense point be the nearest corner of its triangle."""
-        there = np.flatnonzero(assigned.face >= 0)
-        corners = self.mesh.origin.reshape(-1, 3)[assigned.face[there]]
-        steps = self.vertices[corners] - self.dense.places[there, None]
-        nearest = np.einsum("ijk,ijk->ij", steps, steps).argmin(axis=1)
-        self.start[there] = corners[np.arange(len(there)), nearest]
+        set_to_nearest_corners(self.mesh, self.vertices, self.dense.places, assigned, self.start)
 
     def _unused(self) -> NDArray[np.bool_]:
         """Return which dense points are not vertices of the mesh."""
@@ -164,13 +160,13 @@ class Draft:
 
     def compact(self) -> None:
         """Forget the vertices that no triangle joins."""
-        used, faces = np.unique(self.mesh.faces(), return_inverse=True)
+        used = np.flatnonzero(self.mesh.leaving >= 0)
         number = np.full(len(self.level), -1)
         number[used] = np.arange(len(used))
         self.start = np.where(self.start >= 0, number[self.start], -1)
         self.level, self.kept = self.level[used], self.kept[used]
         self.vertices, self.normals = self.vertices[used], self.normals[used]
-        self.mesh = HalfEdges.of(faces.reshape(-1, 3), len(used))
+        self.mesh = HalfEdges.of(number[self.mesh.faces()], len(used))
 
     def mend(self, counts_faces: bool) -> int:
         """Mend triangles that cut others, so that none does; other vertices take the place of those removed.
@@ -187,9 +183,13 @@ class Draft:
         """
         vertices, triangles, holes = self.used(), len(self.mesh.faces()), 0
         for tries in reversed(range(MEND_TRIES)):
-            self._go(mend(self.mesh, self.vertices, self.normals, self.kept))
-            faces, opened = cut_out(self.mesh, self.vertices, self.normals, self.kept)
-            self.mesh, holes = HalfEdges.of(faces, len(self.level)), holes + opened
+            into, cut = mend(self.mesh, self.vertices, self.normals, self.kept)
+            self._go(into)
+            faces = self.mesh.faces()
+            if len(cut):
+                faces, opened = cut_out(self.mesh, self.vertices, self.normals, self.kept)
+                holes += opened
+            self.mesh = HalfEdges.of(faces, len(self.level))
             missing = (triangles - len(faces)) // 2 if counts_faces else vertices - self.used()
             if missing <= 0 or not tries or self.kept.any():
                 break

@@ -9,7 +9,7 @@ from scipy.sparse.linalg import cg
 
 from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.kernels import kernel
-from gppcs.meshing.assignment import Assignment
+from gppcs.meshing.assignment import Assignment, corners_from
 from gppcs.meshing.halfedges import HalfEdges
 from gppcs.spatial.triangles import area_vector, dot, row
 
@@ -48,20 +48,44 @@ def fitted(
     -------
     (V, 3) array, float64
     """
-    there = assigned.face >= 0
-    s, t = assigned.weights[there].T
-    shares = np.column_stack([1.0 - s - t, s, t])
-    corners = mesh.origin.reshape(-1, 3)[assigned.face[there]]
-    rows = np.broadcast_to(np.arange(len(corners))[:, None], corners.shape)
-    matrix = coo_array((shares.ravel(), (rows.ravel(), corners.ravel())), shape=(len(corners), len(vertices))).tocsr()
-    normal_matrix = (matrix.T @ matrix).tocsr()
+    size = len(mesh.origin) // 3
+    products, leavings = np.zeros((size, 3, 3)), np.zeros((size, 3, 3))
+    _add_points(mesh, vertices, points, assigned, products, leavings)
+    faces = np.flatnonzero(mesh.origin[::3] >= 0)
+    corners = mesh.origin.reshape(-1, 3)[faces]
+    rows, columns = np.repeat(corners, 3, axis=1), np.tile(corners, 3)
+    shape = (len(vertices), len(vertices))
+    normal_matrix = coo_array((products[faces].ravel(), (rows.ravel(), columns.ravel())), shape=shape).tocsr()
     hold = pull * normal_matrix.diagonal().sum() / np.count_nonzero(mesh.leaving >= 0)
     normal_matrix = (normal_matrix + diags_array(np.full(len(vertices), hold))).tocsr()
-    right = matrix.T @ (points[there] - matrix @ vertices)  # what the present vertices leave
+    right = np.stack(
+        [np.bincount(corners.ravel(), leavings[faces, :, axis].ravel(), len(vertices)) for axis in range(3)], axis=1
+    )  # fmt: skip
     steps = [cg(normal_matrix, axis, rtol=1e-6, maxiter=MOST_ITERATIONS)[0] for axis in right.T]
     moved = vertices + np.column_stack(steps)
     _undo_turns(mesh, vertices, normals, moved)
     return moved
+
+
+@kernel(allocates=False)
+def _add_points(mesh, vertices, points, assigned, products, leavings):
+    """Add up for each triangle what its dense points give to the normal equations of its corners.
+
+    `products`, (F, 3, 3), are those of the barycentric coordinates. `leavings`, (F, 3, 3), are for each corner the
+    coordinates times the step from the place on the triangle to the point: what the present vertices leave.
+    """
+    for i in range(len(points)):
+        f = assigned.face[i]
+        if f < 0:
+            continue
+        s, t = assigned.weights[i]
+        shares = 1.0 - s - t, s, t
+        a, b, c = corners_from(mesh, vertices, f, row(points, i))
+        for k in range(3):
+            for other in range(3):
+                products[f, k, other] += shares[k] * shares[other]
+            for axis in range(3):
+                leavings[f, k, axis] -= shares[k] * (shares[0] * a[axis] + s * b[axis] + t * c[axis])
 
 
 @kernel(allocates=False)

@@ -45,7 +45,7 @@ def flip(
     points : (N, 3) array, float64
         The dense points.
     assigned : Assignment
-        Their triangles, changed in place; the weights are no longer valid.
+        Their triangles, changed in place.
     extra : float
         Cost of a triangle without area; the cost falls to 0 at the quality `THIN_IN_FLIPS`.
 
@@ -237,6 +237,7 @@ def _share_out(mesh, vertices, points, assigned, first, after, f, g):
                 if squared < least:
                     least = squared
                     assigned.face[i], assigned.squared[i] = side, squared
+                    assigned.weights[i, 0], assigned.weights[i, 1] = s, t
             after[i] = first[assigned.face[i]]
             first[assigned.face[i]] = i
             i = behind

@@ -31,7 +31,7 @@ LEAST_AREA = 1e-9  # twice that of a triangle, in its sum of squared edges
 
 def mend(
     mesh: HalfEdges, vertices: NDArray[np.float64], normals: NDArray[np.float64], kept: NDArray[np.bool_]
-) -> NDArray[np.int64]:
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Replace patches around triangles that cut others by triangles that cut nothing, where that can be done.
 
     The patches are two triangles with a common edge, then those around a vertex or some vertices. A patch is a disc,
@@ -47,18 +47,20 @@ def mend(
 
     Returns
     -------
-    (V,) array, int64
+    into : (V,) array, int64
         The vertex into which each went; itself if it stays.
+    cut : (m,) array, int64
+        The triangles that still cut others, ascending.
     """
-    into = np.arange(len(vertices))
-    for _ in range(ROUNDS):
-        if not len(mesh.faces()):
-            break
+    into, cut = np.arange(len(vertices)), np.empty(0, dtype=np.int64)
+    if len(mesh.faces()):
         tree = TriangleTree.of(mesh, vertices)
-        faces = cutting(mesh, vertices, tree)
-        if not len(faces) or _mend_all(mesh, vertices, normals, kept, tree, faces, into) == 0:
-            break
-    return ends(into)
+        cut = cutting(mesh, vertices, tree)
+        for _ in range(ROUNDS):
+            if not len(cut) or _mend_all(mesh, vertices, normals, kept, tree, cut, into) == 0:
+                break
+            cut = cut[_still_cut(mesh, vertices, tree, cut)]  # new triangles cut none
+    return ends(into), cut
 
 
 @kernel
@@ -86,6 +88,16 @@ def _mend_all(mesh, vertices, normals, kept, tree, faces, into):
                 changes += 1
                 break
     return changes
+
+
+@kernel
+def _still_cut(mesh, vertices, tree, faces):
+    """Return which of some triangles, (m,), cut others."""
+    inside = np.zeros(len(mesh.origin) // 3, dtype=np.bool_)
+    found = np.zeros(len(faces), dtype=np.bool_)
+    for i in range(len(faces)):
+        found[i] = mesh.origin[3 * faces[i]] >= 0 and _cuts_any(mesh, vertices, tree, inside, faces[i])
+    return found
 
 
 @kernel

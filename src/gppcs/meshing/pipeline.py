@@ -17,6 +17,7 @@ from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import Stages, in_words
 from gppcs.errors import NoSurfaceError, ParameterError, flag, number, share, shown, whole_number
 from gppcs.meshing.assembly import assembled, without_scraps
+from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.draft import MOST_THIN, Draft
 from gppcs.meshing.fans import ON_CIRCLE, fans_of
@@ -116,7 +117,8 @@ def mesh(
     ratio : float, optional
         M / N, above 0 and at most 1.
     n_faces : int, optional
-        The number of triangles at most, at least 4; filled holes add some.
+        The number of triangles at most, at least 4. If filled holes add too many, a lighter mesh is made; a piece with
+        more holes than that allows keeps more.
     tolerance : float, optional
         Mean distance from the points to the mesh at most, in the unit of the cloud. The mesh has about as few
         vertices as it allows.
@@ -163,7 +165,7 @@ def mesh(
         rows = cloud.finite_rows()
         bad = cloud.non_finite()
         check_usable(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, invalid)
-        points, corner, exponent = normalised(cloud.points[rows])
+        points, corner, exponent = normalised(cloud.points[rows] if len(bad) else cloud.points)
         chosen = None if keep is None else _chosen_rows(keep, rows, points, len(cloud))
         count = _number_of_vertices(len(points), n_points, ratio)
         _require_surface(points)
@@ -316,7 +318,8 @@ class _FirstMesh:
         faces = without_scraps(faces, len(level))
         if not len(faces):
             raise NoSurfaceError(f"expected points on a surface, found {len(level)} points of which no triangles join")
-        return cls(dense, level, faces, agreed, 1.0 - len(np.unique(faces)) / len(level))
+        joined = np.count_nonzero(np.bincount(faces.ravel()))
+        return cls(dense, level, faces, agreed, 1.0 - joined / len(level))
 
 
 @dataclass(frozen=True)
@@ -359,22 +362,31 @@ class _Maker:
         return best
 
     def make(self, count: int, counts_faces: bool = False) -> _Made:
-        """Return a mesh of that many vertices or triangles."""
-        stages = self.stages
+        """Return a mesh of that many vertices, or of at most so many triangles."""
         n_vertices = -(-count // 2) if counts_faces else count
         chosen = np.empty(0, dtype=np.int64) if self.chosen is None else self.chosen
         first = self._begin(max(n_vertices, LEAST_VERTICES), chosen)
-        dense = first.dense
+        wanted = count
+        while True:
+            made = self._thinned(first, chosen, wanted, counts_faces)
+            too_many = len(made.faces) - count  # filled holes add some
+            if not counts_faces or too_many <= 0 or wanted == FEWEST_VERTICES:
+                return made
+            wanted = max(FEWEST_VERTICES, wanted - too_many)
+
+    def _thinned(self, first: _FirstMesh, chosen: NDArray[np.int64], count: int, counts_faces: bool) -> _Made:
+        """Return a mesh of that many vertices or triangles, and those that fill holes."""
+        stages, dense = self.stages, first.dense
         kept = np.isin(dense.rows[first.level], chosen)
         with stages("quadrics"):
             draft = Draft.of(dense, self.moved, first.level, kept, first.faces)
         target = count if self.chosen is None else draft.used_and_kept()
-        self._thin_out(draft, target, counts_faces)
+        assigned = self._thin_out(draft, target, counts_faces)
         if self.moved:
             with stages("fit"):
                 for _ in range(FIT_ROUNDS):
-                    draft.fit()
-                    draft.flip()
+                    draft.fit(assigned)
+                    assigned = draft.flip()
         with stages("mending"):
             for _ in range(LAST_FLIPS):
                 if draft.thin() > MOST_THIN:
@@ -427,8 +439,11 @@ class _Maker:
         with self.stages("first mesh"):
             return _FirstMesh.of(dense, self._level(dense, n_vertices, chosen))
 
-    def _thin_out(self, draft: Draft, target: int, counts_faces: bool) -> None:
-        """Remove vertices until the target is reached; then let others take the place of the least useful ones."""
+    def _thin_out(self, draft: Draft, target: int, counts_faces: bool) -> Assignment:
+        """Remove vertices until the target is reached; then let others take the place of the least useful ones.
+
+        Return the triangles of the dense points.
+        """
         vertices = -(-target // 2) if counts_faces else target
         too_many = draft.used() - vertices
         with self.stages("collapse", max(0, too_many)) as advanced:
@@ -438,13 +453,14 @@ class _Maker:
             draft.flip()
         with self.stages("refinement"):
             draft.collapse(target, counts_faces)
-            draft.flip()
+            assigned = draft.flip()
             if self.chosen is None and too_many > 0:
                 for _ in range(REFINEMENTS):
-                    draft.refine(round(REFINED * vertices))
+                    draft.refine(round(REFINED * vertices), assigned)
                     draft.collapse(target, counts_faces)
                     draft.compact()
-                    draft.flip()
+                    assigned = draft.flip()
+        return assigned
 
     def _level(self, dense: DensePoints, n_vertices: int, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the positions of the points of the first mesh, ascending."""

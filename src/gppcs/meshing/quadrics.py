@@ -59,7 +59,10 @@ def _find_vertices(begin, end, points, normals, vertices, low, high, vertex_norm
     limit = np.inf
     for i in range(begin, end):
         point = row(points, i)
-        nearest_within(vertices, low, high, point[0], point[1], point[2], limit, near, squared)
+        nearest_within(vertices, low, high, point[0], point[1], point[2], limit, near[:1], squared[:1])
+        nearest = squared[0]
+        if dot(row(normals, i), row(vertex_normals, near[0])) <= 0.0:  # it lies on another sheet
+            nearest_within(vertices, low, high, point[0], point[1], point[2], np.inf, near, squared)
         found[i] = -1
         for j in near:
             if dot(row(normals, i), row(vertex_normals, j)) > 0.0:
@@ -67,7 +70,7 @@ def _find_vertices(begin, end, points, normals, vertices, low, high, vertex_norm
                 break
         if i + 1 < end:
             step = minus(row(points, i + 1), point)
-            limit = limit_beside(squared[-1], step[0], step[1], step[2])
+            limit = limit_beside(nearest, step[0], step[1], step[2])
 
 
 def dense_quadrics(

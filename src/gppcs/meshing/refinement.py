@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.kernels import kernel
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.halfedges import HalfEdges
 
@@ -37,11 +38,19 @@ def worst_places(
     s, t = assigned.weights.T
     inner = np.flatnonzero(there & usable & (np.minimum(np.minimum(s, t), 1.0 - s - t) > INSIDE))
     farthest = np.full(size, -1)
-    ascending = inner[np.argsort(assigned.squared[inner], kind="stable")]
-    farthest[assigned.face[ascending]] = ascending  # of several, the last one stays
+    _find_farthest(assigned, inner, farthest)
     faces = np.flatnonzero(farthest >= 0)
     faces = np.sort(faces[np.argsort(-sums[faces], kind="stable")][:count])
     return faces, farthest[faces]
+
+
+@kernel(allocates=False)
+def _find_farthest(assigned, inner, farthest):
+    """Fill `farthest`, (F,), with the farthest of the points `inner` in each triangle, of several the last one."""
+    for i in inner:
+        f = assigned.face[i]
+        if farthest[f] < 0 or assigned.squared[i] >= assigned.squared[farthest[f]]:
+            farthest[f] = i
 
 
 def split(mesh: HalfEdges, faces: NDArray[np.int64], first: int) -> HalfEdges:

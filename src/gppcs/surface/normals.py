@@ -85,8 +85,34 @@ def estimate_normals(
         signed = _oriented(tree, None)
     else:
         signed = _signed_nearby(tree, places, neighbours)
-    opposed = np.einsum("ij,ij->i", normals, signed) < 0
-    normals[opposed] *= -1
+    return _turned(normals, signed)
+
+
+def normals_of(tree: KdTree, near: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Estimate the unit normals at the points of a tree, as `estimate_normals` does.
+
+    Parameters
+    ----------
+    tree : KdTree
+        Over N points without repeats, of about unit size, in its own order.
+    near : (N, k) array, int64
+        The neighbours of each, at least `EDGES` if there are as many, as `KdTree.neighbours` returns them.
+
+    Returns
+    -------
+    (N, 3) array, float64
+        In tree order.
+    """
+    neighbours = neighbours_across_noise(tree)[0]
+    normals = np.ascontiguousarray(fit_quadrics(tree, tree, neighbours).normals.T)
+    if neighbours < 2 * NEIGHBOURS:
+        return _turned(normals, _oriented(tree, None, np.ascontiguousarray(near[:, :EDGES])))
+    return _turned(normals, _signed_nearby(tree, np.ascontiguousarray(tree.points.T), neighbours))
+
+
+def _turned(normals: NDArray[np.float64], signed: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give normals, (M, 3), the signs of others, in place; return them."""
+    normals[np.einsum("ij,ij->i", normals, signed) < 0] *= -1
     return normals
 
 
@@ -122,21 +148,26 @@ def _feet(tree: KdTree, places: NDArray[np.float64], neighbours: int) -> NDArray
     return feet
 
 
-def _oriented(tree: KdTree, fits: tuple[KdTree, int] | None) -> NDArray[np.float64]:
+def _oriented(
+    tree: KdTree, fits: tuple[KdTree, int] | None, near: NDArray[np.int64] | None = None
+) -> NDArray[np.float64]:
     """Return the signed normals, (N, 3), of the points of a tree, in the order of its input.
 
     Quadrics are fitted to `CLOSE` points of this tree, or as `fits` says: to the points of another tree, and how many.
+    `near`, (N, `EDGES`), are the neighbours to which signs are passed, if they are known.
     """
     points = np.ascontiguousarray(tree.points.T)
     _, normals, reaches = fit_quadrics(tree, tree, CLOSE)
     if fits:
         normals = fit_quadrics(fits[0], tree, fits[1]).normals
     normals = np.ascontiguousarray(normals.T)
-    near, _ = tree.neighbours(min(EDGES, len(points) - 1))
+    if near is None:
+        near, _ = tree.neighbours(min(EDGES, len(points) - 1))
     areas = reaches**2
     doubts = np.empty(near.shape, dtype=np.float32)
     on_ranges(_doubt, len(points), points, normals, near, doubts, least=1024)
-    pieces, signs = _signs(_ascending(doubts.ravel()), points, normals, near)
+    edges = np.flatnonzero(doubts < np.inf)
+    pieces, signs = _signs(edges[_ascending(doubts.ravel()[edges])], points, normals, near)
     normals *= signs[:, None]
     normals *= _outward(points, normals, areas, pieces)[pieces, None]
     oriented = np.empty_like(normals)
@@ -182,12 +213,17 @@ def _doubt(begin, end, points, normals, near, doubts):
     """Fill the doubt about passing the sign from each point to each neighbour, (N, edges), float32.
 
     Points and normals are (N, 3), `near` is (N, edges). The doubt is small if the normals agree apart from their sign
-    and the step between the points stays in the surface. Points of another sheet, and noise, lie off it.
+    and the step between the points stays in the surface. Points of another sheet, and noise, lie off it. Of two edges
+    between the same points, one is enough: the doubt about the other is infinite.
     """
     for i in range(begin, end):
         for slot in range(near.shape[1]):
-            fit, off = _fit_of_normals(points, normals, i, near[i, slot])
-            doubts[i, slot] = 1.0 - abs(fit) + 0.5 * off
+            j, known = near[i, slot], False
+            if j < i:
+                for other in range(near.shape[1]):
+                    known = known or near[j, other] == i
+            fit, off = _fit_of_normals(points, normals, i, j)
+            doubts[i, slot] = np.inf if known else 1.0 - abs(fit) + 0.5 * off
 
 
 @kernel(inline="always")

@@ -75,7 +75,7 @@ def mesh(
         str | None,
         typer.Option(
             metavar="F",
-            help="Number of triangles at most; filled holes add some.",
+            help="Number of triangles at most, with those that fill holes.",
             rich_help_panel=panels.SIZE,
         ),
     ] = None,
