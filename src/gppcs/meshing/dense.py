@@ -80,7 +80,7 @@ class DensePoints:
             return None
         rows, raw = rows[tree.order], np.ascontiguousarray(tree.points.T)
         near, squared = tree.neighbours(min(EDGES, len(rows) - 1))
-        normals = normals_of(tree.in_own_order(), near)
+        normals = normals_of(tree.in_own_order(), near, noise > 0.0)
         places = raw
         if noise:
             fitted = FITTED_TO_THICK if thick else FITS[1]
@@ -100,7 +100,7 @@ class DensePoints:
 def _some_rows(points: NDArray[np.float64], n_vertices: int, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return rows of points without repeats, ascending: all, or about `PER_VERTEX` for each vertex."""
     distinct = first_occurrences(points)
-    step = np.count_nonzero(distinct) // (PER_VERTEX * n_vertices)
+    step = int(np.count_nonzero(distinct)) // (PER_VERTEX * n_vertices)
     if step <= 1:
         return np.flatnonzero(distinct)
     return np.union1d(even_sample(points, distinct, step), chosen)

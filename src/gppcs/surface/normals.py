@@ -16,6 +16,7 @@ from gppcs.surface.noise import NEIGHBOURS, neighbours_across_noise, projections
 from gppcs.surface.quadrics import fit_quadrics
 
 CLOSE = 16  # Points of the fits that find signs: fewer than 30, as thin parts matter more there than noise.
+SHARP = 20  # Points of the only fits where there is no noise: fewer than 30, as the meshes of thin parts are better.
 EDGES = 8  # Nearest neighbours to which a sign is passed. Farther ones lie on the other side of thin parts.
 MOST_GUIDES = 1_000_000  # Points of the cloud that pass signs on, at most: more would only take time and memory.
 FARTHEST = 1e6  # Places farther off, in sizes of the cloud, see no shape of it: rounding hides it.
@@ -88,8 +89,10 @@ def estimate_normals(
     return _turned(normals, signed)
 
 
-def normals_of(tree: KdTree, near: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Estimate the unit normals at the points of a tree, as `estimate_normals` does.
+def normals_of(tree: KdTree, near: NDArray[np.int64], noisy: bool) -> NDArray[np.float64]:
+    """Estimate the unit normals at the points of a tree, as `estimate_normals` does, but for the number of points.
+
+    Without noise, one fit to `SHARP` points yields both the normal and its sign.
 
     Parameters
     ----------
@@ -97,16 +100,21 @@ def normals_of(tree: KdTree, near: NDArray[np.int64]) -> NDArray[np.float64]:
         Over N points without repeats, of about unit size, in its own order.
     near : (N, k) array, int64
         The neighbours of each, at least `EDGES` if there are as many, as `KdTree.neighbours` returns them.
+    noisy : bool
+        Whether noise matters.
 
     Returns
     -------
     (N, 3) array, float64
         In tree order.
     """
+    near = np.ascontiguousarray(near[:, :EDGES])
     neighbours = neighbours_across_noise(tree)[0]
+    if neighbours < 2 * NEIGHBOURS and not noisy:
+        return _oriented(tree, None, near, SHARP)
     normals = np.ascontiguousarray(fit_quadrics(tree, tree, neighbours).normals.T)
     if neighbours < 2 * NEIGHBOURS:
-        return _turned(normals, _oriented(tree, None, np.ascontiguousarray(near[:, :EDGES])))
+        return _turned(normals, _oriented(tree, None, near))
     return _turned(normals, _signed_nearby(tree, np.ascontiguousarray(tree.points.T), neighbours))
 
 
@@ -149,15 +157,15 @@ def _feet(tree: KdTree, places: NDArray[np.float64], neighbours: int) -> NDArray
 
 
 def _oriented(
-    tree: KdTree, fits: tuple[KdTree, int] | None, near: NDArray[np.int64] | None = None
+    tree: KdTree, fits: tuple[KdTree, int] | None, near: NDArray[np.int64] | None = None, close: int = CLOSE
 ) -> NDArray[np.float64]:
     """Return the signed normals, (N, 3), of the points of a tree, in the order of its input.
 
-    Quadrics are fitted to `CLOSE` points of this tree, or as `fits` says: to the points of another tree, and how many.
+    Quadrics are fitted to `close` points of this tree, or as `fits` says: to the points of another tree, and how many.
     `near`, (N, `EDGES`), are the neighbours to which signs are passed, if they are known.
     """
     points = np.ascontiguousarray(tree.points.T)
-    _, normals, reaches = fit_quadrics(tree, tree, CLOSE)
+    _, normals, reaches = fit_quadrics(tree, tree, close)
     if fits:
         normals = fit_quadrics(fits[0], tree, fits[1]).normals
     normals = np.ascontiguousarray(normals.T)
