@@ -117,8 +117,8 @@ def mesh(
     ratio : float, optional
         M / N, above 0 and at most 1.
     n_faces : int, optional
-        The number of triangles at most, at least 4. If filled holes add too many, a lighter mesh is made; a piece with
-        more holes than that allows keeps more.
+        The number of triangles at most, at least 4. Those that fill holes count: if there are too many, a lighter mesh
+        is made. There are more only if each piece already has as few vertices as can be.
     tolerance : float, optional
         Mean distance from the points to the mesh at most, in the unit of the cloud. The mesh has about as few
         vertices as it allows.
@@ -319,7 +319,7 @@ class _FirstMesh:
         if not len(faces):
             raise NoSurfaceError(f"expected points on a surface, found {len(level)} points of which no triangles join")
         joined = np.count_nonzero(np.bincount(faces.ravel()))
-        return cls(dense, level, faces, agreed, 1.0 - joined / len(level))
+        return cls(dense, level, faces, agreed, float(1.0 - joined / len(level)))
 
 
 @dataclass(frozen=True)

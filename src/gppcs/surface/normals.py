@@ -16,7 +16,7 @@ from gppcs.surface.noise import NEIGHBOURS, neighbours_across_noise, projections
 from gppcs.surface.quadrics import fit_quadrics
 
 CLOSE = 16  # Points of the fits that find signs: fewer than 30, as thin parts matter more there than noise.
-SHARP = 20  # Points of the only fits where there is no noise: fewer than 30, as the meshes of thin parts are better.
+SHARP = 18  # Points of the only fits where there is no noise: fewer keep edges and thin parts, more even out roughness.
 EDGES = 8  # Nearest neighbours to which a sign is passed. Farther ones lie on the other side of thin parts.
 MOST_GUIDES = 1_000_000  # Points of the cloud that pass signs on, at most: more would only take time and memory.
 FARTHEST = 1e6  # Places farther off, in sizes of the cloud, see no shape of it: rounding hides it.
