@@ -90,6 +90,7 @@ def peak_of_spread():
     return peak(on_sphere(N))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BAD)
 def test_memory_is_that_of_a_well_spread_cloud(name, peak_of_spread):
     """Found 0.5 to 1.12 times as much; with 9 of 10 in a dot 1.3, as the tree then has moments."""

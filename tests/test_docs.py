@@ -86,7 +86,14 @@ def workplace(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")])
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, marks=pytest.mark.slow if page == "docs/cluster.md" else ())  # it starts processes
+        for page in PAGES
+        if blocks(page, "python")
+    ],
+)
 def test_python_runs(page, workplace):
     code = "\n".join(block for block in blocks(page, "python") if PYMESHLAB not in block)
     exec(compile(code, page, "exec"), {"__name__": "page"})

@@ -47,6 +47,7 @@ def test_pools_of_processes(method, expected):
         assert_all_equal(pool.map(indices, range(RUNS), timeout=300), expected)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="takes long to start there")
 def test_joblib(expected):
     joblib = pytest.importorskip("joblib")

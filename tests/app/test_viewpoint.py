@@ -26,6 +26,7 @@ def test_view_and_up_turn_the_picture(gppcs_command, scan, monkeypatch, command)
     assert drawn == [Viewpoint(), Viewpoint(None, (-30.0, 20.5)), Viewpoint("-z"), Viewpoint("y", (5.0, 0.0))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", [("simplify", "-o", "out.ply", "--picture", "a.png"), ("compare", "-o", "side")])
 def test_the_picture_shows_the_colour_asked_for_at_kept_points(gppcs_command, scan, monkeypatch, command):
     for module in ("pymeshlab", "pyvista", "matplotlib"):

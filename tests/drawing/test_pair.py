@@ -39,6 +39,7 @@ def test_a_picture_is_a_png_of_two_clouds_seen_alike(ball):
     np.testing.assert_allclose(boxes[0], boxes[1], atol=10)
 
 
+@pytest.mark.slow
 def test_the_original_sets_the_colours(ball):
     pictures = []
     for factor in (1.0, 1000.0):

@@ -64,6 +64,7 @@ def picture(columns):
     return imread(file, format="png")[..., :3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("count", "rows", "per_row"), [(1, 1, 1), (6, 1, 6), (7, 2, 4), (13, 3, 5)])
 def test_columns_stand_in_rows_of_six_at_most(original, camera, kept, count, rows, per_row):
     image = picture([original, *[kept] * (count - 1)])
@@ -97,6 +98,7 @@ def test_the_roughest_place_is_framed_and_enlarged(original, camera):
     assert np.ptp(columns[~marked]) == pytest.approx(CLOSE_UP, abs=3)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("opengl")
 def test_the_same_input_gives_the_same_pixels(original, kept):
     columns = [original, dataclasses.replace(kept, mesh=TRIANGLE)]

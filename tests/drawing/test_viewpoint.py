@@ -26,6 +26,7 @@ def test_real_scans_stand_upright(shared_data, name, up):
     assert Viewpoint().completed(gppcs.read(shared_data / f"{name}.ply").points).up == up
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["medallion", "bracket", "room", "street", "terrain"])
 def test_samples_stand_upright(name):
     assert Viewpoint().completed(gppcs.sample(name, 5_000).points).up == "z"

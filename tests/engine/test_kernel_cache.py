@@ -96,6 +96,7 @@ def change(package, module, old, new):
     path.write_text(path.read_text().replace(old, new))
 
 
+@pytest.mark.slow
 def test_a_change_in_another_file_is_noticed_and_the_old_code_removed(package):
     assert call(package) == COMPILED
     assert call(package) == LOADED

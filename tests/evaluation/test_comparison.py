@@ -43,6 +43,7 @@ def test_all_methods_by_default():
     assert [entry.result.method.name for entry in entries] == list(gppcs.METHODS)
 
 
+@pytest.mark.slow
 def test_a_surface_that_cannot_be_rebuilt_costs_no_other_figure(sphere, monkeypatch):
     pytest.importorskip("pymeshlab")
     measured = []
@@ -63,6 +64,7 @@ def test_a_mesh_that_lies_elsewhere_is_no_failure_of_a_method(sphere):
         gppcs.compare(sphere[:500], ["random"], n_points=50, mesh=hull_mesh(1000.0 * sphere[:500]))
 
 
+@pytest.mark.slow
 def test_a_mesh_to_look_at_is_rebuilt_in_place_with_the_sides_of_the_normals(sphere):
     pytest.importorskip("pymeshlab")
     place = np.array([500_000.0, 5_400_000.0, 0.0])

@@ -295,6 +295,7 @@ def ball(sphere):
     )
 
 
+@pytest.mark.slow
 def test_a_sphere_is_rebuilt(ball):
     for rebuilt in (ball[2].rebuilt, ball[2].rebuilt_carried):
         assert 0 < rebuilt.hausdorff_mean < 2e-3 < 0.02 > rebuilt.hausdorff_max > rebuilt.hausdorff_mean
@@ -356,6 +357,7 @@ def with_normals(points, normals):
     return gppcs.PointCloud(points, dict(zip(["nx", "ny", "nz"], normals.T, strict=True)))
 
 
+@pytest.mark.slow
 def test_carried_normals_without_direction(ball, sphere):
     mesh, points, report = ball
     for value in (0.0, np.nan):
@@ -383,6 +385,7 @@ def test_figures_with_estimated_normals_stay_where_the_carried_ones_give_no_surf
     assert again.rebuilt_carried is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("far", [1e6, -1e6])
 def test_mesh_figures_do_not_depend_on_place_and_unit(ball, sphere, far):
     mesh, points, report = ball

@@ -50,6 +50,7 @@ def test_refinement_brings_the_mesh_nearer_with_as_many_vertices(draft):
     assert draft.thin() <= MOST_THIN
 
 
+@pytest.mark.slow
 def test_mending_puts_vertices_elsewhere_for_those_it_removes(draft):
     before = draft.used()
     draft.vertices = draft.vertices.copy()

@@ -60,6 +60,7 @@ def test_voxel_is_the_same_as_in_memory(tmp_path, place, points):
             np.testing.assert_allclose(found.points, expected.cloud.points, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_farthest_points_are_as_far_as_in_memory(tmp_path):
     points = normalised(gppcs.sample("bracket", 20_000, seed=1).points)[0]
     for n_points in (500, 3_000):

@@ -43,6 +43,7 @@ def test_points_lie_on_the_surface(name):
     assert np.abs(SCANS[name].residual(rounded)).max() < 1e-5
 
 
+@pytest.mark.slow
 @EVERY
 def test_the_points_cover_the_surface(name):
     scan = SCANS[name]

@@ -142,6 +142,7 @@ def test_without_noise_the_points_are_on_the_surfaces(name):
     assert np.mean(np.abs(off - 0.01) < 1e-3) > 0.9  # in corners and beside books something else is nearer
 
 
+@pytest.mark.slow
 @EVERY
 def test_a_scene_has_what_a_scan_has(name):
     cloud = gppcs.sample(name, 1001, seed=2)

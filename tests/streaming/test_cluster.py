@@ -82,12 +82,14 @@ ASKED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wanted", ASKED)
 def test_workers_find_what_is_asked_for(three, cloud, paths, wanted):
     expected = gppcs.simplify(cloud, invalid="drop", scores=True, **wanted)
     assert_same(gppcs.simplify_files(paths, invalid="drop", scores=True, client=three, **wanted), expected)
 
 
+@pytest.mark.slow
 def test_workers_find_an_accuracy(three, paths, monkeypatch):
     wanted = {"tolerance": 4.0, "invalid": "drop", "scores": True}
     monkeypatch.setattr("gppcs.gp.local.survey.PER_POINT", 8)
@@ -123,6 +125,7 @@ def las(tmp_path_factory):
     return las
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["a.las", "a.copc.laz"])
 @pytest.mark.parametrize("n_points", [70, 3_000])
 def test_parts_of_a_file_make_no_difference(three, las, tmp_path, small_parts, name, n_points):
@@ -234,6 +237,7 @@ def test_tiles_are_worked_on_by_workers_alone(three, paths, small_tiles, tmp_pat
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["random", "voxel", "fps"])
 def test_other_methods(three, paths, method, tmp_path):
     found = gppcs.simplify_files(paths, n_points=300, method=method, invalid="drop", client=three)
@@ -318,6 +322,7 @@ def test_settings_of_files_reach_the_workers(three, tmp_path):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_workers_leave_out_the_same_outliers(three, tmp_path, monkeypatch):
     """LAS files are divided into parts: others to count the points than to choose them."""
     monkeypatch.setattr("gppcs.streaming.plan.ROWS", 2_000)

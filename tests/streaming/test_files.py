@@ -92,7 +92,7 @@ SPLITS = st.lists(st.integers(0, N), max_size=6).map(sorted)
 @example(cuts=[], rows=N, n_points=70)
 @example(cuts=[1, 2, 3], rows=100, n_points=70)
 @example(cuts=[5000], rows=1_000, n_points=120)
-@settings(max_examples=5)
+@settings(max_examples=3)
 def test_files_and_chunks_make_no_difference(variant, cuts, rows, n_points):
     cloud = cloud_of(VARIANTS[variant])
     expected = gppcs.simplify(cloud, n_points=n_points, invalid="drop", scores=True)

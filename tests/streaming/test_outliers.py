@@ -164,7 +164,7 @@ class Interrupt(Heard):
     ("wanted", "stage", "first"),
     [
         ({"n_points": 80}, "boxes", "sample"),  # the bounds are known
-        ({"n_points": 80}, "listed outliers", "listed outliers"),
+        pytest.param({"n_points": 80}, "listed outliers", "listed outliers", marks=pytest.mark.slow),
         ({"n_points": 80}, "kept points", "kept points"),
         ({"max_gap": 12.0}, "kept points", "bounds"),  # to count the points, but the outliers are known
     ],

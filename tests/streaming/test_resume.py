@@ -135,9 +135,9 @@ def test_passes_that_fill_gaps(path):
     ("stage", "times", "done"),
     [
         ("boxes", 1, ["bounds"]),
-        ("survey", 1, ["bounds", "sample", "boxes"]),
-        ("candidates", 1, ["bounds", "boxes", "survey"]),
-        ("features", 3, ["survey", "candidates"]),
+        pytest.param("survey", 1, ["bounds", "sample", "boxes"], marks=pytest.mark.slow),
+        pytest.param("candidates", 1, ["bounds", "boxes", "survey"], marks=pytest.mark.slow),
+        pytest.param("features", 3, ["survey", "candidates"], marks=pytest.mark.slow),
         ("greedy selection", 5, ["survey", "candidates"]),
         ("kept points", 1, ["boxes", "survey", "candidates", "greedy selection"]),
     ],

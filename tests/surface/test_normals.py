@@ -271,6 +271,7 @@ def test_points_without_normals_get_them_whatever_else_is_done():
     assert gppcs.simplify(points[:3], ratio=1, normals=True).cloud.normals().shape == (3, 3)
 
 
+@pytest.mark.slow
 def test_a_surface_is_rebuilt_better_with_them(shared_data):
     pytest.importorskip("pymeshlab")
     path = shared_data / "bunny.ply"

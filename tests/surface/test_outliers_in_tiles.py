@@ -33,7 +33,7 @@ def in_tiles(points, chunks, *, tile, halo, box, batch=1 << 14, folder=None, hea
     return mask
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=10)
 @given(
     seed=st.integers(0, 10**6),
     kind=st.sampled_from(["volume", "plane", "grid", "few"]),

@@ -167,6 +167,7 @@ def test_points_that_crowd_together_are_counted_as_by_brute_force():
     np.testing.assert_allclose(cosines[isolated], 1.0, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("k", [3, 25, 40])
 def test_the_nearest_are_found_where_density_jumps_and_points_tie(k):
     rng = np.random.default_rng(k)

@@ -168,6 +168,7 @@ def errors_of_few_neighbours(k):
     )
 
 
+@pytest.mark.slow
 def test_few_neighbours_come_near_the_whole_posterior():
     """500 points, 80 of them chosen. Against a mean |mean| of 0.427 and a mean deviation of 0.153, found:
 

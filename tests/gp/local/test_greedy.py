@@ -65,7 +65,7 @@ def test_each_choice_is_the_largest_score_of_all(n, seed, weight, noise, spread,
     assert_greedy(tree, field, chosen, n_points, k, w, *extend(field, tree, chosen, n_points, k, w))
 
 
-@pytest.mark.parametrize(("k", "w", "start"), [(4, 0.025, 0), (4, 0.8, 40), (1, 0.0, 0), (9, 0.3, 10)])
+@pytest.mark.parametrize(("k", "w", "start"), [(4, 0.8, 40), (1, 0.0, 0)])
 def test_many_leaves_are_passed_by_without_loss(k, w, start):
     """1,100 points in 64 leaves, with spacings that differ by a factor of up to 20."""
     tree, field = random_problem(1_100, k, 1.6, 0.1, 1.5)

@@ -101,6 +101,7 @@ def test_tiles_choose_what_the_whole_chooses(tmp_path, monkeypatch):
     assert watched.shares[0.0] < 0.9
 
 
+@pytest.mark.slow
 def test_the_order_within_a_class_makes_no_difference(tmp_path, monkeypatch):
     points = bracket()
     expected = in_tiles(points, M, tmp_path)
@@ -134,6 +135,7 @@ def odd_clouds():
 ODD = odd_clouds()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_points", [1, 100, 1_750])
 @pytest.mark.parametrize("variant", ODD)
 def test_odd_clouds(tmp_path, monkeypatch, variant, n_points):
@@ -148,6 +150,7 @@ def test_odd_clouds(tmp_path, monkeypatch, variant, n_points):
         assert set(found.indices) == set(expected)
 
 
+@pytest.mark.slow
 def test_other_settings(tmp_path):
     for method in (gppcs.LocalGP(feature_weight=1.0), gppcs.LocalGP(feature_weight=0.0, neighbours=8, candidates=3.0)):
         found = in_tiles(bracket(), M, tmp_path, method=method)
