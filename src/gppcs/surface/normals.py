@@ -12,11 +12,11 @@ from gppcs.errors import InputError, whole_number
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
-from gppcs.surface.noise import NEIGHBOURS, neighbours_across_noise, projections
+from gppcs.surface.noise import NEIGHBOURS, is_detail, layer_of, neighbours_across_noise, projections
 from gppcs.surface.quadrics import fit_quadrics
 
 CLOSE = 16  # Points of the fits that find signs: fewer than 30, as thin parts matter more there than noise.
-SHARP = 18  # Points of the only fits where there is no noise: fewer keep edges and thin parts, more even out roughness.
+SHARP = 18  # Points of the fits where there is no noise: fewer keep edges and thin parts, more even out roughness.
 EDGES = 8  # Nearest neighbours to which a sign is passed. Farther ones lie on the other side of thin parts.
 MOST_GUIDES = 1_000_000  # Points of the cloud that pass signs on, at most: more would only take time and memory.
 FARTHEST = 1e6  # Places farther off, in sizes of the cloud, see no shape of it: rounding hides it.
@@ -45,9 +45,10 @@ def estimate_normals(
     at : PointCloud, (M, 3) array-like, path or object that `PointCloud.of` takes, optional
         Places on the surface where normals are wanted; by default the points themselves.
     neighbours : int, optional
-        Number of points to which each quadric is fitted; with fewer than 6, the normal is the plane's. By default 30,
-        doubled up to 120 while the points' distance from their quadrics exceeds a quarter of the neighbourhoods'
-        radius. With 60 or more, signs are passed among the projections of the points onto quadrics of half as many.
+        Number of points to which each quadric is fitted; with fewer than 6, the normal is the plane's. By default 18
+        where no noise is found, so that edges and thin parts stay sharp. Otherwise 30, doubled up to 120 while the
+        points' distance from their quadrics exceeds a quarter of the neighbourhoods' radius. With 60 or more, signs
+        are passed among the projections of the points onto quadrics of half as many.
 
     Returns
     -------
@@ -77,7 +78,7 @@ def estimate_normals(
     points, corner, exponent = normalised(points)
     tree = KdTree.build(points[first_occurrences(points)])
     places = points if places is None else _near(places, corner, exponent)
-    neighbours = neighbours or neighbours_across_noise(tree)[0]
+    neighbours = neighbours or _points_of_fits(tree)
     themselves = at is None and len(tree.order) == len(points)
     of_places = tree if themselves else KdTree.build(places)
     normals = np.empty((len(places), 3))
@@ -116,6 +117,14 @@ def normals_of(tree: KdTree, near: NDArray[np.int64], noisy: bool) -> NDArray[np
     if neighbours < 2 * NEIGHBOURS:
         return _turned(normals, _oriented(tree, None, near))
     return _turned(normals, _signed_nearby(tree, np.ascontiguousarray(tree.points.T), neighbours))
+
+
+def _points_of_fits(tree: KdTree) -> int:
+    """Return to how many points quadrics are fitted: as few as the noise of the points of a tree allows."""
+    neighbours, layer = neighbours_across_noise(tree)
+    if neighbours == NEIGHBOURS and is_detail(layer, layer_of(tree, 2 * NEIGHBOURS)):
+        return SHARP
+    return neighbours
 
 
 def _turned(normals: NDArray[np.float64], signed: NDArray[np.float64]) -> NDArray[np.float64]:
