@@ -81,8 +81,8 @@ class Result(ComparedByValue):
     def _repr_html_(self) -> str:
         return display.html_of(self)
 
-    def without(self, outliers: NDArray[np.int64]) -> Result:
-        """Return the result, after noting that outliers were left out.
+    def with_outliers(self, outliers: NDArray[np.int64]) -> Result:
+        """Return the result with a note of the outliers that were left out.
 
         Parameters
         ----------
@@ -338,7 +338,7 @@ def simplify(
         kept = with_scores(kept, chosen_method, selection)
     ranked = chosen_method.ranks and selection.ranked
     result = Result(indices, kept, chosen_method, stages.seconds, selection.diagnostics, original=cloud, ranked=ranked)
-    return result if outliers is None else result.without(outliers)
+    return result if outliers is None else result.with_outliers(outliers)
 
 
 def check_options(

@@ -46,7 +46,7 @@ Scratch = Annotated[
     Path | None,
     typer.Option(
         metavar="FOLDER",
-        help="Existing folder for the temporary files of a cloud in tiles; by default that of the system.",
+        help="Existing folder for the temporary files of tiles and outliers; by default that of the system.",
         rich_help_panel=panels.LARGE,
     ),
 ]

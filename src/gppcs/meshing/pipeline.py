@@ -366,13 +366,14 @@ class _Maker:
         n_vertices = -(-count // 2) if counts_faces else count
         chosen = np.empty(0, dtype=np.int64) if self.chosen is None else self.chosen
         first = self._begin(max(n_vertices, LEAST_VERTICES), chosen)
-        wanted = count
+        wanted, step, before = count, 0, np.inf
         while True:
             made = self._thinned(first, chosen, wanted, counts_faces)
             too_many = len(made.faces) - count  # filled holes add some
             if not counts_faces or too_many <= 0 or wanted == FEWEST_VERTICES:
                 return made
-            wanted = max(FEWEST_VERTICES, wanted - too_many)
+            step = too_many if too_many < before else 2 * step  # without gain, larger steps end sooner
+            wanted, before = max(FEWEST_VERTICES, wanted - step), too_many
 
     def _thinned(self, first: _FirstMesh, chosen: NDArray[np.int64], count: int, counts_faces: bool) -> _Made:
         """Return a mesh of that many vertices or triangles, and those that fill holes."""
@@ -415,19 +416,20 @@ class _Maker:
 
     def _begin(self, n_vertices: int, chosen: NDArray[np.int64]) -> _FirstMesh:
         """Return the first mesh. Where its triangles hardly agree, try whether thick noise is the reason."""
-        best, error = None, None
+        best: _FirstMesh | None = None
+        errors: list[NoSurfaceError] = []
         for thick in (False, True):
             try:
                 first = self._first_mesh(n_vertices, chosen, thick)
-            except NoSurfaceError as found:
-                error = found
+            except NoSurfaceError as error:
+                errors.append(error)
                 continue
             if first and (best is None or first.left_out < best.left_out):
                 best = first
             if best and best.agreed >= SURELY_AGREED:
                 break
         if best is None:
-            raise error or AssertionError
+            raise errors[-1]
         return best
 
     def _first_mesh(self, n_vertices: int, chosen: NDArray[np.int64], thick: bool) -> _FirstMesh | None:

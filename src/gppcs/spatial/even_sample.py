@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from gppcs.engine.kernels import kernel
 from gppcs.spatial.scaling import bounds
 
-POINTS_PER_CELL = 32  # of the points of a surface, about: as many as a leaf of a tree has
-MOST_CELLS = 1 << 24  # of the grid
+POINTS_PER_CELL = 32  # of a surface, about: as many as a leaf of a tree has
+MOST_CELLS = 1 << 24  # of the grid: their counts take 128 MiB
 
 
 def even_sample(points: NDArray[np.float64], usable: NDArray[np.bool_], step: int) -> NDArray[np.int64]:
@@ -20,7 +20,7 @@ def even_sample(points: NDArray[np.float64], usable: NDArray[np.bool_], step: in
     Parameters
     ----------
     points : (N, 3) array, float64
-        At least one.
+        At least one. Finite, of about unit size.
     usable : (N,) array, bool
         Points that count.
     step : int
@@ -35,8 +35,8 @@ def even_sample(points: NDArray[np.float64], usable: NDArray[np.bool_], step: in
     extents = high - low
     edge = float(extents.max()) or 1.0
     counts = np.ones(3, dtype=np.int64)
-    wanted = len(points) // POINTS_PER_CELL  # a surface meets about as many cells as the largest side of its box has
-    while counts.max() ** 2 < wanted:
+    wanted = len(points) // POINTS_PER_CELL  # a surface with k cells along its box meets about k squared of them
+    while extents.any() and counts.max() ** 2 < wanted:
         finer = np.floor(extents / (0.5 * edge)).astype(np.int64) + 1
         if np.prod(finer, dtype=np.float64) > MOST_CELLS:
             break

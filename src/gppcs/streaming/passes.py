@@ -155,7 +155,7 @@ def simplify_in_passes(
         kept = with_scores(kept, method, selection)
     ranked = method.ranks and selection.ranked
     result = Result(rows, kept, method, stages.seconds, selection.diagnostics, ranked=ranked)
-    return result if outliers is None else result.without(outliers.rows), seen.count - seen.left_out
+    return result if outliers is None else result.with_outliers(outliers.rows), seen.count - seen.left_out
 
 
 def _accurate(

@@ -9,7 +9,7 @@ from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.outliers.definition import NEIGHBOURS, look_at
-from gppcs.surface.outliers.rounds import Content, Part, Points, all_outliers, repeating
+from gppcs.surface.outliers.rounds import NO_POINTS, Content, Part, Points, all_outliers, repeating
 
 
 def find_outliers(cloud: CloudLike) -> NDArray[np.bool_]:
@@ -34,7 +34,7 @@ def find_outliers(cloud: CloudLike) -> NDArray[np.bool_]:
     Raises
     ------
     InputError
-        If `cloud` is no cloud.
+        If `cloud` is no cloud, or its size overflows.
 
     Examples
     --------
@@ -74,5 +74,5 @@ def outliers_among(points: NDArray[np.float64]) -> NDArray[np.bool_]:
     whole = Part.of(lambda: content, np.full(3, -np.inf), np.full(3, np.inf), len(firsts))
     zeros = np.zeros(len(positions))
     found = Points(zeros.astype(np.int64), positions, content.places(positions), zeros)
-    (gone,) = all_outliers([whole], found, found.take(zeros > 0.0), map)
+    (gone,) = all_outliers([whole], found, NO_POINTS, map)
     return repeating(points, points[firsts[tree.order[gone]]])

@@ -30,13 +30,13 @@ class Look(NamedTuple):
     ----------
     reach : (n,) array
         Squared distance of each point to the 16th nearest other of the tree; infinite if there are too few.
-    outside, open : (k,) arrays, int64
+    outside, undecided : (k,) arrays, int64
         Which points are outliers, and of which this tree does not tell it; ascending.
     """
 
     reach: NDArray[np.float64]
     outside: NDArray[np.int64]
-    open: NDArray[np.int64]
+    undecided: NDArray[np.int64]
 
 
 def look_at(tree: KdTree, n: int, clearance: NDArray[np.float64] | None = None) -> Look:
@@ -76,8 +76,8 @@ def look_at(tree: KdTree, n: int, clearance: NDArray[np.float64] | None = None) 
         lonely.append(_strays(tree, points, means, around, reach, some))
     of_own = np.empty(n)
     of_own[tree.order[own]] = reach[own]
-    outside, open_ = (np.sort(tree.order[np.concatenate(parts)]) for parts in (lonely, unknown))
-    return Look(of_own, outside, open_)
+    outside, undecided = (np.sort(tree.order[np.concatenate(parts)]) for parts in (lonely, unknown))
+    return Look(of_own, outside, undecided)
 
 
 def _strays(

@@ -123,7 +123,7 @@ def joined(points: Sequence[Points]) -> Points:
     return Points(*map(np.concatenate, zip(*points, strict=True))) if points else NO_POINTS
 
 
-def all_outliers(parts: Sequence[Part], found: Points, open_: Points, each: Each) -> list[NDArray[np.int64]]:
+def all_outliers(parts: Sequence[Part], found: Points, undecided: Points, each: Each) -> list[NDArray[np.int64]]:
     """Return the outliers of all rounds.
 
     Parameters
@@ -132,7 +132,7 @@ def all_outliers(parts: Sequence[Part], found: Points, open_: Points, each: Each
         Of a cloud of more than 17 different places.
     found : Points
         What the first look has found.
-    open_ : Points
+    undecided : Points
         Of which it did not tell.
     each : callable
         Applies a function to parts, like `map`.
@@ -144,10 +144,10 @@ def all_outliers(parts: Sequence[Part], found: Points, open_: Points, each: Each
     """
     parts, left = list(parts), sum(part.count for part in parts)
     while True:
-        outside, reach = _judged(parts, open_, each)
-        found = joined([found, open_.take(outside)])
-        for number, own in _by_part(open_.parts):
-            parts[number] = parts[number].with_reach(open_.positions[own], reach[own])
+        outside, reach = _judged(parts, undecided, each)
+        found = joined([found, undecided.take(outside)])
+        for number, own in _by_part(undecided.parts):
+            parts[number] = parts[number].with_reach(undecided.positions[own], reach[own])
         for number, own in _by_part(found.parts):
             parts[number] = parts[number].without(found.positions[own])
         left -= len(found.places)
@@ -155,7 +155,7 @@ def all_outliers(parts: Sequence[Part], found: Points, open_: Points, each: Each
             return [part.gone for part in parts]
         losing = joined(list(each(_Losing(found.places), [*enumerate(parts)])))
         beside = [(number, part, losing.positions[losing.parts == number]) for number, part in enumerate(parts)]
-        open_ = joined([losing, *each(_Beside(losing.places), beside)])
+        undecided = joined([losing, *each(_Beside(losing.places), beside)])
         found = NO_POINTS
 
 

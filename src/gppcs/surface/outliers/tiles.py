@@ -29,8 +29,8 @@ WIDER = 2.5  # Width of the halo, relative to the distance to the 16th neighbour
 HALVED = 8  # A halo that is too large is halved so often at most.
 IN_MEMORY = 130  # Bytes of memory for each point, where all are looked at at once.
 IN_TILE = 320  # Bytes of memory for each point of a tile and its halo.
-OPEN = 0.05  # About this share of the points at most is not told by a tile, or found.
-OF_OPEN = 160  # Bytes of memory for each of these.
+LOOKED_UP = 0.05  # At most about this share of the points are outliers, or their tiles do not tell it.
+OF_LOOKED_UP = 160  # Bytes of memory for each of these.
 ON_DISK = BYTES_ON_DISK + 46  # Bytes for each point: it is stored by boxes, and again in the tree of its tile.
 
 
@@ -47,7 +47,7 @@ def memory_of_outliers(n: int) -> int:
     int
         Bytes.
     """
-    return IN_TILE * min(n, TILE + HALO) + round(OF_OPEN * OPEN * n)
+    return IN_TILE * min(n, TILE + HALO) + round(OF_LOOKED_UP * LOOKED_UP * n)
 
 
 def outliers_in_tiles(
@@ -89,7 +89,8 @@ def outliers_in_tiles(
         return np.empty(0, dtype=np.int64)
     with stages("outliers"):
         parts = [_part(stored, tile, look.different) for tile, look in zip(tiles, seen, strict=True)]
-        gone = all_outliers(parts, joined([look.outside for look in seen]), joined([look.open for look in seen]), each)
+        outside, undecided = joined([look.outside for look in seen]), joined([look.undecided for look in seen])
+        gone = all_outliers(parts, outside, undecided, each)
         asked = [_Gone(*of) for of in zip(tiles, gone, (look.total > look.different for look in seen), strict=True)]
         rows = list(each(partial(_rows, stored), [some for some in asked if len(some.positions)]))
     return np.sort(np.concatenate([np.empty(0, dtype=np.int64), *rows]))
@@ -99,13 +100,13 @@ class _Look(NamedTuple):
     """What a tile and its halo tell.
 
     `total` is the number of points of the tile, and `different` that of their places; `outside` are outliers, and
-    `open` the points of which they do not tell it.
+    `undecided` the points of which they do not tell it.
     """
 
     total: int
     different: int
     outside: Points
-    open: Points
+    undecided: Points
 
 
 def _look(stored: StoredPoints, high: NDArray[np.float64], asked: tuple[int, Tile]) -> _Look:
@@ -126,7 +127,7 @@ def _look(stored: StoredPoints, high: NDArray[np.float64], asked: tuple[int, Til
     def some(positions: NDArray[np.int64]) -> Points:
         return Points(np.full(len(positions), number), positions, places[positions], look.reach[positions])
 
-    return _Look(len(own.rows), len(places), some(look.outside), some(look.open))
+    return _Look(len(own.rows), len(places), some(look.outside), some(look.undecided))
 
 
 def _halo(stored: StoredPoints, tile: Tile, tree: KdTree) -> tuple[NDArray[np.float64], float]:
