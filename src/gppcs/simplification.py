@@ -313,8 +313,11 @@ def simplify(
     if drop_outliers:
         from gppcs.surface.outliers import find_outliers
 
-        with stages("outliers"):
+        with stages("preparation"):  # so that what is wrong is told before the search
             cloud = PointCloud.of(cloud)
+            check_scores(scores, resolved(method, seed), cloud)
+            _usable_rows(cloud, invalid)
+        with stages("outliers"):
             outliers = np.flatnonzero(find_outliers(cloud))
     with stages("preparation"):
         cloud = PointCloud.of(cloud)
