@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gppcs.engine.kernels import kernel
 from gppcs.spatial.scaling import bounds
 
-POINTS_PER_CELL = 32  # of a surface, about: as many as a leaf of a tree has
+POINTS_PER_CELL = 32  # of a surface, about, at least: as many as a leaf of a tree has
 MOST_CELLS = 1 << 24  # of the grid: their counts take 128 MiB
 
 
@@ -35,7 +35,7 @@ def even_sample(points: NDArray[np.float64], usable: NDArray[np.bool_], step: in
     extents = high - low
     edge = float(extents.max()) or 1.0
     counts = np.ones(3, dtype=np.int64)
-    wanted = len(points) // POINTS_PER_CELL  # a surface with k cells along its box meets about k squared of them
+    wanted = len(points) // max(POINTS_PER_CELL, step)  # a surface with k cells along its box meets about k^2 of them
     while extents.any() and counts.max() ** 2 < wanted:
         finer = np.floor(extents / (0.5 * edge)).astype(np.int64) + 1
         if np.prod(finer, dtype=np.float64) > MOST_CELLS:
