@@ -136,7 +136,9 @@ def test_the_choice_does_not_depend_on_place_unit_or_run(scan, method):
     assert np.isin(in_millimetres, indices).mean() >= 0.99
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    "method", [pytest.param(name, marks=() if name in ("gp", "fps", "voxel") else pytest.mark.slow) for name in METHODS]
+)
 def test_the_choice_does_not_depend_on_the_number_of_threads(method, on_threads):
     points = gppcs.sample("fan", 20_000).points
     one, *several = on_threads(lambda: chosen(points, 400, method).tolist())

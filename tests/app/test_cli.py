@@ -166,6 +166,7 @@ def test_exit_codes_and_streams_of_the_installed_command(kernels, scan):
     assert_one_line(run("simplify", "scan.ply", "-o", "out.ply", "--points", "9"), "out.ply: expected a new file")
 
 
+@pytest.mark.slow
 def test_a_terminal_of_another_encoding_is_no_reason_to_fail(scan):
     run = subprocess.run(
         [COMMAND, "simplify", "scan.ply", "-o", "out.ply", "--points", "9", *FAST],

@@ -83,6 +83,7 @@ def test_a_balloon_does_not_hide_what_it_does_not_cover(camera):
     assert np.abs(one - other).mean() < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("opengl")
 def test_nothing_is_said_about_the_lack_of_a_display():
     code = (

@@ -30,6 +30,7 @@ def run_python(code, **environment):
     return done.stdout
 
 
+@pytest.mark.slow
 def test_the_list_of_kernels_is_that_of_gp():
     """If this fails, run `make kernels`."""
     code = f"import sys; sys.path.insert(0, {str(TESTS)!r})\n"

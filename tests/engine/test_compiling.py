@@ -46,6 +46,7 @@ def test_a_script_hears_of_compilation_only_by_logging():
     assert run_python(log + COMPILE) == (TWICE, f"INFO:gppcs:{compiling.NOTICE}\n")
 
 
+@pytest.mark.slow
 def test_an_interactive_session_is_told_once():
     assert run_python("import sys; sys.ps1 = 'In : '\n" + COMPILE) == (TWICE, f"gppcs: {compiling.NOTICE}\n")
 

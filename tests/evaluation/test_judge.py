@@ -303,6 +303,7 @@ def test_a_sphere_is_rebuilt(ball):
         assert (rebuilt.pieces, rebuilt.stray_share) == (1, 0)
 
 
+@pytest.mark.slow
 def test_carried_normals_are_those_of_the_cloud(ball, sphere):
     mesh, points, report = ball
     assert report.rebuilt != report.rebuilt_carried
@@ -310,6 +311,7 @@ def test_carried_normals_are_those_of_the_cloud(ball, sphere):
     assert report.figures()["carried_hausdorff_mean"] == report.rebuilt_carried.hausdorff_mean
 
 
+@pytest.mark.slow
 def test_points_that_repeat_count_once(ball, sphere):
     mesh, points, report = ball
     double = np.tile(points, (2, 1))
@@ -434,6 +436,7 @@ def test_mesh_figures_equal_their_definitions(bowl):
     assert min(abs(other / share - 1) for other in others) > 0.1  # what it is not
 
 
+@pytest.mark.slow
 def test_the_reconstruction_is_the_papers(bowl, coarse_octree, monkeypatch):
     """With PyMeshLab alone: planes of ten neighbours, signs of the nearest vertices, depth 8, distances of vertices."""
     import pymeshlab
@@ -468,6 +471,7 @@ def test_normals_have_the_sign_of_the_guide_nearest_by(sign):
     np.testing.assert_allclose(normals, guides, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_rebuilt_mesh_lies_where_the_clouds_do(bowl):
     original, simplified, mesh = bowl
     here = gppcs.evaluate(original, simplified, mesh)
@@ -507,6 +511,7 @@ def test_a_far_point_does_not_blow_up_the_radius(sphere, far):
     assert with_far.mean_surface_variation == pytest.approx(near.mean_surface_variation, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_mesh_is_measured_in_both_directions():
     pytest.importorskip("pymeshlab")
     ball = gppcs.sample("sphere", n_points=2000)

@@ -134,6 +134,7 @@ def test_parameters_of_a_base_class_are_explained_first():
     )
 
 
+@pytest.mark.slow
 def test_the_help_needs_no_docstrings():
     """`python -OO` removes them."""
     code = "from gppcs.app.program import run\nfor name in __import__('gppcs').METHODS:\n    run(['methods', name])"

@@ -72,6 +72,7 @@ def run_command(tmp_path_factory):
     return run
 
 
+@pytest.mark.slow
 def test_it_is_listed_and_explained(run_command):
     assert "every-nth: points at equal steps in the order of the file" in run_command("methods")
     text = " ".join(run_command("methods", "every-nth").split())

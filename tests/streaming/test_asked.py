@@ -89,7 +89,7 @@ ASKED = [
 ]
 
 
-@pytest.mark.parametrize("rows", [300, N])
+@pytest.mark.parametrize("rows", [300, pytest.param(N, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("wanted", ASKED)
 def test_files_and_chunks_make_no_difference(in_passes, cloud, paths, wanted, rows):
     expected = gppcs.simplify(cloud, invalid="drop", scores=True, **wanted)

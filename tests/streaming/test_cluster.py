@@ -285,6 +285,7 @@ def test_a_scheduler_that_does_not_answer(monkeypatch):
         pass
 
 
+@pytest.mark.slow
 def test_a_scheduler_without_workers(monkeypatch):
     monkeypatch.setattr(cluster, "TIMEOUT", "2s")
     with (

@@ -55,6 +55,7 @@ def test_above_a_plane_the_distance_is_the_height(height):
     np.testing.assert_allclose(LocalSurface.of(points).nearest_to(queries)[0], height, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_on_a_sphere_the_distance_is_that_to_the_inscribed_hull(sphere):
     points, queries = sphere[:2000], sphere[2000:12_000]
     equations = ConvexHull(points).equations

@@ -130,6 +130,7 @@ def thick(shape, sigma, sphere):
     return surface * (1 + sigma * np.sqrt(4 * np.pi) * rng.standard_normal((len(surface), 1))), surface
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sigma", [0.01, 0.02, 0.03])
 @pytest.mark.parametrize("shape", ["plane", "sphere"])
 def test_feet_lie_nearer_to_the_surface_where_neighbourhoods_grow(shape, sigma, sphere):

@@ -176,8 +176,8 @@ def plain_stages(points, n_points, area, density, sharpness):
             target, grown = -(-target // 2), False
 
 
-@pytest.mark.parametrize("dot", [0, 1_000, 9_500, 9_995])
-@pytest.mark.parametrize("area", [1e-14, 12.0, 1e12])
+@pytest.mark.parametrize("dot", [0, 9_500, 9_995])
+@pytest.mark.parametrize("area", [1e-14, 12.0])
 def test_stages_are_those_of_a_step_at_a_time_over_all_points(sphere, dot, area, monkeypatch):
     monkeypatch.setattr("gppcs.gp.local.candidates.MINORITY", 0.0)  # beside the dot, the sphere is sparse
     rng = np.random.default_rng(0)

@@ -34,6 +34,7 @@ def in_tiles(points, n_points, folder, parts=5, method=None):
     return (method or gppcs.LocalGP()).in_tiles(chunked, n_points, folder, Stages())
 
 
+@pytest.mark.slow
 def test_exactly_m_points_whatever_the_chunks_and_threads(tmp_path, monkeypatch):
     points, tiles = bracket(), []
     plain = ranking.choose_in_tiles
