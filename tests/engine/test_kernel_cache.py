@@ -61,7 +61,8 @@ def started(code, *arguments, **environment):
     # Python itself would not notice a change that leaves time, in seconds, and size of a file the same.
     inherited = os.environ | {"PYTHONDONTWRITEBYTECODE": "1"}
     inherited.pop("NUMBA_CACHE_DIR", None)
-    warnings = ["-W", "error", "-W", "ignore:The TBB threading layer"]  # as for pytest itself
+    # As for pytest itself, but old packages may use what newer ones deprecate.
+    warnings = ["-W", "error", "-W", "ignore:The TBB threading layer", "-W", "ignore::DeprecationWarning"]
     return subprocess.Popen(
         [sys.executable, *warnings, "-c", code, *map(str, arguments)],
         stdin=subprocess.PIPE,

@@ -73,7 +73,8 @@ def test_a_division_by_zero_is_no_error(unkept):
 def run_python(code, *arguments, **environment):
     """Run code in a new process; return its exit code, stdout and stderr."""
     inherited = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
-    warnings = ["-W", "error", "-W", "ignore:The TBB threading layer"]  # as for pytest itself
+    # As for pytest itself, but old packages may use what newer ones deprecate.
+    warnings = ["-W", "error", "-W", "ignore:The TBB threading layer", "-W", "ignore::DeprecationWarning"]
     command = [sys.executable, *warnings, "-c", code, *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=inherited | environment)
     return done.returncode, done.stdout, done.stderr
