@@ -158,7 +158,7 @@ class Result(ComparedByValue):
             raise InputError("the result does not know its original: expected it as result.curve(original)")
         count = len(self.indices)
         wanted = halves(count) if sizes is None else checked_sizes(sizes, count)
-        rows = _left_rows(whole, _usable_rows(whole, "drop"), self.outliers)
+        rows = rows_without(self.outliers, _usable_rows(whole, "drop"), len(whole))
         finite = whole if rows is None else whole.take(rows)
         return measured_curve(finite, self.method, wanted, lambda m: self.cloud.take(np.arange(m)), Stages())
 
@@ -323,7 +323,7 @@ def simplify(
         cloud = PointCloud.of(cloud)
         chosen_method = resolved(method, seed)
         check_scores(scores, chosen_method, cloud)
-        rows = _left_rows(cloud, _usable_rows(cloud, invalid), outliers)
+        rows = rows_without(outliers, _usable_rows(cloud, invalid), len(cloud))
         guide, metres = Guide.of(cloud, rows, keep, weight), metres_of(unit, cloud.header)
         points, corner, exponent = normalised(cloud.points if rows is None else cloud.points[rows])
         low, high = bounds(points)
@@ -503,13 +503,27 @@ def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64] | None:
     return cloud.finite_rows()
 
 
-def _left_rows(
-    cloud: PointCloud, rows: NDArray[np.int64] | None, outliers: NDArray[np.int64] | None
+def rows_without(
+    left_out: NDArray[np.int64] | None, rows: NDArray[np.int64] | None, n: int
 ) -> NDArray[np.int64] | None:
-    """Return rows of a cloud without outliers; None stands for all rows, and for no outliers."""
-    if outliers is None or not len(outliers):
+    """Return rows of a cloud without those that are left out.
+
+    Parameters
+    ----------
+    left_out : (k,) array, int64, optional
+    rows : (m,) array, int64, optional
+        Ascending; by default all.
+    n : int
+        Number of points of the cloud.
+
+    Returns
+    -------
+    (l,) array, int64, or None
+        Ascending; None if these are all rows.
+    """
+    if left_out is None or not len(left_out):
         return rows
-    return np.setdiff1d(np.arange(len(cloud)) if rows is None else rows, outliers, assume_unique=True)
+    return np.setdiff1d(np.arange(n) if rows is None else rows, left_out, assume_unique=True)
 
 
 def check_usable(n: int, bad: int, first: int, invalid: str) -> None:

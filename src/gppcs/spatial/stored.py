@@ -32,7 +32,7 @@ _RECORD = np.dtype([("row", np.int64), ("place", np.float64, 3)])
 BYTES_ON_DISK = _RECORD.itemsize  # for each point
 
 
-class Inside(NamedTuple):
+class TilePoints(NamedTuple):
     """The points of a tile.
 
     Attributes
@@ -95,11 +95,10 @@ class StoredPoints:
         (n, 3) array
             In any order.
         """
-        parts = [next(self._read(run, [(tile.first, tile.last)])) for run in self.runs]
-        places: NDArray[np.float64] = np.concatenate(parts)["place"]
+        places: NDArray[np.float64] = self._records(tile)["place"]
         return places
 
-    def own(self, tile: Tile) -> Inside:
+    def own(self, tile: Tile) -> TilePoints:
         """Read the points of a tile alone, with their rows.
 
         Parameters
@@ -108,11 +107,11 @@ class StoredPoints:
 
         Returns
         -------
-        Inside
+        TilePoints
         """
-        records = np.concatenate([next(self._read(run, [(tile.first, tile.last)])) for run in self.runs])
+        records = self._records(tile)
         order = np.argsort(records["row"], kind="stable")
-        return Inside(records["row"][order], records["place"][order])
+        return TilePoints(records["row"][order], records["place"][order])
 
     def halo(self, tile: Tile, width: float, most: int) -> NDArray[np.float64] | None:
         """Read the points around a tile, unless they are too many.
@@ -170,6 +169,10 @@ class StoredPoints:
         """Remove the files."""
         for run in self.runs:
             _run(self.folder, run).unlink(missing_ok=True)
+
+    def _records(self, tile: Tile) -> NDArray[Any]:
+        """Read the records of a tile alone, in any order."""
+        return np.concatenate([next(self._read(run, [(tile.first, tile.last)])) for run in self.runs])
 
     def _read(self, run: int, boxes: Sequence[tuple[int, int]]) -> Iterator[NDArray[Any]]:
         """Yield the points of a run in some boxes, several of which may be given by the first and the one behind."""

@@ -13,6 +13,7 @@ from gppcs.amounts.guide import ChunkGuide, WeightRange, weights_of
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
+from gppcs.simplification import rows_without
 from gppcs.spatial.chunks import ChunkedPoints, ChunkedValues
 from gppcs.spatial.scaling import Frame, bounds
 from gppcs.streaming.overview import NO_ROWS, Overview
@@ -167,10 +168,7 @@ class FilePasses:
             usable = seen.guide.of_chunk(cloud).rows
         elif not np.isfinite(bounds(cloud.points)).all():
             usable = cloud.finite_rows()
-        left_out = self._left_out_of(first, len(cloud))
-        if not len(left_out):
-            return usable
-        return np.setdiff1d(np.arange(len(cloud)) if usable is None else usable, left_out, assume_unique=True)
+        return rows_without(self._left_out_of(first, len(cloud)), usable, len(cloud))
 
     def _left_out_of(self, first: int, count: int) -> NDArray[np.int64]:
         """Return which points of a chunk are left out."""
