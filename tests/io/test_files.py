@@ -112,6 +112,9 @@ def test_strange_names_of_attributes_are_kept_or_refused(tmp_path, suffix, name)
     else:
         write(tmp_path / f"cloud{suffix}", cloud)
         assert list(read(tmp_path / f"cloud{suffix}").attributes) == [written]
+        assert losses(f"cloud{suffix}", cloud) == (
+            [] if written == name else [f"the name {name!a} (it becomes {written})"]
+        )
 
 
 @pytest.mark.parametrize("known", [known for known in FORMATS if known.write], ids=lambda known: known.name)
@@ -119,7 +122,7 @@ def test_what_a_format_cannot_hold_is_refused_or_left_out_when_that_is_asked_for
     cloud = PointCloud(np.zeros((2, 3)), {"nx": np.zeros(2), "label": np.zeros(2)})
     path = tmp_path / f"cloud{known.suffixes[0]}"
     assert losses(path, CLOUD) == []
-    if known.name in ("OFF", "OBJ", "PTS"):
+    if known.name in ("OFF", "OBJ", "PTS"):  # OFF has normals, but of three numbers
         assert losses(path, cloud) == ["attribute nx (float64)", "attribute label (float64)"]
         with pytest.raises(OutputError, match=r"cannot hold: attribute nx \(float64\), .*; choose .* lossy=True"):
             write(path, cloud)
@@ -130,6 +133,36 @@ def test_what_a_format_cannot_hold_is_refused_or_left_out_when_that_is_asked_for
         assert losses(path, cloud) == []
         write(path, cloud)
         assert set(read(path).attributes) >= {"nx", "label"}
+
+
+@pytest.mark.parametrize("known", [known for known in FORMATS if known.write], ids=lambda known: known.name)
+def test_attributes_of_no_numbers_are_kept_or_named(tmp_path, known):
+    cloud = PointCloud(np.zeros((2, 3)), {"none": np.zeros((2, 0))})
+    path = tmp_path / f"cloud{known.suffixes[0]}"
+    lost = losses(path, cloud)
+    write(path, cloud, lossy=True)
+    assert lost == ([] if "none" in read(path).attributes else ["attribute none (float64)"])
+
+
+@pytest.mark.parametrize("known", [known for known in FORMATS if known.write], ids=lambda known: known.name)
+def test_what_is_said_of_the_whole_cloud_is_no_value(tmp_path, known):
+    path = tmp_path / f"cloud{known.suffixes[0]}"
+    write(tmp_path / "said.ply", CLOUD)
+    content = (tmp_path / "said.ply").read_bytes().replace(b"element", b"comment mine\nelement", 1)
+    (tmp_path / "said.ply").write_bytes(content)
+    cloud = read(tmp_path / "said.ply")
+    assert losses(path, cloud) == ([] if known.name == "PLY" else ["1 comment"])
+    write(path, cloud)
+    assert len(read(path)) == len(CLOUD)
+
+
+def test_a_cloud_takes_its_colours_to_obj(tmp_path):
+    colours = {name: np.uint8([0, 7, 255]) for name in ("red", "green", "blue")}
+    write(tmp_path / "a.obj", PointCloud(np.eye(3), colours))
+    found = read(tmp_path / "a.obj")
+    assert (np.round(255 * found.attributes["green"]) == [0, 7, 255]).all()
+    write(tmp_path / "b.obj", found)
+    assert (tmp_path / "b.obj").read_bytes() == (tmp_path / "a.obj").read_bytes()
 
 
 @pytest.mark.parametrize("known", [known for known in FORMATS if known.write], ids=lambda known: known.name)

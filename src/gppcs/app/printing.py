@@ -31,7 +31,7 @@ Lossy = Annotated[
     bool,
     typer.Option(
         "--lossy",
-        help="Leave out what the output format cannot hold, and round coordinates. Otherwise this is an error.",
+        help="Leave out values that the output format cannot hold, and round coordinates. Otherwise this is an error.",
     ),
 ]
 

@@ -17,7 +17,7 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import check_name, coordinate_type, default_names
-from gppcs.io.format import Format, reduced
+from gppcs.io.format import Format, without_attributes
 from gppcs.io.rows import bytes_left, ends_early
 
 _POINTS = "points"
@@ -223,9 +223,9 @@ def write_npz(file: BinaryIO, cloud: PointCloud) -> None:
 
 
 def _without_objects(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
-    """Return a cloud without header and without attributes of Python objects, and in words what that leaves out."""
+    """Return a cloud without attributes of Python objects, and in words what that leaves out."""
     objects = [name for name, values in cloud.attributes.items() if values.dtype.hasobject]
-    return reduced(cloud, objects)
+    return without_attributes(cloud, objects)
 
 
 def _is_npy(head: bytes, size: int) -> bool:

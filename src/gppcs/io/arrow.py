@@ -16,7 +16,7 @@ from gppcs.clouds.header import Header
 from gppcs.engine.extras import require_pyarrow
 from gppcs.errors import FileFormatError, GppcsError
 from gppcs.io.columns import check_name, coordinate_type
-from gppcs.io.format import Format, reduced
+from gppcs.io.format import Format, without_attributes
 
 _ROWS = 1 << 20  # of a block: what Parquet usually has in a row group
 _ABOUT_COLUMNS = b"pandas"  # metadata that describe the columns, so that nothing is lost without them
@@ -282,7 +282,7 @@ def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     """Return what a table can store of a cloud, and in words what it cannot."""
     require_pyarrow()  # before long work, not at its end
     lost = [name for name, values in cloud.attributes.items() if not _is_storable(values)]
-    return reduced(cloud, lost, ArrowHeader)
+    return without_attributes(cloud, lost)
 
 
 def _is_storable(values: Column) -> bool:
@@ -299,6 +299,7 @@ FORMATS = (
         write_parquet,
         lambda head, size: head.startswith(b"PAR1"),
         fitted=_fitted,
+        header=ArrowHeader,
     ),
     Format(
         "Feather",
@@ -307,5 +308,6 @@ FORMATS = (
         write_feather,
         lambda head, size: head.startswith(b"ARROW1\0\0"),
         fitted=_fitted,
+        header=ArrowHeader,
     ),
 )

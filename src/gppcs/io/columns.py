@@ -12,7 +12,7 @@ import numpy as np
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column
 from gppcs.errors import OutputError
-from gppcs.io.format import reduced
+from gppcs.io.format import without_attributes
 
 _LONGEST_NAME = 1000
 _UNWRITABLE = re.compile("[\0\ud800-\udfff]")  # zip files cut names at the first, UTF-8 has no bytes for the others
@@ -93,38 +93,16 @@ def attribute_columns(cloud: PointCloud) -> dict[str, Column]:
 
 
 def column_name(attribute: str) -> str:
-    """Return the name of an attribute with underscores in place of whitespace, separators and quotes.
-
-    Parameters
-    ----------
-    attribute : str
-        Any text.
-
-    Returns
-    -------
-    str
-        At least one character.
-    """
+    """Return the name of an attribute with underscores in place of whitespace, separators and quotes."""
     return re.sub(r"[\s,;\"']+", "_", attribute) or "_"
 
 
 def held_by_columns(cloud: PointCloud, kinds: str) -> tuple[PointCloud, list[str]]:
-    """Return what a table can hold of a cloud, and in words what it cannot.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-    kinds : str
-        Kinds of NumPy types that the table can hold: numbers and booleans (biuf), or also text (U).
-
-    Returns
-    -------
-    cloud : PointCloud
-        Without header, and without attributes of other kinds.
-    lost : list of str
-    """
-    others = [name for name, values in cloud.attributes.items() if values.dtype.kind not in kinds]
-    return reduced(cloud, others)
+    """Return what a table can hold of a cloud, by the kinds of NumPy types, and in words what it cannot."""
+    others = [
+        name for name, values in cloud.attributes.items() if values.dtype.kind not in kinds or 0 in values.shape[1:]
+    ]
+    return without_attributes(cloud, others)
 
 
 def check_name(name: str, taken: Iterable[str]) -> None:

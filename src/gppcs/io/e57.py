@@ -25,7 +25,7 @@ from gppcs.clouds.header import Header
 from gppcs.engine.extras import require_libe57
 from gppcs.errors import FileFormatError, GppcsError, OutputError
 from gppcs.io.columns import attribute_columns, column_name, coordinate_type, exact_as_double
-from gppcs.io.format import Format, reduced
+from gppcs.io.format import Format, without_attributes
 from gppcs.io.rows import BLOCK, ends_early
 
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
@@ -573,9 +573,9 @@ def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     lost = [
         name
         for name, values in cloud.attributes.items()
-        if not (_is_exact(values) and _ELEMENT.fullmatch(column_name(name)))
+        if 0 in values.shape[1:] or not (_is_exact(values) and _ELEMENT.fullmatch(column_name(name)))
     ]
-    return reduced(cloud, lost, E57Header)
+    return without_attributes(cloud, lost)
 
 
 def _is_exact(values: Column) -> bool:
@@ -593,4 +593,6 @@ FORMAT = Format(
     lambda head, size: head.startswith(_SIGNATURE),
     unread_e57,
     _fitted,
+    header=E57Header,
+    named=column_name,
 )

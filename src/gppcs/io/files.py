@@ -151,7 +151,7 @@ def read_as(chosen: Format, file: BufferedReader, columns: list[str] | None) -> 
 
 
 def losses(path: str | os.PathLike[str], cloud: PointCloud, format: str | None = None) -> list[str]:  # noqa: A002
-    """Return in words what a file cannot hold of a cloud. `write` leaves it out only if `lossy` is True.
+    """Return in words what a file cannot hold of a cloud. `write` leaves out values only if `lossy` is True.
 
     Parameters
     ----------
@@ -165,9 +165,10 @@ def losses(path: str | os.PathLike[str], cloud: PointCloud, format: str | None =
     Returns
     -------
     list of str
-        Attributes, what the header says, and the precision of coordinates, as far as they are lost.
+        Attributes and the precision of coordinates, then what the header says, as far as they are lost.
     """
-    return format_to_write(path, format).fitted(cloud)[1]
+    fit = format_to_write(path, format).fit(cloud)
+    return [*fit.values, *fit.remarks]
 
 
 def check_storable(
@@ -190,31 +191,16 @@ def check_storable(
         As for `write`.
     """
     chosen = format_to_write(path, format, ascii)
-    fitted, lost = chosen.fitted(cloud)
+    fit = chosen.fit(cloud)
     if not lossy:
-        refuse_losses(path, chosen.name, lost)
+        refuse_losses(path, chosen.name, fit.values)
     with tempfile.TemporaryFile() as trial:
         assert chosen.write is not None
-        chosen.write(trial, fitted[:1])
+        chosen.write(trial, fit.cloud[:1])
 
 
 def refuse_losses(path: str | os.PathLike[str], name: str, lost: list[str]) -> None:
-    """Raise an error if something would be lost.
-
-    Parameters
-    ----------
-    path : str or path
-        The file to be written.
-    name : str
-        Of its format.
-    lost : list of str
-        In words what the format cannot hold.
-
-    Raises
-    ------
-    OutputError
-        If that is anything.
-    """
+    """Raise an error if a format of a name cannot hold some values, given in words."""
     if lost:
         found = f"{name} cannot hold: {', '.join(lost)}"
         hint = f"{path}: expected a format that holds all of the cloud, but {found}; choose another format, or leave "
@@ -245,7 +231,8 @@ def write(
     force : bool
         Whether to overwrite an existing file.
     lossy : bool
-        Whether to leave out what the format cannot hold. OFF and OBJ files, for instance, hold no attributes.
+        Whether to leave out values that the format cannot hold: attributes, and the precision of coordinates. What a
+        file says of the whole cloud, such as comments, is left out where the format has no place for it.
     ascii : bool, optional
         Whether to write PLY and PCD as text, or else as binary data. By default, a cloud that was read from PCD as text
         is written as such again; all others are binary. Other formats have no such choice.
@@ -255,8 +242,8 @@ def write(
     FileFormatError
         If the format is unknown, gppcs only reads it (STL, PTX), or it leaves no choice and `ascii` is given.
     OutputError
-        If the file exists and `force` is False, the folder is missing or not writable, the format cannot hold all of
-        the cloud and `lossy` is False, or it cannot hold its points.
+        If the file exists and `force` is False, the folder is missing or not writable, the format cannot hold all
+        values of the cloud and `lossy` is False, or it cannot hold its points.
     MissingExtraError
         If the format needs a package that is not installed (E57, Parquet, Feather).
     InputError, ParameterError
@@ -280,32 +267,16 @@ def store(
     lossy: bool = False,
     ascii: bool | None = None,  # noqa: A002
 ) -> list[str]:
-    """Write a point cloud file as `write` does, and tell what is left out.
-
-    Parameters
-    ----------
-    path, cloud, format, force, lossy, ascii
-        As for `write`.
-
-    Returns
-    -------
-    list of str
-        In words what the file does not hold of the cloud; nothing unless `lossy` is True.
-
-    Raises
-    ------
-    FileFormatError, OutputError, MissingExtraError, InputError, ParameterError
-        As for `write`.
-    """
+    """Write a point cloud file as `write` does, and return in words what the file does not hold of the cloud."""
     cloud, force = PointCloud.of(cloud), flag("force", force)
     chosen = format_to_write(path, format, ascii)
-    fitted, lost = chosen.fitted(cloud)
+    fit = chosen.fit(cloud)
     if not flag("lossy", lossy):
-        refuse_losses(path, chosen.name, lost)
+        refuse_losses(path, chosen.name, fit.values)
     with whole_output(path, force) as file:
         assert chosen.write is not None
-        chosen.write(file, fitted)
-    return lost
+        chosen.write(file, fit.cloud)
+    return [*fit.values, *fit.remarks]
 
 
 def format_to_write(

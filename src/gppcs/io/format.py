@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from io import BufferedReader
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.header import Header
@@ -21,35 +21,8 @@ def _nothing(file: BufferedReader) -> list[str]:
     return []
 
 
-def without_header(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
-    """Return a cloud without its header, and in words what the header holds.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-
-    Returns
-    -------
-    cloud : PointCloud
-    lost : list of str
-    """
-    return replace(cloud, header=None), cloud.header.contents() if cloud.header else []
-
-
 def without_attributes(cloud: PointCloud, names: Iterable[str]) -> tuple[PointCloud, list[str]]:
-    """Return a cloud without some of its attributes, and these attributes and their types in words.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-    names : iterable of str
-        The attributes to leave out.
-
-    Returns
-    -------
-    cloud : PointCloud
-    lost : list of str
-    """
+    """Return a cloud without some of its attributes, and these attributes and their types in words."""
     lost = set(names)
     kept = {name: values for name, values in cloud.attributes.items() if name not in lost}
     return replace(cloud, attributes=kept), [
@@ -59,29 +32,23 @@ def without_attributes(cloud: PointCloud, names: Iterable[str]) -> tuple[PointCl
     ]
 
 
-def reduced(
-    cloud: PointCloud, names: Iterable[str], header: type[Header] | None = None
-) -> tuple[PointCloud, list[str]]:
-    """Return a cloud without some of its attributes and without the header of another format, and both in words.
+def without_foreign_header(cloud: PointCloud, own: type[Header] | None) -> tuple[PointCloud, list[str]]:
+    """Return a cloud without the header of another format, and in words what that says."""
+    if cloud.header is None or (own and isinstance(cloud.header, own)):
+        return cloud, []
+    return replace(cloud, header=None), cloud.header.contents()
 
-    Parameters
-    ----------
-    cloud : PointCloud
-    names : iterable of str
-        The attributes to leave out.
-    header : type, optional
-        The class of headers that stay. By default none does.
 
-    Returns
-    -------
-    cloud : PointCloud
-    lost : list of str
-    """
-    left, attributes = without_attributes(cloud, names)
-    if header and isinstance(cloud.header, header):
-        return left, attributes
-    left, contents = without_header(left)
-    return left, [*attributes, *contents]
+def _all(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
+    return cloud, []
+
+
+class Fit(NamedTuple):
+    """What a format can hold of a cloud, and in words the values and the remarks that it cannot."""
+
+    cloud: PointCloud
+    values: list[str]
+    remarks: list[str]
 
 
 def _none(file: BufferedReader) -> int:
@@ -111,9 +78,13 @@ class Format:
         formats without a signature.
     unread : callable(file) -> list of str, optional
         Returns in words what `read` leaves out of a binary file, besides faces. By default nothing.
+    header : type, optional
+        The class of the headers that `write` stores; by default it stores none.
+    named : callable(name) -> str, optional
+        Returns the name under which `write` stores an attribute; by default its own.
     fitted : callable(cloud) -> (PointCloud, list of str), optional
-        Returns the part of a cloud that `write` can store, and in words what that leaves out. By default, all but the
-        header.
+        Returns the part of a cloud that `write` can store, and in words the values that it cannot. By default, all. The
+        cloud has no header but one of the format's own.
     faces : callable(file) -> int, optional
         Returns the number of faces in a binary file that `read` can read. By default 0, for formats without faces.
     read_named : callable(file, names) -> PointCloud, optional
@@ -137,7 +108,7 @@ class Format:
     write: Callable[[BinaryIO, PointCloud], None] | None = None
     recognises: Callable[[bytes, int], bool] = _never
     unread: Callable[[BufferedReader], list[str]] = _nothing
-    fitted: Callable[[PointCloud], tuple[PointCloud, list[str]]] = without_header
+    fitted: Callable[[PointCloud], tuple[PointCloud, list[str]]] = _all
     faces: Callable[[BufferedReader], int] = _none
     write_encoded: Callable[..., None] | None = None
     read_named: Callable[[BufferedReader, list[str]], PointCloud] | None = None
@@ -145,6 +116,16 @@ class Format:
     count: Callable[[BufferedReader], int] | None = None
     takes_query: bool = False
     spans: Callable[[BufferedReader, int], list[Span]] | None = None
+    header: type[Header] | None = None
+    named: Callable[[str], str] = str
+
+    def fit(self, cloud: PointCloud) -> Fit:
+        """Tell what `write` can store of a cloud and what it cannot."""
+        cloud, remarks = without_foreign_header(cloud, self.header)
+        fitted, values = self.fitted(cloud)
+        names = [(name, self.named(name)) for name in fitted.attributes]
+        remarks += [f"the name {name!a} (it becomes {named})" for name, named in names if named != name]
+        return Fit(fitted, values, remarks)
 
     def has_suffix(self, suffix: str) -> bool:
         """Return whether a suffix names this format.

@@ -18,7 +18,7 @@ from gppcs.clouds.columns import Column
 from gppcs.errors import FileFormatError, InputError, OutputError
 from gppcs.io.columns import check_name, exact_as_double
 from gppcs.io.copc import chunks_of
-from gppcs.io.format import Format, Span, without_attributes, without_header
+from gppcs.io.format import Format, Span, without_attributes
 from gppcs.io.las_header import (
     COPC,
     EXTRA_BYTES,
@@ -476,27 +476,21 @@ class _Fit(NamedTuple):
 
     cloud: PointCloud
     attributes: list[str]
-    header: list[str]
     rounding: list[str]
 
 
 def _fit(cloud: PointCloud) -> _Fit:
     _check_coordinates(cloud)
-    lost: list[str] = []
-    if isinstance(cloud.header, LasHeader):
-        header = cloud.header
-    else:
-        cloud, lost = without_header(cloud)
-        header = _new_header(cloud)
+    header = cloud.header if isinstance(cloud.header, LasHeader) else _new_header(cloud)
     cloud, header, attributes = _fit_attributes(cloud, header)
     points, header, rounding = _fit_points(cloud.points, header)
     fitted = replace(cloud, points=points, coordinate_dtype=np.dtype(np.float64), header=header)
-    return _Fit(fitted, attributes, lost, rounding)
+    return _Fit(fitted, attributes, rounding)
 
 
 def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     fit = _fit(cloud)
-    return fit.cloud, [*fit.attributes, *fit.header, *fit.rounding]
+    return fit.cloud, [*fit.attributes, *fit.rounding]
 
 
 def _check_coordinates(cloud: PointCloud) -> None:
@@ -680,8 +674,8 @@ def _format(name: str, suffix: str, compressed: bool) -> Format:
     write: Callable[[BinaryIO, PointCloud], None] = partial(write_las, compressed=compressed)
     recognises = partial(_is_las, compressed=compressed)
     return Format(
-        name, (suffix,), read_las, write, recognises, fitted=_fitted, chunks=read_las_chunks, count=count_las_points,
-        takes_query=True, spans=spans_of_las,
+        name, (suffix,), read_las, write, recognises, fitted=_fitted, header=LasHeader, chunks=read_las_chunks,
+        count=count_las_points, takes_query=True, spans=spans_of_las,
     )  # fmt: skip
 
 

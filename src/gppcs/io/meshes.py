@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import partial
 from io import BufferedReader
 from itertools import islice
 from typing import BinaryIO
@@ -12,11 +13,12 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.cloud import NORMALS, PointCloud
+from gppcs.clouds.colours import eight_bits, fit_eight_bits
 from gppcs.clouds.columns import Column, check_coordinate, cloud_of_columns
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import coordinate_type, default_names
-from gppcs.io.format import Format, reduced
+from gppcs.io.format import Format, without_attributes
 from gppcs.io.rows import (
     Block,
     as_count,
@@ -31,7 +33,8 @@ from gppcs.io.rows import (
 
 _OFF_HEADER = re.compile(r"\s*(ST)?(C)?(N)?OFF(?![A-Za-z])(.*)", re.DOTALL)
 _OFF_LOOK = re.compile(rb"\s*(ST)?C?N?4?n?OFF(?![A-Za-z])")
-_COLOUR = ["red", "green", "blue", "alpha"]
+COLOURS = ("red", "green", "blue")  # attributes that hold the colour of a point
+NO_FACES = np.empty((0, 3), dtype=np.int64)
 STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("extra", "<u2")])
 _STL_START = 84  # a comment of 80 bytes, then the number of facets
 
@@ -163,7 +166,7 @@ def _off_names(width: int, *, texture: bool, colour: bool, normal: bool) -> list
     if normal:
         names += ["nx", "ny", "nz"]
     if colour:
-        names += _COLOUR[: 4 if width - len(names) - 2 * texture >= 4 else 3]
+        names += [*COLOURS, *(["alpha"] if width - len(names) - 2 * texture >= 4 else [])]
     if texture:
         names += ["s", "t"]
     if len(names) > width:
@@ -190,7 +193,7 @@ def read_obj(file: BufferedReader) -> PointCloud:
         If the lines do not have 3, 4, 6 or 7 numbers each.
     """
     table = _table(_prefixed(file, "v"))
-    extras = {3: [], 4: ["w"], 6: _COLOUR[:3], 7: ["w", *_COLOUR[:3]]}.get(len(table))
+    extras = {3: [], 4: ["w"], 6: COLOURS, 7: ["w", *COLOURS]}.get(len(table))
     if extras is None:
         raise FileFormatError(f"expected 3, 4, 6 or 7 numbers in each v line, found {len(table)}")
     return cloud_of_columns(dict(zip([*default_names(3), *extras], table, strict=True)))
@@ -296,41 +299,54 @@ def _looks_like_stl(head: bytes, size: int) -> bool:
     return _is_binary_stl(head, size) or (_is_text_stl(head, size) and (b"facet" in head or b"endsolid" in head))
 
 
-def write_off(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write the points as the vertices of an OFF file, without attributes.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    cloud : PointCloud
-        The points.
-
-    Raises
-    ------
-    OutputError
-        If the coordinates do not fit the cloud's `coordinate_dtype`.
-    """
-    file.write(f"OFF\n{len(cloud)} 0 0\n".encode())
-    write_rows(file, list(cloud.points.astype(coordinate_type(cloud), copy=False).T))
+def write_off(file: BinaryIO, cloud: PointCloud, faces: NDArray[np.int64] = NO_FACES) -> None:
+    """Write points with their normals and colours, as far as they have these, and triangles, as an OFF file."""
+    colours, name = colours_of(cloud), "OFF"
+    columns = _coordinates(cloud)
+    if set(NORMALS) <= set(cloud.attributes):
+        columns, name = columns + [cloud.attributes[each] for each in NORMALS], f"N{name}"
+    if colours is not None:
+        columns, name = columns + list(colours.T), f"C{name}"
+    file.write(f"{name}\n{len(cloud)} {len(faces)} 0\n".encode())
+    write_rows(file, columns)
+    write_rows(file, list(faces.T), prefix="3 ")
 
 
-def write_obj(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write the points as the `v` lines of an OBJ file, without attributes.
+def write_obj(file: BinaryIO, cloud: PointCloud, faces: NDArray[np.int64] = NO_FACES) -> None:
+    """Write points with colours from 0 to 1, normals, and triangles, as an OBJ file."""
+    colours = colours_of(cloud)
+    fractions = [] if colours is None else list(np.round(colours / 255, 6).T)
+    write_rows(file, _coordinates(cloud) + fractions, prefix="v ")
+    numbers = faces + 1
+    if not set(NORMALS) <= set(cloud.attributes):
+        write_rows(file, list(numbers.T), prefix="f ")
+        return
+    write_rows(file, [cloud.attributes[name] for name in NORMALS], prefix="vn ")
+    file.writelines(b"f %d//%d %d//%d %d//%d\n" % (a, a, b, b, c, c) for a, b, c in numbers.tolist())
 
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    cloud : PointCloud
-        The points.
 
-    Raises
-    ------
-    OutputError
-        If the coordinates do not fit the cloud's `coordinate_dtype`.
-    """
-    write_rows(file, list(cloud.points.astype(coordinate_type(cloud), copy=False).T), prefix="v ")
+def _coordinates(cloud: PointCloud) -> list[Column]:
+    return list(cloud.points.astype(coordinate_type(cloud), copy=False).T)
+
+
+def colours_of(cloud: PointCloud) -> NDArray[np.uint8] | None:
+    """Return the colours of the points, (N, 3), as bytes; None if there are none."""
+    return eight_bits(_stacked(cloud)) if set(COLOURS) <= set(cloud.attributes) else None
+
+
+def _stacked(cloud: PointCloud) -> Column:
+    """Return the colours of the points, (N, 3), in their own type."""
+    return np.column_stack([cloud.attributes[name] for name in COLOURS])
+
+
+def held(cloud: PointCloud, groups: Sequence[Sequence[str]]) -> tuple[PointCloud, list[str]]:
+    """Return a cloud with those groups of attributes that are numbers and complete, and in words what that loses."""
+    numbers = {name for name, values in cloud.attributes.items() if values.dtype.kind in "biuf" and values.ndim == 1}
+    names = {name for group in groups if set(group) <= numbers for name in group}
+    kept, lost = without_attributes(cloud, cloud.attributes.keys() - names)
+    if set(COLOURS) <= names and not fit_eight_bits(_stacked(cloud)):
+        lost.append("colours (they are rounded to 8 bits)")
+    return kept, lost
 
 
 def _count_off_faces(file: BufferedReader) -> int:
@@ -350,10 +366,6 @@ def _count_stl_faces(file: BufferedReader) -> int:
 FACE_CHECKS = {".off": check_off_faces, ".obj": check_obj_faces}
 
 
-def _only_points(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
-    return reduced(cloud, cloud.attributes)
-
-
 FORMATS = (
     Format(
         "OFF",
@@ -361,9 +373,17 @@ FORMATS = (
         read_off,
         write_off,
         lambda head, size: _OFF_LOOK.match(head) is not None,
-        fitted=_only_points,
+        fitted=partial(held, groups=(NORMALS, COLOURS)),
         faces=_count_off_faces,
     ),
-    Format("OBJ", (".obj",), read_obj, write_obj, unread=unread_obj, fitted=_only_points, faces=_count_obj_faces),
+    Format(
+        "OBJ",
+        (".obj",),
+        read_obj,
+        write_obj,
+        unread=unread_obj,
+        fitted=partial(held, groups=(COLOURS,)),  # normals would not be read again
+        faces=_count_obj_faces,
+    ),
     Format("STL", (".stl",), read_stl, None, _looks_like_stl, faces=_count_stl_faces),
 )

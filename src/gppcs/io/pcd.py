@@ -17,7 +17,7 @@ from gppcs.clouds.columns import EXACT, Column, cloud_of_columns, coordinate_nam
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.columns import check_name, column_name, coordinate_type, exact_as_double
-from gppcs.io.format import Format, reduced
+from gppcs.io.format import Format, without_attributes
 from gppcs.io.rows import (
     BLOCK,
     as_count,
@@ -526,8 +526,12 @@ def _usual_colour(cloud: PointCloud) -> PackedColour:
 
 def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     """Return what `write_pcd` can store of a cloud, and in words what it cannot."""
-    lost = [name for name, values in cloud.attributes.items() if not _is_exact(values) or _looks_packed(name, values)]
-    return reduced(cloud, lost, PcdHeader)
+    lost = [
+        name
+        for name, values in cloud.attributes.items()
+        if not _is_exact(values) or _looks_packed(name, values) or 0 in values.shape[1:]
+    ]
+    return without_attributes(cloud, lost)
 
 
 def _is_exact(values: Column) -> bool:
@@ -553,5 +557,7 @@ FORMAT = Format(
     lambda head, size: _LOOK.match(head) is not None,
     unread_pcd,
     _fitted,
+    header=PcdHeader,
+    named=column_name,
     write_encoded=write_pcd,
 )

@@ -19,7 +19,7 @@ from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import attribute_columns, check_name, column_name, coordinate_type, exact_as_double
-from gppcs.io.format import Format, reduced, without_attributes
+from gppcs.io.format import Format, without_attributes
 from gppcs.io.rows import (
     BLOCK,
     as_count,
@@ -562,8 +562,13 @@ def _is_lists(values: Column) -> bool:
 
 def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     """Return what `write_ply` can store of a cloud, and in words what it cannot."""
-    lost = [name for name, values in cloud.attributes.items() if not (_is_exact(values) or _is_lists(values))]
-    return reduced(cloud, lost, PlyHeader)
+    lists = cloud.header.lists if isinstance(cloud.header, PlyHeader) else {}
+    lost = [
+        name
+        for name, values in cloud.attributes.items()
+        if not (_is_exact(values) or _is_lists(values)) or (0 in values.shape[1:] and name not in lists)
+    ]
+    return without_attributes(cloud, lost)
 
 
 def _is_exact(values: Column) -> bool:
@@ -602,6 +607,8 @@ FORMAT = Format(
     lambda head, size: re.match(rb"ply[ \t]*\r?\n", head) is not None,
     unread_ply,
     _fitted,
+    header=PlyHeader,
+    named=column_name,
     faces=count_ply_faces,
     chunks=read_ply_chunks,
     write_encoded=write_ply,

@@ -25,7 +25,7 @@ import numpy as np
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.errors import FileFormatError, InputError
-from gppcs.io.columns import attribute_columns, coordinate_type, default_names, held_by_columns
+from gppcs.io.columns import attribute_columns, column_name, coordinate_type, default_names, held_by_columns
 from gppcs.io.format import Format, without_attributes
 from gppcs.io.rows import as_count, as_found, joined, lines_of, number_blocks, typed_columns, write_rows
 from gppcs.io.text_fields import TextApart, delimiter_of, fields_of, is_number, is_row, text_columns
@@ -410,6 +410,7 @@ FORMATS = (
         read_xyz,
         write_xyz,
         fitted=_numbers_and_text,
+        named=column_name,
         read_named=read_named,
         chunks=read_xyz_chunks,
     ),
@@ -419,6 +420,7 @@ FORMATS = (
         read_xyz,
         write_csv,
         fitted=_numbers_and_text,
+        named=column_name,
         read_named=read_named,
         chunks=read_xyz_chunks,
     ),
