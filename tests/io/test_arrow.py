@@ -9,9 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+import gppcs
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, GppcsError, MissingExtraError, OutputError
 from gppcs.io import losses, read, write
+from gppcs.io.cloud_files import CloudFiles
 
 pa = pytest.importorskip("pyarrow")
 pq = pytest.importorskip("pyarrow.parquet")
@@ -223,3 +225,22 @@ def test_without_pyarrow_the_extra_is_named_before_any_work(tmp_path, monkeypatc
 def test_reading_other_formats_needs_no_pyarrow():
     check = "import sys, gppcs.io; sys.exit(bool({'pyarrow', 'pye57', 'pandas'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", check], check=False).returncode == 0
+
+
+def test_parquet_comes_in_chunks_and_says_its_size(tmp_path):
+    path = tmp_path / "a.parquet"
+    gppcs.write(path, gppcs.PointCloud(np.arange(30.0).reshape(-1, 3), {"v": np.arange(10)}))
+    with CloudFiles([path]) as files:
+        parts = list(files.chunks(True, 4))
+        assert [len(part) for part in files.chunks(False, 4)] == [4, 4, 2]
+        assert files.head()[1:] == (10, None)
+    assert np.concatenate([part.attributes["v"] for part in parts]).tolist() == list(range(10))
+
+
+def test_a_footer_that_counts_more_rows_than_the_columns_is_an_error(tmp_path, monkeypatch):
+    import pyarrow.parquet
+
+    gppcs.write(tmp_path / "a.parquet", np.zeros((3, 3)))
+    monkeypatch.setattr(pyarrow.parquet.ParquetFile, "iter_batches", lambda *_, **__: iter(()))
+    with pytest.raises(gppcs.FileFormatError, match="the file ends in row 1 of 3"):
+        gppcs.read(tmp_path / "a.parquet")

@@ -5,6 +5,7 @@ import struct
 import numpy as np
 import pytest
 
+import gppcs
 from gppcs.errors import FileFormatError
 from gppcs.io import load, read
 
@@ -167,3 +168,24 @@ def test_faces_are_counted(tmp_path):
     assert load(tmp_path / "mesh.stl").unread == ["faces (1)"]
     (tmp_path / "binary.stl").write_bytes(bytes(80) + (2).to_bytes(4, "little") + bytes(100))
     assert load(tmp_path / "binary.stl").unread == ["faces (2)"]
+
+
+def test_digits_of_other_scripts_are_refused(tmp_path):
+    (tmp_path / "a.off").write_text("OFF\n\u0663 0 0\n0 0 0\n1 0 0\n0 1 0\n", encoding="utf-8")
+    with pytest.raises(gppcs.FileFormatError, match="expected numbers of vertices"):
+        gppcs.read(tmp_path / "a.off")
+
+
+def test_our_own_gltf_is_read_again(tmp_path):
+    pytest.importorskip("trimesh")
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    mesh = gppcs.Mesh(corners, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    colours = {name: np.uint8([0, 7, 200, 255]) for name in ("red", "green", "blue")}
+    gppcs.write_mesh(tmp_path / "a.glb", mesh, gppcs.PointCloud(corners, colours))
+    read = gppcs.read_mesh(tmp_path / "a.glb")
+    assert (read.vertices == corners).all()
+    assert (read.faces == mesh.faces).all()
+    assert gppcs.read(tmp_path / "a.glb").attributes["green"].tolist() == [0, 7, 200, 255]
+    (tmp_path / "b.glb").write_bytes((tmp_path / "a.glb").read_bytes()[:200])
+    with pytest.raises(gppcs.FileFormatError, match=r"b\.glb: expected a whole mesh"):
+        gppcs.read(tmp_path / "b.glb")

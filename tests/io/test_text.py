@@ -5,9 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import gppcs
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError, ParameterError
 from gppcs.io import read, rows, write
+from gppcs.io.cloud_files import CloudFiles
 
 
 @pytest.fixture
@@ -151,7 +153,6 @@ def test_large_numbers_keep_their_values(table, monkeypatch, column, dtype, bloc
     [
         ("1 2 3\n4 5 6\n7 8\n", "line 3: expected 3 numbers, found '7 8'"),
         ("1 2 3\n\n# no\n4 five 6\n7 8\n", "line 4: expected 3 numbers, found '4 five 6'"),
-        ("1,2,3\n4,,6\n", "line 2: expected 3 numbers, found '4,,6'"),
         ("1 2 3\n4 5 6 7\n", "line 2: expected 3 numbers"),
         ("1 2\n", "line 1: expected at least three numbers, found '1 2'"),
         ("1 2 3x\n", "line 1: expected numbers, or names of columns with x, y, z, found '1 2 3x'"),
@@ -270,7 +271,6 @@ def test_text_that_no_line_holds_is_refused(tmp_path, suffix, text):
         ("x,y,z,label\n1,2,3,a\n4,5,6\n", "line 3: expected 4 columns, found '4,5,6'"),
         ("x,y,z,label\n1,2,3,a\n4,5,6,b,c\n", "line 3: expected 4 columns"),
         ("x,y,z,label\n1,2,3,a\n\n4,five,6,b\n", "line 4: expected 3 numbers, found '4,five,6'"),
-        ("x,y,z,label\n1,2,3,4\n4,5,6,b\n", "line 3: expected 4 numbers, found '4,5,6,b'"),
         ("x,y,z,label\n1,2,three,a\n", "line 2: expected numbers, or names of columns"),
         ("x,y,z,label\n1,2,3,4,a\n", "line 1 names 4 columns, but line 2 has 5"),
         ("3\n1 2 3 a\n4 5 6 b\n", "ends in point 3 of 3"),
@@ -349,3 +349,27 @@ def test_one_line_at_most_is_taken_for_names(table):
 def test_names_that_are_none_are_refused(table, columns):
     with pytest.raises(ParameterError, match="names of columns"):
         read(table("1 2 3 4\n"), columns=columns)
+
+
+@pytest.mark.parametrize("cell", ["", "NA"])
+@pytest.mark.parametrize("first", [False, True])
+def test_missing_numbers_are_nan_in_whichever_row(tmp_path, cell, first):
+    rows = ["0,0,0,7", f"1,1,1,{cell}"]
+    (tmp_path / "a.csv").write_text("x,y,z,v\n" + "\n".join(rows[::-1] if first else rows) + "\n2,2,2,9\n")
+    values = gppcs.read(tmp_path / "a.csv").attributes["v"]
+    assert np.array_equal(values, [np.nan, 7, 9] if first else [7, np.nan, 9], equal_nan=True)
+
+
+def test_text_in_a_later_row_makes_a_column_text_in_all_chunks(tmp_path):
+    rows = "".join(f"{i},0,0,{'ground' if i == 9 else i}\n" for i in range(10))
+    (tmp_path / "a.csv").write_text(f"x,y,z,kind\n{rows}")
+    assert gppcs.read(tmp_path / "a.csv").attributes["kind"].tolist() == [*map(str, range(9)), "ground"]
+    with CloudFiles([tmp_path / "a.csv"]) as files:
+        parts = [cloud.attributes["kind"] for cloud in files.chunks(True, 3)]
+    assert {part.dtype.kind for part in parts} == {"U"}
+    assert np.concatenate(parts).tolist() == [*map(str, range(9)), "ground"]
+
+
+def test_a_missing_coordinate_is_nan(tmp_path):
+    (tmp_path / "a.csv").write_text("x,y,z\n,0,0\n1,NA,2\n")
+    assert np.isnan(gppcs.read(tmp_path / "a.csv").points).sum(axis=1).tolist() == [1, 1]

@@ -17,6 +17,7 @@ from gppcs.engine.extras import require_pyarrow
 from gppcs.errors import FileFormatError, GppcsError
 from gppcs.io.columns import check_name, coordinate_type
 from gppcs.io.format import Format, without_attributes
+from gppcs.io.rows import ends_early
 
 _ROWS = 1 << 20  # of a block: what Parquet usually has in a row group
 _ABOUT_COLUMNS = b"pandas"  # metadata that describe the columns, so that nothing is lost without them
@@ -68,8 +69,40 @@ def read_parquet(file: BufferedReader) -> PointCloud:
 
     with _errors_of_file():
         table = pyarrow.parquet.ParquetFile(file)
-        schema = table.schema_arrow
-        return _cloud(schema, lambda: table.iter_batches(_ROWS))
+        cloud = _cloud(table.schema_arrow, lambda: table.iter_batches(_ROWS))
+    if len(cloud) != (count := table.metadata.num_rows):
+        raise ends_early("row", len(cloud), count)
+    return cloud
+
+
+def read_parquet_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
+    """Read a Parquet file as `read_parquet` does, in chunks."""
+    require_pyarrow()
+    import pyarrow.parquet
+
+    with _errors_of_file():
+        table = pyarrow.parquet.ParquetFile(file)
+        schema, count = table.schema_arrow, table.metadata.num_rows
+        _check_schema(schema)
+        kept = schema.names if attributes else list(coordinate_names(schema.names))
+        done = 0
+        for batch in table.iter_batches(rows, columns=kept):
+            cloud = _cloud_of([batch], batch.schema, schema.metadata)
+            done += len(cloud)
+            yield cloud
+    if done != count:
+        raise ends_early("row", done, count)
+    if not count:
+        yield _cloud_of([], schema, schema.metadata)
+
+
+def count_parquet(file: BufferedReader) -> int:
+    """Return how many points a Parquet file has, as its footer says."""
+    require_pyarrow()
+    import pyarrow.parquet
+
+    with _errors_of_file():
+        return int(pyarrow.parquet.ParquetFile(file).metadata.num_rows)
 
 
 def read_feather(file: BufferedReader) -> PointCloud:
@@ -110,21 +143,33 @@ def _errors_of_file() -> Iterator[None]:
 
 def _cloud(schema: Any, batches: Callable[[], Iterable[Any]]) -> PointCloud:
     """Return the cloud of a table that comes in batches."""
+    _check_schema(schema)
+    return _cloud_of(batches(), schema, schema.metadata)
+
+
+def _check_schema(schema: Any) -> None:
+    """Raise an error if a cloud does not hold such columns."""
     names = list(schema.names)
     for i, name in enumerate(names):
         if name in names[:i]:
             raise FileFormatError(f"expected columns of different names, found {name!r} twice; rename one")
         _check_type(name, schema.field(i).type)
+    coordinate_names(names)
+
+
+def _cloud_of(batches: Iterable[Any], schema: Any, metadata: Mapping[bytes, bytes] | None) -> PointCloud:
+    """Return the cloud of batches of a table whose schema has been checked."""
+    names = list(schema.names)
     axes = coordinate_names(names)
     parts: dict[str, list[Column]] = {name: [] for name in names}
-    for batch in batches():
+    for batch in batches:
         batch.validate(full=True)  # damaged texts would crash what reads them
         for name, column in zip(names, batch.columns, strict=True):
             parts[name].append(_values(name, column))
     columns = {name: np.concatenate(parts[name] or [_nothing(schema.field(i).type)]) for i, name in enumerate(names)}
     for axis in axes:
         check_coordinate(axis, columns[axis])
-    return replace(cloud_of_columns(columns), header=ArrowHeader(dict(schema.metadata or {})))
+    return replace(cloud_of_columns(columns), header=ArrowHeader(dict(metadata or {})))
 
 
 def _check_type(name: str, kind: Any) -> None:
@@ -299,6 +344,8 @@ FORMATS = (
         write_parquet,
         lambda head, size: head.startswith(b"PAR1"),
         fitted=_fitted,
+        chunks=read_parquet_chunks,
+        count=count_parquet,
         header=ArrowHeader,
     ),
     Format(

@@ -197,6 +197,12 @@ def unread_e57(file: BufferedReader) -> list[str]:
     ]
 
 
+def count_e57_points(file: BufferedReader) -> int:
+    """Return how many points the scans of an E57 file have, those without a valid position included."""
+    with _scans(file) as (_, scans):
+        return sum(scan.count for scan in scans)
+
+
 @contextmanager
 def _scans(file: BufferedReader) -> Iterator[tuple[Any, list[_Scan]]]:
     """Open an E57 file: its root and its scans."""
@@ -595,4 +601,5 @@ FORMAT = Format(
     _fitted,
     header=E57Header,
     named=column_name,
+    count=count_e57_points,
 )

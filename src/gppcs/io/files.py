@@ -16,7 +16,7 @@ from pathlib import Path
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.errors import FileFormatError, InputError, OutputError, ParameterError, file_path, flag, shown
-from gppcs.io import arrays, arrow, e57, las, meshes, pcd, ply, ptx, text
+from gppcs.io import arrays, arrow, e57, gltf, las, meshes, pcd, ply, ptx, text
 from gppcs.io.format import Format
 from gppcs.io.query import Query, restricted
 from gppcs.io.streams import inner_name, whole_output
@@ -30,6 +30,7 @@ FORMATS: tuple[Format, ...] = (
     *text.FORMATS,
     *arrays.FORMATS,
     *meshes.FORMATS,
+    gltf.FORMAT,
     pcd.FORMAT,
     ptx.FORMAT,
     e57.FORMAT,

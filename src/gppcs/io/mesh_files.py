@@ -1,4 +1,4 @@
-"""Reads mesh files with their triangles, by PyMeshLab."""
+"""Reads mesh files with their triangles, by PyMeshLab, and glTF by trimesh."""
 
 from __future__ import annotations
 
@@ -9,14 +9,17 @@ from gppcs.clouds.mesh import Mesh
 from gppcs.engine.extras import require_pymeshlab
 from gppcs.errors import FileFormatError, InputError, file_path
 from gppcs.io.cloud_files import CloudFiles
+from gppcs.io.files import naming
+from gppcs.io.gltf import mesh_in_gltf
 from gppcs.io.meshes import FACE_CHECKS
 from gppcs.io.reading import read
 
 SUFFIXES = (".ply", ".off", ".obj", ".stl")  # of meshes whose vertices gppcs reads, too
+_GLTF = ".glb"  # which trimesh reads
 
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
-    r"""Read a mesh file: PLY, OBJ, OFF, STL and whatever else PyMeshLab reads.
+    r"""Read a mesh file: PLY, OBJ, OFF, STL and whatever else PyMeshLab reads, or binary glTF (.glb).
 
     Parameters
     ----------
@@ -31,7 +34,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     Raises
     ------
     MissingExtraError
-        If PyMeshLab is not installed.
+        If PyMeshLab is not installed, or trimesh for glTF.
     FileFormatError
         If the file is not one mesh with finite vertices, or a face refers to a vertex that does not exist.
     ParameterError
@@ -47,12 +50,15 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     >>> len(mesh.vertices), len(mesh.faces)
     (4, 2)
     """
-    pymeshlab = require_pymeshlab()
     source = file_path(path)
     if source.is_dir():
         raise FileFormatError(f"{source}: expected a file, found a folder; name a file")
     with open(source, "rb"):  # raises the operating system's own error if the file cannot be read
         pass
+    if source.suffix.lower() == _GLTF:
+        with open(source, "rb") as file, naming(source):
+            return mesh_in_gltf(file)
+    pymeshlab = require_pymeshlab()
     try:
         _require_sound(source)
     except FileFormatError as error:
@@ -91,7 +97,7 @@ def mesh_of(path: Path, format: str | None = None) -> Mesh | None:  # noqa: A002
     MissingExtraError, FileFormatError, OSError
         As for `read_mesh`.
     """
-    if path.suffix.lower() not in SUFFIXES:
+    if path.suffix.lower() not in (*SUFFIXES, _GLTF):
         return None
     with CloudFiles.of([path], format, if_needed=True) as files:
         faces, _ = files.left_out()

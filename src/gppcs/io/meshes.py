@@ -34,6 +34,7 @@ from gppcs.io.rows import (
 _OFF_HEADER = re.compile(r"\s*(ST)?(C)?(N)?OFF(?![A-Za-z])(.*)", re.DOTALL)
 _OFF_LOOK = re.compile(rb"\s*(ST)?C?N?4?n?OFF(?![A-Za-z])")
 COLOURS = ("red", "green", "blue")  # attributes that hold the colour of a point
+_INDEX = re.compile(r"[+-]?[0-9]{1,18}")
 NO_FACES = np.empty((0, 3), dtype=np.int64)
 STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("extra", "<u2")])
 _STL_START = 84  # a comment of 80 bytes, then the number of facets
@@ -150,10 +151,9 @@ def check_obj_faces(file: BufferedReader) -> None:
 
 
 def _indices(number: int, words: list[str]) -> list[int]:
-    try:
-        return [int(word) for word in words]
-    except ValueError:
-        raise FileFormatError(f"line {number}: expected whole numbers, found {as_found(' '.join(words))}") from None
+    if not all(map(_INDEX.fullmatch, words)):
+        raise FileFormatError(f"line {number}: expected whole numbers, found {as_found(' '.join(words))}")
+    return [int(word) for word in words]
 
 
 def _off_numbers(line: str) -> str:

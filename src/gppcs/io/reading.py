@@ -25,7 +25,7 @@ def read(
     polygon: str | os.PathLike[str] | None = None,
     assume_same_crs: bool = False,
 ) -> PointCloud:
-    """Read a cloud: PLY, LAS, LAZ, COPC, XYZ, CSV, PTS, NPY, NPZ, OFF, OBJ, STL, PCD, PTX, E57, Parquet or Feather.
+    """Read PLY, LAS, LAZ, COPC, XYZ, CSV, PTS, NPY, NPZ, OFF, OBJ, STL, glTF, PCD, PTX, E57, Parquet or Feather.
 
     The format is found by how the content begins, otherwise by the suffix of the name. Of mesh files, only the vertices
     are read. The scans of PTX and E57 files become one cloud, each moved by its pose. The files that a virtual point

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import suppress
 from io import BufferedReader, TextIOWrapper
 from itertools import islice
@@ -26,7 +26,7 @@ _MOST_DIGITS = 400  # more than any float64 has, and fewer than Python refuses t
 _WHOLE = re.compile(r"\s*[+-]?\d+\s*")
 
 
-def lines_of(file: BufferedReader) -> Iterator[str]:
+def lines_of(file: BufferedReader) -> Generator[str, None, None]:
     """Yield the rest of a file as lines of text.
 
     Parameters
@@ -78,7 +78,7 @@ def as_count(text: str) -> int | None:
     int or None
         None if the text has other characters or more than 18 digits.
     """
-    return int(text) if text.isdecimal() and len(text) <= 18 else None
+    return int(text) if text.isascii() and text.isdecimal() and len(text) <= 18 else None
 
 
 def bytes_left(file: BufferedReader) -> int:

@@ -7,17 +7,19 @@
 - Without names, the first three columns are the coordinates, and the others become `column_4`, `column_5` and so on. In
   PTS files with 4, 6 or 7 columns they become `intensity`, `red green blue`, or all four.
 - A single whole number before the first row is the number of points.
-- A column is text if its first field is no number, or is in quotes while the coordinates are not.
+- A column is text if any of its fields is neither a number nor missing, or is in quotes while the coordinates are not.
+  All rows count, so that chunks agree. Missing numbers, empty or NA, are NaN.
 - Colours of whole numbers up to 255 become uint8. Other columns of whole numbers become int64, or uint64 if they need
   it, and all others float64.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from io import BufferedReader
-from itertools import chain
+from itertools import islice
 from typing import BinaryIO
 
 import numpy as np
@@ -28,8 +30,10 @@ from gppcs.errors import FileFormatError, InputError
 from gppcs.io.columns import attribute_columns, column_name, coordinate_type, default_names, held_by_columns
 from gppcs.io.format import Format, without_attributes
 from gppcs.io.rows import as_count, as_found, joined, lines_of, number_blocks, typed_columns, write_rows
-from gppcs.io.text_fields import TextApart, delimiter_of, fields_of, is_number, is_row, text_columns
+from gppcs.io.text_fields import MISSING, TextApart, delimiter_of, fields_of, is_number, is_row, text_columns
 
+_OF_NUMBERS = b"0123456789+-.eE,;\t \r\n"  # and what stands between them
+_LOOK = 1 << 22  # bytes at once
 _PTS_EXTRAS = {4: ["intensity"], 6: ["red", "green", "blue"], 7: ["intensity", "red", "green", "blue"]}
 
 
@@ -192,8 +196,11 @@ def _tables(
             raise FileFormatError(f"expected {layout.count} points, found none; get the whole file again")
         yield {name: np.empty(0) for name in names}
         return
-    rows = chain([layout.first_row], lines)
-    apart = _text_apart(layout, names)
+    lines.close()
+    apart = _text_apart(file, layout, names)
+    file.seek(0)
+    lines = lines_of(file)
+    rows = islice(lines, layout.first_line - 1, None)
     if apart is None and layout.delimiter == "\t":
         layout.delimiter = None  # then further whitespace does no harm
     blocks = number_blocks(
@@ -212,11 +219,36 @@ def _tables(
         raise FileFormatError(f"expected {layout.count} points, as the file says, found more")
 
 
-def _text_apart(layout: _Layout, names: list[str]) -> TextApart | None:
-    """Return what takes the columns of text out of the rows, or None if numpy can read the rows as they are."""
-    raw = fields_of(layout.first_row, layout.delimiter)
-    texts = text_columns(raw, _axes(names))
-    return TextApart(texts, layout.width, layout.delimiter) if texts or '"' in layout.first_row else None
+def _text_apart(file: BufferedReader, layout: _Layout, names: list[str]) -> TextApart | None:
+    """Return what takes text and missing numbers out of the rows, or None if numpy can read the rows as they are."""
+    if not _has_words(file, layout):
+        return None
+    file.seek(0)
+    lines = lines_of(file)
+    rows = (fields_of(line, layout.delimiter) for line in islice(lines, layout.first_line - 1, None) if is_row(line))
+    texts = text_columns(rows, layout.width, _axes(names))
+    lines.close()
+    return None if texts is None else TextApart(texts, layout.width, layout.delimiter)
+
+
+def _has_words(file: BufferedReader, layout: _Layout) -> bool:
+    """Return whether rows may hold anything but numbers: a quick look at the bytes of a file."""
+    file.seek(0)
+    for _ in range(layout.first_line - 1):
+        if b"\r" in file.readline().rstrip(b"\r\n"):  # lines end as in old files of Macintosh: look at all of them
+            return True
+    mark = (layout.delimiter or "").encode()
+    empty = re.compile(rb"(?:^|%b)[ ]*(?:%b|\r?$)" % (mark, mark), re.MULTILINE) if mark else None
+    for lines in iter(lambda: file.readlines(_LOOK), []):
+        block = b"".join(lines)
+        if block.translate(None, _OF_NUMBERS) or (empty and _has_missing(empty, block)):
+            return True
+    return False
+
+
+def _has_missing(empty: re.Pattern[bytes], block: bytes) -> bool:
+    """Return whether a block has an empty field; an empty line is none."""
+    return any(found[0].strip(b" \r") for found in empty.finditer(block))
 
 
 def _with_byte_colours(columns: dict[str, Column]) -> dict[str, Column]:
@@ -269,8 +301,9 @@ def _are_names(fields: list[str]) -> bool:
 
 def _has_coordinates(fields: list[str], names: list[str]) -> bool:
     """Return whether a line is a row, although not all of its fields are numbers."""
-    axes = _axes(names) if len(names) == len(fields) else range(3)
-    return len(fields) >= 3 and all(is_number(fields[i]) for i in axes)
+    if len(names) == len(fields):
+        return all(is_number(fields[i]) or fields[i] in MISSING for i in _axes(names)) and any(map(is_number, fields))
+    return len(fields) >= 3 and all(map(is_number, fields[:3]))
 
 
 def _axes(names: list[str]) -> list[int]:

@@ -17,6 +17,7 @@ from gppcs.errors import FileFormatError, OutputError, shown
 _QUOTED = r'"(?:[^"]|"")*+"'
 _SPACED = re.compile(rf"{_QUOTED}(?=\s|$)|\S+")
 _ENDED = {mark: re.compile(rf"( *{_QUOTED} *(?={mark})|[^{mark}]*){mark}") for mark in (",", ";", "\t")}
+MISSING = ("", "NA", "N/A", "null")  # what stands for a number that is missing
 _LONGEST = 1000  # characters: NumPy stores all texts of a column as long as the longest
 _UNWRITABLE = re.compile("[\0\n\r\ufffd\ud800-\udfff]")  # those, and what stands for bytes that are not UTF-8
 
@@ -120,26 +121,24 @@ def quoted(text: str) -> str:
     return '"{}"'.format(text.replace('"', '""'))
 
 
-def text_columns(fields: Sequence[str], axes: Iterable[int]) -> list[int]:
-    """Return which fields of the first row begin columns of text.
-
-    Parameters
-    ----------
-    fields : sequence of str
-        As `fields_of` returns them.
-    axes : iterable of int
-        Where the coordinates are.
-
-    Returns
-    -------
-    list of int
-    """
-    quotes_mean_text = not any(_is_quoted(fields[i]) for i in axes)
-    return [
-        i
-        for i, field in enumerate(fields)
-        if not is_number(unquoted(field)) or (quotes_mean_text and _is_quoted(field))
-    ]
+def text_columns(rows: Iterable[Sequence[str]], width: int, axes: Collection[int]) -> list[int] | None:
+    """Return which columns are text in some row; None if there are neither texts, nor missing or quoted numbers."""
+    others = set(range(width)) - set(axes)
+    texts: set[int] = set()
+    quotes_mean_text, plain = None, True
+    for fields in rows:
+        if len(fields) != width:
+            continue
+        if quotes_mean_text is None:
+            quotes_mean_text = not any(_is_quoted(fields[i]) for i in axes)
+        for i, field in enumerate(fields):
+            if i not in texts and not is_number(field):
+                bare = unquoted(field)
+                numeric = (bare in MISSING or is_number(bare)) and not (quotes_mean_text and _is_quoted(field))
+                plain = plain and not numeric
+                if not numeric and i in others:
+                    texts.add(i)
+    return None if plain and not texts else sorted(texts)
 
 
 class TextApart:
@@ -189,7 +188,7 @@ class TextApart:
                         raise FileFormatError(f"line {number}: expected text {fault}, found {ascii(text)[:60]}")
                     texts.append(text)
                 kept = [unquoted(field) for i, field in enumerate(fields) if i not in self._texts]
-                yield (self._delimiter or " ").join(kept) + "\n"
+                yield (self._delimiter or " ").join("nan" if field in MISSING else field for field in kept) + "\n"
             else:
                 yield "\n"
 
