@@ -78,15 +78,11 @@ Write a method, follow a run
     Method                   the base class of all methods
     Parameter                type, default and meaning of one parameter of a method
     parameter                declare a parameter of a method of your own
+    Wanted                   what is wanted of a method
     Selection                what a method returns
     Stages                   the stages of a run and the time that each took
     ProgressBar              draws a progress bar, in a terminal or a notebook
     Listener                 hears of each stage, for instance to draw a progress bar of your own
-    ChunkedPoints            points in chunks, of a cloud that need not fit into memory
-    ChunkedValues            their values, such as weights
-    Places                   some of these points
-    SparseValues             a value for each point, 0 for most
-    KdTree                   a k-d tree, to search for neighbours
     set_threads              set the number of threads
 
 Errors
@@ -107,8 +103,6 @@ Each name is imported when it is first used. The version is a string:
 from __future__ import annotations
 
 import importlib
-import sys
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from gppcs.clouds import display, reading
@@ -160,11 +154,9 @@ if TYPE_CHECKING:
         TopVariation,
         Voxel,
     )
-    from gppcs.methods.method import Parameter, parameter
+    from gppcs.methods.parameters import Parameter, parameter
     from gppcs.scans import sample
     from gppcs.simplification import Result, simplify
-    from gppcs.spatial.chunks import ChunkedPoints, ChunkedValues, Places, SparseValues
-    from gppcs.spatial.kdtree import KdTree
     from gppcs.streaming.files import simplify_files
     from gppcs.surface.normals import estimate_normals
     from gppcs.surface.outliers import find_outliers
@@ -218,13 +210,12 @@ _HOMES = {  # the module that defines each public name
         "SpectralGP",
         "TopVariation",
         "Voxel",
+        "Wanted",
     ),
-    "methods.method": ("Parameter", "parameter"),
+    "methods.parameters": ("Parameter", "parameter"),
     "streaming.files": ("simplify_files",),
     "scans": ("sample",),
     "simplification": ("Result", "simplify"),
-    "spatial.chunks": ("ChunkedPoints", "ChunkedValues", "Places", "SparseValues"),
-    "spatial.kdtree": ("KdTree",),
     "surface.normals": ("estimate_normals",),
     "surface.outliers": ("find_outliers",),
     "surface.surface_variation": ("Features", "estimate_features"),
@@ -235,8 +226,6 @@ __all__ = [
     "METHODS",
     "QEM",
     "WLOP",
-    "ChunkedPoints",
-    "ChunkedValues",
     "ClusterError",
     "Curve",
     "Entry",
@@ -249,7 +238,6 @@ __all__ = [
     "Header",
     "HierarchicalClustering",
     "InputError",
-    "KdTree",
     "Listener",
     "LocalGP",
     "Mesh",
@@ -263,7 +251,6 @@ __all__ = [
     "PCSimp",
     "Parameter",
     "ParameterError",
-    "Places",
     "PointCloud",
     "ProgressBar",
     "Random",
@@ -272,12 +259,12 @@ __all__ = [
     "Result",
     "SampleElimination",
     "Selection",
-    "SparseValues",
     "SpectralGP",
     "Stages",
     "Summary",
     "TopVariation",
     "Voxel",
+    "Wanted",
     "__version__",
     "compare",
     "compare_meshes",
@@ -303,21 +290,19 @@ __all__ = [
 ]
 
 
-def _imported_when_used(name: str, home: str) -> property:
-    """Return a property that imports a public name when it is first used."""
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
-    def get(module: ModuleType) -> Any:
-        if name not in vars(module):
-            vars(module)[name] = getattr(importlib.import_module(f"gppcs.{home}"), name)
-        return vars(module)[name]
 
-    def replace(module: ModuleType, value: Any) -> None:
-        vars(module)[name] = value
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used."""
+    if name not in _HOME_OF:
+        raise AttributeError(f"module 'gppcs' has no attribute {name!r}")
+    value = globals()[name] = getattr(importlib.import_module(f"gppcs.{_HOME_OF[name]}"), name)
+    return value
 
-    def restore(module: ModuleType) -> None:
-        vars(module).pop(name, None)  # the next use imports it again
 
-    return property(get, replace, restore)
+def __dir__() -> list[str]:
+    return sorted(__all__)
 
 
 # Clouds are below the files that hold them, so this is where a path given as a cloud finds its reader.
@@ -326,11 +311,3 @@ reading.laspy_of = lambda cloud: importlib.import_module("gppcs.io.las").laspy_o
 # Clouds and results are also below what draws them.
 display.html_of = lambda shown: importlib.import_module("gppcs.drawing.notebook").html_of(shown)
 display.show = lambda *given, **options: importlib.import_module("gppcs.drawing.notebook").show(*given, **options)
-
-# Tab completion offers the properties of a module's class without running them. `help(gppcs)` prints in full only what
-# `dir(gppcs)` lists, which are the names used so far; so it stays short.
-sys.modules[__name__].__class__ = type(
-    "_Package",
-    (ModuleType,),
-    {name: _imported_when_used(name, home) for home, names in _HOMES.items() for name in names},
-)

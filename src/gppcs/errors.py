@@ -123,32 +123,13 @@ class OutputError(GppcsError, OSError):
 
 
 def shown(value: Any) -> str:
-    """Return a value as messages show it: in one line, and not too long.
-
-    Parameters
-    ----------
-    value : object
-
-    Returns
-    -------
-    str
-    """
+    """Return a value as messages show it: in one line, and not too long."""
     line = str(value) if isinstance(value, numbers.Number) else " ".join(repr(value).split())
     return line if len(line) <= MOST_SHOWN else f"{line[:MOST_SHOWN]}..."
 
 
 def number(value: Any) -> float:
-    """Return a value as a float, or NaN if it is no real number: NaN lies in no range, so it fails each check of one.
-
-    Parameters
-    ----------
-    value : object
-        Numbers of NumPy and arrays without axes count as numbers; text and truth values do not.
-
-    Returns
-    -------
-    float
-    """
+    """Return a value as a float, or NaN, which lies in no range, if it is no real number."""
     if isinstance(value, str | bytes | bytearray | bool | complex) or getattr(value, "ndim", None):
         return math.nan
     try:
@@ -158,22 +139,7 @@ def number(value: Any) -> float:
 
 
 def share(value: Any) -> float:
-    """Return a share of the points as a float, or raise an error if it is none.
-
-    Parameters
-    ----------
-    value : object
-
-    Returns
-    -------
-    float
-        Above 0 and at most 1.
-
-    Raises
-    ------
-    ParameterError
-        If the value is no number or outside this range.
-    """
+    """Return a share of the points as a float, or raise an error if it is none."""
     found = number(value)
     if 0 < found <= 1:
         return found
@@ -185,23 +151,7 @@ def share(value: Any) -> float:
 
 
 def file_path(path: Any) -> Path:
-    """Return the path of a file, or raise an error if it is none.
-
-    Parameters
-    ----------
-    path : object
-        The name of a file, or a path.
-
-    Returns
-    -------
-    pathlib.Path
-        Absolute for "./-" and the like, which `Path` makes the name "-" of standard input and output.
-
-    Raises
-    ------
-    ParameterError
-        If it is neither a text nor a path, or holds a zero character, which no name may.
-    """
+    """Return the path of a file, or raise an error if it is none."""
     try:
         source = Path(path)
     except TypeError as error:
@@ -212,77 +162,21 @@ def file_path(path: Any) -> Path:
 
 
 def flag(name: str, value: Any) -> bool:
-    """Check that a value is True or False.
-
-    Parameters
-    ----------
-    name : str
-        The name of the argument, for the error message.
-    value : object
-        The value to check; truth values of NumPy are fine, too.
-
-    Returns
-    -------
-    bool
-
-    Raises
-    ------
-    ParameterError
-        If it is anything else.
-    """
+    """Check that a value is True or False."""
     if not (isinstance(value, bool) or (getattr(value, "shape", None) == () and value.dtype == bool)):
         raise ParameterError(f"expected {name} to be True or False, found {shown(value)}")
     return bool(value)
 
 
 def one_of(name: str, value: Any, known: tuple[str, ...]) -> str:
-    """Check that a value is one of several words.
-
-    Parameters
-    ----------
-    name : str
-        The name of the argument, for the error message.
-    value : object
-        The value to check.
-    known : tuple of str
-        The words.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    ParameterError
-        If it is none of them.
-    """
+    """Check that a value is one of several words."""
     if not (isinstance(value, str) and value in known):
         raise ParameterError(f"expected {name} to be {' or '.join(map(repr, known))}, found {shown(value)}")
     return value
 
 
 def whole_number(name: str, value: Any, least: int) -> int:
-    """Check that a value is a whole number of at least a given size.
-
-    Parameters
-    ----------
-    name : str
-        What the value is, for the error message.
-    value : object
-        The value to check; integers of NumPy count as whole numbers, floats do not.
-    least : int
-        The smallest value allowed.
-
-    Returns
-    -------
-    int
-        The value as a Python int.
-
-    Raises
-    ------
-    ParameterError
-        If the value is not a whole number or is below `least`.
-    """
+    """Check that a value is a whole number of at least a given size."""
     try:
         whole = least - 1 if isinstance(value, bool) else operator.index(value)
     except TypeError:
@@ -293,20 +187,7 @@ def whole_number(name: str, value: Any, least: int) -> int:
 
 
 def nearest_name(name: Any, known: Iterable[str]) -> str:
-    """Return the end of an error message about an unknown name.
-
-    Parameters
-    ----------
-    name : object
-        The unknown name; it may be no text at all.
-    known : iterable of str
-        The names that exist.
-
-    Returns
-    -------
-    str
-        "; did you mean ...?" with the most similar known name, or a list of all known names if none is similar.
-    """
+    """Return the end of an error message about an unknown name."""
     known = list(known)
     near = difflib.get_close_matches(name, known, n=1) if isinstance(name, str) else []
     return f"; did you mean {near[0]!r}?" if near else f"; expected one of {', '.join(known)}"

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from gppcs.amounts.accuracy import Measure
 from gppcs.amounts.amount import Amount
-from gppcs.amounts.choice import Scale, choose_amount
+from gppcs.amounts.choice import Scale, check_supported, choose_amount
 from gppcs.amounts.curve import Curve, checked_sizes, halves, measured_curve
-from gppcs.amounts.guide import Guide, check_guided_amount
+from gppcs.amounts.guide import Guide
 from gppcs.clouds import display
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.clouds.expressions import Expression
@@ -25,7 +25,66 @@ from gppcs.engine.stages import Stages, in_words
 from gppcs.errors import InputError, ParameterError, flag, one_of, share, shown, whole_number
 from gppcs.methods import DEFAULT, METHODS, Method, Selection, method_named
 
-WHOLE = ("tolerance", "spacing", "max_gap", "keep", "weight")  # arguments that may need all points in memory
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked of a simplification, whatever the cloud: the arguments of `simplify` with these names, checked."""
+
+    method: Method
+    amount: Amount
+    unit: str | None
+    keep: Any
+    weight: Any
+    invalid: str
+    normals: bool
+    scores: bool
+    drop_outliers: bool
+
+    @classmethod
+    def of(
+        cls,
+        *,
+        ratio: float | None = None,
+        n_points: int | None = None,
+        tolerance: float | str | None = None,
+        measure: Measure | None = None,
+        spacing: float | str | None = None,
+        max_gap: float | str | None = None,
+        unit: str | None = None,
+        keep: Any = None,
+        weight: Any = None,
+        method: str | Method = DEFAULT,
+        seed: int | None = None,
+        invalid: str = "error",
+        normals: bool = False,
+        scores: bool = False,
+        drop_outliers: bool = False,
+    ) -> Request:
+        """Check the arguments of `simplify`, as far as that is possible without the cloud."""
+        amount = Amount.of(ratio, n_points, tolerance, spacing, max_gap, measure)
+        chosen = resolved(method, seed)
+        check_supported(chosen, spacing, keep, weight)
+        metres_of(unit, None)
+        if isinstance(keep, str):
+            Expression.of(keep)
+        if flag("scores", scores) and not chosen.attributes:
+            raise ParameterError(f"method {chosen.name!r} gives its points no scores")
+        return cls(
+            chosen, amount, unit, keep, weight, one_of("invalid", invalid, ("error", "drop")),
+            flag("normals", normals), scores, flag("drop_outliers", drop_outliers),
+        )  # fmt: skip
+
+    @property
+    def whole(self) -> str | None:
+        """The argument for which all points have to be in memory, if any."""
+        arrays = {name: getattr(self, name) for name in ("keep", "weight")}
+        reasons = {
+            "tolerance": self.amount.tolerance is not None,
+            "max_gap": self.amount.max_gap is not None,
+            "normals": self.normals,
+            **{name: value is not None and not isinstance(value, str) for name, value in arrays.items()},
+        }
+        return next((name for name, given in reasons.items() if given), None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +106,6 @@ class Result(ComparedByValue):
         Figures that the method reports about its run, such as fitted hyperparameters.
     outliers : (n,) array, int64, or None
         The rows of the points that were left out as outliers, ascending. None if none were looked for.
-    original : PointCloud or None
-        The cloud that was simplified, for `curve`. None for files larger than memory and for copies by pickle.
     ranked : bool
         Whether the first points are a simplification to fewer points: if the method ranks its points, and not all but
         repeats were kept.
@@ -69,14 +126,16 @@ class Result(ComparedByValue):
     seconds: Mapping[str, float]
     diagnostics: Mapping[str, float]
     outliers: NDArray[np.int64] | None = None
-    original: PointCloud | None = field(default=None, repr=False, compare=False)
     ranked: bool = field(default=True, repr=False, compare=False)
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "original": None}  # which is large, and is there where the result comes from
+    @classmethod
+    def of(cls, selection: Selection, cloud: PointCloud, method: Method, stages: Stages) -> Result:
+        """Return the result of a run."""
+        ranked = "ranking" in method.supports and selection.ranked
+        return cls(selection.indices, cloud, method, stages.seconds, selection.diagnostics, ranked=ranked)
 
     def __repr__(self) -> str:
-        return f"Result({len(self.indices):,} points by {self.method.label} in {in_words(self.seconds)})"
+        return f"Result({len(self.indices):,} points by {self.method} in {in_words(self.seconds)})"
 
     def _repr_html_(self) -> str:
         return display.html_of(self)
@@ -125,13 +184,13 @@ class Result(ComparedByValue):
         self._require_ranking()
         return replace(self, indices=self.indices[:count], cloud=self.cloud.take(np.arange(count)))
 
-    def curve(self, original: CloudLike | None = None, *, sizes: Sequence[float] | None = None) -> Curve:
+    def curve(self, original: CloudLike, *, sizes: Sequence[float] | None = None) -> Curve:
         """Return the errors of the first points of the result, over their number.
 
         Parameters
         ----------
-        original : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes, optional
-            The cloud that was simplified. It is only needed if the result does not know it.
+        original : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
+            The cloud that was simplified.
         sizes : sequence of int or float, optional
             Numbers of points, or shares of the result below 1. By default all of its points, half of them, and so on.
 
@@ -142,20 +201,18 @@ class Result(ComparedByValue):
         Raises
         ------
         InputError
-            If the original is not known, or has no finite point.
+            If the original has no finite point.
         ParameterError
             If the method does not rank its points, or a size is none.
 
         Examples
         --------
-        >>> result = gppcs.simplify(gppcs.sample("bracket", n_points=2000), n_points=400, method="fps")
-        >>> result.curve().sizes
+        >>> cloud = gppcs.sample("bracket", n_points=2000)
+        >>> gppcs.simplify(cloud, n_points=400, method="fps").curve(cloud).sizes
         array([ 12,  25,  50, 100, 200, 400])
         """
         self._require_ranking()
-        whole = self.original if original is None else PointCloud.of(original)
-        if whole is None:
-            raise InputError("the result does not know its original: expected it as result.curve(original)")
+        whole = PointCloud.of(original)
         count = len(self.indices)
         wanted = halves(count) if sizes is None else checked_sizes(sizes, count)
         rows = rows_without(self.outliers, _usable_rows(whole, "drop"), len(whole))
@@ -164,9 +221,7 @@ class Result(ComparedByValue):
 
     def _require_ranking(self) -> None:
         """Raise an error if the first points are no simplification."""
-        if not self.method.ranks:
-            ranking = ", ".join(name for name, method in METHODS.items() if method.ranks)
-            raise ParameterError(f"method {self.method.name!r} does not rank its points; these do: {ranking}")
+        require_ranking(self.method)
         if not self.ranked:
             raise ParameterError("all points were kept, in the order of the cloud, which is no ranking; ask for fewer")
 
@@ -241,7 +296,7 @@ def simplify(
         Which error `tolerance` means: one of the figures `surface_mean` to `surface_max` of `gppcs.Report`. By
         default "p95": 95 % of the points are as near as that.
     spacing : length, optional
-        As many points as have this spacing. What that means, `gppcs.METHODS[name].spacing` says: for "gp" the mean
+        As many points as have this spacing. What that means, `gppcs.METHODS[name].supports` says: for "gp" the mean
         spacing on the measured surface.
     max_gap : length, optional
         Then points are added, each the farthest from all others, until no original point is farther than this from a
@@ -302,108 +357,48 @@ def simplify(
     >>> gppcs.evaluate(cloud, fine.cloud).surface_p95 <= 0.01 * gppcs.info(cloud).diagonal
     True
     """
+    request = Request.of(
+        ratio=ratio, n_points=n_points, tolerance=tolerance, measure=measure, spacing=spacing, max_gap=max_gap,
+        unit=unit, keep=keep, weight=weight, method=method, seed=seed, invalid=invalid, normals=normals,
+        scores=scores, drop_outliers=drop_outliers,
+    )  # fmt: skip
+    return simplify_cloud(cloud, request, Stages.of(stages))
+
+
+def simplify_cloud(cloud: CloudLike, request: Request, stages: Stages) -> Result:
+    """Simplify a cloud in memory."""
     from gppcs.spatial.scaling import bounds, normalised
 
-    stages = Stages.of(stages)
-    normals, scores = flag("normals", normals), flag("scores", scores)
-    drop_outliers = flag("drop_outliers", drop_outliers)
-    amount = Amount.of(ratio, n_points, tolerance, spacing, max_gap, measure)
-    check_guided_amount(spacing, keep, weight)
-    outliers = None
-    if drop_outliers:
-        from gppcs.surface.outliers import find_outliers
-
-        with stages("preparation"):  # so that what is wrong is told before the search
-            cloud = PointCloud.of(cloud)
-            check_scores(scores, resolved(method, seed), cloud)
-            _usable_rows(cloud, invalid)
-        with stages("outliers"):
-            outliers = np.flatnonzero(find_outliers(cloud))
+    outliers, method = None, request.method
     with stages("preparation"):
         cloud = PointCloud.of(cloud)
-        chosen_method = resolved(method, seed)
-        check_scores(scores, chosen_method, cloud)
-        rows = rows_without(outliers, _usable_rows(cloud, invalid), len(cloud))
-        guide, metres = Guide.of(cloud, rows, keep, weight), metres_of(unit, cloud.header)
+        check_scores(request.scores, method, cloud)
+        rows = _usable_rows(cloud, request.invalid)
+    if request.drop_outliers:
+        from gppcs.surface.outliers import find_outliers
+
+        with stages("outliers"):
+            outliers = np.flatnonzero(find_outliers(cloud))
+            rows = rows_without(outliers, rows, len(cloud))
+    with stages("preparation"):
+        guide, metres = Guide.of(cloud, rows, request.keep, request.weight), metres_of(request.unit, cloud.header)
         points, corner, exponent = normalised(cloud.points if rows is None else cloud.points[rows])
         low, high = bounds(points)
         scale = Scale(float(np.linalg.norm(high - low)), metres, exponent)
-    with compiled_ahead(chosen_method.name):
-        selection = choose_amount(points, amount, scale, guide, chosen_method, stages)
-    indices = selection.indices if rows is None else rows[selection.indices]
-    kept = cloud.take(indices)
+    with compiled_ahead(method.name):
+        selection = choose_amount(points, request.amount, scale, guide, method, stages)
+    kept = cloud.take(selection.indices if rows is None else rows[selection.indices])
     if selection.points is not None:
         kept = kept.moved(np.ldexp(selection.points, exponent) + corner)
-    if normals:
+    if request.normals:
         with stages("normals"):
             kept = _with_normals(kept, points, selection)
-    if scores:
-        kept = with_scores(kept, chosen_method, selection)
-    ranked = chosen_method.ranks and selection.ranked
-    result = Result(indices, kept, chosen_method, stages.seconds, selection.diagnostics, original=cloud, ranked=ranked)
+    if request.scores:
+        kept = with_scores(kept, method, selection)
+    if rows is not None:
+        selection = replace(selection, indices=rows[selection.indices])
+    result = Result.of(selection, kept, method, stages)
     return result if outliers is None else result.with_outliers(outliers)
-
-
-def check_options(
-    *,
-    ratio: float | None,
-    n_points: int | None,
-    tolerance: float | str | None,
-    measure: Measure | None,
-    spacing: float | str | None,
-    max_gap: float | str | None,
-    unit: str | None,
-    keep: str | None,
-    weight: str | None,
-    **options: Any,
-) -> None:
-    """Check the arguments of `simplify`, as far as that is possible without the cloud.
-
-    Parameters
-    ----------
-    ratio, n_points, tolerance, measure, spacing, max_gap, unit, keep, weight, **options
-        As for `simplify`.
-
-    Raises
-    ------
-    ParameterError
-        If an argument is outside its range.
-    """
-    Amount.of(ratio, n_points, tolerance, spacing, max_gap, measure)
-    check_guided_amount(spacing, keep, weight)
-    metres_of(unit, None)
-    if keep is not None:
-        Expression.of(keep)
-    method = simplify([[0.0, 0.0, 0.0]], n_points=1, **options).method
-    if spacing is not None:
-        method.require_spacing()
-    if keep is not None or weight is not None:
-        method.require_guided()
-
-
-def takes_all_points(method: Method, asked: Mapping[str, Any]) -> str | None:
-    """Return the argument of `simplify`, besides `normals`, for which all points have to be in memory.
-
-    Parameters
-    ----------
-    method : Method
-    asked : mapping of str to object
-        At least the arguments in `WHOLE`, `ratio` and `n_points`.
-
-    Returns
-    -------
-    str or None
-        None if passes over files do, too.
-    """
-    given = [name for name in WHOLE if asked[name] is not None]
-    in_passes = {name for name in ("keep", "weight") if method.guides_in_passes and isinstance(asked[name], str)}
-    if method.counts_at_spacing:
-        in_passes.add("spacing")
-    if method.guides_in_passes and method.ranks:
-        in_passes.add("tolerance")
-    if asked["ratio"] is not None or asked["n_points"] is not None or method.measures_area:
-        in_passes.add("max_gap")
-    return next((name for name in given if name not in in_passes), None)
 
 
 def _with_normals(kept: PointCloud, points: NDArray[np.float64], selection: Selection) -> PointCloud:
@@ -417,43 +412,22 @@ def _with_normals(kept: PointCloud, points: NDArray[np.float64], selection: Sele
 
 
 def with_scores(kept: PointCloud, method: Method, selection: Selection) -> PointCloud:
-    """Return the kept points with the method's attributes.
-
-    Parameters
-    ----------
-    kept : PointCloud
-        M points.
-    method : Method
-    selection : Selection
-        Of the M points.
-
-    Returns
-    -------
-    PointCloud
-    """
+    """Return the kept points with the method's attributes."""
     carried = {name: np.zeros(len(kept), dtype=np.float32) for name in method.attributes}
     for name, values in selection.attributes.items():
         carried[name][:] = values
     return dataclasses.replace(kept, attributes={**kept.attributes, **carried})
 
 
+def require_ranking(method: Method) -> None:
+    """Raise an error if the first points that a method chooses are no simplification."""
+    if "ranking" not in method.supports:
+        ranking = ", ".join(name for name, known in METHODS.items() if "ranking" in known.supports)
+        raise ParameterError(f"method {method.name!r} does not rank its points; these do: {ranking}")
+
+
 def resolved(method: str | Method, seed: int | None) -> Method:
-    """Return the method of that name, or the method itself, with a seed.
-
-    Parameters
-    ----------
-    method : str or Method
-    seed : int, optional
-
-    Returns
-    -------
-    Method
-
-    Raises
-    ------
-    ParameterError
-        If it is neither, there is no method of that name, or the seed is no whole number from 0 on.
-    """
+    """Return the method of that name, or the method itself, with a seed."""
     chosen = method_named(method) if isinstance(method, str) else method
     if not isinstance(chosen, Method):
         raise ParameterError(f"expected the name of a method or a method such as SpectralGP(), found {shown(method)}")
@@ -465,25 +439,7 @@ def resolved(method: str | Method, seed: int | None) -> Method:
 
 
 def check_scores(scores: bool, method: Method, cloud: PointCloud) -> None:
-    """Check that scores can be added to a cloud, if they are wanted.
-
-    Parameters
-    ----------
-    scores : bool
-        Whether they are.
-    method : Method
-    cloud : PointCloud
-        Any points of the cloud, with their attributes.
-
-    Raises
-    ------
-    ParameterError
-        If the method has no scores.
-    InputError
-        If an attribute of the cloud has the name of a score.
-    """
-    if scores and not method.attributes:
-        raise ParameterError(f"method {method.name!r} gives its points no scores")
+    """Check that scores can be added to a cloud, if they are wanted."""
     if scores and (taken := sorted(set(method.attributes) & set(cloud.attributes))):
         raise InputError(
             f"the cloud already has an attribute {taken[0]!r}, which the scores would replace: "
@@ -508,18 +464,7 @@ def rows_without(
 ) -> NDArray[np.int64] | None:
     """Return rows of a cloud without those that are left out.
 
-    Parameters
-    ----------
-    left_out : (k,) array, int64, optional
-    rows : (m,) array, int64, optional
-        Ascending; by default all.
-    n : int
-        Number of points of the cloud.
-
-    Returns
-    -------
-    (l,) array, int64, or None
-        Ascending; None if these are all rows.
+    Shapes: left_out (k,), rows (m,); returns (l,).
     """
     if left_out is None or not len(left_out):
         return rows
@@ -527,26 +472,7 @@ def rows_without(
 
 
 def check_usable(n: int, bad: int, first: int, invalid: str) -> None:
-    """Check that a cloud has points, and that those that are not finite may be dropped.
-
-    Parameters
-    ----------
-    n : int
-        Number of points.
-    bad : int
-        Number of points with coordinates that are NaN or infinite.
-    first : int
-        The row of the first of them.
-    invalid : str
-        "error" or "drop".
-
-    Raises
-    ------
-    InputError
-        If there are no points, none is finite, or some are not and should not be dropped.
-    ParameterError
-        If `invalid` is another word.
-    """
+    """Check that a cloud has points, and that those that are not finite may be dropped."""
     one_of("invalid", invalid, ("error", "drop"))
     if n == 0:
         raise InputError("the cloud is empty: expected at least one point")
@@ -558,27 +484,7 @@ def check_usable(n: int, bad: int, first: int, invalid: str) -> None:
 
 
 def number_to_keep(n: int, ratio: float | None, n_points: int | None) -> int:
-    """Return M, the number of points to keep.
-
-    Parameters
-    ----------
-    n : int
-        N, the number of points.
-    ratio : float, optional
-        M / N.
-    n_points : int, optional
-        M.
-
-    Returns
-    -------
-    int
-        From 1 to N.
-
-    Raises
-    ------
-    ParameterError
-        If not exactly one of the two is given, or it is outside its range.
-    """
+    """Return M, the number of points to keep."""
     if (ratio is None) == (n_points is None):
         found = "neither" if ratio is None else "both"
         raise ParameterError(f"expected either a ratio or a number of points, found {found}")

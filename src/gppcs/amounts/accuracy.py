@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias, get_args
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.stages import Stages
-from gppcs.errors import InputError
 from gppcs.methods import Selection
 
 if TYPE_CHECKING:
@@ -65,41 +64,21 @@ class Original:
     def errors(self, kept: Points) -> dict[Measure, float]:
         """Return the distances from the points to the local surface of others.
 
-        Parameters
-        ----------
-        kept : (M, 3) array, float64
-            In the same coordinates.
-
-        Returns
-        -------
-        dict of str to float
-            Each of `MEASURES`, as `gppcs.Report` defines them under names with "surface_".
+        Shapes: kept (M, 3).
         """
         return _errors_of(self.distances(surface_of(kept)))
 
     def distances(self, surface: LocalSurface) -> NDArray[np.float64]:
         """Return the distance of each point to a local surface.
 
-        Parameters
-        ----------
-        surface : LocalSurface
-
-        Returns
-        -------
-        (N,) array
+        Shapes: returns (N,).
         """
         return surface.nearest_to(self.points)[0]
 
     def farthest(self, distances: NDArray[np.float64]) -> Original:
         """Return the points of the largest distances, a share `FARTHEST` of them.
 
-        Parameters
-        ----------
-        distances : (N,) array
-
-        Returns
-        -------
-        Original
+        Shapes: distances (N,).
         """
         n = len(self.points)
         nearer = int((1.0 - FARTHEST) * n)
@@ -143,46 +122,12 @@ def fewest_points(
     If the method ranks its points, they are the first ones of a ranking. Otherwise, each number of points is a choice
     of its own. They are the fewest up to 2 %, and it is known that 5 % fewer points miss the tolerance.
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-        Without repeats, of about unit size.
-    tolerance : float
-        Above 0.
-    measure : str
-        Which error is meant.
-    choose : callable
-        Lets the method choose a number of them; all N in their order.
-    ranks : bool
-        Whether the method ranks its points.
-    least : int
-        The fewest points that may be chosen, from 1 to N.
-    stages : Stages
-        Times the stages of the method, and "accuracy".
-
-    Returns
-    -------
-    selection : Selection
-        M points.
-    errors : dict of str to float
-        Of these points, by measure.
+    Shapes: points (N, 3).
     """
     whole = Original.of(points)
     judge = _Judge(points, whole, tolerance, measure, stages)
-    search = Search(judge, whole.some(), len(points), tolerance, measure, choose, least, len(points) - 1, stages)
+    search = _Search(judge, whole.some(), len(points), tolerance, measure, choose, least, stages)
     return search.ranked() if ranks else search.unranked()
-
-
-class Judge(Protocol):
-    """Tells how far a cloud is from the local surface of some places."""
-
-    def places(self, selection: Selection) -> Points:
-        """Return where chosen points are."""
-        ...
-
-    def judged(self, kept: Points) -> dict[Measure, float]:
-        """Return the errors of some places; if they miss the tolerance, perhaps only a lower bound of the asked one."""
-        ...
 
 
 class _Judge:
@@ -210,52 +155,30 @@ class _Judge:
             return _errors_of(distances)
 
 
-class Search:
-    """The search for the fewest points, of which the local surface misses the original by at most a tolerance.
-
-    Parameters
-    ----------
-    judge : Judge
-    some : Original
-        Points by which errors are guessed.
-    n : int
-        N, the number of points.
-    tolerance, measure, choose, least
-        As for `fewest_points`.
-    most : int
-        The most points that can be ranked, besides all N.
-    stages : Stages
-        Times "accuracy".
-    """
+class _Search:
+    """The search for the fewest points, of which the local surface misses the original by at most a tolerance."""
 
     def __init__(
         self,
-        judge: Judge,
+        judge: _Judge,
         some: Original,
         n: int,
         tolerance: float,
         measure: Measure,
         choose: Callable[[int], Selection],
         least: int,
-        most: int,
         stages: Stages,
     ) -> None:
         self.judge, self.some, self.n, self.tolerance, self.measure = judge, some, n, tolerance, measure
-        self.choose, self.least, self.most, self.stages = choose, least, min(most, n - 1), stages
+        self.choose, self.least, self.stages = choose, least, stages
 
     def ranked(self) -> tuple[Selection, dict[Measure, float]]:
         """Search among the first points of a ranking that is long enough."""
-        n, most = self.n, self.most
-        if self.least > most < n - 1:
-            raise _too_many_to_keep(self.least, most)
+        n, most = self.n, self.n - 1
         count = judged = max(min(FIRST, most), self.least)
         before, error_before, flattest = 0, math.inf, FLATTEST_AT_FIRST
         while 0 < count <= most:
             ranking = self.choose(count)
-            if not ranking.ranked or len(ranking.indices) < count:  # these are all places: others repeat them
-                n, most = len(ranking.indices), len(ranking.indices) - 1
-                count, judged = max(min(count, most), self.least), min(judged, most)
-                continue
             places = self.judge.places(ranking)
             error = self._guessed(places[:judged])
             if math.isinf(error_before):
@@ -266,10 +189,8 @@ class Search:
             if guess <= SURE * count or count == most:
                 enough, errors = self._fewest(lambda m, places=places: places[:m], guess, count, power)  # type: ignore[misc]
                 if errors[self.measure] <= self.tolerance:
-                    return first_of(ranking, enough), errors
+                    return _first_of(ranking, enough), errors
             before, error_before, flattest = judged, error, FLATTEST
-            if count == most < n - 1:
-                raise _missed(most)
             judged = min(max(round(guess), count), most)
             count = n if count == most else min(math.ceil(SPARE * judged), most)
         return self.choose(n), dict.fromkeys(MEASURES, 0.0)
@@ -346,33 +267,8 @@ class Search:
             return self.some.errors(kept)[self.measure]
 
 
-def _missed(most: int) -> InputError:
-    """Return the error for a tolerance that even the most points that fit into memory miss."""
-    found = f"expected a tolerance that {most:,} points reach, the most that fit into memory, found one that they miss"
-    return InputError(
-        f"{found}; allow a larger error, or raise memory=", command=f"{found}; allow a larger error, or raise --memory"
-    )
-
-
-def _too_many_to_keep(kept: int, most: int) -> InputError:
-    """Return the error for more points to keep than can be ranked."""
-    found = f"points to keep: expected at most {most:,}, the most that can be ranked in memory, found {kept:,}"
-    return InputError(f"{found}; select fewer, or raise memory=", command=f"{found}; select fewer, or raise --memory")
-
-
-def first_of(ranking: Selection, count: int) -> Selection:
-    """Return the first points of a ranking.
-
-    Parameters
-    ----------
-    ranking : Selection
-    count : int
-        From 1 to the number of its points.
-
-    Returns
-    -------
-    Selection
-    """
+def _first_of(ranking: Selection, count: int) -> Selection:
+    """Return the first points of a ranking."""
     return replace(
         ranking,
         indices=ranking.indices[:count],

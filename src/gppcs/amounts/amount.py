@@ -46,22 +46,7 @@ class Amount:
         max_gap: float | str | None = None,
         measure: str | None = None,
     ) -> Amount:
-        """Check the arguments of `gppcs.simplify` with these names.
-
-        Parameters
-        ----------
-        ratio, n_points, tolerance, spacing, max_gap, measure
-            As for `gppcs.simplify`.
-
-        Returns
-        -------
-        Amount
-
-        Raises
-        ------
-        ParameterError
-            If nothing or too much is given, or a value is outside its range.
-        """
+        """Check the arguments of `gppcs.simplify` with these names."""
         given = {"ratio": ratio, "n_points": n_points, "tolerance": tolerance, "spacing": spacing}
         names = [name for name, value in given.items() if value is not None]
         if len(names) > 1 or not (names or max_gap is not None):
@@ -80,18 +65,7 @@ class Amount:
         return cls(part, n_points, **known, measure=chosen)
 
     def known_count(self, n: int) -> int | None:
-        """Return M if the number N of points already tells it.
-
-        Parameters
-        ----------
-        n : int
-            N, the number of points.
-
-        Returns
-        -------
-        int or None
-            From 1 to N.
-        """
+        """Return M if the number N of points already tells it."""
         if self.ratio is not None:
             return max(1, round(self.ratio * n))
         return None if self.n_points is None else min(self.n_points, n)

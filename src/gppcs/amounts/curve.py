@@ -93,21 +93,7 @@ def measured_curve(
 ) -> Curve:
     """Measure simplifications of a cloud.
 
-    Parameters
-    ----------
-    original : PointCloud
-        N finite points.
-    method : Method
-        What has made the simplifications.
-    sizes : (k,) array, int64
-    kept : callable
-        Returns the simplification of a size. It is asked for the largest first.
-    stages : Stages
-        Times "accuracy". A step is a size.
-
-    Returns
-    -------
-    Curve
+    Shapes: sizes (k,).
     """
     from gppcs.spatial.cells import first_occurrences
     from gppcs.spatial.scaling import Frame, bounds
@@ -130,22 +116,7 @@ def measured_curve(
 def checked_sizes(sizes: Any, n: int) -> NDArray[np.int64]:
     """Return numbers of points, ascending.
 
-    Parameters
-    ----------
-    sizes : sequence of int or float
-        Numbers of points, or shares of them below 1.
-    n : int
-        N, the number of points.
-
-    Returns
-    -------
-    (k,) array, int64
-        Each from 1 to N.
-
-    Raises
-    ------
-    ParameterError
-        If they are none.
+    Shapes: returns (k,).
     """
     is_list = isinstance(sizes, list | tuple) or (isinstance(sizes, np.ndarray) and sizes.ndim == 1)
     if not is_list or not len(sizes):
@@ -160,14 +131,7 @@ def checked_sizes(sizes: Any, n: int) -> NDArray[np.int64]:
 def usual_sizes(n: int) -> NDArray[np.int64]:
     """Return the sizes of a curve of a cloud.
 
-    Parameters
-    ----------
-    n : int
-        N, the number of its points.
-
-    Returns
-    -------
-    (k,) array, int64
+    Shapes: returns (k,).
     """
     return np.unique([min(max(FEWEST, round(share * n)), n) for share in SHARES])
 
@@ -175,15 +139,7 @@ def usual_sizes(n: int) -> NDArray[np.int64]:
 def halves(n: int) -> NDArray[np.int64]:
     """Return the sizes of the curve of a ranking.
 
-    Parameters
-    ----------
-    n : int
-        The number of its points.
-
-    Returns
-    -------
-    (k,) array, int64
-        All of them, half of them and so on, as long as they are `FEWEST`.
+    Shapes: returns (k,).
     """
     sizes = n // 2 ** np.arange(n.bit_length())
     return np.unique(sizes[(sizes >= FEWEST) | (sizes == n)])

@@ -35,26 +35,7 @@ class Guide:
     def of(cls, cloud: PointCloud, rows: NDArray[np.int64] | None, keep: Any, weight: Any) -> Guide | None:
         """Check the arguments `keep` and `weight` of `gppcs.simplify`.
 
-        Parameters
-        ----------
-        cloud : PointCloud
-        rows : (N,) array or None
-            The rows of the cloud among which is chosen, ascending; None for all.
-        keep, weight
-            As for `gppcs.simplify`.
-
-        Returns
-        -------
-        Guide or None
-            For the points in `rows`. None if nothing is kept and all weights are equal.
-
-        Raises
-        ------
-        InputError
-            If no point meets the condition `keep`; if a weight is negative or not finite, or none is above 0; or if the
-            cloud has no attribute of a name.
-        ParameterError
-            If an argument is of another kind or length.
+        Shapes: rows (N,).
         """
         if keep is None and weight is None:
             return None
@@ -74,34 +55,13 @@ class Guide:
     def rows(self, n: int) -> NDArray[np.int64]:
         """Return the rows among which is chosen, ascending.
 
-        Parameters
-        ----------
-        n : int
-            N, the number of points.
-
-        Returns
-        -------
-        (n,) array, int64
+        Shapes: returns (n,).
         """
         if self.weights is None:
             return np.arange(n)
         usable = self.weights > 0.0
         usable[self.keep] = True
         return np.flatnonzero(usable)
-
-    def among(self, rows: NDArray[np.int64]) -> Guide:
-        """Return the same for some of the points alone.
-
-        Parameters
-        ----------
-        rows : (n,) array, int64
-            These points, ascending, with those to keep among them.
-
-        Returns
-        -------
-        Guide
-        """
-        return Guide(np.searchsorted(rows, self.keep), None if self.weights is None else self.weights[rows])
 
 
 class WeightRange(NamedTuple):
@@ -117,6 +77,8 @@ class WeightRange(NamedTuple):
         Its value.
     largest : float
         Of the others; 0 if there are none.
+    positive, total : int and float
+        Number and sum of those above 0.
     """
 
     n: int = 0
@@ -124,6 +86,8 @@ class WeightRange(NamedTuple):
     first_bad: int = 0
     found: float = math.nan
     largest: float = 0.0
+    positive: int = 0
+    total: float = 0.0
 
     @classmethod
     def of(cls, weights: NDArray[np.float64]) -> WeightRange:
@@ -131,21 +95,24 @@ class WeightRange(NamedTuple):
         good = (weights >= 0.0) & np.isfinite(weights)
         bad = np.flatnonzero(~good)
         first, found = (int(bad[0]), float(weights[bad[0]])) if len(bad) else (0, math.nan)
-        return cls(len(weights), len(bad), first, found, float(weights.max(initial=0.0, where=good)))
+        some = weights[good & (weights > 0.0)]
+        return cls(len(weights), len(bad), first, found, float(some.max(initial=0.0)), len(some), float(some.sum()))
 
     def followed_by(self, other: WeightRange) -> WeightRange:
         """Return what is known of these weights and others behind them."""
         first, found = (self.first_bad, self.found) if self.bad else (self.n + other.first_bad, other.found)
-        return WeightRange(self.n + other.n, self.bad + other.bad, first, found, max(self.largest, other.largest))
+        largest, positive = max(self.largest, other.largest), self.positive + other.positive
+        return WeightRange(
+            self.n + other.n, self.bad + other.bad, first, found, largest, positive, self.total + other.total
+        )
+
+    @property
+    def mean_share(self) -> float:
+        """Mean of the weights above 0, in units of the largest."""
+        return self.total / self.positive / self.largest if self.positive else 1.0
 
     def check(self) -> None:
-        """Check that they are weights.
-
-        Raises
-        ------
-        InputError
-            If one is negative or not finite, or none is above 0.
-        """
+        """Check that they are weights."""
         if self.bad:
             raise InputError(
                 f"expected finite weights from 0 on, found {self.found:g} at index {self.first_bad} and "
@@ -168,13 +135,16 @@ class Guided(NamedTuple):
         The finite points among which is chosen, ascending.
     keep : (K,) array, int64
         Which of these are kept whatever happens, ascending.
-    weights : (m,) array, float64, or None
-        Of all finite points, as they are given.
+    weights : (n,) array, float64, or None
+        Of these points, as they are given.
+    known : WeightRange
+        Of all finite points.
     """
 
     rows: NDArray[np.int64]
     keep: NDArray[np.int64]
     weights: NDArray[np.float64] | None
+    known: WeightRange
 
 
 @dataclass(frozen=True)
@@ -193,60 +163,18 @@ class ChunkGuide:
     weight: str | None
 
     def of_chunk(self, cloud: PointCloud) -> Guided:
-        """Return what it says of the points of a chunk.
-
-        Parameters
-        ----------
-        cloud : PointCloud
-
-        Returns
-        -------
-        Guided
-
-        Raises
-        ------
-        InputError, ParameterError
-            As `Guide.of` if the cloud has no such attribute.
-        """
+        """Return what it says of the points of a chunk."""
         rows = cloud.finite_rows()
         mask = np.zeros(len(rows), dtype=np.bool_) if self.keep is None else self.keep.mask(cloud)[rows]
         if self.weight is None:
-            return Guided(rows, np.flatnonzero(mask), None)
+            return Guided(rows, np.flatnonzero(mask), None, WeightRange())
         weights = weights_of(cloud, self.weight)[rows]
         usable = mask | (weights > 0.0)
-        return Guided(rows[usable], np.flatnonzero(mask[usable]), weights)
-
-
-def check_guided_amount(spacing: Any, keep: Any, weight: Any) -> None:
-    """Check that no spacing is asked for together with points to keep or weights.
-
-    Parameters
-    ----------
-    spacing, keep, weight
-        As for `gppcs.simplify`.
-
-    Raises
-    ------
-    ParameterError
-        If it is.
-    """
-    if spacing is not None and (keep is not None or weight is not None):
-        raise ParameterError(
-            "expected a number, a share, a tolerance or a largest gap with points to keep or weights, found a spacing"
-        )
+        return Guided(rows[usable], np.flatnonzero(mask[usable]), weights[usable], WeightRange.of(weights))
 
 
 def nothing_to_keep(condition: str) -> InputError:
-    """Return the error for a condition of points to keep that none meets.
-
-    Parameters
-    ----------
-    condition : str
-
-    Returns
-    -------
-    InputError
-    """
+    """Return the error for a condition of points to keep that none meets."""
     found = f"expected points with {condition.strip()} to keep, found none; change the condition or omit"
     return InputError(f"{found} keep", command=f"{found} --keep")
 
@@ -275,23 +203,7 @@ def _mask(cloud: PointCloud, keep: Any) -> NDArray[np.bool_]:
 def weights_of(cloud: PointCloud, weight: Any) -> NDArray[np.float64]:
     """Return the weight of each point.
 
-    Parameters
-    ----------
-    cloud : PointCloud
-    weight
-        As for `gppcs.simplify`.
-
-    Returns
-    -------
-    (N,) array, float64
-        As they are given.
-
-    Raises
-    ------
-    InputError
-        If the cloud has no such attribute.
-    ParameterError
-        If it is no attribute, and no number for each point.
+    Shapes: returns (N,).
     """
     if isinstance(weight, str):
         if weight not in cloud.attributes:

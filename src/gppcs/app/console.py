@@ -86,7 +86,7 @@ def print_curves(title: str, curves: Sequence[Curve], measure: Measure, n: int) 
         The number of points of the original.
     """
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
-    titles = ["points", "share", *(each.method.label for each in curves)]
+    titles = ["points", "share", *(str(each.method) for each in curves)]
     for name in titles:
         table.add_column(name, justify="right", min_width=len(name))
     for row, size in enumerate(curves[0].sizes.tolist()):
@@ -98,4 +98,4 @@ def print_curves(title: str, curves: Sequence[Curve], measure: Measure, n: int) 
     console.print(table)
     console.print(f"{measure} error in the unit of the coordinates, and as a share of the diagonal", style="dim")
     for each in filter(lambda curve: curve.has_knee, curves):
-        console.print(f"knee of {each.method.label}: {each.knee(measure):,} points", markup=False)
+        console.print(f"knee of {each.method!s}: {each.knee(measure):,} points", markup=False)

@@ -52,7 +52,9 @@ Spacing = Annotated[
     typer.Option(
         metavar="LENGTH",
         help="Keep as many points as have this spacing: 0.05, 5cm or 1%. In place of --points. "
-        + " ".join(f"{name}: {method.spacing}" for name, method in METHODS.items() if method.spacing),
+        + " ".join(
+            f"{name}: {known.supports['spacing']}" for name, known in METHODS.items() if "spacing" in known.supports
+        ),
         rich_help_panel=panels.SIZE,
     ),
 ]

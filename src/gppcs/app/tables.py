@@ -86,7 +86,7 @@ class Row:
         if isinstance(entry, Entry):
             method = entry.result.method
             counts = {"points": entry.report.points_out}
-            return cls("method", method.name, method.label, dataclasses.asdict(method), counts, **known)
+            return cls("method", method.name, str(method), dataclasses.asdict(method), counts, **known)
         counts = {"vertices": entry.report.vertices, "triangles": entry.report.triangles} if entry.report else {}
         return cls("way", entry.way, entry.way, None, counts, **known)
 

@@ -37,7 +37,7 @@ def draw_curves(file: BinaryIO, curves: Sequence[Curve], measure: Measure) -> No
     for number, each in enumerate(curves):
         colour, errors = COLOURS[number % len(COLOURS)], each.errors[measure]
         shown = errors > 0.0  # on a logarithmic axis
-        axes.plot(each.sizes[shown], errors[shown], "o-", color=colour, markersize=4, label=each.method.label)
+        axes.plot(each.sizes[shown], errors[shown], "o-", color=colour, markersize=4, label=str(each.method))
         knee = (each.sizes == each.knee(measure)) & each.has_knee
         axes.plot(
             each.sizes[knee & shown], errors[knee & shown], "o", color=colour, markersize=12, markerfacecolor="none"

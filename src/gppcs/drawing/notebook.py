@@ -78,7 +78,7 @@ def show(
     """
     viewpoint = Viewpoint(up, view)
     if isinstance(shown, Result):
-        named = Named(shown.method.label, shown.cloud, reason=shown.method.summary)
+        named = Named(str(shown.method), shown.cloud, reason=shown.method.summary)
         made = [("method", repr(shown.method)), ("time", in_words(shown.seconds))]
     else:
         named, made = Named("cloud", shown), []

@@ -162,11 +162,17 @@ class CloudFiles:
             As for `read`.
         """
         found = [CloudFiles([path], *self.settings, span) for path in self.paths for span in self._spans(path, rows)]
+        for each in found:
+            each._copies = {path: copy for path, copy in self._copies.items() if path in each.paths}
         if self._assume_same_crs:
             header = self.head().cloud.header
             for each in found:
                 each._header = header
         return found
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process needs: it makes copies of its own, and holds no points."""
+        return {**vars(self), "_copies": {}, "_whole": {}}
 
     def _spans(self, path: Path, rows: int) -> list[Span | None]:
         """Return the parts of a file; None stands for all of it."""
@@ -368,7 +374,9 @@ class JointColumns:
         FileFormatError
             If its attributes or its coordinate system are not those of the parts before.
         """
-        first = self._first = cloud if self._first is None else self._first  # which may have no points
+        if self._first is None:
+            self._first = cloud.take(np.empty(0, dtype=np.int64))  # which tells names and header, and holds no points
+        first = self._first
         if set(cloud.attributes) != set(first.attributes):
             differing = ", ".join(sorted(set(cloud.attributes) ^ set(first.attributes)))
             raise FileFormatError(
@@ -404,6 +412,11 @@ class JointColumns:
             if values.dtype == np.int64 and name not in self._signed and values.size and values.min() < 0:
                 self._signed.add(name)
 
+    @property
+    def header(self) -> Header | None:
+        """The header of the first part."""
+        return None if self._first is None else self._first.header
+
     def merge(self, other: JointColumns) -> None:
         """Take note of the parts that another has noted.
 
@@ -422,11 +435,6 @@ class JointColumns:
         self._signed |= other._signed
         for name, types in other._types.items():
             self._types[name] |= types
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return what another process needs: no points."""
-        nothing = np.empty(0, dtype=np.int64)
-        return {**vars(self), "_first": None if self._first is None else self._first.take(nothing)}
 
     def joined(self, clouds: Iterable[PointCloud]) -> PointCloud:
         """Return several clouds as one, in the types of all parts.

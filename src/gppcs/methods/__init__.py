@@ -12,7 +12,9 @@ from typing import Any
 from gppcs.errors import ParameterError, nearest_name
 from gppcs.methods.method import Method as Method
 from gppcs.methods.method import Selection as Selection
-from gppcs.methods.method import parameter as parameter
+from gppcs.methods.method import Wanted as Wanted
+from gppcs.methods.parameters import parameter as parameter
+from gppcs.methods.parameters import with_settings
 
 # One line for each method, in the order in which lists show them. "X as X" makes X public for type checkers.
 # isort: off
@@ -41,24 +43,7 @@ DEFAULT = LocalGP.name
 
 
 def method_named(name: str, settings: Mapping[str, Any] | None = None) -> Method:
-    """Return a method by its name.
-
-    Parameters
-    ----------
-    name : str
-        A key of `METHODS`.
-    settings : mapping of str to value, optional
-        Parameters that replace the defaults, as in `Method.replaced`; the values may be text.
-
-    Returns
-    -------
-    Method
-
-    Raises
-    ------
-    ParameterError
-        If there is no such method or parameter; the message has the most similar name.
-    """
+    """Return a method by its name."""
     if name not in METHODS:
         raise ParameterError(f"there is no method {name!r}{nearest_name(name, METHODS)}")
-    return METHODS[name]().replaced(settings or {})
+    return with_settings(METHODS[name](), settings or {})

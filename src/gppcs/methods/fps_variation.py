@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from gppcs.engine.stages import Stages
-from gppcs.methods.method import Method, Selection, largest, parameter, random_candidates
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+from gppcs.methods.method import Method, Selection, Wanted, largest, random_candidates
+from gppcs.methods.parameters import parameter
 
 
 @dataclass(frozen=True)
@@ -32,7 +28,7 @@ class FarthestPointVariation(Method):
         "the rest."
     )
     source = "reproduces the paper's ablation table; see benchmarks/paper/ablation.py"
-    bytes_per_point: ClassVar[int] = 200
+    _bytes_per_point: ClassVar[int] = 200
 
     k_init: int | None = parameter(
         None, "Number of farthest points; by default, a third of the points asked for.", least=1
@@ -46,14 +42,14 @@ class FarthestPointVariation(Method):
     )
     seed: int = parameter(0, "Seed of the random candidates.", least=0)
 
-    def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
+    def __call__(self, wanted: Wanted) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
         from gppcs.spatial.farthest_points import farthest_points
         from gppcs.surface.surface_variation import estimate_features
 
-        stages = Stages.of(stages)
+        points, n_points, stages = wanted.points, wanted.n_points, wanted.stages
         with stages("surface variation"):
             variation = estimate_features(points, self.neighbours).surface_variation
         subset = random_candidates(len(points), self.candidates, n_points, self.seed)

@@ -6,13 +6,14 @@ import math
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from gppcs.engine.stages import Stages
-from gppcs.methods.method import Method, Selection, parameter, random_candidates
+from gppcs.methods.method import Method, Selection, Wanted, random_candidates
+from gppcs.methods.parameters import parameter, require
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from gppcs.engine.stages import Stages
     from gppcs.gp.spectral.kernel import Hyperparameters
     from gppcs.spatial.kdtree import KdTree
 
@@ -42,7 +43,7 @@ class SpectralGP(Method):
         "mean predicts worse than a constant, which can happen if the chosen points are not typical."
     )
     source = "Pathak, Baldwin-McDonald, Sels and Penne, GP-PCS, Algorithm 1"
-    bytes_per_point: ClassVar[int] = 1000
+    _bytes_per_point: ClassVar[int] = 1000
 
     neighbours: int = parameter(25, "k: about how many points a neighbourhood holds.", least=3)
     eigenfunctions: int = parameter(
@@ -82,10 +83,10 @@ class SpectralGP(Method):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.require(not self.fit_nu or math.isfinite(self.nu), "nu", "finite where it is to be fitted")
-        self.require(self.landmarks >= self.eigenfunctions, "landmarks", "at least the number of eigenfunctions")
+        require(self, not self.fit_nu or math.isfinite(self.nu), "nu", "finite where it is to be fitted")
+        require(self, self.landmarks >= self.eigenfunctions, "landmarks", "at least the number of eigenfunctions")
 
-    def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
+    def __call__(self, wanted: Wanted) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
@@ -94,7 +95,7 @@ class SpectralGP(Method):
         from gppcs.spatial.farthest_points import farthest_points
         from gppcs.spatial.kdtree import KdTree
 
-        stages = Stages.of(stages)
+        points, n_points, stages = wanted.points, wanted.n_points, wanted.stages
         with stages("tree"):
             tree = KdTree.build(points)
         phi, y, theta = self._fitted_field(points, tree, stages)

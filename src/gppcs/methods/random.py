@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
-from gppcs.engine.stages import Stages
-from gppcs.methods.method import Method, Selection, parameter
+from gppcs.methods.method import RANKING, Method, Selection, Wanted
+from gppcs.methods.parameters import parameter
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     import numpy as np
     from numpy.typing import NDArray
 
-    from gppcs.spatial.boxes import Each
-    from gppcs.spatial.chunks import ChunkedPoints
+PART = 1 << 18  # Points of a part at most.
 
 
 @dataclass(frozen=True)
@@ -33,70 +32,34 @@ class Random(Method):
     name = "random"
     summary = "random points, all equally likely"
     description = (
-        "Chooses the first points of a random permutation, so a smaller selection is the start of a larger one. Of "
-        "files larger than memory it chooses other points, which are as random."
+        "Chooses the first points of a random permutation, so a smaller selection is the start of a larger one."
     )
     source = "baseline"
-    ranks = True
-    bytes_per_point: ClassVar[int] = 60
+    supports: ClassVar[Mapping[str, str]] = {"ranking": RANKING, "files": "Other points than in memory, as random."}
+    _bytes_per_point: ClassVar[int] = 60
 
     seed: int = parameter(0, "Seed of the permutation.", least=0)
 
-    def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
+    def __call__(self, wanted: Wanted) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
-        stages = Stages.of(stages)
-        with stages("permutation"):
-            return Selection(np.random.default_rng(self.seed).permutation(len(points))[:n_points])
+        with wanted.stages("permutation"):
+            if wanted.stored is not None:
+                return Selection(self._of_stored(wanted))
+            return Selection(np.random.default_rng(self.seed).permutation(len(wanted.points))[: wanted.n_points])
 
-    def in_tiles(
-        self, points: ChunkedPoints, n_points: int, folder: Path, stages: Stages, each: Each = map
-    ) -> Selection:
-        """Choose other points than in memory, as random, in one pass without files; see `Method.in_tiles`.
-
-        Parameters
-        ----------
-        points : ChunkedPoints
-            N finite points, which may repeat each other.
-        n_points : int
-            M, from 1 to N - 1.
-        folder : path
-            Unused.
-        stages : Stages
-            Times "sample".
-        each : callable, optional
-            Applies a function to each tile, like `map`.
-
-        Returns
-        -------
-        Selection
-        """
+    def _of_stored(self, wanted: Wanted) -> NDArray[np.int64]:
+        """Return the rows of the different places with the smallest hashes."""
         import numpy as np
 
-        from gppcs.spatial.chunks import first_repeats
-        from gppcs.spatial.row_sample import PlaceSample
+        from gppcs.spatial.row_sample import smallest_hashes
 
-        sample = PlaceSample(n_points, self.seed)
-        with stages("sample", len(points)) as advanced:
-            for chunk in points.chunks():
-                sample.add(chunk)
-                advanced(len(chunk))
-        return Selection(np.concatenate([sample.rows, first_repeats(sample.rows, n_points)]))
-
-    def memory_in_tiles(self, n: int, n_points: int) -> int:
-        """Return about how much memory `in_tiles` takes; see `Method.memory_in_tiles`.
-
-        Parameters
-        ----------
-        n : int
-            N, the number of points.
-        n_points : int
-            M, the number of points to keep.
-
-        Returns
-        -------
-        int
-            Bytes.
-        """
-        return 120 * n_points
+        assert wanted.stored is not None
+        hashes, rows = np.empty(0, dtype=np.uint64), np.empty(0, dtype=np.int64)
+        choose = partial(smallest_hashes, wanted.stored, wanted.n_points, self.seed)
+        for of_part in wanted.each(choose, wanted.stored.parts(PART)):
+            hashes, rows = np.concatenate([hashes, of_part[0]]), np.concatenate([rows, of_part[1]])
+            order = np.argsort(hashes)[: wanted.n_points]
+            hashes, rows = hashes[order], rows[order]
+        return rows

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from gppcs.engine.stages import Stages
-from gppcs.methods.method import Method, Selection, largest, parameter
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+from gppcs.methods.method import RANKING, Method, Selection, Wanted, largest
+from gppcs.methods.parameters import parameter
 
 
 @dataclass(frozen=True)
@@ -29,16 +26,16 @@ class TopVariation(Method):
     summary = "the points of largest surface variation, and no others"
     description = "Chooses the points of largest surface variation. Flat parts of the surface keep no points."
     source = "baseline; surface variation: Pauly, Gross and Kobbelt 2002"
-    ranks = True
-    bytes_per_point: ClassVar[int] = 150
+    supports: ClassVar[Mapping[str, str]] = {"ranking": RANKING}
+    _bytes_per_point: ClassVar[int] = 150
 
     neighbours: int = parameter(25, "About how many points a neighbourhood holds.", least=3)
 
-    def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
+    def __call__(self, wanted: Wanted) -> Selection:
         """Choose the points; see `Method.__call__`."""
         from gppcs.surface.surface_variation import estimate_features
 
-        stages = Stages.of(stages)
+        points, n_points, stages = wanted.points, wanted.n_points, wanted.stages
         with stages("surface variation"):
             variation = estimate_features(points, self.neighbours).surface_variation
         return Selection(largest(variation, n_points))

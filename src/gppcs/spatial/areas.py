@@ -22,16 +22,7 @@ def areas_of_points(tree: KdTree) -> NDArray[np.float64]:
     neighbour holds 8 other points, so the point stands for an eighth of the disc. The largest 1 % are cut to the 99 %
     quantile; otherwise a few outliers could count as much as all other points.
 
-    Parameters
-    ----------
-    tree : KdTree
-        The tree over N points without repeats.
-
-    Returns
-    -------
-    (N,) array, float64
-        Positive, in the squared unit of the points and in the order of the input. Their sum is about the area of the
-        surface. All are 1 if they cannot be estimated, as for a single point.
+    Shapes: returns (N,).
     """
     n = len(tree.order)
     k = max(1, min(NEIGHBOURS, n - 1))

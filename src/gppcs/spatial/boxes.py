@@ -1,7 +1,7 @@
-"""Boxes that divide space, and tiles: runs of boxes that are worked on one after another.
+"""Boxes that divide space, and parts: runs of boxes that are worked on one after another.
 
 The boxes are the leaves of a k-d tree over a sample. So each holds about as many points, wherever a cloud is dense. A
-tile is a node of that tree with no more points than fit into memory. What is done in a tile may look at a *halo*: the
+part is a node of that tree with no more points than fit into memory. What is done in a part may look at a *halo*: the
 points of other boxes within some distance of it.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class Tile(NamedTuple):
+class Part(NamedTuple):
     """Some boxes that follow each other.
 
     Attributes
@@ -32,7 +32,7 @@ class Tile(NamedTuple):
     high: NDArray[np.float64]
 
 
-Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]  # Like `map`: results in the order of tiles.
+Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]  # Like `map`: results in the order of parts.
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,16 +60,7 @@ class Boxes:
     def of(cls, sample: NDArray[np.float64], count: int) -> Boxes:
         """Divide space so that each box holds about as many points of a sample.
 
-        Parameters
-        ----------
-        sample : (n, 3) array
-            At least one point.
-        count : int
-            Number of boxes, a power of two.
-
-        Returns
-        -------
-        Boxes
+        Shapes: sample (n, 3).
         """
         axes, cuts = np.zeros(count, dtype=np.int64), np.zeros(count)
         low, high = np.empty((2 * count, 3)), np.empty((2 * count, 3))
@@ -93,36 +84,20 @@ class Boxes:
     def box_of(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return the box of each point, from 0. Points outside all boxes belong to the nearest along each cut.
 
-        Parameters
-        ----------
-        points : (n, 3) array
-
-        Returns
-        -------
-        (n,) array, int64
+        Shapes: points (n, 3); returns (n,).
         """
         node, flat, start = np.ones(len(points), dtype=np.int64), points.ravel(), 3 * np.arange(len(points))
         for _ in range(len(self).bit_length() - 1):
             node = 2 * node + (flat[start + self.axes[node]] >= self.cuts[node])
         return node - len(self)
 
-    def tiles(self, counts: NDArray[np.int64], most: int) -> list[Tile]:
+    def parts(self, counts: NDArray[np.int64], most: int) -> list[Part]:
         """Return the largest nodes that hold few enough points, those without points left out.
 
-        Parameters
-        ----------
-        counts : (boxes,) array, int64
-            Number of points in each box.
-        most : int
-            Points of a tile at most, unless it is a single box.
-
-        Returns
-        -------
-        list of Tile
-            In the order of the boxes.
+        Shapes: counts (boxes,).
         """
         below = np.concatenate([[0], np.cumsum(counts)])
-        found: list[Tile] = []
+        found: list[Part] = []
         waiting = [(1, 0, len(self))]
         while waiting:
             node, first, last = waiting.pop()
@@ -131,47 +106,28 @@ class Boxes:
                 middle = (first + last) // 2
                 waiting += [(2 * node + 1, middle, last), (2 * node, first, middle)]
             elif held:
-                found.append(Tile(first, last, self.low[node], self.high[node]))
+                found.append(Part(first, last, self.low[node], self.high[node]))
         return found
 
-    def around(self, tile: Tile, width: float) -> NDArray[np.int64]:
-        """Return the boxes outside a tile that are within some distance of it along each axis.
+    def around(self, part: Part, width: float) -> NDArray[np.int64]:
+        """Return the boxes outside a part that are within some distance of it along each axis.
 
-        Parameters
-        ----------
-        tile : Tile
-        width : float
-
-        Returns
-        -------
-        (n,) array, int64
-            Ascending.
+        Shapes: returns (n,).
         """
         low, high = self.low[len(self) :], self.high[len(self) :]
-        near = np.asarray(((low <= tile.high + width) & (high >= tile.low - width)).all(axis=1))
-        near[tile.first : tile.last] = False
+        near = np.asarray(((low <= part.high + width) & (high >= part.low - width)).all(axis=1))
+        near[part.first : part.last] = False
         return np.flatnonzero(near)
 
 
-def classes(tiles: Sequence[Tile], width: float) -> list[list[Tile]]:
-    """Divide tiles into classes so that no two of a class are within some distance of each other.
-
-    Parameters
-    ----------
-    tiles : sequence of Tile
-    width : float
-
-    Returns
-    -------
-    list of list of Tile
-        Each tile is in the first class in which it can be, given the tiles before it.
-    """
-    low, high = np.array([tile.low for tile in tiles]), np.array([tile.high for tile in tiles])
-    of_tile = np.empty(len(tiles), dtype=np.int64)
-    for i in range(len(tiles)):
+def classes(parts: Sequence[Part], width: float) -> list[list[Part]]:
+    """Divide parts into classes so that no two of a class are within some distance of each other."""
+    low, high = np.array([part.low for part in parts]), np.array([part.high for part in parts])
+    of_part = np.empty(len(parts), dtype=np.int64)
+    for i in range(len(parts)):
         near = ((low[:i] <= high[i] + width) & (high[:i] >= low[i] - width)).all(axis=1)
-        taken = set(of_tile[:i][near].tolist())
-        of_tile[i] = next(number for number in range(len(tiles)) if number not in taken)
+        taken = set(of_part[:i][near].tolist())
+        of_part[i] = next(number for number in range(len(parts)) if number not in taken)
     return [
-        [tile for tile, own in zip(tiles, of_tile, strict=True) if own == number] for number in range(of_tile.max() + 1)
+        [part for part, own in zip(parts, of_part, strict=True) if own == number] for number in range(of_part.max() + 1)
     ]

@@ -20,14 +20,7 @@ NO_VALUES = np.empty(0, dtype=np.float32)  # tells the kernels to keep the first
 def first_occurrences(points: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Mark the points that do not repeat an earlier point, in O(N) by hashing.
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-
-    Returns
-    -------
-    (N,) array, bool
-        True where no earlier point has exactly the same coordinates.
+    Shapes: points (N, 3); returns (N,).
     """
     marks = np.ones(len(points), dtype=np.bool_)
     if len(points):
@@ -41,18 +34,7 @@ def greatest_in_cells(points: NDArray[np.float64], edge: float, values: NDArray[
     The cells are hashed. This takes O(N) time, and memory of 9 bytes per point and 8 bytes per occupied cell,
     however large the grid is.
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-    edge : float
-        Edge length of the cells, in the unit of the points. The grid starts at the origin.
-    values : (N,) array, float32
-        Of equal values in a cell, the first counts.
-
-    Returns
-    -------
-    (cells,) array, int64
-        Indices of the chosen points, ascending.
+    Shapes: points (N, 3), values (N,); returns (cells,).
     """
     marks = np.zeros(len(points), dtype=np.bool_)
     if len(points):

@@ -17,19 +17,7 @@ def even_sample(points: NDArray[np.float64], usable: NDArray[np.bool_], step: in
 
     So each cell, and each run of cells, keeps its share of the points, but for rounding.
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-        At least one. Finite, of about unit size.
-    usable : (N,) array, bool
-        Points that count.
-    step : int
-        k, at least 1.
-
-    Returns
-    -------
-    (n,) array, int64
-        Indices, ascending: one in k of the usable points, rounded up.
+    Shapes: points (N, 3), usable (N,); returns (n,).
     """
     low, high = bounds(points)
     extents = high - low

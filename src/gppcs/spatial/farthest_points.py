@@ -37,31 +37,7 @@ def farthest_points(
     Zeevi 1997). A k-d tree saves time: a step skips every box that lies farther from the new point than all of the
     box's points lie from earlier ones (Han et al. 2023).
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-    n_points : int
-        M, from 1 to N.
-    tree : KdTree, optional
-        A tree over `points`, if one exists; otherwise one is built.
-    advanced : callable, optional
-        Called with the number of points chosen since the last call.
-    first : int, optional
-        Index of the first point. By default, it is the point farthest from `others`; without `others`, it is the
-        point nearest the centroid.
-    others : (K, 3) array, float64, optional
-        Points chosen elsewhere; distances to them count as well.
-    least : float
-        Points that are nearer than this to all others are not chosen. So there may be fewer than M.
-
-    Returns
-    -------
-    indices : (M,) array, int64
-        The chosen points, in the order chosen.
-    distances : (M,) array, float64
-        Distance of each point to the nearest point chosen before it or in `others`, in the unit of the points. It is
-        infinite for the first point without `others`. After a given `first`, the distances never increase; they are
-        zero once only repeats are left. The last one is at least the covering radius of the M points.
+    Shapes: points (N, 3), others (K, 3); returns indices (M,), distances (M,).
     """
     tree = tree or KdTree.build(points)
     squared = np.full(len(points), np.inf)
@@ -135,14 +111,7 @@ def _choose(points, order, low, high, position, squared, farthest, candidate, ch
 def approach(xs, ys, zs, squared, x, y, z):
     """Lower the squared distances of n points where (x, y, z) is nearer.
 
-    Parameters
-    ----------
-    xs, ys, zs : (n,) arrays
-        Coordinates of the points.
-    squared : (n,) array
-        Squared distances, changed in place.
-    x, y, z : float
-        The new point.
+    Shapes: xs, ys, zs (n,), squared (n,).
     """
     for j in range(len(squared)):
         squared[j] = min(squared[j], (xs[j] - x) ** 2 + (ys[j] - y) ** 2 + (zs[j] - z) ** 2)

@@ -237,35 +237,14 @@ def _checked(rows: ArrayLike) -> NDArray[np.float64]:
 def first_leaf(low):
     """Return the node number of the first leaf, which is also the number of leaves.
 
-    Parameters
-    ----------
-    low : (nodes, ...) array
-        Any array with a row for each node.
-
-    Returns
-    -------
-    int
+    Shapes: low (nodes, ...).
     """
     return low.shape[0] // 2
 
 
 @kernel(fastmath=False, allocates=False)
 def leaf_range(n, leaves, leaf):
-    """Return the start and the end of a leaf's points in tree order.
-
-    Parameters
-    ----------
-    n : int
-        Number of points in the tree.
-    leaves : int
-        Number of leaves.
-    leaf : int
-        Node number of the leaf, from `leaves` on.
-
-    Returns
-    -------
-    begin, end : int
-    """
+    """Return the start and the end of a leaf's points in tree order."""
     j = leaf - leaves
     return n * j // leaves, n * (j + 1) // leaves
 
@@ -419,15 +398,7 @@ def squared_distance_to_box(low, high, x, y, z):
 
     Rounding never makes it larger than the computed squared distance to a point in the box.
 
-    Parameters
-    ----------
-    low, high : (3,) arrays
-        Corners of the box.
-    x, y, z : float
-
-    Returns
-    -------
-    float
+    Shapes: low, high (3,).
     """
     dx = max(low[0] - x, x - high[0], 0.0)
     dy = max(low[1] - y, y - high[1], 0.0)
@@ -439,15 +410,7 @@ def squared_distance_to_box(low, high, x, y, z):
 def nearest_in_tree(points, low, high, x, y, z, found, squared):
     """Find the k points of a tree nearest to (x, y, z).
 
-    Parameters
-    ----------
-    points, low, high
-        As in `KdTree`.
-    x, y, z : float
-    found : (k,) array, int64
-        Filled with positions in tree order, nearest first.
-    squared : (k,) array, float64
-        Filled with the squared distances.
+    Shapes: found (k,), squared (k,).
     """
     nearest_within(points, low, high, x, y, z, np.inf, found, squared)
 
@@ -456,17 +419,7 @@ def nearest_in_tree(points, low, high, x, y, z, found, squared):
 def nearest_within(points, low, high, x, y, z, limit, found, squared):
     """Find the k points of a tree nearest to (x, y, z), of which it is known that they lie within some distance.
 
-    Parameters
-    ----------
-    points, low, high
-        As in `KdTree`.
-    x, y, z : float
-    limit : float
-        Above the squared distance to the k-th nearest point.
-    found : (k,) array, int64
-        Filled with positions in tree order, nearest first.
-    squared : (k,) array, float64
-        Filled with the squared distances.
+    Shapes: found (k,), squared (k,).
     """
     leaves = first_leaf(low)
     n = points.shape[1]
@@ -500,19 +453,7 @@ def nearest_within(points, low, high, x, y, z, limit, found, squared):
 
 @kernel(fastmath=False, allocates=False)
 def limit_beside(squared, x, y, z):
-    """Return a limit for `nearest_within` at a place near another one.
-
-    Parameters
-    ----------
-    squared : float
-        Squared distance from the other place to its k-th nearest point.
-    x, y, z : float
-        Step between the places.
-
-    Returns
-    -------
-    float
-    """
+    """Return a limit for `nearest_within` at a place near another one."""
     limit = (np.sqrt(squared) + np.sqrt(x * x + y * y + z * z)) ** 2 * WIDENED + LEAST_LIMIT
     return limit if limit < np.inf else np.inf  # not NaN
 
@@ -534,20 +475,7 @@ def _nearest_of_all(begin, end, points, low, high, queries, found, squared):
 def leaves_near(low, high, box_low, box_high, squared_radius, found):
     """Find the leaves within a radius of a box.
 
-    Parameters
-    ----------
-    low, high : (nodes, 3) arrays
-        As in `KdTree`.
-    box_low, box_high : (3,) arrays
-        Corners of the box.
-    squared_radius : float
-    found : (m,) array, int64
-        Filled with the node numbers of the leaves; the search stops when it is full.
-
-    Returns
-    -------
-    int
-        Number of leaves found.
+    Shapes: low, high (nodes, 3), box_low, box_high (3,), found (m,).
     """
     leaves = first_leaf(low)
     count = 0
@@ -574,14 +502,7 @@ def squared_distance_of_boxes(low, high, other_low, other_high):
 
     Rounding never makes it larger than the computed squared distance between two points in them.
 
-    Parameters
-    ----------
-    low, high, other_low, other_high : (3,) arrays
-        Corners of the boxes.
-
-    Returns
-    -------
-    float
+    Shapes: low, high, other_low, other_high (3,).
     """
     dx = max(low[0] - other_high[0], other_low[0] - high[0], 0.0)
     dy = max(low[1] - other_high[1], other_low[1] - high[1], 0.0)
@@ -593,22 +514,7 @@ def squared_distance_of_boxes(low, high, other_low, other_high):
 def points_near(points, low, high, leaves, box_low, box_high, squared_radius, found):
     """Find the points of some leaves within a radius of a box.
 
-    Parameters
-    ----------
-    points, low, high
-        As in `KdTree`.
-    leaves : (m,) array, int64
-        Node numbers of the leaves.
-    box_low, box_high : (3,) arrays
-        Corners of the box.
-    squared_radius : float
-    found : array, int64
-        Filled with positions in tree order; it must have room for LEAF_SIZE points per leaf.
-
-    Returns
-    -------
-    int
-        Number of points found.
+    Shapes: leaves (m,), box_low, box_high (3,).
     """
     n, first = points.shape[1], first_leaf(low)
     count = 0
@@ -626,16 +532,7 @@ def points_near(points, low, high, leaves, box_low, box_high, squared_radius, fo
 def greatest_of_all(order, values, greatest, holder):
     """Fill each node with the greatest value among its points, and with the index of that point.
 
-    Parameters
-    ----------
-    order : (N,) array, int64
-        As in `KdTree`.
-    values : (N,) array, float64
-        A value of each point, in tree order.
-    greatest : (nodes,) array, float64
-        Filled with the greatest values.
-    holder : (nodes,) array, int64
-        Filled with the input indices; of equal values, the smallest index.
+    Shapes: order (N,), values (N,), greatest (nodes,), holder (nodes,).
     """
     leaves = first_leaf(greatest)
     for node in range(2 * leaves - 1, 0, -1):
@@ -647,15 +544,7 @@ def greatest_of_all(order, values, greatest, holder):
 
 @kernel(fastmath={"nnan", "nsz"})
 def greatest_in_leaf(node, order, values, greatest, holder):
-    """Update the greatest value of one leaf, and the index of its point.
-
-    Parameters
-    ----------
-    node : int
-        Node number of the leaf.
-    order, values, greatest, holder
-        As in `greatest_of_all`.
-    """
+    """Update the greatest value of one leaf, and the index of its point."""
     n = len(values)
     leaves = first_leaf(greatest)
     begin, end = leaf_range(n, leaves, node)
@@ -672,15 +561,7 @@ def greatest_in_leaf(node, order, values, greatest, holder):
 
 @kernel(allocates=False)
 def greater_child(node, greatest, holder):
-    """Update the greatest value of one inner node from its two children.
-
-    Parameters
-    ----------
-    node : int
-        Number of the inner node.
-    greatest, holder
-        As in `greatest_of_all`.
-    """
+    """Update the greatest value of one inner node from its two children."""
     a, b = 2 * node, 2 * node + 1
     if greatest[b] > greatest[a] or (greatest[b] == greatest[a] and holder[b] < holder[a]):
         a = b

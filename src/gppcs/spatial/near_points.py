@@ -32,17 +32,7 @@ class Groups(NamedTuple):
 def others_within(tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64]) -> Groups:
     """Find all points of a tree within a distance of each query, but at other places than the query.
 
-    Parameters
-    ----------
-    tree : KdTree
-    queries : (m, 3) array, float64
-    squared : (m,) array, float64
-        Squares of the distances. A point at just that distance is found, too.
-
-    Returns
-    -------
-    Groups
-        Positions in tree order.
+    Shapes: queries (m, 3), squared (m,).
     """
     starts, counts = np.arange(0, ROOM * len(queries) + 1, ROOM), np.empty(len(queries), dtype=np.int64)
     while True:
@@ -61,16 +51,7 @@ def others_within(tree: KdTree, queries: NDArray[np.float64], squared: NDArray[n
 def has_within(tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Tell whether there is a point of a tree within a distance of each query.
 
-    Parameters
-    ----------
-    tree : KdTree
-    queries : (m, 3) array, float64
-    squared : (m,) array, float64
-        Squares of the distances.
-
-    Returns
-    -------
-    (m,) array, bool
+    Shapes: queries (m, 3), squared (m,); returns (m,).
     """
     found = np.zeros(len(queries), dtype=np.bool_)
     on_ranges(
@@ -82,16 +63,7 @@ def has_within(tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.f
 def medians(starts: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the median of each group of values.
 
-    Parameters
-    ----------
-    starts : (m + 1,) array, int64
-        Where the values of each group start.
-    values : (n,) array, float64
-
-    Returns
-    -------
-    (m,) array, float64
-        NaN for groups with a NaN and for empty ones.
+    Shapes: starts (m + 1,), values (n,); returns (m,).
     """
     found = np.empty(len(starts) - 1)
     on_ranges(_medians, len(found), starts, values, found, least=QUERIES_AT_ONCE)

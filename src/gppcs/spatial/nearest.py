@@ -34,17 +34,7 @@ class Room(NamedTuple):
 
 @kernel
 def room_for(leaves):
-    """Allocate buffers for the points of some leaves.
-
-    Parameters
-    ----------
-    leaves : int
-        Number of leaves.
-
-    Returns
-    -------
-    Room
-    """
+    """Allocate buffers for the points of some leaves."""
     return Room(
         np.empty(leaves * LEAF_SIZE, dtype=np.int64), np.empty((3, leaves * LEAF_SIZE + STRIDE), dtype=np.float64)
     )
@@ -54,19 +44,7 @@ def room_for(leaves):
 def pack(points, room, count):
     """Copy the coordinates of the found points into `room.packed`, and pad them with far points.
 
-    Parameters
-    ----------
-    points : (3, N) array
-        As in `KdTree`.
-    room : Room
-        Its `found` holds the positions.
-    count : int
-        Number of points found.
-
-    Returns
-    -------
-    int
-        `count` rounded up to a multiple of STRIDE.
+    Shapes: points (3, N).
     """
     full = -(-count // STRIDE) * STRIDE
     for axis in range(3):
@@ -104,18 +82,7 @@ class Search(NamedTuple):
 
 @kernel
 def search_for(k, leaves):
-    """Allocate buffers for searches of k points.
-
-    Parameters
-    ----------
-    k : int
-    leaves : int
-        Number of leaves of the tree.
-
-    Returns
-    -------
-    Search
-    """
+    """Allocate buffers for searches of k points."""
     most = min(MANY_LEAVES + k, leaves + 1)
     room = room_for(most)
     return Search(
@@ -129,20 +96,7 @@ def search_for(k, leaves):
 def look_around(points, low, high, box_low, box_high, squared_radius, search):
     """Find and pack all points within a radius of a box.
 
-    Parameters
-    ----------
-    points, low, high
-        As in `KdTree`.
-    box_low, box_high : (3,) arrays
-        Corners of the box.
-    squared_radius : float
-    search : Search
-        Its `room` is filled.
-
-    Returns
-    -------
-    int
-        Number of points packed, padding included; zero if there are too many leaves to search.
+    Shapes: box_low, box_high (3,).
     """
     count = leaves_near(low, high, box_low, box_high, squared_radius, search.near)
     if count == len(search.near):
@@ -154,23 +108,7 @@ def look_around(points, low, high, box_low, box_high, squared_radius, search):
 
 @kernel(fastmath=False)
 def steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search):
-    """Find the k points nearest to (x, y, z), from the shared search if it reaches far enough.
-
-    Parameters
-    ----------
-    points, low, high
-        As in `KdTree`.
-    x, y, z : float
-    count, squared_radius
-        Result and radius of `look_around`.
-    search : Search
-        Its `local` is filled with the vectors to the k points, in no particular order.
-
-    Returns
-    -------
-    float
-        Squared distance to the k-th nearest point.
-    """
+    """Find the k points nearest to (x, y, z), from the shared search if it reaches far enough."""
     k, packed, found = len(search.gaps), search.room.packed, search.room.found
     reach = reach_of_nearest(packed, count, x, y, z, k, squared_radius, search.squared)
     if reach < 0.0:
@@ -190,21 +128,7 @@ def steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search):
 
 @kernel(fastmath=False)
 def steps_by_itself(points, low, high, x, y, z, search):
-    """Find the k points nearest to (x, y, z) by a search of the tree; otherwise like `steps_to_nearest`.
-
-    Parameters
-    ----------
-    points, low, high
-        As in `KdTree`.
-    x, y, z : float
-    search : Search
-        Its `local` is filled with the vectors to the k points, nearest first.
-
-    Returns
-    -------
-    float
-        Squared distance to the k-th nearest point.
-    """
+    """Find the k points nearest to (x, y, z) by a search of the tree; otherwise like `steps_to_nearest`."""
     nearest_in_tree(points, low, high, x, y, z, search.positions, search.gaps)
     for slot in range(len(search.gaps)):
         j = search.positions[slot]
@@ -219,23 +143,7 @@ def reach_of_nearest(packed, count, x, y, z, k, squared_radius, squared):
 
     The search is by regula falsi: on a surface, the number of points within a distance grows about as its square.
 
-    Parameters
-    ----------
-    packed : (3, m) array
-        Coordinates of the points; each row is an axis.
-    count : int
-        Number of packed points.
-    x, y, z : float
-    k : int
-    squared_radius : float
-        Largest squared distance to consider.
-    squared : (m,) array
-        Filled with the squared distances of the packed points.
-
-    Returns
-    -------
-    float
-        -1 if fewer than k points lie within the radius, or if ties leave no distance with exactly k.
+    Shapes: packed (3, m), squared (m,).
     """
     along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
     squared = squared[:count]

@@ -20,15 +20,7 @@ CACHED_POINTS = 1 << 10  # points that fit into the level-1 cache of a CPU core
 def bounds(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the corners of the bounding box.
 
-    Parameters
-    ----------
-    points : (N, 3) array
-        At least one point.
-
-    Returns
-    -------
-    low, high : (3,) arrays, float64
-        Lowest and highest coordinate along each axis; NaN if any coordinate on that axis is NaN.
+    Shapes: points (N, 3); returns low, high (3,).
     """
     chunks = min(RANGES, -(-len(points) // POINTS_AT_ONCE))
     low, high = np.full((chunks, 3), np.inf), np.full((chunks, 3), -np.inf)
@@ -54,19 +46,7 @@ class Frame(NamedTuple):
     def around(cls, low: NDArray[np.float64], high: NDArray[np.float64]) -> Frame:
         """Return the frame of a bounding box.
 
-        Parameters
-        ----------
-        low, high : (3,) arrays, float64
-            Corners of the box, finite.
-
-        Returns
-        -------
-        Frame
-
-        Raises
-        ------
-        InputError
-            If the size of the box overflows.
+        Shapes: low, high (3,).
         """
         with np.errstate(over="ignore"):
             size = float((high - low).max())
@@ -77,16 +57,7 @@ class Frame(NamedTuple):
     def local(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Shift and scale points.
 
-        Parameters
-        ----------
-        points : (n, 3) array, float64
-            Within the box of the frame.
-
-        Returns
-        -------
-        (n, 3) array, float64
-            Coordinates within 1e-100 of the corner, as a share of the size, become zero, since their squares would
-            underflow.
+        Shapes: points (n, 3); returns (n, 3).
         """
         half = -self.exponent // 2
         local = np.empty(points.shape)  # allocated here because NumPy, unlike Numba, asks for large memory pages
@@ -98,24 +69,7 @@ class Frame(NamedTuple):
 def normalised(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
     """Shift the lower corner of the bounding box to the origin and scale the points to about unit size.
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-        Finite, at least one point.
-
-    Returns
-    -------
-    local : (N, 3) array, float64
-        The shifted and scaled points, as `Frame.local` returns them; `local * 2**exponent + corner` gives the input,
-        but for rounding.
-    corner : (3,) array, float64
-        Lower corner of the bounding box of the input.
-    exponent : int
-
-    Raises
-    ------
-    InputError
-        If the size of the bounding box overflows.
+    Shapes: points (N, 3); returns local (N, 3), corner (3,).
     """
     frame = Frame.around(*bounds(points))
     return frame.local(points), frame.corner, frame.exponent

@@ -16,16 +16,7 @@ def paper_radius(points: NDArray[np.float64], k: int = 25) -> float:
     r = sqrt(k V^(2/3) / N), with V the volume of the bounding box. The rule assumes that the surface is as large as
     one side of a cube of volume V.
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-    k : int
-        Number of points that a neighbourhood should hold.
-
-    Returns
-    -------
-    float
-        r, in the unit of the points; zero if the bounding box has no volume.
+    Shapes: points (N, 3).
     """
     volume = np.prod(np.ptp(points, axis=0))
     return float(np.sqrt(k * np.cbrt(volume) ** 2 / len(points)))
@@ -37,19 +28,7 @@ def nearest_distances(tree: KdTree, k: int, most: int = 4096) -> NDArray[np.floa
     The sample takes points at equal steps in tree order, so that all parts of the cloud are represented. Equal steps
     in the order of the file would not do: it can be periodic, for example if several scanners take turns.
 
-    Parameters
-    ----------
-    tree : KdTree
-        The tree over N points.
-    k : int
-        The point itself does not count. If there are fewer than k others, the farthest counts as the k-th.
-    most : int
-        Size of the sample at most.
-
-    Returns
-    -------
-    (n,) array, float64
-        Distances in the unit of the points, in tree order.
+    Shapes: returns (n,).
     """
     n = tree.points.shape[1]
     chosen = np.ascontiguousarray(tree.points.T[:: max(1, -(-n // most))])
@@ -58,18 +37,7 @@ def nearest_distances(tree: KdTree, k: int, most: int = 4096) -> NDArray[np.floa
 
 
 def spacing(tree: KdTree) -> float:
-    """Return the spacing: the median distance of a point to its nearest neighbour.
-
-    Parameters
-    ----------
-    tree : KdTree
-        The tree over points without repeats.
-
-    Returns
-    -------
-    float
-        In the unit of the points.
-    """
+    """Return the spacing: the median distance of a point to its nearest neighbour."""
     return float(np.median(nearest_distances(tree, 1)))
 
 
@@ -79,18 +47,6 @@ def surface_area(tree: KdTree, k: int = 8) -> float:
     The disc around a point that reaches to its k-th neighbour holds k other points, so the point represents one k-th
     of the disc's area. The largest 1 % of the discs are cut to the 99 % quantile; otherwise a few outliers could
     count as much as all other points.
-
-    Parameters
-    ----------
-    tree : KdTree
-        The tree over points without repeats.
-    k : int
-        Number of neighbours; fewer if there are not that many.
-
-    Returns
-    -------
-    float
-        In the squared unit of the points; zero for a single point.
     """
     n = tree.points.shape[1]
     k = min(k, n - 1)
@@ -107,19 +63,7 @@ def neighbourhood_radius(points: NDArray[np.float64], tree: KdTree, k: int = 25)
     box is flat or stretched by outliers. A radius above three times the median distance to the k-th point, or below
     a third of it, is replaced by that distance.
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-        Without repeats.
-    tree : KdTree
-        The tree over `points`.
-    k : int
-        Number of points that a neighbourhood should hold.
-
-    Returns
-    -------
-    float
-        In the unit of the points.
+    Shapes: points (N, 3).
     """
     k = min(k, sys.maxsize)  # which a float can hold
     radius, robust = paper_radius(points, k), float(np.median(nearest_distances(tree, k - 1)))

@@ -7,31 +7,13 @@ from gppcs.engine.kernels import kernel
 
 @kernel
 def dot(a, b):
-    """Return the dot product of two vectors.
-
-    Parameters
-    ----------
-    a, b : three floats each
-
-    Returns
-    -------
-    float
-    """
+    """Return the dot product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel
 def minus(a, b):
-    """Return the difference a - b of two vectors.
-
-    Parameters
-    ----------
-    a, b : three floats each
-
-    Returns
-    -------
-    tuple of three floats
-    """
+    """Return the difference a - b of two vectors."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
@@ -39,63 +21,26 @@ def minus(a, b):
 def row(points, i):
     """Return a row of an array as a tuple.
 
-    Parameters
-    ----------
-    points : (n, 3) array
-    i : int
-
-    Returns
-    -------
-    tuple of three floats
+    Shapes: points (n, 3).
     """
     return points[i, 0], points[i, 1], points[i, 2]
 
 
 @kernel
 def cross(a, b):
-    """Return the cross product of two vectors.
-
-    Parameters
-    ----------
-    a, b : three floats each
-
-    Returns
-    -------
-    tuple of three floats
-    """
+    """Return the cross product of two vectors."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @kernel
 def area_vector(a, b, c):
-    """Return the normal of a triangle whose length is twice its area.
-
-    Parameters
-    ----------
-    a, b, c : three floats each
-        The corners, counter-clockwise.
-
-    Returns
-    -------
-    tuple of three floats
-    """
+    """Return the normal of a triangle whose length is twice its area."""
     return cross(minus(b, a), minus(c, a))
 
 
 @kernel
 def quality(a, b, c):
-    """Return the quality of a triangle: 4 sqrt(3) times its area over the sum of its squared edges.
-
-    Parameters
-    ----------
-    a, b, c : three floats each
-        The corners.
-
-    Returns
-    -------
-    float
-        1 if all edges are equal; 0 if the corners lie on a line.
-    """
+    """Return the quality of a triangle: 4 sqrt(3) times its area over the sum of its squared edges."""
     normal = area_vector(a, b, c)
     ab, bc, ca = minus(b, a), minus(c, b), minus(a, c)
     squared = dot(ab, ab) + dot(bc, bc) + dot(ca, ca)
@@ -107,15 +52,6 @@ def nearest_in_triangle(a, b, c):
     """Return v and w such that a + v (b - a) + w (c - a) is the point of the triangle nearest to the origin.
 
     The nearest point is at a corner, on an edge, or inside (Ericson, Real-Time Collision Detection, section 5.1.5).
-
-    Parameters
-    ----------
-    a, b, c : three floats each
-        The corners.
-
-    Returns
-    -------
-    v, w : float
     """
     ab, ac = minus(b, a), minus(c, a)
     ab_a, ac_a, ab_b, ac_b, ab_c, ac_c = dot(ab, a), dot(ac, a), dot(ab, b), dot(ac, b), dot(ab, c), dot(ac, c)
@@ -139,17 +75,7 @@ def nearest_in_triangle(a, b, c):
 
 @kernel
 def squared_distance(a, b, c, v, w):
-    """Return the squared length of a + v (b - a) + w (c - a).
-
-    Parameters
-    ----------
-    a, b, c : three floats each
-    v, w : float
-
-    Returns
-    -------
-    float
-    """
+    """Return the squared length of a + v (b - a) + w (c - a)."""
     x = a[0] + v * (b[0] - a[0]) + w * (c[0] - a[0])
     y = a[1] + v * (b[1] - a[1]) + w * (c[1] - a[1])
     z = a[2] + v * (b[2] - a[2]) + w * (c[2] - a[2])

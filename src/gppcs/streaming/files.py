@@ -1,28 +1,28 @@
-"""Simplify files that may be larger than memory."""
+"""Simplify files that may be larger than memory: one function decides how, and does it."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from contextlib import ExitStack
-from typing import Any, Literal
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
 
 from numpy.typing import ArrayLike
 
 from gppcs.amounts.accuracy import Measure
-from gppcs.amounts.amount import Amount
-from gppcs.amounts.guide import check_guided_amount
 from gppcs.engine.stages import Stages
-from gppcs.errors import ParameterError, file_path, flag, shown
+from gppcs.errors import ParameterError, file_path, shown
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.query import Query
 from gppcs.methods import DEFAULT, Method
-from gppcs.simplification import Result, resolved, simplify
-from gppcs.streaming.asked import plan_for
-from gppcs.streaming.cluster import Cluster
-from gppcs.streaming.outliers import OutlierSearch
-from gppcs.streaming.passes import simplify_in_passes
+from gppcs.simplification import Request, Result, simplify_cloud
+from gppcs.streaming.beyond_memory import Run, simplify_stored
+from gppcs.streaming.plan import Plan, plan
+from gppcs.streaming.scratch import scratch_folder
 from gppcs.streaming.sizes import bytes_of
+from gppcs.streaming.workers import each_by
 
 
 def simplify_files(
@@ -53,19 +53,15 @@ def simplify_files(
     assume_same_crs: bool = False,
     memory: int | str | None = None,
     scratch: str | os.PathLike[str] | None = None,
-    client: Any = None,
-    resume: bool = False,
+    executor: Executor | None = None,
     stages: Stages | None = None,
 ) -> Result:
-    """Choose exactly M points of a cloud in files, which may be larger than memory.
+    """Choose M points of a cloud in files, which may be larger than memory.
 
-    If the cloud fits into the memory allowed, it is read and simplified as by `gppcs.simplify`. Otherwise the method
-    `gp` reads the files several times, in chunks, and holds a sample of the points, candidates and the kept points
-    alone. It chooses the same points, to the last bit of `indices`. If the candidates do not fit, either, it stores the
-    points in temporary files and chooses tile by tile: other points than in memory, but as good ones, and no seam
-    shows. `voxel`, too, chooses tile by tile, the same points as in memory. So does `fps`, but other points, and
-    `random` draws others. In no case does the result depend on how the points are divided into files and chunks. The
-    other methods need all points in memory.
+    If the cloud fits into the memory allowed, it is read and simplified as by `gppcs.simplify`. Otherwise the methods
+    `gp`, `fps`, `voxel` and `random` store its points in temporary files, sorted by place, and choose part by part:
+    exactly as many points, without seams and as good ones as in memory, but other ones. The result depends neither on
+    the number of workers nor on how much memory is allowed beyond that.
 
     Parameters
     ----------
@@ -74,12 +70,10 @@ def simplify_files(
         the first, then those of the second and so on. They must have the same attributes. A virtual point cloud (.vpc)
         stands for the files that it lists.
     ratio, n_points, method, seed, invalid, normals, scores, drop_outliers, stages
-        As for `gppcs.simplify`. Normals need all points in memory. Outliers are the same ones, whatever the memory.
+        As for `gppcs.simplify`. Normals need all points in memory.
     tolerance, measure, spacing, max_gap, unit, keep, weight
-        As for `gppcs.simplify`. All points must be in memory: for methods other than `gp`, if `tolerance`, `spacing`,
-        `keep`, `weight` or `max_gap` alone is given; for `keep` that is no condition; for `weight` that is no name.
-        `tolerance`, `keep` and `weight` do not work in tiles. If not all points are in memory, `tolerance` keeps its
-        promise, but each repeat of a point counts, and the number of points may differ a little.
+        As for `gppcs.simplify`. All points must be in memory for `tolerance` and `max_gap`, for `keep` that is no
+        condition, and for `weight` that is no name.
     format, columns
         As for `gppcs.read`, for all files. A text table whose columns are named so is read as a whole.
     box, resolution, only, drop, polygon
@@ -93,13 +87,9 @@ def simplify_files(
         free.
     scratch : path, optional
         An existing folder for temporary files, on a disk with enough space; by default the system's.
-    client : distributed.Client, optional
-        Of a Dask cluster, whose workers then make the passes and work on the tiles (docs/cluster.md). They must see the
-        files, and `scratch`, at the same paths.
-    resume : bool
-        Whether to keep, if the work is interrupted, what is done of it in a folder in `scratch`, and to go on from what
-        an interrupted call with the same files and parameters has kept. A call that succeeds removes the folder. Work
-        in memory begins anew.
+    executor : concurrent.futures.Executor, optional
+        Who works on parts of the cloud, such as a `ProcessPoolExecutor`, or `client.get_executor()` of a Dask cluster
+        (docs/cluster.md). The workers must see the files, and `scratch`, at the same paths. By default threads.
 
     Returns
     -------
@@ -129,34 +119,60 @@ def simplify_files(
     >>> gppcs.write("east.ply", cloud.take(range(12_000)))
     >>> gppcs.write("west.ply", cloud.take(range(12_000, 20_000)))
     >>> result = gppcs.simplify_files(["east.ply", "west.ply"], n_points=500, memory="2GB")
-    >>> (result.indices == gppcs.simplify(cloud, n_points=500).indices).all()
-    np.True_
+    >>> len(result.cloud)
+    500
     """
     if isinstance(paths, str | os.PathLike):
         paths = [paths]
     if not isinstance(paths, Sequence) or not paths:
         raise ParameterError(f"expected a file or a list of files, found {shown(paths)}")
-    stages, normals, scores = Stages.of(stages), flag("normals", normals), flag("scores", scores)
-    resume, drop_outliers = flag("resume", resume), flag("drop_outliers", drop_outliers)
+    request = Request.of(
+        ratio=ratio, n_points=n_points, tolerance=tolerance, measure=measure, spacing=spacing, max_gap=max_gap,
+        unit=unit, keep=keep, weight=weight, method=method, seed=seed, invalid=invalid, normals=normals,
+        scores=scores, drop_outliers=drop_outliers,
+    )  # fmt: skip
+    work = Work(
+        None if memory is None else bytes_of(memory), None if scratch is None else file_path(scratch), executor,
+        Stages.of(stages),
+    )  # fmt: skip
     query = Query.of(box, resolution, only, drop, polygon)
-    Amount.of(ratio, n_points, tolerance, spacing, max_gap, measure)
-    check_guided_amount(spacing, keep, weight)
-    asked: dict[str, Any] = {"ratio": ratio, "n_points": n_points, "tolerance": tolerance, "spacing": spacing}
-    asked |= {"max_gap": max_gap, "keep": keep, "weight": weight, "unit": unit, "invalid": invalid}
-    asked["measure"] = measure
-    folder = None if scratch is None else file_path(scratch)
-    with CloudFiles.of(paths, format, columns, query, assume_same_crs) as files, ExitStack() as stack:
-        chosen, limit = resolved(method, seed), None if memory is None else bytes_of(memory)
-        cluster = None if client is None else Cluster(client)
-        search = OutlierSearch(files, invalid, False, stages, folder, cluster, resume) if drop_outliers else None
-        if search:
-            stack.enter_context(search)
-        whole = "normals" if normals else None
-        made, options = plan_for(files, chosen, asked, limit, whole, cluster, stages, search)
-        if made.in_memory:
-            with stages("reading"):
-                cloud = files.read()
-            asked |= {"normals": normals, "scores": scores, "drop_outliers": drop_outliers}
-            return simplify(cloud, method=chosen, stages=stages, **asked)
-        options |= {"invalid": invalid, "scores": scores, "scratch": folder, "cluster": cluster, "resume": resume}
-        return simplify_in_passes(files, made, chosen, stages=stages, **options)[0]
+    with CloudFiles.of(paths, format, columns, query, assume_same_crs) as files:
+        return run(files, request, work).result
+
+
+@dataclass(frozen=True)
+class Work:
+    """How the work on a cloud is done.
+
+    Attributes
+    ----------
+    memory : int, optional
+        Bytes that the process may hold.
+    scratch : path, optional
+        The folder for temporary files.
+    executor : Executor, optional
+        Who works on parts of the cloud.
+    stages : Stages
+    """
+
+    memory: int | None
+    scratch: Path | None
+    executor: Executor | None
+    stages: Stages
+
+    def planned(self, files: CloudFiles, request: Request, whole: str | None = None) -> Plan:
+        """Return how a cloud is going to be simplified; `whole` is what takes all points at once."""
+        return plan(files, request, self.memory, whole, self.executor is not None)
+
+
+def run(files: CloudFiles, request: Request, work: Work, planned: Plan | None = None, *, listed: bool = False) -> Run:
+    """Simplify the cloud in some files; `listed` outliers are returned, too."""
+    planned = planned or work.planned(files, request)
+    if planned.in_memory:
+        with work.stages("reading"):
+            cloud = files.read()
+        result = simplify_cloud(cloud, request, work.stages)
+        outliers = cloud.take(result.outliers) if listed and result.outliers is not None else None
+        return Run(result, len(cloud), outliers, cloud)
+    with scratch_folder(work.scratch, planned.disk) as folder, each_by(work.executor) as each:
+        return simplify_stored(files, request, planned, folder, each, work.stages, listed)

@@ -12,22 +12,7 @@ _UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "t": 10**12, "ki": 2**10, "
 
 
 def bytes_of(memory: int | str) -> int:
-    """Return a number of bytes that is written with a unit.
-
-    Parameters
-    ----------
-    memory : int or str
-        Bytes, or a text such as "4GB", "1.5 GB" or "512MiB".
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    ParameterError
-        If it is neither, or not above 0.
-    """
+    """Return a number of bytes that is written with a unit."""
     text = str(memory) if isinstance(memory, int | str) and not isinstance(memory, bool) else ""
     found = re.fullmatch(r"\s*(\d+|\d*\.\d+)\s*([kmgt]i?)?b?\s*", text, re.IGNORECASE | re.ASCII)
     exact = Decimal(found[1]) * _UNITS[(found[2] or "").lower()] if found else Decimal(0)  # floats could overflow
@@ -38,16 +23,7 @@ def bytes_of(memory: int | str) -> int:
 
 
 def size_of(memory: int) -> str:
-    """Return a number of bytes as messages show it.
-
-    Parameters
-    ----------
-    memory : int
-
-    Returns
-    -------
-    str
-    """
+    """Return a number of bytes as messages show it."""
     if memory < 1e6:
         return f"{memory:,} B"
     if memory < 1e9:

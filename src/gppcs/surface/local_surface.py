@@ -51,14 +51,7 @@ class LocalSurface:
     def of(cls, points: NDArray[np.float64]) -> LocalSurface:
         """Build the surface of a cloud.
 
-        Parameters
-        ----------
-        points : (M, 3) array, float64
-            Distinct points.
-
-        Returns
-        -------
-        LocalSurface
+        Shapes: points (M, 3).
         """
         tree = KdTree.build(points)
         normals = features_of_nearest(tree, PLANE_NEIGHBOURS).normals[tree.order]
@@ -71,18 +64,7 @@ class LocalSurface:
 
         The fans of the nearest points are searched, and the nearest point itself.
 
-        Parameters
-        ----------
-        queries : (Q, 3) array, float64
-            Any points.
-
-        Returns
-        -------
-        distances : (Q,) array, float64
-            Distances to the surface.
-        normals : (Q, 3) array, float64
-            Normals at the nearest places, interpolated between the corners of the triangle. Their signs and lengths
-            have no meaning.
+        Shapes: queries (Q, 3); returns distances (Q,), normals (Q, 3).
         """
         distances, normals = np.empty(len(queries)), np.empty((len(queries), 3))
         on_ranges(

@@ -23,16 +23,7 @@ SMALLEST_ROOT = np.polynomial.chebyshev.cheb2poly(_CHEBYSHEV.coef)[::-1].copy()
 def moments_in_ball(packed, count, x, y, z, squared_radius, moments, p):
     """Compute the moments of the packed points within a radius of (x, y, z), relative to (x, y, z).
 
-    Parameters
-    ----------
-    packed : (3, m) array
-        Coordinates of points; each row is an axis.
-    count : int
-        Number of packed points.
-    x, y, z, squared_radius : float
-    moments : (10, n) array
-    p : int
-        Column of `moments` to fill.
+    Shapes: packed (3, m), moments (10, n).
     """
     along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
     n = sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = 0.0
@@ -59,12 +50,7 @@ def moments_in_ball(packed, count, x, y, z, squared_radius, moments, p):
 def node_moments(points, low, high, moments):
     """Compute the moments of each node of a tree, relative to the middle of its box.
 
-    Parameters
-    ----------
-    points, low, high
-        As in `KdTree`.
-    moments : (nodes, 10) array
-        Filled; row 0 is unused.
+    Shapes: moments (nodes, 10).
     """
     n, leaves = points.shape[1], first_leaf(low)
     point = np.zeros(MOMENTS, dtype=np.float64)
@@ -85,14 +71,7 @@ def node_moments(points, low, high, moments):
 def middle(low, high):
     """Return the middle of a box.
 
-    Parameters
-    ----------
-    low, high : (3,) arrays
-        Corners of the box.
-
-    Returns
-    -------
-    x, y, z : float
+    Shapes: low, high (3,).
     """
     return 0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2])
 
@@ -101,14 +80,7 @@ def middle(low, high):
 def add_shifted(moments, x, y, z, total):
     """Add moments relative to one origin to moments relative to another origin.
 
-    Parameters
-    ----------
-    moments : (10,) array
-        The moments to add.
-    x, y, z : float
-        Vector from the origin of `total` to the origin of `moments`.
-    total : (10,) array
-        Changed in place.
+    Shapes: moments (10,), total (10,).
     """
     n, sx, sy, sz = moments[0], moments[1], moments[2], moments[3]
     total[0] += n
@@ -131,17 +103,7 @@ def flattest(xx, xy, xz, yy, yz, zz, normal):
     C - lambda_0 I. If all three cross products vanish, lambda_0 is repeated, and any direction orthogonal to the
     remaining eigenvector is correct.
 
-    Parameters
-    ----------
-    xx, xy, xz, yy, yz, zz : float
-        Elements of C, which must be positive semi-definite.
-    normal : (3,) array
-        Filled with the unit eigenvector of lambda_0; with (0, 0, 1) if the trace is zero.
-
-    Returns
-    -------
-    float
-        lambda_0 / trace, from 0 to 1/3; zero if the trace is zero.
+    Shapes: normal (3,).
     """
     trace = xx + yy + zz
     normal[0], normal[1], normal[2] = 0.0, 0.0, 1.0
@@ -198,15 +160,7 @@ def flattest_side_by_side(moments, variation, normals, sure):
     The loop has no branches. Smith's closed form has the smallest eigenvalue as the cosine of a third of arccos r;
     here that is rewritten with arccos sqrt((1 - r) / 2), which is smooth where a neighbourhood is flat.
 
-    Parameters
-    ----------
-    moments : (10, AT_ONCE) array
-    variation : (AT_ONCE,) array
-        Filled with lambda_0 / trace.
-    normals : (3, AT_ONCE) array
-        Filled with the unit eigenvectors of lambda_0.
-    sure : (AT_ONCE,) array
-        Filled with 1; with 0 where an eigenvalue is repeated or all points coincide. There, call `flattest` instead.
+    Shapes: moments (10, AT_ONCE), variation (AT_ONCE,), normals (3, AT_ONCE), sure (AT_ONCE,).
     """
     for p in range(AT_ONCE):
         share = 1.0 / moments[0, p]
@@ -243,17 +197,7 @@ def flattest_side_by_side(moments, variation, normals, sure):
 
 @kernel(fastmath=False)
 def tangents(x, y, z):
-    """Return two unit vectors that are orthogonal to a unit vector and to each other.
-
-    Parameters
-    ----------
-    x, y, z : float
-        The unit vector.
-
-    Returns
-    -------
-    u, v : tuples of three floats
-    """
+    """Return two unit vectors that are orthogonal to a unit vector and to each other."""
     if abs(x) <= abs(y) and abs(x) <= abs(z):
         length = np.sqrt(y * y + z * z)
         u = 0.0, -z / length, y / length

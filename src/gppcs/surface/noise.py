@@ -60,13 +60,7 @@ class Layer(NamedTuple):
     def of(cls, distances: NDArray[np.float64], radii: NDArray[np.float64]) -> Layer:
         """Return the layer, given the distances of m points from their quadrics and the radii of their neighbourhoods.
 
-        Parameters
-        ----------
-        distances, radii : (m,) arrays
-
-        Returns
-        -------
-        Layer
+        Shapes: distances, radii (m,).
         """
         return cls(float(np.quantile(distances, SHARE)) / DEVIATIONS, float(np.median(radii)))
 
@@ -90,13 +84,7 @@ class Observations(NamedTuple):
     def take(self, rows: NDArray[np.int64]) -> Observations:
         """Return those at some of the places.
 
-        Parameters
-        ----------
-        rows : (m,) array
-
-        Returns
-        -------
-        Observations
+        Shapes: rows (m,).
         """
         return Observations(None if self.feet is None else self.feet[rows], self.variances[rows])
 
@@ -137,20 +125,6 @@ class Noise:
         """Measure the noise of the points of a tree.
 
         Neighbourhoods never grow beyond the target spacing, since detail of that size should be kept.
-
-        Parameters
-        ----------
-        tree : KdTree
-            Over N points: the cloud or a sample of it.
-        n_points : int
-            M, the number of points to keep.
-        spacing : float
-            Target spacing, in the unit of the tree.
-
-        Returns
-        -------
-        Noise
-            Its level is 0 if fewer than `FEWEST` points lie within the target spacing of a point.
         """
         within = int(np.pi * len(tree.order) / n_points)  # points within the target spacing of a point, on average
         noise = cls.from_layers(lambda neighbours: layer_of(tree, neighbours), within, spacing)
@@ -158,22 +132,7 @@ class Noise:
 
     @classmethod
     def from_layers(cls, layer_of: Callable[[int], Layer], within: int, spacing: float) -> Noise:
-        """Tell the noise from the layers about quadrics fitted to different numbers of points.
-
-        Parameters
-        ----------
-        layer_of : callable
-            Takes the number of points of each fit, and returns the layer.
-        within : int
-            Points within the target spacing of a point, on average.
-        spacing : float
-            Target spacing.
-
-        Returns
-        -------
-        Noise
-            Without a tree.
-        """
+        """Tell the noise from the layers about quadrics fitted to different numbers of points."""
         if within < FEWEST:
             return cls(None, within, False, 0.0, False, spacing)
         layer_of = cache(layer_of)
@@ -195,13 +154,7 @@ class Noise:
     def observe(self, places: NDArray[np.float64]) -> Observations:
         """Return what observations at some places are worth.
 
-        Parameters
-        ----------
-        places : (n, 3) array
-
-        Returns
-        -------
-        Observations
+        Shapes: places (n, 3).
         """
         if self.tree is None:
             return Observations(None, np.zeros(len(places)))
@@ -215,53 +168,17 @@ class Noise:
 
 
 def is_detail(fine: Layer, wide: Layer) -> bool:
-    """Return whether what lies off quadrics is detail of the surface rather than noise.
-
-    Parameters
-    ----------
-    fine, wide : Layer
-        About quadrics fitted to `NEIGHBOURS` points and to twice as many.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether what lies off quadrics is detail of the surface rather than noise."""
     return wide.level * fine.radius > DETAIL * fine.level * wide.radius
 
 
 def neighbours_across_noise(tree: KdTree) -> tuple[int, Layer]:
-    """Double neighbourhoods until they lie across the layer of noise, not within it.
-
-    Parameters
-    ----------
-    tree : KdTree
-        Over N points.
-
-    Returns
-    -------
-    neighbours : int
-        Points of each fit: `NEIGHBOURS`, doubled up to `WIDEST`.
-    layer : Layer
-        The layer about these quadrics, in the unit of the tree.
-    """
+    """Double neighbourhoods until they lie across the layer of noise, not within it."""
     return across_noise(lambda neighbours: layer_of(tree, neighbours), WIDEST)
 
 
 def across_noise(layer_of: Callable[[int], Layer], widest: int) -> tuple[int, Layer]:
-    """Double neighbourhoods as `neighbours_across_noise` does.
-
-    Parameters
-    ----------
-    layer_of : callable
-        Takes the number of points of each fit. Returns the layer.
-    widest : int
-        Points of a fit at most.
-
-    Returns
-    -------
-    neighbours : int
-    layer : Layer
-    """
+    """Double neighbourhoods as `neighbours_across_noise` does."""
     neighbours = min(NEIGHBOURS, widest)
     layer = layer_of(neighbours)
     while layer.thick and neighbours < widest:
@@ -273,21 +190,7 @@ def across_noise(layer_of: Callable[[int], Layer], widest: int) -> tuple[int, La
 def projections(tree: KdTree, places: KdTree, neighbours: int) -> tuple[KdTree, NDArray[np.float64]]:
     """Project places onto the quadrics fitted to the points around them.
 
-    Parameters
-    ----------
-    tree : KdTree
-        Over the points to which quadrics are fitted.
-    places : KdTree
-        Over m places.
-    neighbours : int
-        Points of each fit.
-
-    Returns
-    -------
-    feet : KdTree
-        Over the projected places, in the same order.
-    radii : (m,) array
-        Radii of the neighbourhoods, in the order of the tree of places.
+    Shapes: returns radii (m,).
     """
     quadrics = fit_quadrics(tree, places, neighbours)
     rise = np.clip(quadrics.heights, -quadrics.reaches, quadrics.reaches)
@@ -295,20 +198,7 @@ def projections(tree: KdTree, places: KdTree, neighbours: int) -> tuple[KdTree, 
 
 
 def layer_of(tree: KdTree, neighbours: int) -> Layer:
-    """Measure the layer of noise on at most `SAMPLES` points, evenly spread over the tree.
-
-    Parameters
-    ----------
-    tree : KdTree
-        Over N points.
-    neighbours : int
-        Points of each fit.
-
-    Returns
-    -------
-    Layer
-        In the unit of the tree.
-    """
+    """Measure the layer of noise on at most `SAMPLES` points, evenly spread over the tree."""
     some = KdTree.over(np.ascontiguousarray(tree.points[:, :: -(-len(tree.order) // SAMPLES)]))
     feet, radii = projections(tree, some, neighbours)
     return Layer.of(np.sqrt(((feet.points - some.points) ** 2).sum(axis=0)), radii)

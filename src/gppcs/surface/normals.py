@@ -95,19 +95,7 @@ def normals_of(tree: KdTree, near: NDArray[np.int64], noisy: bool) -> NDArray[np
 
     Without noise, one fit to `SHARP` points yields both the normal and its sign.
 
-    Parameters
-    ----------
-    tree : KdTree
-        Over N points without repeats, of about unit size, in its own order.
-    near : (N, k) array, int64
-        The neighbours of each, at least `EDGES` if there are as many, as `KdTree.neighbours` returns them.
-    noisy : bool
-        Whether noise matters.
-
-    Returns
-    -------
-    (N, 3) array, float64
-        In tree order.
+    Shapes: near (N, k); returns (N, 3).
     """
     near = np.ascontiguousarray(near[:, :EDGES])
     neighbours = neighbours_across_noise(tree)[0]

@@ -43,20 +43,6 @@ def fit_quadrics(tree: KdTree, places: KdTree, k: int) -> Quadrics:
 
     The coordinates u and v lie in the plane fitted to the same points; weights are Gaussian. With fewer than six
     points, the normal is the plane's and the height 0. Where the quadric is steep, the normal is the plane's, too.
-
-    Parameters
-    ----------
-    tree : KdTree
-        Over the points to which quadrics are fitted.
-    places : KdTree
-        Over the m places.
-    k : int
-        Points of each fit; all points if there are fewer.
-
-    Returns
-    -------
-    Quadrics
-        In the order of the tree of places.
     """
     m = places.points.shape[1]
     fitted = Quadrics(np.empty(m), np.empty((3, m)), np.empty(m))

@@ -140,18 +140,6 @@ def features_in_radius(tree: KdTree, radius: float) -> Features:
 
     The points of a group of leaves share one search of the tree. A node that lies within the radius of all of them
     counts as a whole, so that dense parts of a cloud cost little more than others.
-
-    Parameters
-    ----------
-    tree : KdTree
-        The tree over N points.
-    radius : float
-        In the unit of the points.
-
-    Returns
-    -------
-    Features
-        In the order of the input.
     """
     features = Features.empty(len(tree.order))
     _measure_in_radius(tree, radius, features)
@@ -161,17 +149,7 @@ def features_in_radius(tree: KdTree, radius: float) -> Features:
 def variation_in_radius(tree: KdTree, radius: float) -> NDArray[np.float64]:
     """Measure the surface variation as `features_in_radius` does, without the memory for the other features.
 
-    Parameters
-    ----------
-    tree : KdTree
-        The tree over N points.
-    radius : float
-        In the unit of the points.
-
-    Returns
-    -------
-    (N,) array, float64
-        In the order of the input.
+    Shapes: returns (N,).
     """
     unwanted = Features.empty(0)
     variation = np.empty(len(tree.order), dtype=np.float64)
@@ -288,20 +266,7 @@ def _farthest(low, high, other_low, other_high):
 
 
 def features_of_nearest(tree: KdTree, k: int) -> Features:
-    """Measure each point's neighbourhood of its k nearest points, itself included.
-
-    Parameters
-    ----------
-    tree : KdTree
-        The tree over N points.
-    k : int
-        All points if there are fewer than k.
-
-    Returns
-    -------
-    Features
-        In the order of the input.
-    """
+    """Measure each point's neighbourhood of its k nearest points, itself included."""
     features = Features.empty(len(tree.order))
     tasks = min(tree.leaves, TASKS)
     on_ranges(

@@ -221,7 +221,7 @@ def _named(entries: Sequence[Entry], surfaces: Sequence[Mesh | None]) -> list[Na
     from gppcs.drawing.web.contents import Named
 
     return [
-        Named(entry.result.method.label, entry.result.cloud, mesh, entry.result.method.summary)
+        Named(str(entry.result.method), entry.result.cloud, mesh, entry.result.method.summary)
         for entry, mesh in zip(entries, surfaces[1:], strict=True)
     ]
 
@@ -255,7 +255,7 @@ def _drawn(
     columns = [Column("original", everything.points, everything.values, "", meshes[0], colours=everything.colours)]
     for entry, mesh in zip(entries, meshes[1:], strict=True):
         kept = everything.kept(np.searchsorted(rows, entry.result.indices), entry.result.cloud.points)
-        title = entry.result.method.label
+        title = str(entry.result.method)
         columns.append(Column(title, kept.points, kept.values, _caption(entry), mesh, colours=kept.colours))
     image = BytesIO()
     draw_comparison(image, columns, viewpoint, legend)

@@ -43,6 +43,7 @@ def _record(method: type[Method]) -> dict[str, Any]:
         "summary": method.summary,
         "description": method.description,
         "source": method.source,
+        "supports": dict(method.supports),
         "parameters": dataclasses.asdict(method()),
         "meanings": {key: parameter.meaning for key, parameter in method.parameters().items()},
     }
@@ -66,8 +67,9 @@ def _explain(method: type[Method]) -> None:
 
     text = "\n\n".join(filter(None, [method.description, f"Source: {method.source}"]))
     paragraphs = [(f"{method.name}: {method.summary}", text)]
+    paragraphs += [(f"supports {feature}", meaning) for feature, meaning in method.supports.items()]
     for key, parameter in method.parameters().items():
         paragraphs.append((f"{key} ({parameter.kind}, default {parameter.default})", parameter.meaning))
-    if len(paragraphs) == 1:
+    if not method.parameters():
         paragraphs.append(("no parameters", ""))
     print_paragraphs(paragraphs)

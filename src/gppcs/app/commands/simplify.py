@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
@@ -19,11 +18,10 @@ from gppcs.app.large_files import (
     DryRun,
     Memory,
     Merge,
-    Resume,
     Scheduler,
     Scratch,
     Workers,
-    cluster_of,
+    executor_of,
     plan_record,
     print_plan,
     titled,
@@ -81,8 +79,8 @@ from gppcs.engine.memory import peak_memory
 from gppcs.engine.stages import COMPILATION
 from gppcs.engine.threads import set_threads
 from gppcs.errors import InputError, OutputError, ParameterError, file_path
-from gppcs.methods import DEFAULT, METHODS, method_named
-from gppcs.simplification import takes_all_points
+from gppcs.methods import DEFAULT, METHODS, Method, method_named
+from gppcs.simplification import Request, require_ranking
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -91,11 +89,10 @@ if TYPE_CHECKING:
     from gppcs.drawing.viewpoint import Viewpoint
     from gppcs.engine.stages import Stages
     from gppcs.evaluation.report import Report
-    from gppcs.io.cloud_files import CloudFiles
     from gppcs.io.query import Query
     from gppcs.simplification import Result
-    from gppcs.streaming.cluster import Cluster
-    from gppcs.streaming.outliers import OutlierSearch
+    from gppcs.streaming.beyond_memory import Run
+    from gppcs.streaming.files import Work
     from gppcs.streaming.plan import Plan
 
 EPILOG = (
@@ -270,7 +267,6 @@ def simplify(
     scratch: Scratch = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
-    resume: Resume = False,
     dry_run: DryRun = False,
     force: Force = False,
     lossy: Lossy = False,
@@ -282,39 +278,37 @@ def simplify(
     If one of several inputs cannot be used, the others are still simplified, and the exit code is 2. The name - stands
     for standard input, or for standard output with --to.
     """
+    from gppcs.engine.stages import Stages
     from gppcs.io import check_distinct, is_standard
     from gppcs.io.query import Query
-    from gppcs.simplification import check_options
+    from gppcs.streaming.files import Work
     from gppcs.streaming.sizes import bytes_of
 
     set_threads(threads)
-    options: dict[str, Any] = {
+    amount: dict[str, Any] = {
         "ratio": None if ratio is None else share_of(ratio),
         "n_points": None if points is None else count_of(points),
         "tolerance": tolerance,
-        "measure": measure,
         "spacing": spacing,
         "max_gap": max_gap,
-        "unit": unit,
-        "keep": keep,
-        "weight": weight,
-        "method": method_named(method, _parsed(settings or [])),
-        "seed": seed,
-        "invalid": invalid,
-        "normals": normals,
-        "scores": scores,
-        "drop_outliers": drop_outliers or outliers is not None,
     }
-    wanted = None if levels is None else _checked_levels(levels, options, mark)
-    if wanted:
-        options |= wanted.finest
+    chosen = method_named(method, _parsed(settings or []))
+    wanted = None if levels is None else _checked_levels(levels, amount, chosen, mark)
+    request = Request.of(
+        **amount | (wanted.finest if wanted else {}), measure=measure, unit=unit, keep=keep, weight=weight,
+        method=chosen, seed=seed, invalid=invalid, normals=normals, scores=scores,
+        drop_outliers=drop_outliers or outliers is not None,
+    )  # fmt: skip
     viewpoint = viewpoint_of(view, up, picture is not None or report is not None)
     require_picture(colour, picture is not None)
     if mark is not None and (normals or scores or index_attribute is not None):
         raise ParameterError(
             "expected --mark without --normals, --scores and --index-attribute, which only kept points have"
         )
-    check_options(**options)
+    if dry_run and amount["ratio"] is None and amount["n_points"] is None and wanted is None:
+        raise ParameterError(
+            "expected --ratio or --points with --dry-run, as the number of points is known only after the work"
+        )
     limit = None if memory is None else bytes_of(memory)
     query = Query.of(numbers_of(box), resolution, only, drop, polygon)
     merged = sources_of(inputs) if merge else []
@@ -334,11 +328,12 @@ def simplify(
         if is_standard(outliers):
             raise OutputError("-: expected the name of a file for the outliers, found standard output")
         Outputs({sources[0]: outliers}, makes_folders=False).check(outliers, force)
-    with cluster_of(workers, scheduler) as cluster:
+    with executor_of(workers, scheduler) as executor:
+        work = Work(limit, scratch, executor, Stages(progress(quiet)))
         job = _Job(
-            outputs, by_level, wanted, merged, options, input_format, names_of(columns), query, index_attribute, mark,
-            figures, picture, colour, report, context.obj, viewpoint, limit, assume_same_crs, scratch, cluster, resume,
-            dry_run, force, lossy, quiet, outliers,
+            outputs, by_level, wanted, merged, request, work, input_format, names_of(columns), query, index_attribute,
+            mark, figures, picture, colour, report, context.obj, viewpoint, assume_same_crs, dry_run, force, lossy,
+            quiet, outliers,
         )  # fmt: skip
         succeeded = [_reported(job, source, as_json) for source in sources]
     if not all(succeeded):
@@ -368,14 +363,12 @@ def _reported(job: _Job, source: Path, as_json: bool) -> bool:
     return True
 
 
-def _checked_levels(text: str, options: dict[str, Any], mark: str | None) -> Levels:
+def _checked_levels(text: str, amount: dict[str, Any], method: Method, mark: str | None) -> Levels:
     """Return the levels, after checking that they fit the other options."""
-    given = [option(name) for name in ("ratio", "n_points", "tolerance", "spacing", "max_gap") if options[name]]
+    given = [option(name) for name, value in amount.items() if value is not None]
     if given or mark is not None:
         raise ParameterError(f"expected --levels without {(given or ['--mark'])[0]}")
-    if not options["method"].ranks:
-        ranking = ", ".join(name for name, method in METHODS.items() if method.ranks)
-        raise ParameterError(f"method {options['method'].name!r} does not rank its points; these do: {ranking}")
+    require_ranking(method)
     return Levels.of(text)
 
 
@@ -413,13 +406,14 @@ def _check_drawn(option: str, path: Path, suffixes: tuple[str, ...], inputs: lis
 
 @dataclass(frozen=True)
 class _Job:
-    """What to do with each input, or with all of `merged`; `options` are the arguments of `gppcs.simplify`."""
+    """What to do with each input, or with all of `merged`."""
 
     outputs: Outputs
     by_level: list[Outputs]
     levels: Levels | None
     merged: list[Path]
-    options: dict[str, Any]
+    request: Request
+    work: Work
     input_format: str | None
     columns: list[str] | None
     query: Query | None
@@ -431,11 +425,7 @@ class _Job:
     report: Path | None
     command: list[str]
     viewpoint: Viewpoint
-    limit: int | None
     assume_same_crs: bool
-    scratch: Path | None
-    cluster: Cluster | None
-    resume: bool
     dry_run: bool
     force: bool
     lossy: bool
@@ -445,12 +435,8 @@ class _Job:
     def run(self, source: Path) -> _Run | _DryRun:
         """Simplify one cloud."""
         from gppcs import io
-        from gppcs.engine.stages import Stages
         from gppcs.io.cloud_files import CloudFiles
-        from gppcs.simplification import resolved
-        from gppcs.streaming.asked import plan_for
-        from gppcs.streaming.passes import simplify_in_passes
-        from gppcs.streaming.plan import expected_seconds
+        from gppcs.streaming.files import run
 
         target, sources = self.outputs.targets[source], self.merged or [source]
         for each in sources:
@@ -458,58 +444,34 @@ class _Job:
                 each.stat()  # a missing input is told before its name is taken for that of the output
         for level in self.by_level:
             level.check(level.targets[source], self.force)
-        stages = Stages(progress(self.quiet))
-        measured: Report | None = None
-        strays: PointCloud | None = None
-        drawn: dict[Path, bytes] = {}
-        with (
-            CloudFiles(sources, self.input_format, self.columns, self.query, self.assume_same_crs) as files,
-            ExitStack() as stack,
-        ):
-            search = self._search(files, stages, stack)
-            method = resolved(self.options["method"], self.options["seed"])
-            self._check_dry_run()
-            made, options = plan_for(
-                files, method, self.options, self.limit, self._whole(), self.cluster, stages, search
-            )
+        work = replace(self.work, stages=self.work.stages.anew())
+        with CloudFiles(sources, self.input_format, self.columns, self.query, self.assume_same_crs) as files:
+            planned = work.planned(files, self.request, self._whole())
             if self.dry_run:
-                return _DryRun(sources, target, made, expected_seconds(files, made, method))
-            if self.options["unit"] is not None:
-                self._note_other_unit(source, files.head().cloud)
-            if made.in_memory:
-                result, points, strays, measured, drawn = self._in_memory(files, target, stages)
-            else:
-                self._check_storable(target, files.head().cloud)
-                options |= {name: self.options[name] for name in ("invalid", "scores")}
-                options |= {"scratch": self.scratch, "cluster": self.cluster, "resume": self.resume}
-                if self.outliers is not None:
-                    io.check_storable(self.outliers, files.head().cloud, None, self.lossy, None)
-                result, points = simplify_in_passes(files, made, method, stages=stages, **options)
-                strays = search.found(made).cloud if search else None
+                return _DryRun(sources, target, planned)
+            head = files.head().cloud
+            self._note_other_unit(source, head)
+            self._check_storable(target, head)
+            done = run(files, self.request, work, planned, listed=self.outliers is not None)
             _, unread = files.left_out()
-        if self.index_attribute is not None:
+        measured, drawn = (None, {}) if done.cloud is None else self._looked_at(done, target, work.stages)
+        result = done.result
+        if self.mark is not None:
+            result = _marked(done, self.mark)
+        elif self.index_attribute is not None:
             result = replace(result, cloud=_with_attribute(result.cloud, self.index_attribute, result.indices))
-        with stages("writing"):
-            written, lost = self._store(source, result, points)
+        with work.stages("writing"):
+            written, lost = self._store(source, result, done.points)
             for path, content in drawn.items():
                 with io.whole_file(path, self.force) as file:
                     file.write(content)
-            if strays is not None and self.outliers is not None:
-                note_left_out(self.outliers, io.store(self.outliers, strays, None, self.force, self.lossy, None))
+            if done.outliers is not None and self.outliers is not None:
+                lost_here = io.store(self.outliers, done.outliers, None, self.force, self.lossy, None)
+                note_left_out(self.outliers, lost_here)
         note_left_out(target, [*unread, *lost])
         self._note_all_kept(source, len(result.indices))
-        self._note_fine_tolerance(source, len(result.indices) / points)
-        return _Run(sources, written, points, made.passes, result, measured, self._asked())
-
-    def _search(self, files: CloudFiles, stages: Stages, stack: ExitStack) -> OutlierSearch | None:
-        """Return a search for outliers in passes over the files, if they are to be left out."""
-        from gppcs.streaming.outliers import OutlierSearch
-
-        if not self.options["drop_outliers"]:
-            return None
-        listed, invalid = self.outliers is not None, self.options["invalid"]
-        search = OutlierSearch(files, invalid, listed, stages, self.scratch, self.cluster, self.resume)
-        return stack.enter_context(search)
+        self._note_fine_tolerance(source, len(result.indices) / done.points)
+        return _Run(sources, written, done.points, planned.readings, result, measured, self._asked())
 
     def _store(self, source: Path, result: Result, points: int) -> tuple[dict[Path, int], list[str]]:
         """Write the result, or its levels; return the number of points in each file, and what is left out."""
@@ -542,28 +504,14 @@ class _Job:
             written[target] = len(cloud)
         return written, lost
 
-    def _in_memory(
-        self, files: CloudFiles, target: Path, stages: Stages
-    ) -> tuple[Result, int, PointCloud | None, Report | None, dict[Path, bytes]]:
-        """Return the result, the number of points, the outliers and figures if wanted, picture and page by file."""
+    def _looked_at(self, done: Run, target: Path, stages: Stages) -> tuple[Report | None, dict[Path, bytes]]:
+        """Return the figures if they are wanted, and picture and page by file. Outliers are seen in none of them."""
         import numpy as np
 
-        from gppcs import io
-        from gppcs.simplification import simplify
-
-        with stages("reading"):
-            cloud = files.read()
-        self._check_storable(target, cloud)
-        if self.outliers is not None:
-            io.check_storable(self.outliers, cloud.take(cloud.finite_rows()), None, self.lossy, None)
-        if self.colour is not None:
-            from gppcs.drawing.attributes import Colourable
-
-            Colourable.of(cloud).require(self.colour)
-        result = simplify(cloud, stages=stages, **self.options)
-        read, whole, strays = cloud, result, None
-        if result.outliers is not None:  # they are seen neither in the figures nor in pictures
-            left, strays = np.delete(np.arange(len(cloud)), result.outliers), cloud.take(result.outliers)
+        assert done.cloud is not None
+        cloud, result = done.cloud, done.result
+        if result.outliers is not None:
+            left = np.delete(np.arange(len(cloud)), result.outliers)
             cloud, result = cloud.take(left), replace(result, indices=np.searchsorted(left, result.indices))
         measured, drawn = None, {}
         if self.figures:
@@ -577,11 +525,7 @@ class _Job:
         if self.report:
             with stages("report"):
                 drawn[self.report] = self._page(cloud, result, target)
-        if self.mark is not None:
-            kept = np.zeros(len(read), dtype=np.uint8)
-            kept[whole.indices] = 1
-            whole = replace(whole, cloud=_with_attribute(read, self.mark, kept))
-        return whole, len(cloud), strays, measured, drawn
+        return measured, drawn
 
     def _page(self, cloud: PointCloud, result: Result, target: Path) -> bytes:
         """Return an HTML page of the result beside its original."""
@@ -596,19 +540,10 @@ class _Job:
         report_page(Named(original, cloud), [named], made, self.viewpoint).write(page)
         return page.getvalue()
 
-    def _check_dry_run(self) -> None:
-        """Check that the number of points is known before the work, if there is to be none."""
-        if self.dry_run and self.options["ratio"] is None and self.options["n_points"] is None:
-            raise ParameterError(
-                "expected --ratio or --points with --dry-run, as the number of points is known only after the work"
-            )
-
     def _whole(self) -> str | None:
-        """Return the option that takes all points at once, if any."""
-        name = takes_all_points(self.options["method"], self.options)
+        """Return the option that takes all points at once, if any, besides those of the request."""
         wanted = {
-            **({} if name is None else {option(name): True}),
-            "--normals": self.options["normals"],
+            **({} if self.request.whole is None else {option(self.request.whole): True}),
             "--mark": self.mark is not None,
             "--figures": self.figures,
             "--picture": self.picture,
@@ -623,11 +558,12 @@ class _Job:
         from gppcs import io
         from gppcs.clouds.cloud import NORMALS
 
-        if self.mark is None and len(cloud.non_finite()):
-            cloud = cloud.take(cloud.finite_rows())  # only these are kept
+        known = cloud.take(cloud.finite_rows())
+        if self.mark is None:
+            cloud = known  # only these are kept
         names = [
-            *(NORMALS if self.options["normals"] else ()),
-            *(self.options["method"].attributes if self.options["scores"] else ()),
+            *(NORMALS if self.request.normals else ()),
+            *(self.request.method.attributes if self.request.scores else ()),
         ]
         zeros = dict.fromkeys(names, np.zeros(len(cloud), np.float32))
         cloud = replace(cloud, attributes={**cloud.attributes, **zeros})
@@ -636,27 +572,33 @@ class _Job:
             if name is not None:
                 cloud = _with_attribute(cloud, name, np.zeros(len(cloud), dtype))
         io.check_storable(target, cloud, self.outputs.format, self.lossy, self.outputs.ascii)
+        if self.outliers is not None:
+            io.check_storable(self.outliers, known, None, self.lossy, None)
+        if self.colour is not None:
+            from gppcs.drawing.attributes import Colourable
+
+            Colourable.of(known).require(self.colour)
 
     def _asked(self) -> dict[str, str]:
         """Return what was asked of a diagnostic, by its name."""
         asked = {
-            f"surface_{self.options['measure'] or 'p95'}": self.options["tolerance"],
-            "largest_gap": self.options["max_gap"],
+            f"surface_{self.request.amount.measure}": self.request.amount.tolerance,
+            "largest_gap": self.request.amount.max_gap,
         }
-        return {name: length for name, length in asked.items() if length is not None}
+        return {name: str(length.given) for name, length in asked.items() if length is not None}
 
     def _note_all_kept(self, source: Path, kept: int) -> None:
         """Print a note if the input has fewer points than were asked for."""
-        asked = self.options["n_points"]
+        asked = self.request.amount.n_points
         if asked is not None and kept < asked:
-            usable = " with finite coordinates" if self.options["invalid"] == "drop" else ""
+            usable = " with finite coordinates" if self.request.invalid == "drop" else ""
             print_error(
                 f"note: {source}: all of its {kept:,} points{usable} were kept, fewer than the {asked:,} asked for"
             )
 
     def _note_fine_tolerance(self, source: Path, share: float) -> None:
         """Print a note if the points that are left out, less than half, tell that a tolerance is too small for them."""
-        if self.options["tolerance"] is not None and share > 0.5:
+        if self.request.amount.tolerance is not None and share > 0.5:
             print_error(
                 f"note: {source}: this tolerance takes {share:.0%} of the points; it is below what their spacing and "
                 "noise resolve"
@@ -664,7 +606,7 @@ class _Job:
 
     def _note_other_unit(self, source: Path, cloud: PointCloud) -> None:
         """Print a note if the unit that is given is not that of the input."""
-        unit = self.options["unit"]
+        unit = self.request.unit
         own, given = metres_of(None, cloud.header), metres_of(unit, cloud.header)
         if own is not None and given is not None and not math.isclose(own, given, rel_tol=1e-9):
             known = next((name for name, metres in METRES.items() if metres == own), f"{own:g} m")
@@ -678,6 +620,16 @@ def _with_attribute(cloud: PointCloud, name: str, values: NDArray[Any]) -> Point
     return replace(cloud, attributes={**cloud.attributes, name: values})
 
 
+def _marked(done: Run, name: str) -> Result:
+    """Return a result with all points that were read, and an attribute that tells which are kept."""
+    import numpy as np
+
+    assert done.cloud is not None
+    kept = np.zeros(len(done.cloud), dtype=np.uint8)
+    kept[done.result.indices] = 1
+    return replace(done.result, cloud=_with_attribute(done.cloud, name, kept))
+
+
 def _drawn(cloud: PointCloud, result: Result, viewpoint: Viewpoint, colour: str | None) -> bytes:
     """Return a PNG of the original and the simplified cloud."""
     import numpy as np
@@ -689,7 +641,7 @@ def _drawn(cloud: PointCloud, result: Result, viewpoint: Viewpoint, colour: str 
     original, legend = painted(cloud.take(rows), colour)
     simplified = original.kept(np.searchsorted(rows, result.indices), result.cloud.points)
     image = BytesIO()
-    draw_pair(image, result.method.label, original, simplified, viewpoint, legend)
+    draw_pair(image, str(result.method), original, simplified, viewpoint, legend)
     return image.getvalue()
 
 
@@ -700,21 +652,20 @@ class _DryRun:
     sources: list[Path]
     target: Path
     plan: Plan
-    seconds: float | None
 
     def record(self) -> dict[str, Any]:
         """Return the plan as the record that `--json` prints."""
-        return {"input": _record_of(self.sources), "output": str(self.target), **plan_record(self.plan, self.seconds)}
+        return {"input": _record_of(self.sources), "output": str(self.target), **plan_record(self.plan)}
 
     def line(self) -> str:
         """Return the plan as one line."""
         from gppcs.streaming.sizes import size_of
 
-        return f"{titled(self.sources)} → {self.target}: {self.plan.way.value}, about {size_of(self.plan.memory)}"
+        return f"{titled(self.sources)} → {self.target}: {self.plan.way}, about {size_of(self.plan.memory)}"
 
     def print(self) -> None:
         """Print the plan as a table."""
-        print_plan(self.sources, self.target, self.plan, self.seconds)
+        print_plan(self.sources, self.target, self.plan)
 
 
 def _record_of(sources: list[Path]) -> str | list[str]:
@@ -734,7 +685,7 @@ class _Run:
     sources: list[Path]
     written: dict[Path, int]
     points: int
-    passes: int
+    readings: int
     result: Result
     report: Report | None
     asked: dict[str, str]
@@ -757,7 +708,7 @@ class _Run:
             "diagnostics": dict(self.result.diagnostics),
             "seconds": dict(self.result.seconds),
             "seconds_compiling": self.result.seconds.get(COMPILATION, 0.0),
-            "passes": self.passes,
+            "readings": self.readings,
             "peak_memory": peak_memory(),
             "figures": self.report.figures() if self.report else None,
             "version": __version__,
@@ -783,8 +734,8 @@ class _Run:
             {
                 "points": f"{self.points:,} in, {kept:,} out ({100 * kept / self.points:.3g} %)",
                 **({} if len(self.written) == 1 else self._rows_of_levels()),
-                **({"passes": f"{self.passes} or more over the files"} if self.passes > 1 else {}),
-                "method": self.result.method.label,
+                **({"points on disk": f"files read {self.readings} times"} if self.readings > 1 else {}),
+                "method": str(self.result.method),
                 **dict(self._in_words(name, value) for name, value in self.result.diagnostics.items()),
                 "time": time_in_words(self.result.seconds),
                 **(figure_rows(self.report) if self.report else {}),

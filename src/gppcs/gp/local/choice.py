@@ -60,22 +60,7 @@ def begin_choice(
 ) -> Choice:
     """Return the state in which some points are chosen.
 
-    Parameters
-    ----------
-    field : LocalField
-        At n points, in the tree's order.
-    tree : KdTree
-        Over the field's positions.
-    chosen : (m,) array
-        Columns of the chosen points in the field's order.
-    conditioning : Conditioning
-        On these.
-    given : Posterior
-        Given these. Its variances and scores become those of the choice.
-
-    Returns
-    -------
-    Choice
+    Shapes: chosen (m,).
     """
     count = len(tree.low)
     choice = Choice(

@@ -36,20 +36,7 @@ class Conditioning(NamedTuple):
 def condition(field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighbours: int) -> Conditioning:
     """Find the chosen points that are nearest each point in the metric of the field.
 
-    Parameters
-    ----------
-    field : LocalField
-        At n points, in the tree's order.
-    tree : KdTree
-        Over the field's positions.
-    chosen : (m,) array
-        Columns of the chosen points in the field's order, in any order; may be empty.
-    neighbours : int
-        K.
-
-    Returns
-    -------
-    Conditioning
+    Shapes: chosen (m,).
     """
     n = len(field.y)
     conditioning = Conditioning(np.full((n, neighbours), -1, dtype=np.int32), np.full((n, neighbours), np.inf))
@@ -175,11 +162,6 @@ def _keep_nearest_side_by_side(field, chosen, found, side):
 
     A new point goes down the list of each column and swaps places with every point that is farther. There are no
     branches, so that the compiler can vectorise it.
-
-    Returns
-    -------
-    float
-        Squared radius within which all chosen points lie that could be nearer.
     """
     neighbours = len(side.squared)
     side.nearest[:] = -1

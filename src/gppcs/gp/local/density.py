@@ -22,65 +22,34 @@ GRADATION = 0.1  # Growth of the spacing per unit of distance, at most. 0.05 and
 ROUNDING = 1e-12  # Surface variation, or its standard deviation, below this is only rounding.
 
 
-def desired_spacings(tree: KdTree, roughness: NDArray[np.float64], power: float) -> NDArray[np.float64]:
-    """Return the desired spacing at each place, in units of the target spacing.
+def density_of(roughness: NDArray[np.float64], power: float) -> NDArray[np.float64]:
+    """Return the wanted density of points, up to a factor, given the roughness of n places, (n,).
 
-    The density is a power of the roughness, as a piecewise linear surface of given size has the least mean error if its
-    density goes as the square root of the curvature. It is then graded, as normals among few points are good only
-    where the density changes slowly. Last, all spacings are scaled so that the number of points stays the same.
-
-    Parameters
-    ----------
-    tree : KdTree
-        Over n points, in units of the target spacing.
-    roughness : (n,) array
-        Square root of the surface variation, about the radius of the neighbourhood times the curvature. In tree order.
-    power : float
-        Power of the density; 0 for an even cover.
-
-    Returns
-    -------
-    (n,) array
-        In tree order; the mean of 1 / spacing^2 is 1.
+    It is a power of the roughness, as a piecewise linear surface of given size has the least mean error if its density
+    goes as the square root of the curvature.
     """
-    density = np.maximum(roughness, LEAST_ROUGHNESS) ** power
-    spacings = graded(tree, np.sqrt(np.mean(density) / density), GRADATION)
-    return spacings * np.sqrt(np.mean(spacings**-2.0))
+    return np.maximum(roughness, LEAST_ROUGHNESS) ** power
+
+
+def graded_spacings(tree: KdTree, density: NDArray[np.float64], mean: float) -> NDArray[np.float64]:
+    """Return the spacing at each place of a tree, (n,), in units of the spacing at the mean density.
+
+    It is graded, as normals among few points are good only where the density changes slowly.
+    """
+    return graded(tree, np.sqrt(mean / density), GRADATION)
 
 
 def segregation(roughness: NDArray[np.float64]) -> float:
-    """Return how much a cloud consists of flat faces and right-angled edges.
+    """Return how much a cloud consists of flat faces and right-angled edges, given the roughness of its places, (n,).
 
     It is the variance of the roughness, divided by the largest variance that values from 0 to `EDGE_ROUGHNESS` with
-    the same mean can have: the intensity of segregation of a mixture (Danckwerts 1952).
-
-    Parameters
-    ----------
-    roughness : (n,) array
-
-    Returns
-    -------
-    float
-        1 for flat faces and right-angled edges only, 0 if all places are alike.
+    the same mean can have: the intensity of segregation of a mixture (Danckwerts 1952). It is 1 for flat faces and
+    right-angled edges only, 0 if all places are alike.
     """
     clipped = np.minimum(roughness, EDGE_ROUGHNESS)
-    return segregation_of(float(np.mean(clipped)), float(np.var(clipped)))
-
-
-def segregation_of(mean: float, variance: float) -> float:
-    """Return the same as `segregation`, given mean and variance of the roughness.
-
-    Parameters
-    ----------
-    mean, variance : float
-        Of the roughness, where values above `EDGE_ROUGHNESS` count as that.
-
-    Returns
-    -------
-    float
-    """
+    mean = float(np.mean(clipped))
     most = mean * (EDGE_ROUGHNESS - mean)
-    return variance / most if most > ROUNDING else 0.0
+    return float(np.var(clipped)) / most if most > ROUNDING else 0.0
 
 
 def graded(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArray[np.float64]:
@@ -89,19 +58,7 @@ def graded(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArray
     Each group of about `GROUP_SIZE` points that follow each other in a leaf has one limit, computed from its mean
     density at its middle. So spacings can differ more within a group, and by the size of a group between two groups.
 
-    Parameters
-    ----------
-    tree : KdTree
-        Over N points.
-    spacings : (N,) array
-        In tree order.
-    slope : float
-        Not negative.
-
-    Returns
-    -------
-    (N,) array
-        In tree order.
+    Shapes: spacings (N,); returns (N,).
     """
     n, leaves = len(spacings), tree.leaves
     in_leaf = max(1, round(n / leaves / GROUP_SIZE))
@@ -121,19 +78,7 @@ def limited(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArra
     At x_i this is the minimum over j of s_j + slope |x_i - x_j| (Persson 2006, Mesh size functions for implicit
     geometries and PDE-based gradient limiting, Engineering with Computers).
 
-    Parameters
-    ----------
-    tree : KdTree
-        Over N points.
-    spacings : (N,) array
-        s, in tree order.
-    slope : float
-        Not negative.
-
-    Returns
-    -------
-    (N,) array
-        In tree order.
+    Shapes: spacings (N,); returns (N,).
     """
     least = np.empty(len(tree.low))
     _least_of_all(spacings, least)

@@ -5,6 +5,8 @@ The score is the uncertainty, plus the error if that has a weight. By default it
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,10 +22,17 @@ SPARE = 1.01  # Points chosen for each one wanted: the last level is aimed a lit
 # Scores fall about as the number of chosen points to this power. A wrong power costs another level, nothing else.
 FALL = 0.7
 LEAST_STEP = 1e-6  # A level below this is the last.
+TOLD = 4096  # Points chosen one after another between two reports of progress.
 
 
 def extend(
-    field: LocalField, tree: KdTree, chosen: NDArray[np.int64], n_points: int, neighbours: int, error_weight: float
+    field: LocalField,
+    tree: KdTree,
+    chosen: NDArray[np.int64],
+    n_points: int,
+    neighbours: int,
+    error_weight: float,
+    advanced: Callable[[int], None],
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
     """Choose the point with the largest score, again and again, until `n_points` are chosen.
 
@@ -36,35 +45,17 @@ def extend(
     parts at once (`gppcs.gp.local.parts`). The order is then that of falling scores. The result is that of one choice
     after another, unless a new point raises a score, as it may since posteriors are given only the nearest points.
 
-    Parameters
-    ----------
-    field : LocalField
-        In the tree's order.
-    tree : KdTree
-        Over the field's positions.
-    chosen : (m,) array
-        Columns in the tree's order of the points chosen so far, in the order of choice.
-    n_points : int
-        From m to n.
-    neighbours : int
-        K: the number of chosen points on which a point is conditioned.
-    error_weight : float
-        w, the weight of the error.
-
-    Returns
-    -------
-    chosen : (n_points,) array
-        `chosen`, continued. Of equal scores in one part, the smallest index in the tree's input wins.
-    scores, deviations : (n_points - m,) arrays
-        Score and sigma of each new point when it was chosen.
+    Shapes: chosen (m,); returns chosen (n_points,), scores, deviations (n_points - m,).
     """
     choice, parts = _begun(field, tree, chosen, neighbours, error_weight)
     wanted, whole = n_points - len(chosen), divide(choice, 1)
     if parts is None:
-        choose(0, 1, TAKEN, wanted, field, error_weight, choice, whole)
+        for taken in range(0, wanted, TOLD):
+            choose(0, 1, TAKEN, min(taken + TOLD, wanted), field, error_weight, choice, whole)
+            advanced(min(TOLD, wanted - taken))
         added, scores = chosen_by(whole)
     else:
-        added, scores = _choose_by_levels(wanted, len(chosen), field, error_weight, choice, parts, whole)
+        added, scores = _choose_by_levels(wanted, len(chosen), field, error_weight, choice, parts, whole, advanced)
     return np.concatenate([chosen, added]), scores, np.sqrt(choice.variances[added])
 
 
@@ -78,19 +69,7 @@ def extend_down_to(
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
     """Choose the point with the largest score, again and again, as long as that is at least `level`.
 
-    Parameters
-    ----------
-    level : float
-        Not negative.
-    field, tree, chosen, neighbours, error_weight
-        As for `extend`.
-
-    Returns
-    -------
-    added : (n,) array
-        Columns of the new points, in the order of falling scores.
-    scores, deviations : (n,) arrays
-        As `extend` returns them.
+    Shapes: returns added (n,), scores, deviations (n,).
     """
     choice, parts = _begun(field, tree, chosen, neighbours, error_weight)
     whole = divide(choice, 1)
@@ -119,14 +98,23 @@ def _begun(
 
 
 def _choose_by_levels(
-    wanted: int, chosen: int, field: LocalField, error_weight: float, choice: Choice, parts: Parts, rest: Parts
+    wanted: int,
+    chosen: int,
+    field: LocalField,
+    error_weight: float,
+    choice: Choice,
+    parts: Parts,
+    rest: Parts,
+    advanced: Callable[[int], None],
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Choose the `wanted` best points, level by level, after `chosen` others; parts as in `choose_all_above`."""
-    level = float(choice.best[1])
-    while (taken := int(parts.counts.sum() + rest.counts.sum())) < wanted:
+    level, taken = float(choice.best[1]), 0
+    while taken < wanted:
         step = ((chosen + taken) / (chosen + SPARE * wanted)) ** FALL
         level = min(level, float(choice.best[1])) * max(STEP, step)
         choose_all_above(level, field, error_weight, choice, parts, rest)
+        before, taken = taken, min(int(parts.counts.sum() + rest.counts.sum()), wanted)
+        advanced(taken - before)
     added, scores = _joined(parts, rest)
     best = np.argsort(-scores, kind="stable")[:wanted]
     return added[best], scores[best]

@@ -53,21 +53,6 @@ def field_distance(dx, dy, dz, cosine, s, r, normal_weight):
 
     The sign of a normal has no influence: the second term is beta^2 / 2 times the squared distance between the
     projections n n^T and n' n'^T.
-
-    Parameters
-    ----------
-    dx, dy, dz : float
-        x - x', in units of the target spacing.
-    cosine : float
-        n . n'.
-    s, r : float
-        s and s', the desired spacings.
-    normal_weight : float
-        beta.
-
-    Returns
-    -------
-    float
     """
     across = normal_weight * normal_weight * max(0.0, 1.0 - cosine * cosine)
     return (dx * dx + dy * dy + dz * dz) / (0.5 * (s * s + r * r)) + across
@@ -81,15 +66,7 @@ def correlate(sites, a, b, lengthscale, normal_weight, out):
     factor keeps the kernel positive definite where s varies. The exponential is the 64th power of its Taylor polynomial
     at -t / 64, with a relative error below 1e-12.
 
-    Parameters
-    ----------
-    sites : (K + 1, 9, LANES) array
-        As in `Work`.
-    a, b : int
-    lengthscale, normal_weight : float
-        As in `LocalField`.
-    out : (LANES,) array
-        Filled with the result.
+    Shapes: sites (K + 1, 9, LANES), out (LANES,).
     """
     for p in range(LANES):
         s, r = sites[a, 6, p], sites[b, 6, p]

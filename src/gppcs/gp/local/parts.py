@@ -71,21 +71,7 @@ class Parts(NamedTuple):
 
 
 def number_of_parts(n: int, chosen: int, leaves: int, neighbours: int) -> int:
-    """Return the number of parts, a power of two.
-
-    Parameters
-    ----------
-    n, chosen : int
-        Number of points, and of those that are chosen already.
-    leaves : int
-        Number of leaves of the tree.
-    neighbours : int
-        K: the number of chosen points on which a posterior is conditioned.
-
-    Returns
-    -------
-    int
-    """
+    """Return the number of parts, a power of two."""
     parts = 1
     while 2 * parts <= leaves and n >= 2 * parts * POINTS and chosen >= 2 * parts * CHOSEN_PER_NEIGHBOUR * neighbours:
         parts *= 2
@@ -93,18 +79,7 @@ def number_of_parts(n: int, chosen: int, leaves: int, neighbours: int) -> int:
 
 
 def divide(choice: Choice, count: int) -> Parts:
-    """Return parts that have chosen nothing.
-
-    Parameters
-    ----------
-    choice : Choice
-    count : int
-        Number of parts.
-
-    Returns
-    -------
-    Parts
-    """
+    """Return parts that have chosen nothing."""
     n, nodes = len(choice.scores), len(choice.best)
     near = np.zeros((count, count), dtype=np.bool_)
     _find_neighbours(choice.boxes, near)
@@ -129,14 +104,7 @@ def _find_neighbours(boxes, near):
 def chosen_by(parts: Parts) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return what the parts have chosen, part by part.
 
-    Parameters
-    ----------
-    parts : Parts
-
-    Returns
-    -------
-    positions, scores : (m,) arrays
-        Positions in tree order, and scores when they were chosen.
+    Shapes: returns positions, scores (m,).
     """
     n, count = len(parts.positions), len(parts.counts)
     slots = np.concatenate([n * part // count + np.arange(chosen) for part, chosen in enumerate(parts.counts)])
@@ -146,20 +114,7 @@ def chosen_by(parts: Parts) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
 def choose_all_above(
     level: float, field: LocalField, error_weight: float, choice: Choice, parts: Parts, rest: Parts
 ) -> None:
-    """Choose all points with a score of at least `level`.
-
-    Parameters
-    ----------
-    level : float
-    field : LocalField
-        In tree order.
-    error_weight : float
-        w, the weight of the error in the score.
-    choice : Choice
-    parts : Parts
-    rest : Parts
-        A single part, the whole. It takes what the parts leave in doubt.
-    """
+    """Choose all points with a score of at least `level`."""
     n, count = len(choice.scores), len(parts.counts)
     chosen = count
     while chosen >= count:  # with fewer, a round costs more than to choose one after another
@@ -211,22 +166,7 @@ def _hear_in_part(part, field, error_weight, choice, parts, room):
 
 @kernel
 def choose(begin, end, level, most, field, error_weight, choice, parts):
-    """Let some parts choose their points with a score of at least `level`. A single part chooses one after another.
-
-    Parameters
-    ----------
-    begin, end : int
-        The range of parts.
-    level : float
-    most : int
-        Points that each of these parts has chosen at the end, at most.
-    field : LocalField
-        In tree order.
-    error_weight : float
-        w, the weight of the error in the score.
-    choice : Choice
-    parts : Parts
-    """
+    """Let some parts choose their points with a score of at least `level`. A single part chooses one after another."""
     count = len(parts.counts)
     room = room_below(choice, count)
     doubtful = np.empty(len(room.changed), dtype=np.int64)

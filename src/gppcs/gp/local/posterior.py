@@ -48,17 +48,7 @@ class Work(NamedTuple):
 
 @kernel
 def workspace(neighbours):
-    """Return memory for posteriors.
-
-    Parameters
-    ----------
-    neighbours : int
-        K.
-
-    Returns
-    -------
-    Work
-    """
+    """Return memory for posteriors."""
     return Work(
         np.empty((neighbours + 1, SITE, LANES), dtype=np.float64),
         np.empty((neighbours * (neighbours + 2), LANES), dtype=np.float64),
@@ -77,19 +67,7 @@ def posteriors(field, nearest, which, begin, end, error_weight, work):
 
     `gppcs.gp.local.greedy.extend` defines the score.
 
-    Parameters
-    ----------
-    field : LocalField
-    nearest : (n, K) array, int32
-        As in `Conditioning`.
-    which : (count,) array, int64
-        Columns in the field's order.
-    begin, end : int
-        At most LANES apart.
-    error_weight : float
-        w, the weight of the error in the score.
-    work : Work
-        Its mean, variance and score are filled up to `end - begin`.
+    Shapes: nearest (n, K), which (count,).
     """
     neighbours = nearest.shape[1]
     sites, factor, cross, observed, pivot, mean, variance, score = work
@@ -155,19 +133,7 @@ class Posterior(NamedTuple):
 
 
 def posterior(field: LocalField, conditioning: Conditioning, error_weight: float) -> Posterior:
-    """Return the posterior at every point.
-
-    Parameters
-    ----------
-    field : LocalField
-    conditioning : Conditioning
-    error_weight : float
-        w, the weight of the error in the score.
-
-    Returns
-    -------
-    Posterior
-    """
+    """Return the posterior at every point."""
     n = len(field.y)
     found = Posterior(np.empty(n), np.empty(n), np.empty(n))
     on_ranges(

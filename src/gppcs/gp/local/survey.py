@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.stages import Stages
-from gppcs.gp.local.candidates import corrected_area
+from gppcs.gp.local.candidates import cell_edge, corrected_area
 from gppcs.gp.local.density import ROUNDING
 from gppcs.spatial.cells import first_occurrences
-from gppcs.spatial.chunks import ALIKE, ChunkedPoints, SparseValues
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
@@ -32,136 +30,71 @@ class Survey(NamedTuple):
     area : float
         Area of the surface, corrected by the number of occupied cells.
     noise : Noise
-    sharpness : SparseValues
+    sharpness : (N,) array, float32
         Surface variation within the edge length of a candidate's cell. It is 0 if the cloud is not clean, where it was
         not measured, and where it is only rounding.
     """
 
     area: float
     noise: Noise
-    sharpness: SparseValues
+    sharpness: NDArray[np.float32]
 
 
-def survey(points: ChunkedPoints, n_points: int, density: float, clock: Stages) -> Survey:
-    """Measure a cloud. This takes one pass over its points.
-
-    Parameters
-    ----------
-    points : ChunkedPoints
-        N points. They may repeat each other if `is_sampled`.
-    n_points : int
-        M, the number of points to keep.
-    density : float
-        Candidate cells in a square whose side is the target spacing.
-    clock : Stages
-        Times "sample", "tree", "noise" and "candidates". A step of the first is a point read.
-
-    Returns
-    -------
-    Survey
-    """
-    with clock("sample", len(points)) as advanced:
-        rows, places = sample(points, n_points, advanced)
-    with clock("tree"):
+def survey(points: NDArray[np.float64], n_points: int, density: float, stages: Stages) -> Survey:
+    """Measure a cloud, (N, 3), with `density` candidate cells in a square whose side is the target spacing."""
+    with stages("sample"):
+        rows = sample(points, n_points)
+        places = points if len(rows) == len(points) else points[rows]
+    with stages("tree"):
         tree = KdTree.build(places)
         area = corrected_area(places, n_points, surface_area(tree), density)
-    with clock("noise"):
+    with stages("noise"):
         noise = Noise.measure(tree, n_points, math.sqrt(area / n_points))
-    with clock("candidates"):
-        sharpness = ALIKE
-        if noise.clean:  # otherwise noisy points would look sharp
-            sharpness = SparseValues(rows, sharpness_of(tree, area, density * n_points).astype(np.float32))
+    sharpness = np.zeros(len(points), dtype=np.float32)
+    if noise.clean:  # otherwise noisy points would look sharp
+        with stages("candidates"):
+            sharpness[rows] = sharpness_of(tree, area, density * n_points)
     return Survey(area, noise, sharpness)
 
 
-def is_sampled(n: int, n_points: int) -> bool:
-    """Return whether a cloud is so large that only some of its points are measured.
-
-    Parameters
-    ----------
-    n : int
-        N, the number of points.
-    n_points : int
-        M, the number of points to keep.
-
-    Returns
-    -------
-    bool
-    """
-    return n > 1.5 * sample_size(n_points)
-
-
 def sample_size(n_points: int) -> int:
-    """Return of how many points, about, a sample of a large cloud consists.
-
-    Parameters
-    ----------
-    n_points : int
-        M, the number of points to keep.
-
-    Returns
-    -------
-    int
-    """
+    """Return of how many points, about, a sample of a large cloud consists."""
     return max(LARGE, PER_POINT * n_points)
 
 
-def sample(
-    points: ChunkedPoints, n_points: int, advanced: Callable[[int], None]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return all points, or a random sample of a large cloud without the repeats among them, in one pass.
+def sample(points: NDArray[np.float64], n_points: int) -> NDArray[np.int64]:
+    """Return all rows, or those of a random sample of a large cloud without the repeats among them, ascending.
 
     A sample measures the area as well as all points do, and the noise, unless that is thicker than the
     target spacing: then a sample has too few points for the widest neighbourhoods.
-
-    Parameters
-    ----------
-    points : ChunkedPoints
-    n_points : int
-        M, the number of points to keep.
-    advanced : callable
-        Is called with the number of points read since the last call.
-
-    Returns
-    -------
-    rows : (n,) array, int64
-        Ascending.
-    places : (n, 3) array
     """
     n = len(points)
-    if not is_sampled(n, n_points):
-        return np.arange(n), points.every(1, advanced)
+    if n <= 1.5 * sample_size(n_points):
+        return np.arange(n)
     draws = round(-n * math.log1p(-sample_size(n_points) / n))  # with replacement: some rows are drawn twice
     rows = np.unique(np.random.default_rng(0).integers(0, n, draws))
-    places = points.take(rows, advanced)
-    first = first_occurrences(places)
-    return rows[first], places[first]
+    return rows[first_occurrences(points[rows])]
 
 
 def sharpness_of(tree: KdTree, area: float, cells: float) -> NDArray[np.float64]:
-    """Return the surface variation of points within the edge length of a cell.
+    """Return the sharpness of the points of a tree, if so many square cells cover the area.
 
-    Of the points in a cell with a crease through it, those on the crease have the most. Rounding counts as none, as it
-    changes with the place of the cloud. If there are far more points than cells, only some are measured, evenly spread
-    over the tree.
+    If there are far more points than cells, only some are measured, evenly spread over the tree; the others have 0.
 
-    Parameters
-    ----------
-    tree : KdTree
-        Over N points.
-    area : float
-        Area of the surface.
-    cells : float
-        Number of square cells that cover the area.
-
-    Returns
-    -------
-    (N,) array
-        In the tree's input order; 0 where it was not measured.
+    Shapes: returns (N,), in the order of the tree's input.
     """
     some = slice(None, None, max(1, len(tree.order) // math.ceil(PER_CELL * cells)))
     measured = KdTree.over(np.ascontiguousarray(tree.points[:, some]))
-    variation = variation_in_radius(measured, math.sqrt(area / cells) or 1.0)
     sharpness = np.zeros(len(tree.order))
-    sharpness[tree.order[some]] = np.where(variation > ROUNDING, variation, 0.0)
+    sharpness[tree.order[some]] = sharpness_within(measured, cell_edge(area, cells))
     return sharpness
+
+
+def sharpness_within(tree: KdTree, edge: float) -> NDArray[np.float64]:
+    """Return the surface variation within the edge length of a cell, in the order of the tree's input, (n,).
+
+    Of the points in a cell with a crease through it, those on the crease have the most. Rounding counts as none, as it
+    changes with the place of the cloud.
+    """
+    variation = variation_in_radius(tree, edge)
+    return np.where(variation > ROUNDING, variation, 0.0)

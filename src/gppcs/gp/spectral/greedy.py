@@ -38,32 +38,7 @@ def select(
     has moved by phi dw, which the box bounds. So each bucket has an upper bound of its scores, and a step scans only
     the buckets whose bound is not below the best score known.
 
-    Parameters
-    ----------
-    phi : (N, L) array, float64
-        Features of the kernel, K = Phi Phi^T.
-    y : (N,) array, float64
-        Observations: the surface variation.
-    noise : float
-        sigma_y^2, positive, in squared units of y.
-    initial : (k_init,) array, int64
-        Indices of the first active set.
-    n_points : int
-        M, the number of points at the end.
-    k_add : int
-        Points added between two updates of the posterior.
-    order : (N,) array, int64, optional
-        A permutation that puts neighbours near each other, such as tree order. It makes the boxes small, and does
-        not change the result.
-    advanced : callable, optional
-        Called with the number of points added since the last call.
-
-    Returns
-    -------
-    indices : (M,) array, int64
-        `initial`, then the other points in the order chosen. Ties go to the smallest index.
-    scores : (M,) array, float64
-        s of each point when it was chosen; infinite for the initial points.
+    Shapes: phi (N, L), y (N,), initial (k_init,), order (N,); returns indices (M,), scores (M,).
     """
     order = np.arange(len(y)) if order is None else order
     chosen = np.empty(n_points, dtype=np.int64)

@@ -24,24 +24,7 @@ def log_marginal_likelihood(
 ) -> tuple[float, NDArray[np.float64]]:
     """Return log p(y | theta, sigma_y^2) (paper, Eq. 5) and its gradient, in O(n L^2) for n points.
 
-    Parameters
-    ----------
-    eigenvalues : (L,) array, float64
-        Of the Laplace-Beltrami operator, as in `Eigenpairs`.
-    eigenfunctions : (n, L) array, float64
-        Values of the eigenfunctions at the n observed points.
-    y : (n,) array, float64
-        Observations.
-    mean_squares : (L,) array, float64
-        Mean of each squared eigenfunction over the whole cloud.
-    theta : Hyperparameters
-
-    Returns
-    -------
-    value : float
-        The log marginal likelihood.
-    gradient : (4,) array, float64
-        Derivatives by log variance, log lengthscale, log nu and log noise.
+    Shapes: eigenvalues (L,), eigenfunctions (n, L), y (n,), mean_squares (L,); returns gradient (4,).
     """
     n, count = eigenfunctions.shape
     noise = theta.noise
@@ -79,21 +62,6 @@ def fit(
     """Maximise the marginal likelihood (paper, Eq. 5) over variance, lengthscale and noise, and optionally nu.
 
     L-BFGS-B optimises the logarithms. It starts from four lengthscales, and the best result is returned.
-
-    Parameters
-    ----------
-    eigenvalues, eigenfunctions, y, mean_squares
-        As in `log_marginal_likelihood`.
-    nu : float
-        The smoothness; with `fit_nu`, the value to start from.
-    fit_nu : bool
-        Whether to optimise nu as well.
-    iterations : int
-        Most iterations from each start.
-
-    Returns
-    -------
-    Hyperparameters
     """
     scale = float(np.mean(y**2)) or 1.0
     free = [0, 1, 3] if not fit_nu else [0, 1, 2, 3]

@@ -40,18 +40,7 @@ def log_spectrum(eigenvalues: NDArray[np.float64], lengthscale: float, nu: float
     The value at lambda = 0 would cancel with C_nu in Eq. 6 anyway. Without subtracting it, the power underflows for
     nu above about 40. As nu grows, the result tends to -kappa^2 lambda / 2, the spectrum of the heat kernel.
 
-    Parameters
-    ----------
-    eigenvalues : (L,) array, float64
-        lambda_n.
-    lengthscale : float
-        kappa.
-    nu : float
-        Positive, may be infinite.
-
-    Returns
-    -------
-    (L,) array, float64
+    Shapes: eigenvalues (L,); returns (L,).
     """
     if np.isinf(nu):
         return -0.5 * lengthscale**2 * eigenvalues
@@ -63,15 +52,7 @@ def log_spectrum_slopes(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the derivatives of `log_spectrum`.
 
-    Parameters
-    ----------
-    eigenvalues, lengthscale, nu
-        As in `log_spectrum`.
-
-    Returns
-    -------
-    by_lengthscale, by_nu : (L,) arrays, float64
-        Derivatives by log kappa and by log nu.
+    Shapes: returns by_lengthscale, by_nu (L,).
     """
     if np.isinf(nu):
         return -(lengthscale**2) * eigenvalues, np.zeros_like(eigenvalues)
@@ -89,16 +70,7 @@ def spectral_weights(
 
     They are scaled by C_nu so that the mean prior variance over the cloud is sigma^2.
 
-    Parameters
-    ----------
-    eigenvalues : (L,) array, float64
-    mean_squares : (L,) array, float64
-        Mean of f_n^2 over the cloud. It makes C_nu exact, although the eigenfunctions are only nearly orthonormal.
-    theta : Hyperparameters
-
-    Returns
-    -------
-    (L,) array, float64
+    Shapes: eigenvalues (L,), mean_squares (L,); returns (L,).
     """
     weights = np.exp(log_spectrum(eigenvalues, theta.lengthscale, theta.nu))
     return theta.variance * weights / (weights @ mean_squares)
@@ -107,14 +79,6 @@ def spectral_weights(
 def kernel_features(eigenfunctions: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the feature matrix Phi of the kernel, so that K = Phi Phi^T.
 
-    Parameters
-    ----------
-    eigenfunctions : (N, L) array, float64
-    weights : (L,) array, float64
-        As returned by `spectral_weights`.
-
-    Returns
-    -------
-    (N, L) array, float64
+    Shapes: eigenfunctions (N, L), weights (L,); returns (N, L).
     """
     return eigenfunctions * np.sqrt(weights)

@@ -51,20 +51,7 @@ def eigenpairs(
     and Crane 2020) loses area where points are too irregular for their density. Its lumped area is therefore compared
     with an estimate from the spacing of the points, and the landmarks are halved until the two agree.
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-        Without repeats.
-    count : int
-        L. If there are fewer landmarks, there are only that many pairs.
-    landmarks : int
-        Most points for which the eigenproblem is solved.
-    tree : KdTree, optional
-        A tree over `points`, if one exists; otherwise one is built.
-
-    Returns
-    -------
-    Eigenpairs
+    Shapes: points (N, 3).
     """
     number = min(landmarks, len(points))
     while True:
@@ -89,19 +76,7 @@ def surface_laplacian(
     Points that span no surface, because they are fewer than four or lie on a line, get the Laplacian of their
     neighbour graph instead.
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-        Without repeats.
-
-    Returns
-    -------
-    operator : (N, N) sparse matrix, float64
-        Positive semi-definite.
-    mass : (N,) array, float64
-        Lumped mass: the area that each point represents, in the squared size of the cloud.
-    is_whole : bool
-        Whether the lumped area agrees with an estimate from the spacing of the points.
+    Shapes: points (N, 3); returns mass (N,).
     """
     size = np.ptp(points, axis=0).max()
     if len(points) < 4 or not size > 0:

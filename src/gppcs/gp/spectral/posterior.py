@@ -31,18 +31,7 @@ class Posterior:
     def given(cls, phi: NDArray[np.float64], y: NDArray[np.float64], noise: float) -> Posterior:
         """Return the posterior given n observations.
 
-        Parameters
-        ----------
-        phi : (n, L) array, float64
-            Features at the observed points.
-        y : (n,) array, float64
-            Observations.
-        noise : float
-            Their noise variance, sigma_y^2, positive.
-
-        Returns
-        -------
-        Posterior
+        Shapes: phi (n, L), y (n,).
         """
         precision = np.eye(phi.shape[1]) + phi.T @ phi / noise
         factor = scipy.linalg.cho_factor(precision)
@@ -53,14 +42,7 @@ class Posterior:
     def predict(self, phi: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the posterior mean (Eq. 3) and variance (diagonal of Eq. 4) of f.
 
-        Parameters
-        ----------
-        phi : (N, L) array, float64
-            Features at the points.
-
-        Returns
-        -------
-        mean, variance : (N,) arrays, float64
+        Shapes: phi (N, L); returns mean, variance (N,).
         """
         mean, variance = np.empty(len(phi)), np.empty(len(phi))
         on_ranges(_predict, len(phi), phi, self.mean, np.linalg.cholesky(self.covariance), mean, variance, least=32)

@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from gppcs.engine.stages import Stages
-from gppcs.methods.method import Method, Selection
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+from gppcs.methods.method import Method, Selection, Wanted
 
 
 @dataclass(frozen=True)
@@ -33,12 +28,12 @@ class AIVS(Method):
         "program that the authors published; their forms that follow curvature and sharp edges are not public."
     )
     source = "Lv, Lin and Zhao 2021, the isotropic form"
-    bytes_per_point: ClassVar[int] = 170
+    _bytes_per_point: ClassVar[int] = 170
 
-    def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
+    def __call__(self, wanted: Wanted) -> Selection:
         """Choose the points; see `Method.__call__`."""
         from gppcs.methods.aivs.voxels import CLASSES, points_of_voxels
 
-        stages = Stages.of(stages)
+        points, n_points, stages = wanted.points, wanted.n_points, wanted.stages
         with stages("voxels", CLASSES) as advanced:
             return Selection(points_of_voxels(points, n_points, advanced))

@@ -52,14 +52,7 @@ class Voxels:
     def build(cls, points: NDArray[np.float64]) -> Voxels:
         """Sort points into voxels.
 
-        Parameters
-        ----------
-        points : (N, 3) array, float64
-            Not all at one position.
-
-        Returns
-        -------
-        Voxels
+        Shapes: points (N, 3).
         """
         n = len(points)
         along = next((voxels for below, voxels in VOXELS_ALONG if n < below), round(np.cbrt(n / 8)))
@@ -75,14 +68,7 @@ class Voxels:
     def quotas(self, n_points: int) -> NDArray[np.int64]:
         """Return how many points to choose in each voxel: its share of M, rounded up if the fraction is above 1/5.
 
-        Parameters
-        ----------
-        n_points : int
-            M.
-
-        Returns
-        -------
-        (voxels,) array, int64
+        Shapes: returns (voxels,).
         """
         whole, rest = np.divmod(np.diff(self.begins) * n_points, len(self.order))
         return whole + (ROUNDED_UP * rest > len(self.order))
@@ -90,10 +76,7 @@ class Voxels:
     def parity(self) -> NDArray[np.int64]:
         """Return the class of each voxel, from the parity of its numbers; no two voxels of a class touch.
 
-        Returns
-        -------
-        (voxels,) array, int64
-            From 0 to 7.
+        Shapes: returns (voxels,).
         """
         return self.cells % 2 @ np.array([4, 2, 1])
 
@@ -101,15 +84,7 @@ class Voxels:
 def voxel_keys(cells: NDArray[np.int64], along: int) -> NDArray[np.int64]:
     """Return a unique number for each voxel, in ascending order of the cells.
 
-    Parameters
-    ----------
-    cells : (voxels, 3) array, int64
-        As in `Voxels`. Cells next to the grid, with numbers -1 and `along`, have unique numbers as well.
-    along : int
-
-    Returns
-    -------
-    (voxels,) array, int64
+    Shapes: cells (voxels, 3); returns (voxels,).
     """
     i, j, k = (cells + 1).T
     return (i * (along + 2) + j) * (along + 2) + k
@@ -126,19 +101,7 @@ def points_of_voxels(
     axes. Voxels of a class do not touch, and are processed in parallel. If the quotas add up to more than M, `trimmed`
     reduces them; if they add up to less, the farthest points of the whole cloud are added.
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-        Without repeats.
-    n_points : int
-        M, from 1 to N - 1.
-    advanced : callable, optional
-        Called with 1 after each of the eight classes.
-
-    Returns
-    -------
-    (M,) array, int64
-        Indices: by class, within a class by voxel, within a voxel in the order chosen; then the added points.
+    Shapes: points (N, 3); returns (M,).
     """
     voxels = Voxels.build(points)
     quotas = voxels.quotas(n_points)
@@ -162,16 +125,7 @@ def trimmed(counts: NDArray[np.int64], n_points: int) -> NDArray[np.int64]:
     threshold. The threshold starts at a third of the range of the counts, and decreases by one after a round in which
     no voxel loses a point (Lv et al. 2021). Here many rounds are computed at once.
 
-    Parameters
-    ----------
-    counts : (voxels,) array, int64
-    n_points : int
-        M.
-
-    Returns
-    -------
-    (voxels,) array, int64
-        The reduced counts.
+    Shapes: counts (voxels,); returns (voxels,).
     """
     if counts.sum() <= n_points:
         return counts

@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from gppcs.engine.stages import Stages
-from gppcs.methods.method import Method, Selection
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+from gppcs.methods.method import Method, Selection, Wanted
 
 
 @dataclass(frozen=True)
@@ -35,12 +30,12 @@ class HierarchicalClustering(Method):
         "gppcs.methods.hc.clustering.hierarchical_clusters."
     )
     source = "Pauly, Gross and Kobbelt 2002"
-    bytes_per_point: ClassVar[int] = 110
+    _bytes_per_point: ClassVar[int] = 110
 
-    def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
+    def __call__(self, wanted: Wanted) -> Selection:
         """Choose the points; see `Method.__call__`."""
         from gppcs.methods.hc.clustering import clusters_by_variation
 
-        stages = Stages.of(stages)
+        points, n_points, stages = wanted.points, wanted.n_points, wanted.stages
         with stages("clusters"):
             return Selection(clusters_by_variation(points, n_points))

@@ -19,20 +19,7 @@ def hierarchical_clusters(points: NDArray[np.float64], size: int, variation: flo
     (Pauly, Gross and Kobbelt 2002). Points that the plane does not separate, such as repeats, stay together. The
     paper's experiments use this form. The number of points is not known beforehand.
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-        N at least 1; repeats are allowed.
-    size : int
-        Most points of a cluster, at least 1.
-    variation : float
-        Largest surface variation of a cluster, lambda_0 / (lambda_0 + lambda_1 + lambda_2), from 0 to 1/3.
-
-    Returns
-    -------
-    (M,) array, int64
-        Index of the point nearest the centroid of each cluster; ties go to the smallest index. Clusters are in the
-        order of a depth-first traversal of the splits, with the negative side of each plane first.
+    Shapes: points (N, 3); returns (M,).
     """
     rows, order, chosen = _in_columns(points, len(points))
     return chosen[: _part_to_limits(rows, order, size, variation, chosen)]
@@ -46,17 +33,7 @@ def clusters_by_variation(points: NDArray[np.float64], n_points: int) -> NDArray
     smallest index. If the plane does not separate any points, the cluster is split into halves by order, so that the
     result always has M points.
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-        Repeats are allowed.
-    n_points : int
-        M, from 1 to N.
-
-    Returns
-    -------
-    (M,) array, int64
-        Index of the point nearest the centroid of each cluster; ties go to the smallest index.
+    Shapes: points (N, 3); returns (M,).
     """
     rows, order, chosen = _in_columns(points, n_points)
     _part_most_varied(rows, order, chosen)

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from gppcs.engine.stages import Stages
-from gppcs.methods.method import Method, Selection, largest, parameter
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+from gppcs.methods.method import Method, Selection, Wanted, largest
+from gppcs.methods.parameters import parameter
 
 
 @dataclass(frozen=True)
@@ -35,7 +31,7 @@ class PCSimp(Method):
         "is from the optimum, relative to its value."
     )
     source = "Qi, Hu and Guo 2019"
-    bytes_per_point: ClassVar[int] = 1500
+    _bytes_per_point: ClassVar[int] = 1500
 
     neighbours: int = parameter(
         15,
@@ -56,14 +52,14 @@ class PCSimp(Method):
     )
     iterations: int = parameter(1000, "Most iterations.", least=1)
 
-    def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
+    def __call__(self, wanted: Wanted) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
         from gppcs.methods.pc_simp.graph_filter import NeighbourGraph, Programme, high_pass_strength, solve
         from gppcs.spatial.kdtree import KdTree
 
-        stages = Stages.of(stages)
+        points, n_points, stages = wanted.points, wanted.n_points, wanted.stages
         neighbours = min(self.neighbours, len(points) - 1)
         with stages("neighbour graph"):
             tree = KdTree.build(points)

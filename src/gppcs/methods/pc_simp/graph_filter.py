@@ -40,19 +40,7 @@ class NeighbourGraph:
 
     @classmethod
     def build(cls, tree: KdTree, neighbours: int) -> NeighbourGraph:
-        """Connect each point with its nearest neighbours.
-
-        Parameters
-        ----------
-        tree : KdTree
-            The tree over N points without repeats.
-        neighbours : int
-            From 1 to N - 1.
-
-        Returns
-        -------
-        NeighbourGraph
-        """
+        """Connect each point with its nearest neighbours."""
         indices, squared = tree.neighbours(neighbours)
         starts = np.arange(len(indices) + 1) * neighbours
 
@@ -70,16 +58,7 @@ def high_pass_strength(points: NDArray[np.float64], graph: NeighbourGraph) -> ND
     This is the squared response of the high-pass filter I - D^-1 W, with the weights W and the diagonal matrix D of
     their row sums (Qi, Hu and Guo 2019).
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-        In the order of the graph.
-    graph : NeighbourGraph
-
-    Returns
-    -------
-    (N,) array, float64
-        In the squared unit of the points.
+    Shapes: points (N, 3); returns (N,).
     """
     smoothed = (graph.weights @ points) / graph.weights.sum(axis=1)[:, None]
     return ((points - smoothed) ** 2).sum(axis=1)
@@ -116,26 +95,14 @@ class Programme:
     def excess(self, s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return A s - alpha k.
 
-        Parameters
-        ----------
-        s : (N,) array, float64
-
-        Returns
-        -------
-        (N,) array, float64
+        Shapes: s (N,); returns (N,).
         """
         return self.adjacency @ s - self.n_points / len(s) * self.neighbours
 
     def value(self, s: NDArray[np.float64]) -> float:
         """Return the objective, which is to be minimised.
 
-        Parameters
-        ----------
-        s : (N,) array, float64
-
-        Returns
-        -------
-        float
+        Shapes: s (N,).
         """
         # Here and below, sums of products replace BLAS dot products, whose rounding depends on the number of threads.
         return float((self.strength * (s - 1) ** 2).sum() + self.uniformity * (self.excess(s) ** 2).sum())
@@ -146,16 +113,7 @@ class Programme:
         The second term of the objective is convex, so it is at least its tangent at s. With the tangent in its place,
         the minimum v is found for each point separately.
 
-        Parameters
-        ----------
-        s : (N,) array, float64
-            A feasible point.
-        multiplier : float
-            Lagrange multiplier of the constraint sum s = M.
-
-        Returns
-        -------
-        float
+        Shapes: s (N,).
         """
         f = self.strength
         slope = 2 * self.uniformity * (self.adjacency @ self.excess(s)) + multiplier
@@ -193,18 +151,6 @@ def solve(programme: Programme, tolerance: float = 1e-4, iterations: int = 1000)
     with the constraints; that step is solved exactly. The step length therefore depends on A alone, however much the
     strengths differ. The momentum restarts when it points uphill (O'Donoghue and Candes 2015). Sums are computed in
     one thread, so that the result does not depend on the number of threads.
-
-    Parameters
-    ----------
-    programme : Programme
-    tolerance : float
-        Stop when the duality gap, relative to the objective, is at most this.
-    iterations : int
-        Most steps.
-
-    Returns
-    -------
-    Solution
     """
     curvature = 2 * programme.uniformity * eigenvalue_bound(programme.adjacency) ** 2
     inverse = 1 / (2 * programme.strength + curvature)
@@ -230,14 +176,7 @@ def solve(programme: Programme, tolerance: float = 1e-4, iterations: int = 1000)
 def eigenvalue_bound(adjacency: scipy.sparse.csr_array) -> float:
     """Return an upper bound of the largest eigenvalue, max (A x)_i / x_i for a positive x (Collatz and Wielandt).
 
-    Parameters
-    ----------
-    adjacency : (N, N) sparse array, float64
-        A, not negative, with a positive entry in each row.
-
-    Returns
-    -------
-    float
+    Shapes: adjacency (N, N).
     """
     x = np.ones(adjacency.shape[0])
     for _ in range(BOUND_STEPS):
@@ -252,19 +191,7 @@ def share_out(
 ) -> tuple[NDArray[np.float64], float]:
     """Find the multiplier for which s = clip((numerator - multiplier) * inverse, 0, 1) has a given sum.
 
-    Parameters
-    ----------
-    numerator, inverse : (N,) arrays, float64
-        `inverse` must be positive.
-    total : float
-        The sum, from 0 to N.
-    multiplier : float
-        Start of the search, such as the multiplier of the previous step.
-
-    Returns
-    -------
-    s : (N,) array, float64
-    multiplier : float
+    Shapes: numerator, inverse (N,); returns s (N,).
     """
     s = np.empty_like(numerator)
     return s, _share_out(numerator, inverse, total, multiplier, s)

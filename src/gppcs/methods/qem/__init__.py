@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from gppcs.engine.stages import Stages
-from gppcs.methods.method import Method, Selection, parameter
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+from gppcs.methods.method import Method, Selection, Wanted
+from gppcs.methods.parameters import parameter
 
 
 @dataclass(frozen=True)
@@ -33,7 +29,7 @@ class QEM(Method):
         "other parts lose any: models made of planes keep their edges, but their faces are left empty."
     )
     source = "Pauly, Gross and Kobbelt 2002; Garland and Heckbert 1997"
-    bytes_per_point: ClassVar[int] = 550
+    _bytes_per_point: ClassVar[int] = 550
 
     neighbours: int = parameter(
         8,
@@ -41,10 +37,10 @@ class QEM(Method):
         least=1,
     )
 
-    def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
+    def __call__(self, wanted: Wanted) -> Selection:
         """Choose the points; see `Method.__call__`."""
         from gppcs.methods.qem.contraction import contraction_order
 
-        stages = Stages.of(stages)
+        points, n_points, stages = wanted.points, wanted.n_points, wanted.stages
         with stages("contraction", len(points) - 1) as advanced:
             return Selection(contraction_order(points, self.neighbours, advanced=advanced)[:n_points])

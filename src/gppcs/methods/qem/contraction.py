@@ -31,21 +31,7 @@ def contraction_order(
     shorter pair, and then to the smallest indices. The neighbours of the point that stays are the nearest ones among
     the neighbours of both.
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-        Without repeats.
-    neighbours : int
-        Number of neighbours of a point, at least 1; fewer in clouds that have no more.
-    tree : KdTree, optional
-        A tree over `points`, if one exists; otherwise one is built.
-    advanced : callable, optional
-        Called with the number of contractions since the last call.
-
-    Returns
-    -------
-    (N,) array, int64
-        Indices of the points, in reverse order of removal. The first M are the simplification to M points, for any M.
+    Shapes: points (N, 3); returns (N,).
     """
     tree = tree or KdTree.build(points)
     n = len(points)

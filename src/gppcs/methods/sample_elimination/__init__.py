@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from gppcs.engine.stages import Stages
-from gppcs.methods.method import Method, Selection
+from gppcs.methods.method import RANKING, Method, Selection, Wanted
 
 if TYPE_CHECKING:
     import numpy as np
@@ -34,42 +35,27 @@ class SampleElimination(Method):
         "progressive: the first half of the kept points is evenly spread too, so is the first quarter, and so on."
     )
     source = "Yuksel 2015"
-    ranks = True
-    spacing = "No two kept points are nearer than it: the longest start of the progressive order for which that holds."
-    bytes_per_point: ClassVar[int] = 150
+    supports: ClassVar[Mapping[str, str]] = {
+        "ranking": RANKING,
+        "spacing": "No two kept points are nearer than it: the longest start of the progressive order with that.",
+    }
+    _bytes_per_point: ClassVar[int] = 150
 
-    def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
+    def __call__(self, wanted: Wanted) -> Selection:
         """Choose the points; see `Method.__call__`."""
-        from gppcs.methods.sample_elimination.elimination import eliminate
-
-        stages = Stages.of(stages)
-        with stages("elimination", len(points) - n_points) as advanced:
-            return Selection(eliminate(points, n_points, advanced))
-
-    def at_spacing(self, points: NDArray[np.float64], spacing: float, stages: Stages) -> Selection:
-        """Choose points of which no two are nearer than the spacing; see `Method.at_spacing`.
-
-        Parameters
-        ----------
-        points : (N, 3) array, float64
-            Finite and without repeats.
-        spacing : float
-            In the unit of the points.
-        stages : Stages
-            Times "elimination".
-
-        Returns
-        -------
-        Selection
-        """
-        import math
-
         from gppcs.methods.sample_elimination.elimination import eliminate, far_apart
-        from gppcs.spatial.kdtree import KdTree
-        from gppcs.spatial.spacing import surface_area
 
-        densest = MOST_IN_AREA * surface_area(KdTree.build(points)) / spacing / spacing
-        count = min(len(points), max(1, math.ceil(min(densest, 1e18))))
-        with stages("elimination", len(points) - count) as advanced:
+        points = wanted.points
+        count = wanted.n_points if wanted.spacing is None else _most_at_spacing(points, wanted.spacing)
+        with wanted.stages("elimination", len(points) - count) as advanced:
             order = eliminate(points, count, advanced)
-            return Selection(order[: far_apart(points[order], spacing)])
+        return Selection(order if wanted.spacing is None else order[: far_apart(points[order], wanted.spacing)])
+
+
+def _most_at_spacing(points: NDArray[np.float64], spacing: float) -> int:
+    """Return how many points no two of which are nearer than a spacing there may be at most."""
+    from gppcs.spatial.kdtree import KdTree
+    from gppcs.spatial.spacing import surface_area
+
+    densest = MOST_IN_AREA * surface_area(KdTree.build(points)) / spacing / spacing
+    return min(len(points), max(1, math.ceil(min(densest, 1e18))))

@@ -35,19 +35,7 @@ def eliminate(
 
     For the order, elimination continues, each time to half the number of points (Yuksel 2015, progressive sets).
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-        Without repeats.
-    n_points : int
-        M, from 1 to N.
-    advanced : callable, optional
-        Called with the number of points removed since the last call, N - M in all.
-
-    Returns
-    -------
-    (M,) array, int64
-        Indices. The first M/2, M/4, ... points are evenly spread as well.
+    Shapes: points (N, 3); returns (M,).
     """
     kept, area = thin(points, n_points, advanced)
     later: list[NDArray[np.int64]] = []
@@ -61,16 +49,7 @@ def eliminate(
 def far_apart(points: NDArray[np.float64], spacing: float) -> int:
     """Return how many points from the first on are at least a length from each other.
 
-    Parameters
-    ----------
-    points : (M, 3) array, float64
-        Without repeats.
-    spacing : float
-
-    Returns
-    -------
-    int
-        From 1 to M.
+    Shapes: points (M, 3).
     """
     enough, many = 1, len(points) + 1
     while many > enough + 1:
@@ -99,17 +78,7 @@ def thin(
     r_min: with those of a small M, the discs would hold many points. If no point has any weight left before a stage
     ends, the estimated area was too small, and it is estimated again.
 
-    Parameters
-    ----------
-    points, n_points, advanced
-        As in `eliminate`.
-
-    Returns
-    -------
-    kept : (M,) array, int64
-        Indices, ascending.
-    area : float
-        The last estimate of A, in the squared unit of the points.
+    Shapes: returns kept (M,).
     """
     kept = np.arange(len(points))
     area = surface_area(KdTree.build(points))

@@ -18,17 +18,7 @@ FINEST = 2.0**-40  # edge length as a share of the cloud's size, below which cel
 def cell_edge(points: NDArray[np.float64], n_points: int) -> float:
     """Return an edge length for which at least M cells are occupied, and few more; see `searched_edge`.
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-        Without repeats, with no negative coordinate, and not all at the origin.
-    n_points : int
-        M, from 1 to N.
-
-    Returns
-    -------
-    float
-        In the unit of the points.
+    Shapes: points (N, 3).
     """
     return searched_edge(float(points.max()), n_points, lambda edge: occupied(points, edge))
 
@@ -39,20 +29,6 @@ def searched_edge(size: float, n_points: int, occupied: Callable[[float], int]) 
     As the edge length decreases, the number of occupied cells does not grow steadily: it jumps, most of all for flat
     faces parallel to the axes, and it can fall. The edge length is halved until there are enough cells; then the last
     step is bisected.
-
-    Parameters
-    ----------
-    size : float
-        The largest coordinate, above zero. None is negative.
-    n_points : int
-        M, from 1 to the number of different places.
-    occupied : callable
-        Returns the number of occupied cells for an edge length.
-
-    Returns
-    -------
-    float
-        In the unit of the points.
     """
     edge = size
     too_long = 2.0 * edge
@@ -79,15 +55,7 @@ def searched_edge(size: float, n_points: int, occupied: Callable[[float], int]) 
 def occupied(points: NDArray[np.float64], edge: float) -> int:
     """Return the number of occupied cells of a grid that starts at the origin.
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-    edge : float
-        Edge length of the cells, in the unit of the points.
-
-    Returns
-    -------
-    int
+    Shapes: points (N, 3).
     """
     return int(np.count_nonzero(first_occurrences(np.floor(points / edge))))
 
@@ -95,18 +63,7 @@ def occupied(points: NDArray[np.float64], edge: float) -> int:
 def representatives(points: NDArray[np.float64], edge: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return the mean of the points in each occupied cell, and the point nearest to it.
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-    edge : float
-        Edge length of the cells, in the unit of the points. The grid starts at the origin.
-
-    Returns
-    -------
-    indices : (cells,) array, int64
-        Indices of the nearest points, ascending; ties within a cell go to the smallest index.
-    means : (cells, 3) array, float64
-        In the order of `indices`.
+    Shapes: points (N, 3); returns indices (cells,), means (cells, 3).
     """
     cells = np.floor(points / edge).T
     order = np.lexsort(cells)

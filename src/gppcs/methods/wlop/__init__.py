@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from gppcs.engine.stages import Stages
-from gppcs.methods.method import Method, Selection, parameter
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+from gppcs.methods.method import Method, Selection, Wanted
+from gppcs.methods.parameters import parameter
 
 
 @dataclass(frozen=True)
@@ -32,7 +28,7 @@ class WLOP(Method):
         "them, and away from each other."
     )
     source = "Huang, Li, Zhang, Ascher and Cohen-Or 2009"
-    bytes_per_point: ClassVar[int] = 130
+    _bytes_per_point: ClassVar[int] = 130
 
     radius: float = parameter(
         8.0,
@@ -54,14 +50,14 @@ class WLOP(Method):
     )
     seed: int = parameter(0, "Seed of the random points.", least=0)
 
-    def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
+    def __call__(self, wanted: Wanted) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
         from gppcs.methods.wlop import projection
         from gppcs.spatial.kdtree import KdTree
 
-        stages = Stages.of(stages)
+        points, n_points, stages = wanted.points, wanted.n_points, wanted.stages
         with stages("tree"):
             tree = KdTree.build(points)
             radius = self.radius * projection.average_spacing(tree)

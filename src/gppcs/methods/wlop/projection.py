@@ -27,16 +27,6 @@ def average_spacing(tree: KdTree) -> float:
     """Return the median over the points of the mean distance to the seven nearest points, itself included.
 
     This follows CGAL's `compute_average_spacing` for six neighbours, which takes the mean over the points instead.
-
-    Parameters
-    ----------
-    tree : KdTree
-        The tree over points without repeats.
-
-    Returns
-    -------
-    float
-        In the unit of the points.
     """
     return float(np.median(np.mean([nearest_distances(tree, k) for k in range(7)], axis=0)))
 
@@ -63,29 +53,7 @@ def project(
     divided by r instead of r^2. As in CGAL, a sample with fewer than two others within h is not repelled, and a point
     at the position of a sample does not attract it.
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-    samples : (M, 3) array, float64
-        The first positions of the samples.
-    radius : float
-        h, in the unit of the points.
-    iterations : int
-        Number of iterations.
-    mu : float
-        Weight of the repulsion, from 0 to 0.5.
-    require_uniform : bool
-        If true, w_j = 1 / (1 + sum theta) with the sum over the other points, which evens out their density. If
-        false, w_j = 1.
-    tree : KdTree, optional
-        A tree over `points`, if one exists; otherwise one is built.
-    advanced : callable, optional
-        Called with the number of iterations done since the last call.
-
-    Returns
-    -------
-    (M, 3) array, float64
-        The last positions of the samples.
+    Shapes: points (N, 3), samples (M, 3); returns (M, 3).
     """
     tree = tree or KdTree.build(points)
     weights = np.ones(len(points), dtype=np.float64)
@@ -247,16 +215,7 @@ def _add_up(shares, xs, ys, zs, x, y, z, total, sx, sy, sz):
 def nearest_unused(positions: NDArray[np.float64], tree: KdTree) -> NDArray[np.int64]:
     """Assign to each position, one after the other, the nearest point that is not assigned yet.
 
-    Parameters
-    ----------
-    positions : (M, 3) array, float64
-    tree : KdTree
-        The tree over at least M points.
-
-    Returns
-    -------
-    (M,) array, int64
-        Indices of the points, unique. Ties go to the smallest index.
+    Shapes: positions (M, 3); returns (M,).
     """
     taken = np.zeros(len(tree.order), dtype=np.bool_)
     leaves = tree.leaves

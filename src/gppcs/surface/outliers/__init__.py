@@ -56,14 +56,7 @@ def find_outliers(cloud: CloudLike) -> NDArray[np.bool_]:
 def outliers_among(points: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Tell which points are outliers; see `find_outliers`.
 
-    Parameters
-    ----------
-    points : (N, 3) array
-        Finite, of about unit size, as `normalised` returns them.
-
-    Returns
-    -------
-    (N,) array, bool
+    Shapes: points (N, 3); returns (N,).
     """
     firsts = np.flatnonzero(first_occurrences(points))
     if len(firsts) <= NEIGHBOURS + 1:

@@ -42,19 +42,7 @@ class Look(NamedTuple):
 def look_at(tree: KdTree, n: int, clearance: NDArray[np.float64] | None = None) -> Look:
     """Find outliers among the points of a tree, as far as it tells.
 
-    Parameters
-    ----------
-    tree : KdTree
-        Of different places.
-    n : int
-        How many points of its input are looked at. The others are there as their neighbours.
-    clearance : (N,) array, optional
-        Within this distance of each point of the input, the tree lacks no point; by default it lacks none at all.
-
-    Returns
-    -------
-    Look
-        In the order of the input.
+    Shapes: clearance (N,).
     """
     if len(tree.order) <= NEIGHBOURS:
         return Look(np.full(n, np.inf), np.empty(0, dtype=np.int64), np.arange(n))
@@ -112,21 +100,7 @@ def are_outside(
 ) -> NDArray[np.bool_]:
     """Tell which points are outliers.
 
-    Parameters
-    ----------
-    points : (m, 3) array
-    means : (m,) array
-        Mean distance of each to its 16 nearest others.
-    around : (m,) array
-        Median of the same of its neighbours.
-    starts : (m + 1,) array, int64
-        Where the neighbours of each point start.
-    neighbours : (n, 3) array
-        Those of each point in any order, which makes no difference.
-
-    Returns
-    -------
-    (m,) array, bool
+    Shapes: points (m, 3), means (m,), around (m,), starts (m + 1,), neighbours (n, 3); returns (m,).
     """
     owners = np.repeat(np.arange(len(points)), np.diff(starts))
     neighbours = neighbours[np.lexsort([*neighbours.T, owners])]

@@ -126,21 +126,7 @@ def joined(points: Sequence[Points]) -> Points:
 def all_outliers(parts: Sequence[Part], found: Points, undecided: Points, each: Each) -> list[NDArray[np.int64]]:
     """Return the outliers of all rounds.
 
-    Parameters
-    ----------
-    parts : sequence of Part
-        Of a cloud of more than 17 different places.
-    found : Points
-        What the first look has found.
-    undecided : Points
-        Of which it did not tell.
-    each : callable
-        Applies a function to parts, like `map`.
-
-    Returns
-    -------
-    list of (k,) arrays, int64
-        Their positions in each part.
+    Shapes: returns (k,).
     """
     parts, left = list(parts), sum(part.count for part in parts)
     while True:
@@ -304,15 +290,7 @@ def _neighbours_in_part(
 def repeating(points: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Tell which points lie at some places.
 
-    Parameters
-    ----------
-    points : (N, 3) array
-    places : (n, 3) array
-        Different ones, of about unit size, so that no distance is rounded to zero.
-
-    Returns
-    -------
-    (N,) array, bool
+    Shapes: points (N, 3), places (n, 3); returns (N,).
     """
     if not len(places):
         return np.zeros(len(points), dtype=np.bool_)

@@ -1,0 +1,213 @@
+"""The method `gp`, in the order of the paper's Algorithm 1.
+
+Survey the cloud; find the candidates; then, for each doubling of the number of points, make a field over the
+candidates at its own target spacing and choose greedily. The first points are placed as if no more were to come, so
+every prefix of the result is a simplification of its size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.engine.stages import Stages
+from gppcs.gp.local.candidates import Candidates, nested_candidates
+from gppcs.gp.local.density import ROUNDING, density_of, graded_spacings, segregation
+from gppcs.gp.local.greedy import extend
+from gppcs.gp.local.kernel import LocalField
+from gppcs.gp.local.survey import survey
+from gppcs.gp.local.weighing import Weighing, refinement
+from gppcs.spatial.kdtree import KdTree
+from gppcs.surface.noise import Observations
+from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
+
+NEAREST = 16  # Points of a neighbourhood if candidates are not thinned: a ball could then hold any number of them.
+NUGGET = 1e-4  # Variance of an observation without noise, in units of the prior's. Keeps covariances regular.
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """The weights of the selection.
+
+    Attributes
+    ----------
+    density_power : float
+        Points per area go as the roughness to this power. The power is lower if the cloud consists of flat faces and
+        edges.
+    normal_weight : float
+        beta: the distance of two normals at a right angle, in desired spacings. It is lower in the same case.
+    error_weight : float
+        w: the weight of the error |mu - y| in the score; that of the uncertainty is 1.
+    lengthscale : float
+        Of the Matérn kernel, in desired spacings.
+    neighbours : int
+        K: the number of chosen points on which a posterior is conditioned.
+    """
+
+    density_power: float
+    normal_weight: float
+    error_weight: float
+    lengthscale: float
+    neighbours: int
+
+
+class Ranking(NamedTuple):
+    """The M chosen points, in the order of choice.
+
+    Attributes
+    ----------
+    rows : (M,) array, int64
+    scores, deviations : (M,) arrays, float64
+        Score of each point, and posterior standard deviation in units of the prior's, when the point was chosen; 0 for
+        fixed points. Scores fall within a stage, apart from small effects of the error and of the few neighbours. They
+        rise at the start of the next stage, whose field is finer.
+    noise_in_spacings : float
+        Standard deviation of the noise, in target spacings.
+    """
+
+    rows: NDArray[np.int64]
+    scores: NDArray[np.float64]
+    deviations: NDArray[np.float64]
+    noise_in_spacings: float = 0.0
+
+    def extended(
+        self, rows: NDArray[np.int64], scores: NDArray[np.float64], deviations: NDArray[np.float64]
+    ) -> Ranking:
+        """Return the ranking with further points behind."""
+        return self._replace(
+            rows=np.concatenate([self.rows, rows]),
+            scores=np.concatenate([self.scores, scores]),
+            deviations=np.concatenate([self.deviations, deviations]),
+        )
+
+
+def choose(
+    points: NDArray[np.float64],
+    n_points: int,
+    criterion: Criterion,
+    density: float,
+    stages: Stages,
+    fixed: int = 0,
+    weights: NDArray[np.float64] | None = None,
+) -> Ranking:
+    """Choose `n_points` of a cloud, the most important first.
+
+    The first `fixed` points are chosen from the start. `density` is the number of candidate cells in a square whose
+    side is the target spacing; weights multiply the density of the chosen points.
+
+    Shapes: points (N, 3) without repeats, weights (N,) above 0.
+    """
+    density *= refinement(weights)
+    area, noise, sharpness = survey(points, n_points, density, stages)
+    with stages("candidates"):
+        candidates = nested_candidates(points, sharpness, n_points, area, density, fixed)
+    del sharpness  # to free its memory
+    with stages("noise"):
+        observations = noise.observe(points[candidates[-1].rows])
+    level = noise.level / noise.spacing if noise.spacing > 0.0 else 0.0
+    weighing = None if weights is None else Weighing(weights)
+    ranking = rank(points, candidates, observations, criterion, stages, fixed, weighing)
+    return ranking._replace(noise_in_spacings=level)
+
+
+def rank(
+    points: NDArray[np.float64],
+    candidates: list[Candidates],
+    observations: Observations,
+    criterion: Criterion,
+    stages: Stages,
+    fixed: int = 0,
+    weighing: Weighing | None = None,
+) -> Ranking:
+    """Choose among the candidates, stage by stage; `observations` are those at the candidates of the last stage."""
+    ranking = Ranking(np.arange(fixed), np.zeros(fixed), np.zeros(fixed))
+    for stage in candidates:
+        with stages("features"):
+            of_stage = observations.take(np.searchsorted(candidates[-1].rows, stage.rows))
+            tree, features = features_of(points[stage.rows], of_stage, stage)
+            field = local_field(tree, features, of_stage.variances[tree.order] / stage.spacing**2, criterion)
+            rows, spacings = stage.rows[tree.order], field.spacings
+            if weighing is not None:
+                field = field._replace(spacings=weighing.weighted(spacings, rows))
+        with stages("greedy selection", stage.target - len(ranking.rows)) as advanced:
+            before = tree.positions()[np.searchsorted(stage.rows, ranking.rows)]
+            chosen, scores, deviations = extend(
+                field, tree, before, stage.target, criterion.neighbours, criterion.error_weight, advanced
+            )
+        if weighing is not None:
+            weighing.learn(spacings, rows, chosen)
+        ranking = ranking.extended(rows[chosen[len(before) :]], scores, deviations)
+    return ranking
+
+
+def features_of(places: NDArray[np.float64], observations: Observations, stage: Candidates) -> tuple[KdTree, Features]:
+    """Return the tree over the candidates of a stage, in units of its target spacing, and their features in tree order.
+
+    Shapes: places (n, 3).
+    """
+    tree = on_surface = KdTree.build(places).scaled(1.0 / stage.spacing)
+    if observations.feet is not None:
+        feet = observations.feet[tree.order]
+        on_surface = KdTree.over(np.ascontiguousarray(feet.T) / stage.spacing, tree.order)
+    on_surface = on_surface.in_own_order()
+    return tree, features_in_radius(on_surface, 1.0) if stage.thinned else features_of_nearest(on_surface, NEAREST)
+
+
+class Scale(NamedTuple):
+    """What the field at a candidate needs to know of all candidates of the stage.
+
+    Attributes
+    ----------
+    mean, deviation : float
+        Of the surface variation.
+    roundness : float
+        From 1 for a cloud whose places are alike to 0 for flat faces and edges only.
+    density : float
+        Mean of the wanted density.
+    spacing : float, optional
+        What makes the mean of 1 / spacing^2 equal to 1; measured on the candidates of the field if it is not given.
+    """
+
+    mean: float
+    deviation: float
+    roundness: float
+    density: float
+    spacing: float | None = None
+
+    @classmethod
+    def of(cls, variation: NDArray[np.float64], criterion: Criterion) -> Scale:
+        """Measure candidates, given their surface variation, (n,)."""
+        roughness = np.sqrt(variation)
+        roundness = (1.0 - segregation(roughness) ** 2) ** 4
+        density = density_of(roughness, criterion.density_power * roundness)
+        return cls(float(np.mean(variation)), float(np.std(variation)), roundness, float(np.mean(density)))
+
+
+def local_field(
+    tree: KdTree,
+    features: Features,
+    noise: NDArray[np.float64],
+    criterion: Criterion,
+    scale: Scale | None = None,
+) -> LocalField:
+    """Return the field over candidates, all in the order of their tree, which is in units of the target spacing.
+
+    Shapes: noise (n,), the variance of the observation at each candidate, in units of the prior's.
+    """
+    variation = features.surface_variation
+    scale = scale or Scale.of(variation, criterion)
+    density = density_of(np.sqrt(variation), criterion.density_power * scale.roundness)
+    spacings = graded_spacings(tree, density, scale.density)
+    predicts = criterion.error_weight > 0.0 and scale.deviation > ROUNDING
+    return LocalField(
+        positions=tree.points,
+        normals=np.ascontiguousarray(features.normals.T),
+        spacings=spacings * (scale.spacing or np.sqrt(np.mean(spacings**-2.0))),
+        y=(variation - scale.mean) / scale.deviation if predicts else np.zeros(len(noise)),
+        noise=NUGGET + noise,
+        lengthscale=criterion.lengthscale,
+        normal_weight=criterion.normal_weight * scale.roundness,
+    )

@@ -1,1 +1,0 @@
-"""The local Gaussian process on clouds whose candidates do not fit into memory: tile by tile, from points on disk."""

@@ -1,0 +1,220 @@
+"""Parameters of methods: how they are declared, checked, read from text and described."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import math
+import numbers
+import sys
+import textwrap
+import typing
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from gppcs.errors import ParameterError, nearest_name, number, shown
+
+if TYPE_CHECKING:
+    from gppcs.methods.method import Method
+
+Value = TypeVar("Value")
+
+WIDTH = 100  # characters per line of the docstrings that are completed here
+_MEANING = "meaning"  # the key of a field's metadata that holds the help of the parameter
+_RANGE = "range"  # the key that holds its least and its greatest value
+_INVALID = object()  # stands for a value that a parameter cannot have
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """The description of a method's parameter.
+
+    Attributes
+    ----------
+    kind : str
+        Its type, or the values that it may have.
+    default : int, float, bool, str or None
+    meaning : str
+        What it does, in one or more sentences.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> gppcs.Random.parameters() == {"seed": gppcs.Parameter("int", 0, "Seed of the permutation.")}
+    True
+    """
+
+    kind: str
+    default: Any
+    meaning: str
+
+
+def parameter(default: Value, meaning: str, least: float | None = None, most: float | None = None) -> Value:
+    """Declare a parameter of a method, as a field of its dataclass.
+
+    Parameters
+    ----------
+    default : int, float, bool, str or None
+    meaning : str
+        What the parameter does, in one or more sentences. The help of the command and the docstring show it.
+    least, most : float, optional
+        The range of a number; both ends belong to it. A float must also be finite, unless `most` is infinite.
+
+    Returns
+    -------
+    dataclasses.Field
+        Typed as `default`, as type checkers expect of the default of a field.
+
+    Raises
+    ------
+    ParameterError
+        If an argument has a wrong type.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> import numpy as np
+    >>> import gppcs
+    >>> @dataclass(frozen=True)
+    ... class FirstRows(gppcs.Method):
+    ...     name, summary, source = "first-rows", "the first rows", "an example"
+    ...     step: int = gppcs.parameter(1, "Distance between the rows that are taken.")
+    ...     def __call__(self, wanted):
+    ...         return gppcs.Selection(np.arange(wanted.n_points) * self.step)
+    >>> FirstRows.parameters()["step"].meaning
+    'Distance between the rows that are taken.'
+    """
+    if not isinstance(default, numbers.Real | str | None):
+        raise ParameterError(f"expected a number, a text, a truth value or None as default, found {shown(default)}")
+    if not isinstance(meaning, str):
+        raise ParameterError(f"expected the meaning of the parameter as text, found {shown(meaning)}")
+    for end in (least, most):
+        if end is not None and math.isnan(number(end)):
+            raise ParameterError(f"expected a number as end of the range of the parameter, found {shown(end)}")
+    declared: Any = field(default=default, metadata={_MEANING: meaning, _RANGE: (least, most)})
+    return declared
+
+
+def check_parameters(method: Method) -> None:
+    """Check the types and the ranges of all parameters; numbers of NumPy become Python's."""
+    types = _types(type(method))
+    for each in dataclasses.fields(method):
+        alternatives = typing.get_args(types[each.name]) or (types[each.name],)
+        value = _as_one_of(alternatives, getattr(method, each.name))
+        require(method, value is not _INVALID, each.name, " or ".join(map(_written, alternatives)))
+        object.__setattr__(method, each.name, value)
+        if isinstance(value, int | float):
+            least, most = each.metadata.get(_RANGE, (None, None))
+            require(method, _lies_within(value, least, most), each.name, _range(value, least, most))
+
+
+def require(method: Method, condition: bool, parameter: str, expected: str) -> None:
+    """Raise an error unless a condition on a parameter holds; `expected` says what it should be."""
+    if not condition:
+        found = shown(getattr(method, parameter))
+        raise ParameterError(f"method {method.name!r}: expected {parameter} to be {expected}, found {found}")
+
+
+def with_settings(method: Method, settings: Mapping[str, Any]) -> Method:
+    """Return a method with other values of some parameters; texts are converted, and "none" means None."""
+    types = _types(type(method))
+    known = [each.name for each in dataclasses.fields(method)]
+    for key in settings:
+        if key not in known:
+            near = nearest_name(key, known) if known else "; it has none at all"
+            raise ParameterError(f"method {method.name!r} has no parameter {key!r}{near}")
+    return dataclasses.replace(method, **{key: _read(value, types[key]) for key, value in settings.items()})
+
+
+def _as_one_of(alternatives: tuple[Any, ...], value: Any) -> Any:
+    """Return a value as one of the types or literal texts, or `_INVALID` if it is none of them."""
+    if isinstance(value, str | bool | None):
+        return value if value in alternatives or type(value) in alternatives else _INVALID
+    families: tuple[tuple[Any, type], ...] = ((int, numbers.Integral), (float, numbers.Real))
+    for kind, family in families:
+        if kind in alternatives and isinstance(value, family):
+            try:
+                return kind(value)
+            except OverflowError:  # a whole number too large for a float
+                return _INVALID
+    return _INVALID
+
+
+def _lies_within(value: float, least: float | None, most: float | None) -> bool:
+    """Return whether a number is in a range, whose ends may be open; a float must be finite and not denormal."""
+    if value != value or _is_denormal(value) or (abs(value) == math.inf and value != most):
+        return False
+    return (least is None or value >= least) and (most is None or value <= most)
+
+
+def _range(value: float, least: float | None, most: float | None) -> str:
+    """Return the range outside of which a number lies, as messages show it."""
+    if least is not None and most is not None:
+        words = f"from {least:g} to {most:g}"
+    else:
+        ends = [f"at {side} {end:g}" for side, end in (("least", least), ("most", most)) if end is not None]
+        words = " and ".join(["finite", *ends] if isinstance(value, float) else ends)
+    return f"{words}, and not denormal" if _is_denormal(value) else words
+
+
+def _is_denormal(value: float) -> bool:
+    return 0 < abs(value) < sys.float_info.min
+
+
+def _written(alternative: Any) -> str:
+    """Return a type or a literal text as messages show it."""
+    if isinstance(alternative, str):
+        return repr(alternative)
+    return "none" if alternative is type(None) else alternative.__name__
+
+
+def _read(value: Any, expected: Any) -> Any:
+    """Convert a text to one of the types of an annotation; return it unchanged if that fails."""
+    if not isinstance(value, str):
+        return value
+    alternatives = typing.get_args(expected) or (expected,)
+    if type(None) in alternatives and value.lower() == "none":
+        return None
+    if bool in alternatives and value.lower() in ("true", "false"):
+        return value.lower() == "true"
+    for kind in (int, float):
+        if kind in alternatives:
+            try:
+                return kind(value)
+            except ValueError:
+                continue
+    return value
+
+
+def described(cls: type[Method], fields: Mapping[str, dataclasses.Field[Any]]) -> dict[str, Parameter]:
+    """Return the descriptions of the parameters that some fields of a method declare, by name."""
+    types = _types(cls)
+    return {
+        name: Parameter(_kind(types[name]), declared.default, declared.metadata.get(_MEANING, ""))
+        for name, declared in fields.items()
+    }
+
+
+@cache
+def _types(cls: type) -> Mapping[str, Any]:
+    """Return the types of the fields of a class."""
+    return typing.get_type_hints(cls)
+
+
+def _kind(annotation: Any) -> str:
+    """Return a type annotation as docstrings write it: "int", "int, optional", '"mean" or "median"'."""
+    alternatives = typing.get_args(annotation) or (annotation,)
+    kinds = [f'"{each}"' if isinstance(each, str) else each.__name__ for each in alternatives if each is not type(None)]
+    return " or ".join(kinds) + (", optional" if type(None) in alternatives else "")
+
+
+def completed(docstring: str, texts: list[str], parameters: Mapping[str, Parameter]) -> str:
+    """Return a docstring with texts and a section of parameters inserted after its first paragraph."""
+    first, _, rest = inspect.cleandoc(docstring).partition("\n\n")
+    section = ["Parameters", "----------"] if parameters else []
+    for name, each in parameters.items():
+        section.append(f"{name} : {each.kind}" + ("" if each.default is None else f", default {each.default!r}"))
+        section.append(textwrap.fill(each.meaning, WIDTH, initial_indent="    ", subsequent_indent="    "))
+    return "\n\n".join(filter(None, [first, *texts, "\n".join(section), rest]))

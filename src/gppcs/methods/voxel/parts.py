@@ -1,0 +1,71 @@
+"""The cells of a cloud on disk, found part by part."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.engine.stages import Stages
+from gppcs.methods.voxel.grid import representatives, searched_edge
+from gppcs.spatial.boxes import Each, Part
+from gppcs.spatial.row_sample import place_hashes
+from gppcs.spatial.stored import StoredPoints
+
+PART = 1 << 18  # Points of a part at most.
+
+
+class Representatives(NamedTuple):
+    """One point for each occupied cell.
+
+    Attributes
+    ----------
+    rows : (cells,) array, int64
+        Ascending.
+    places, means : (cells, 3) arrays
+        The points, and the means of all points of their cells.
+    """
+
+    rows: NDArray[np.int64]
+    places: NDArray[np.float64]
+    means: NDArray[np.float64]
+
+
+def representatives_in_parts(
+    stored: StoredPoints, edge: float | None, n_points: int, stages: Stages, each: Each
+) -> Representatives:
+    """Return the points that stand for their cells, by default where at least M cells are occupied, and few more."""
+    parts, size = stored.parts(PART), float(stored.sample.max())
+
+    def occupied(edge: float) -> int:
+        found = np.empty(0, dtype=np.uint64)
+        for some in each(partial(_cells, stored, edge), parts):
+            found = np.union1d(found, some)
+        return len(found)
+
+    if edge is None:
+        with stages("size of cells"):
+            enough = size > 0.0 and occupied(0.0) > n_points
+            edge = searched_edge(size, n_points, occupied) if enough else 0.0
+    with stages("representatives"):
+        found = list(each(partial(_representatives, stored, edge), parts))
+    rows, places, means = (np.concatenate(columns) for columns in zip(*found, strict=True))
+    order = np.argsort(rows)
+    return Representatives(rows[order], places[order], means[order])
+
+
+def _cells(stored: StoredPoints, edge: float, part: Part) -> NDArray[np.uint64]:
+    """Return a number for each occupied cell of a part, or without an edge length for each place."""
+    places = stored.near(part).points
+    return np.unique(place_hashes(np.floor(places / edge) if edge else places))
+
+
+def _representatives(stored: StoredPoints, edge: float, part: Part) -> Representatives:
+    """Return the points of a part that stand for their cells, or all without an edge length."""
+    near = stored.near(part, edge)
+    indices, means = representatives(near.points, edge) if edge else (np.arange(len(near.rows)), near.points)
+    own = near.inside[indices]
+    chosen = indices[own]
+    return Representatives(near.rows[chosen], near.points[chosen], means[own])

@@ -1,0 +1,117 @@
+"""Simplify a cloud that does not fit into memory: its points are stored by boxes, and chosen part by part."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.amounts.choice import Scale, check_count, with_others, with_repeats
+from gppcs.amounts.guide import ChunkGuide, nothing_to_keep
+from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.expressions import Expression
+from gppcs.clouds.lengths import metres_of
+from gppcs.engine.ahead import compiled_ahead
+from gppcs.engine.stages import Stages
+from gppcs.io.cloud_files import CloudFiles
+from gppcs.methods import Selection, Wanted
+from gppcs.simplification import Request, Result, check_scores, check_usable, with_scores
+from gppcs.spatial.boxes import Each
+from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.scaling import Frame
+from gppcs.spatial.stored import StoredPoints, without
+from gppcs.streaming.plan import Plan
+from gppcs.streaming.scan import Overview, read_all, sorted_by_boxes, sources_of, take
+from gppcs.surface.outliers.parts import outliers_in_parts
+
+
+class Run(NamedTuple):
+    """What a run gives.
+
+    Attributes
+    ----------
+    result : Result
+    points : int
+        Number of points that were read.
+    outliers : PointCloud or None
+        The outliers with their attributes, if they are wanted.
+    cloud : PointCloud or None
+        All points, if they are in memory.
+    """
+
+    result: Result
+    points: int
+    outliers: PointCloud | None
+    cloud: PointCloud | None = None
+
+
+def simplify_stored(
+    files: CloudFiles, request: Request, plan: Plan, folder: Path, each: Each, stages: Stages, listed: bool = False
+) -> Run:
+    """Simplify the cloud in some files, with temporary files in a folder; `listed` outliers are returned, too."""
+    check_scores(request.scores, request.method, files.head().cloud)
+    sources = sources_of(files, plan.part)
+    guide = ChunkGuide(None if request.keep is None else Expression.of(request.keep), request.weight)
+    seen = read_all(sources, folder, plan.rows, plan.points, guide, each, stages)
+    _check_seen(seen, request)
+    frame = Frame.around(seen.low, seen.high)
+    stored = sorted_by_boxes(seen, folder, frame, each, stages)
+    outliers = None
+    if request.drop_outliers:
+        with stages("outliers", len(stored)) as advanced:
+            outliers = outliers_in_parts(stored, each, advanced)
+        stored = without(stored, outliers, each)
+    selection = _chosen(stored, seen, request, frame, each, stages, outliers)
+    kept = take(sources, seen, selection.indices, plan.rows, each, stages)
+    stray = take(sources, seen, outliers, plan.rows, each, stages) if listed and outliers is not None else None
+    if selection.points is not None:
+        kept = kept.moved(np.ldexp(selection.points, frame.exponent) + frame.corner)
+    if request.scores:
+        kept = with_scores(kept, request.method, selection)
+    result = Result.of(selection, kept, request.method, stages)
+    return Run(result if outliers is None else result.with_outliers(outliers), seen.count, stray)
+
+
+def _check_seen(seen: Overview, request: Request) -> None:
+    """Check that there are points, weights, and points to keep, as far as these are asked for."""
+    check_usable(seen.count, seen.bad, seen.first_bad, request.invalid)
+    if request.keep is not None and not len(seen.keep):
+        raise nothing_to_keep(request.keep)
+    if request.weight is not None:
+        seen.weights.check()
+
+
+def _chosen(
+    stored: StoredPoints,
+    seen: Overview,
+    request: Request,
+    frame: Frame,
+    each: Each,
+    stages: Stages,
+    outliers: NDArray[np.int64] | None,
+) -> Selection:
+    """Let the method choose; the rows of the selection are those of the cloud."""
+    count, spacing = len(stored), None
+    if request.amount.spacing is not None:
+        diagonal = float(np.linalg.norm(frame.local(seen.high[None])))
+        scale = Scale(diagonal, metres_of(request.unit, seen.columns.header), frame.exponent)
+        spacing = scale.inside(request.amount.spacing)
+    else:
+        known = request.amount.known_count(seen.count - seen.bad - (0 if outliers is None else len(outliers)))
+        assert known is not None
+        count = known
+    keep = seen.keep if outliers is None else np.setdiff1d(seen.keep, outliers)
+    places = frame.local(seen.places[np.isin(seen.keep, keep)])
+    check_count(count, len(keep), len(stored))
+    if count >= len(stored) and spacing is None:
+        return Selection(stored.others(np.empty(0, dtype=np.int64), count), ranked=False)
+    first = first_occurrences(places)
+    fixed, again = keep[first], keep[~first]
+    wanted = Wanted(places[first], count - len(again), spacing, len(fixed), None, stages, stored, fixed, each)
+    with compiled_ahead(request.method.name):
+        selection = request.method(wanted)
+    selection = with_repeats(selection, again, len(fixed))
+    lacking = 0 if spacing is not None else count - len(selection.indices)
+    return with_others(selection, stored.others(selection.indices, lacking) if lacking > 0 else again[:0])

@@ -1,0 +1,265 @@
+"""The two readings of the files of a cloud that does not fit into memory.
+
+The first stores its points, the last takes the kept ones with all their attributes. Several files, and several parts of
+a file where its format allows, are read at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.amounts.guide import ChunkGuide, WeightRange
+from gppcs.clouds.cloud import PointCloud
+from gppcs.engine.stages import Stages
+from gppcs.errors import InputError
+from gppcs.io.cloud_files import CloudFiles, JointColumns
+from gppcs.spatial.boxes import Boxes, Each
+from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.row_sample import place_hashes
+from gppcs.spatial.scaling import Frame, bounds
+from gppcs.spatial.stored import RECORD, WEIGHTED, StoredPoints, boxes_for, write_run
+
+SAMPLED = 1 << 18  # Points of the sample by which space is divided.
+SPARE = 1.1  # Sampled points for each one wanted, so that there are hardly ever too few.
+HASHES = float(2**64)
+RUN = 1 << 20  # Points of a run at most, unless a chunk has more: with too few, too many files are read.
+NO_ROWS = np.empty(0, dtype=np.int64)
+
+
+class Source(NamedTuple):
+    """A file or a part of one, which one task reads.
+
+    Attributes
+    ----------
+    files : CloudFiles
+    number : int
+        Its place in the order of the cloud.
+    first, points : int
+        Row of its first point in the cloud, and number of its points, once they are known.
+    """
+
+    files: CloudFiles
+    number: int
+    first: int = 0
+    points: int = 0
+
+
+class Chunk(NamedTuple):
+    """A chunk of points on disk: the file, the row of its first point, and how many of its points are stored."""
+
+    name: str
+    first: int
+    stored: int
+
+
+@dataclass
+class Overview:
+    """What the first reading finds out about a cloud, or about a part of it.
+
+    Attributes
+    ----------
+    count, bad, first_bad : int
+        Number of points, number of those that are not finite, and the row of the first of these.
+    low, high : (3,) arrays
+        Corners of the bounding box of the stored points.
+    columns : JointColumns
+    keep, places : (k,) and (k, 3) arrays
+        Rows and places of the points to keep.
+    weights : WeightRange
+    chunks : list of Chunk
+    hashes, sample : (m,) and (m, 3) arrays
+        A random sample of the stored points, with the random numbers by which it was drawn.
+    counts : list of int
+        Number of points of each source.
+    """
+
+    count: int = 0
+    bad: int = 0
+    first_bad: int = 0
+    low: NDArray[np.float64] = field(default_factory=lambda: np.full(3, np.inf))
+    high: NDArray[np.float64] = field(default_factory=lambda: np.full(3, -np.inf))
+    columns: JointColumns = field(default_factory=JointColumns)
+    keep: NDArray[np.int64] = field(default_factory=lambda: NO_ROWS)
+    places: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    weights: WeightRange = WeightRange()  # noqa: RUF009  # a tuple
+    chunks: list[Chunk] = field(default_factory=list)
+    hashes: NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, dtype=np.uint64))
+    sample: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    counts: list[int] = field(default_factory=list)
+
+    @property
+    def stored(self) -> int:
+        """Number of points that are stored."""
+        return sum(chunk.stored for chunk in self.chunks)
+
+    def add(self, other: Overview) -> None:
+        """Take note of the next points."""
+        if other.bad and not self.bad:
+            self.first_bad = self.count + other.first_bad
+        self.columns.merge(other.columns)
+        self.low, self.high = np.minimum(self.low, other.low), np.maximum(self.high, other.high)
+        self.keep = np.concatenate([self.keep, self.count + other.keep])
+        self.places = np.concatenate([self.places, other.places])
+        self.weights = self.weights.followed_by(other.weights)
+        self.chunks += [chunk._replace(first=self.count + chunk.first) for chunk in other.chunks]
+        hashes = np.concatenate([self.hashes, other.hashes])
+        some = np.argsort(hashes, kind="stable")[: round(SPARE * SAMPLED)]
+        self.hashes, self.sample = hashes[some], np.concatenate([self.sample, other.sample])[some]
+        self.counts.append(other.count)
+        self.count, self.bad = self.count + other.count, self.bad + other.bad
+
+
+def sources_of(files: CloudFiles, rows: int) -> list[Source]:
+    """Return the files, and the parts of those that can be read in parts of about so many points."""
+    return [Source(each, number) for number, each in enumerate(files.each(rows))]
+
+
+def read_all(
+    sources: Sequence[Source], folder: Path, rows: int, about: int, guide: ChunkGuide, each: Each, stages: Stages
+) -> Overview:
+    """Read all points once, in chunks of so many rows, and store those that are usable in a folder, as they come."""
+    seen, share = Overview(), min(1.0, SPARE * SAMPLED / max(1, about))
+    with stages("reading", about) as advanced:
+        for found in each(partial(_read, folder, rows, share, guide), sources):
+            seen.add(found)
+            advanced(found.count)
+    return seen
+
+
+def _read(folder: Path, rows: int, share: float, guide: ChunkGuide, source: Source) -> Overview:
+    """Read a source, and store its usable points."""
+    seen = Overview()
+    with source.files as files:
+        for number, cloud in enumerate(files.chunks(True, rows)):
+            seen.add(_look(cloud, folder / f"{source.number}-{number}.raw", share, guide))
+    return replace(seen, counts=[])
+
+
+def _look(cloud: PointCloud, path: Path, share: float, guide: ChunkGuide) -> Overview:
+    """Look at a chunk, and store its usable points in a file."""
+    seen = Overview(count=len(cloud))
+    seen.columns.add(cloud)
+    usable = guide.of_chunk(cloud)
+    places = cloud.points[usable.rows]
+    if not np.isfinite(bounds(cloud.points)).all():
+        bad = cloud.non_finite()
+        seen.bad, seen.first_bad = len(bad), int(bad[0])
+    seen.weights = usable.known
+    if len(places):
+        records = np.empty(len(places), dtype=RECORD if usable.weights is None else WEIGHTED)
+        records["row"], records["place"] = usable.rows, places
+        if usable.weights is not None:
+            records["weight"] = usable.weights
+        records.tofile(path)
+        seen.chunks = [Chunk(path.name, 0, len(places))]
+        seen.low, seen.high = bounds(places)
+        seen.keep, seen.places = usable.rows[usable.keep], places[usable.keep]
+        hashes = place_hashes(places)
+        some = np.flatnonzero(hashes < share * HASHES) if share < 1.0 else np.arange(len(hashes))
+        seen.hashes, seen.sample = hashes[some], places[some]
+    return seen
+
+
+def sorted_by_boxes(seen: Overview, folder: Path, frame: Frame, each: Each, stages: Stages) -> StoredPoints:
+    """Sort the stored points by boxes, in the coordinates of a frame."""
+    sample = frame.local(seen.sample)
+    sample = sample[first_occurrences(sample)][:SAMPLED]
+    boxes = boxes_for(sample, seen.stored)
+    weighted, counts = seen.weights.n > 0, np.zeros(len(boxes), dtype=np.int64)
+    groups = _grouped(seen.chunks)
+    with stages("boxes", seen.stored) as advanced:
+        sort = partial(_sort, folder, boxes, frame, seen.weights if weighted else None)
+        for group, of_group in zip(groups, each(sort, groups), strict=True):
+            counts += of_group
+            for chunk in group:
+                (folder / chunk.name).unlink()
+                advanced(chunk.stored)
+    runs = tuple(_run(group) for group in groups)
+    return StoredPoints(folder, boxes, counts, runs, sample, weighted, seen.weights.mean_share if weighted else 1.0)
+
+
+def _grouped(chunks: Sequence[Chunk]) -> list[list[Chunk]]:
+    """Return the chunks in groups of about as many points as a run should have."""
+    groups: list[list[Chunk]] = []
+    for chunk in chunks:
+        if groups and sum(each.stored for each in groups[-1]) + chunk.stored <= RUN:
+            groups[-1].append(chunk)
+        else:
+            groups.append([chunk])
+    return groups
+
+
+def _run(group: Sequence[Chunk]) -> str:
+    return group[0].name.replace(".raw", ".run")
+
+
+def _sort(
+    folder: Path, boxes: Boxes, frame: Frame, weights: WeightRange | None, group: Sequence[Chunk]
+) -> NDArray[np.int64]:
+    """Sort some chunks into a run, and return the number of its points in each box."""
+    records = np.empty(sum(chunk.stored for chunk in group), dtype=RECORD if weights is None else WEIGHTED)
+    begin = 0
+    for chunk in group:
+        some = records[begin : begin + chunk.stored]
+        some[:] = np.fromfile(folder / chunk.name, dtype=records.dtype)
+        some["row"] += chunk.first
+        begin += chunk.stored
+    records["place"] = frame.local(np.ascontiguousarray(records["place"]))
+    if weights is not None:  # points of weight 0 are here only to be kept
+        shares = weights.shares(np.ascontiguousarray(records["weight"]))
+        records["weight"] = np.where(shares > 0.0, shares, 1.0)
+    return write_run(folder, _run(group), boxes, records)
+
+
+def take(
+    sources: Sequence[Source], seen: Overview, rows: NDArray[np.int64], chunk: int, each: Each, stages: Stages
+) -> PointCloud:
+    """Read some points, (n,), with all their attributes, in the order of their rows given."""
+    order = np.argsort(rows)
+    firsts = np.concatenate([[0], np.cumsum(seen.counts)]).astype(np.int64)
+    asked = []
+    for source, first, count in zip(sources, firsts.tolist(), seen.counts, strict=False):
+        some = slice(*np.searchsorted(rows[order], [first, first + count]))
+        asked.append(_Taken(source._replace(first=first, points=count), rows[order][some], chunk))
+    with stages("kept points", seen.count) as advanced:
+        clouds = []
+        for part, cloud in zip(asked, each(_take, asked), strict=True):
+            clouds += [cloud] if cloud is not None else []
+            advanced(part.source.points)
+    back = np.empty_like(order)
+    back[order] = np.arange(len(order))
+    return seen.columns.joined(clouds).take(back)
+
+
+class _Taken(NamedTuple):
+    """Which rows, (n,), ascending, to take of a source that is read in chunks."""
+
+    source: Source
+    rows: NDArray[np.int64]
+    chunk: int
+
+
+def _take(asked: _Taken) -> PointCloud | None:
+    """Read some points of a source; None if it has none of them and need not be read."""
+    source, rows = asked.source, asked.rows - asked.source.first
+    if not len(rows):
+        return None
+    first, clouds, columns = 0, [], JointColumns()
+    with source.files as files:
+        for cloud in files.chunks(True, asked.chunk):
+            begin, end = np.searchsorted(rows, [first, first + len(cloud)])
+            columns.add(cloud)
+            clouds.append(cloud.take(rows[begin:end] - first))
+            first += len(cloud)
+    if first != source.points:
+        raise InputError(
+            f"expected {source.points:,} points again, found {first:,}: the files have changed meanwhile; start anew"
+        )
+    return columns.joined(clouds)
