@@ -26,22 +26,32 @@ WEIGHTED = np.dtype([*RECORD.descr, ("weight", np.float64)])
 
 
 class Neighbourhood(NamedTuple):
-    """The points of a part and of its halo, by ascending rows.
+    """The records of a part and of its halo, by ascending rows.
 
     Attributes
     ----------
-    rows : (n,) array, int64
-        Rows of the points in the cloud.
-    points : (n, 3) array
+    records : (n,) array
+        With at least the fields "row" and "place".
     inside : (n,) array, bool
         Whether a point lies in the part itself.
-    weights : (n,) array or None
     """
 
-    rows: NDArray[np.int64]
-    points: NDArray[np.float64]
+    records: NDArray[Any]
     inside: NDArray[np.bool_]
-    weights: NDArray[np.float64] | None
+
+    @property
+    def rows(self) -> NDArray[np.int64]:
+        """Rows of the points in the cloud, (n,)."""
+        return np.ascontiguousarray(self.records["row"])
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """The points, (n, 3)."""
+        return np.ascontiguousarray(self.records["place"])
+
+    def take(self, some: NDArray[Any]) -> Neighbourhood:
+        """Return some of them."""
+        return Neighbourhood(self.records[some], self.inside[some])
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,20 +66,20 @@ class StoredPoints:
         Number of points in each box.
     runs : tuple of str
         Names of the files.
+    kind : dtype
+        Of a record: its fields are "row", "place" and others.
     sample : (n, 3) array
         A random sample of the points, without repeats.
-    weighted : bool
-        Whether each point has a weight.
     mean_weight : float
-        Mean of the weights, in units of the largest.
+        Mean of the weights, in units of the largest, if each record has a "weight".
     """
 
     folder: Path
     boxes: Boxes
     counts: NDArray[np.int64]
     runs: tuple[str, ...]
+    kind: np.dtype[Any]
     sample: NDArray[np.float64]
-    weighted: bool = False
     mean_weight: float = 1.0
 
     def __len__(self) -> int:
@@ -88,14 +98,11 @@ class StoredPoints:
         for run in self.runs:
             found = self.records(run, boxes)
             inside.append(next(found))
-            outside += [p[((p["place"] >= low) & (p["place"] <= high)).all(axis=1)] for p in found if len(p)]
+            outside += [p[within(p["place"], low, high)] for p in found if len(p)]
         records = np.concatenate(inside + outside)
         order = np.argsort(records["row"], kind="stable")
-        records, within = records[order], order < sum(map(len, inside))
-        places = np.ascontiguousarray(records["place"])
-        first = slice(None) if repeats else np.flatnonzero(first_occurrences(places))
-        weights = records["weight"][first] if self.weighted else None
-        return Neighbourhood(records["row"][first], places[first], within[first], weights)
+        near = Neighbourhood(records[order], order < sum(map(len, inside)))
+        return near if repeats else near.take(np.flatnonzero(first_occurrences(near.points)))
 
     def others(self, rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:
         """Return the first rows besides some, (count,), for clouds with fewer different places than are wanted."""
@@ -107,13 +114,17 @@ class StoredPoints:
 
     def records(self, run: str, boxes: Sequence[tuple[int, int]]) -> Iterator[NDArray[Any]]:
         """Yield the points of a run in some boxes, several of which may be given by the first and the one behind."""
-        kind = WEIGHTED if self.weighted else RECORD
         with (self.folder / run).open("rb") as file:
             starts = np.fromfile(file, np.int64, len(self.boxes) + 1)
             begin = file.tell()
             for first, last in boxes:
-                file.seek(begin + int(starts[first]) * kind.itemsize)
-                yield np.fromfile(file, kind, int(starts[last] - starts[first]))
+                file.seek(begin + int(starts[first]) * self.kind.itemsize)
+                yield np.fromfile(file, self.kind, int(starts[last] - starts[first]))
+
+
+def within(places: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which places, (n, 3), lie between two corners, (3,)."""
+    return np.asarray(((places >= low) & (places <= high)).all(axis=1))
 
 
 def boxes_for(sample: NDArray[np.float64], n: int) -> Boxes:
@@ -139,8 +150,8 @@ def without(stored: StoredPoints, rows: NDArray[np.int64], each: Each) -> Stored
     """Leave some rows, ascending, out of the stored points."""
     if not len(rows):
         return stored
-    counts = np.sum(list(each(partial(_leave_out, stored, rows), stored.runs)), axis=0)
-    return replace(stored, counts=counts)
+    counts = list(each(partial(_leave_out, stored, rows), stored.runs))
+    return replace(stored, counts=np.array(counts).sum(axis=0))
 
 
 def _leave_out(stored: StoredPoints, rows: NDArray[np.int64], run: str) -> NDArray[np.int64]:

@@ -63,7 +63,7 @@ def simplify_stored(
         with stages("outliers", len(stored)) as advanced:
             outliers = outliers_in_parts(stored, each, advanced)
         stored = without(stored, outliers, each)
-    selection = _chosen(stored, seen, request, frame, each, stages, outliers)
+    selection = _chosen(stored, seen, request, plan, frame, each, stages, outliers)
     kept = take(sources, seen, selection.indices, plan.rows, each, stages)
     stray = take(sources, seen, outliers, plan.rows, each, stages) if listed and outliers is not None else None
     if selection.points is not None:
@@ -87,6 +87,7 @@ def _chosen(
     stored: StoredPoints,
     seen: Overview,
     request: Request,
+    plan: Plan,
     frame: Frame,
     each: Each,
     stages: Stages,
@@ -109,7 +110,9 @@ def _chosen(
         return Selection(stored.others(np.empty(0, dtype=np.int64), count), ranked=False)
     first = first_occurrences(places)
     fixed, again = keep[first], keep[~first]
-    wanted = Wanted(places[first], count - len(again), spacing, len(fixed), None, stages, stored, fixed, each)
+    wanted = Wanted(
+        places[first], count - len(again), spacing, len(fixed), None, stages, stored, fixed, plan.choice, each
+    )
     with compiled_ahead(request.method.name):
         selection = request.method(wanted)
     selection = with_repeats(selection, again, len(fixed))

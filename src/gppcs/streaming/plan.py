@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.engine.memory import available_memory
+from gppcs.engine.threads import number_of_threads
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles, Head
 from gppcs.simplification import Request
@@ -17,7 +18,7 @@ from gppcs.streaming.sizes import size_of
 READINGS = 2  # Of the files, if the points go to disk: one stores the points, the other takes the kept ones.
 GUESS = 0.1  # Share of the points that are kept, if only the work tells their number.
 PROGRAM = 180_000_000  # Bytes that the program itself takes, with its libraries and compiled kernels.
-PARTS = 130_000_000  # Bytes for the parts that are worked on at once, and for the candidates in memory.
+PART = 110_000_000  # Bytes for each part that is worked on at once.
 KEPT = 120  # Bytes for each kept point, besides its attributes, which are held twice.
 OUTLIERS = 130  # Bytes for each point, where outliers are looked for in memory.
 CANDIDATES = 1500  # Bytes on disk for each point to keep.
@@ -42,6 +43,8 @@ class Plan:
         How many it may hold; None if the platform does not tell what is free.
     disk : int
         About how many bytes of disk space temporary files are going to take.
+    threads : int
+        How many parts are worked on at once.
     """
 
     in_memory: bool
@@ -50,6 +53,12 @@ class Plan:
     memory: int
     limit: int | None
     disk: int = 0
+    threads: int = 1
+
+    @property
+    def choice(self) -> int:
+        """How many bytes the choice may hold beside the parts, if the points are on disk."""
+        return PART if self.limit is None else max(PART, (self.limit - self.memory) // 2)
 
     @property
     def way(self) -> str:
@@ -92,14 +101,16 @@ def plan(
         found = f"expected at least {size_of(in_memory)} of memory for about {n:,} points, as {reason}"
         found += f", found {size_of(limit or sys.maxsize)}"
         raise InputError(f"{found}; raise memory=, or do without", command=f"{found}; raise --memory, or do without")
-    on_disk = PROGRAM + PARTS + (2 * row + KEPT) * kept + 4 * row * ROWS
+    fixed = PROGRAM + (2 * row + KEPT) * kept
+    threads = number_of_threads() if limit is None else min(number_of_threads(), max(1, (limit - fixed) // PART))
+    on_disk = fixed + PART * threads
     if limit is not None and on_disk > limit:
         needed = on_disk if shared else min(on_disk, in_memory)
         found = f"expected at least {size_of(needed)} of memory to choose {kept:,} of about {n:,} points, found "
         found += size_of(limit)
         fewer = "or keep fewer points"
         raise InputError(f"{found}; raise memory=, {fewer}", command=f"{found}; raise --memory, {fewer}")
-    return Plan(False, n, kept, on_disk, limit, RECORD.itemsize * n + CANDIDATES * kept)
+    return Plan(False, n, kept, on_disk, limit, RECORD.itemsize * n + CANDIDATES * kept, threads)
 
 
 def _half_of_memory() -> int | None:

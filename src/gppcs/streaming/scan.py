@@ -29,7 +29,7 @@ from gppcs.spatial.stored import RECORD, WEIGHTED, StoredPoints, boxes_for, writ
 SAMPLED = 1 << 18  # Points of the sample by which space is divided.
 SPARE = 1.1  # Sampled points for each one wanted, so that there are hardly ever too few.
 HASHES = float(2**64)
-RUN = 1 << 20  # Points of a run at most, unless a chunk has more: with too few, too many files are read.
+RUN = 1 << 19  # Points of a run at most, unless a chunk has more: with too few, too many files are read.
 NO_ROWS = np.empty(0, dtype=np.int64)
 
 
@@ -182,7 +182,8 @@ def sorted_by_boxes(seen: Overview, folder: Path, frame: Frame, each: Each, stag
                 (folder / chunk.name).unlink()
                 advanced(chunk.stored)
     runs = tuple(_run(group) for group in groups)
-    return StoredPoints(folder, boxes, counts, runs, sample, weighted, seen.weights.mean_share if weighted else 1.0)
+    kind = WEIGHTED if weighted else RECORD
+    return StoredPoints(folder, boxes, counts, runs, kind, sample, seen.weights.mean_share)
 
 
 def _grouped(chunks: Sequence[Chunk]) -> list[list[Chunk]]:

@@ -11,7 +11,7 @@ from multiprocessing import get_context
 from typing import Any
 
 from gppcs.engine.extras import require_distributed
-from gppcs.engine.threads import number_of_threads, set_threads
+from gppcs.engine.threads import set_threads
 from gppcs.errors import ClusterError, ParameterError, shown
 from gppcs.spatial.boxes import Each
 
@@ -19,14 +19,14 @@ TIMEOUT = "10s"  # For a Dask scheduler to answer, and for its first worker to b
 
 
 @contextmanager
-def each_by(executor: Executor | None) -> Iterator[Each]:
-    """Yield a function like `map` that works on several parts at once: in threads, or by an executor."""
+def each_by(executor: Executor | None, threads: int) -> Iterator[Each]:
+    """Yield a function like `map` that works on several parts at once: in so many threads, or by an executor."""
     if executor is None:
-        with ThreadPoolExecutor(number_of_threads()) as threads:
+        with ThreadPoolExecutor(threads) as own:
             try:
-                yield threads.map
+                yield own.map
             except BaseException:
-                threads.shutdown(cancel_futures=True)
+                own.shutdown(cancel_futures=True)
                 raise
         return
     if not isinstance(executor, Executor):

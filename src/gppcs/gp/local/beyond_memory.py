@@ -25,7 +25,9 @@ from numpy.typing import NDArray
 from gppcs.engine.stages import Stages
 from gppcs.gp.local.algorithm import Criterion, Ranking, Scale, features_of, local_field, rank
 from gppcs.gp.local.candidates import (
+    DISTANCES,
     ENOUGH,
+    FIRST_STAGE,
     SMALLEST_AREA,
     TOO_MANY,
     Candidates,
@@ -45,17 +47,19 @@ from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.row_sample import drawn
 from gppcs.spatial.spacing import surface_area
-from gppcs.spatial.stored import StoredPoints
+from gppcs.spatial.stored import Neighbourhood, StoredPoints, within, write_run
 from gppcs.surface.noise import FEWEST, NEIGHBOURS, SAMPLES, WIDEST, Layer, Noise, Observations, projections
 from gppcs.surface.surface_variation import Features
 
-PART = 1 << 18  # Points of a part at most. With fewer, halos cost more than the parts themselves.
-IN_MEMORY = 20_000  # Points that are chosen in memory at most, with about 450 bytes for each of 12 candidates.
-SURVEYED = 16  # Parts in which the noise and the scale of a stage are measured, at most.
+PART = 1 << 17  # Points of a part at most. With fewer, halos cost more than the parts themselves.
+CANDIDATE = 450  # Bytes of memory for each candidate of a stage that is chosen in memory.
+CELLS_ON_SLOPES = 1.5  # Occupied cells for each that a surface along the grid occupies.
+SURVEYED = 16  # Parts in which the noise, and the scale and the level of a stage, are measured, at most.
 HALO = 6.0  # In target spacings. 3 give the same points as 24, but for one in a hundred (docs/experiments.md).
 NOISE_HALO = 3.0  # In target spacings of the last stage: the points of a fit lie within 1.2 of them.
 DIAGONAL = math.sqrt(3.0)  # Of a cell, in edge lengths. A halo this wide holds all points of the cells of a part.
-LOWER = 0.98  # The first level, in units of the last score of the stage before. Fields of all stages are much alike.
+# The first level, in units of the last score of the stage before. Fields of stages are alike up to a fifth.
+FIRST_LEVEL = 1.15
 VARIATIONS = 4096  # Candidates of a part whose surface variation tells the scale of the field.
 LOWEST = 1e-6  # Below this level, all candidates are chosen.
 NO_POINTS = Ranking(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0))
@@ -68,6 +72,7 @@ class _Stage:
     Attributes
     ----------
     stored : StoredPoints
+        All points; once they are found, the candidates of the last stage.
     target : int
         Number of points that are chosen when the stage ends.
     area : float
@@ -81,10 +86,10 @@ class _Stage:
     criterion : Criterion
     power : float
         Of the weights.
+    largest_gap : float
+        Candidates of the last stage that are farther from all others are outliers.
     scale : Scale, optional
         What the field of a part needs to know of all parts.
-    largest_gap : float
-        Candidates that are farther from all others are outliers.
     """
 
     stored: StoredPoints
@@ -95,17 +100,18 @@ class _Stage:
     noise: Noise
     criterion: Criterion
     power: float = 1.0
-    scale: Scale | None = None
     largest_gap: float = math.inf
-
-    def candidates(self, count: int) -> Candidates:
-        """Return so many candidates of a part."""
-        return Candidates(self.target, np.arange(count), self.thinned, self.area)
+    scale: Scale | None = None
 
     @property
     def spacing(self) -> float:
         """The target spacing."""
         return math.sqrt(self.area / self.target) or 1.0
+
+    @property
+    def edge(self) -> float:
+        """The edge length of the cells."""
+        return cell_edge(self.area, self.density * self.target)
 
     @property
     def halo(self) -> float:
@@ -117,25 +123,18 @@ class _Stage:
         return self.stored.folder / f"{self.target}-{part.first}.npz"
 
 
-class _Found(NamedTuple):
-    """The candidates of a part and its halo; (n,) each, places and feet (n, 3). `feet` is empty without thick noise."""
+class _Asked(NamedTuple):
+    """A part, and what is chosen in it and its halo: rows, (m,), and places, (m, 3)."""
 
+    part: Part
     rows: NDArray[np.int64]
     places: NDArray[np.float64]
-    inside: NDArray[np.bool_]
-    sharpness: NDArray[np.float32]
-    variances: NDArray[np.float64]
-    feet: NDArray[np.float64]
-    weights: NDArray[np.float64]
 
-    @property
-    def observations(self) -> Observations:
-        """The observations at the candidates."""
-        return Observations(self.feet if len(self.feet) else None, self.variances)
-
-    def take(self, some: NDArray[np.int64] | NDArray[np.bool_]) -> _Found:
-        """Return some of the candidates."""
-        return _Found._make(values[some] if len(values) else values for values in self)
+    @classmethod
+    def of(cls, part: Part, halo: float, rows: NDArray[np.int64], places: NDArray[np.float64]) -> _Asked:
+        """Return a part with those of the chosen points that lie in it and its halo."""
+        near = within(places, part.low - halo, part.high + halo)
+        return cls(part, rows[near], places[near])
 
 
 def choose_stored(
@@ -144,13 +143,15 @@ def choose_stored(
     criterion: Criterion,
     density: float,
     stages: Stages,
+    memory: int,
     each: Each,
     fixed: NDArray[np.int64],
     fixed_places: NDArray[np.float64],
 ) -> Ranking:
     """Choose `n_points` of points on disk; the rows `fixed` are chosen from the start.
 
-    There may be fewer different places; then all of them are chosen.
+    There may be fewer different places; then all of them are chosen. The first stages are chosen in about so much
+    memory.
 
     Shapes: fixed (m,), fixed_places (m, 3) without repeats.
     """
@@ -160,16 +161,123 @@ def choose_stored(
         tree = KdTree.build(stored.sample)
         area = corrected_area(stored.sample, max(1, len(stored.sample) // PER_POINT), surface_area(tree), density)
         noise = _noise(stored, n_points, area, parts, each)
+    stage = _Stage(stored, n_points, area, density, True, noise, criterion)
+    with stages("candidates", len(stored)) as advanced:
+        stage = _with_candidates(stage, parts, each, advanced, fixed, fixed_places)
     targets = [n_points]
-    while targets[-1] > max(IN_MEMORY, len(fixed)):
+    while targets[-1] > max(FIRST_STAGE, len(fixed), memory / (CANDIDATE * CELLS_ON_SLOPES * density)):
         targets.append(-(-targets[-1] // 2))
-    stage = _Stage(stored, targets[-1], area, density, True, noise, criterion)
-    ranking, places, stage = _in_memory(stage, parts, each, stages, fixed, fixed_places)
+    parts = stage.stored.parts(PART)
+    first = replace(stage, target=targets[-1])
+    ranking, places, coarse = _in_memory(first, parts, each, stages, fixed, fixed_places)
     for target in targets[-2::-1]:
-        stage = replace(stage, target=target, scale=None, thinned=True)
-        ranking, places, stage = _in_parts(stage, parts, each, stages, ranking, places)
+        area = stage.area if target == n_points else coarse.area
+        of_target = replace(stage, target=target, area=area, power=coarse.power)
+        ranking, places = _in_parts(of_target, parts, each, stages, ranking, places)
     level = noise.level / noise.spacing if noise.spacing > 0.0 else 0.0
     return ranking._replace(noise_in_spacings=level)
+
+
+def _with_candidates(
+    stage: _Stage,
+    parts: list[Part],
+    each: Each,
+    advanced: Callable[[int], None],
+    fixed: NDArray[np.int64],
+    fixed_places: NDArray[np.float64],
+) -> _Stage:
+    """Return the last stage with its candidates in place of all points, and with an area that fits their number.
+
+    The area is doubled or quartered. If even that leaves too few candidates, all points are candidates.
+    """
+    many, few = TOO_MANY * stage.density * stage.target, ENOUGH * stage.target
+    asked = [_Asked.of(part, 0.0, fixed, fixed_places) for part in parts]
+    kind = _kind(stage)
+
+    def found(stage: _Stage) -> tuple[StoredPoints, NDArray[np.int64]]:
+        counts, lone = np.zeros(len(stage.stored.boxes), dtype=np.int64), np.zeros(len(DISTANCES), dtype=np.int64)
+        for one, (of_part, of_lone) in zip(asked, each(partial(_store_candidates, stage, kind), asked), strict=True):
+            counts += of_part
+            lone += of_lone
+            advanced(int(stage.stored.counts[one.part.first : one.part.last].sum()))
+        runs = tuple(_run(part) for part in parts)
+        return replace(stage.stored, counts=counts, runs=runs, kind=kind), lone
+
+    thin, lone = found(stage)
+    while len(thin) > many:
+        stage = replace(stage, area=2.0 * stage.area)
+        thin, lone = found(stage)
+    while len(thin) < few and len(stage.stored) > many and stage.area > SMALLEST_AREA:
+        before, stage = len(thin), replace(stage, area=stage.area / 4.0)
+        thin, lone = found(stage)
+        if len(thin) == before:  # there are no more places
+            break
+    if len(thin) < few:
+        stage = replace(stage, thinned=False)
+        thin, lone = found(stage)
+    largest = largest_gap(lone, len(thin), stage.target, stage.spacing) if stage.thinned else math.inf
+    return replace(stage, stored=thin, largest_gap=largest)
+
+
+def _kind(stage: _Stage) -> np.dtype[Any]:
+    """Return the type of the records of candidates."""
+    observed: list[Any] = [] if stage.noise.quiet else [("variance", np.float64)]
+    observed += [("foot", np.float64, 3)] if stage.noise.thick and not stage.noise.quiet else []
+    return np.dtype([*stage.stored.kind.descr, ("sharpness", np.float32), ("gap", np.float64), *observed])
+
+
+def _run(part: Part) -> str:
+    return f"{part.first}.candidates"
+
+
+def _store_candidates(stage: _Stage, kind: np.dtype[Any], asked: _Asked) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Store the candidates of a part for the last stage; return their numbers in each box, and those of lone ones."""
+    stored, noise = stage.stored, stage.noise
+    margin = DIAGONAL * stage.edge + DISTANCES[-1] * stage.spacing
+    near = stored.near(asked.part, max(margin, 0.0 if noise.quiet else NOISE_HALO * noise.spacing))
+    points = near.points
+    some = np.flatnonzero(drawn(near.rows, sample_size(stage.target) / len(stored)))
+    tree = KdTree.build(points[some]) if len(some) else None
+    sharpness = np.zeros(len(points), dtype=np.float32)
+    if noise.clean and tree:  # otherwise noisy points would look sharp
+        sharpness[some] = sharpness_within(tree, stage.edge)
+    kept = greatest_in_cells(points, stage.edge, sharpness) if stage.thinned else np.arange(len(points))
+    gaps = gaps_of_lone(points[kept], stage.spacing) if stage.thinned else np.zeros(len(kept))
+    own = near.inside[kept]
+    kept, gaps = kept[own], gaps[own]
+    lone = numbers_of_lone(gaps, stage.spacing)
+    fixed = np.flatnonzero(np.isin(near.rows, asked.rows))
+    kept, gaps = np.concatenate([fixed, kept]), np.concatenate([np.zeros(len(fixed)), gaps])
+    first = first_occurrences(points[kept])
+    kept, gaps = kept[first], gaps[first]
+    records = np.zeros(len(kept), dtype=kind)
+    for name in stored.kind.names or ():
+        records[name] = near.records[name][kept]
+    records["sharpness"], records["gap"] = sharpness[kept], gaps
+    if not noise.quiet:
+        feet, records["variance"] = replace(noise, tree=tree).observe(points[kept])
+        if feet is not None:
+            records["foot"] = feet
+    return write_run(stored.folder, _run(asked.part), stored.boxes, records), lone
+
+
+def _candidates(stage: _Stage, halo: float, asked: _Asked) -> Neighbourhood:
+    """Read the candidates of a part and its halo for a stage, with what is chosen of them."""
+    part, near = asked.part, stage.stored.near(asked.part, halo + DIAGONAL * stage.edge)
+    kept = np.isin(near.rows, asked.rows)
+    near = near.take(np.flatnonzero(kept | (near.records["gap"] <= stage.largest_gap)))
+    kept = np.isin(near.rows, asked.rows)
+    if stage.thinned:
+        kept[greatest_in_cells(near.points, stage.edge, np.ascontiguousarray(near.records["sharpness"]))] = True
+    else:
+        kept[:] = True
+    return near.take(kept & (near.inside | within(near.points, part.low - halo, part.high + halo)))
+
+
+def _inside(stage: _Stage, asked: _Asked) -> NDArray[Any]:
+    """Return the candidates of a part alone."""
+    near = _candidates(stage, 0.0, asked)
+    return near.records[near.inside]
 
 
 def _in_memory(
@@ -181,231 +289,114 @@ def _in_memory(
     fixed_places: NDArray[np.float64],
 ) -> tuple[Ranking, NDArray[np.float64], _Stage]:
     """Choose the points of the first stages in memory; return the ranking, its places, and the stage with its area."""
-    asked = [_Asked(part, *_near(part, 0.0, fixed, fixed_places)) for part in parts]
-    with stages("candidates", len(stage.stored)) as advanced:
-
-        def found_at(stage: _Stage) -> tuple[int, list[_Found]]:
-            found = []
-            for candidates in each(partial(_inside, stage), asked):
-                found.append(candidates)
-                advanced(len(stage.stored) // len(parts))
-            return sum(len(some.rows) for some in found), found
-
-        stage, found = _fitting(stage, found_at)
-        every = _Found._make(map(np.concatenate, zip(*found, strict=True)))
-        every = every.take(np.argsort(every.rows))
+    with stages("candidates"):
+        asked = [_Asked.of(part, 0.0, fixed, fixed_places) for part in parts]
+        records = np.concatenate(list(each(partial(_inside, stage), asked)))
+        order = np.argsort(records["row"])
         # The fixed points come first, in their order.
-        back = np.argsort(fixed)
-        first = np.empty_like(back)
-        first[back] = np.searchsorted(every.rows, fixed[back])
-        every = every.take(np.concatenate([first, np.delete(np.arange(len(every.rows)), first)]))
-        target = min(stage.target, len(every.rows))
-        candidates = nested_candidates(every.places, every.sharpness, target, stage.area, stage.density, len(fixed))
-    weighing = Weighing(every.weights) if stage.stored.weighted else None
-    observations = every.observations.take(candidates[-1].rows)
-    ranking = rank(every.places, candidates, observations, stage.criterion, stages, len(fixed), weighing)
+        first = order[np.searchsorted(records["row"][order], fixed)]
+        records = records[np.concatenate([first, np.setdiff1d(order, first, assume_unique=True)])]
+        places = np.ascontiguousarray(records["place"])
+        sharpness = np.ascontiguousarray(records["sharpness"])
+        target = min(stage.target, len(records))
+        candidates = nested_candidates(places, sharpness, target, stage.area, stage.density, len(fixed))
+    weighing = Weighing(records["weight"]) if "weight" in (records.dtype.names or ()) else None
+    observations = _observations(records).take(candidates[-1].rows)
+    ranking = rank(places, candidates, observations, stage.criterion, stages, len(fixed), weighing)
     stage = replace(stage, area=candidates[-1].area, power=weighing.power if weighing else 1.0)
-    return ranking._replace(rows=every.rows[ranking.rows]), every.places[ranking.rows], stage
+    return ranking._replace(rows=records["row"][ranking.rows]), places[ranking.rows], stage
+
+
+def _observations(records: NDArray[Any]) -> Observations:
+    """Return the observations at candidates."""
+    names = records.dtype.names or ()
+    feet = np.ascontiguousarray(records["foot"]) if "foot" in names else None
+    return Observations(feet, records["variance"] if "variance" in names else np.zeros(len(records)))
 
 
 def _in_parts(
     stage: _Stage, parts: list[Part], each: Each, stages: Stages, ranking: Ranking, places: NDArray[np.float64]
-) -> tuple[Ranking, NDArray[np.float64], _Stage]:
-    """Choose the points of a further stage part by part; return the extended ranking, its places, and the stage."""
+) -> tuple[Ranking, NDArray[np.float64]]:
+    """Choose the points of a further stage part by part; return the extended ranking, and its places."""
+    wanted, asked = stage.target - len(ranking.rows), [_Asked.of(p, stage.halo, ranking.rows, places) for p in parts]
     with stages("features", len(stage.stored)) as advanced:
-
-        def measured_at(stage: _Stage) -> tuple[int, list[_Look]]:
-            asked = [_Asked(part, *_near(part, stage.halo, ranking.rows, places)) for part in parts]
-            looks = []
-            for look in each(partial(_measure, stage), asked):
-                looks.append(look)
-                advanced(len(stage.stored) // len(parts))
-            return sum(look.candidates for look in looks), looks
-
-        stage, looks = _fitting(stage, measured_at)
-        stage = _scaled(stage, looks, parts, each)
-    before, level = len(ranking.rows), LOWER * float(ranking.scores[-1]) if len(ranking.rows) else 1.0
+        variation = []
+        for one, of_part in zip(asked, each(partial(_measure, stage), asked), strict=True):
+            variation.append(of_part)
+            advanced(int(stage.stored.counts[one.part.first : one.part.last].sum()))
+        stage = _scaled(stage, np.concatenate(variation), parts, each)
     added, added_places = NO_POINTS, np.empty((0, 3))
-    wanted = stage.target - before
     with stages("greedy selection", wanted) as advanced:
+        before, level = len(ranking.rows), FIRST_LEVEL * float(ranking.scores[-1]) if len(ranking.rows) else 1.0
         while (count := len(added.rows)) < wanted:
             known = np.concatenate([ranking.rows, added.rows]), np.concatenate([places, added_places])
-            for some_added, some_places in _round(stage, parts, each, level, *known):
-                added = added.extended(some_added.rows, some_added.scores, some_added.deviations)
-                added_places = np.concatenate([added_places, some_places])
+            for of_part, of_places in _round(stage, parts, each, level, *known):
+                added = added.extended(of_part.rows, of_part.scores, of_part.deviations)
+                added_places = np.concatenate([added_places, of_places])
             advanced(min(len(added.rows), wanted) - count)
             if level == 0.0:
                 break
             fall = ((before + len(added.rows)) / (before + SPARE * wanted)) ** FALL
             level = level * max(STEP, fall) if level > LOWEST else 0.0
     for part in parts:
-        stage.file(part).unlink(missing_ok=True)
+        stage.file(part).unlink()
     best = np.lexsort([added.rows, -added.scores])[:wanted]
     extended = ranking.extended(added.rows[best], added.scores[best], added.deviations[best])
-    return extended, np.concatenate([places, added_places[best]]), stage
+    return extended, np.concatenate([places, added_places[best]])
 
 
-def _scaled(stage: _Stage, looks: list[_Look], parts: list[Part], each: Each) -> _Stage:
-    """Return the stage with what its parts together tell: the scale of the field, and which candidates are outliers."""
-    count, numbers = sum(look.candidates for look in looks), np.sum([look.lone for look in looks], axis=0)
-    largest = largest_gap(numbers, count, stage.target, stage.spacing) if stage.thinned else math.inf
-    scale = Scale.of(np.concatenate([look.variation for look in looks]), stage.criterion)
-    stage = replace(stage, largest_gap=largest, scale=scale._replace(spacing=1.0))
-    squares = np.concatenate(list(each(partial(_squared, stage), parts[:: -(-len(parts) // SURVEYED)])))
+def _measure(stage: _Stage, asked: _Asked) -> NDArray[np.float64]:
+    """Keep the candidates of a part and its halo with their features in a file; return some surface variations."""
+    near = _candidates(stage, stage.halo, asked)
+    known = Candidates(stage.target, np.arange(len(near.records)), stage.thinned, stage.area)
+    tree, features = features_of(near.points, _observations(near.records), known)
+    near = near.take(tree.order)
+    unfinished = stage.file(asked.part).with_suffix(f".{uuid4().hex}.npz")
+    np.savez(unfinished, *near, features.surface_variation, features.normals)
+    os.replace(unfinished, stage.file(asked.part))
+    variation = features.surface_variation[near.inside]
+    return variation[:: max(1, len(variation) // VARIATIONS)]
+
+
+def _scaled(stage: _Stage, variation: NDArray[np.float64], parts: list[Part], each: Each) -> _Stage:
+    """Return the stage with the scale of the field."""
+    scale = Scale.of(variation, stage.criterion)
+    raw = replace(stage, scale=scale._replace(spacing=1.0))
+    squares = np.concatenate(list(each(partial(_squared, raw), _some(parts))))
     return replace(stage, scale=scale._replace(spacing=math.sqrt(float(np.mean(squares)))))
 
 
-class _Asked(NamedTuple):
-    """A part, and what is chosen in it and its halo: rows, (m,), and places, (m, 3)."""
-
-    part: Part
-    rows: NDArray[np.int64]
-    places: NDArray[np.float64]
+def _some(items: list[Any]) -> list[Any]:
+    """Return the surveyed ones of many."""
+    return items[:: -(-len(items) // SURVEYED)]
 
 
-def _near(
-    part: Part, halo: float, rows: NDArray[np.int64], places: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the chosen points in a part and its halo."""
-    near = ((places >= part.low - halo) & (places <= part.high + halo)).all(axis=1)
-    return rows[near], places[near]
-
-
-def _fitting(stage: _Stage, found_at: Callable[[_Stage], tuple[int, Any]]) -> tuple[_Stage, Any]:
-    """Return the stage with an area that fits the number of occupied cells, and what is found with it.
-
-    The area is doubled or quartered. If even that leaves too few candidates, all points are candidates.
-    """
-    many, few = TOO_MANY * stage.density * stage.target, ENOUGH * stage.target
-    count, found = found_at(stage)
-    while count > many:
-        stage = replace(stage, area=2.0 * stage.area)
-        count, found = found_at(stage)
-    while count < few and len(stage.stored) > many and stage.area > SMALLEST_AREA:
-        before, stage = count, replace(stage, area=stage.area / 4.0)
-        count, found = found_at(stage)
-        if count == before:  # there are no more places
-            break
-    if count < few:
-        stage = replace(stage, thinned=False)
-        count, found = found_at(stage)
-    return stage, found
-
-
-def _candidates(stage: _Stage, halo: float, asked: _Asked) -> _Found:
-    """Find the candidates of a part and its halo. What is chosen is among them, in front and in its order."""
-    stored, edge, m = stage.stored, cell_edge(stage.area, stage.density * stage.target), len(asked.rows)
-    margin = max(DIAGONAL * edge, 0.0 if stage.noise.quiet else NOISE_HALO * stage.noise.spacing)
-    near = stored.near(asked.part, halo + margin)
-    some = np.flatnonzero(drawn(near.rows, sample_size(stage.target) / len(stored)))
-    tree = KdTree.build(near.points[some]) if len(some) else None
-    sharpness = np.zeros(len(near.rows), dtype=np.float32)
-    if stage.noise.clean and tree:  # otherwise noisy points would look sharp
-        sharpness[some] = sharpness_within(tree, edge)
-    kept = greatest_in_cells(near.points, edge, sharpness) if stage.thinned else np.arange(len(near.rows))
-    low, high = asked.part.low - halo, asked.part.high + halo
-    kept = kept[near.inside[kept] | ((near.points[kept] >= low) & (near.points[kept] <= high)).all(axis=1)]
-    box = stored.boxes.box_of(asked.places)
-    places = np.concatenate([asked.places, near.points[kept]])
-    weights = np.empty(0)
-    if near.weights is not None:
-        at = dict(zip(near.rows.tolist(), near.weights.tolist(), strict=True))
-        weights = np.array([*(at.get(row, 1.0) for row in asked.rows.tolist()), *near.weights[kept].tolist()])
-    feet, variances = replace(stage.noise, tree=None if stage.noise.quiet else tree).observe(places)
-    found = _Found(
-        np.concatenate([asked.rows, near.rows[kept]]),
-        places,
-        np.concatenate([(box >= asked.part.first) & (box < asked.part.last), near.inside[kept]]),
-        np.concatenate([np.zeros(m, dtype=np.float32), sharpness[kept]]),
-        variances,
-        np.empty((0, 3)) if feet is None else feet,
-        weights,
-    )
-    return found.take(first_occurrences(places))
-
-
-def _inside(stage: _Stage, asked: _Asked) -> _Found:
-    """Find the candidates of a part alone."""
-    found = _candidates(stage, 0.0, asked)
-    return found.take(found.inside)
-
-
-class _Look(NamedTuple):
-    """What a part tells of a stage: its number of candidates, how many are lone, and some surface variations."""
-
-    candidates: int
-    lone: NDArray[np.int64]
-    variation: NDArray[np.float64]
-
-
-def _measure(stage: _Stage, asked: _Asked) -> _Look:
-    """Find the candidates of a part and its halo with their features, and keep them in a file."""
-    found = _candidates(stage, stage.halo, asked)
-    tree, features = features_of(found.places, found.observations, stage.candidates(len(found.rows)))
-    gaps = gaps_of_lone(found.places, stage.spacing) if stage.thinned else np.zeros(len(found.rows))
-    gaps[: len(asked.rows)] = 0.0
-    found, order = found.take(tree.order), np.empty_like(tree.order)
-    order[tree.order] = np.arange(len(tree.order))
-    unfinished = stage.file(asked.part).with_suffix(f".{uuid4().hex}.npz")
-    np.savez(
-        unfinished, **found._asdict(), gaps=gaps[tree.order], variation=features.surface_variation,
-        normals=features.normals, chosen=order[: len(asked.rows)],
-    )  # fmt: skip
-    os.replace(unfinished, stage.file(asked.part))
-    inside = np.flatnonzero(found.inside)
-    some = inside[:: max(1, len(inside) // VARIATIONS)]
-    return _Look(
-        len(inside), numbers_of_lone(gaps[tree.order][inside], stage.spacing), features.surface_variation[some]
-    )
-
-
-def _field(stage: _Stage, part: Part) -> tuple[_Found, LocalField, NDArray[np.float64]]:
-    """Return the candidates of a part and its halo in the order of a tree, the field over them, and their gaps."""
+def _field(stage: _Stage, part: Part) -> tuple[Neighbourhood, LocalField]:
+    """Return the candidates of a part and its halo in the order of a tree, and the field over them."""
     with np.load(stage.file(part)) as file:
-        found = _Found._make(file[name] for name in _Found._fields)
-        gaps, variation, normals = file["gaps"], file["variation"], file["normals"]
-    tree = KdTree.over(np.ascontiguousarray(found.places.T) / stage.spacing)
+        records, inside, variation, normals = file.values()
+    tree = KdTree.over(np.ascontiguousarray(records["place"].T) / stage.spacing)
     features = Features(variation, normals, np.zeros(0, dtype=np.int64))
-    field = local_field(tree, features, found.variances / stage.spacing**2, stage.criterion, stage.scale)
-    if stage.stored.weighted:
-        field = field._replace(spacings=field.spacings * found.weights ** (-0.5 * stage.power))
-    return found, field, gaps
+    variances = _observations(records).variances / stage.spacing**2
+    field = local_field(tree, features, variances, stage.criterion, stage.scale)
+    if "weight" in (records.dtype.names or ()):
+        field = field._replace(spacings=field.spacings * records["weight"] ** (-0.5 * stage.power))
+    return Neighbourhood(records, inside), field
 
 
 def _squared(stage: _Stage, part: Part) -> NDArray[np.float64]:
     """Return 1 / spacing^2 of the candidates of a part, before it is scaled."""
-    found, field, _ = _field(stage, part)
-    return field.spacings[found.inside] ** -2.0
-
-
-def _choose(
-    stage: _Stage, level: float, settled: NDArray[np.bool_], asked: _Asked
-) -> tuple[Ranking, NDArray[np.float64]]:
-    """Choose the candidates of a part with a score of at least `level`; nothing in boxes that are `settled`."""
-    found, field, gaps = _field(stage, asked.part)
-    chosen = np.isin(found.rows, asked.rows)
-    open_ = chosen | (~settled[stage.stored.boxes.box_of(found.places)] & (gaps <= stage.largest_gap))
-    some = np.flatnonzero(open_)
-    tree = KdTree.over(np.ascontiguousarray(field.positions[:, some]))
-    field = LocalField(
-        tree.points, np.ascontiguousarray(field.normals[:, some]), field.spacings[some], field.y[some],
-        field.noise[some], field.lengthscale, field.normal_weight,
-    )  # fmt: skip
-    before = np.flatnonzero(chosen[some])
-    criterion = stage.criterion
-    added, scores, deviations = extend_down_to(level, field, tree, before, criterion.neighbours, criterion.error_weight)
-    own = found.inside[some[added]]
-    rows = some[added[own]]
-    return Ranking(found.rows[rows], scores[own], deviations[own]), found.places[rows]
+    near, field = _field(stage, part)
+    return field.spacings[near.inside] ** -2.0
 
 
 def _round(
     stage: _Stage, parts: list[Part], each: Each, level: float, rows: NDArray[np.int64], places: NDArray[np.float64]
 ) -> Iterator[tuple[Ranking, NDArray[np.float64]]]:
-    """Yield what each part chooses down to a level, after what is chosen."""
+    """Yield what each part chooses down to a level, and the places, after what is chosen."""
     settled = np.zeros(len(stage.stored.boxes), dtype=np.bool_)
     for some in classes(parts, stage.halo):
-        asked = [_Asked(part, *_near(part, stage.halo, rows, places)) for part in some]
+        asked = [_Asked.of(part, stage.halo, rows, places) for part in some]
         for added, added_places in each(partial(_choose, stage, level, settled), asked):
             yield added, added_places
             rows, places = np.concatenate([rows, added.rows]), np.concatenate([places, added_places])
@@ -414,18 +405,36 @@ def _round(
             settled[part.first : part.last] = True
 
 
+def _choose(
+    stage: _Stage, level: float, settled: NDArray[np.bool_], asked: _Asked
+) -> tuple[Ranking, NDArray[np.float64]]:
+    """Choose the candidates of a part with a score of at least `level`; nothing in boxes that are `settled`."""
+    near, field = _field(stage, asked.part)
+    chosen = np.isin(near.rows, asked.rows)
+    some = np.flatnonzero(chosen | ~settled[stage.stored.boxes.box_of(near.points)])
+    tree = KdTree.over(np.ascontiguousarray(field.positions[:, some]))
+    field = LocalField(
+        tree.points, np.ascontiguousarray(field.normals[:, some]), field.spacings[some], field.y[some],
+        field.noise[some], field.lengthscale, field.normal_weight,
+    )  # fmt: skip
+    criterion, before = stage.criterion, np.flatnonzero(chosen[some])
+    added, scores, deviations = extend_down_to(level, field, tree, before, criterion.neighbours, criterion.error_weight)
+    near, own = near.take(some[added]), near.inside[some[added]]
+    return Ranking(near.rows[own], scores[own], deviations[own]), near.points[own]
+
+
 def _noise(stored: StoredPoints, n_points: int, area: float, parts: list[Part], each: Each) -> Noise:
     """Measure the noise as `Noise.measure` does, in some parts."""
     share, spacing = min(1.0, sample_size(n_points) / len(stored)), math.sqrt(area / n_points)
-    within = int(np.pi * share * len(stored) / n_points)
-    if within < FEWEST:
-        return Noise(None, within, False, 0.0, False, spacing)
-    fits = sorted({*(NEIGHBOURS << i for i in range((WIDEST // NEIGHBOURS).bit_length())), min(within, WIDEST)})
-    some = parts[:: -(-len(parts) // SURVEYED)]
+    count = int(np.pi * share * len(stored) / n_points)
+    if count < FEWEST:
+        return Noise(None, count, False, 0.0, False, spacing)
+    fits = sorted({*(NEIGHBOURS << i for i in range((WIDEST // NEIGHBOURS).bit_length())), min(count, WIDEST)})
+    some = _some(parts)
     measure = partial(_distances, stored, share, NOISE_HALO * spacing, fits, -(-SAMPLES // len(some)))
     found = np.concatenate(list(each(measure, some)), axis=2)
     layers = {k: Layer.of(*of_fit) for k, of_fit in zip(fits, found, strict=True)}
-    return Noise.from_layers(layers.__getitem__, within, spacing)
+    return Noise.from_layers(layers.__getitem__, count, spacing)
 
 
 def _distances(
@@ -436,11 +445,11 @@ def _distances(
     Shapes: returns (numbers of neighbours, 2, points).
     """
     near = stored.near(part, halo)
-    some = np.flatnonzero(drawn(near.rows, share))
-    if not len(some):
+    near = near.take(np.flatnonzero(drawn(near.rows, share)))
+    if not near.inside.any():
         return np.zeros((len(fits), 2, 0))
-    tree = KdTree.build(near.points[some])
-    inside = np.flatnonzero(near.inside[some][tree.order])
+    tree = KdTree.build(near.points)
+    inside = np.flatnonzero(near.inside[tree.order])
     places = KdTree.over(np.ascontiguousarray(tree.points[:, inside[:: max(1, len(inside) // most)]]))
     found = []
     for count in fits:
