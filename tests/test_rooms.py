@@ -16,7 +16,6 @@ FLOORS = (
     ("gppcs.clouds",),
     ("gppcs.io", "gppcs.scans", "gppcs.surface"),
     ("gppcs.gp", "gppcs.gp.local", "gppcs.gp.spectral"),
-    ("gppcs.gp.tiled",),
     ("gppcs.methods",),
     ("gppcs.amounts",),
     ("gppcs.simplification",),

@@ -153,6 +153,7 @@ if TYPE_CHECKING:
         SpectralGP,
         TopVariation,
         Voxel,
+        Wanted,
     )
     from gppcs.methods.parameters import Parameter, parameter
     from gppcs.scans import sample

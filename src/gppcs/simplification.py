@@ -128,12 +128,6 @@ class Result(ComparedByValue):
     outliers: NDArray[np.int64] | None = None
     ranked: bool = field(default=True, repr=False, compare=False)
 
-    @classmethod
-    def of(cls, selection: Selection, cloud: PointCloud, method: Method, stages: Stages) -> Result:
-        """Return the result of a run."""
-        ranked = "ranking" in method.supports and selection.ranked
-        return cls(selection.indices, cloud, method, stages.seconds, selection.diagnostics, ranked=ranked)
-
     def __repr__(self) -> str:
         return f"Result({len(self.indices):,} points by {self.method} in {in_words(self.seconds)})"
 
@@ -365,6 +359,12 @@ def simplify(
     return simplify_cloud(cloud, request, Stages.of(stages))
 
 
+def result_of(selection: Selection, kept: PointCloud, method: Method, stages: Stages) -> Result:
+    """Return the result of a run that kept some points."""
+    ranked = "ranking" in method.supports and selection.ranked
+    return Result(selection.indices, kept, method, stages.seconds, selection.diagnostics, ranked=ranked)
+
+
 def simplify_cloud(cloud: CloudLike, request: Request, stages: Stages) -> Result:
     """Simplify a cloud in memory."""
     from gppcs.spatial.scaling import bounds, normalised
@@ -397,7 +397,7 @@ def simplify_cloud(cloud: CloudLike, request: Request, stages: Stages) -> Result
         kept = with_scores(kept, method, selection)
     if rows is not None:
         selection = replace(selection, indices=rows[selection.indices])
-    result = Result.of(selection, kept, method, stages)
+    result = result_of(selection, kept, method, stages)
     return result if outliers is None else result.with_outliers(outliers)
 
 

@@ -1,6 +1,9 @@
 """`gppcs simplify` of several inputs as one cloud, within a given memory, and without doing anything."""
 
 import json
+import os
+import stat
+import tempfile
 
 import numpy as np
 import pytest
@@ -20,9 +23,8 @@ def parts(scan):
 
 @pytest.fixture
 def large(monkeypatch):
-    """Let `gp` take more memory than there is, unless it goes in passes, and measure a sample of few points."""
+    """Let `gp` take more memory than there is, unless the points are on disk."""
     monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
-    monkeypatch.setattr("gppcs.gp.local.survey.LARGE", 50)
 
 
 def test_inputs_are_one_cloud_with_merge(gppcs_command, parts):
@@ -34,16 +36,19 @@ def test_inputs_are_one_cloud_with_merge(gppcs_command, parts):
 
 
 @pytest.mark.parametrize("names", [["scan.ply"], ["a.ply", "b.ply", "--merge"]])
-def test_a_large_cloud_is_read_in_passes(gppcs_command, parts, large, names):
-    arguments = ("simplify", *names, "-o", "out.ply", "--points", 2, "--scores", "--json", *LARGE)
-    code, out, err = gppcs_command(*arguments)
+def test_the_points_of_a_large_cloud_go_to_disk(gppcs_command, parts, large, names):
+    arguments = ("simplify", *names, "-o", "out.ply", "--points", 20, "--scores", "--index-attribute", "row", "--json")
+    code, out, err = gppcs_command(*arguments, *LARGE)
     assert (code, err) == (0, "")
     record = json.loads(out)
     assert record["input"] == (names[0] if len(names) == 1 else names[:2])
-    assert (record["points_in"], record["points_out"], record["passes"]) == (400, 2, 4)
-    assert gppcs.read("out.ply") == gppcs.simplify(parts, n_points=2, scores=True).cloud
-    code, out, _ = gppcs_command("simplify", *names, "-o", "out.ply", "--points", 2, "--force", *LARGE)
-    assert "4 or more over the files" in out
+    assert (record["points_in"], record["points_out"], record["readings"]) == (400, 20, 2)
+    kept = gppcs.read("out.ply")
+    assert len(kept) == 20
+    assert (kept.points == parts.points[kept.attributes["row"]]).all()
+    assert (kept.attributes["red"] == parts.attributes["red"][kept.attributes["row"]]).all()
+    code, out, _ = gppcs_command("simplify", *names, "-o", "out.ply", "--points", 20, "--force", *LARGE)
+    assert "files read 2 times" in out
 
 
 def test_a_dry_run_tells_and_does_nothing(gppcs_command, parts, large):
@@ -53,17 +58,16 @@ def test_a_dry_run_tells_and_does_nothing(gppcs_command, parts, large):
     assert (code, err) == (0, "")
     record = json.loads(out)
     assert (record["points_in"], record["points_out"]) == (400, 2)
-    assert (record["in_memory"], record["passes"], record["memory_limit"]) == (False, 4, 10**9)
+    assert (record["in_memory"], record["readings"], record["memory_limit"]) == (False, 2, 10**9)
     assert 0 < record["memory"] < 10**9
-    assert record["seconds"] > 0
+    assert record["disk"] > 0
     code, out, err = gppcs_command(*arguments, *LARGE)
     assert (code, err) == (0, "")
     assert "about 400 in, 2 out" in out
-    assert "in 4 passes over the files" in out
+    assert "with the points on disk" in out
     assert "of 1 GB allowed" in out
     code, out, _ = gppcs_command(*arguments, "--method", "fps")
     assert "in memory" in out
-    assert "unknown for this method" in out
     assert files() == before
 
 
@@ -84,51 +88,32 @@ def test_too_little_memory_is_one_line(gppcs_command, scan, large, options, part
     assert files() == ["scan.ply"]
 
 
-WITHOUT_OUTLIERS = [["--points", 60], ["--ratio", "2%", "--keep", "z > 69.9"], ["--points", 60, "--weight", "red"]]
-
-
-@pytest.mark.parametrize("options", WITHOUT_OUTLIERS, ids=str)
-@pytest.mark.parametrize("names", [["stray.ply"], ["a.ply", "b.ply", "--merge"]], ids=["one", "two"])
-def test_outliers_are_left_out_in_passes_as_in_memory(gppcs_command, folder, monkeypatch, names, options):
-    """The same bytes in both files, and the same record but for what a run costs."""
+def test_outliers_are_left_out_and_listed(gppcs_command, folder, large):
     cloud = gppcs.sample("bracket", 4_000, outliers=0.02)
     gppcs.write("stray.ply", cloud)
-    gppcs.write("a.ply", cloud.take(np.arange(1_500)))
-    gppcs.write("b.ply", cloud.take(np.arange(1_500, 4_000)))
-    monkeypatch.setattr("gppcs.gp.local.survey.LARGE", 1_500)
-    words = ["simplify", *names, *options, "--index-attribute", "row", "--json", *LARGE]
-    records = []
-    for run in ("memory", "passes"):
-        if run == "passes":
-            monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
-            monkeypatch.setattr("gppcs.surface.outliers.tiles.TILE", 1_000)
-            monkeypatch.setattr("gppcs.spatial.stored.BOX", 300)
-        code, out, err = gppcs_command(*words, "-o", f"{run}.ply", "--outliers", f"{run}-outliers.ply")
-        assert (code, err) == (0, "")
-        records.append(json.loads(out))
-    for name in ("{}.ply", "{}-outliers.ply"):
-        assert (folder / name.format("memory")).read_bytes() == (folder / name.format("passes")).read_bytes()
-    for name in ("points_in", "points_out", "parameters", "diagnostics"):
-        assert records[0][name] == records[1][name]
-    assert [record["passes"] > 7 for record in records] == [False, "--weight" in options]
-    assert gppcs.read("passes-outliers.ply") == cloud[gppcs.find_outliers(cloud)]
-    assert records[1]["points_in"] == 4_000 - records[1]["diagnostics"]["outliers"]
+    words = ["simplify", "stray.ply", "-o", "out.ply", "--points", 60, "--outliers", "outliers.ply", "--json", *LARGE]
+    code, out, err = gppcs_command(*words)
+    assert (code, err) == (0, "")
+    assert gppcs.read("outliers.ply") == cloud[gppcs.find_outliers(cloud)]
+    assert json.loads(out)["diagnostics"]["outliers"] == len(gppcs.read("outliers.ply"))
 
 
-def test_a_dry_run_does_not_look_for_outliers(gppcs_command, scan, large, monkeypatch):
-    monkeypatch.setattr("gppcs.streaming.outliers.OutlierSearch.found", None)
-    words = ("simplify", "scan.ply", "-o", "out.ply", "--points", 2, "--dry-run", "--json", *LARGE)
-    plain, more = (json.loads(gppcs_command(*words, *options)[1]) for options in ([], ["--drop-outliers"]))
-    assert (plain["passes"], more["passes"]) == (4, 7)
-    assert plain["disk"] < more["disk"]
-    assert files() == ["scan.ply"]
+def test_a_folder_for_temporary_files_is_the_users_own_and_goes(gppcs_command, parts, large, monkeypatch, folder):
+    """Under a new name, so that nobody can prepare it."""
+    seen, made = [], tempfile.mkdtemp
 
+    def noted(**options):
+        seen.append(made(**options))
+        assert stat.S_IMODE(os.stat(seen[-1]).st_mode) == 0o700
+        return seen[-1]
 
-def test_what_the_list_of_outliers_cannot_hold_is_told_before_the_passes(gppcs_command, scan, large, monkeypatch):
-    monkeypatch.setattr("gppcs.streaming.passes.simplify_in_passes", None)
-    result = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--outliers", "out.obj", "--points", 2, *LARGE)
-    assert_one_line(result, "OBJ cannot hold: attribute")
-    assert files() == ["scan.ply"]
+    monkeypatch.setattr(tempfile, "mkdtemp", noted)
+    (folder / "scratch").mkdir()
+    for number in range(2):
+        words = ("simplify", "scan.ply", "-o", f"{number}.ply", "--points", 20, "--scratch", "scratch", "-q", *LARGE)
+        assert gppcs_command(*words) == (0, "", "")
+    assert len(set(seen)) == 2
+    assert not list((folder / "scratch").iterdir())
 
 
 @pytest.mark.parametrize(
@@ -143,14 +128,14 @@ def test_what_the_first_points_tell_is_told_before_all_else(
     gppcs_command, scan, large, monkeypatch, options, parts_of_message
 ):
     """Also where there is too little memory for the work."""
-    monkeypatch.setattr("gppcs.streaming.asked.count_in_passes", None)
+    monkeypatch.setattr("gppcs.streaming.files.run", None)
     for memory in ("1MB", "1GB"):
         result = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--memory", memory, *options)
         assert_one_line(result, *parts_of_message)
 
 
 def test_what_the_output_cannot_hold_is_told_before_the_passes(gppcs_command, scan, large, monkeypatch):
-    monkeypatch.setattr("gppcs.streaming.passes.simplify_in_passes", None)
+    monkeypatch.setattr("gppcs.streaming.files.run", None)
     result = gppcs_command("simplify", "scan.ply", "-o", "out.obj", "--points", 2, *LARGE)
     assert_one_line(result, "OBJ cannot hold: attribute")
 

@@ -15,7 +15,11 @@ def test_errors_are_those_of_evaluate_for_ranking_methods_and_others():
         assert curve.sizes.tolist() == [150, 300]
         assert curve.diagonal == pytest.approx(gppcs.info(CLOUD).diagonal)
         whole = gppcs.simplify(CLOUD, n_points=300, method=curve.method).cloud
-        first = whole[:150] if curve.method.ranks else gppcs.simplify(CLOUD, n_points=150, method=curve.method).cloud
+        first = (
+            whole[:150]
+            if "ranking" in curve.method.supports
+            else gppcs.simplify(CLOUD, n_points=150, method=curve.method).cloud
+        )
         for place, cloud in enumerate((first, whole)):
             report = gppcs.evaluate(CLOUD, cloud)
             for name, values in curve.errors.items():
@@ -34,16 +38,14 @@ def test_the_knee_is_farthest_below_the_line_between_the_ends():
 
 def test_a_result_knows_its_curve_and_its_prefixes():
     result = gppcs.simplify(CLOUD, n_points=400)
-    curve = result.curve()
+    curve = result.curve(CLOUD)
     assert curve.sizes.tolist() == [12, 25, 50, 100, 200, 400]
     half = result.prefix(200)
     assert (half.indices == result.indices[:200]).all()
     assert gppcs.evaluate(CLOUD, half.cloud).surface_mean == pytest.approx(curve.errors["mean"][4], rel=1e-9)
-    assert result.curve(sizes=[100]) == result.prefix(100).curve(CLOUD, sizes=[100])
+    assert result.curve(CLOUD, sizes=[100]) == result.prefix(100).curve(CLOUD, sizes=[100])
     copy = pickle.loads(pickle.dumps(result))
     assert copy == result
-    with pytest.raises(gppcs.InputError, match=r"result\.curve\(original\)"):
-        copy.curve()
     assert copy.curve(CLOUD).sizes.tolist() == curve.sizes.tolist()
 
 
@@ -84,7 +86,9 @@ def test_a_curve_needs_an_original_with_points(original):
         gppcs.simplify(CLOUD, n_points=20, method="fps").curve(original)
 
 
-@pytest.mark.parametrize("method", [name for name, method in gppcs.METHODS.items() if method.ranks and name != "gp"])
+@pytest.mark.parametrize(
+    "method", [name for name, method in gppcs.METHODS.items() if "ranking" in method.supports and name != "gp"]
+)
 def test_the_first_points_of_a_ranking_are_those_of_a_smaller_run_or_as_evenly_spread(method):
     long, short = (gppcs.simplify(CLOUD, n_points=n, method=method).indices for n in (200, 100))
     if method == "sample-elimination":  # which orders the points by removing half of them again and again

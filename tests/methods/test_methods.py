@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 import gppcs
 from gppcs.methods import method_named
-from gppcs.methods.method import Parameter, largest
-from gppcs.methods.method import parameter as declared
+from gppcs.methods.method import largest
+from gppcs.methods.parameters import Parameter, with_settings
+from gppcs.methods.parameters import parameter as declared
 
 CLOUD = gppcs.sample("bracket", 600).points
 
@@ -29,7 +30,7 @@ def test_each_method_says_what_it_is(name, method):
 
 @pytest.mark.parametrize("method", gppcs.METHODS.values())
 def test_each_method_can_be_called_alone(method):
-    selection = method()(CLOUD, 60)
+    selection = method()(gppcs.Wanted(CLOUD, 60))
     assert selection.indices.dtype == np.int64
     assert len(set(selection.indices.tolist())) == len(selection.indices) == 60
 
@@ -118,7 +119,7 @@ def test_a_method_without_help_can_be_declared():
         most: int = 3
 
     assert Few.parameters() == {"most": Parameter("int", 3, "")}
-    assert Few(most=2).replaced({"most": "4"}).most == 4
+    assert with_settings(Few(most=2), {"most": "4"}).most == 4
 
 
 def test_parameters_of_a_base_class_are_explained_first():
@@ -147,9 +148,9 @@ def test_the_help_needs_no_docstrings():
 
 
 def test_a_label_names_what_is_not_the_default():
-    assert gppcs.FarthestPoint().label == "fps"
-    assert gppcs.SpectralGP().label == "gp-spectral"
-    assert gppcs.SpectralGP(nu=math.inf, k_add=5).label == "gp-spectral (nu=inf, k_add=5)"
+    assert str(gppcs.FarthestPoint()) == "fps"
+    assert str(gppcs.SpectralGP()) == "gp-spectral"
+    assert str(gppcs.SpectralGP(nu=math.inf, k_add=5)) == "gp-spectral (nu=inf, k_add=5)"
 
 
 def test_the_heat_kernel_has_no_nu_to_fit():
@@ -173,7 +174,7 @@ def test_the_heat_kernel_has_no_nu_to_fit():
     ],
 )
 def test_text_is_read_as_the_type_of_the_parameter(parameter, text, value):
-    read = getattr(gppcs.SpectralGP().replaced({parameter: text}), parameter)
+    read = getattr(with_settings(gppcs.SpectralGP(), {parameter: text}), parameter)
     assert read == value
     assert type(read) is type(value)
 
@@ -192,17 +193,17 @@ def test_text_is_read_as_the_type_of_the_parameter(parameter, text, value):
 )
 def test_text_of_another_type_is_refused(parameter, text, expected):
     with pytest.raises(gppcs.ParameterError, match=f"expected {parameter} to be {expected}, found '{text}'"):
-        gppcs.SpectralGP().replaced({parameter: text})
+        with_settings(gppcs.SpectralGP(), {parameter: text})
 
 
 def test_text_out_of_range_is_refused():
     with pytest.raises(gppcs.ParameterError, match="neighbours to be at least 3, found 1"):
-        gppcs.SpectralGP().replaced({"neighbours": "1"})
+        with_settings(gppcs.SpectralGP(), {"neighbours": "1"})
 
 
 def test_replacing_leaves_the_rest_and_the_original():
     method = gppcs.SpectralGP(k_add=5)
-    assert method.replaced({"nu": 1.5}) == gppcs.SpectralGP(k_add=5, nu=1.5)
+    assert with_settings(method, {"nu": 1.5}) == gppcs.SpectralGP(k_add=5, nu=1.5)
     assert method == gppcs.SpectralGP(k_add=5)
 
 

@@ -14,14 +14,9 @@ METHOD = '''
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from gppcs.engine.stages import Stages
-from gppcs.methods.method import Method, Selection, parameter
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+from gppcs.methods.method import Method, Selection, Wanted
+from gppcs.methods.parameters import parameter
 
 
 @dataclass(frozen=True)
@@ -35,11 +30,12 @@ class EveryNth(Method):
 
     start: float = parameter(0.0, "Where to start, in steps.")
 
-    def __call__(self, points: NDArray[np.float64], n_points: int, stages: Stages | None = None) -> Selection:
+    def __call__(self, wanted: Wanted) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
-        return Selection(((np.arange(n_points) + self.start) * len(points) / n_points).astype(np.int64))
+        steps = np.arange(wanted.n_points) + self.start
+        return Selection((steps * len(wanted.points) / wanted.n_points).astype(np.int64))
 '''
 LINE = "from gppcs.methods.every_nth import EveryNth as EveryNth\n"
 LAST = "# isort: on\n"  # the line after the list of methods

@@ -71,7 +71,7 @@ def test_points_that_rounding_nearly_joins_get_cells_of_their_own():
 def test_each_point_lies_in_a_cell_of_its_own(bracket, place):
     points = bracket - bracket.min(axis=0)
     edge = cell_edge(points, 1_000)
-    selection = gppcs.Voxel(place=place)(points, 1_000)
+    selection = gppcs.Voxel(place=place)(gppcs.Wanted(points, 1_000))
     assert set(selection.indices) <= set(representatives(points, edge)[0])
     assert (np.diff(selection.indices) > 0).all()
     kept = points[selection.indices] if selection.points is None else selection.points

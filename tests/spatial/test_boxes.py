@@ -1,4 +1,4 @@
-"""Boxes divide space, and tiles divide the boxes."""
+"""Boxes divide space, and parts divide the boxes."""
 
 import numpy as np
 import pytest
@@ -37,44 +37,44 @@ def test_equal_points_lie_in_one_box():
 
 
 @given(SEEDS, st.integers(1, 3_000))
-def test_tiles_divide_the_boxes(seed, most):
+def test_parts_divide_the_boxes(seed, most):
     points = cloud(seed)
     boxes = Boxes.of(points, 64)
     counts = np.bincount(boxes.box_of(points), minlength=64)
     counts[20:30] = 0
-    tiles = boxes.tiles(counts, most)
-    held = [counts[tile.first : tile.last].sum() for tile in tiles]
-    assert all(0 < number <= most or tile.last - tile.first == 1 for number, tile in zip(held, tiles, strict=True))
+    parts = boxes.parts(counts, most)
+    held = [counts[part.first : part.last].sum() for part in parts]
+    assert all(0 < number <= most or part.last - part.first == 1 for number, part in zip(held, parts, strict=True))
     assert sum(held) == counts.sum()
-    assert [tile.first for tile in tiles] == sorted(tile.first for tile in tiles)
+    assert [part.first for part in parts] == sorted(part.first for part in parts)
     low, high = boxes.low[64:], boxes.high[64:]
-    for tile in tiles:
-        assert (low[tile.first : tile.last].min(axis=0) == tile.low).all()
-        assert (high[tile.first : tile.last].max(axis=0) == tile.high).all()
+    for part in parts:
+        assert (low[part.first : part.last].min(axis=0) == part.low).all()
+        assert (high[part.first : part.last].max(axis=0) == part.high).all()
 
 
 @given(SEEDS, st.sampled_from([0.0, 0.01, 0.2]))
-def test_boxes_around_a_tile_hold_all_that_is_near(seed, width):
+def test_boxes_around_a_part_hold_all_that_is_near(seed, width):
     points = np.random.default_rng(seed).random((2_000, 3))
     boxes = Boxes.of(points, 64)
     own = boxes.box_of(points)
-    for tile in boxes.tiles(np.bincount(own, minlength=64), 300):
-        near = ((points >= tile.low - width) & (points <= tile.high + width)).all(axis=1)
-        outside = (own < tile.first) | (own >= tile.last)
+    for part in boxes.parts(np.bincount(own, minlength=64), 300):
+        near = ((points >= part.low - width) & (points <= part.high + width)).all(axis=1)
+        outside = (own < part.first) | (own >= part.last)
         assert (
             set(own[near & outside])
-            <= set(boxes.around(tile, width))
-            <= set(range(64)) - set(range(tile.first, tile.last))
+            <= set(boxes.around(part, width))
+            <= set(range(64)) - set(range(part.first, part.last))
         )
 
 
 @pytest.mark.parametrize("width", [0.0, 0.05, 3.0])
-def test_tiles_of_a_class_are_far_apart(width):
+def test_parts_of_a_class_are_far_apart(width):
     points = np.random.default_rng(0).random((2_000, 3))
     boxes = Boxes.of(points, 64)
-    tiles = boxes.tiles(np.bincount(boxes.box_of(points), minlength=64), 300)
-    found = classes(tiles, width)
-    assert sorted(tile.first for some in found for tile in some) == [tile.first for tile in tiles]
+    parts = boxes.parts(np.bincount(boxes.box_of(points), minlength=64), 300)
+    found = classes(parts, width)
+    assert sorted(part.first for some in found for part in some) == [part.first for part in parts]
     for some in found:
         for i, one in enumerate(some):
             for other in some[:i]:

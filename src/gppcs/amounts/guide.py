@@ -49,7 +49,7 @@ class Guide:
         if weights is not None:
             known = WeightRange.of(weights)
             known.check()
-            weights = known.shares(weights)
+            weights = known.in_shares(weights)
         return None if weights is None and not mask.any() else cls(np.flatnonzero(mask), weights)
 
     def rows(self, n: int) -> NDArray[np.int64]:
@@ -77,8 +77,8 @@ class WeightRange(NamedTuple):
         Its value.
     largest : float
         Of the others; 0 if there are none.
-    positive, total : int and float
-        Number and sum of those above 0.
+    positive, shares : int and float
+        Number of those above 0, and their sum in units of the largest.
     """
 
     n: int = 0
@@ -87,7 +87,7 @@ class WeightRange(NamedTuple):
     found: float = math.nan
     largest: float = 0.0
     positive: int = 0
-    total: float = 0.0
+    shares: float = 0.0
 
     @classmethod
     def of(cls, weights: NDArray[np.float64]) -> WeightRange:
@@ -96,20 +96,20 @@ class WeightRange(NamedTuple):
         bad = np.flatnonzero(~good)
         first, found = (int(bad[0]), float(weights[bad[0]])) if len(bad) else (0, math.nan)
         some = weights[good & (weights > 0.0)]
-        return cls(len(weights), len(bad), first, found, float(some.max(initial=0.0)), len(some), float(some.sum()))
+        largest = float(some.max(initial=0.0))
+        return cls(len(weights), len(bad), first, found, largest, len(some), float((some / (largest or 1.0)).sum()))
 
     def followed_by(self, other: WeightRange) -> WeightRange:
         """Return what is known of these weights and others behind them."""
         first, found = (self.first_bad, self.found) if self.bad else (self.n + other.first_bad, other.found)
         largest, positive = max(self.largest, other.largest), self.positive + other.positive
-        return WeightRange(
-            self.n + other.n, self.bad + other.bad, first, found, largest, positive, self.total + other.total
-        )
+        shares = sum(known.shares * (known.largest / (largest or 1.0)) for known in (self, other))
+        return WeightRange(self.n + other.n, self.bad + other.bad, first, found, largest, positive, shares)
 
     @property
     def mean_share(self) -> float:
         """Mean of the weights above 0, in units of the largest."""
-        return self.total / self.positive / self.largest if self.positive else 1.0
+        return self.shares / self.positive if self.positive else 1.0
 
     def check(self) -> None:
         """Check that they are weights."""
@@ -121,7 +121,7 @@ class WeightRange(NamedTuple):
         if not self.largest:
             raise InputError("expected a weight above 0 of at least one point, found 0 of all")
 
-    def shares(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    def in_shares(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return some of the weights, (n,), as shares of the largest one, but 0 or at least `LEAST_WEIGHT`."""
         return np.where(weights > 0.0, np.maximum(weights / self.largest, LEAST_WEIGHT), 0.0)
 

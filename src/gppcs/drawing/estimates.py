@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
-from gppcs.surface.surface_variation import estimate_features
+from gppcs.surface.surface_variation import features_around
 
 Array = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ class Estimates(NamedTuple):
         local, _, _ = normalised(points)
         distinct = local[first_occurrences(local)]
         tree = KdTree.build(distinct)
-        features = estimate_features(distinct, tree=tree)
+        features = features_around(distinct, tree, 25)
         measured = np.where(features.surface_variation <= ROUNDING, 0.0, features.surface_variation)
         variation = np.where(features.neighbours >= KNOWN, measured, np.nan)
         same = tree.nearest_of(local, 1)[0][:, 0]

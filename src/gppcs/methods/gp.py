@@ -120,7 +120,20 @@ class LocalGP(Method):
         return Selection(ranking.rows, {"noise_in_spacings": ranking.noise_in_spacings}, attributes=attributes)
 
     def memory(self, n: int, n_points: int) -> int:
-        """Return about how much memory a call takes; see `Method.memory`."""
+        """Return about how much memory a call takes, beyond the points themselves.
+
+        Parameters
+        ----------
+        n : int
+            N, the number of points.
+        n_points : int
+            M, the number of points to keep.
+
+        Returns
+        -------
+        int
+            Bytes.
+        """
         from gppcs.gp.local.survey import sample_size
 
         candidates = min(n, round(CELLS_ON_SLOPES * self.candidates * n_points))

@@ -121,10 +121,10 @@ class SpectralGP(Method):
 
         from gppcs.gp.spectral import hyperparameters, kernel
         from gppcs.gp.spectral.laplacian import eigenpairs
-        from gppcs.surface.surface_variation import estimate_features
+        from gppcs.surface.surface_variation import features_around
 
         with stages("surface variation"):
-            y = estimate_features(points, self.neighbours, tree=tree).surface_variation
+            y = features_around(points, tree, self.neighbours).surface_variation
         with stages("eigenfunctions"):
             pairs = eigenpairs(points, self.eigenfunctions, self.landmarks, tree)
         values, functions = pairs.eigenvalues, pairs.eigenfunctions

@@ -27,5 +27,5 @@ def fill_gaps(points: NDArray[np.float64], kept: NDArray[np.float64], gap: float
     places = points[far]
     chosen, _ = farthest_points(places, len(far), others=kept, least=least)
     if len(chosen):
-        squared[far] = np.minimum(squared[far], KdTree.build(places[chosen]).nearest_of(places, 1)[1][:, 0])
+        squared = np.minimum(squared, KdTree.build(places[chosen]).nearest_of(points, 1)[1][:, 0])
     return far[chosen], math.sqrt(squared.max())

@@ -17,7 +17,7 @@ from gppcs.engine.ahead import compiled_ahead
 from gppcs.engine.stages import Stages
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import Selection, Wanted
-from gppcs.simplification import Request, Result, check_scores, check_usable, with_scores
+from gppcs.simplification import Request, Result, check_scores, check_usable, result_of, with_scores
 from gppcs.spatial.boxes import Each
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.scaling import Frame
@@ -70,7 +70,7 @@ def simplify_stored(
         kept = kept.moved(np.ldexp(selection.points, frame.exponent) + frame.corner)
     if request.scores:
         kept = with_scores(kept, request.method, selection)
-    result = Result.of(selection, kept, request.method, stages)
+    result = result_of(selection, kept, request.method, stages)
     return Run(result if outliers is None else result.with_outliers(outliers), seen.count, stray)
 
 

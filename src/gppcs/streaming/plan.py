@@ -6,7 +6,10 @@ import math
 import sys
 from dataclasses import dataclass
 
+from gppcs.amounts.guide import ChunkGuide
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.expressions import Expression
+from gppcs.clouds.lengths import metres_of
 from gppcs.engine.memory import available_memory
 from gppcs.engine.threads import number_of_threads
 from gppcs.errors import InputError
@@ -90,6 +93,7 @@ def plan(
     n, row = head.points, _bytes_of_row(head.cloud)
     if files.query and not n:
         raise files.query.nothing_found()
+    _check_asked(head.cloud, request)
     kept = request.amount.known_count(n) or max(1, round(GUESS * n))
     search = OUTLIERS * n if request.drop_outliers else 0
     in_memory = PROGRAM + max(2 * row * n, row * n + 24 * n + max(search, method.memory(n, kept)))
@@ -111,6 +115,17 @@ def plan(
         fewer = "or keep fewer points"
         raise InputError(f"{found}; raise memory=, {fewer}", command=f"{found}; raise --memory, {fewer}")
     return Plan(False, n, kept, on_disk, limit, RECORD.itemsize * n + CANDIDATES * kept, threads)
+
+
+def _check_asked(cloud: PointCloud, request: Request) -> None:
+    """Check by the first points that the cloud has the attributes that are named, and the unit that lengths need."""
+    keep, weight = (given if isinstance(given, str) else None for given in (request.keep, request.weight))
+    if len(cloud):
+        ChunkGuide(None if keep is None else Expression.of(keep), weight).of_chunk(cloud)
+    metres = metres_of(request.unit, cloud.header)
+    for length in (request.amount.tolerance, request.amount.spacing, request.amount.max_gap):
+        if length is not None:
+            length.in_cloud(1.0, metres)
 
 
 def _half_of_memory() -> int | None:

@@ -214,7 +214,7 @@ def _sort(
         begin += chunk.stored
     records["place"] = frame.local(np.ascontiguousarray(records["place"]))
     if weights is not None:  # points of weight 0 are here only to be kept
-        shares = weights.shares(np.ascontiguousarray(records["weight"]))
+        shares = weights.in_shares(np.ascontiguousarray(records["weight"]))
         records["weight"] = np.where(shares > 0.0, shares, 1.0)
     return write_run(folder, _run(group), boxes, records)
 

@@ -12,7 +12,7 @@ from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.errors import ParameterError, one_of, shown, whole_number
+from gppcs.errors import one_of, whole_number
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, points_near, squared_distance_of_boxes
 from gppcs.spatial.nearest import WIDER, look_around, pack, reach_of_nearest, room_for, search_for, steps_by_itself
@@ -79,7 +79,6 @@ def estimate_features(
     cloud: CloudLike,
     neighbours: int = 25,
     search: Literal["radius", "nearest"] = "radius",
-    tree: KdTree | None = None,
 ) -> Features:
     """Measure the surface variation and the normal of each point (paper, section 3.1).
 
@@ -91,8 +90,6 @@ def estimate_features(
     search : "radius" or "nearest"
         With "radius", all neighbourhoods are balls of the same radius, which is chosen so that they hold about k
         points. With "nearest", a neighbourhood is the k nearest points.
-    tree : KdTree, optional
-        A tree over the points, if one exists; the points must then be without repeats.
 
     Returns
     -------
@@ -103,7 +100,7 @@ def estimate_features(
     InputError
         If the cloud is empty, has a wrong shape or has coordinates that are not finite.
     ParameterError
-        If `search` is unknown, `neighbours` is below 1, or `tree` holds another number of points.
+        If `search` is unknown, or `neighbours` is below 1.
 
     Examples
     --------
@@ -117,22 +114,20 @@ def estimate_features(
     """
     neighbours = whole_number("the number of neighbours", neighbours, 1)
     one_of("search", search, ("radius", "nearest"))
-    points = PointCloud.of(cloud).usable("cloud")
-    if tree is None:
-        points, _, _ = normalised(points)
-    elif not isinstance(tree, KdTree):
-        raise ParameterError(f"expected a gppcs.KdTree over the cloud, found {shown(tree)}")
-    elif len(tree.order) != len(points):
-        raise ParameterError(f"expected a tree over the {len(points)} points, found one over {len(tree.order)}")
+    points, _, _ = normalised(PointCloud.of(cloud).usable("cloud"))
+    tree = KdTree.build(points)
     if search == "nearest":
-        return features_of_nearest(tree or KdTree.build(points), neighbours)
-    whole = tree or KdTree.build(points)
-    first = None if tree else first_occurrences(points)
-    if first is None or first.all():
-        radius = neighbourhood_radius(points, whole, neighbours)
-    else:
-        radius = neighbourhood_radius(points[first], KdTree.build(points[first]), neighbours)
-    return features_in_radius(whole, radius)
+        return features_of_nearest(tree, neighbours)
+    first = first_occurrences(points)
+    if first.all():
+        return features_around(points, tree, neighbours)
+    radius = neighbourhood_radius(points[first], KdTree.build(points[first]), neighbours)
+    return features_in_radius(tree, radius)
+
+
+def features_around(points: NDArray[np.float64], tree: KdTree, neighbours: int) -> Features:
+    """Measure balls that hold about so many points, (N, 3) without repeats, of which there is a tree."""
+    return features_in_radius(tree, neighbourhood_radius(points, tree, neighbours))
 
 
 def features_in_radius(tree: KdTree, radius: float) -> Features:

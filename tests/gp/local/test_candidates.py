@@ -4,19 +4,16 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from gppcs.engine.stages import Stages
 from gppcs.gp.local.candidates import (
     DISTANCES,
     ENOUGH,
     FIRST_STAGE,
     TOO_MANY,
-    finest_candidates,
     gaps_of_lone,
     largest_gap,
     nested_candidates,
 )
 from gppcs.spatial.cells import greatest_in_cells
-from gppcs.spatial.chunks import ChunkedPoints, Places, SparseValues
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 
@@ -27,14 +24,8 @@ def blunt(points):
 
 
 def all_stages(points, n_points, area, density, sharpness):
-    """The candidates of all stages, as rows of the points."""
-    every, clock = np.arange(len(points)), Stages()
-    values = SparseValues(every, sharpness)
-    finest = finest_candidates(ChunkedPoints.of(points), n_points, area, density, values, clock)
-    if not finest.thinned:
-        finest = finest._replace(places=Places(every, points, sharpness))
-    stages = nested_candidates(finest, n_points, density, clock)
-    return [stage._replace(indices=finest.places.rows[stage.indices]) for stage in stages]
+    """The candidates of all stages."""
+    return nested_candidates(points, sharpness, n_points, area, density)
 
 
 def test_targets_double_and_candidates_of_a_stage_are_among_those_of_the_next(bracket):
@@ -42,7 +33,7 @@ def test_targets_double_and_candidates_of_a_stage_are_among_those_of_the_next(br
     assert [stage.target for stage in stages] == [47, 94, 188, 376, 751, 1501, 3001]
     assert stages[0].target <= FIRST_STAGE
     for coarse, fine in pairwise(stages):
-        assert np.isin(coarse.indices, fine.indices).all()
+        assert np.isin(coarse.rows, fine.rows).all()
     for target, candidates, thinned, _ in stages:
         assert (np.diff(candidates) > 0).all()
         assert len(candidates) >= ENOUGH * target
@@ -65,7 +56,7 @@ def test_the_sharpest_point_of_a_cell_stays():
     rng = np.random.default_rng(0)
     points = np.column_stack([rng.random((40_000, 2)), np.zeros(40_000)])
     for sharpness in (rng.random(40_000).astype(np.float32), blunt(points)):  # or the first of those alike
-        candidates = all_stages(points, 50, 1.0, 9.0, sharpness)[0].indices
+        candidates = all_stages(points, 50, 1.0, 9.0, sharpness)[0].rows
         np.testing.assert_array_equal(candidates, sharpest_of_cells(points, np.sqrt(1 / 450), sharpness))
 
 
@@ -82,14 +73,12 @@ def test_where_there_is_little_to_choose_from_all_stay():
 
 def test_most_points_in_a_dot_do_not_make_all_points_candidates(sphere):
     points = np.concatenate([sphere[:400], [5, 0, 0] + 1e-3 * sphere[:39_600]])
-    assert all(len(stage.indices) < 40 * stage.target for stage in all_stages(points, 2_000, 1e3, 9.0, blunt(points)))
+    assert all(len(stage.rows) < 40 * stage.target for stage in all_stages(points, 2_000, 1e3, 9.0, blunt(points)))
 
 
 def finest_of(points, n_points):
     """Rows of the finest candidates, where all points are equally sharp."""
-    values = SparseValues(np.arange(len(points)), blunt(points))
-    area = surface_area(KdTree.build(points))
-    return finest_candidates(ChunkedPoints.of(points), n_points, area, 8.0, values, Stages()).places.rows
+    return all_stages(points, n_points, surface_area(KdTree.build(points)), 8.0, blunt(points))[-1].rows
 
 
 def plane_and(*others):
@@ -187,7 +176,7 @@ def test_stages_are_those_of_a_step_at_a_time_over_all_points(sphere, dot, area,
     sharpness = rng.integers(0, 5, len(points)).astype(np.float32)
     stages, plain = (way(points, 300, area, 9.0, sharpness) for way in (all_stages, plain_stages))
     for found, expected in zip(stages, plain, strict=True):
-        np.testing.assert_array_equal(found.indices, expected[1])
+        np.testing.assert_array_equal(found.rows, expected[1])
         assert (found.target, found.thinned, found.area) == (expected[0], *expected[2:])
 
 
@@ -198,7 +187,7 @@ def test_an_area_that_is_far_off_costs_few_passes_over_all_points(sphere, monkey
     points[:39_000] = 0.5 + 1e-7 * sphere[:39_000]
     points, passes = rng.permutation(points), []
     monkeypatch.setattr(
-        "gppcs.spatial.chunks.greatest_in_cells",
+        "gppcs.gp.local.candidates.greatest_in_cells",
         lambda some, *of_grid: passes.append(len(some)) or greatest_in_cells(some, *of_grid),
     )
     for area, n_points in ((1e-14, 30), (1e5, 600)):  # 1,000 points outside the dot are too many, or too few

@@ -1,15 +1,12 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.engine.stages import COMPILATION, Stages
-from gppcs.gp.local.candidates import finest_candidates, nested_candidates
+from gppcs.gp.local.algorithm import NUGGET, Criterion, local_field, rank
+from gppcs.gp.local.candidates import nested_candidates
 from gppcs.gp.local.density import graded
-from gppcs.gp.local.ranking import NUGGET, Criterion, local_field, rank
-from gppcs.spatial.chunks import ALIKE, ChunkedPoints, Places
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Observations
@@ -24,28 +21,15 @@ def criterion(**changes):
 
 
 def clean(places):
-    """Say that all places lie on the surface."""
+    """Say that all places lie on the surface: where they belong, and the variances of their observations."""
     return None, np.zeros(len(places))
-
-
-class Told:
-    """Noise that is told: a function takes places, (n, 3), and returns where they belong and their variances."""
-
-    def __init__(self, seen):
-        self.seen = seen
-
-    def observe(self, places):
-        return Observations(*self.seen(places))
 
 
 def ranked(points, n_points, seen=None, stages=None, candidates=8.0, **changes):
     area = surface_area(KdTree.build(points))
-    finest = finest_candidates(ChunkedPoints.of(points), n_points, area, candidates, ALIKE, Stages())
-    if not finest.thinned:
-        finest = finest._replace(places=Places(np.arange(len(points)), points, ALIKE.dense(0, len(points))))
-    nested = nested_candidates(finest, n_points, candidates, Stages())
-    ranking = rank(finest.places.points, nested, criterion(**changes), Told(seen or clean), stages)
-    return replace(ranking, indices=finest.places.rows[ranking.indices])
+    nested = nested_candidates(points, np.zeros(len(points), dtype=np.float32), n_points, area, candidates)
+    observations = Observations(*(seen or clean)(points[nested[-1].rows]))
+    return rank(points, nested, observations, criterion(**changes), stages or Stages())
 
 
 class Heard:
@@ -69,7 +53,7 @@ def test_points_on_a_curve_are_spread_over_all_of_it():
     """Discs around dense points of a line cover next to nothing: by that area, all places were alike."""
     rng = np.random.default_rng(0)
     line = np.sort(rng.random(50_000))
-    places = np.sort(line[ranked(np.outer(line, [1.0, 0, 0]), 20).indices])
+    places = np.sort(line[ranked(np.outer(line, [1.0, 0, 0]), 20).rows])
     assert np.diff(places, prepend=0, append=1).max() < 0.1
 
 
@@ -116,7 +100,7 @@ def test_half_as_many_are_the_first_half_where_every_point_is_a_candidate(bracke
     points = bracket[:900] / 100
     half = -(-n_points // 2)
     whole, direct = ranked(points, n_points, candidates=EVERY), ranked(points, half, candidates=EVERY)
-    np.testing.assert_array_equal(whole.indices[:half], direct.indices)
+    np.testing.assert_array_equal(whole.rows[:half], direct.rows)
     np.testing.assert_array_equal(whole.scores[:half], direct.scores)
     np.testing.assert_array_equal(whole.deviations[:half], direct.deviations)
 
@@ -126,10 +110,9 @@ def test_a_ranking_has_each_point_once_and_tells_of_its_progress(bracket, n_poin
     heard = Heard()
     stages = Stages(heard)
     ranking = ranked(bracket[:900], n_points, stages=stages)
-    assert heard.totals == heard.steps
-    assert [name for name in stages.seconds if name != COMPILATION] == ["noise", "features", "greedy selection"]
-    assert len(np.unique(ranking.indices)) == len(ranking.indices) == n_points
-    assert len(ranking.scores) == len(ranking.deviations) == n_points == sum(heard.steps)
+    assert [name for name in stages.seconds if name != COMPILATION] == ["features", "greedy selection"]
+    assert len(np.unique(ranking.rows)) == len(ranking.rows) == n_points
+    assert len(ranking.scores) == len(ranking.deviations) == n_points == sum(heard.totals) == sum(heard.steps)
     assert ranking.deviations[0] == 1
     assert (ranking.deviations > 0).all()
     assert (ranking.deviations <= 1).all()
@@ -139,9 +122,9 @@ def test_points_of_great_variance_are_chosen_late():
     rng = np.random.default_rng(0)
     points = np.column_stack([rng.random((3_000, 2)), np.zeros(3_000)])
     left = points[:, 0] < 0.5
-    chosen = ranked(points, 100, lambda places: (places, np.where(places[:, 0] < 0.5, 0.0, 1.0))).indices
+    chosen = ranked(points, 100, lambda places: (places, np.where(places[:, 0] < 0.5, 0.0, 1.0))).rows
     assert left[chosen].mean() > 0.7
-    assert 0.3 < left[ranked(points, 100).indices].mean() < 0.7
+    assert 0.3 < left[ranked(points, 100).rows].mean() < 0.7
 
 
 def test_features_are_those_of_where_points_belong():
@@ -153,7 +136,7 @@ def test_features_are_those_of_where_points_belong():
     def seen(places):
         return places * [1.0, 1.0, 0.0], np.zeros(len(places))
 
-    left = [(points[ranked(rough, 300, told).indices, 0] < 0.5).mean() for told in (None, seen)]
+    left = [(points[ranked(rough, 300, told).rows, 0] < 0.5).mean() for told in (None, seen)]
     assert left[1] < left[0] - 0.05
 
 
@@ -162,5 +145,5 @@ def test_twice_the_size_with_four_times_the_variances_is_the_same_choice():
     points = np.round(rng.random((2_000, 3)) * 1024) / 1024
     once = ranked(points, 200, lambda places: (places, places[:, 0] * 1e-3))
     twice = ranked(points * 2, 200, lambda places: (places, places[:, 0] / 2 * 4e-3))
-    np.testing.assert_array_equal(once.indices, twice.indices)
+    np.testing.assert_array_equal(once.rows, twice.rows)
     np.testing.assert_array_equal(once.deviations, twice.deviations)

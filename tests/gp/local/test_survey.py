@@ -2,10 +2,9 @@ import numpy as np
 import pytest
 
 from gppcs.engine.stages import Stages
-from gppcs.gp.local.candidates import finest_candidates
+from gppcs.gp.local.candidates import nested_candidates
 from gppcs.gp.local.survey import PER_CELL, sample, sharpness_of, survey
 from gppcs.spatial.cells import greatest_in_cells
-from gppcs.spatial.chunks import ChunkedPoints
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
@@ -13,16 +12,15 @@ from gppcs.surface.noise import Noise
 
 def test_a_survey_measures_sharpness_or_noise(sphere):
     """Noisy points would pass for sharp ones."""
-    area, noise, sharpness = survey(ChunkedPoints.of(sphere), 1_000, 8.0, Stages())
+    area, noise, sharpness = survey(sphere, 1_000, 8.0, Stages())
     assert area == pytest.approx(4 * np.pi, rel=0.1)
     assert noise.quiet
-    np.testing.assert_array_equal(sharpness.rows, np.arange(len(sphere)))
-    assert (sharpness.values > 0).all()
+    assert (sharpness > 0).all()
     noisy = sphere + 0.01 * np.random.default_rng(9).standard_normal(sphere.shape)
-    _, noise, sharpness = survey(ChunkedPoints.of(noisy), 1_000, 8.0, Stages())
+    _, noise, sharpness = survey(noisy, 1_000, 8.0, Stages())
     assert not noise.quiet
     assert noise.level == pytest.approx(0.01, rel=0.3)
-    assert (sharpness.values == 0).all()
+    assert (sharpness == 0).all()
 
 
 def tiny_ball(n):
@@ -34,11 +32,10 @@ def tiny_ball(n):
 def test_noise_and_stages_share_one_area():
     """The number of occupied cells corrects the area of this cloud."""
     places, m = tiny_ball(30_000), 500
-    points = ChunkedPoints.of(places)
-    area, noise, sharpness = survey(points, m, 8.0, Stages())
+    area, noise, sharpness = survey(places, m, 8.0, Stages())
     assert area != pytest.approx(surface_area(KdTree.build(places)), rel=0.5)
     assert noise.spacing == np.sqrt(area / m)
-    assert finest_candidates(points, m, area, 8.0, sharpness, Stages()).area == area
+    assert nested_candidates(places, sharpness, m, area, 8.0)[-1].area == area
 
 
 def test_the_sharpest_points_of_cells_are_those_on_the_edge():
@@ -80,10 +77,9 @@ def test_area_and_noise_of_millions_are_judged_by_some(monkeypatch):
     monkeypatch.setattr("gppcs.gp.local.survey.LARGE", 20_000)
 
     def sampled(n_points):
-        rows, places = sample(ChunkedPoints.of(points), n_points, lambda steps: None)
-        np.testing.assert_array_equal(points[rows], places)
+        rows = sample(points, n_points)
         assert (np.diff(rows) > 0).all()
-        return KdTree.build(places)
+        return KdTree.build(points[rows])
 
     every, some = sampled(5_129), sampled(500)  # 26 for each of 5,129 are two thirds of them
     assert len(every.order) == 200_000
@@ -98,6 +94,5 @@ def test_a_sample_holds_no_repeats(monkeypatch):
     monkeypatch.setattr("gppcs.gp.local.survey.LARGE", 2_000)
     rng = np.random.default_rng(0)
     points = rng.permutation(np.repeat(rng.random((1_500, 3)), 20, axis=0))
-    rows, places = sample(ChunkedPoints.of(points), 10, lambda steps: None)
+    places = points[sample(points, 10)]
     assert 1_000 < len(np.unique(places, axis=0)) == len(places) < 1_500
-    np.testing.assert_array_equal(points[rows], places)

@@ -80,7 +80,6 @@ from gppcs.engine.stages import COMPILATION
 from gppcs.engine.threads import set_threads
 from gppcs.errors import InputError, OutputError, ParameterError, file_path
 from gppcs.methods import DEFAULT, METHODS, Method, method_named
-from gppcs.simplification import Request, require_ranking
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -90,7 +89,7 @@ if TYPE_CHECKING:
     from gppcs.engine.stages import Stages
     from gppcs.evaluation.report import Report
     from gppcs.io.query import Query
-    from gppcs.simplification import Result
+    from gppcs.simplification import Request, Result
     from gppcs.streaming.beyond_memory import Run
     from gppcs.streaming.files import Work
     from gppcs.streaming.plan import Plan
@@ -281,6 +280,7 @@ def simplify(
     from gppcs.engine.stages import Stages
     from gppcs.io import check_distinct, is_standard
     from gppcs.io.query import Query
+    from gppcs.simplification import Request
     from gppcs.streaming.files import Work
     from gppcs.streaming.sizes import bytes_of
 
@@ -365,6 +365,8 @@ def _reported(job: _Job, source: Path, as_json: bool) -> bool:
 
 def _checked_levels(text: str, amount: dict[str, Any], method: Method, mark: str | None) -> Levels:
     """Return the levels, after checking that they fit the other options."""
+    from gppcs.simplification import require_ranking
+
     given = [option(name) for name, value in amount.items() if value is not None]
     if given or mark is not None:
         raise ParameterError(f"expected --levels without {(given or ['--mark'])[0]}")

@@ -1,0 +1,199 @@
+"""Clouds larger than memory: exactly as many points, chosen equally well, the same for any number of workers."""
+
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+import gppcs
+from gppcs.amounts.accuracy import surface_of
+from gppcs.errors import ClusterError
+from gppcs.streaming.workers import each_by
+
+MEMORY = "1GB"
+
+
+@pytest.fixture(autouse=True)
+def beyond_memory(monkeypatch):
+    """Let no method fit into memory, and cut clouds into small parts."""
+    for method in gppcs.METHODS.values():
+        monkeypatch.setattr(method, "memory", lambda self, n, n_points: 10**12)
+    monkeypatch.setattr("gppcs.spatial.stored.BOX", 500)
+    monkeypatch.setattr("gppcs.streaming.plan.ROWS", 3_000)
+    monkeypatch.setattr("gppcs.streaming.scan.RUN", 5_000)
+    monkeypatch.setattr("gppcs.spatial.farthest_in_parts.PART", 4_000)
+    monkeypatch.setattr("gppcs.gp.local.beyond_memory.PART", 4_000)
+    monkeypatch.setattr("gppcs.gp.local.beyond_memory.CANDIDATE", 1e5)  # so that there are stages in parts
+
+
+def written(tmp_path, cloud):
+    gppcs.write(tmp_path / "cloud.ply", cloud, force=True)
+    return tmp_path / "cloud.ply"
+
+
+def errors(cloud, kept):
+    """Mean distance to the local surface, and distance to the nearest kept point: the mean and the largest."""
+    nearest = cKDTree(kept).query(cloud.points)[0]
+    return np.array([surface_of(kept).nearest_to(cloud.points)[0].mean(), nearest.mean(), nearest.max()])
+
+
+@pytest.mark.parametrize("method", ["gp", "fps", "voxel", "random"])
+@pytest.mark.parametrize("count", [1, 700, 9_000])
+def test_exactly_as_many_points_with_their_attributes(tmp_path, method, count):
+    cloud = gppcs.sample("bracket", 20_000)
+    result = gppcs.simplify_files(written(tmp_path, cloud), n_points=count, method=method, memory=MEMORY)
+    assert len(np.unique(result.indices)) == len(result.indices) == count
+    assert result.cloud == gppcs.read(tmp_path / "cloud.ply").take(result.indices)
+
+
+@pytest.mark.slow
+def test_points_are_chosen_as_well_as_in_memory(tmp_path):
+    """Over several clouds; the order of its rows alone changes the error of one by up to 4 %."""
+    ratios = []
+    for name in ("bracket", "medallion", "terrain", "statue", "street"):
+        cloud = gppcs.sample(name, 60_000)
+        found = gppcs.simplify_files(written(tmp_path, cloud), n_points=4_000, memory=MEMORY)
+        whole = gppcs.simplify(cloud, n_points=4_000)
+        for count in (2_000, 4_000):
+            few, all_at_once = (result.cloud.points[:count] for result in (found, whole))
+            ratios.append(errors(cloud, few) / errors(cloud, all_at_once))
+    assert np.max(ratios, axis=0)[0] < 1.1
+    assert (np.exp(np.log(ratios).mean(axis=0))[:2] < 1.03).all()
+
+
+def test_no_seam_shows(tmp_path):
+    """On a plane, the largest gap is about that of all points at once."""
+    points = np.column_stack([np.random.default_rng(0).random((40_000, 2)), np.zeros(40_000)])
+    path = written(tmp_path, gppcs.PointCloud(points))
+    for method, gap in (("fps", 0.019), ("gp", 0.028)):
+        kept = gppcs.simplify_files(path, n_points=3_000, method=method, memory=MEMORY).cloud.points
+        assert cKDTree(kept).query(points)[0].max() < gap
+
+
+def test_the_same_for_any_number_of_threads_files_and_chunks(tmp_path, monkeypatch):
+    cloud = gppcs.sample("bracket", 20_000)
+    path, results = written(tmp_path, cloud), []
+    names = [tmp_path / "a.ply", tmp_path / "b.ply"]
+    for name, rows in zip(names, (np.arange(7_000), np.arange(7_000, 20_000)), strict=True):
+        gppcs.write(name, cloud.take(rows))
+    for threads, paths in ((1, path), (3, path), (2, names)):
+        gppcs.set_threads(threads)
+        results.append(gppcs.simplify_files(paths, n_points=1_500, memory=MEMORY).indices)
+    gppcs.set_threads(None)
+    monkeypatch.setattr("gppcs.streaming.plan.ROWS", 1_700)
+    results.append(gppcs.simplify_files(path, n_points=1_500, memory=MEMORY).indices)
+    for other in results[1:]:
+        np.testing.assert_array_equal(results[0], other)
+
+
+@pytest.mark.slow
+def test_the_same_by_processes(tmp_path, monkeypatch):
+    monkeypatch.undo()
+    monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
+    path = written(tmp_path, gppcs.sample("bracket", 300_000))
+    own = gppcs.simplify_files(path, n_points=2_000, memory=MEMORY)
+    with ProcessPoolExecutor(2, get_context("spawn")) as executor:
+        others = gppcs.simplify_files(path, n_points=2_000, memory=MEMORY, executor=executor)
+    np.testing.assert_array_equal(own.indices, others.indices)
+
+
+def test_points_to_keep_and_weights(tmp_path):
+    cloud = gppcs.sample("bracket", 20_000)
+    cloud.attributes["side"] = (cloud.points[:, 0] > np.median(cloud.points[:, 0])).astype(np.float32)
+    cloud.attributes["number"] = np.arange(20_000, dtype=np.int32)
+    path = written(tmp_path, cloud)
+    kept = gppcs.simplify_files(path, n_points=1_000, keep="number < 50", memory=MEMORY)
+    assert sorted(kept.indices[:50]) == list(range(50))
+    cloud.attributes["side"] = 1 + 9 * cloud.attributes["side"]
+    gppcs.write(path, cloud, force=True)
+    weighed = gppcs.simplify_files(path, n_points=1_000, weight="side", memory=MEMORY)
+    plain = gppcs.simplify_files(path, n_points=1_000, memory=MEMORY)
+    share = [(result.cloud.attributes["side"] > 5).mean() for result in (weighed, plain)]
+    assert share[0] / (1 - share[0]) > 5 * share[1] / (1 - share[1])
+
+
+def test_a_spacing_tells_the_number(tmp_path, monkeypatch):
+    cloud = gppcs.sample("bracket", 20_000)
+    found = gppcs.simplify_files(written(tmp_path, cloud), spacing=4.0, memory=MEMORY)
+    monkeypatch.undo()
+    assert len(found.indices) == pytest.approx(len(gppcs.simplify(cloud, spacing=4.0).indices), rel=0.05)
+
+
+def test_outliers_are_those_in_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr("gppcs.surface.outliers.parts.PART", 4_000)
+    cloud = gppcs.sample("bracket", 20_000, outliers=0.01)
+    path = written(tmp_path, cloud)
+    found = gppcs.simplify_files(path, n_points=500, drop_outliers=True, memory=MEMORY)
+    expected = np.flatnonzero(gppcs.find_outliers(gppcs.read(path)))
+    assert len(np.setxor1d(found.outliers, expected)) <= 0.03 * len(expected)
+    assert not len(np.intersect1d(found.indices, found.outliers))
+
+
+@pytest.mark.parametrize("method", ["gp", "fps", "voxel", "random"])
+def test_repeats_are_chosen_last(tmp_path, method):
+    points = np.repeat(np.random.default_rng(0).random((300, 3)), 20, axis=0)
+    path = written(tmp_path, gppcs.PointCloud(points))
+    result = gppcs.simplify_files(path, n_points=400, method=method, memory=MEMORY)
+    assert len(np.unique(result.indices)) == 400
+    assert len(np.unique(result.cloud.points, axis=0)) == 300
+
+
+def test_invalid_points_are_told_or_dropped(tmp_path):
+    cloud = gppcs.sample("bracket", 9_000)
+    cloud.points[[5, 4_000]] = np.nan
+    path = written(tmp_path, cloud)
+    with pytest.raises(gppcs.InputError, match="2 of 9000 points have coordinates that are NaN or infinite, the first"):
+        gppcs.simplify_files(path, n_points=9, memory=MEMORY)
+    result = gppcs.simplify_files(path, ratio=0.1, invalid="drop", memory=MEMORY)
+    assert len(result.indices) == 900
+    assert np.isfinite(result.cloud.points).all()
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"tolerance": 1.0}, "tolerance takes all points at once"),
+        ({"n_points": 9, "max_gap": 1.0}, "max_gap takes all points at once"),
+        ({"n_points": 9, "method": "hc"}, "method 'hc' takes all points at once"),
+        ({"n_points": 9, "normals": True}, "normals takes all points at once"),
+        ({"n_points": 9, "keep": "z > 1e9"}, "expected points with z > 1e9 to keep, found none"),
+    ],
+)
+def test_what_needs_memory_says_so(tmp_path, asked, message):
+    with pytest.raises(gppcs.InputError, match=message):
+        gppcs.simplify_files(written(tmp_path, gppcs.sample("bracket", 2_000)), memory=MEMORY, **asked)
+
+
+def test_files_that_change_meanwhile_are_told(tmp_path, monkeypatch):
+    path = written(tmp_path, gppcs.sample("bracket", 9_000))
+    choose = gppcs.Random.__call__
+
+    def changed(self, wanted):
+        gppcs.write(path, gppcs.sample("bracket", 8_000), force=True)
+        return choose(self, wanted)
+
+    monkeypatch.setattr(gppcs.Random, "__call__", changed)
+    with pytest.raises(gppcs.InputError, match="expected 9,000 points again, found 8,000: the files have changed"):
+        gppcs.simplify_files(path, n_points=9, method="random", memory=MEMORY)
+
+
+def _end_at_once(item):
+    import os
+
+    os._exit(1)
+
+
+def test_a_lost_worker_is_told():
+    with (
+        ProcessPoolExecutor(1, get_context("spawn")) as executor,
+        pytest.raises(ClusterError, match="a worker process ended"),
+        each_by(executor, 1) as each,
+    ):
+        list(each(_end_at_once, [1]))
+
+
+def test_an_executor_is_one():
+    with pytest.raises(gppcs.ParameterError, match="expected an executor with `map`"), each_by("dask", 1):
+        pass
