@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 from unittest.mock import patch
@@ -16,8 +16,8 @@ import conditions
 import gppcs
 import report
 from conditions import FOUND_ON, H_MAX, H_MEAN, HELD_OUT, LIDAR, SURFACE, Column, Condition, Figures
-from gppcs.gp.local import density, ranking, survey
-from gppcs.gp.local.ranking import Criterion
+from gppcs.gp.local import algorithm, density, survey
+from gppcs.gp.local.algorithm import Criterion
 from gppcs.surface import noise
 
 LEFT_OUT = ("dragon", "armadillo_50k", "armadillo_173k_resampled", "sfm_bird_bath")  # they take long or resemble others
@@ -77,17 +77,17 @@ def nowhere_sharp(tree: Any, area: float, cells: float) -> Any:
 
 def changes() -> dict[str, Change]:
     """Return the changes by their names in the table."""
-    gradation_off, segregation_off = (density, "graded", not_graded), (ranking, "segregation", no_segregation)
+    gradation_off, segregation_off = (density, "graded", not_graded), (algorithm, "segregation", no_segregation)
     sharpness_off, noise_off = (survey, "sharpness_of", nowhere_sharp), (noise, "QUIET", np.inf)
     return {
         DEFAULT: Change(),
         CONTROL: Change(),
-        "posterior conditioned on 1 point (farthest points in the metric)": Change(USUAL.replaced({"neighbours": 1})),
+        "posterior conditioned on 1 point (farthest points in the metric)": Change(replace(USUAL, neighbours=1)),
         "error term, weight 0.1": Change(Weighted(error=0.1)),
         "error term, weight 1 (the paper's)": Change(Weighted(error=1.0)),
         "normals off": Change(Weighted(normal=0.0)),
         "density off": Change(Weighted(density=0.0)),
-        "normals and density off": Change(USUAL.replaced({"feature_weight": 0.0})),
+        "normals and density off": Change(replace(USUAL, feature_weight=0.0)),
         "gradation off": Change(replaced=[gradation_off]),
         "segregation off": Change(replaced=[segregation_off]),
         "sharpness off": Change(replaced=[sharpness_off]),

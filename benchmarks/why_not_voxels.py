@@ -117,7 +117,7 @@ def main() -> None:
                 "Other ways to thin, in 1e-4 diagonals",
                 ("method", *(name.replace("_", " ") for name in FIGURES)),
                 [
-                    (entry.result.method.label, *(f"{1e4 * figures[name]:.3g}" for name in FIGURES))
+                    (str(entry.result.method), *(f"{1e4 * figures[name]:.3g}" for name in FIGURES))
                     for entry, figures in zip(entries, relative, strict=True)
                 ],
             ),

@@ -22,7 +22,7 @@ SMALLER = {"400000": "2000", "20000": "2000", "5000": "500"}  # points of the ex
 PYMESHLAB = "import pymeshlab"  # in blocks that need this extra
 QUOTED = {
     "README.md": 1,
-    "docs/experiments.md": 2,
+    "docs/experiments.md": 1,
     "docs/results.md": 6,
     "docs/cost.md": 1,
     "docs/gallery.md": 1,

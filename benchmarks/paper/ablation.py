@@ -10,6 +10,7 @@ either, since its fit ends before 50 iterations.
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +42,7 @@ def chamfer(cloud: gppcs.PointCloud, method: gppcs.Method) -> float:
 def table(cloud: gppcs.PointCloud, method: gppcs.Method) -> list[tuple[str, int, float, list[float]]]:
     """Return rows of parameter, value, the paper's figure and ours for each seed, for parameters of the method."""
     return [
-        (name, value, paper, [chamfer(cloud, method.replaced({FIELDS[name]: value, "seed": seed})) for seed in SEEDS])
+        (name, value, paper, [chamfer(cloud, replace(method, **{FIELDS[name]: value, "seed": seed})) for seed in SEEDS])
         for name, column in PAPER.items()
         if hasattr(method, FIELDS[name])
         for value, paper in column.items()

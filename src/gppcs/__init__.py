@@ -294,12 +294,14 @@ __all__ = [
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 
-def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used."""
-    if name not in _HOME_OF:
-        raise AttributeError(f"module 'gppcs' has no attribute {name!r}")
-    value = globals()[name] = getattr(importlib.import_module(f"gppcs.{_HOME_OF[name]}"), name)
-    return value
+if not TYPE_CHECKING:  # type checkers would take any name for one that is there
+
+    def __getattr__(name: str) -> Any:
+        """Import a public name when it is first used."""
+        if name not in _HOME_OF:
+            raise AttributeError(f"module 'gppcs' has no attribute {name!r}")
+        value = globals()[name] = getattr(importlib.import_module(f"gppcs.{_HOME_OF[name]}"), name)
+        return value
 
 
 def __dir__() -> list[str]:

@@ -27,5 +27,6 @@ def test_attributes_that_a_format_does_not_hold_are_named(gppcs_command):
     names = gppcs.sample("bracket", 10).attributes
     code, _, err = gppcs_command("sample", "bracket", "-o", "a.obj", "--points", 10)
     assert (code, "cannot hold: attribute nx (float32)" in err) == (2, True)
-    told = f"gppcs: note: a.obj: left out: {', '.join(f'attribute {name} ({v.dtype})' for name, v in names.items())}\n"
+    lost = [f"attribute {name} ({v.dtype})" for name, v in names.items() if name not in ("red", "green", "blue")]
+    told = f"gppcs: note: a.obj: left out: {', '.join(lost)}\n"
     assert gppcs_command("sample", "bracket", "-o", "a.obj", "--points", 10, "--lossy") == (0, "", told)

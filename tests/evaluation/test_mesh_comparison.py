@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import gppcs
+from gppcs.spatial.kdtree import KdTree
 from gppcs.evaluation import mesh_ways, reconstruction
 from gppcs.evaluation.mesh_comparison import checked_ways
 from gppcs.evaluation.reconstruction import decimated, oriented_alike, without_membranes
@@ -47,7 +48,7 @@ def test_the_other_ways_find_a_sphere_wherever_it_lies(sphere, way, shallow):
         kept = gppcs.simplify(sphere[:2000] + place, n_points=300).cloud.points
         used = entry.mesh.vertices[np.unique(entry.mesh.faces)]
         assert len(used) > 290
-        assert gppcs.KdTree.build(kept).nearest_of(used, 1)[1].max() < 1e-12
+        assert KdTree.build(kept).nearest_of(used, 1)[1].max() < 1e-12
 
 
 def test_a_way_without_a_surface_says_why_and_stops_no_other(monkeypatch):

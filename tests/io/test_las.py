@@ -236,7 +236,7 @@ def test_other_formats_name_what_they_lose_of_the_header(tmp_path):
         "2 variable-length records",
         "scale of extra bytes scaled",
     ]
-    assert losses("a.ply", cloud) == expected
+    assert losses("a.ply", cloud)[:3] == expected  # then come renamed attributes
     assert losses("a.las", cloud) == []
 
 

@@ -34,7 +34,7 @@ class Run(NamedTuple):
     ----------
     result : Result
     points : int
-        Number of points that were read.
+        Number of points among which was chosen.
     outliers : PointCloud or None
         The outliers with their attributes, if they are wanted.
     cloud : PointCloud or None
@@ -71,7 +71,7 @@ def simplify_stored(
     if request.scores:
         kept = with_scores(kept, request.method, selection)
     result = result_of(selection, kept, request.method, stages)
-    return Run(result if outliers is None else result.with_outliers(outliers), seen.count, stray)
+    return Run(result if outliers is None else result.with_outliers(outliers), len(stored), stray)
 
 
 def _check_seen(seen: Overview, request: Request) -> None:

@@ -173,6 +173,7 @@ def run(files: CloudFiles, request: Request, work: Work, planned: Plan | None = 
             cloud = files.read()
         result = simplify_cloud(cloud, request, work.stages)
         outliers = cloud.take(result.outliers) if listed and result.outliers is not None else None
-        return Run(result, len(cloud), outliers, cloud)
+        left_out = 0 if result.outliers is None else len(result.outliers)
+        return Run(result, len(cloud) - left_out, outliers, cloud)
     with scratch_folder(work.scratch, planned.disk) as folder, each_by(work.executor, planned.threads) as each:
         return simplify_stored(files, request, planned, folder, each, work.stages, listed)
