@@ -164,7 +164,7 @@ def test_an_attribute_that_is_no_weight_is_told(values, found):
 
 
 WRONG = [
-    ({"keep": range(6)}, gppcs.InputError, "points to keep: expected at most 5, .* found 6"),
+    ({"keep": range(6)}, gppcs.InputError, "6 points are to be kept .* only 5 points are asked for"),
     ({"keep": [4000]}, gppcs.ParameterError, "rows from 0 to 3999, found 4000"),
     ({"keep": [-1]}, gppcs.ParameterError, "found -1"),
     ({"keep": [True]}, gppcs.ParameterError, "a mask of the 4,000 points"),

@@ -104,7 +104,7 @@ def test_each_file_of_a_level_is_named(gppcs_command, scan):
     assert line.startswith("other.ply → other_0.ply, other_1.ply: 400 points in, 40 out")
 
 
-@pytest.mark.parametrize("sizes", ["25%,10%,5%", "20,100,40"])
+@pytest.mark.parametrize("sizes", ["25%,10%,5%", "20,100,40", ".25,0.1,5%", "0.1k,40,0.02k"])
 def test_levels_are_nested_files_or_an_attribute(gppcs_command, scan, sizes):
     assert gppcs_command("simplify", "scan.ply", "-o", "scan_{level}.ply", "--levels", sizes, *FAST)[0] == 0
     levels = [gppcs.read(f"scan_{level}.ply").points for level in range(3)]
@@ -152,7 +152,7 @@ def test_outliers_are_left_out_and_listed(gppcs_command, folder):
             ["--spacing", 5, "--keep", "z > 60"],
             ["expected a number, a share, a tolerance or a largest gap with points to keep", "found a spacing"],
         ),
-        (["--points", 5, "--keep", "z > 0"], ["scan.ply: points to keep: expected at most 5"]),
+        (["--points", 5, "--keep", "z > 0"], ["are to be kept whatever happens, but only 5 points are asked for"]),
         (["--points", 5, "--keep", "nzz > 0"], ["scan.ply: 'nzz > 0', at character 1", "did you mean 'nz'?"]),
         (["--points", 5, "--keep", "nz > 9"], ["scan.ply: expected points with nz > 9 to keep, found none", "--keep"]),
         (["--points", 5, "--keep", "nz > "], ["'nz >', at its end: expected conditions"]),
@@ -183,7 +183,7 @@ def test_what_cannot_be_asked_for_is_refused_and_leaves_no_file(gppcs_command, s
 
 def test_curve_prints_a_table_and_draws_a_plot(gppcs_command, scan):
     pytest.importorskip("matplotlib")
-    words = ["curve", "scan.ply", "--methods", "fps,random", "--sizes", "5%,50,100"]
+    words = ["curve", "scan.ply", "--methods", "fps,random", "--sizes", ".05,0.05k,100"]
     code, out, _ = gppcs_command(*words, "--plot", "curve.png")
     assert code == 0
     fps = gppcs.curve(scan, ["fps"], sizes=[20, 50, 100])[0]

@@ -202,5 +202,7 @@ def check_count(count: int, kept: int, usable: int) -> None:
     if count > usable:
         raise InputError(f"expected at least {count:,} points of a weight above 0, found {usable:,}; ask for fewer")
     if kept > count:
-        found = f"points to keep: expected at most {count:,}, as many as are asked for, found {kept:,}"
-        raise InputError(f"{found}; select fewer or ask for more")
+        raise InputError(
+            f"{kept:,} points are to be kept whatever happens, but only {count:,} points are asked for; ask for at "
+            f"least {kept:,}, or mark fewer points to keep"
+        )

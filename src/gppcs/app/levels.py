@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gppcs.app import panels
 from gppcs.app.outputs import Outputs, outputs_of
-from gppcs.app.quantities import count_of, share_of
+from gppcs.app.quantities import count_of, is_share, share_of
 from gppcs.errors import ParameterError, shown
 
 LevelsOption = Annotated[
@@ -59,7 +59,7 @@ class Levels:
         words = [word.strip() for word in text.split(",")]
         if len(words) > MOST:
             raise ParameterError(f"expected --levels with at most {MOST} sizes, found {len(words)}")
-        are_shares = [word.endswith("%") or word.startswith(("0.", ".")) for word in words]
+        are_shares = [is_share(word) for word in words]
         if any(are_shares) != all(are_shares):
             raise ParameterError(f"expected --levels with shares or with numbers, found both in {shown(text)}")
         if all(are_shares):

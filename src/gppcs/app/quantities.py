@@ -83,6 +83,7 @@ _COUNT = re.compile(
     r"(?P<whole>[+-]?(\d{1,3}(,\d{3})+|\d+(_\d+)*))?(?P<part>\.\d*)?(?P<power>[eE][+-]?\d{1,3})? ?(?P<unit>[kKmMgG]?)",
     re.ASCII,
 )
+_SHARE = re.compile(r"0?\.\d*|.*%", re.ASCII)  # what cannot be a number of points
 _PERCENT = re.compile(r"(?P<number>[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?) ?%", re.ASCII)
 
 
@@ -117,6 +118,11 @@ def count_of(text: str, option: str = "--points") -> int:
     if value.denominator != 1 or abs(value) > _MOST:
         raise ParameterError(f"expected {option} to be a whole number of at most 1e18, found {shown(text)}")
     return value.numerator
+
+
+def is_share(text: str) -> bool:
+    """Tell whether a size, which may be a number of points or a share of them, is written as a share."""
+    return _SHARE.fullmatch(text.strip()) is not None
 
 
 def share_of(text: str, option: str = "--ratio", hint: str = "for a number of points use --points") -> float:

@@ -27,7 +27,7 @@ from gppcs.app.printing import (
     print_json,
     progress,
 )
-from gppcs.app.quantities import count_of, share_of
+from gppcs.app.quantities import count_of, is_share, share_of
 from gppcs.engine.threads import set_threads
 from gppcs.errors import OutputError, file_path
 from gppcs.methods import DEFAULT
@@ -139,7 +139,7 @@ def curve(
 
 def _size(text: str) -> float:
     """Return a number of points, or a share below 1, that a text means."""
-    if "%" in text or text.startswith("0."):
+    if is_share(text):
         return share_of(text, "--sizes", "a number of points is whole")
     return count_of(text, "--sizes")
 
