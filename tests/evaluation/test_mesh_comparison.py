@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs.spatial.kdtree import KdTree
 from gppcs.evaluation import mesh_ways, reconstruction
 from gppcs.evaluation.mesh_comparison import checked_ways
 from gppcs.evaluation.reconstruction import decimated, oriented_alike, without_membranes
+from gppcs.spatial.kdtree import KdTree
 from meshes import hull_mesh
 
 pytest.importorskip("pymeshlab")
