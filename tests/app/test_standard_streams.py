@@ -1,6 +1,7 @@
 """The name `-` of standard input and standard output, in all commands."""
 
 import io
+import subprocess
 import sys
 from pathlib import Path
 
@@ -92,3 +93,11 @@ def test_a_file_may_be_called_like_standard_output(gppcs_command, scan, folder):
     assert len(gppcs.read("./-", "csv")) == 60
     gppcs.write("./-", gppcs.read("scan.ply"), "ply", force=True)
     assert len(gppcs.read("./-")) == 400
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no sh")
+@pytest.mark.parametrize("closed", ["2>&-", ">&-", "2>&- >&-"])
+def test_a_closed_stream_does_no_harm(folder, scan, closed):
+    words = f'"{sys.executable}" -m gppcs simplify scan.ply -o out.ply --points 9 --method fps {closed}'
+    assert subprocess.run(words, shell=True, check=False).returncode == 0
+    assert len(gppcs.read("out.ply")) == 9

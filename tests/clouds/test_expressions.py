@@ -128,3 +128,32 @@ def test_what_is_no_condition_is_refused_with_its_place(text, message):
         Expression.of(text).mask(CLOUD)
     assert message in str(error.value)
     assert "\n" not in str(error.value)
+
+
+WHOLE = st.integers(-(2**63), 2**63 - 1)
+
+
+@given(st.lists(WHOLE, min_size=1, max_size=6), WHOLE | st.integers(-3, 3), WHOLE, st.sampled_from("+-*%"))
+def test_whole_numbers_are_computed_with_exactly(values, other, bound, sign):
+    cloud = gppcs.PointCloud(np.zeros((len(values), 3)), {"k": np.array(values, dtype=np.int64)})
+    text = f"k {sign} {other} > {bound}" if other >= 0 else f"k {sign} ({other}) > {bound}"
+    if sign == "%" and other == 0:
+        with pytest.raises(gppcs.ParameterError, match="a divisor other than 0"):
+            Expression.of(text).mask(cloud)
+        return
+    compute = {"+": int.__add__, "-": int.__sub__, "*": int.__mul__, "%": int.__mod__}[sign]
+    assert Expression.of(text).mask(cloud).tolist() == [compute(value, other) > bound for value in values]
+
+
+@given(st.lists(st.integers(0, 2**64 - 1), min_size=1, max_size=6), st.integers(0, 2**64 - 1), st.floats(0, 2e19))
+def test_large_unsigned_numbers_are_compared_exactly(values, bound, fraction):
+    cloud = gppcs.PointCloud(np.zeros((len(values), 3)), {"k": np.array(values, dtype=np.uint64)})
+    assert Expression.of(f"k - 1 < {bound}").mask(cloud).tolist() == [value - 1 < bound for value in values]
+    assert Expression.of(f"k >= {bound}").mask(cloud).tolist() == [value >= bound for value in values]
+    assert Expression.of(f"k < {fraction!r}").mask(cloud).tolist() == [value < fraction for value in values]
+
+
+def test_large_whole_numbers_beside_fractions_are_refused():
+    cloud = gppcs.PointCloud(np.zeros((1, 3)), {"time_ns": np.array([1_700_000_000_000_000_001])})
+    with pytest.raises(gppcs.ParameterError, match="whole numbers of at most 9,007,199,254,740,992 beside fractions"):
+        Expression.of("time_ns * 0.5 > 3").mask(cloud)

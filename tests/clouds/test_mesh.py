@@ -155,11 +155,17 @@ def test_a_file_of_several_meshes_is_refused(tmp_path):
 
 def test_a_missing_extra_is_named(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "pymeshlab", None)
+    path = tmp_path / "mesh.off"
+    path.write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n1 1 0\n3 0 1 2\n")
     with pytest.raises(gppcs.MissingExtraError, match=r"the extra evaluate.*: pip install 'pymeshlab>="):
-        gppcs.read_mesh(tmp_path / "mesh.ply")
+        gppcs.read_mesh(path)
 
 
 def test_shared_meshes(shared_data):
     pytest.importorskip("pymeshlab")
     mesh = gppcs.read_mesh(shared_data / "bunny.ply")
     assert (len(mesh.vertices), len(mesh.faces)) == (35_947, 69_451)
+
+
+def test_a_mesh_is_printed_in_a_line():
+    assert repr(gppcs.Mesh(np.eye(3), [[0, 1, 2]])) == "Mesh(vertices=3, triangles=1)"

@@ -4,6 +4,8 @@ import json
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import gppcs
 from gppcs.io.polygons import Polygons, read_polygons
@@ -111,3 +113,16 @@ def test_an_attribute_that_is_not_there_is_named_with_the_file(files):
         gppcs.read(scan, only="klassification == 2")
     with pytest.raises(gppcs.InputError, match="expected points with z > 99, found none"):
         gppcs.simplify_files(scan, n_points=5, only="z > 99")
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=20, deadline=None)
+def test_polygons_with_a_common_border_share_its_points_out(seed):
+    """Each point near a slanted border, and on it, is in one of two polygons that give it in opposite directions."""
+    rng = np.random.default_rng(seed)
+    (ax, ay), (bx, by) = rng.random((2, 2)) * [1, 10]
+    left = Polygons((((-9.0, ay), (ax, ay), (bx, by), (-9.0, by)),))
+    right = Polygons((((9.0, by), (bx, by), (ax, ay), (9.0, ay)),))
+    share = rng.random(999)
+    points = np.column_stack([ax + share * (bx - ax), ay + share * (by - ay), np.zeros(999)])
+    assert (left.holds(points) ^ right.holds(points)).all()

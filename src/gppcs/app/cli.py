@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import sys
 
 from gppcs.app import stopping
@@ -20,6 +21,9 @@ def main() -> None:
         the process ends with 128 and the number of the signal (130, 143, 129) instead.
     """
     stopping.catch_signals()
+    for stream in ("stdout", "stderr"):
+        if getattr(sys, stream) is None:  # closed, as by 2>&-
+            setattr(sys, stream, open(os.devnull, "w"))  # noqa: SIM115
     try:
         gc.set_threshold(GC_THRESHOLD)
         from gppcs.app.program import run

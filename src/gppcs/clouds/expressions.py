@@ -20,6 +20,8 @@ from gppcs.errors import InputError, ParameterError, nearest_name, shown
 AXES = ("x", "y", "z")
 LONGEST = 2000  # characters
 GRAMMAR = "conditions such as 'classification == 6', 'z > 2.5 and not intensity < 10' or 'classification in [2, 6]'"
+_EXACT = 2**53  # Larger whole numbers are no doubles.
+_LARGEST = 2**63 - 1  # Larger ones are computed with one by one.
 _QUOTED = r"'[^']*'|\"[^\"]*\""
 _SPACE = re.compile(rf"(?P<quoted>{_QUOTED})|\s+")
 _ANY_NAME = "attributes"  # attributes["any name"] stands for an attribute whose name is no word
@@ -156,7 +158,9 @@ class Expression:
         if _is_text(left) != _is_text(right):
             raise self._error(node, "a text in quotes" if _is_text(left) else "a number")
         try:
-            return np.asarray(compare(left, right))
+            if _is_whole(left) != _is_whole(right):  # Python compares whole numbers and fractions exactly
+                left, right = (_of_python(each) if _is_whole(each) else each for each in (left, right))
+            return np.asarray(compare(left, right), dtype=np.bool_)
         except OverflowError:
             raise self._error(node, "a number that can be computed with") from None
 
@@ -172,14 +176,30 @@ class Expression:
             raise self._error(node.slice, "the name of an attribute in quotes")
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
             value = self._number(node.operand, cloud)
-            return -value if isinstance(node.op, ast.USub) else value
+            if isinstance(node.op, ast.UAdd):
+                return value
+            lowest = isinstance(value, np.ndarray) and value.dtype.kind == "i" and _size(value) > _LARGEST
+            return -value.astype(object) if lowest else -value
         if isinstance(node, ast.BinOp) and type(node.op) in _ARITHMETIC:
             left, right = self._number(node.left, cloud), self._number(node.right, cloud)
-            try:
-                return _ARITHMETIC[type(node.op)](left, right)
-            except (ZeroDivisionError, OverflowError):
-                raise self._error(node, "a number that can be computed with") from None
+            return self._computed(node, left, right)
         raise self._error(node, "a number, a text in quotes, or the name of an attribute")
+
+    def _computed(self, node: ast.BinOp, left: Any, right: Any) -> Any:
+        """Compute with numbers: whole ones exactly, however large."""
+        whole = [_is_whole(each) for each in (left, right)]
+        if isinstance(node.op, ast.Mod) and whole[1] and not np.all(right):
+            raise self._error(node.right, "a divisor other than 0")
+        exact = whole[0] and whole[1] and not isinstance(node.op, ast.Div)
+        sizes = [_size(each) if each_whole else 0 for each, each_whole in zip((left, right), whole, strict=True)]
+        if max(sizes) > _EXACT and not exact:
+            raise self._error(node, f"whole numbers of at most {_EXACT:,} beside fractions and in divisions")
+        if exact and (sizes[0] * sizes[1] if isinstance(node.op, ast.Mult) else sum(sizes)) > _LARGEST:
+            left, right = (each.astype(object) if isinstance(each, np.ndarray) else each for each in (left, right))
+        try:
+            return _ARITHMETIC[type(node.op)](left, right)
+        except (ZeroDivisionError, OverflowError):
+            raise self._error(node, "a number that can be computed with") from None
 
     def _number(self, node: ast.expr, cloud: PointCloud) -> Any:
         """Return values to compute with."""
@@ -189,7 +209,7 @@ class Expression:
         if isinstance(value, np.bool_):
             return int(value)
         if isinstance(value, np.ndarray) and value.dtype.kind in "bu":  # differences of these would be none
-            return value.astype(np.int64 if value.dtype.kind == "b" else np.float64)
+            return value.astype(np.int64 if _size(value) <= _LARGEST else object)
         return value
 
     def _column(self, node: ast.expr, name: str, cloud: PointCloud) -> NDArray[Any]:
@@ -224,6 +244,22 @@ class Expression:
 
 def _is_text(value: Any) -> bool:
     return isinstance(value, str) or (isinstance(value, np.ndarray) and value.dtype.kind in "UT")
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, int) or (isinstance(value, np.ndarray) and value.dtype.kind in "iuO")
+
+
+def _size(value: Any) -> int:
+    """Return the largest absolute value of whole numbers."""
+    if isinstance(value, np.ndarray):
+        return max(abs(int(value.min())), abs(int(value.max()))) if value.size else 0
+    return abs(int(value))
+
+
+def _of_python(value: Any) -> Any:
+    """Return whole numbers as Python's, if doubles do not hold them."""
+    return value.astype(object) if isinstance(value, np.ndarray) and _size(value) > _EXACT else value
 
 
 def _plain(name: str) -> str:

@@ -41,6 +41,9 @@ class Mesh(ComparedByValue):
     vertices: NDArray[np.float64]
     faces: NDArray[np.int64]
 
+    def __repr__(self) -> str:
+        return f"Mesh(vertices={len(self.vertices)}, triangles={len(self.faces)})"
+
     def __post_init__(self) -> None:
         vertices, faces = _table(self.vertices, "vertices"), _table(self.faces, "faces")
         if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:

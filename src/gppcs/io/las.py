@@ -26,9 +26,11 @@ from gppcs.io.las_header import (
     SIZES,
     TYPES,
     LasHeader,
+    Scaling,
     extra_name,
     read_header,
     record_of,
+    scaling_of,
     waveforms_at,
 )
 from gppcs.io.laz import chunks_of_points, decompressed, decompressed_chunks
@@ -56,6 +58,7 @@ class _Dimension:
     field: str
     dtype: np.dtype[Any]
     mask: int = 0
+    scaling: Scaling | None = None
 
     @property
     def shift(self) -> int:
@@ -64,11 +67,15 @@ class _Dimension:
     def values(self, points: NDArray[Any]) -> Column:
         """Return the attribute of some points."""
         values = points[self.field]
+        if self.scaling:
+            return self.scaling.physical(values)
         return (values & self.mask) >> self.shift if self.mask else values
 
     def store(self, points: NDArray[Any], values: Column) -> None:
         """Set the attribute of some points, whose bits are zero."""
-        if self.mask:
+        if self.scaling:
+            points[self.field] = self.scaling.stored(values, self.dtype)
+        elif self.mask:
             points[self.field] |= values.astype(self.dtype) << self.shift
         else:
             points[self.field] = values
@@ -93,12 +100,14 @@ class _Layout:
     record: np.dtype[Any]
     dimensions: Mapping[str, _Dimension] = field(default_factory=dict)
 
-    def with_extra(self, name: str, dtype: np.dtype[Any], shape: tuple[int, ...] = ()) -> _Layout:
+    def with_extra(
+        self, name: str, dtype: np.dtype[Any], shape: tuple[int, ...] = (), scaling: Scaling | None = None
+    ) -> _Layout:
         """Return a layout with another attribute in extra bytes."""
         place = f"extra {name}"  # no name of a standard field
         record = np.dtype([*((each, *_type_and_shape(self.record[each])) for each in self.record.names or ()),
                            (place, dtype, shape)])  # fmt: skip
-        return _Layout(record, {**self.dimensions, name: _Dimension(place, dtype)})
+        return _Layout(record, {**self.dimensions, name: _Dimension(place, dtype, scaling=scaling)})
 
 
 def _type_and_shape(dtype: np.dtype[Any]) -> tuple[np.dtype[Any], tuple[int, ...]]:
@@ -130,7 +139,7 @@ def _layout(header: LasHeader, size: int) -> _Layout:
             name = extra_name(description)
             if not name or name in layout.dimensions or name in ("x", "y", "z", *_AXES):
                 raise FileFormatError(f"expected a name of its own for all extra bytes, found {name!r}; rename them")
-            layout = layout.with_extra(name, *_type_of_extra(description))
+            layout = layout.with_extra(name, *_type_of_extra(description), scaling_of(description))
     rest = size - layout.record.itemsize
     if rest < 0:
         raise FileFormatError(f"expected points of {layout.record.itemsize:,} bytes or more, found {size:,}")
@@ -161,7 +170,7 @@ def read_las(file: BufferedReader, query: Query | None = None) -> PointCloud:
     -------
     PointCloud
         An attribute for each dimension but X, Y and Z, under laspy's name and of its type; what takes some bits of a
-        byte is uint8. Scaled extra bytes are the whole numbers in the file. The header is a `LasHeader`.
+        byte is uint8. Scaled extra bytes are their physical values. The header is a `LasHeader`.
 
     Raises
     ------
@@ -304,7 +313,9 @@ def _blocks_as_clouds(
             inside = query.holds(points)
             points, block = points[inside], block[inside]
         columns = {
-            name: np.ascontiguousarray(dimension.values(block), dimension.dtype.newbyteorder("="))
+            name: np.ascontiguousarray(
+                dimension.values(block), np.float64 if dimension.scaling else dimension.dtype.newbyteorder("=")
+            )
             for name, dimension in wanted.items()
         }
         yield PointCloud(points, columns, header=header)
@@ -368,9 +379,11 @@ def write_las(file: BinaryIO, cloud: PointCloud, compressed: bool) -> None:
     described = header.extra_bytes
     for name, values in cloud.attributes.items():
         if name not in layout.dimensions:
-            known = name in described or name == _UNDESCRIBED
-            assert known
-            layout = layout.with_extra(name, values.dtype.newbyteorder("<"), values.shape[1:])
+            if name in described:
+                layout = layout.with_extra(name, *_type_of_extra(described[name]), scaling_of(described[name]))
+            else:
+                assert name == _UNDESCRIBED
+                layout = layout.with_extra(name, values.dtype.newbyteorder("<"), values.shape[1:])
     _write_file(file, cloud, header, layout, compressed)
 
 
@@ -393,10 +406,15 @@ def _write_file(file: BinaryIO, cloud: PointCloud, header: LasHeader, layout: _L
     )
     file.write(header.block + before)
     if kind:
-        compressor = lazrs.ParLasZipCompressor(file, kind)
-        for block in _blocks(cloud, header, layout):
-            compressor.compress_many(block.view(np.uint8))
-        compressor.done()
+        try:
+            compressor = lazrs.ParLasZipCompressor(file, kind)
+            for block in _blocks(cloud, header, layout):
+                compressor.compress_many(block.view(np.uint8))
+            compressor.done()
+        except lazrs.LazrsError as error:  # it hides why the file could not be written
+            raise OutputError(
+                f"expected to write LAZ, but {error}; the disk may be full, or its quota used up"
+            ) from error
         file.seek(0, 2)
     else:
         for block in _blocks(cloud, header, layout):
@@ -548,6 +566,10 @@ def _fit_attributes(cloud: PointCloud, header: LasHeader) -> tuple[PointCloud, L
         if name == _UNDESCRIBED and name not in described and values.dtype == np.uint8 and values.ndim == 2:
             last[name] = values  # stands behind all that are described
             continue
+        if name in described and _keeps_scale(values, described[name]):
+            kept[name] = values
+            descriptions.append(described[name])
+            continue
         parts = _extra_columns(name, values)
         if not parts:
             lost.append(name)
@@ -557,6 +579,15 @@ def _fit_attributes(cloud: PointCloud, header: LasHeader) -> tuple[PointCloud, L
             descriptions.append(_description(part, column, described.get(part)))
     header = _with_descriptions(header, descriptions)
     return replace(cloud, attributes={**kept, **last}), header, without_attributes(cloud, lost)[1]
+
+
+def _keeps_scale(values: Column, description: NDArray[Any]) -> bool:
+    """Return whether physical values are exactly those that scaled extra bytes hold."""
+    scaling, (dtype, shape) = scaling_of(description), _type_of_extra(description)
+    if scaling is None or values.dtype != np.float64 or values.shape[1:] != shape:
+        return False
+    with np.errstate(invalid="ignore", over="ignore"):
+        return bool(np.array_equal(scaling.physical(scaling.stored(values, dtype)), values))
 
 
 def _with_descriptions(header: LasHeader, descriptions: list[NDArray[Any]]) -> LasHeader:

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from io import BufferedReader
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -214,33 +214,21 @@ class LasHeader(Header):
 
     @property
     def conventions(self) -> dict[str, str]:
-        """The kind of GPS time, and scale and offset of scaled extra bytes."""
+        """The kind of GPS time."""
         time = "standard" if int(self.fields()["global_encoding"][0]) & _STANDARD_TIME else "of the week"
-        scaled = {
-            name: f"a scale of {_first_number(each['scale'])} and an offset of {_first_number(each['offset'])}"
-            for name, each in self.extra_bytes.items()
-            if is_scaled(each)
-        }
-        return {"gps_time": f"GPS time {time}", **scaled}
+        return {"gps_time": f"GPS time {time}"}
 
     def contents(self) -> list[str]:
-        """Return in words the coordinate system, the number of other records, and which extra bytes are scaled."""
+        """Return in words the coordinate system and the number of other records."""
         known = (b"LASF_Projection",)
         others = sum(each.kind[0] not in known and each.kind != _EXTRA_BYTES_RECORD for each in self.records)
-        scaled = [name for name, each in self.extra_bytes.items() if is_scaled(each)]
         crs = self.crs
         if crs is None and any(each.kind[0] in known for each in self.records):
             crs = "of unknown name"
         return [
             *([f"coordinate system {crs}"] if crs else []),
             *([f"{others} variable-length record{'s' * (others > 1)}"] if others else []),
-            *(f"scale of extra bytes {name}" for name in scaled),
         ]
-
-
-def _first_number(field: Any) -> str:
-    """Return the first of the three numbers in a scale or offset of extra bytes."""
-    return f"{np.frombuffer(bytes(field), '<f8')[0]:g}"
 
 
 def extra_name(description: NDArray[Any]) -> str:
@@ -257,18 +245,39 @@ def extra_name(description: NDArray[Any]) -> str:
     return bytes(description["name"]).split(b"\0")[0].decode("utf-8", "backslashreplace")
 
 
-def is_scaled(description: NDArray[Any]) -> bool:
-    """Return whether the values of extra bytes are to be multiplied by a scale, or an offset is to be added.
+class Scaling(NamedTuple):
+    """How physical values follow from the numbers in extra bytes: times a scale, plus an offset.
 
-    Parameters
+    Attributes
     ----------
-    description : array of type `EXTRA_BYTES`
-
-    Returns
-    -------
-    bool
+    scale, offset : (1,) or (k,) arrays
+        Of each of k numbers of a point.
     """
-    return bool(description["type"]) and bool(int(description["options"]) & (_SCALE | _OFFSET))
+
+    scale: NDArray[np.float64]
+    offset: NDArray[np.float64]
+
+    def physical(self, stored: NDArray[Any]) -> NDArray[np.float64]:
+        """Return the values of stored numbers, (n,) or (n, k)."""
+        return stored * self._of(self.scale, stored) + self._of(self.offset, stored)
+
+    def stored(self, values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+        """Return the numbers to store for values, (n,) or (n, k)."""
+        numbers = (values - self._of(self.offset, values)) / self._of(self.scale, values)
+        return (numbers if dtype.kind == "f" else np.rint(numbers)).astype(dtype)
+
+    def _of(self, factors: NDArray[np.float64], values: NDArray[Any]) -> Any:
+        return factors if values.ndim > 1 else factors[0]
+
+
+def scaling_of(description: NDArray[Any]) -> Scaling | None:
+    """Return how the numbers in extra bytes are scaled; None if they are not."""
+    kind, options = int(description["type"]), int(description["options"])
+    if kind == 0 or not options & (_SCALE | _OFFSET):
+        return None
+    k = (kind - 1) // 10 + 1
+    scale, offset = (np.frombuffer(bytes(description[name]), "<f8")[:k] for name in ("scale", "offset"))
+    return Scaling(scale if options & _SCALE else np.ones(k), offset if options & _OFFSET else np.zeros(k))
 
 
 def _crs_of_wkt(data: bytes) -> str | None:

@@ -49,6 +49,8 @@ class Polygons:
             for k in np.flatnonzero(places != np.roll(places, -1)):
                 (ax, ay), (bx, by) = ring[k], ring[(k + 1) % len(ring)]
                 begin, end = sorted((places[k], places[(k + 1) % len(ring)]))
+                if by < ay:  # from the lower end, whichever way the edge is given: two polygons may share it
+                    ax, ay, bx, by = bx, by, ax, ay
                 with np.errstate(over="ignore", invalid="ignore"):
                     inside[begin:end] ^= x[begin:end] < ax + (y[begin:end] - ay) / (by - ay) * (bx - ax)
         result = np.empty_like(inside)

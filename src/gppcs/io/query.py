@@ -75,7 +75,7 @@ class Query:
             return None
         if resolution is not None and not 0 < number(resolution) < math.inf:
             raise ParameterError(f"expected a resolution above 0, found {shown(resolution)}")
-        limits = [number(value) for value in box] if isinstance(box, Iterable) else []
+        limits = [number(value) for value in box] if isinstance(box, Iterable) and np.ndim(box) else []
         low, high = limits[: len(limits) // 2], limits[len(limits) // 2 :]
         if box is not None and not (
             len(limits) in (4, 6) and all(least <= most for least, most in zip(low, high, strict=True))

@@ -77,7 +77,7 @@ def convert(
     progress(quiet)
     io.format_to_write(target, output_format, ascii)
     io.check_output(target, force)
-    io.check_distinct([target], [source])
+    io.check_distinct([target], [source, *filter(None, [polygon])])
     part = (names_of(columns), numbers_of(box), resolution, only, drop, polygon)
     cloud, _, unread = io.load(source, input_format, *part, assume_same_crs)
     if invalid == "drop" and (n := len(cloud.non_finite())):

@@ -116,7 +116,7 @@ def curve(
         if not io.is_standard(plot) and plot.suffix.lower() != ".png":
             raise OutputError(f"{plot}: expected a name that ends in .png for the plot")
         require_matplotlib()
-        io.check_distinct([plot], [cloud])
+        io.check_distinct([plot], [cloud, *filter(None, [polygon])])
         io.check_output(plot, force)
     query: dict[str, Any] = {"box": numbers_of(box), "only": only, "drop": drop, "polygon": polygon}
     original = io.load(cloud, input_format, names_of(columns), **query).cloud

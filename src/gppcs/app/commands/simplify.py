@@ -322,7 +322,8 @@ def simplify(
     if report:
         _check_drawn("--report", report, (".html", ".htm"), sources, force)
     written = [target for level in by_level for target in level.targets.values()]
-    check_distinct([*written, *filter(None, (picture, report, outliers))], [*inputs, *(merged or sources)])
+    read = [*inputs, *(merged or sources), *filter(None, [polygon])]
+    check_distinct([*written, *filter(None, (picture, report, outliers))], read)
     if outliers is not None:
         _check_single("--outliers", sources)
         if is_standard(outliers):
