@@ -12,14 +12,7 @@ GC_THRESHOLD = 1_000_000  # objects between two garbage collections; Python's de
 
 
 def main() -> None:
-    """Run the program with the arguments in `sys.argv`.
-
-    Raises
-    ------
-    SystemExit
-        Code 0 for success, 2 after an error, which is printed as one line on stderr. After Ctrl-C, SIGTERM or SIGHUP
-        the process ends with 128 and the number of the signal (130, 143, 129) instead.
-    """
+    """Run the program with the arguments in `sys.argv`."""
     stopping.catch_signals()
     for stream in ("stdout", "stderr"):
         if getattr(sys, stream) is None:  # closed, as by 2>&-

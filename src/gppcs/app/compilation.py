@@ -11,21 +11,7 @@ if TYPE_CHECKING:
 
 
 def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
-    """Compile every kernel for all types of arrays that the package passes to it.
-
-    Parameters
-    ----------
-    advanced : callable(int)
-        Called with the number of methods whose kernels were compiled since the last call.
-
-    Returns
-    -------
-    compiled : int
-        The number of kernels that were compiled now and not loaded from the cache. A kernel for several types of arrays
-        counts once for each.
-    folders : list of str
-        The cache folders of all kernels.
-    """
+    """Compile every kernel for all types of arrays that the package passes to it."""
     from gppcs.clouds.cloud import PointCloud
     from gppcs.clouds.summary import info
     from gppcs.evaluation.judge import evaluate
@@ -51,18 +37,7 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
 
 
 def compile_method(name: str) -> tuple[PointCloud, PointCloud]:
-    """Compile the kernels of one method.
-
-    Parameters
-    ----------
-    name : str
-        A name from `gppcs.METHODS`.
-
-    Returns
-    -------
-    scan, simplified : PointCloud
-        The scan that the method was run on, and its result.
-    """
+    """Compile the kernels of one method."""
     from gppcs.evaluation.comparison import PREPARATION_POINTS
     from gppcs.scans import sample
     from gppcs.simplification import simplify

@@ -15,13 +15,7 @@ from gppcs.app.tables import Row, as_text, columns_of, units_of
 
 
 def print_comparison(rows: Sequence[Row]) -> None:
-    """Print a table of a comparison. The best value of each column is bold.
-
-    Parameters
-    ----------
-    rows : sequence of Row
-        At least one.
-    """
+    """Print a table of a comparison. The best value of each column is bold."""
     columns = columns_of(rows)
     widths = [max(map(len, [*column.title.split(), *map(as_text, column.values)])) for column in columns]
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
@@ -40,13 +34,7 @@ def print_comparison(rows: Sequence[Row]) -> None:
 
 
 def print_paragraphs(paragraphs: Sequence[tuple[str, str]]) -> None:
-    """Print texts, each indented below its title.
-
-    Parameters
-    ----------
-    paragraphs : sequence of (title, text)
-        Empty lines separate the paragraphs of a text.
-    """
+    """Print texts, each indented below its title."""
     console = Console(markup=False, emoji=False, highlight=False)
     for title, text in paragraphs:
         console.print(title, style="bold")
@@ -55,15 +43,7 @@ def print_paragraphs(paragraphs: Sequence[tuple[str, str]]) -> None:
 
 
 def print_table(title: str, rows: Mapping[str, str]) -> None:
-    """Print names and values below a title.
-
-    Parameters
-    ----------
-    title : str
-        The first line.
-    rows : mapping of str to str
-        Values by name.
-    """
+    """Print names and values below a title."""
     console = Console(markup=False, emoji=False, highlight=False, soft_wrap=True)
     console.print(title, style="bold")
     width = max(map(len, rows))
@@ -72,19 +52,7 @@ def print_table(title: str, rows: Mapping[str, str]) -> None:
 
 
 def print_curves(title: str, curves: Sequence[Curve], measure: Measure, n: int) -> None:
-    """Print the errors of methods over their numbers of points, and the knee of each that has one.
-
-    Parameters
-    ----------
-    title : str
-        The first line.
-    curves : sequence of Curve
-        At least one, of the same sizes.
-    measure : str
-        Which error is printed.
-    n : int
-        The number of points of the original.
-    """
+    """Print the errors of methods over their numbers of points, and the knee of each that has one."""
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
     titles = ["points", "share", *(str(each.method) for each in curves)]
     for name in titles:

@@ -127,14 +127,5 @@ def print_plan(sources: list[Path], target: Path, plan: Plan) -> None:
 
 
 def titled(sources: list[Path]) -> str:
-    """Return the inputs of a run in a few words.
-
-    Parameters
-    ----------
-    sources : list of path
-
-    Returns
-    -------
-    str
-    """
+    """Return the inputs of a run in a few words."""
     return str(sources[0]) if len(sources) == 1 else f"{sources[0]} and {len(sources) - 1} more"

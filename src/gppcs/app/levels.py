@@ -41,21 +41,7 @@ class Levels:
 
     @classmethod
     def of(cls, text: str) -> Levels:
-        """Read the value of `--levels`.
-
-        Parameters
-        ----------
-        text : str
-
-        Returns
-        -------
-        Levels
-
-        Raises
-        ------
-        ParameterError
-            If it is no list of different shares or numbers of points.
-        """
+        """Read the value of `--levels`."""
         words = [word.strip() for word in text.split(",")]
         if len(words) > MOST:
             raise ParameterError(f"expected --levels with at most {MOST} sizes, found {len(words)}")
@@ -80,34 +66,12 @@ class Levels:
         return {"ratio": self.sizes[-1]} if self.are_shares else {"n_points": round(self.sizes[-1])}
 
     def counts(self, kept: int) -> list[int]:
-        """Return the number of points of each level.
-
-        Parameters
-        ----------
-        kept : int
-            Those of the finest level.
-
-        Returns
-        -------
-        list of int
-        """
+        """Return the number of points of each level."""
         scale = kept / self.sizes[-1] if self.are_shares else 1.0
         return [min(max(1, round(size * scale)), kept) for size in self.sizes]
 
     def outputs(self, inputs: Sequence[Path], output: str, *options: Any) -> list[Outputs]:
-        """Return the outputs of each level, or of the finest only if `output` has no field for them.
-
-        Parameters
-        ----------
-        inputs : sequence of path
-        output : str
-        *options
-            As for `outputs_of`.
-
-        Returns
-        -------
-        list of Outputs
-        """
+        """Return the outputs of each level, or of the finest only if `output` has no field for them."""
         if FIELD not in output:
             return [outputs_of(inputs, output, *options)]
         return [outputs_of(inputs, output.replace(FIELD, str(level)), *options) for level in range(len(self.sizes))]
@@ -116,14 +80,6 @@ class Levels:
 def level_of_each(counts: Sequence[int]) -> NDArray[np.uint8]:
     """Return to which level each point belongs first.
 
-    Parameters
-    ----------
-    counts : sequence of int
-        Points of each level, from coarse to fine.
-
-    Returns
-    -------
-    (M,) array, uint8
-        Of the points of the finest level.
+    Shapes: returns (M,).
     """
     return np.repeat(np.arange(len(counts), dtype=np.uint8), np.diff([0, *counts]))

@@ -24,25 +24,7 @@ def drawn_meshes(
     viewpoint: Viewpoint,
     colour: str | None = None,
 ) -> bytes:
-    """Draw the vertices of meshes, and below them the meshes.
-
-    Parameters
-    ----------
-    original : PointCloud
-        The cloud that the meshes were made of; it stands first.
-    entries : sequence of MeshEntry
-        Ways without a mesh, or whose mesh lies elsewhere, are left out.
-    mesh : Mesh or None
-        The surface of the original.
-    viewpoint : Viewpoint
-    colour : str or None
-        As for `painted`. Vertices have the colour of the nearest point of the original.
-
-    Returns
-    -------
-    bytes
-        A PNG.
-    """
+    """Draw the vertices of meshes, and below them the meshes."""
     from gppcs.drawing.paint import painted
     from gppcs.drawing.side_by_side import Column, draw_comparison
     from gppcs.spatial.kdtree import KdTree
@@ -65,17 +47,7 @@ def drawn_meshes(
 
 
 def named_meshes(entries: Sequence[MeshEntry]) -> list[Named]:
-    """Return the vertices of meshes with the names of the ways and the meshes, for a page.
-
-    Parameters
-    ----------
-    entries : sequence of MeshEntry
-        Ways without a mesh, or whose mesh lies elsewhere, are left out.
-
-    Returns
-    -------
-    list of Named
-    """
+    """Return the vertices of meshes with the names of the ways and the meshes, for a page."""
     from gppcs.clouds.cloud import PointCloud
     from gppcs.drawing.web.contents import Named
 

@@ -35,20 +35,7 @@ class Outputs:
     ascii: bool | None = None
 
     def check(self, target: Path, force: bool) -> None:
-        """Check that an output file can be written, in a format that gppcs writes. Call it before long work.
-
-        Parameters
-        ----------
-        target : path
-            One of the output files.
-        force : bool
-            Whether an existing file may be overwritten.
-
-        Raises
-        ------
-        FileFormatError, OutputError
-            If it cannot.
-        """
+        """Check that an output file can be written, in a format that gppcs writes. Call it before long work."""
         from gppcs import io
 
         io.format_to_write(target, self.format, self.ascii)
@@ -56,13 +43,7 @@ class Outputs:
             io.check_writable(target, force, makes_folders=self.makes_folders)
 
     def make_folder(self, target: Path) -> None:
-        """Make the folder of an output file if it is missing. Call it right before the file is written.
-
-        Parameters
-        ----------
-        target : path
-            One of the output files, for which `check` has passed.
-        """
+        """Make the folder of an output file if it is missing. Call it right before the file is written."""
         if self.makes_folders:
             target.parent.mkdir(parents=True, exist_ok=True)
 
@@ -73,32 +54,7 @@ def outputs_of(
     format: str | None = None,  # noqa: A002
     ascii: bool | None = None,  # noqa: A002
 ) -> Outputs:
-    """Return the output file of each input.
-
-    Parameters
-    ----------
-    inputs : sequence of path
-        Files, and folders and virtual point clouds, which stand for files as in `sources_of`.
-    output : str
-        A file; or a folder, if it is one, ends with a slash, or has no suffix while there are several inputs; or a
-        pattern of names with the fields of `FIELDS` in braces. Double braces stand for single ones. `-` is standard
-        output.
-    format : str, optional
-        Suffix of the format of all output files.
-    ascii : bool, optional
-        Whether they are text, if their format has a choice.
-
-    Returns
-    -------
-    Outputs
-
-    Raises
-    ------
-    FileFormatError
-        As for `sources_of`.
-    OutputError
-        If several inputs go to one file, or the pattern is malformed or has an unknown field.
-    """
+    """Return the output file of each input."""
     sources = sources_of(inputs)
     several = len(sources) > 1 or any(path.is_dir() or _is_list(path) for path in inputs)
     if "{" in output or "}" in output:
@@ -117,26 +73,7 @@ def outputs_of(
 
 
 def sources_of(inputs: Sequence[Path]) -> list[Path]:
-    """Return the files that the inputs of a command stand for.
-
-    Parameters
-    ----------
-    inputs : sequence of path
-        A folder stands for the files in it whose names end as those of the formats that gppcs reads, sorted by name.
-        Files in folders below it do not count, nor do hidden files, whose names begin with a dot. A virtual point cloud
-        (.vpc) stands for the files that it lists.
-
-    Returns
-    -------
-    list of path
-
-    Raises
-    ------
-    FileFormatError
-        If a folder has no such file, or a virtual point cloud is damaged.
-    OSError
-        If a virtual point cloud does not exist or cannot be read.
-    """
+    """Return the files that the inputs of a command stand for."""
     from gppcs.io import files_of
 
     files = []

@@ -21,20 +21,7 @@ MOST_TO_REBUILD = 1_000_000  # points; to rebuild a mesh from a larger cloud wou
 
 
 def check_page(path: Path, force: bool) -> None:
-    """Check that a page can be written. Call it before long work.
-
-    Parameters
-    ----------
-    path : path
-        The page, or `-` for standard output.
-    force : bool
-        Whether an existing file may be overwritten.
-
-    Raises
-    ------
-    OutputError
-        If it cannot, or its name is not that of a page.
-    """
+    """Check that a page can be written. Call it before long work."""
     from gppcs import io
 
     if not io.is_standard(path) and io.inner_name(path).suffix.lower() not in SUFFIXES:
@@ -43,44 +30,13 @@ def check_page(path: Path, force: bool) -> None:
 
 
 def different_names(paths: Sequence[Path]) -> list[str]:
-    """Return a different name for each file: its own, or its path if another file has the same name.
-
-    Parameters
-    ----------
-    paths : sequence of path
-
-    Returns
-    -------
-    list of str
-    """
+    """Return a different name for each file: its own, or its path if another file has the same name."""
     names = [path.name for path in paths]
     return [str(path) if names.count(path.name) > 1 else path.name for path in paths]
 
 
 def rebuilt(name: str, cloud: PointCloud, original: PointCloud, advice: str = "") -> Mesh | None:
-    """Return a surface rebuilt from a cloud, to be shown. If the cloud is too large, print a note instead.
-
-    Parameters
-    ----------
-    name : str
-        What the note calls the cloud.
-    cloud : PointCloud
-        Finite points.
-    original : PointCloud
-        As for `rebuilt_mesh`.
-    advice : str
-        The end of the note: what to do.
-
-    Returns
-    -------
-    Mesh or None
-        None if the cloud is too large or the reconstruction fails.
-
-    Raises
-    ------
-    MissingExtraError
-        If PyMeshLab is not installed.
-    """
+    """Return a surface rebuilt from a cloud, to be shown. If the cloud is too large, print a note instead."""
     from gppcs.evaluation.comparison import rebuilt_mesh
 
     if len(cloud) > MOST_TO_REBUILD:
@@ -93,21 +49,7 @@ def rebuilt(name: str, cloud: PointCloud, original: PointCloud, advice: str = ""
 
 
 def how_made(command: Sequence[str], inputs: Sequence[Path]) -> list[tuple[str, str]]:
-    """Return how a page was made, so that anybody can make it again.
-
-    Parameters
-    ----------
-    command : sequence of str
-        The words of the command.
-    inputs : sequence of path
-        The files that it read.
-
-    Returns
-    -------
-    list of (str, str)
-        Names and values: the version, the command, the SHA-256 of each file, and what the views show. Standard input
-        is read by then, and has no digest.
-    """
+    """Return how a page was made, so that anybody can make it again."""
     from gppcs.io import is_standard
 
     digests = [

@@ -145,17 +145,7 @@ Invalid = Annotated[
 
 
 def progress(quiet: bool) -> Listener | None:
-    """Return what shows the progress of a run, and the notices of the library. Nothing does if the user wants quiet.
-
-    Parameters
-    ----------
-    quiet : bool
-        The option `--quiet`.
-
-    Returns
-    -------
-    Listener or None
-    """
+    """Return what shows the progress of a run, and the notices of the library. Nothing does if the user wants quiet."""
     if quiet:
         logging.getLogger("gppcs").setLevel(logging.WARNING)
         return None
@@ -165,37 +155,12 @@ def progress(quiet: bool) -> Listener | None:
 
 
 def names_of(columns: str | None) -> list[str] | None:
-    """Return the names in the option `--columns`.
-
-    Parameters
-    ----------
-    columns : str or None
-        Names, separated by commas.
-
-    Returns
-    -------
-    list of str or None
-    """
+    """Return the names in the option `--columns`."""
     return None if columns is None else [name.strip() for name in columns.split(",")]
 
 
 def numbers_of(box: str | None) -> list[float] | None:
-    """Return the numbers in the option `--box`.
-
-    Parameters
-    ----------
-    box : str or None
-        Numbers, separated by commas.
-
-    Returns
-    -------
-    list of float or None
-
-    Raises
-    ------
-    ParameterError
-        If one is no number.
-    """
+    """Return the numbers in the option `--box`."""
     try:
         return None if box is None else [float(limit) for limit in box.split(",")]
     except ValueError:
@@ -203,32 +168,12 @@ def numbers_of(box: str | None) -> list[float] | None:
 
 
 def number_in_words(value: float) -> str:
-    """Return a number with four digits, or in full if it is whole and not huge.
-
-    Parameters
-    ----------
-    value : float
-
-    Returns
-    -------
-    str
-    """
+    """Return a number with four digits, or in full if it is whole and not huge."""
     return f"{value:,.0f}" if value.is_integer() and abs(value) < MOST_IN_FULL else f"{value:.4g}"
 
 
 def time_in_words(seconds: Mapping[str, float]) -> str:
-    """Return the time of a run, and the stages that took most of it.
-
-    Parameters
-    ----------
-    seconds : mapping of str to float
-        Of each stage, and of the compilation.
-
-    Returns
-    -------
-    str
-        The stages that took at least a tenth of the time without the compilation, in the order of the run.
-    """
+    """Return the time of a run, and the stages that took most of it."""
     from gppcs.engine.kernel_cache import are_kept
 
     total, compilation = sum(seconds.values()), seconds.get(COMPILATION, 0.0)
@@ -241,29 +186,12 @@ def time_in_words(seconds: Mapping[str, float]) -> str:
 
 
 def print_json(record: dict[str, Any]) -> None:
-    """Print a record as one line of strict JSON.
-
-    Parameters
-    ----------
-    record : dict
-        Values that JSON can store. NaN and infinity become null.
-    """
+    """Print a record as one line of strict JSON."""
     typer.echo(strict_json(record))
 
 
 def figure_rows(report: Report | MeshReport) -> dict[str, str]:
-    """Return the figures of a report as rows of a table, with units.
-
-    Parameters
-    ----------
-    report : Report or MeshReport
-        The figures.
-
-    Returns
-    -------
-    dict of str to str
-        Formatted values by name. Lengths are also given in diagonals of the original.
-    """
+    """Return the figures of a report as rows of a table, with units."""
     raw, relative = report.figures(), report.figures(relative=True)
     rows = {}
     for name, value in raw.items():
@@ -282,15 +210,7 @@ def figure_rows(report: Report | MeshReport) -> dict[str, str]:
 
 
 def tell(error: BaseException, source: Path | None = None) -> None:
-    """Print an error as one line on stderr.
-
-    Parameters
-    ----------
-    error : BaseException
-        One of `FAILURES`.
-    source : path, optional
-        The input. It is added to errors about a cloud, which do not name the file.
-    """
+    """Print an error as one line on stderr."""
     if isinstance(error, InputError) and source:
         print_error(f"{source}: {error.command}")
     elif isinstance(error, GppcsError):
@@ -302,25 +222,11 @@ def tell(error: BaseException, source: Path | None = None) -> None:
 
 
 def note_left_out(path: Path, names: list[str]) -> None:
-    """Print on stderr what was left out.
-
-    Parameters
-    ----------
-    path : path
-        The file that it was left out of.
-    names : list of str
-        What is left out. If nothing is, nothing is printed.
-    """
+    """Print on stderr what was left out."""
     if names:
         print_error(f"note: {path}: left out: {', '.join(names)}")
 
 
 def print_error(message: str) -> None:
-    """Print a message as one line on stderr.
-
-    Parameters
-    ----------
-    message : str
-        Line breaks become spaces.
-    """
+    """Print a message as one line on stderr."""
     typer.echo(f"gppcs: {' '.join(message.split())}", err=True)

@@ -97,18 +97,7 @@ app.command(cls=_Command, epilog=warmup.EPILOG)(warmup.warmup)
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run the program.
-
-    Parameters
-    ----------
-    arguments : sequence of str
-        The words after the name of the program.
-
-    Returns
-    -------
-    int
-        The exit code: 0 for success, 2 after an error, which is printed as one line on stderr.
-    """
+    """Run the program."""
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may not show all characters of file names
     try:

@@ -88,25 +88,7 @@ _PERCENT = re.compile(r"(?P<number>[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?) 
 
 
 def count_of(text: str, option: str = "--points") -> int:
-    """Return the number of points, or of something else, that a text means.
-
-    Parameters
-    ----------
-    text : str
-        Digits, with commas between thousands or underscores if wanted, a fraction, a power of ten as in 1e3, and one of
-        the units k, M and G (thousand, million, thousand million) in either case.
-    option : str
-        Whose value the text is, for the error message.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    ParameterError
-        If the text is no number, or the number is not whole.
-    """
+    """Return the number of points, or of something else, that a text means."""
     found = _COUNT.fullmatch(text.strip())
     digits = found and f"{found['whole'] or ''}{found['part'] or ''}".replace(",", "").replace("_", "")
     if not found or not digits or not any(map(str.isdigit, digits)):
@@ -126,27 +108,7 @@ def is_share(text: str) -> bool:
 
 
 def share_of(text: str, option: str = "--ratio", hint: str = "for a number of points use --points") -> float:
-    """Return the share that a text means.
-
-    Parameters
-    ----------
-    text : str
-        A number, or a percentage such as 3%.
-    option : str
-        Whose value the text is, for the error message.
-    hint : str
-        The end of the message: what to do for a number of points.
-
-    Returns
-    -------
-    float
-        The float nearest to the number. It may be outside the range of shares, infinite or NaN.
-
-    Raises
-    ------
-    ParameterError
-        If the text is neither.
-    """
+    """Return the share that a text means."""
     percent = _PERCENT.fullmatch(text.strip())
     try:
         return float(Fraction(percent["number"]) / 100) if percent else float(text)

@@ -64,16 +64,7 @@ class Row:
 
     @classmethod
     def of(cls, entry: Entry | MeshEntry) -> Row:
-        """Return the row of an entry of a comparison.
-
-        Parameters
-        ----------
-        entry : Entry or MeshEntry
-
-        Returns
-        -------
-        Row
-        """
+        """Return the row of an entry of a comparison."""
         from gppcs.evaluation.comparison import Entry
 
         report = entry.report
@@ -110,18 +101,7 @@ class Column:
     better: Literal["less", "more"] | None
 
     def is_best(self, row: int) -> bool:
-        """Return whether a row has the best value.
-
-        Parameters
-        ----------
-        row : int
-            Index of the row.
-
-        Returns
-        -------
-        bool
-            False for all rows if all known values are equal or neither are better.
-        """
+        """Return whether a row has the best value."""
         known = [value for value in self.values if value is not None]
         if self.better is None or len(set(known)) < 2:
             return False
@@ -129,18 +109,7 @@ class Column:
 
 
 def columns_of(rows: Sequence[Row]) -> list[Column]:
-    """Return the columns for terminal and Markdown.
-
-    Parameters
-    ----------
-    rows : sequence of Row
-        One for each method or way.
-
-    Returns
-    -------
-    list of Column
-        Lengths are in the units of `units_of`. Figures that no row has are left out.
-    """
+    """Return the columns for terminal and Markdown."""
     counts = dict.fromkeys(name for row in rows for name in row.counts)
     columns = [
         *(Column(name, tuple(row.counts.get(name) for row in rows), None) for name in counts),
@@ -156,32 +125,12 @@ def columns_of(rows: Sequence[Row]) -> list[Column]:
 
 
 def units_of(rows: Sequence[Row]) -> str:
-    """Return the units of a table in words.
-
-    Parameters
-    ----------
-    rows : sequence of Row
-        At least one.
-
-    Returns
-    -------
-    str
-    """
+    """Return the units of a table in words."""
     return UNITS if rows[0].kind == "method" else UNITS_OF_MESHES
 
 
 def as_text(value: float | None) -> str:
-    """Return a number with three significant digits.
-
-    Parameters
-    ----------
-    value : float, int or None
-        An int is shown in full, and None as a hyphen.
-
-    Returns
-    -------
-    str
-    """
+    """Return a number with three significant digits."""
     if value is None:
         return "-"
     if isinstance(value, int):
@@ -191,18 +140,7 @@ def as_text(value: float | None) -> str:
 
 
 def as_markdown(rows: Sequence[Row]) -> str:
-    """Return a comparison as a Markdown table.
-
-    Parameters
-    ----------
-    rows : sequence of Row
-        One for each method or way, at least one.
-
-    Returns
-    -------
-    str
-        The best value of each column is bold.
-    """
+    """Return a comparison as a Markdown table."""
     columns = columns_of(rows)
     lines = [[rows[0].kind, *(column.title for column in columns)], ["---"] * (len(columns) + 1)]
     for number, row in enumerate(rows):
@@ -215,19 +153,7 @@ def as_markdown(rows: Sequence[Row]) -> str:
 
 
 def as_csv(rows: Sequence[Row]) -> str:
-    """Return a comparison as CSV.
-
-    Parameters
-    ----------
-    rows : sequence of Row
-        One for each method or way.
-
-    Returns
-    -------
-    str
-        Method and parameters (in the form of `gppcs simplify --set`, separated by spaces), or the way; all figures,
-        lengths also relative to the diagonal, and why figures are missing.
-    """
+    """Return a comparison as CSV."""
     records: list[dict[str, Any]] = []
     for row in rows:
         relative = {

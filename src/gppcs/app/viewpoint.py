@@ -48,26 +48,7 @@ def require_picture(colour: str | None, picture: bool) -> None:
 
 
 def viewpoint_of(view: str | None, up: str | None, picture: bool) -> Viewpoint:
-    """Return the viewpoint that the options set.
-
-    Parameters
-    ----------
-    view : str or None
-        Azimuth and elevation in degrees, separated by a comma; None to guess.
-    up : str or None
-        The axis that points up; None to guess.
-    picture : bool
-        Whether a picture is drawn. If not, both options must be None.
-
-    Returns
-    -------
-    Viewpoint
-
-    Raises
-    ------
-    ParameterError
-        If `view` is malformed or out of range, or an option is given without a picture.
-    """
+    """Return the viewpoint that the options set."""
     from gppcs.drawing.viewpoint import Viewpoint
 
     if not picture and (view or up):

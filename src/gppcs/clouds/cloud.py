@@ -197,32 +197,7 @@ class PointCloud(ComparedByValue):
     def __getitem__(self, rows: Any) -> PointCloud | NDArray[np.float64]:
         """Return a part of the cloud with all attributes, or the coordinates of one point.
 
-        Parameters
-        ----------
-        rows : slice, (N,) array of bool, (M,) array of int, or int
-            Which points.
-
-        Returns
-        -------
-        PointCloud or (3,) array, float64
-            For a single number, only the coordinates of that point; `cloud[[3]]` is a cloud of one point. Otherwise a
-            copy of the points.
-
-        Raises
-        ------
-        TypeError
-            If `rows` is anything else, such as the name of an attribute.
-        IndexError
-            If there is no such row, or a mask has another length than the cloud.
-
-        Examples
-        --------
-        >>> cloud = gppcs.sample("sphere", n_points=100)
-        >>> cloud[::10]
-        PointCloud(10 points, each with nx, ny, nz, curvature, red, green, blue)
-        >>> upper = cloud[cloud.points[:, 2] > 0]
-        >>> cloud[3].shape
-        (3,)
+        Shapes: rows (N,) or (M,); returns (3,).
         """
         if isinstance(rows, slice):
             return self.take(np.arange(len(self))[rows])

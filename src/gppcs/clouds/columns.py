@@ -17,22 +17,7 @@ EXACT = 2**53  # float64 represents every whole number up to here
 
 
 def coordinate_names(names: Iterable[str]) -> tuple[str, str, str]:
-    """Return which names are the coordinates: x, y and z, or X, Y and Z.
-
-    Parameters
-    ----------
-    names : iterable of str
-        Names of columns. Lower case goes first if both occur.
-
-    Returns
-    -------
-    tuple of three str
-
-    Raises
-    ------
-    InputError
-        If one is missing. The message lists the names found.
-    """
+    """Return which names are the coordinates: x, y and z, or X, Y and Z."""
     found = list(names)
     x, y, z = (next((name for name in (axis, axis.upper()) if name in found), None) for axis in ("x", "y", "z"))
     if x is None or y is None or z is None:
@@ -46,21 +31,7 @@ def coordinate_names(names: Iterable[str]) -> tuple[str, str, str]:
 def cloud_of_columns(columns: Mapping[str, Column]) -> PointCloud:
     """Make a cloud of columns: x, y and z are the coordinates, the others become attributes.
 
-    Parameters
-    ----------
-    columns : mapping of str to (N, ...) array
-        Columns of equal length by name.
-
-    Returns
-    -------
-    PointCloud
-        `coordinate_dtype` is the common type of x, y and z.
-
-    Raises
-    ------
-    InputError
-        If a coordinate is missing, is not a single real number, or is a whole number of 2^53 or more, which float64
-        may not represent.
+    Shapes: columns (N, ...).
     """
     axes = coordinate_names(columns)
     points = np.empty((len(columns[axes[0]]), 3))
@@ -77,20 +48,7 @@ def cloud_of_columns(columns: Mapping[str, Column]) -> PointCloud:
 
 
 def check_coordinate(axis: str, values: Column) -> None:
-    """Check that a column can be x, y or z of a cloud.
-
-    Parameters
-    ----------
-    axis : str
-        The name of the column.
-    values : array
-        The column.
-
-    Raises
-    ------
-    InputError
-        If it does not hold a real number for each point, or holds a whole number of 2^53 or more.
-    """
+    """Check that a column can be x, y or z of a cloud."""
     if values.dtype.kind not in "iuf":
         raise InputError(f"expected numbers as coordinates, found {values.dtype} in {axis}")
     if values.ndim != 1:

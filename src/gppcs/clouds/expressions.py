@@ -51,24 +51,7 @@ class Expression:
 
     @classmethod
     def of(cls, text: Any) -> Expression:
-        """Read a condition.
-
-        Parameters
-        ----------
-        text : str
-            Numbers, texts in quotes, names of attributes, x, y and z; `+ - * / %`; comparisons, also chained as in
-            `2 < z <= 5`, and `in` with a list; `and`, `or`, `not` and brackets. `attributes["any name"]` stands for an
-            attribute whose name is no word.
-
-        Returns
-        -------
-        Expression
-
-        Raises
-        ------
-        ParameterError
-            If it cannot be read; the message tells where.
-        """
+        """Read a condition."""
         if not isinstance(text, str) or not text.strip() or len(text) > LONGEST or "\0" in text:
             raise ParameterError(f"expected {GRAMMAR}, found {shown(text)}")
         text = _SPACE.sub(lambda found: found["quoted"] or " ", text.strip())
@@ -94,22 +77,7 @@ class Expression:
     def mask(self, cloud: PointCloud) -> NDArray[np.bool_]:
         """Return which points of a cloud meet the condition.
 
-        Parameters
-        ----------
-        cloud : PointCloud
-            N points.
-
-        Returns
-        -------
-        (N,) array, bool
-            A comparison with NaN is false, but for `!=`.
-
-        Raises
-        ------
-        InputError
-            If a name is that of no attribute.
-        ParameterError
-            If values cannot be compared, or the expression is no condition.
+        Shapes: returns (N,).
         """
         try:
             with np.errstate(all="ignore"):

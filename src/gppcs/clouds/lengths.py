@@ -41,24 +41,7 @@ class Length:
 
     @classmethod
     def of(cls, name: str, given: Any) -> Length:
-        """Return the length that a value means.
-
-        Parameters
-        ----------
-        name : str
-            That of the argument.
-        given : float or str
-            A number; or a text with a number, and a unit if wanted, such as "0.5mm", "5 cm" or "0.02%".
-
-        Returns
-        -------
-        Length
-
-        Raises
-        ------
-        ParameterError
-            If it is no length above 0.
-        """
+        """Return the length that a value means."""
         found = _LENGTH.fullmatch(given.strip()) if isinstance(given, str) else None
         amount = float(found["number"]) if found else number(given)
         unit = found["unit"] if found else ""
@@ -74,24 +57,7 @@ class Length:
         return cls(name, given, amount, unit)
 
     def in_cloud(self, diagonal: float, metres: float | None) -> float:
-        """Return the length in the unit of the coordinates of a cloud.
-
-        Parameters
-        ----------
-        diagonal : float
-            Of the bounding box of the cloud.
-        metres : float or None
-            The unit of the coordinates in metres; None if it is not known.
-
-        Returns
-        -------
-        float
-
-        Raises
-        ------
-        InputError
-            If the length has a unit, and that of the cloud is not known.
-        """
+        """Return the length in the unit of the coordinates of a cloud."""
         if self.unit == SHARE:
             return self.amount / 100.0 * diagonal
         if not self.unit:
@@ -109,25 +75,7 @@ class Length:
 
 
 def metres_of(unit: Any, header: Header | None) -> float | None:
-    """Return the unit of the coordinates of a cloud in metres.
-
-    Parameters
-    ----------
-    unit : str or None
-        Its name, if the user gives it.
-    header : Header or None
-        Of the cloud; its coordinate system may tell the unit.
-
-    Returns
-    -------
-    float or None
-        None if neither tells.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such unit.
-    """
+    """Return the unit of the coordinates of a cloud in metres."""
     if unit is None:
         return header.metres if header else None
     if not (isinstance(unit, str) and unit in METRES):
@@ -136,33 +84,12 @@ def metres_of(unit: Any, header: Header | None) -> float | None:
 
 
 def name_of_unit(metres: float) -> str:
-    """Return the name of a unit of length.
-
-    Parameters
-    ----------
-    metres : float
-        The unit in metres.
-
-    Returns
-    -------
-    str
-        One of the names in `METRES`; for another unit, its length in metres, such as "0.9144 m".
-    """
+    """Return the name of a unit of length."""
     return next((name for name, each in METRES.items() if math.isclose(each, metres, rel_tol=1e-7)), f"{metres:g} m")
 
 
 def option(name: str) -> str:
-    """Return the option of the command that stands for an argument of the library.
-
-    Parameters
-    ----------
-    name : str
-        Of the argument.
-
-    Returns
-    -------
-    str
-    """
+    """Return the option of the command that stands for an argument of the library."""
     return "--points" if name == "n_points" else f"--{name.replace('_', '-')}"
 
 

@@ -29,24 +29,7 @@ VERTEX_ATTRIBUTES = "vertex_attributes"  # trimesh's name for them at meshes; it
 
 
 def cloud_of_object(given: Any) -> PointCloud | None:
-    """Make a cloud of an object of another library, or of a structured array.
-
-    Parameters
-    ----------
-    given : object
-        A point cloud of Open3D, a data set of PyVista, a point cloud or mesh of trimesh, a table of pandas, the data
-        that laspy reads, or a structured array of NumPy with fields x, y and z. It is not changed.
-
-    Returns
-    -------
-    PointCloud or None
-        None if it is none of these.
-
-    Raises
-    ------
-    InputError
-        If a coordinate is missing or is no number, or an attribute holds text.
-    """
+    """Make a cloud of an object of another library, or of a structured array."""
     for base in type(given).__mro__:
         maker = MAKERS.get((base.__module__.partition(".")[0], base.__name__))
         if maker is not None:
@@ -158,23 +141,7 @@ def _cloud(points: Column, arrays: Mapping[str, Any], vectors: Vectors | None = 
 
 
 def open3d_of(cloud: PointCloud) -> Any:
-    """Make a point cloud of Open3D, as `PointCloud.to_open3d` describes it.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-
-    Returns
-    -------
-    open3d.t.geometry.PointCloud
-
-    Raises
-    ------
-    InputError
-        If Open3D has no such type as an attribute, or an attribute is called "positions".
-    MissingExtraError
-        If Open3D is not installed.
-    """
+    """Make a point cloud of Open3D, as `PointCloud.to_open3d` describes it."""
     open3d = require_library("open3d", "Open3D")
     if "positions" in cloud.attributes:
         raise InputError("expected other names than 'positions', which Open3D calls the points; rename the attribute")
@@ -186,23 +153,7 @@ def open3d_of(cloud: PointCloud) -> Any:
 
 
 def pyvista_of(cloud: PointCloud) -> Any:
-    """Make a mesh of PyVista without faces, as `PointCloud.to_pyvista` describes it.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-
-    Returns
-    -------
-    pyvista.PolyData
-
-    Raises
-    ------
-    InputError
-        If PyVista has no such type as an attribute.
-    MissingExtraError
-        If PyVista is not installed.
-    """
+    """Make a mesh of PyVista without faces, as `PointCloud.to_pyvista` describes it."""
     pyvista = require_library("pyvista", "PyVista")
     arrays = _joined(_native(cloud, "PyVista", "biufc"), PYVISTA)
     made = pyvista.PolyData(_single_or_double(cloud))
@@ -214,21 +165,7 @@ def pyvista_of(cloud: PointCloud) -> Any:
 
 
 def trimesh_of(cloud: PointCloud) -> Any:
-    """Make a point cloud of trimesh, as `PointCloud.to_trimesh` describes it.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-
-    Returns
-    -------
-    trimesh.PointCloud
-
-    Raises
-    ------
-    MissingExtraError
-        If trimesh is not installed.
-    """
+    """Make a point cloud of trimesh, as `PointCloud.to_trimesh` describes it."""
     trimesh = require_library("trimesh", "trimesh")
     arrays = {name: values.copy() for name, values in cloud.attributes.items()}
     parts = RGBA if "alpha" in arrays else COLOUR
@@ -240,23 +177,7 @@ def trimesh_of(cloud: PointCloud) -> Any:
 
 
 def pandas_of(cloud: PointCloud) -> Any:
-    """Make a table of pandas, as `PointCloud.to_pandas` describes it.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Raises
-    ------
-    InputError
-        If two columns would have the same name.
-    MissingExtraError
-        If pandas is not installed.
-    """
+    """Make a table of pandas, as `PointCloud.to_pandas` describes it."""
     pandas = require_library("pandas", "pandas")
     columns = dict(zip("xyz", _as_kept(cloud).T, strict=True))
     for attribute, values in cloud.attributes.items():

@@ -37,14 +37,7 @@ class Topology(NamedTuple):
 def topology_of(faces: NDArray[np.int64]) -> Topology:
     """Return the topology of a mesh.
 
-    Parameters
-    ----------
-    faces : (F, 3) array, int64
-        Corners of the triangles.
-
-    Returns
-    -------
-    Topology
+    Shapes: faces (F, 3).
     """
     vertices, faces = np.unique(faces, return_inverse=True)
     faces = faces.reshape(-1, 3)

@@ -19,31 +19,14 @@ COLOUR_NAMES = (("red", "green", "blue"), ("r", "g", "b"))
 
 @dataclass(frozen=True)
 class Colourable:
-    """The attributes of numbers of a cloud, and its RGB.
-
-    Parameters
-    ----------
-    columns : dict of str to (N,) array
-        By name, without RGB. An attribute with several numbers for each point becomes several, such as "name 0".
-    rgb : (N, 3) array, uint8, or None
-        Red, green and blue.
-    """
+    """The attributes of numbers of a cloud, and its RGB."""
 
     columns: dict[str, NDArray[Any]]
     rgb: NDArray[np.uint8] | None
 
     @classmethod
     def of(cls, cloud: PointCloud) -> Colourable:
-        """Return the attributes of a cloud.
-
-        Parameters
-        ----------
-        cloud : PointCloud
-
-        Returns
-        -------
-        Colourable
-        """
+        """Return the attributes of a cloud."""
         columns = dict(_columns(cloud))
         for names in (*COLOUR_NAMES, *((f"{name} 0", f"{name} 1", f"{name} 2") for name in ("rgb", "color", "colors"))):
             if set(names) <= set(columns):
@@ -55,18 +38,7 @@ class Colourable:
         return colour == VARIATION and VARIATION not in self.columns
 
     def require(self, colour: str) -> None:
-        """Raise an error if the cloud cannot be coloured so.
-
-        Parameters
-        ----------
-        colour : str
-            "rgb", "variation" for surface variation, or the name of an attribute of numbers.
-
-        Raises
-        ------
-        ParameterError
-            If the cloud has no such colour.
-        """
+        """Raise an error if the cloud cannot be coloured so."""
         known = [*([] if self.rgb is None else [RGB]), VARIATION, *self.columns]
         if colour not in known:
             raise ParameterError(
@@ -78,14 +50,7 @@ class Colourable:
 def kinds_of(values: NDArray[Any]) -> NDArray[Any] | None:
     """Return the different values if they are kinds, such as classes, rather than amounts.
 
-    Parameters
-    ----------
-    values : (N,) array
-
-    Returns
-    -------
-    (K,) array or None
-        Ascending, K at most `MOST_KINDS`. None if there are more, no values at all, or floating-point numbers.
+    Shapes: values (N,); returns (K,).
     """
     if np.issubdtype(values.dtype, np.floating):
         return None

@@ -60,22 +60,7 @@ class Camera:
     ) -> Camera:
         """Return a camera that sees the whole cloud, without distant outliers.
 
-        Parameters
-        ----------
-        points : (N, 3) array, float64
-            Finite coordinates, N at least 1.
-        width : int
-            Width of the panel in pixels.
-        heights : (int, int)
-            Least and greatest height of the panel in pixels; between them, it fits the cloud.
-        viewpoint : Viewpoint
-            The direction of the view.
-        margin : float
-            Least number of empty pixels on each side, for what is drawn around the points.
-
-        Returns
-        -------
-        Camera
+        Shapes: points (N, 3).
         """
         axes = _axes(points, viewpoint)
         low, high = _frame(points @ axes[:2].T)
@@ -89,19 +74,7 @@ class Camera:
         return cls(axes, (low + high) / 2.0, scale, shape)
 
     def close_up(self, square: Square, size: int) -> Camera:
-        """Return a camera that shows a square part of this camera's picture.
-
-        Parameters
-        ----------
-        square : Square
-            The part of the picture.
-        size : int
-            Edge length of the new panel in pixels.
-
-        Returns
-        -------
-        Camera
-        """
+        """Return a camera that shows a square part of this camera's picture."""
         middle = np.array([square.column, square.row]) + square.side / 2.0
         centre = self.centre + (middle - np.array(self.shape) / 2.0) * (1.0, -1.0) / self.scale
         side = size * SUPERSAMPLING
@@ -111,17 +84,7 @@ class Camera:
     def pixels(self, points: Array) -> tuple[NDArray[np.int64], Array]:
         """Project points to the picture.
 
-        Parameters
-        ----------
-        points : (N, 3) array, float64
-            In the unit of the cloud.
-
-        Returns
-        -------
-        place : (N, 2) array, int64
-            Column and row in supersampled pixels; outside the panel for points that it does not show.
-        depth : (N,) array, float64
-            Distance away from the viewer in supersampled pixels, from an arbitrary origin.
+        Shapes: points (N, 3); returns place (N, 2), depth (N,).
         """
         seen = points @ self.axes.T
         place = (seen[:, :2] - self.centre) * self.scale * (1.0, -1.0) + np.array(self.shape) / 2.0
@@ -131,15 +94,7 @@ class Camera:
     def clipped(self, place: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return the pixels of the panel that are nearest to the given places.
 
-        Parameters
-        ----------
-        place : (N, 2) array, int64
-            Column and row.
-
-        Returns
-        -------
-        rows, columns : (N,) arrays, int64
-            Within the panel.
+        Shapes: place (N, 2); returns rows, columns (N,).
         """
         width, height = self.shape
         return np.clip(place[:, 1], 0, height - 1), np.clip(place[:, 0], 0, width - 1)
@@ -148,15 +103,7 @@ class Camera:
 def averaged(image: Array) -> Array:
     """Reduce a supersampled picture to its final size.
 
-    Parameters
-    ----------
-    image : (SUPERSAMPLING height, SUPERSAMPLING width, 3) array
-        The supersampled picture.
-
-    Returns
-    -------
-    (height, width, 3) array
-        Means of blocks of pixels.
+    Shapes: image (SUPERSAMPLING height, SUPERSAMPLING width, 3); returns (height, width, 3).
     """
     height, width = image.shape[:2]
     blocks = (height // SUPERSAMPLING, SUPERSAMPLING, width // SUPERSAMPLING, SUPERSAMPLING, 3)

@@ -18,19 +18,7 @@ MIN_SHARE = 1e-3  # a square below this share of the largest sum shows no featur
 def feature_squares(variation: Array, side: int, count: int) -> list[Square]:
     """Return the squares of a picture in which the mean of a quantity is largest, at a distance from each other.
 
-    Parameters
-    ----------
-    variation : (height, width) array, float64
-        The quantity in each pixel, not negative; 0 for pixels without a value.
-    side : int
-        Edge length of the squares in pixels, at most the height and the width.
-    count : int
-        The number of squares wanted.
-
-    Returns
-    -------
-    list of Square
-        At most `count`, largest mean first; fewer if no other part shows features.
+    Shapes: variation (height, width).
     """
     # The sum over a square, from cumulative sums at its corners.
     corner = np.pad(variation.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))

@@ -28,24 +28,7 @@ PIXELS_AT_ONCE = 1 << 18  # pixels of discs drawn at once, to bound the memory
 
 @dataclass(frozen=True)
 class ColouredCloud:
-    """A cloud to draw.
-
-    Parameters
-    ----------
-    points : (N, 3) array
-        Finite coordinates, N >= 1.
-    values : (N,) array
-        The quantity that the colour shows, such as surface variation. NaN is drawn grey.
-    normals : (N, 3) array, optional
-        Unit normals of either sign, for the shading. By default, they are estimated from the original.
-    colours : (N, 3) array, optional
-        Red, green and blue of each point, from 0 to 1, to draw in place of the values.
-
-    Raises
-    ------
-    InputError
-        If the shapes are others, or a coordinate is not finite.
-    """
+    """A cloud to draw."""
 
     points: Array
     values: Array
@@ -75,15 +58,7 @@ class ColouredCloud:
     def by_surface_variation(cls, points: Array) -> ColouredCloud:
         """Return a cloud coloured by its own surface variation.
 
-        Parameters
-        ----------
-        points : (N, 3) array, float64
-            Finite coordinates. Points that repeat another exactly count once.
-
-        Returns
-        -------
-        ColouredCloud
-            With normals. NaN stands for places with fewer than four points near, which always seem flat.
+        Shapes: points (N, 3).
         """
         found = Estimates.of(points)
         return cls(points, found.variation, found.normals)
@@ -91,29 +66,13 @@ class ColouredCloud:
     def kept(self, rows: NDArray[np.int64], points: Array) -> ColouredCloud:
         """Return a simplified cloud.
 
-        Parameters
-        ----------
-        rows : (M,) array, int64
-            The points that it keeps, whose values and colours it gets.
-        points : (M, 3) array, float64
-            Where they lie; some methods move them.
-
-        Returns
-        -------
-        ColouredCloud
-            Without normals.
+        Shapes: rows (M,), points (M, 3).
         """
         return ColouredCloud(points, self.values[rows], colours=None if self.colours is None else self.colours[rows])
 
 
 class Original:
-    """The original cloud with a search tree. Other clouds take their normals from it.
-
-    Parameters
-    ----------
-    cloud : ColouredCloud
-        The original.
-    """
+    """The original cloud with a search tree. Other clouds take their normals from it."""
 
     def __init__(self, cloud: ColouredCloud) -> None:
         self.cloud = cloud
@@ -123,17 +82,7 @@ class Original:
     def normals(self, cloud: ColouredCloud, indices: NDArray[np.int64]) -> Array:
         """Return normals of some points of a cloud.
 
-        Parameters
-        ----------
-        cloud : ColouredCloud
-            Any cloud on the same surface.
-        indices : (K,) array, int64
-            Its points.
-
-        Returns
-        -------
-        (K, 3) array, float64
-            The cloud's own normals if it has some; otherwise estimated from the original around each point.
+        Shapes: indices (K,); returns (K, 3).
         """
         if cloud.normals is None:
             return _estimated_normals(self.tree, cloud.points[indices])
@@ -141,15 +90,7 @@ class Original:
 
 
 class View:
-    """The original cloud as a camera sees it.
-
-    Parameters
-    ----------
-    original : Original
-        The cloud that is drawn as a closed surface, and hides points of other clouds on its far side.
-    camera : Camera
-        The camera.
-    """
+    """The original cloud as a camera sees it."""
 
     def __init__(self, original: Original, camera: Camera) -> None:
         self.original, self.camera = original, camera
@@ -176,25 +117,14 @@ class View:
     def surface(self, colours: Array) -> Array:
         """Return the picture of the original as a closed surface.
 
-        Parameters
-        ----------
-        colours : (N, 3) array, float64
-            Red, green and blue of each point, from 0 to 1.
-
-        Returns
-        -------
-        (height, width, 3) array, float64
-            Colours from 0 to 1.
+        Shapes: colours (N, 3); returns (height, width, 3).
         """
         return averaged(_lit(self.nearest, colours[self.shown], self.normals, np.ones(3)))
 
     def values(self) -> Array:
         """Return the value of the original in each pixel.
 
-        Returns
-        -------
-        (height, width) array, float64
-            For each supersampled pixel; 0 for pixels without a point and for NaN.
+        Shapes: returns (height, width).
         """
         values = np.nan_to_num(self.original.cloud.values[self.shown])
         seen = np.zeros(self.nearest.shape)
@@ -204,19 +134,7 @@ class View:
     def points(self, cloud: ColouredCloud, colours: Array, max_radius: float) -> Array:
         """Return the picture of another cloud: single points in front of a faint grey original.
 
-        Parameters
-        ----------
-        cloud : ColouredCloud
-            M points on the surface of the original. Those on the far side are hidden.
-        colours : (M, 3) array, float64
-            Red, green and blue of each point, from 0 to 1.
-        max_radius : float
-            Largest radius of a point in supersampled pixels. Points are drawn as large as their spacing allows.
-
-        Returns
-        -------
-        (height, width, 3) array, float64
-            Colours from 0 to 1.
+        Shapes: colours (M, 3); returns (height, width, 3).
         """
         place, depth = self.camera.pixels(cloud.points)
         front = np.flatnonzero(depth <= self.depth[self.camera.clipped(place)])
@@ -261,12 +179,7 @@ def _splat(
 ) -> tuple[NDArray[np.int64], Array]:
     """Draw points as discs that face the viewer or, with normals, lie in the surface.
 
-    Returns
-    -------
-    nearest : (height, width) array, int64
-        Index of the point nearest to the viewer in each pixel; -1 for empty pixels.
-    depth : (height, width) array, float64
-        Depth of the disc there; infinite for empty pixels.
+    Shapes: returns nearest (height, width), depth (height, width).
     """
     width, height = shape
     empty = np.iinfo(np.int64).max

@@ -25,18 +25,7 @@ LINEAR_SHARES = 1.0, 99.0  # percentiles at which other colour scales begin and 
 def scale_ends(values: NDArray[Any], root: bool) -> tuple[float, float]:
     """Return where a colour scale of values begins and ends, so that a few extreme ones do not spoil it.
 
-    Parameters
-    ----------
-    values : (N,) array
-        NaN and infinite ones are ignored.
-    root : bool
-        Whether colours follow the square root of the value. Then the scale begins at 0, or at the least value if that
-        is negative, and ends at the 98th percentile. Otherwise, it goes from the first to the 99th percentile.
-
-    Returns
-    -------
-    low, high : float
-        0 and 1 if no value is finite.
+    Shapes: values (N,).
     """
     known = values[np.isfinite(values)].astype(np.float64)
     if len(known) == 0:
@@ -50,17 +39,7 @@ def scale_ends(values: NDArray[Any], root: bool) -> tuple[float, float]:
 def colour_scale(clouds: Sequence[NDArray[Any]], root: bool = True) -> ScalarMappable:
     """Return one colour scale for the values of several clouds.
 
-    Parameters
-    ----------
-    clouds : sequence of (N,) arrays
-        The values of each cloud.
-    root : bool
-        Whether colours follow the square root of the value, for values of which most are small.
-
-    Returns
-    -------
-    matplotlib.cm.ScalarMappable
-        From the least to the largest of the clouds' `scale_ends`.
+    Shapes: clouds (N,).
     """
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
@@ -76,14 +55,7 @@ def colour_scale(clouds: Sequence[NDArray[Any]], root: bool = True) -> ScalarMap
 def kinds_scale(kinds: NDArray[Any]) -> ScalarMappable:
     """Return a colour scale with one colour for each kind.
 
-    Parameters
-    ----------
-    kinds : (K,) array
-        At most eight; their numbers, from 0, are the values that the scale colours.
-
-    Returns
-    -------
-    matplotlib.cm.ScalarMappable
+    Shapes: kinds (K,).
     """
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import BoundaryNorm, ListedColormap
@@ -96,17 +68,7 @@ def kinds_scale(kinds: NDArray[Any]) -> ScalarMappable:
 def colours_of(scale: ScalarMappable, values: Array) -> Array:
     """Return the colours of values.
 
-    Parameters
-    ----------
-    scale : matplotlib.cm.ScalarMappable
-        The colour scale.
-    values : (N,) array, float64
-        Values beyond the ends of the scale get the colours of the ends.
-
-    Returns
-    -------
-    (N, 3) array, float64
-        Red, green and blue, from 0 to 1; grey for NaN.
+    Shapes: values (N,); returns (N, 3).
     """
     colours: Array = scale.to_rgba(values)[:, :3]
     colours[np.isnan(values)] = NO_VALUE
@@ -123,20 +85,7 @@ def add_bar(
 ) -> None:
     """Add a colour bar to a figure.
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-    place : (left, bottom, width, height)
-        In shares of the figure's size.
-    scale : matplotlib.cm.ScalarMappable
-        The colour scale.
-    size : float
-        Size of the label in typographic points.
-    label : str
-        What the colours show.
-    kinds : (K,) array, optional
-        What `kinds_scale` made the scale of.
+    Shapes: kinds (K,).
     """
     from matplotlib.colors import PowerNorm
 

@@ -13,22 +13,7 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#0
 
 
 def draw_curves(file: BinaryIO, curves: Sequence[Curve], measure: Measure) -> None:
-    """Write a PNG of curves. A ring marks the knee of each that has one.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    curves : sequence of Curve
-        At least one.
-    measure : str
-        Which error is drawn.
-
-    Raises
-    ------
-    MissingExtraError
-        If matplotlib is not installed.
-    """
+    """Write a PNG of curves. A ring marks the knee of each that has one."""
     require_matplotlib()
     from matplotlib.figure import Figure
 

@@ -39,14 +39,7 @@ class Estimates(NamedTuple):
     def of(cls, points: Array) -> Estimates:
         """Estimate the surface at each point.
 
-        Parameters
-        ----------
-        points : (N, 3) array, float64
-            Finite coordinates of at least one point. Points that repeat another exactly count once.
-
-        Returns
-        -------
-        Estimates
+        Shapes: points (N, 3).
         """
         local, _, _ = normalised(points)
         distinct = local[first_occurrences(local)]

@@ -26,19 +26,7 @@ FEATURE_ANGLE = 40.0  # degrees; shading is not smoothed across sharper edges
 def mesh_images(mesh: Mesh, cameras: Sequence[Camera], colours: Array | None = None) -> list[Array]:
     """Draw a mesh with several cameras.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        The mesh.
-    cameras : sequence of Camera
-        Cameras with the same axes; the first shows the whole mesh.
-    colours : (V, 3) array, float64, optional
-        Red, green and blue of each vertex, from 0 to 1. By default, the mesh is white.
-
-    Returns
-    -------
-    list of (height, width, 3) arrays, float64
-        One picture for each camera, with colours from 0 to 1.
+    Shapes: colours (V, 3); returns (height, width, 3).
     """
     import pyvista
 

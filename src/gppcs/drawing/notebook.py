@@ -28,17 +28,7 @@ CELL = 'style="text-align:left;vertical-align:top"'
 
 
 def html_of(shown: PointCloud | Result) -> str:
-    """Return what a notebook shows of a cloud or a result.
-
-    Parameters
-    ----------
-    shown : PointCloud or Result
-
-    Returns
-    -------
-    str
-        HTML: numbers of points, bounds, attributes, and a small picture if matplotlib is installed.
-    """
+    """Return what a notebook shows of a cloud or a result."""
     if isinstance(shown, Result):
         cloud, rows = shown.cloud, {"method": repr(shown.method), "time": in_words(shown.seconds)}
     else:
@@ -57,25 +47,7 @@ def show(
     up: str | None = None,
     view: tuple[float, float] | None = None,
 ) -> None:
-    """Show a cloud or a result in the viewer: below the cell of a notebook, otherwise in the browser.
-
-    Parameters
-    ----------
-    shown : PointCloud or Result
-    original : PointCloud, optional
-        The cloud that the result was made of; it is shown beside the result, with figures.
-    up : str, optional
-        The axis that points up.
-    view : (azimuth, elevation), optional
-        Direction of the first view, in degrees.
-
-    Raises
-    ------
-    InputError
-        If a cloud has no point with finite coordinates.
-    ParameterError
-        If `up` is no axis, or `view` is out of range.
-    """
+    """Show a cloud or a result in the viewer: below the cell of a notebook, otherwise in the browser."""
     viewpoint = Viewpoint(up, view)
     if isinstance(shown, Result):
         named = Named(str(shown.method), shown.cloud, reason=shown.method.summary)

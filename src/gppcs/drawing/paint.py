@@ -25,17 +25,7 @@ SURFACE_VARIATION = "surface variation"  # its title
 
 @dataclass(frozen=True)
 class Legend:
-    """What the colours of a picture show.
-
-    Parameters
-    ----------
-    title : str
-        In words; empty if they show nothing.
-    scale : matplotlib.cm.ScalarMappable, optional
-        The colour scale; None for RGB.
-    kinds : (K,) array, optional
-        What `kinds_scale` made the scale of.
-    """
+    """What the colours of a picture show."""
 
     title: str
     scale: ScalarMappable | None = None
@@ -45,18 +35,7 @@ class Legend:
     def of_amounts(cls, title: str, clouds: Sequence[Array], root: bool) -> Legend:
         """Return the legend of one quantity of several clouds.
 
-        Parameters
-        ----------
-        title : str
-            The quantity.
-        clouds : sequence of (N,) arrays
-            Its values. If some are NaN, the title says what grey means.
-        root : bool
-            As for `colour_scale`.
-
-        Returns
-        -------
-        Legend
+        Shapes: clouds (N,).
         """
         unknown = any(np.isnan(values).any() for values in clouds)
         return cls(f"{title} (grey: unknown)" if unknown else title, colour_scale(clouds, root))
@@ -76,39 +55,14 @@ class Legend:
 
 @dataclass(frozen=True)
 class Paint:
-    """The colours of a cloud.
-
-    Parameters
-    ----------
-    legend : Legend
-        What they show.
-    colours : (N, 3) array, float64, or None
-        Red, green and blue of each point, from 0 to 1; None for a white mesh.
-    """
+    """The colours of a cloud."""
 
     legend: Legend
     colours: Array | None
 
     @classmethod
     def of(cls, attributes: Colourable, colour: str) -> Paint:
-        """Return colours by an attribute or by RGB.
-
-        Parameters
-        ----------
-        attributes : Colourable
-            The attributes of the cloud.
-        colour : str
-            The name of one of them, or "rgb".
-
-        Returns
-        -------
-        Paint
-
-        Raises
-        ------
-        ParameterError
-            If the cloud has no such colour.
-        """
+        """Return colours by an attribute or by RGB."""
         attributes.require(colour)
         if colour == RGB and RGB not in attributes.columns:
             assert attributes.rgb is not None
@@ -129,27 +83,7 @@ class Paint:
 
 
 def painted(cloud: PointCloud, colour: str | None) -> tuple[ColouredCloud, Legend | None]:
-    """Return a cloud as the original of a picture that compares.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-        Finite points.
-    colour : str or None
-        "rgb", "variation" or the name of an attribute; None for surface variation.
-
-    Returns
-    -------
-    original : ColouredCloud
-        With surface variation and normals, and with colours if these show something else.
-    legend : Legend or None
-        What the colours show; None for surface variation.
-
-    Raises
-    ------
-    ParameterError
-        If the cloud has no such colour.
-    """
+    """Return a cloud as the original of a picture that compares."""
     original, attributes = ColouredCloud.by_surface_variation(cloud.points), Colourable.of(cloud)
     if colour is None or attributes.means_variation(colour):
         return original, None

@@ -28,24 +28,6 @@ def draw_pair(
     The original is drawn as a closed surface, and sets the camera and the colour scale. Of the simplified cloud, single
     points are drawn in front of a faint grey original, without those on the far side. The number of points stands above
     each cloud.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    title : str
-        Title of the simplified cloud, such as the name of the method.
-    original, simplified : ColouredCloud
-        The clouds. With a legend they need colours of their own; otherwise their values are surface variation.
-    viewpoint : Viewpoint
-        The direction of the view.
-    legend : Legend, optional
-        What the colours of the clouds show.
-
-    Raises
-    ------
-    MissingExtraError
-        If matplotlib is not installed.
     """
     require_matplotlib()
     from matplotlib.figure import Figure

@@ -35,25 +35,7 @@ FRAMES, FRAME_WIDTH = ("#d1495b", "#e8871e"), 3
 
 @dataclass(frozen=True)
 class Column:
-    """One column of the picture: a cloud and the mesh rebuilt from it.
-
-    Parameters
-    ----------
-    title : str
-        Title of the column, such as the name of the method.
-    points : (M, 3) array
-        Finite coordinates, M >= 1.
-    surface_variation : (M,) array
-        Shown by colour; NaN is drawn grey.
-    caption : str
-        Text below the column; may have several lines.
-    mesh : Mesh or None
-        The mesh rebuilt from the points, or whose vertices they are.
-    counted : "points" or "vertices"
-        What the points are called.
-    colours : (M, 3) array, optional
-        Red, green and blue of each point, from 0 to 1, to draw in place of surface variation.
-    """
+    """One column of the picture: a cloud and the mesh rebuilt from it."""
 
     title: str
     points: Array
@@ -72,26 +54,6 @@ def draw_comparison(
     The first column is the original. It is drawn as a closed surface, sets the camera, and hides points of the others
     on its far side. Below each cloud and mesh are close-ups of two squares, in which the original's mean surface
     variation is largest. If no column has a mesh, only clouds are drawn.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    columns : sequence of Column
-        The original first. More than six columns are placed in several rows.
-    viewpoint : Viewpoint
-        The direction of the view.
-    legend : Legend, optional
-        What the colours of the columns show; by default, they are coloured by surface variation.
-
-    Raises
-    ------
-    MissingExtraError
-        If matplotlib is not installed, or a column has a mesh and PyVista is not installed or finds no OpenGL.
-    ParameterError
-        If there is no column.
-    InputError
-        If an array of a column has another shape, or a coordinate is not finite.
     """
     if not columns:
         raise ParameterError("expected at least one column to draw, found none; pass the original first")

@@ -60,40 +60,7 @@ def draw_single(
     size: tuple[int, int] = SIZE,
     bar: bool = True,
 ) -> Drawn:
-    """Write a PNG of a mesh, or of a cloud, drawn as a surface without gaps between its points.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    cloud : PointCloud
-        The cloud. Points with NaN or infinite coordinates are left out.
-    mesh : Mesh, optional
-        A mesh to draw instead. Each of its vertices has the colour of the nearest point of the cloud.
-    colour : str, optional
-        "rgb", "variation" for surface variation, or the name of an attribute of numbers. If an attribute is called
-        "rgb" or "variation", its values are shown. By default "rgb" if the cloud has colours; if not, surface
-        variation, and white for a mesh.
-    viewpoint : Viewpoint
-        The direction of the view.
-    size : (width, height)
-        In pixels.
-    bar : bool
-        Whether to draw a colour bar below, if the colours have a scale and there is room.
-
-    Returns
-    -------
-    Drawn
-
-    Raises
-    ------
-    MissingExtraError
-        If matplotlib is not installed, or there is a mesh and PyVista is not installed or finds no OpenGL.
-    InputError
-        If no point is finite, or the size of the bounding box overflows.
-    ParameterError
-        If the cloud has no such colour, or the size is out of range.
-    """
+    """Write a PNG of a mesh, or of a cloud, drawn as a surface without gaps between its points."""
     require_matplotlib()
     if mesh is not None:
         require_pyvista()
@@ -115,22 +82,7 @@ def draw_single(
 
 
 def checked_size(size: tuple[int, int]) -> tuple[int, int]:
-    """Check the size of a picture.
-
-    Parameters
-    ----------
-    size : (width, height)
-        In pixels.
-
-    Returns
-    -------
-    width, height : int
-
-    Raises
-    ------
-    ParameterError
-        If a number is not whole, or below `SMALLEST` or above `LARGEST`.
-    """
+    """Check the size of a picture."""
     width, height = (whole_number("the size of a picture", each, SMALLEST) for each in size)
     if max(width, height) > LARGEST:
         raise ParameterError(f"expected a picture of at most {LARGEST} x {LARGEST} pixels, found {width} x {height}")

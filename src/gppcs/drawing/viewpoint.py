@@ -25,21 +25,7 @@ BESIDE_THE_CAMERA = (20.0, 20.0)  # azimuth and elevation for the image of a dep
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """The direction from which a camera looks. A value that is not given is guessed from the cloud.
-
-    Parameters
-    ----------
-    up : str, optional
-        The axis that points up: x, y, z, -x, -y or -z.
-    direction : (azimuth, elevation), optional
-        In degrees. At azimuth 0, x points right (y if x or -x is up). A larger azimuth moves the viewer to the right
-        around the cloud. A larger elevation, from -90 to 90, moves the viewer up.
-
-    Raises
-    ------
-    ParameterError
-        If `up` is no axis, or `direction` is out of range.
-    """
+    """The direction from which a camera looks. A value that is not given is guessed from the cloud."""
 
     up: str | None = None
     direction: tuple[float, float] | None = None
@@ -60,15 +46,7 @@ class Viewpoint:
     def completed(self, points: Array) -> Viewpoint:
         """Return this viewpoint with a guess for each value that is not given.
 
-        Parameters
-        ----------
-        points : (N, 3) array, float64
-            Finite coordinates, N at least 1.
-
-        Returns
-        -------
-        Viewpoint
-            With `up` and `direction`.
+        Shapes: points (N, 3).
         """
         low, high = np.percentile(points, (1, 99), axis=0)
         extent = high - low

@@ -31,13 +31,7 @@ _started = False
 
 @contextmanager
 def compiled_ahead(method: str) -> Iterator[None]:
-    """Let a second process compile kernels too, if any is compiled in the block.
-
-    Parameters
-    ----------
-    method : str
-        Name of the method that runs in the block. Only those of `METHOD` are compiled ahead.
-    """
+    """Let a second process compile kernels too, if any is compiled in the block."""
     global _expected
     if method != METHOD:
         yield
@@ -86,13 +80,7 @@ def _end(process: subprocess.Popen[bytes], parent: int) -> None:
 
 
 def compile_from_last(lock: str) -> None:
-    """Compile the kernels from the last one on, until all are compiled or the process that waits for them ends.
-
-    Parameters
-    ----------
-    lock : str
-        A file. The process ends at once if another holds it.
-    """
+    """Compile the kernels from the last one on, until all are compiled or the process that waits for them ends."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         with open(lock, "w") as file:

@@ -69,13 +69,7 @@ def compilation_ended() -> None:
 
 
 def seconds() -> float:
-    """Return for how long this process has compiled kernels, in any of its threads.
-
-    Returns
-    -------
-    float
-        Wall time in seconds. Loading compiled kernels does not count.
-    """
+    """Return for how long this process has compiled kernels, in any of its threads."""
     return _clock.seconds()
 
 

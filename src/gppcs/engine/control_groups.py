@@ -7,20 +7,7 @@ from pathlib import Path
 
 
 def control_groups(controller: str, root: Path = Path("/")) -> Iterator[Path]:
-    """Yield the folders of the control groups, version 2 or 1, that this process belongs to, with all their parents.
-
-    Parameters
-    ----------
-    controller : str
-        What the groups limit, such as "cpu" or "memory".
-    root : path
-        Where the file system begins.
-
-    Yields
-    ------
-    path
-        It need not exist. There is none where there are no control groups.
-    """
+    """Yield the folders of the control groups, version 2 or 1, that this process belongs to, with all their parents."""
     mounted = root / "sys/fs/cgroup"
     try:
         groups = (root / "proc/self/cgroup").read_text().splitlines()

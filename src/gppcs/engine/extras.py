@@ -27,13 +27,7 @@ PROBE = "import pyvista; p = pyvista.Plotter(off_screen=True); p.add_mesh(pyvist
 
 
 def require_matplotlib() -> None:
-    """Check that matplotlib is installed, so that a long run does not fail at its end.
-
-    Raises
-    ------
-    MissingExtraError
-        If matplotlib is not installed.
-    """
+    """Check that matplotlib is installed, so that a long run does not fail at its end."""
     try:
         importlib.import_module("matplotlib")
     except ImportError as error:
@@ -41,18 +35,7 @@ def require_matplotlib() -> None:
 
 
 def require_pyarrow() -> Any:
-    """Import PyArrow.
-
-    Returns
-    -------
-    module
-        The module `pyarrow`.
-
-    Raises
-    ------
-    MissingExtraError
-        If PyArrow is not installed.
-    """
+    """Import PyArrow."""
     try:
         import pyarrow
     except ImportError as error:
@@ -61,18 +44,7 @@ def require_pyarrow() -> Any:
 
 
 def require_distributed() -> Any:
-    """Import Dask's distributed.
-
-    Returns
-    -------
-    module
-        The module `distributed`.
-
-    Raises
-    ------
-    MissingExtraError
-        If distributed is not installed.
-    """
+    """Import Dask's distributed."""
     try:
         import distributed
     except ImportError as error:
@@ -81,18 +53,7 @@ def require_distributed() -> Any:
 
 
 def require_libe57() -> Any:
-    """Import libE57Format, which pye57 brings.
-
-    Returns
-    -------
-    module
-        The module `pye57.libe57`.
-
-    Raises
-    ------
-    MissingExtraError
-        If pye57 is not installed.
-    """
+    """Import libE57Format, which pye57 brings."""
     try:
         from pye57 import libe57
     except ImportError as error:
@@ -101,18 +62,7 @@ def require_libe57() -> Any:
 
 
 def require_pymeshlab() -> Any:
-    """Import PyMeshLab.
-
-    Returns
-    -------
-    module
-        The module `pymeshlab`.
-
-    Raises
-    ------
-    MissingExtraError
-        If PyMeshLab is not installed.
-    """
+    """Import PyMeshLab."""
     try:
         import pymeshlab
     except ImportError as error:
@@ -121,23 +71,7 @@ def require_pymeshlab() -> Any:
 
 
 def require_cgal(module: str) -> Any:
-    """Import a part of CGAL's Python package.
-
-    Parameters
-    ----------
-    module : str
-        Its name, such as "Kernel".
-
-    Returns
-    -------
-    module
-        The module `CGAL.CGAL_Kernel`, or another.
-
-    Raises
-    ------
-    MissingExtraError
-        If CGAL is not installed.
-    """
+    """Import a part of CGAL's Python package."""
     try:
         return importlib.import_module(f"CGAL.CGAL_{module}")
     except ImportError as error:
@@ -145,18 +79,7 @@ def require_cgal(module: str) -> Any:
 
 
 def require_trimesh() -> Any:
-    """Import trimesh.
-
-    Returns
-    -------
-    module
-        The module `trimesh`.
-
-    Raises
-    ------
-    MissingExtraError
-        If trimesh is not installed.
-    """
+    """Import trimesh."""
     try:
         import trimesh
     except ImportError as error:
@@ -165,13 +88,7 @@ def require_trimesh() -> Any:
 
 
 def require_pyvista() -> None:
-    """Check that PyVista can draw meshes, so that a long run does not fail at its end.
-
-    Raises
-    ------
-    MissingExtraError
-        If PyVista is not installed or finds no OpenGL.
-    """
+    """Check that PyVista can draw meshes, so that a long run does not fail at its end."""
     try:
         importlib.import_module("pyvista")
     except ImportError as error:
@@ -184,24 +101,7 @@ def require_pyvista() -> None:
 
 
 def require_library(name: str, title: str) -> Any:
-    """Import a library whose objects a cloud becomes. No extra brings these: who wants such objects has the library.
-
-    Parameters
-    ----------
-    name : str
-        The name of its package and its module.
-    title : str
-        The name by which people know it.
-
-    Returns
-    -------
-    module
-
-    Raises
-    ------
-    MissingExtraError
-        If it cannot be imported.
-    """
+    """Import a library whose objects a cloud becomes. No extra brings these: who wants such objects has the library."""
     try:
         return importlib.import_module(name)
     except (ImportError, OSError) as error:  # the second if a library of the system is missing

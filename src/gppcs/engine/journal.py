@@ -13,32 +13,13 @@ Result = TypeVar("Result")
 
 
 class Journal:
-    """The results of the steps that are done, in a folder.
-
-    Parameters
-    ----------
-    folder : path
-        An existing folder of this user alone: results are read by pickle.
-    """
+    """The results of the steps that are done, in a folder."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
     def once(self, step: str, work: Callable[[], Result]) -> Result:
-        """Do a step, unless it has been done.
-
-        Parameters
-        ----------
-        step : str
-            Its name, which is that of a file.
-        work : callable
-            Does the step. What an interrupted step has left must not disturb it.
-
-        Returns
-        -------
-        object
-            The result of the step, now or then.
-        """
+        """Do a step, unless it has been done."""
         path = self._folder / f"{step}.done"
         if path.exists():
             with suppress(EOFError, pickle.UnpicklingError):  # a machine that stopped may leave an incomplete file

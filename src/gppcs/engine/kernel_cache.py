@@ -29,25 +29,13 @@ KERNELS = b"\nfrom gppcs.engine.kernels import "  # a line of every module with 
 
 
 def are_kept() -> bool:
-    """Return whether compiled kernels are still there after this process ends.
-
-    Returns
-    -------
-    bool
-        False if no folder can be written.
-    """
+    """Return whether compiled kernels are still there after this process ends."""
     return folder_to_write() is not None
 
 
 @functools.cache
 def folders() -> list[Path]:
-    """Return the folders in which compiled kernels may be, in the order in which they are tried.
-
-    Returns
-    -------
-    list of Path
-        They need not exist.
-    """
+    """Return the folders in which compiled kernels may be, in the order in which they are tried."""
     import numba
 
     environment = f"{sys.implementation.cache_tag}-numba-{numba.__version__}"
@@ -56,13 +44,7 @@ def folders() -> list[Path]:
 
 @functools.cache
 def folder_to_write() -> Path | None:
-    """Return the folder that compiled kernels are written to, after removing those of other sources beside it.
-
-    Returns
-    -------
-    Path or None
-        It exists; None if none can be written.
-    """
+    """Return the folder that compiled kernels are written to, after removing those of other sources beside it."""
     for folder in folders():
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -77,12 +59,7 @@ def folder_to_write() -> Path | None:
 
 
 def sources_have_changed() -> bool:
-    """Return whether a source was written since this process first used kernels, which may thus be older than it.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether a source was written since this process first used kernels, which may thus be older than it."""
     return any(_stamp(path) != stamp for path, stamp in _sources().stamps.items())
 
 

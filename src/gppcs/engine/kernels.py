@@ -25,24 +25,7 @@ CHECKSUM_BYTES = 16
 
 
 def kernel(function: Callable[..., Any] | None = None, /, *, allocates: bool = True, **options: Any) -> Any:
-    """Compile a function when it is first called with arguments of new types, or load the code that was kept.
-
-    Parameters
-    ----------
-    function : callable
-        Its body, and all that it calls, must be what Numba can compile.
-    allocates : bool
-        Whether the function makes or returns arrays. If it does not, it need not count references to its arguments.
-        Each count takes a locked instruction, which holds up other threads that use the same arrays.
-    **options
-        Options of `numba.njit`, such as `fastmath`. The compiled code always runs without Python's global lock, and a
-        division by zero gives infinity or NaN.
-
-    Returns
-    -------
-    callable
-        The compiled function; or the decorator, if there is no `function`.
-    """
+    """Compile a function when it is first called with arguments of new types, or load the code that was kept."""
     if function is None:
         return lambda function: kernel(function, allocates=allocates, **options)
     # Less code compiles sooner: nobody calls kernels from C, and none needs ZeroDivisionError.
@@ -82,15 +65,7 @@ class _KernelCache(NullCache):
         return str(self._folder) if self._folder else None
 
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
-        """Return the code for some types of arguments, or None if there is none.
-
-        Parameters
-        ----------
-        sig : tuple of numba.types.Type
-            The types.
-        target_context : numba.core.base.BaseContext
-            What the code will run in.
-        """
+        """Return the code for some types of arguments, or None if there is none."""
         target_context.refresh()
         name = self._file_name(sig, target_context.codegen())
         for folder in self._folders:
@@ -105,15 +80,7 @@ class _KernelCache(NullCache):
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Write the code for some types of arguments, if it can be written and the sources are still the same.
-
-        Parameters
-        ----------
-        sig : tuple of numba.types.Type
-            The types.
-        data : numba.core.compiler.CompileResult
-            The code.
-        """
+        """Write the code for some types of arguments, if it can be written and the sources are still the same."""
         folder = folder_to_write()
         if folder is None or data.lifted or data.library.has_dynamic_globals or sources_have_changed():
             return

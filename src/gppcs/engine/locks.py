@@ -7,23 +7,7 @@ from typing import IO
 
 
 def locks(file: IO[str]) -> bool:
-    """Lock a file until it is closed or this process ends, unless it is locked.
-
-    Parameters
-    ----------
-    file : text file
-        Open for writing.
-
-    Returns
-    -------
-    bool
-        False if it has been locked by another process, or by another opening of the file in this one.
-
-    Raises
-    ------
-    OSError
-        If its file system has no locks.
-    """
+    """Lock a file until it is closed or this process ends, unless it is locked."""
     try:
         if sys.platform == "win32":
             import msvcrt

@@ -13,13 +13,7 @@ STATUS = Path("/proc/self/status")  # on Linux, this file holds the peak as VmHW
 
 
 def peak_memory() -> int | None:
-    """Return the peak resident memory of this process.
-
-    Returns
-    -------
-    int or None
-        Bytes; None if the platform does not report it.
-    """
+    """Return the peak resident memory of this process."""
     try:
         status = STATUS.read_text()
     except OSError:
@@ -35,19 +29,7 @@ def peak_memory() -> int | None:
 
 
 def available_memory(root: Path = Path("/")) -> int | None:
-    """Return how much memory this process may still take without swapping.
-
-    Parameters
-    ----------
-    root : path
-        Where the file system begins.
-
-    Returns
-    -------
-    int or None
-        Bytes: what the system has available, and no more than the control groups (Linux containers) of this process
-        have left. None if the platform does not report it.
-    """
+    """Return how much memory this process may still take without swapping."""
     try:
         lines = (root / "proc/meminfo").read_text().splitlines()
     except OSError:

@@ -16,12 +16,7 @@ INTERVAL = 0.2  # seconds between two states of the bar in a notebook
 
 
 def in_notebook() -> bool:
-    """Return whether this process is the kernel of a notebook.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether this process is the kernel of a notebook."""
     ipython = sys.modules.get("IPython")
     return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
 

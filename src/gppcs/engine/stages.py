@@ -14,17 +14,7 @@ COMPILATION = "compilation"  # the stage to which all compilation of kernels cou
 
 
 def in_words(seconds: Mapping[str, float]) -> str:
-    """Return how long a run took, and apart from that the compilation.
-
-    Parameters
-    ----------
-    seconds : mapping of str to float
-        Wall time of each stage.
-
-    Returns
-    -------
-    str
-    """
+    """Return how long a run took, and apart from that the compilation."""
     compilation = seconds.get(COMPILATION, 0.0)
     words = f"{sum(seconds.values()) - compilation:.3g} s"
     return f"{words} and {compilation:.3g} s of compilation" if compilation else words
@@ -147,20 +137,7 @@ class Stages:
 
     @contextmanager
     def __call__(self, name: str, total: int | None = None) -> Iterator[Callable[[int], None]]:
-        """Run the body of a `with` statement as a stage.
-
-        Parameters
-        ----------
-        name : str
-            Name of the stage.
-        total : int, optional
-            Number of its steps, if known.
-
-        Yields
-        ------
-        callable
-            Call it with the number of steps done since the last call.
-        """
+        """Run the body of a `with` statement as a stage."""
         listener = self._listener
         if listener:
             listener.started(name, total)

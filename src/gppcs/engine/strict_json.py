@@ -8,17 +8,7 @@ from typing import Any
 
 
 def strict_json(value: Any) -> str:
-    """Return a value as one line of strict JSON in ASCII.
-
-    Parameters
-    ----------
-    value : object
-        What `json` writes. NaN and infinity become null.
-
-    Returns
-    -------
-    str
-    """
+    """Return a value as one line of strict JSON in ASCII."""
     return json.dumps(_strict(value), allow_nan=False)
 
 

@@ -88,20 +88,7 @@ _helpers = _Helpers()
 
 
 def on_ranges(kernel: Callable[..., Any], n: int, *arguments: Any, least: int = 1) -> None:
-    """Call a kernel on ranges that together are 0 to n, on several threads at once.
-
-    Parameters
-    ----------
-    kernel : callable
-        Called as `kernel(begin, end, *arguments)`. It must release the GIL, and its results must depend neither on
-        the ranges nor on their order.
-    n : int
-        Number of items of the work.
-    *arguments
-        Further arguments of the kernel.
-    least : int
-        Items of a range at least. A range should take some 0.1 ms, as handing it to another thread takes 0.01 to 0.05.
-    """
+    """Call a kernel on ranges that together are 0 to n, on several threads at once."""
     count = min(RANGES, n // least)
     threads = min(number_of_threads(), count)
     if threads <= 1:
@@ -121,14 +108,7 @@ def on_ranges(kernel: Callable[..., Any], n: int, *arguments: Any, least: int = 
 
 
 def number_of_threads() -> int:
-    """Return the number of threads that a call uses.
-
-    Returns
-    -------
-    int
-        The number given to `set_threads`. By default, the number of cores that this process may use: those of its
-        affinity, and no more than its control group (Linux containers) has a share of.
-    """
+    """Return the number of threads that a call uses."""
     return _wanted or int(min(_cores(), _quota()))
 
 

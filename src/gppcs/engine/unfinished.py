@@ -12,13 +12,7 @@ _paths: set[str] = set()
 
 @contextmanager
 def unfinished(path: str) -> Iterator[None]:
-    """Remove a temporary file or folder at the end of the block, if it is still there.
-
-    Parameters
-    ----------
-    path : str
-        The file, which need not exist yet, or the folder.
-    """
+    """Remove a temporary file or folder at the end of the block, if it is still there."""
     _paths.add(path)
     try:
         yield

@@ -125,29 +125,7 @@ def compare(
 def checked_methods(
     methods: Iterable[str | Method], ratio: float | None, n_points: int | None, seed: int | None
 ) -> list[Method]:
-    """Return methods with all their parameters, after checking that these are in their ranges.
-
-    Parameters
-    ----------
-    methods : iterable of str or Method
-        Names or methods.
-    ratio : float or None
-        Share of the points to keep.
-    n_points : int or None
-        The number of points to keep; exactly one of the two must be given.
-    seed : int or None
-        Replaces the seed of each method that has one.
-
-    Returns
-    -------
-    list of Method
-        At least one.
-
-    Raises
-    ------
-    ParameterError
-        If there is no method, a name is unknown, or a parameter is out of its range.
-    """
+    """Return methods with all their parameters, after checking that these are in their ranges."""
     if isinstance(methods, str) or not isinstance(methods, Iterable) or getattr(methods, "ndim", 1) == 0:
         raise ParameterError(f"expected a list of methods or names, such as ['fps', 'random'], found {shown(methods)}")
     point = [[0.0, 0.0, 0.0]]  # the checks of `simplify` run, but no method has work to do
@@ -160,27 +138,7 @@ def checked_methods(
 
 
 def rebuilt_mesh(cloud: PointCloud, original: PointCloud) -> Mesh | None:
-    """Return the surface rebuilt from a cloud, for a picture.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-        Finite points; normals are estimated from these.
-    original : PointCloud
-        Finite points. If it has normals (`nx`, `ny`, `nz`), each estimated normal gets the sign of the nearest of them.
-        Otherwise neighbouring normals get the same sign.
-
-    Returns
-    -------
-    Mesh or None
-        A screened Poisson mesh in the unit of the cloud, without the parts that are far from all points of the
-        original; None if the reconstruction fails.
-
-    Raises
-    ------
-    MissingExtraError
-        If PyMeshLab is not installed.
-    """
+    """Return the surface rebuilt from a cloud, for a picture."""
     from gppcs.evaluation.reconstruction import estimated_normals, reconstruct
 
     normals = original.normals()
@@ -195,21 +153,7 @@ def rebuilt_mesh(cloud: PointCloud, original: PointCloud) -> Mesh | None:
 
 
 def trimmed_mesh(mesh: Mesh, original: PointCloud) -> Mesh | None:
-    """Return a rebuilt surface for a picture, without the membranes that close the gaps of an open scan.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        A screened Poisson mesh of points of the original.
-    original : PointCloud
-        Finite points.
-
-    Returns
-    -------
-    Mesh or None
-        Without the parts that are far from all points of the original. All surfaces beside an original are cut at the
-        same distance, so that a picture compares them fairly. None if nothing is left.
-    """
+    """Return a rebuilt surface for a picture, without the membranes that close the gaps of an open scan."""
     from gppcs.evaluation.reconstruction import without_membranes
 
     corner = original.points.min(axis=0)  # squared distances need all digits

@@ -172,19 +172,7 @@ def evaluate_mesh(
 def require_original(original: CloudLike, mesh: Mesh | None) -> None:
     """Raise an error if a cloud, or its surface, cannot be what results are compared with.
 
-    Parameters
-    ----------
-    original : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
-    mesh : Mesh or None
-        The surface that the original was sampled from.
-
-    Raises
-    ------
-    InputError
-        If the cloud is empty, malformed or not finite, or its size is outside 1e-70 to 1e70. If `mesh` is no mesh, does
-        not lie on the cloud, or has no area.
-    MissingExtraError
-        If `mesh` is given and PyMeshLab is not installed.
+    Shapes: original (N, 3).
     """
     points = PointCloud.of(original).usable("original cloud")
     _require_measurable(points, "original cloud")
@@ -210,28 +198,7 @@ def judged(
 ) -> tuple[Report, NoSurfaceError | None]:
     """Return the report of `evaluate`, also if no surface can be rebuilt.
 
-    Parameters
-    ----------
-    original : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
-        Finite coordinates.
-    simplified : PointCloud, (M, 3) array-like, path or object that `PointCloud.of` takes
-        Finite coordinates, in the unit and frame of the original.
-    mesh : Mesh or None
-        The surface that the original was sampled from.
-    stages : Stages
-        Records the time of each stage.
-
-    Returns
-    -------
-    report : Report
-        Without `rebuilt` if no surface can be rebuilt with estimated normals.
-    failure : NoSurfaceError or None
-        Why not.
-
-    Raises
-    ------
-    InputError, MissingExtraError
-        In the cases that `evaluate` lists.
+    Shapes: original (N, 3), simplified (M, 3).
     """
     from gppcs.spatial.cells import first_occurrences
 
@@ -268,17 +235,7 @@ def judged(
 
 
 def require_mesh(mesh: Any) -> None:
-    """Raise an error if an object is no mesh.
-
-    Parameters
-    ----------
-    mesh : object
-
-    Raises
-    ------
-    InputError
-        If it is not a `Mesh`.
-    """
+    """Raise an error if an object is no mesh."""
     if not isinstance(mesh, Mesh):
         raise InputError(f"expected a gppcs.Mesh, found {shown(mesh)}; make one, or read one with gppcs.read_mesh")
 

@@ -134,27 +134,7 @@ def compare_meshes(
 
 
 def checked_ways(ways: Iterable[str] | None, ratio: float | None, n_points: int | None) -> list[str]:
-    """Check the names of ways and the size, as far as the cloud is not needed, and return the names.
-
-    Parameters
-    ----------
-    ways : iterable of str or None
-        Names; None stands for all whose packages are installed.
-    ratio, n_points : float, int or None
-        As for `compare_meshes`.
-
-    Returns
-    -------
-    list of str
-        At least one.
-
-    Raises
-    ------
-    ParameterError
-        If there is no way, a name is unknown, or a parameter is out of its range.
-    MissingExtraError
-        If PyMeshLab is not installed, or CGAL is not and its way is asked for.
-    """
+    """Check the names of ways and the size, as far as the cloud is not needed, and return the names."""
     if isinstance(ways, str) or not isinstance(ways, Iterable | None) or getattr(ways, "ndim", 1) == 0:
         raise ParameterError(f"expected a list of ways, such as ['mesh', 'ball-pivoting'], found {shown(ways)}")
     chosen = installed_ways() if ways is None else list(ways)

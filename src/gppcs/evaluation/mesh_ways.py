@@ -23,17 +23,7 @@ from gppcs.surface.normals import estimate_normals
 
 @dataclass(frozen=True)
 class Wanted:
-    """The mesh that is wanted.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-        Finite points on a surface.
-    n_vertices : int
-        M, from 4 to the number of points.
-    stages : Stages
-        Reports progress to its listener.
-    """
+    """The mesh that is wanted."""
 
     cloud: PointCloud
     n_vertices: int
@@ -42,10 +32,7 @@ class Wanted:
     def kept(self) -> NDArray[np.int64]:
         """Return the points that `gp` keeps.
 
-        Returns
-        -------
-        (M,) array, int64
-            Their rows in the cloud.
+        Shapes: returns (M,).
         """
         return simplify(self.cloud, n_points=self.n_vertices, stages=self.stages).indices
 
@@ -104,30 +91,13 @@ MESH_WAYS: Mapping[str, Callable[[Wanted], Mesh]] = {
 
 
 def require_way(name: str) -> None:
-    """Raise an error if a way needs a package that is not installed. PyMeshLab, which all figures need, is not checked.
-
-    Parameters
-    ----------
-    name : str
-        One of `MESH_WAYS`.
-
-    Raises
-    ------
-    MissingExtraError
-        If it is the advancing front, and CGAL is not installed.
-    """
+    """Raise an error if a way needs a package that is missing; PyMeshLab, which all figures need, is not checked."""
     if name == "advancing-front":
         require_cgal("Advancing_front_surface_reconstruction")
 
 
 def installed_ways() -> list[str]:
-    """Return the names of the ways whose packages are installed.
-
-    Returns
-    -------
-    list of str
-        In the order of `MESH_WAYS`.
-    """
+    """Return the names of the ways whose packages are installed."""
 
     def is_installed(name: str) -> bool:
         try:

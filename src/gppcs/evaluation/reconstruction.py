@@ -29,25 +29,7 @@ def estimated_normals(
 ) -> NDArray[np.float64]:
     """Return normals from planes fitted to the nearest points.
 
-    Parameters
-    ----------
-    points : (M, 3) array, float64
-        The cloud.
-    places : (V, 3) array, float64, optional
-        Where the signs of normals are known.
-    guides : (V, 3) array, float64, optional
-        Normals at `places`. Each result has the sign of the guide at the nearest place. Without guides, or if that
-        guide is zero, neighbouring normals get the same sign.
-
-    Returns
-    -------
-    (M, 3) array, float64
-        Unit normals.
-
-    Raises
-    ------
-    MissingExtraError
-        If PyMeshLab is not installed.
+    Shapes: points (M, 3), places (V, 3), guides (V, 3); returns (M, 3).
     """
     meshes = _mesh_set(points)
     meshes.compute_normal_for_point_clouds(k=NORMAL_NEIGHBOURS)
@@ -62,24 +44,7 @@ def estimated_normals(
 def reconstruct(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
     """Return the screened Poisson mesh of points with normals (Kazhdan and Hoppe 2013).
 
-    Parameters
-    ----------
-    points : (M, 3) array, float64
-        The cloud.
-    normals : (M, 3) array, float64
-        Normals that point outward.
-
-    Returns
-    -------
-    Mesh
-        In the unit of the points.
-
-    Raises
-    ------
-    NoSurfaceError
-        If the reconstruction gives no surface.
-    MissingExtraError
-        If PyMeshLab is not installed.
+    Shapes: points (M, 3), normals (M, 3).
     """
     meshes = _mesh_set(points, v_normals_matrix=normals)
     work = f"the screened Poisson reconstruction of the {len(points)} points"
@@ -91,22 +56,7 @@ def reconstruct(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Me
 def without_membranes(mesh: Mesh, points: NDArray[np.float64]) -> Mesh:
     """Return a mesh without the parts that are far from all points, which a reconstruction adds over gaps.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        A screened Poisson mesh of the points, or of some of them.
-    points : (M, 3) array, float64
-        At least two different ones.
-
-    Returns
-    -------
-    Mesh
-        With the same vertices, of which some are without triangles.
-
-    Raises
-    ------
-    NoSurfaceError
-        If nothing is left.
+    Shapes: points (M, 3).
     """
     tree = KdTree.build(np.unique(points, axis=0))
     spacing = np.sqrt(np.median(tree.neighbours(min(6, len(tree.order) - 1))[1][:, -1]))
@@ -119,26 +69,7 @@ def without_membranes(mesh: Mesh, points: NDArray[np.float64]) -> Mesh:
 
 
 def decimated(mesh: Mesh, n_faces: int) -> Mesh:
-    """Return a mesh with fewer triangles, by quadric edge collapse (Garland and Heckbert 1997).
-
-    Parameters
-    ----------
-    mesh : Mesh
-    n_faces : int
-        The number of triangles wanted.
-
-    Returns
-    -------
-    Mesh
-        With about that many triangles.
-
-    Raises
-    ------
-    NoSurfaceError
-        If no triangle with an area is left.
-    MissingExtraError
-        If PyMeshLab is not installed.
-    """
+    """Return a mesh with fewer triangles, by quadric edge collapse (Garland and Heckbert 1997)."""
     meshes = _mesh_set(mesh.vertices, face_matrix=mesh.faces)
     meshes.meshing_remove_unreferenced_vertices()
     parameters = {"targetfacenum": n_faces, "preservenormal": True}
@@ -146,25 +77,7 @@ def decimated(mesh: Mesh, n_faces: int) -> Mesh:
 
 
 def oriented_alike(mesh: Mesh) -> Mesh:
-    """Return a mesh whose triangles are turned so that neighbours agree in orientation, where that is possible.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        At most two triangles share an edge.
-
-    Returns
-    -------
-    Mesh
-        The same triangles.
-
-    Raises
-    ------
-    NoSurfaceError
-        If more than two triangles share an edge.
-    MissingExtraError
-        If PyMeshLab is not installed.
-    """
+    """Return a mesh whose triangles are turned so that neighbours agree in orientation, where that is possible."""
     meshes = _mesh_set(mesh.vertices, face_matrix=mesh.faces)
     return _filtered(meshes, "turning the triangles", "meshing_re_orient_faces_coherently")
 
@@ -172,24 +85,7 @@ def oriented_alike(mesh: Mesh) -> Mesh:
 def ball_pivoted(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
     """Return the mesh of points by ball pivoting (Bernardini et al. 1999), with the radius that PyMeshLab guesses.
 
-    Parameters
-    ----------
-    points : (M, 3) array, float64
-        The cloud.
-    normals : (M, 3) array, float64
-        Normals that point outward.
-
-    Returns
-    -------
-    Mesh
-        In the unit of the points.
-
-    Raises
-    ------
-    NoSurfaceError
-        If the ball finds no triangle.
-    MissingExtraError
-        If PyMeshLab is not installed.
+    Shapes: points (M, 3), normals (M, 3).
     """
     meshes = _mesh_set(points, v_normals_matrix=normals)
     return _filtered(
@@ -200,21 +96,7 @@ def ball_pivoted(points: NDArray[np.float64], normals: NDArray[np.float64]) -> M
 def distances_to(mesh: Mesh, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the distance of each point to the surface of a mesh.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        The surface.
-    points : (M, 3) array, float64
-        In the unit and frame of the mesh.
-
-    Returns
-    -------
-    (M,) array, float64
-
-    Raises
-    ------
-    MissingExtraError
-        If PyMeshLab is not installed.
+    Shapes: points (M, 3); returns (M,).
     """
     pymeshlab = require_pymeshlab()
     meshes = _mesh_set(points)
@@ -230,21 +112,7 @@ def distances_to(mesh: Mesh, points: NDArray[np.float64]) -> NDArray[np.float64]
 
 
 def count_self_intersections(mesh: Mesh) -> int:
-    """Return the number of triangles that cut another triangle.
-
-    Parameters
-    ----------
-    mesh : Mesh
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    MissingExtraError
-        If PyMeshLab is not installed.
-    """
+    """Return the number of triangles that cut another triangle."""
     meshes = _mesh_set(mesh.vertices, face_matrix=mesh.faces)
     meshes.compute_selection_by_self_intersections_per_face()
     return int(meshes.current_mesh().selected_face_number())

@@ -67,22 +67,7 @@ class Figure:
 
 
 def figure(unit: Unit, definition: str, better: Literal["less", "more"] | None = "less") -> Any:
-    """Return a dataclass field that holds a figure.
-
-    Parameters
-    ----------
-    unit : str
-        The unit, as in `Figure`.
-    definition : str
-        What the figure measures.
-    better : "less", "more" or None
-        Which values are better.
-
-    Returns
-    -------
-    dataclasses.Field
-        With a `Figure` in its metadata.
-    """
+    """Return a dataclass field that holds a figure."""
     return dataclasses.field(metadata={"figure": Figure(unit, definition, better)})
 
 

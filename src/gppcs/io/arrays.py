@@ -28,48 +28,12 @@ _DAMAGED_ZIP = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, OSError,
 
 
 def read_npy(file: BufferedReader) -> PointCloud:
-    """Read an NPY file: an array of at least three columns, or a structured array with fields x, y and z.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-
-    Returns
-    -------
-    PointCloud
-        Columns after the third become attributes `column_4`, `column_5` and so on. Other fields of a structured array
-        become attributes of their names.
-
-    Raises
-    ------
-    FileFormatError
-        If the file is damaged or holds another kind of array.
-    """
+    """Read an NPY file: an array of at least three columns, or a structured array with fields x, y and z."""
     return cloud_of_columns(_columns(_array(file)))
 
 
 def read_npy_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
-    """Read an NPY file as `read_npy` does, in chunks. An array that is stored column by column comes as one.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-    rows : int
-        Points of a chunk at most.
-    attributes : bool
-        Whether to return the attributes, too.
-
-    Yields
-    ------
-    PointCloud
-
-    Raises
-    ------
-    FileFormatError
-        As `read_npy`.
-    """
+    """Read an NPY file as `read_npy` does, in chunks. An array that is stored column by column comes as one."""
     layout = _layout_by_rows(file)
     if layout is None:
         yield _cloud(_array(file), attributes)
@@ -108,24 +72,7 @@ def _cloud(array: Column, attributes: bool) -> PointCloud:
 
 
 def read_npz(file: BufferedReader) -> PointCloud:
-    """Read an NPZ file: the array `points`, as `read_npy` reads it, and all other arrays as attributes.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-
-    Returns
-    -------
-    PointCloud
-        With an attribute for each array but `points`.
-
-    Raises
-    ------
-    FileFormatError
-        If the file is damaged, has no array `points`, has an array without a name or two columns of one name, or an
-        array does not fit the points.
-    """
+    """Read an NPZ file: the array `points`, as `read_npy` reads it, and all other arrays as attributes."""
     try:
         with zipfile.ZipFile(file) as archive:
             arrays = {}
@@ -169,20 +116,7 @@ def _columns(array: Column) -> dict[str, Column]:
 
 
 def write_npy(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write an NPY file: an (N, 3) array or, for a cloud with attributes, a structured array.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    cloud : PointCloud
-        The structured array has the fields x, y, z and one for each attribute.
-
-    Raises
-    ------
-    OutputError
-        If the name of an attribute is x, y or z or cannot be written.
-    """
+    """Write an NPY file: an (N, 3) array or, for a cloud with attributes, a structured array."""
     kept = coordinate_type(cloud)
     if not cloud.attributes:
         npy.write_array(file, cloud.points.astype(kept, copy=False), allow_pickle=False)
@@ -199,20 +133,7 @@ def write_npy(file: BinaryIO, cloud: PointCloud) -> None:
 
 
 def write_npz(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write an NPZ file: the array `points` and one array for each attribute, not compressed.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    cloud : PointCloud
-        The points and their attributes.
-
-    Raises
-    ------
-    OutputError
-        If the name of an attribute is points, x, y or z or cannot be written.
-    """
+    """Write an NPZ file: the array `points` and one array for each attribute, not compressed."""
     points = cloud.points.astype(coordinate_type(cloud), copy=False)
     with zipfile.ZipFile(file, "w") as archive:
         for name, values in [(_POINTS, points), *cloud.attributes.items()]:

@@ -43,27 +43,7 @@ class ArrowHeader(Header):
 
 
 def read_parquet(file: BufferedReader) -> PointCloud:
-    """Read a Parquet file.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-
-    Returns
-    -------
-    PointCloud
-        An attribute for each column but x, y and z: of numbers, truth values, fixed-size lists of these, or texts. The
-        header holds the metadata of the schema.
-
-    Raises
-    ------
-    FileFormatError
-        If the file is damaged, x, y or z is missing, a column has another type, or a value other than a floating-point
-        number is missing.
-    MissingExtraError
-        If PyArrow is not installed.
-    """
+    """Read a Parquet file."""
     require_pyarrow()
     import pyarrow.parquet
 
@@ -106,22 +86,7 @@ def count_parquet(file: BufferedReader) -> int:
 
 
 def read_feather(file: BufferedReader) -> PointCloud:
-    """Read a Feather file of version 2, which is an Arrow file, in the manner of `read_parquet`.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-
-    Returns
-    -------
-    PointCloud
-
-    Raises
-    ------
-    FileFormatError, MissingExtraError
-        As `read_parquet`.
-    """
+    """Read a Feather file of version 2, which is an Arrow file, in the manner of `read_parquet`."""
     pyarrow = require_pyarrow()
     with _errors_of_file():
         table = pyarrow.ipc.open_file(file)
@@ -241,20 +206,6 @@ def write_parquet(file: BinaryIO, cloud: PointCloud) -> None:
     """Write a Parquet file with a column for each coordinate and attribute.
 
     Arrays of k numbers for each point become fixed-size lists.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    cloud : PointCloud
-        The points and their attributes.
-
-    Raises
-    ------
-    OutputError
-        If the name of an attribute is x, y or z or cannot be written.
-    MissingExtraError
-        If PyArrow is not installed.
     """
     require_pyarrow()
     import pyarrow.parquet
@@ -267,20 +218,7 @@ def write_parquet(file: BinaryIO, cloud: PointCloud) -> None:
 
 
 def write_feather(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write a Feather file of version 2, compressed by LZ4, in the manner of `write_parquet`.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    cloud : PointCloud
-        The points and their attributes.
-
-    Raises
-    ------
-    OutputError, MissingExtraError
-        As `write_parquet`.
-    """
+    """Write a Feather file of version 2, compressed by LZ4, in the manner of `write_parquet`."""
     pyarrow = require_pyarrow()
     columns = _columns(cloud)
     schema = _schema(cloud, columns)

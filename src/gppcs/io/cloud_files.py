@@ -51,24 +51,6 @@ class CloudFiles:
     A compressed file and standard input are copied to a temporary file on the first use. Use it in a `with` statement,
     which removes these.
 
-    Parameters
-    ----------
-    paths : sequence of path
-        At least one.
-    format : str, optional
-        Suffix of the format of all files. It overrides their contents and names.
-    columns : sequence of str, optional
-        The name of each column of text tables, with x, y and z. They replace any names in the files.
-    query : Query, optional
-        Which points to read.
-    assume_same_crs : bool
-        Whether all files get the coordinate system of the first one.
-    if_needed : bool
-        Whether `format` counts only for files whose content does not tell their format, and `columns` only for text
-        tables.
-    span : (int, int), optional
-        Which points `chunks` reads, if files of this format can be divided; see `each`.
-
     Attributes
     ----------
     paths, query
@@ -108,28 +90,7 @@ class CloudFiles:
         assume_same_crs: bool = False,
         if_needed: bool = False,
     ) -> CloudFiles:
-        """Check the arguments of `gppcs.read` and `gppcs.simplify_files`, and return the files that they name.
-
-        Parameters
-        ----------
-        paths : sequence of str or path
-            At least one. A virtual point cloud stands for the files that it lists.
-        format, columns, assume_same_crs
-            As for `gppcs.read`.
-        query : Query, optional
-            Which points to read.
-        if_needed : bool
-            As for the class.
-
-        Returns
-        -------
-        CloudFiles
-
-        Raises
-        ------
-        FileFormatError, ParameterError, OSError
-            As for `gppcs.read`.
-        """
+        """Check the arguments of `gppcs.read` and `gppcs.simplify_files`, and return the files that they name."""
         same = flag("assume_same_crs", assume_same_crs)
         files = [file for path in paths for file in files_of(file_path(path))]
         return cls(files, format, columns, query, same, if_needed)
@@ -144,23 +105,7 @@ class CloudFiles:
         self._stack.close()
 
     def each(self, rows: int) -> list[CloudFiles]:
-        """Return each file, or each part of a file, by itself. Its `chunks` can be read anew, also by another process.
-
-        Parameters
-        ----------
-        rows : int
-            Points of a part at least. A file is divided if it is not compressed as a whole, all its points are read,
-            and a part of it can be read without what comes before.
-
-        Returns
-        -------
-        list of CloudFiles
-
-        Raises
-        ------
-        FileFormatError, OSError
-            As for `read`.
-        """
+        """Return each file, or each part of a file, by itself; another process can read its `chunks` too."""
         found = [CloudFiles([path], *self.settings, span) for path in self.paths for span in self._spans(path, rows)]
         for each in found:
             each._copies = {path: copy for path, copy in self._copies.items() if path in each.paths}
@@ -193,17 +138,7 @@ class CloudFiles:
         return self._format, self._columns, self.query, self._assume_same_crs, self._if_needed
 
     def formats(self) -> list[Format]:
-        """Return the format of each file.
-
-        Returns
-        -------
-        list of Format
-
-        Raises
-        ------
-        FileFormatError, OSError
-            As for `read`.
-        """
+        """Return the format of each file."""
         found = []
         for path in self.paths:
             with self._opened(path) as (_, known):
@@ -215,19 +150,7 @@ class CloudFiles:
         return None if self._if_needed and known.read_named is None else self._columns
 
     def read(self) -> PointCloud:
-        """Read all points with their attributes.
-
-        Returns
-        -------
-        PointCloud
-
-        Raises
-        ------
-        FileFormatError
-            If a file is damaged or of no known format, or the files do not fit each other.
-        OSError
-            If a file does not exist or cannot be read.
-        """
+        """Read all points with their attributes."""
         clouds, columns = [], JointColumns()
         for path in self.paths:
             clouds.append(self._in_one_system(self._read(path)))
@@ -243,25 +166,7 @@ class CloudFiles:
             return read_as(known, file, self._columns_of(known))
 
     def chunks(self, attributes: bool, rows: int = ROWS) -> Iterator[PointCloud]:
-        """Read all points once, in chunks.
-
-        Parameters
-        ----------
-        attributes : bool
-            Whether to read attributes, too.
-        rows : int
-            Points of a chunk at most, unless the format has to be read as a whole.
-
-        Yields
-        ------
-        PointCloud
-            At least one point.
-
-        Raises
-        ------
-        FileFormatError, OSError
-            As for `read`.
-        """
+        """Read all points once, in chunks."""
         for path in self.paths:
             with self._opened(path) as (file, known):
                 parts = self._chunks(file, known, rows, attributes)
@@ -271,15 +176,6 @@ class CloudFiles:
         """Read the first points, and estimate the number of all by the size of the files.
 
         A file that has to be read as a whole is kept for the next `read`.
-
-        Returns
-        -------
-        Head
-
-        Raises
-        ------
-        FileFormatError, OSError
-            As for `read`.
         """
         read, seen, whole, clouds = 0, 0, None, []
         for path in self.paths:
@@ -303,15 +199,7 @@ class CloudFiles:
         return round(points)
 
     def left_out(self) -> tuple[int, list[str]]:
-        """Return what is left out of the files.
-
-        Returns
-        -------
-        faces : int
-            Number of faces. A file with faces is a mesh.
-        unread : list of str
-            In words, faces included.
-        """
+        """Return what is left out of the files."""
         faces, unread = 0, list[str]()
         for path in self.paths:
             with self._opened(path) as (file, known):
@@ -363,17 +251,7 @@ class JointColumns:
         self._signed: set[str] = set()  # attributes with a negative number
 
     def add(self, cloud: PointCloud) -> None:
-        """Take note of a part.
-
-        Parameters
-        ----------
-        cloud : PointCloud
-
-        Raises
-        ------
-        FileFormatError
-            If its attributes or its coordinate system are not those of the parts before.
-        """
+        """Take note of a part."""
         if self._first is None:
             self._first = cloud.take(np.empty(0, dtype=np.int64))  # which tells names and header, and holds no points
         first = self._first
@@ -418,17 +296,7 @@ class JointColumns:
         return None if self._first is None else self._first.header
 
     def merge(self, other: JointColumns) -> None:
-        """Take note of the parts that another has noted.
-
-        Parameters
-        ----------
-        other : JointColumns
-
-        Raises
-        ------
-        FileFormatError
-            As for `add`.
-        """
+        """Take note of the parts that another has noted."""
         if other._first is not None:
             self.add(other._first)
         self._coordinates |= other._coordinates
@@ -437,23 +305,7 @@ class JointColumns:
             self._types[name] |= types
 
     def joined(self, clouds: Iterable[PointCloud]) -> PointCloud:
-        """Return several clouds as one, in the types of all parts.
-
-        Parameters
-        ----------
-        clouds : iterable of PointCloud
-            At least one; some points of parts that were added.
-
-        Returns
-        -------
-        PointCloud
-            With the header of the first part.
-
-        Raises
-        ------
-        FileFormatError
-            If no type holds all values of an attribute exactly.
-        """
+        """Return several clouds as one, in the types of all parts."""
         clouds = list(clouds)
         assert self._first is not None
         attributes = {

@@ -19,38 +19,12 @@ _UNWRITABLE = re.compile("[\0\ud800-\udfff]")  # zip files cut names at the firs
 
 
 def default_names(width: int) -> list[str]:
-    """Return names for the columns of a table without names: x, y, z, column_4, column_5 and so on.
-
-    Parameters
-    ----------
-    width : int
-        The number of columns.
-
-    Returns
-    -------
-    list of str
-        At least x, y and z.
-    """
+    """Return names for the columns of a table without names: x, y, z, column_4, column_5 and so on."""
     return ["x", "y", "z", *(f"column_{i}" for i in range(4, width + 1))]
 
 
 def coordinate_type(cloud: PointCloud) -> np.dtype[Any]:
-    """Return the type to write coordinates in, which is the cloud's `coordinate_dtype`.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-        The cloud to be written.
-
-    Returns
-    -------
-    numpy dtype
-
-    Raises
-    ------
-    OutputError
-        If that is an integer type and the coordinates are not whole numbers in its range.
-    """
+    """Return the type to write coordinates in, which is the cloud's `coordinate_dtype`."""
     kept = cloud.coordinate_dtype
     if np.issubdtype(kept, np.integer):
         bounds = np.iinfo(kept.name)
@@ -66,20 +40,7 @@ def coordinate_type(cloud: PointCloud) -> np.dtype[Any]:
 def attribute_columns(cloud: PointCloud) -> dict[str, Column]:
     """Return the attributes as columns of one number, or one text, per point.
 
-    Parameters
-    ----------
-    cloud : PointCloud
-        Its attributes are of kinds that the file holds. An attribute with k numbers per point becomes k columns, called
-        name_0, name_1 and so on. Whitespace, separators and quotes in names become underscores.
-
-    Returns
-    -------
-    dict of str to (N,) array
-
-    Raises
-    ------
-    OutputError
-        If two columns would have the same name, or one has a name that cannot be written.
+    Shapes: returns (N,).
     """
     columns: dict[str, Column] = {}
     for attribute, values in cloud.attributes.items():
@@ -106,20 +67,7 @@ def held_by_columns(cloud: PointCloud, kinds: str) -> tuple[PointCloud, list[str
 
 
 def check_name(name: str, taken: Iterable[str]) -> None:
-    """Check that a column can have a name.
-
-    Parameters
-    ----------
-    name : str
-        The name of a column to be written.
-    taken : iterable of str
-        Names of other columns, besides x, y and z.
-
-    Raises
-    ------
-    OutputError
-        If the name is taken, empty, longer than 1,000 characters, or has characters that files cannot hold.
-    """
+    """Check that a column can have a name."""
     if name in taken or name in ("x", "y", "z"):
         raise OutputError(f"expected columns of different names, found {name!r} twice; rename the attribute")
     if not 1 <= len(name) <= _LONGEST_NAME or _UNWRITABLE.search(name):
@@ -130,17 +78,7 @@ def check_name(name: str, taken: Iterable[str]) -> None:
 
 
 def exact_as_double(values: Column) -> bool:
-    """Return whether float64 represents all values exactly.
-
-    Parameters
-    ----------
-    values : array of integers or floating-point numbers
-        Any values.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether float64 represents all values exactly."""
     with np.errstate(over="ignore"):
         wide = values.astype(np.float64)
     if values.dtype.kind == "f":

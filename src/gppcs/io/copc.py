@@ -30,26 +30,7 @@ def chunks_of(
 ) -> list[tuple[int, int, int]]:
     """Return the chunks with all points that a query asks for.
 
-    Parameters
-    ----------
-    file : binary file
-        A COPC file.
-    info : bytes
-        The data of its record `COPC`.
-    query : Query
-        With a resolution, the levels of the octree are taken down to the first on which points are that close.
-    scales : (3,) array
-        Of the coordinates.
-
-    Returns
-    -------
-    list of (int, int, int)
-        Position in the file, size in bytes and number of points of each chunk, in the order of the file.
-
-    Raises
-    ------
-    FileFormatError
-        If the octree is damaged.
+    Shapes: scales (3,).
     """
     if len(info) < _INFO.itemsize:
         raise FileFormatError(f"expected at least {_INFO.itemsize} bytes about the COPC index, found {len(info)}")

@@ -85,13 +85,7 @@ class E57Scan:
     def moved(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return points of the scan in the coordinates of the file.
 
-        Parameters
-        ----------
-        points : (N, 3) array
-
-        Returns
-        -------
-        (N, 3) array
+        Shapes: points (N, 3); returns (N, 3).
         """
         if not self.is_moved:
             return points
@@ -142,26 +136,7 @@ class E57Header(Header):
 
 
 def read_e57(file: BufferedReader) -> PointCloud:
-    """Read all scans of an E57 file as one cloud, each moved by its pose. Points without a valid position are left out.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-
-    Returns
-    -------
-    PointCloud
-        Attributes for the fields that all scans have, in their types; `scan` is the number of a point's scan, counted
-        from 0, if there are several. The header holds identifiers, names and poses of the scans.
-
-    Raises
-    ------
-    FileFormatError
-        If the file is damaged, has no scans, or a scan has no coordinates.
-    MissingExtraError
-        If pye57 is not installed.
-    """
+    """Read all scans of a file as one cloud, each moved by its pose, without points that have no valid position."""
     with _scans(file) as (root, scans):
         read = [scan.columns(_shared(scans)) for scan in scans]
         crs = root["coordinateMetadata"].value() if root.isDefined("coordinateMetadata") else ""
@@ -174,17 +149,7 @@ def read_e57(file: BufferedReader) -> PointCloud:
 
 
 def unread_e57(file: BufferedReader) -> list[str]:
-    """Return in words what `read_e57` leaves out: invalid points, fields that not all scans have, and images.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start. It is one that `read_e57` can read.
-
-    Returns
-    -------
-    list of str
-    """
+    """Return in words what `read_e57` leaves out: invalid points, fields that not all scans have, and images."""
     with _scans(file) as (root, scans):
         shared = _shared(scans)
         fields = {name for scan in scans for name in scan.names} - {*shared, *_CARTESIAN, *_SPHERICAL, *_STATES}
@@ -415,21 +380,6 @@ def write_e57(file: BinaryIO, cloud: PointCloud) -> None:
 
     Attributes that E57 does not know become fields of an extension. Arrays of k numbers for each point become k fields.
     Booleans are written as whole numbers from 0 to 255, half-precision numbers in single precision.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    cloud : PointCloud
-        The points and their attributes.
-
-    Raises
-    ------
-    OutputError
-        If two fields would have one name, libE57Format cannot write the file, or the coordinates do not fit the cloud's
-        `coordinate_dtype`.
-    MissingExtraError
-        If pye57 is not installed.
     """
     libe57 = require_libe57()
     columns = _columns(cloud)

@@ -39,55 +39,21 @@ FORMATS: tuple[Format, ...] = (
 
 
 def left_out(known: Format, file: BufferedReader) -> tuple[int, list[str]]:
-    """Return what a format does not read of a file.
-
-    Parameters
-    ----------
-    known : Format
-    file : binary file
-        Open for reading, at its start.
-
-    Returns
-    -------
-    faces : int
-        Number of faces.
-    unread : list of str
-        In words, faces included.
-    """
+    """Return what a format does not read of a file."""
     faces = known.faces(file)
     file.seek(0)
     return faces, [*([f"faces ({faces:,})"] if faces else []), *known.unread(file)]
 
 
 def check_input(path: Path) -> None:
-    """Check that a path is not something else than a file. That there is one is found when it is opened.
-
-    Parameters
-    ----------
-    path : path
-
-    Raises
-    ------
-    FileFormatError
-        If it is a folder or device.
-    """
+    """Check that a path is not something else than a file. That there is one is found when it is opened."""
     if path.exists() and not path.is_file():
         raise FileFormatError(f"{path}: expected a file, found a folder or device; name a file")
 
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Begin the messages of errors about the content of a file with its name.
-
-    Parameters
-    ----------
-    path : path
-
-    Raises
-    ------
-    FileFormatError
-        In place of one without the name, or of an InputError.
-    """
+    """Begin the messages of errors about the content of a file with its name."""
     try:
         yield
     except (FileFormatError, InputError) as error:
@@ -96,21 +62,7 @@ def naming(path: Path) -> Iterator[None]:
 
 
 def checked_columns(columns: Sequence[str]) -> list[str]:
-    """Return names of columns after checking that they are different and that x, y and z are among them.
-
-    Parameters
-    ----------
-    columns : sequence of str
-
-    Returns
-    -------
-    list of str
-
-    Raises
-    ------
-    ParameterError
-        If they are not.
-    """
+    """Return names of columns after checking that they are different and that x, y and z are among them."""
     try:
         names = [] if isinstance(columns, str) else list(columns)
     except TypeError:
@@ -125,25 +77,7 @@ def checked_columns(columns: Sequence[str]) -> list[str]:
 
 
 def read_as(chosen: Format, file: BufferedReader, columns: list[str] | None) -> PointCloud:
-    """Read a file of a format.
-
-    Parameters
-    ----------
-    chosen : Format
-    file : binary file
-        Open for reading, at its start.
-    columns : list of str or None
-        The name of each column of a table; None for those in the file.
-
-    Returns
-    -------
-    PointCloud
-
-    Raises
-    ------
-    FileFormatError
-        If names are given and files of the format are no tables, or the content is not as expected.
-    """
+    """Read a file of a format."""
     if columns is None:
         return chosen.read(file)
     if chosen.read_named is None:
@@ -152,22 +86,7 @@ def read_as(chosen: Format, file: BufferedReader, columns: list[str] | None) -> 
 
 
 def losses(path: str | os.PathLike[str], cloud: PointCloud, format: str | None = None) -> list[str]:  # noqa: A002
-    """Return in words what a file cannot hold of a cloud. `write` leaves out values only if `lossy` is True.
-
-    Parameters
-    ----------
-    path : str or path
-        The file to be written.
-    cloud : PointCloud
-        The points with their attributes.
-    format : str, optional
-        Suffix of the format. It overrides the suffix of `path`.
-
-    Returns
-    -------
-    list of str
-        Attributes and the precision of coordinates, then what the header says, as far as they are lost.
-    """
+    """Return in words what a file cannot hold of a cloud. `write` leaves out values only if `lossy` is True."""
     fit = format_to_write(path, format).fit(cloud)
     return [*fit.values, *fit.remarks]
 
@@ -179,18 +98,7 @@ def check_storable(
     lossy: bool = False,
     ascii: bool | None = None,  # noqa: A002
 ) -> None:
-    """Check that `write` can write a cloud, by writing one of its points to a temporary file. Call it before long work.
-
-    Parameters
-    ----------
-    path, cloud, format, lossy, ascii
-        As for `write`. The file is neither written nor looked for.
-
-    Raises
-    ------
-    FileFormatError, OutputError, MissingExtraError
-        As for `write`.
-    """
+    """Check before long work that `write` can write a cloud: write one of its points to a temporary file."""
     chosen = format_to_write(path, format, ascii)
     fit = chosen.fit(cloud)
     if not lossy:
@@ -285,27 +193,7 @@ def format_to_write(
     format: str | None = None,  # noqa: A002
     ascii: bool | None = None,  # noqa: A002
 ) -> Format:
-    """Return the format that `write` would use. Call it before long work, to find a bad choice early.
-
-    Parameters
-    ----------
-    path : str or path
-        The file to be written.
-    format : str, optional
-        Suffix of the format. It overrides the suffix of `path`.
-    ascii : bool, optional
-        As for `write`.
-
-    Returns
-    -------
-    Format
-        A format with a `write` function, which writes as `ascii` says.
-
-    Raises
-    ------
-    FileFormatError
-        If the format is unknown, gppcs only reads it, or it leaves no choice and `ascii` is given.
-    """
+    """Return the format that `write` would use. Call it before long work, to find a bad choice early."""
     check_suffix(format)
     target = file_path(path)
     if is_standard(target) and not format:
@@ -338,30 +226,7 @@ def format_of(
     query: Query | None = None,
     if_needed: bool = False,
 ) -> Format:
-    """Return the format of a file by its content or else its name; leave the file at its start.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-    path : path
-        Its name, without the suffix of a compression.
-    format : str, optional
-        Suffix of the format, which overrides both.
-    query : Query, optional
-        Which points the format should read.
-    if_needed : bool
-        Whether `format` overrides the name only.
-
-    Returns
-    -------
-    Format
-
-    Raises
-    ------
-    FileFormatError
-        If the format is unknown, or cannot answer the query.
-    """
+    """Return the format of a file by its content or else its name; leave the file at its start."""
     head, size = file.read(_HEAD), os.fstat(file.fileno()).st_size
     file.seek(0)
     told = next((known for known in FORMATS if known.recognises(head, size)), None)
@@ -370,17 +235,7 @@ def format_of(
 
 
 def check_suffix(suffix: str | None) -> None:
-    """Check that what names a format is text.
-
-    Parameters
-    ----------
-    suffix : str or None
-
-    Raises
-    ------
-    ParameterError
-        If it is anything else.
-    """
+    """Check that what names a format is text."""
     if not isinstance(suffix, str | None):
         raise ParameterError(f"expected the suffix of a format, such as 'ply', found {shown(suffix)}")
 

@@ -157,27 +157,7 @@ def _type_of_extra(description: NDArray[Any]) -> tuple[np.dtype[Any], tuple[int,
 
 
 def read_las(file: BufferedReader, query: Query | None = None) -> PointCloud:
-    """Read a LAS, LAZ or COPC file.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-    query : Query, optional
-        Which points to read. A box needs only the chunks of a COPC file that it meets.
-
-    Returns
-    -------
-    PointCloud
-        An attribute for each dimension but X, Y and Z, under laspy's name and of its type; what takes some bits of a
-        byte is uint8. Scaled extra bytes are their physical values. The header is a `LasHeader`.
-
-    Raises
-    ------
-    FileFormatError
-        If the file is damaged, ends early, or has a scale with which coordinates cannot be told apart; or if the query
-        has a resolution and the file is not COPC.
-    """
+    """Read a LAS, LAZ or COPC file."""
     parts = list(_blocks_as_clouds(file, attributes=True, query=query, span=None))
     header = parts[0].header
     points = np.concatenate([part.points for part in parts])
@@ -190,30 +170,7 @@ def read_las(file: BufferedReader, query: Query | None = None) -> PointCloud:
 def read_las_chunks(
     file: BufferedReader, rows: int, attributes: bool, query: Query | None = None, span: Span | None = None
 ) -> Iterator[PointCloud]:
-    """Read a LAS, LAZ or COPC file as `read_las` does, in chunks.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-    rows : int
-        Points of a chunk at most.
-    attributes : bool
-        Whether to return the attributes, too.
-    query : Query, optional
-        As for `read_las`.
-    span : (int, int), optional
-        One of `spans_of_las`. Only its points are read.
-
-    Yields
-    ------
-    PointCloud
-
-    Raises
-    ------
-    FileFormatError
-        As `read_las`, after the chunks before the fault.
-    """
+    """Read a LAS, LAZ or COPC file as `read_las` does, in chunks."""
     for block in not_empty(_blocks_as_clouds(file, attributes, query, span)):
         if len(block) <= rows:
             yield block
@@ -222,45 +179,12 @@ def read_las_chunks(
 
 
 def count_las_points(file: BufferedReader) -> int:
-    """Return how many points a LAS, LAZ or COPC file has, as its header says.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    FileFormatError
-        If the header is damaged.
-    """
+    """Return how many points a LAS, LAZ or COPC file has, as its header says."""
     return _count(read_header(file)[1])
 
 
 def spans_of_las(file: BufferedReader, rows: int) -> list[Span]:
-    """Divide the points of a LAS, LAZ or COPC file into parts that can be read by themselves.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-    rows : int
-        Points of a part at least; only the last part may have fewer. The parts of a LAZ file consist of whole chunks.
-
-    Returns
-    -------
-    list of (int, int)
-        The row of the first point of each part, and the row behind its last.
-
-    Raises
-    ------
-    FileFormatError
-        If the header or the table of the chunks is damaged, or there are fewer points than the header says.
-    """
+    """Divide the points of a LAS, LAZ or COPC file into parts that can be read by themselves."""
     header, fields, own = read_header(file)
     layout, count = _layout(header, int(fields["point_size"][0])), _count(fields)
     if _is_compressed(fields):
@@ -355,22 +279,7 @@ def _coordinates(
 
 
 def write_las(file: BinaryIO, cloud: PointCloud, compressed: bool) -> None:
-    """Write a LAS or LAZ file.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    cloud : PointCloud
-        It has been fitted, so it has a `LasHeader` whose scale, point format and extra bytes are those of its points.
-    compressed : bool
-        Whether to write LAZ.
-
-    Raises
-    ------
-    OutputError
-        If there are more points than the version can count.
-    """
+    """Write a LAS or LAZ file."""
     header = cloud.header
     assert isinstance(header, LasHeader)
     if header.minor_version < 4 and len(cloud) >= 2**32:
@@ -463,21 +372,7 @@ def _blocks(cloud: PointCloud, header: LasHeader, layout: _Layout) -> Iterator[N
 
 
 def laspy_of(cloud: PointCloud) -> Any:
-    """Make data of laspy, as `PointCloud.to_laspy` describes it.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-
-    Returns
-    -------
-    laspy.LasData
-
-    Raises
-    ------
-    InputError, OutputError
-        As for `PointCloud.to_laspy`.
-    """
+    """Make data of laspy, as `PointCloud.to_laspy` describes it."""
     import laspy
 
     fit = _fit(cloud)

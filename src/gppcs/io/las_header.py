@@ -89,21 +89,7 @@ class Record:
 
 
 def record_of(kind: tuple[bytes, int], description: bytes, data: bytes) -> Record:
-    """Return a record that stands before the points.
-
-    Parameters
-    ----------
-    kind : (bytes, int)
-        User and number.
-    description : bytes
-        At most 32.
-    data : bytes
-        At most 65,535.
-
-    Returns
-    -------
-    Record
-    """
+    """Return a record that stands before the points."""
     return Record(np.array((0, *kind, len(data), description), RECORD).tobytes() + data)
 
 
@@ -126,26 +112,11 @@ class LasHeader(Header):
     padding: bytes = b""
 
     def fields(self) -> NDArray[Any]:
-        """Return a copy of the public header block by the names of `HEADER`. Fields beyond its version are zero.
-
-        Returns
-        -------
-        array of one row, of type `HEADER`
-        """
+        """Return a copy of the public header block by the names of `HEADER`. Fields beyond its version are zero."""
         return _fields(self.block)
 
     def with_fields(self, **values: Any) -> LasHeader:
-        """Return the header with other values in its block.
-
-        Parameters
-        ----------
-        **values
-            By the names of `HEADER`.
-
-        Returns
-        -------
-        LasHeader
-        """
+        """Return the header with other values in its block."""
         fields = self.fields()
         for name, value in values.items():
             fields[name] = value
@@ -165,9 +136,7 @@ class LasHeader(Header):
     def descriptions(self) -> NDArray[Any]:
         """Return the descriptions of extra bytes, in the order of the bytes.
 
-        Returns
-        -------
-        (K,) array of type `EXTRA_BYTES`
+        Shapes: returns (K,).
         """
         found = next((each.data for each in self.records if each.kind == _EXTRA_BYTES_RECORD), b"")
         return np.frombuffer(found, EXTRA_BYTES)
@@ -178,16 +147,7 @@ class LasHeader(Header):
         return {extra_name(each): each for each in self.descriptions()}
 
     def with_extra_bytes(self, descriptions: Iterable[NDArray[Any]]) -> LasHeader:
-        """Return the header with other descriptions of extra bytes, in the place of the old ones.
-
-        Parameters
-        ----------
-        descriptions : iterable of array of type `EXTRA_BYTES`
-
-        Returns
-        -------
-        LasHeader
-        """
+        """Return the header with other descriptions of extra bytes, in the place of the old ones."""
         data = b"".join(each.tobytes() for each in descriptions)
         old = next((each for each in self.records if each.kind == _EXTRA_BYTES_RECORD), None)
         if data == (old.data if old else b""):
@@ -232,16 +192,7 @@ class LasHeader(Header):
 
 
 def extra_name(description: NDArray[Any]) -> str:
-    """Return the name of extra bytes, with an escape for each byte that is not UTF-8.
-
-    Parameters
-    ----------
-    description : array of type `EXTRA_BYTES`
-
-    Returns
-    -------
-    str
-    """
+    """Return the name of extra bytes, with an escape for each byte that is not UTF-8."""
     return bytes(description["name"]).split(b"\0")[0].decode("utf-8", "backslashreplace")
 
 
@@ -332,26 +283,7 @@ def _in_one_line(text: str) -> str:
 
 
 def read_header(file: BufferedReader) -> tuple[LasHeader, NDArray[Any], dict[tuple[bytes, int], Record]]:
-    """Read all but the points of a LAS file. Leave the file at its first point.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-
-    Returns
-    -------
-    header : LasHeader
-    fields : array of one row, of type `HEADER`
-        The public header block as it stands in the file.
-    own : dict of kind to Record
-        The records that are right for this file only: of its compression (`LASZIP`) and of its index (`COPC`).
-
-    Raises
-    ------
-    FileFormatError
-        If the header is malformed, or the file ends early.
-    """
+    """Read all but the points of a LAS file. Leave the file at its first point."""
     size = file.seek(0, 2)
     file.seek(0)
     fields, block = _read_block(file, size)
@@ -446,21 +378,7 @@ def _without_bounds(record: Record) -> Record:
 
 
 def waveforms_at(records: Iterable[Record], start: int) -> tuple[int, bytes]:
-    """Return where the waveform data will stand, and the bytes of all records that stand behind the points.
-
-    Parameters
-    ----------
-    records : iterable of Record
-        All records of a file.
-    start : int
-        The position of the first of those that stand behind the points.
-
-    Returns
-    -------
-    position : int
-        Zero if there are no waveform data.
-    content : bytes
-    """
+    """Return where the waveform data will stand, and the bytes of all records that stand behind the points."""
     found, content = 0, b""
     for each in records:
         if each.extended:

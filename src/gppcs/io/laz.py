@@ -22,25 +22,7 @@ def decompressed(
 ) -> Iterator[NDArray[Any]]:
     """Yield all points of a file in blocks, so that a header that lies about their number takes no memory.
 
-    Parameters
-    ----------
-    file : binary file
-        At its first point.
-    record : numpy dtype
-        The record of a point.
-    count : int
-        The number of points.
-    laszip : Record or None
-        The record that describes the compression.
-
-    Yields
-    ------
-    (n,) array of type `record`
-
-    Raises
-    ------
-    FileFormatError
-        If the points are damaged or end early.
+    Shapes: returns (n,).
     """
     import lazrs
 
@@ -63,24 +45,7 @@ def decompressed_chunks(
 ) -> Iterator[NDArray[Any]]:
     """Yield the points of some chunks of a file, in blocks of at least one chunk.
 
-    Parameters
-    ----------
-    file : binary file
-    record : numpy dtype
-        The record of a point.
-    chunks : sequence of (int, int, int)
-        Position, size in bytes and number of points of each chunk.
-    laszip : Record or None
-        The record that describes the compression.
-
-    Yields
-    ------
-    (n,) array of type `record`
-
-    Raises
-    ------
-    FileFormatError
-        If the points are damaged or end early.
+    Shapes: returns (n,).
     """
     import lazrs
 
@@ -112,30 +77,7 @@ def decompressed_chunks(
 def chunks_of_points(
     file: BufferedReader, record: np.dtype[Any], count: int, laszip: Record | None
 ) -> list[tuple[int, int, int]]:
-    """Return all chunks of a file, for `decompressed_chunks`.
-
-    Parameters
-    ----------
-    file : binary file
-        At its first point, before and after.
-    record : numpy dtype
-        The record of a point.
-    count : int
-        The number of points.
-    laszip : Record or None
-        The record that describes the compression.
-
-    Returns
-    -------
-    list of (int, int, int)
-        Position, size in bytes and number of points of each chunk. Nothing if one is so large that only `decompressed`
-        can read it.
-
-    Raises
-    ------
-    FileFormatError
-        If the chunks have fewer than `count` points, or a size is impossible.
-    """
+    """Return all chunks of a file, for `decompressed_chunks`."""
     position, left, found = file.tell() + 8, count, []
     with _reported():
         table = _chunk_table(file, _checked(laszip, record))

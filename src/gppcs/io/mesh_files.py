@@ -80,23 +80,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
 
 
 def mesh_of(path: Path, format: str | None = None) -> Mesh | None:  # noqa: A002
-    """Read the mesh of a file, if it has one and its suffix tells PyMeshLab the format.
-
-    Parameters
-    ----------
-    path : path
-    format : str, optional
-        As for `gppcs.read`, where the content of the file does not tell it.
-
-    Returns
-    -------
-    Mesh or None
-
-    Raises
-    ------
-    MissingExtraError, FileFormatError, OSError
-        As for `read_mesh`.
-    """
+    """Read the mesh of a file, if it has one and its suffix tells PyMeshLab the format."""
     if path.suffix.lower() not in (*SUFFIXES, _GLTF):
         return None
     with CloudFiles.of([path], format, if_needed=True) as files:

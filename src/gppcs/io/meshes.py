@@ -41,22 +41,7 @@ _STL_START = 84  # a comment of 80 bytes, then the number of facets
 
 
 def read_off(file: BufferedReader) -> PointCloud:
-    """Read the vertices of an OFF file. Normals, colours and texture coordinates (NOFF, COFF, STOFF) become attributes.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-
-    Returns
-    -------
-    PointCloud
-
-    Raises
-    ------
-    FileFormatError
-        If the header or a vertex is malformed, or the file ends early.
-    """
+    """Read the vertices of an OFF file; normals, colours and texture coordinates (NOFF, COFF, STOFF) too."""
     lines = lines_of(file)
     numbered = ((i, text) for i, text in enumerate(map(_off_numbers, lines), 1) if text)
     header, number, (count, *_) = _off_header(numbered)
@@ -84,35 +69,14 @@ def _off_header(numbered: Iterator[tuple[int, str]]) -> tuple[re.Match[str], int
 
 
 def unread_obj(file: BufferedReader) -> list[str]:
-    """Return in words what `read_obj` leaves out of a file, besides faces: normals and texture coordinates.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-
-    Returns
-    -------
-    list of str
-    """
+    """Return in words what `read_obj` leaves out of a file, besides faces: normals and texture coordinates."""
     counts = Counter(line.split(None, 1)[0] for line in lines_of(file) if line.startswith("v"))
     others = {"vn": "normals", "vt": "texture coordinates"}
     return [f"{others[word]} ({counts[word]:,})" for word in others if counts[word]]
 
 
 def check_off_faces(file: BufferedReader) -> None:
-    """Check that the faces of an OFF file refer to vertices of the file.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-
-    Raises
-    ------
-    FileFormatError
-        If a face is malformed or has an index out of range.
-    """
+    """Check that the faces of an OFF file refer to vertices of the file."""
     numbered = ((i, text) for i, text in enumerate(map(_off_numbers, lines_of(file)), 1) if text)
     _, _, (vertices, *rest) = _off_header(numbered)
     for number, text in islice(numbered, vertices, vertices + sum(rest)):
@@ -125,18 +89,7 @@ def check_off_faces(file: BufferedReader) -> None:
 
 
 def check_obj_faces(file: BufferedReader) -> None:
-    """Check that the faces of an OBJ file refer to vertices on earlier lines.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-
-    Raises
-    ------
-    FileFormatError
-        If a face has an index that is out of range or not a whole number.
-    """
+    """Check that the faces of an OBJ file refer to vertices on earlier lines."""
     vertices = 0
     for number, text in enumerate(lines_of(file), 1):
         keyword, *words = text.split() or [""]
@@ -175,23 +128,7 @@ def _off_names(width: int, *, texture: bool, colour: bool, normal: bool) -> list
 
 
 def read_obj(file: BufferedReader) -> PointCloud:
-    """Read the `v` lines of an OBJ file: x y z, then w, or red green blue, or both.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-
-    Returns
-    -------
-    PointCloud
-        Attributes `w`, `red`, `green` and `blue`, as far as the file has them.
-
-    Raises
-    ------
-    FileFormatError
-        If the lines do not have 3, 4, 6 or 7 numbers each.
-    """
+    """Read the `v` lines of an OBJ file: x y z, then w, or red green blue, or both."""
     table = _table(_prefixed(file, "v"))
     extras = {3: [], 4: ["w"], 6: COLOURS, 7: ["w", *COLOURS]}.get(len(table))
     if extras is None:
@@ -227,23 +164,7 @@ def _table(blocks: Iterator[Block]) -> list[Column]:
 
 
 def read_stl(file: BufferedReader) -> PointCloud:
-    """Read the distinct corners of the facets of an STL file, text or binary, in order of first appearance.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-
-    Returns
-    -------
-    PointCloud
-        Without attributes; normals of facets are ignored.
-
-    Raises
-    ------
-    FileFormatError
-        If the file ends early, or a corner is malformed.
-    """
+    """Read the distinct corners of the facets of an STL file, text or binary, in order of first appearance."""
     corners = _corners(file)
     points = corners[_first_of_equal(corners)]
     return PointCloud(points, coordinate_dtype=corners.dtype.newbyteorder("="))

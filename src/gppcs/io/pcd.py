@@ -146,25 +146,7 @@ class _Layout:
 
 
 def read_pcd(file: BufferedReader) -> PointCloud:
-    """Read a PCD file.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-
-    Returns
-    -------
-    PointCloud
-        An attribute for each field but x, y and z, of the field's type; fields of k numbers become (N, k) arrays. A
-        packed field `rgb` or `rgba` becomes `red`, `green` and `blue`, and `alpha` if the field is `rgba` or the fourth
-        bytes of its values differ. The header holds the viewpoint and comments.
-
-    Raises
-    ------
-    FileFormatError
-        If the header is malformed, x, y or z is missing, a number is malformed, or the file ends early.
-    """
+    """Read a PCD file."""
     layout = _read_header(file)
     coordinate_names(each.name for each in layout.kept)
     columns = {"ascii": _read_text, "binary": _read_records, "binary_compressed": _read_compressed}[layout.encoding](
@@ -175,17 +157,7 @@ def read_pcd(file: BufferedReader) -> PointCloud:
 
 
 def unread_pcd(file: BufferedReader) -> list[str]:
-    """Return in words that `read_pcd` leaves out the order in rows and columns, if the file has one.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start. It is one that `read_pcd` can read.
-
-    Returns
-    -------
-    list of str
-    """
+    """Return in words that `read_pcd` leaves out the order in rows and columns, if the file has one."""
     layout = _read_header(file)
     return [f"the grid of {layout.width:,} columns and {layout.height:,} rows"] if layout.height > 1 else []
 
@@ -435,21 +407,6 @@ def write_pcd(file: BinaryIO, cloud: PointCloud, ascii: bool | None = None) -> N
     Attributes `red`, `green` and `blue` of type uint8 are packed, as other programs expect it, unless they were fields
     of their own in the PCD file that the cloud was read from. Arrays of k numbers for each point become fields of k
     numbers. Booleans are written as U 1 and half-precision numbers as F 4.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    cloud : PointCloud
-        The points and their attributes.
-    ascii : bool, optional
-        Whether the points are written as text. By default, they are if the cloud was read from such a file.
-
-    Raises
-    ------
-    OutputError
-        If two fields would have one name, a field would be called _, or the coordinates do not fit the cloud's
-        `coordinate_dtype`.
     """
     header = cloud.header if isinstance(cloud.header, PcdHeader) else PcdHeader(colour=_usual_colour(cloud))
     header = header if ascii is None else replace(header, is_text=ascii)

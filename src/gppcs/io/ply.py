@@ -110,49 +110,13 @@ class _Header:
 
 
 def read_ply(file: BufferedReader) -> PointCloud:
-    """Read the vertices of a PLY file with their properties. Other elements are skipped.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-
-    Returns
-    -------
-    PointCloud
-        An attribute for each property but x, y and z, of the property's type. Of a list property, the attribute is an
-        (N, k) array if all lists have k items, and otherwise an (N,) array of arrays. The header holds the comments.
-
-    Raises
-    ------
-    FileFormatError
-        If the header is malformed, x, y or z is missing, a number is malformed, or the file ends early.
-    """
+    """Read the vertices of a PLY file with their properties. Other elements are skipped."""
     [cloud] = _read_clouds(file, None, True)
     return cloud
 
 
 def read_ply_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
-    """Read the vertices of a PLY file as `read_ply` does, in chunks. Vertices with lists come as one.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-    rows : int
-        Vertices of a chunk at most.
-    attributes : bool
-        Whether to read the attributes, too.
-
-    Yields
-    ------
-    PointCloud
-
-    Raises
-    ------
-    FileFormatError
-        As `read_ply`.
-    """
+    """Read the vertices of a PLY file as `read_ply` does, in chunks. Vertices with lists come as one."""
     yield from _read_clouds(file, rows, attributes)
 
 
@@ -199,34 +163,13 @@ def _read_vertices(
 
 
 def unread_ply(file: BufferedReader) -> list[str]:
-    """Return in words which elements `read_ply` leaves out of a file.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start. It is one that `read_ply` can read.
-
-    Returns
-    -------
-    list of str
-        The elements that are neither vertices nor faces, as far as there are any.
-    """
+    """Return in words which elements `read_ply` leaves out of a file."""
     others = (each for each in _read_header(file).elements if each.name not in ("vertex", "face"))
     return [f"element {each.name} ({each.count:,})" for each in others if each.count]
 
 
 def count_ply_faces(file: BufferedReader) -> int:
-    """Return the number of faces in a PLY file.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start. It is one that `read_ply` can read.
-
-    Returns
-    -------
-    int
-    """
+    """Return the number of faces in a PLY file."""
     return sum(element.count for element in _read_header(file).elements if element.name == "face")
 
 
@@ -493,21 +436,7 @@ def write_ply(
     Booleans are written as uchar and half-precision numbers as float. PLY has no 64-bit integers: they are written as
     int, uint or double, the first that represents all values exactly.
 
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    cloud : PointCloud
-        The points and their attributes.
-    ascii : bool
-        Whether to write text instead of little-endian binary data.
-    faces : (F, 3) array, int64, optional
-        Triangles between the points. By default, the file has no faces.
-
-    Raises
-    ------
-    OutputError
-        If two properties would have one name, or the coordinates do not fit the cloud's `coordinate_dtype`.
+    Shapes: faces (F, 3).
     """
     header = cloud.header if isinstance(cloud.header, PlyHeader) else PlyHeader()
     fields = _fields(cloud, header)

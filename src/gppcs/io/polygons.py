@@ -31,15 +31,7 @@ class Polygons:
     def holds(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which points are inside: a line from there to infinity crosses the rings an odd number of times.
 
-        Parameters
-        ----------
-        points : (N, 3) array
-            In the coordinate system of the polygons. Their heights do not matter.
-
-        Returns
-        -------
-        (N,) array
-            Of two polygons with a common border, each point of it is inside one.
+        Shapes: points (N, 3); returns (N,).
         """
         order = np.argsort(points[:, 1])  # so that the points beside an edge follow each other
         x, y = points[order, 0], points[order, 1]
@@ -59,24 +51,7 @@ class Polygons:
 
 
 def read_polygons(path: str | os.PathLike[str]) -> Polygons:
-    """Read the polygons of a GeoJSON file.
-
-    Parameters
-    ----------
-    path : path
-        A Polygon or MultiPolygon, a collection of such, or features with such.
-
-    Returns
-    -------
-    Polygons
-
-    Raises
-    ------
-    FileFormatError
-        If the file is no GeoJSON or has no polygon.
-    OSError
-        If it does not exist or cannot be read.
-    """
+    """Read the polygons of a GeoJSON file."""
     source = file_path(path)
     try:
         rings = tuple(_rings(json.loads(source.read_bytes())))

@@ -42,13 +42,7 @@ class PtxScan:
     def moved(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return points of the scan in the coordinates that its pose leads to.
 
-        Parameters
-        ----------
-        points : (N, 3) array
-
-        Returns
-        -------
-        (N, 3) array
+        Shapes: points (N, 3); returns (N, 3).
         """
         matrix = np.array(self.pose).reshape(4, 4)
         if np.array_equal(matrix, np.eye(4)):
@@ -76,24 +70,7 @@ class PtxHeader(Header):
 
 
 def read_ptx(file: BufferedReader) -> PointCloud:
-    """Read all scans of a PTX file as one cloud, each moved by its pose. Rows without a return, 0 0 0, are left out.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-
-    Returns
-    -------
-    PointCloud
-        Attributes `intensity`, `red`, `green` and `blue` (uint8) as far as the file has them; `scan` is the number of a
-        point's scan, counted from 0, if there are several. The header holds the poses.
-
-    Raises
-    ------
-    FileFormatError
-        If a line is malformed, the file ends early, or only some scans have colours.
-    """
+    """Read all scans of a PTX file as one cloud, each moved by its pose. Rows without a return, 0 0 0, are left out."""
     scans: list[PtxScan] = []
     parts: list[dict[str, Column]] = []
     for scan, blocks in _scans(file):
@@ -113,17 +90,7 @@ def read_ptx(file: BufferedReader) -> PointCloud:
 
 
 def unread_ptx(file: BufferedReader) -> list[str]:
-    """Return in words what `read_ptx` leaves out: rows without a return, and the order in rows and columns.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start. It is one that `read_ptx` can read.
-
-    Returns
-    -------
-    list of str
-    """
+    """Return in words what `read_ptx` leaves out: rows without a return, and the order in rows and columns."""
     missing, sizes = 0, []
     for scan, blocks in _scans(file):
         missing += sum(int((~table[:, :3].any(axis=1)).sum()) for table in blocks)

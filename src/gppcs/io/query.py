@@ -52,25 +52,7 @@ class Query:
         drop: str | None = None,
         polygon: str | os.PathLike[str] | None = None,
     ) -> Query | None:
-        """Check the arguments of `gppcs.read` with these names.
-
-        Parameters
-        ----------
-        box, resolution, only, drop, polygon
-            As for `gppcs.read`.
-
-        Returns
-        -------
-        Query or None
-            None if all are None.
-
-        Raises
-        ------
-        FileFormatError, OSError
-            If the polygon cannot be read.
-        ParameterError
-            If they are not as expected.
-        """
+        """Check the arguments of `gppcs.read` with these names."""
         if box is None and resolution is None and only is None and drop is None and polygon is None:
             return None
         if resolution is not None and not 0 < number(resolution) < math.inf:
@@ -112,43 +94,21 @@ class Query:
         return " and ".join(words for known, words in parts if known) or "in the box"
 
     def nothing_found(self) -> InputError:
-        """Return the error for a cloud without such points.
-
-        Returns
-        -------
-        InputError
-        """
+        """Return the error for a cloud without such points."""
         found = f"expected points {self.wanted}, found none; "
         return InputError(f"{found}gppcs.info shows where they lie", command=f"{found}gppcs info shows where they lie")
 
     def holds(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which points are in the box and in the polygons; those on the border of the box are.
 
-        Parameters
-        ----------
-        points : (N, 3) array
-
-        Returns
-        -------
-        (N,) array
-            All, also NaN, if there are neither.
+        Shapes: points (N, 3); returns (N,).
         """
         limited = np.isfinite(self.low) | np.isfinite(self.high)
         inside = np.logical_and.reduce((points >= self.low) & (points <= self.high) | ~limited, axis=1)
         return inside if self.polygons is None else inside & self.polygons.holds(points)
 
     def part(self, cloud: PointCloud) -> PointCloud:
-        """Return the points of a cloud that are wanted.
-
-        Parameters
-        ----------
-        cloud : PointCloud
-
-        Returns
-        -------
-        PointCloud
-            The cloud itself if all are.
-        """
+        """Return the points of a cloud that are wanted."""
         inside = self.holds(cloud.points)
         if self.only is not None:
             inside &= self.only.mask(cloud)
@@ -158,23 +118,7 @@ class Query:
 
 
 def restricted(known: Format, query: Query) -> Format:
-    """Return a format that reads only the part of a file that a query asks for.
-
-    Parameters
-    ----------
-    known : Format
-    query : Query
-
-    Returns
-    -------
-    Format
-        It counts points by reading them, and its files cannot be divided.
-
-    Raises
-    ------
-    FileFormatError
-        If the query has a resolution, and no file of the format has levels of resolution.
-    """
+    """Return a format that reads only the part of a file that a query asks for."""
     if query.resolution is not None and not known.takes_query:
         raise without_levels(known.name)
     known = replace(known, spans=None)
@@ -205,17 +149,7 @@ def _chunks(
 
 
 def not_empty(clouds: Iterator[PointCloud]) -> Iterator[PointCloud]:
-    """Yield the clouds that have points, or the last one if none has.
-
-    Parameters
-    ----------
-    clouds : iterator of PointCloud
-        At least one.
-
-    Yields
-    ------
-    PointCloud
-    """
+    """Yield the clouds that have points, or the last one if none has."""
     found = False
     for cloud in clouds:
         if len(cloud):
@@ -226,16 +160,6 @@ def not_empty(clouds: Iterator[PointCloud]) -> Iterator[PointCloud]:
 
 
 def without_levels(name: str) -> FileFormatError:
-    """Return the error for a file that cannot be read to a resolution.
-
-    Parameters
-    ----------
-    name : str
-        Of its format.
-
-    Returns
-    -------
-    FileFormatError
-    """
+    """Return the error for a file that cannot be read to a resolution."""
     found = f"expected a COPC file, which alone has levels of resolution, found {name}; leave out "
     return FileFormatError(f"{found}resolution=", command=f"{found}--resolution")

@@ -113,22 +113,7 @@ def load(
     polygon: str | os.PathLike[str] | None = None,
     assume_same_crs: bool = False,
 ) -> Loaded:
-    """Read a point cloud file as `read` does, and tell what is left out.
-
-    Parameters
-    ----------
-    path, format, columns, box, resolution, only, drop, polygon, assume_same_crs
-        As for `read`.
-
-    Returns
-    -------
-    Loaded
-
-    Raises
-    ------
-    FileFormatError, ParameterError, OSError
-        As for `read`.
-    """
+    """Read a point cloud file as `read` does, and tell what is left out."""
     query = Query.of(box, resolution, only, drop, polygon)
     with CloudFiles.of([path], format, columns, query, assume_same_crs) as files:
         return Loaded(files.read(), *files.left_out())
@@ -139,27 +124,7 @@ def read_each(
     format: str | None = None,  # noqa: A002
     columns: Sequence[str] | None = None,
 ) -> list[PointCloud]:
-    """Read clouds that a command puts side by side, of which only some need a format and columns.
-
-    Parameters
-    ----------
-    paths : sequence of path
-        At least one, each as for `read`.
-    format, columns
-        As for `read` if there is one path. Otherwise the format counts for the files whose content does not tell
-        theirs, and the columns for text tables.
-
-    Returns
-    -------
-    list of PointCloud
-
-    Raises
-    ------
-    FileFormatError
-        As for `read`, and if no file has the format, or columns are given and none is a text table.
-    ParameterError, OSError
-        As for `read`.
-    """
+    """Read clouds that a command puts side by side, of which only some need a format and columns."""
     several = len(paths) > 1
     with ExitStack() as stack:
         each = [stack.enter_context(CloudFiles.of([path], format, columns, if_needed=several)) for path in paths]

@@ -27,18 +27,7 @@ _WHOLE = re.compile(r"\s*[+-]?\d+\s*")
 
 
 def lines_of(file: BufferedReader) -> Generator[str, None, None]:
-    """Yield the rest of a file as lines of text.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading. It stays open.
-
-    Yields
-    ------
-    str
-        A line with its end, a single newline character. Bytes that are not UTF-8 become replacement characters.
-    """
+    """Yield the rest of a file as lines of text."""
     text = TextIOWrapper(file, encoding="utf-8-sig", errors="replace")
     try:
         # "yield from" would close the file with the generator.
@@ -50,67 +39,23 @@ def lines_of(file: BufferedReader) -> Generator[str, None, None]:
 
 
 def as_found(line: str) -> str:
-    """Return a line in quotes for a message, shortened to 60 characters.
-
-    Parameters
-    ----------
-    line : str
-        Any text.
-
-    Returns
-    -------
-    str
-    """
+    """Return a line in quotes for a message, shortened to 60 characters."""
     text = line.strip()
     return repr(text if len(text) <= 60 else text[:57] + "...")
 
 
 def as_count(text: str) -> int | None:
-    """Return the value of a text of decimal digits.
-
-    Parameters
-    ----------
-    text : str
-        Any text.
-
-    Returns
-    -------
-    int or None
-        None if the text has other characters or more than 18 digits.
-    """
+    """Return the value of a text of decimal digits."""
     return int(text) if text.isascii() and text.isdecimal() and len(text) <= 18 else None
 
 
 def bytes_left(file: BufferedReader) -> int:
-    """Return the number of bytes from the position in a file to its end.
-
-    Parameters
-    ----------
-    file : binary file
-
-    Returns
-    -------
-    int
-    """
+    """Return the number of bytes from the position in a file to its end."""
     return os.fstat(file.fileno()).st_size - file.tell()
 
 
 def ends_early(what: str, index: int, count: int) -> FileFormatError:
-    """Return the error for a file that ends early.
-
-    Parameters
-    ----------
-    what : str
-        What the items are, such as "vertex".
-    index : int
-        The item that is incomplete or missing, counted from 0.
-    count : int
-        The number of items that the file announces.
-
-    Returns
-    -------
-    FileFormatError
-    """
+    """Return the error for a file that ends early."""
     return FileFormatError(f"the file ends in {what} {index + 1} of {count}; get the whole file again")
 
 
@@ -126,34 +71,7 @@ def number_blocks(
 ) -> Iterator[Block]:
     """Read lines of numbers, block by block.
 
-    Parameters
-    ----------
-    lines : iterator of str
-        Lines with their ends. With `count`, no line after the last row is consumed.
-    first_line : int
-        The number of the first of these lines in the file, counted from 1, for messages.
-    numbers_of : callable(line) -> str
-        Returns the part of a line that holds numbers, or an empty string to skip the line.
-    delimiter : str, optional
-        Separator of numbers; whitespace by default.
-    width : int, optional
-        The number of numbers in each row; by default that of the first row.
-    count : int, optional
-        The number of rows that the file must have; any number by default.
-    what : str
-        What a row is, for messages.
-
-    Yields
-    ------
-    texts : list of n str
-        The numbers of each row, as text.
-    values : (n, width) array, float64
-        The same numbers.
-
-    Raises
-    ------
-    FileFormatError
-        If a row is malformed or has another number of numbers, or rows are missing.
+    Shapes: returns values (n, width).
     """
     done = 0
     while batch := list(islice(lines, BLOCK if count is None else min(BLOCK, count - done))):
@@ -197,25 +115,7 @@ def _first_bad_line(
 def typed_columns(texts: Sequence[str], values: Column, delimiter: str | None) -> list[Column]:
     """Split a block of `number_blocks` into columns of whole numbers and of floating-point numbers.
 
-    Parameters
-    ----------
-    texts : sequence of n str
-        The rows as text.
-    values : (n, width) array, float64
-        The same rows.
-    delimiter : str or None
-        Separator of numbers; None for whitespace.
-
-    Returns
-    -------
-    list of width (n,) arrays
-        int64 or uint64 if the first number of the column is written without a decimal point and all are whole, else
-        float64.
-
-    Raises
-    ------
-    FileFormatError
-        If a number is written without a decimal point, and the type of its column does not represent it exactly.
+    Shapes: values (n, width); returns (n,).
     """
     first = texts[0].split(delimiter)
     return [
@@ -242,23 +142,7 @@ def _exact(values: Column, words: Sequence[str], large: NDArray[np.intp]) -> Col
 
 
 def joined(blocks: Sequence[Column]) -> Column:
-    """Join the blocks of a column that `typed_columns` has typed one by one.
-
-    Parameters
-    ----------
-    blocks : sequence of arrays
-        Each of type int64, uint64 or float64.
-
-    Returns
-    -------
-    array
-        int64, uint64 or float64, the first that represents all whole numbers exactly.
-
-    Raises
-    ------
-    FileFormatError
-        If there is no such type.
-    """
+    """Join the blocks of a column that `typed_columns` has typed one by one."""
     kinds = {block.dtype.kind for block in blocks}
     if kinds == {"i", "u"} and all(block.min() >= 0 for block in blocks):
         return np.concatenate([block.astype(np.uint64) for block in blocks])
@@ -279,12 +163,7 @@ def _rounded(word: str) -> FileFormatError:
 def write_records(file: BinaryIO, columns: Sequence[tuple[Column, np.dtype[Any]]]) -> None:
     """Write columns as packed little-endian records, one for each point, block by block.
 
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    columns : sequence of ((N, ...) array, numpy dtype)
-        At least one: values, and the type that they are written in.
+    Shapes: columns (N, ...).
     """
     count = len(columns[0][0])
     # The names of the fields are numbers: those of the columns may have characters that NumPy refuses in a buffer.
@@ -301,16 +180,7 @@ def write_records(file: BinaryIO, columns: Sequence[tuple[Column, np.dtype[Any]]
 def write_rows(file: BinaryIO, columns: Sequence[Column], separator: str = " ", prefix: str = "") -> None:
     """Write columns as lines of text.
 
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    columns : sequence of (N,) arrays
-        Each number is written as the shortest text that reads back as the same number of the same type, text in quotes.
-    separator : str
-        Text between two numbers.
-    prefix : str
-        Text at the start of each line.
+    Shapes: columns (N,).
     """
     for start in range(0, len(columns[0]), BLOCK):
         fields = (texts_of(column[start : start + BLOCK]) for column in columns)
@@ -320,14 +190,7 @@ def write_rows(file: BinaryIO, columns: Sequence[Column], separator: str = " ", 
 def texts_of(values: Column) -> list[str]:
     """Return each value as the shortest text that reads back as the same value of the same type.
 
-    Parameters
-    ----------
-    values : (N,) array
-        Truth values become 0 and 1. Text is put in quotes where that is needed.
-
-    Returns
-    -------
-    list of N str
+    Shapes: values (N,).
     """
     if values.dtype.kind == "U":
         return list(map(quoted, values.tolist()))

@@ -22,17 +22,7 @@ _ZSTANDARD_CHUNK = 4096  # Bytes. They can decompress to 128 MB at most.
 
 
 def inner_name(path: Path) -> Path:
-    """Return the name of a file without the suffix of a compression.
-
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    path
-        `path` itself, if it has no such suffix.
-    """
+    """Return the name of a file without the suffix of a compression."""
     return path.with_suffix("") if path.suffix.lower() in COMPRESSIONS else path
 
 
@@ -41,24 +31,6 @@ def plain_input(path: Path) -> Iterator[tuple[Any, Path]]:
     """Open a file, decompressed if it is a gzip or Zstandard file; for `-`, standard input.
 
     Whatever is not a plain file is first copied to a temporary one, so that readers can move in it.
-
-    Parameters
-    ----------
-    path : path
-
-    Yields
-    ------
-    file : binary file
-        Open for reading, at its start.
-    name : path
-        Its name without the suffix of a compression.
-
-    Raises
-    ------
-    FileFormatError
-        If the compressed data is damaged or ends early.
-    OSError
-        If the file does not exist or cannot be read.
     """
     with _standard_input() if is_standard(path) else open(path, "rb") as file:
         head = file.read(4)
@@ -84,21 +56,7 @@ def _standard_input() -> IO[bytes]:
 
 
 def is_plain(path: Path) -> bool:
-    """Return whether `plain_input` opens a file as it is, without a copy.
-
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    bool
-
-    Raises
-    ------
-    OSError
-        If the file does not exist or cannot be read.
-    """
+    """Return whether `plain_input` opens a file as it is, without a copy."""
     if is_standard(path):
         return False
     with open(path, "rb") as file:
@@ -139,26 +97,7 @@ def _copy_zstandard(file: IO[bytes], plain: IO[bytes]) -> None:
 
 @contextmanager
 def whole_output(path: str | os.PathLike[str], force: bool = False) -> Iterator[BinaryIO]:
-    """Open a file for writing that appears under its name only when it is complete.
-
-    Parameters
-    ----------
-    path : str or path
-        The file to be written. With a suffix .gz or .zst, it is compressed. For `-`, the content goes to standard
-        output, also only when it is complete.
-    force : bool
-        Whether an existing file may be overwritten.
-
-    Yields
-    ------
-    binary file
-        Open for writing. One can move in it.
-
-    Raises
-    ------
-    OutputError
-        As for `whole_file`.
-    """
+    """Open a file for writing that appears under its name only when it is complete."""
     suffix = Path(path).suffix.lower()
     if not is_standard(path) and suffix not in COMPRESSIONS:
         with whole_file(path, force) as file:
@@ -187,19 +126,6 @@ def _compressor(file: BinaryIO, suffix: str) -> Any:
 
 
 def check_output(path: str | os.PathLike[str], force: bool = False) -> None:
-    """Check that a file can be written. Call it before long work.
-
-    Parameters
-    ----------
-    path : str or path
-        The file to be written, or `-` for standard output, which can be.
-    force : bool
-        Whether an existing file may be overwritten.
-
-    Raises
-    ------
-    OutputError
-        As for `check_writable`.
-    """
+    """Check that a file can be written. Call it before long work."""
     if not is_standard(path):
         check_writable(path, force)

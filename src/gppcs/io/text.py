@@ -51,113 +51,27 @@ class _Layout:
 
 
 def read_xyz(file: BufferedReader) -> PointCloud:
-    """Read a table. Columns without names are x, y, z, column_4 and so on.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-
-    Returns
-    -------
-    PointCloud
-
-    Raises
-    ------
-    FileFormatError
-        If a row is malformed, names do not fit the columns, or the number of points is not the one announced.
-    """
+    """Read a table. Columns without names are x, y, z, column_4 and so on."""
     return _read(file, default_names)
 
 
 def read_named(file: BufferedReader, names: list[str]) -> PointCloud:
-    """Read a table whose columns have these names, in place of any in the file.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-    names : list of str
-        A name for each column; x, y and z are among them.
-
-    Returns
-    -------
-    PointCloud
-
-    Raises
-    ------
-    FileFormatError
-        If a row is malformed, names do not fit the columns, or the number of points is not the one announced.
-    """
+    """Read a table whose columns have these names, in place of any in the file."""
     return _read(file, default_names, names)
 
 
 def read_pts(file: BufferedReader) -> PointCloud:
-    """Read a table. Columns without names are those usual in PTS files: x, y, z, intensity, red, green, blue.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-
-    Returns
-    -------
-    PointCloud
-
-    Raises
-    ------
-    FileFormatError
-        If a row is malformed, names do not fit the columns, or the number of points is not the one announced.
-    """
+    """Read a table. Columns without names are those usual in PTS files: x, y, z, intensity, red, green, blue."""
     return _read(file, _names_in_pts)
 
 
 def read_xyz_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
-    """Read a table as `read_xyz` does, in chunks.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-    rows : int
-        Points of a chunk at most.
-    attributes : bool
-        Whether to return the attributes, too.
-
-    Yields
-    ------
-    PointCloud
-        A column of whole numbers up to here has a type of integers, even if other numbers follow.
-
-    Raises
-    ------
-    FileFormatError
-        As `read_xyz`, after the chunks before the fault.
-    """
+    """Read a table as `read_xyz` does, in chunks."""
     return _chunks(_tables(file, default_names), rows, attributes)
 
 
 def read_pts_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
-    """Read a table as `read_pts` does, in chunks; see `read_xyz_chunks`.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for reading, at its start.
-    rows : int
-        Points of a chunk at most.
-    attributes : bool
-        Whether to return the attributes, too.
-
-    Yields
-    ------
-    PointCloud
-
-    Raises
-    ------
-    FileFormatError
-        As `read_pts`, after the chunks before the fault.
-    """
+    """Read a table as `read_pts` does, in chunks; see `read_xyz_chunks`."""
     return _chunks(_tables(file, _names_in_pts), rows, attributes)
 
 
@@ -358,20 +272,7 @@ def _fields(line: str) -> list[str]:
 
 
 def write_xyz(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write numbers and quoted text separated by spaces, after a comment with the names if the cloud has attributes.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    cloud : PointCloud
-        The points and their attributes.
-
-    Raises
-    ------
-    OutputError
-        If the cloud does not fit into columns of numbers and text with different names.
-    """
+    """Write numbers and quoted text separated by spaces, after a comment with the names if the cloud has attributes."""
     columns = _columns(cloud)
     if cloud.attributes:
         file.write(f"# {' '.join(columns)}\n".encode())
@@ -379,40 +280,14 @@ def write_xyz(file: BinaryIO, cloud: PointCloud) -> None:
 
 
 def write_csv(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write a line with the names, then numbers and quoted text separated by commas.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    cloud : PointCloud
-        The points and their attributes.
-
-    Raises
-    ------
-    OutputError
-        If the cloud does not fit into columns of numbers and text with different names.
-    """
+    """Write a line with the names, then numbers and quoted text separated by commas."""
     columns = _columns(cloud)
     file.write(f"{','.join(columns)}\n".encode())
     write_rows(file, list(columns.values()), ",")
 
 
 def write_pts(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write the number of points, then one row for each point.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    cloud : PointCloud
-        Its attributes must be none, intensity, or red, green, blue, or all four: PTS files have no names.
-
-    Raises
-    ------
-    OutputError
-        If the coordinates do not fit the cloud's `coordinate_dtype`.
-    """
+    """Write the number of points, then one row for each point."""
     columns = _columns(cloud)
     file.write(f"{len(cloud)}\n".encode())
     write_rows(file, list(columns.values()))

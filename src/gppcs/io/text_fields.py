@@ -23,17 +23,7 @@ _UNWRITABLE = re.compile("[\0\n\r\ufffd\ud800-\udfff]")  # those, and what stand
 
 
 def delimiter_of(line: str) -> str | None:
-    """Return what separates the fields of a line.
-
-    Parameters
-    ----------
-    line : str
-
-    Returns
-    -------
-    str or None
-        A semicolon, a comma or a tab; None for whitespace of any kind. Those in quotes do not count.
-    """
+    """Return what separates the fields of a line."""
     bare = re.sub(_QUOTED, '""', line).strip(" \r\n")
     if mark := next((mark for mark, least in ((";", 2), (",", 1), (";", 1)) if bare.count(mark) >= least), None):
         return mark
@@ -48,35 +38,14 @@ def _is_one_field(part: str) -> bool:
 
 
 def fields_of(line: str, delimiter: str | None) -> list[str]:
-    """Return the fields of a line, with their quotes but without whitespace around them.
-
-    Parameters
-    ----------
-    line : str
-    delimiter : str or None
-        As `delimiter_of` returns it.
-
-    Returns
-    -------
-    list of str
-    """
+    """Return the fields of a line, with their quotes but without whitespace around them."""
     text = line.strip(" \r\n") if delimiter else line.strip()
     found = _SPACED.findall(text) if delimiter is None else _ENDED[delimiter].findall(text + delimiter)
     return [field.strip() for field in found]
 
 
 def is_number(field: str) -> bool:
-    """Return whether a field is a number.
-
-    Parameters
-    ----------
-    field : str
-        Without quotes.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether a field is a number."""
     try:
         float(field)
     except ValueError:
@@ -85,37 +54,12 @@ def is_number(field: str) -> bool:
 
 
 def unquoted(field: str) -> str:
-    """Return the text of a field.
-
-    Parameters
-    ----------
-    field : str
-        As `fields_of` returns it.
-
-    Returns
-    -------
-    str
-        Without the quotes around it.
-    """
+    """Return the text of a field."""
     return field[1:-1].replace('""', '"') if _is_quoted(field) else field
 
 
 def quoted(text: str) -> str:
-    """Return a text in quotes, as a field of a line.
-
-    Parameters
-    ----------
-    text : str
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    OutputError
-        If a line of text cannot hold it.
-    """
+    """Return a text in quotes, as a field of a line."""
     if fault := _fault(text):
         raise OutputError(f"expected text {fault}, found {ascii(text)[:60]}; write .npy or .npz")
     return '"{}"'.format(text.replace('"', '""'))
@@ -142,42 +86,14 @@ def text_columns(rows: Iterable[Sequence[str]], width: int, axes: Collection[int
 
 
 class TextApart:
-    """Takes the columns of text out of lines, so that numbers are left.
-
-    Parameters
-    ----------
-    columns : collection of int
-        Where the columns of text are.
-    width : int
-        The number of all columns.
-    delimiter : str or None
-        As `delimiter_of` returns it.
-    """
+    """Takes the columns of text out of lines, so that numbers are left."""
 
     def __init__(self, columns: Collection[int], width: int, delimiter: str | None) -> None:
         self._width, self._delimiter = width, delimiter
         self._texts: dict[int, list[str]] = {i: [] for i in columns}
 
     def numbers(self, lines: Iterable[str], first_line: int) -> Iterator[str]:
-        """Yield the numbers of each line, and keep its texts.
-
-        Parameters
-        ----------
-        lines : iterable of str
-            Rows, empty lines and comments.
-        first_line : int
-            The number of the first of them in the file, for messages.
-
-        Yields
-        ------
-        str
-            A line for each, without quotes. Empty lines and comments are empty lines.
-
-        Raises
-        ------
-        FileFormatError
-            If a row has another number of fields, or its text cannot be kept as it is.
-        """
+        """Yield the numbers of each line, and keep its texts."""
         for number, line in enumerate(lines, first_line):
             if is_row(line):
                 fields = fields_of(line, self._delimiter)
@@ -195,10 +111,7 @@ class TextApart:
     def taken(self) -> dict[int, Column]:
         """Return the columns of text of the lines since the last call.
 
-        Returns
-        -------
-        dict of int to (n,) array of str
-            By their places.
+        Shapes: returns (n,).
         """
         columns = {i: np.array(texts, dtype=np.str_) for i, texts in self._texts.items()}
         self._texts = {i: [] for i in self._texts}
@@ -206,16 +119,7 @@ class TextApart:
 
 
 def is_row(line: str) -> bool:
-    """Return whether a line is neither empty nor a comment.
-
-    Parameters
-    ----------
-    line : str
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether a line is neither empty nor a comment."""
     return not (line.isspace() or line.lstrip().startswith(("#", "//")))
 
 

@@ -14,24 +14,7 @@ SUFFIX = ".vpc"
 
 
 def files_of(path: Path) -> list[Path]:
-    """Return the files that a path stands for: itself, or the files that a virtual point cloud lists, in its order.
-
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    list of path
-        At least one. Listed names that are not absolute start from the folder of `path`.
-
-    Raises
-    ------
-    FileFormatError
-        If a file called .vpc is no virtual point cloud, or lists something that is no file of this machine.
-    OSError
-        If such a file does not exist or cannot be read.
-    """
+    """Return the files that a path stands for: itself, or the files that a virtual point cloud lists, in its order."""
     if path.suffix.lower() != SUFFIX:
         return [path]
     try:

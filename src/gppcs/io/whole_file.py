@@ -18,36 +18,12 @@ STANDARD = "-"  # The path of standard input and standard output.
 
 
 def is_standard(path: str | os.PathLike[str]) -> bool:
-    """Return whether a path stands for standard input or output.
-
-    Parameters
-    ----------
-    path : str or path
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether a path stands for standard input or output."""
     return os.fspath(path) == STANDARD
 
 
 def check_writable(path: str | os.PathLike[str], force: bool = False, makes_folders: bool = False) -> None:
-    """Check that a file can be written. Call it before long work.
-
-    Parameters
-    ----------
-    path : str or path
-        The file to be written.
-    force : bool
-        Whether an existing file may be overwritten.
-    makes_folders : bool
-        Whether missing folders will be made. Then the nearest folder above that exists must be writable.
-
-    Raises
-    ------
-    OutputError
-        If the file exists and `force` is False, `path` is a folder or device, or its folder is missing or not writable.
-    """
+    """Check that a file can be written. Call it before long work."""
     target = Path(path)
     folder = Path(os.path.realpath(target)).parent
     while makes_folders and not folder.exists():
@@ -64,21 +40,7 @@ def check_writable(path: str | os.PathLike[str], force: bool = False, makes_fold
 
 
 def check_distinct(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
-    """Check that no output of a command is one of its inputs or another output. Call it before any work.
-
-    Parameters
-    ----------
-    outputs, inputs : sequence of path
-        The files to be written and the files to be read. They need not exist. `-` stands for two different streams. The
-        files that a virtual point cloud lists are inputs, too.
-
-    Raises
-    ------
-    FileFormatError, OSError
-        If a virtual point cloud cannot be read.
-    OutputError
-        If two are the same file, by their names, a symbolic link or a hard link.
-    """
+    """Check that no output of a command is one of its inputs or another output. Call it before any work."""
     sources = [file for path in inputs if not is_standard(path) for file in (path, *files_of(path))]
     known = {_identity(source): source for source in sources}
     read = set(known)
@@ -110,24 +72,6 @@ def whole_file(path: str | os.PathLike[str], force: bool = False) -> Iterator[Bi
 
     The content goes to a temporary file in the same folder. If the block ends without an exception, that file is
     renamed to the target; otherwise it is removed. A file that replaces another keeps the other's permissions.
-
-    Parameters
-    ----------
-    path : str or path
-        The file to be written.
-    force : bool
-        Whether an existing file may be overwritten.
-
-    Yields
-    ------
-    binary file
-        Open for writing.
-
-    Raises
-    ------
-    OutputError
-        If the file exists and `force` is False, even if it has appeared during the block; if `path` is a folder or
-        device, or its folder is missing or not writable.
     """
     check_writable(path, force)
     target = Path(os.path.realpath(path))  # so that a symbolic link stays one

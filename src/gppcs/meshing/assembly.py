@@ -38,21 +38,7 @@ def assembled(
     Triangles on which two or three fans agree come first, those with small circumcircles before others. Small gaps
     are filled; then triangles of a single fan are added where there is room; then larger gaps are filled, and pinholes.
 
-    Parameters
-    ----------
-    triangles, votes, radii
-        As `fans_of` returns them.
-    points, normals : (n, 3) arrays, float64
-        Of the vertices.
-    reaches : (n,) array, float64
-        How far the vertices cover the surface.
-    cover : Cover
-        The dense points.
-
-    Returns
-    -------
-    (F, 3) array, int64
-        Corners of the chosen triangles.
+    Shapes: points, normals (n, 3), reaches (n,); returns (F, 3).
     """
     kept = are_covered(cover, triangles, points, reaches)
     triangles, votes, radii = triangles[kept], votes[kept], radii[kept]
@@ -78,16 +64,7 @@ def taken(triangles: NDArray[np.int64], n: int) -> NDArray[np.int64]:
 
     Bow-ties, vertices at which several fans meet, are allowed here: later triangles may join the fans.
 
-    Parameters
-    ----------
-    triangles : (t, 3) array, int64
-        In the order in which they are tried.
-    n : int
-        Number of vertices.
-
-    Returns
-    -------
-    (F, 3) array, int64
+    Shapes: triangles (t, 3); returns (F, 3).
     """
     triangles = np.ascontiguousarray(triangles)
     table, take = EdgeTable.of(n, 3 * len(triangles)), np.zeros(len(triangles), dtype=np.bool_)
@@ -139,16 +116,7 @@ def _walk(triangles, table, p, start, end):
 def without_bow_ties(faces: NDArray[np.int64], n: int) -> NDArray[np.int64]:
     """Leave out triangles so that those at each vertex are one fan: the largest stays, of equal ones the first.
 
-    Parameters
-    ----------
-    faces : (F, 3) array, int64
-        Oriented, each directed edge in one triangle.
-    n : int
-        Number of vertices.
-
-    Returns
-    -------
-    (F', 3) array, int64
+    Shapes: faces (F, 3).
     """
     while True:
         mesh = HalfEdges.of(faces, n)
@@ -197,19 +165,7 @@ def filled(
 ) -> NDArray[np.int64]:
     """Fill the gaps that have few corners and that the dense points cover.
 
-    Parameters
-    ----------
-    faces : (F, 3) array, int64
-        An oriented manifold.
-    points, normals, reaches, cover
-        As in `assembled`.
-    most : int
-        Corners of a gap at most.
-
-    Returns
-    -------
-    (F', 3) array, int64
-        The faces and, behind them, those of the fillings.
+    Shapes: faces (F, 3).
     """
     mesh = HalfEdges.of(faces, len(points))
     loops, ends = border_loops(mesh)
@@ -236,16 +192,7 @@ def _fillings(
 def border_loops(mesh: HalfEdges) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the borders of a mesh, each as its vertices in the order in which a filling would run around it.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-
-    Returns
-    -------
-    loops : (B,) array, int64
-        The vertices of all borders, one border after another.
-    ends : (borders,) array, int64
-        Where each ends in `loops`.
+    Shapes: returns loops (B,), ends (borders,).
     """
     loops = np.empty(int(((mesh.opposite < 0) & (mesh.origin >= 0)).sum()), dtype=np.int64)
     ends = np.empty(len(loops), dtype=np.int64)
@@ -347,18 +294,7 @@ def _fill(loop, points, normals, table, triangles):
 def trace_filling(loop, middles, triangles):
     """Fill `triangles`, (L - 2, 3), with those of a filling; return their number.
 
-    Parameters
-    ----------
-    loop : (L,) array, int64
-        Vertices of the border.
-    middles : (L, L) array, int64
-        For each edge between two corners of the loop, the third corner of the triangle behind it.
-    triangles : (L - 2, 3) array, int64
-        Filled.
-
-    Returns
-    -------
-    int
+    Shapes: loop (L,), middles (L, L), triangles (L - 2, 3).
     """
     stack = np.empty((len(loop), 2), dtype=np.int64)
     stack[0, 0], stack[0, 1] = 0, len(loop) - 1
@@ -381,16 +317,7 @@ def trace_filling(loop, middles, triangles):
 def cost_of_filling(points, normals, a, b, c):
     """Return the cost of a triangle of a filling.
 
-    Parameters
-    ----------
-    points, normals : (n, 3) arrays
-    a, b, c : int
-        The corners.
-
-    Returns
-    -------
-    float
-        The area, more if the triangle bends away from the normals of its corners or is long.
+    Shapes: points, normals (n, 3).
     """
     pa, pb, pc = row(points, a), row(points, b), row(points, c)
     normal = area_vector(pa, pb, pc)
@@ -406,17 +333,7 @@ def cost_of_filling(points, normals, a, b, c):
 def without_scraps(faces: NDArray[np.int64], n: int, fewest: int = PIECE_TRIANGLES) -> NDArray[np.int64]:
     """Leave out connected pieces of few triangles.
 
-    Parameters
-    ----------
-    faces : (F, 3) array, int64
-    n : int
-        Number of vertices.
-    fewest : int
-        Triangles of a piece that stays.
-
-    Returns
-    -------
-    (F', 3) array, int64
+    Shapes: faces (F, 3).
     """
     pieces = pieces_of(faces, n)
     return faces[np.bincount(pieces, minlength=1)[pieces] >= fewest]
@@ -425,16 +342,7 @@ def without_scraps(faces: NDArray[np.int64], n: int, fewest: int = PIECE_TRIANGL
 def pieces_of(faces: NDArray[np.int64], n: int) -> NDArray[np.int64]:
     """Return the connected piece of each triangle.
 
-    Parameters
-    ----------
-    faces : (F, 3) array, int64
-    n : int
-        Number of vertices.
-
-    Returns
-    -------
-    (F,) array, int32
-        Its number.
+    Shapes: faces (F, 3); returns (F,).
     """
     ends = np.concatenate([faces[:, :2], faces[:, 1:]]).T
     _, pieces = connected_components(coo_array((np.ones(ends.shape[1]), ends), shape=(n, n)), directed=False)
@@ -452,23 +360,7 @@ def holes_filled(
 ) -> NDArray[np.int64]:
     """Close holes up to a size, whether dense points cover them or not.
 
-    Parameters
-    ----------
-    faces : (F, 3) array, int64
-        An oriented manifold.
-    points, normals : (n, 3) arrays, float64
-        Of the vertices.
-    size : float
-        Diagonal of the box around the border of a hole, at most.
-    cover : Cover
-        The dense points.
-    most : int
-        Corners of a hole at most.
-
-    Returns
-    -------
-    (F', 3) array, int64
-        The faces and, behind them, those of the fillings.
+    Shapes: faces (F, 3), points, normals (n, 3).
     """
     mesh = HalfEdges.of(faces, len(points))
     loops, ends = border_loops(mesh)

@@ -45,18 +45,7 @@ class Assignment(NamedTuple):
     ) -> Self:
         """Walk from a vertex near each point to its nearest triangle.
 
-        Parameters
-        ----------
-        mesh : HalfEdges
-        vertices : (V, 3) array, float64
-        points, normals : (N, 3) arrays, float64
-            Of the dense points. A triangle whose normal is more than 90 degrees off is left out.
-        nearest : (N,) array, int64
-            Where each walk starts; -1 for points without a vertex.
-
-        Returns
-        -------
-        Assignment
+        Shapes: vertices (V, 3), points, normals (N, 3), nearest (N,).
         """
         count = len(points)
         found = cls(np.full(count, -1), np.zeros(count), np.zeros((count, 2)))
@@ -167,16 +156,7 @@ def _is_farther(sides, f, point, least):
 def corners_from(mesh, vertices, f, point):
     """Return the corners of a triangle, relative to a point.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-    vertices : (V, 3) array
-    f : int
-    point : three floats
-
-    Returns
-    -------
-    a, b, c : tuples of three floats
+    Shapes: vertices (V, 3).
     """
     return (
         minus(row(vertices, mesh.origin[3 * f]), point),
@@ -194,16 +174,7 @@ def set_to_nearest_corners(
 ) -> None:
     """Set for each dense point that has a triangle the nearest corner of it.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-    vertices : (V, 3) array, float64
-    points : (N, 3) array, float64
-        The dense points.
-    assigned : Assignment
-        Their triangles.
-    nearest : (N,) array, int64
-        Changed in place.
+    Shapes: vertices (V, 3), points (N, 3), nearest (N,).
     """
     on_ranges(_set_corners, len(points), mesh, vertices, points, assigned, nearest, least=POINTS_AT_ONCE)
 

@@ -43,28 +43,7 @@ def collapse(
     an oriented manifold of the same topology (the link condition), and that turn no triangle over. If the target is
     not reached, the limit on turns is relaxed, and at last dropped.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-        Changed in place.
-    vertices, normals : (V, 3) arrays, float64
-    quadrics : (V, 10) array, float64
-        Changed in place: those of vertices that stay take in those that went.
-    target : int
-        Number of vertices to keep, or with `faces` of triangles at most.
-    kept : (V,) array, bool
-        Vertices that are never removed.
-    density : float
-        Dense points for each vertex of the mesh.
-    faces : bool
-        Whether `target` counts triangles.
-    advanced : callable, optional
-        Called with the number of vertices removed since the last call.
-
-    Returns
-    -------
-    (V,) array, int64
-        The vertex into which each went, perhaps over several steps; itself if it stays.
+    Shapes: vertices, normals (V, 3), quadrics (V, 10), kept (V,); returns (V,).
     """
     into = np.arange(len(vertices))
     costs = np.full(len(vertices), np.inf)
@@ -89,14 +68,7 @@ def collapse(
 def ends(into: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return where each vertex went in the end.
 
-    Parameters
-    ----------
-    into : (V,) array, int64
-        Where each went at first; itself if it stays.
-
-    Returns
-    -------
-    (V,) array, int64
+    Shapes: into (V,); returns (V,).
     """
     while not np.array_equal(further := into[into], into):
         into = further
@@ -191,21 +163,7 @@ def _best(mesh, vertices, normals, quadrics, extra, limit, v, halves, found, oth
 def is_allowed(mesh, v, slot, count, edges, closed, halves, found, others, beyond):
     """Return whether a collapse keeps the topology: the link condition, and no triangle or vertex left hanging.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-    v : int
-        The vertex to remove.
-    slot : int
-        Which of its neighbours takes its triangles.
-    count, edges, closed, halves, found
-        What `neighbours` found around v.
-    others, beyond : (MOST_AROUND,) and (MOST_AROUND + 1,) arrays, int64
-        Buffers.
-
-    Returns
-    -------
-    bool
+    Shapes: others, beyond (MOST_AROUND,) or (MOST_AROUND + 1,).
     """
     u = found[slot]
     count_u, edges_u, closed_u = neighbours(mesh, u, others, beyond)
@@ -238,22 +196,7 @@ def _is_ear(mesh, h):
 def thinness_after(mesh, vertices, normals, limit, v, u, edges, halves):
     """Return how thin the triangles would be that a collapse moves.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-    vertices, normals : (V, 3) arrays
-    limit : float
-        Least cosine between a triangle's normals before and after; below -1, triangles may turn over.
-    v, u : int
-        The vertex to remove, and the neighbour that takes its triangles.
-    edges, halves
-        What `neighbours` found around v.
-
-    Returns
-    -------
-    float
-        What their qualities lack to `THIN_IN_COLLAPSE`, times their squared edges; infinity if one degenerates or
-        turns over.
+    Shapes: vertices, normals (V, 3).
     """
     total = 0.0
     pu, pv = row(vertices, u), row(vertices, v)
@@ -283,13 +226,7 @@ def thinness_after(mesh, vertices, normals, limit, v, u, edges, halves):
 def move_triangles(mesh, v, u, halves):
     """Move the triangles around v to its neighbour u, and remove those that have both.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-        Changed in place. The collapse must be allowed.
-    v, u : int
-    halves : (MOST_AROUND,) array, int64
-        Buffer.
+    Shapes: halves (MOST_AROUND,).
     """
     edges, _ = around(mesh, v, halves)
     forth = back = -1  # the half-edges from v to u and from u to v

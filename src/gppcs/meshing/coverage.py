@@ -39,12 +39,7 @@ class LastSearch(NamedTuple):
 
 @kernel
 def no_search():
-    """Return what stands for the last search before the first one.
-
-    Returns
-    -------
-    LastSearch
-    """
+    """Return what stands for the last search before the first one."""
     return LastSearch(
         np.zeros(3), np.empty(COVERING_POINTS, dtype=np.int64), np.full(COVERING_POINTS, np.inf)
     )  # fmt: skip
@@ -79,19 +74,7 @@ def are_covered(
     A place on a triangle is covered if one of the nearest dense points reaches it along its tangent plane. The places
     are those of a lattice, about as dense as the points.
 
-    Parameters
-    ----------
-    cover : Cover
-    triangles : (t, 3) array, int64
-        Corners.
-    points : (n, 3) array, float64
-        Places of the corners.
-    reaches : (n,) array, float64
-        How far the corners themselves, which are dense points, cover the surface.
-
-    Returns
-    -------
-    (t,) array, bool
+    Shapes: triangles (t, 3), points (n, 3), reaches (n,); returns (t,).
     """
     covered = np.empty(len(triangles), dtype=np.bool_)
     on_ranges(_cover_all, len(triangles), cover, triangles, points, reaches, covered, least=TRIANGLES_AT_ONCE)
@@ -111,20 +94,7 @@ def _cover_all(begin, end, cover, triangles, points, reaches, covered):
 def is_covered(cover, points, reaches, a, b, c, last):
     """Return whether the dense points cover the triangle of three corners.
 
-    Parameters
-    ----------
-    cover : Cover
-    points : (n, 3) array
-        Places of the corners.
-    reaches : (n,) array
-        How far the corners cover the surface.
-    a, b, c : int
-    last : LastSearch
-        Changed in place.
-
-    Returns
-    -------
-    bool
+    Shapes: points (n, 3), reaches (n,).
     """
     pa, pb, pc = row(points, a), row(points, b), row(points, c)
     ab, bc, ca = minus(pb, pa), minus(pc, pb), minus(pa, pc)

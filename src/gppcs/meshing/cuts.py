@@ -40,14 +40,7 @@ class TriangleTree(NamedTuple):
     def of(cls, mesh: HalfEdges, vertices: NDArray[np.float64]) -> Self:
         """Build the tree of the triangles of a mesh.
 
-        Parameters
-        ----------
-        mesh : HalfEdges
-        vertices : (V, 3) array, float64
-
-        Returns
-        -------
-        TriangleTree
+        Shapes: vertices (V, 3).
         """
         there = np.flatnonzero(mesh.origin[::3] >= 0)
         points = KdTree.build(vertices[mesh.origin.reshape(-1, 3)[there]].mean(axis=1))
@@ -86,13 +79,7 @@ def _widen(mesh, vertices, tree, f, node):
 def follow(mesh, vertices, tree, f):
     """Widen the boxes of a tree after the triangle f has changed.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-    vertices : (V, 3) array
-    tree : TriangleTree
-        Changed in place. It must have been built while the triangle was there.
-    f : int
+    Shapes: vertices (V, 3).
     """
     node = tree.leaf[f]
     while node > 0:
@@ -105,17 +92,7 @@ def cutting(mesh: HalfEdges, vertices: NDArray[np.float64], tree: TriangleTree |
 
     Triangles with a common edge do not cut each other, and those in one plane are not looked for.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-    vertices : (V, 3) array, float64
-    tree : TriangleTree, optional
-        Of the mesh.
-
-    Returns
-    -------
-    (m,) array, int64
-        Ascending.
+    Shapes: vertices (V, 3); returns (m,).
     """
     found = np.zeros(len(mesh.origin) // 3, dtype=np.bool_)
     if len(mesh.faces()):
@@ -137,20 +114,7 @@ def _mark_cutting(begin, end, mesh, vertices, tree, inside, found):
 def first_cut(mesh, vertices, tree, inside, a, b, c):
     """Return a triangle of a mesh that a triangle cuts.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-    vertices : (V, 3) array
-    tree : TriangleTree
-    inside : (F,) array, bool
-        Marks triangles of the mesh that do not count.
-    a, b, c : int
-        Corners of the triangle, which need not be of the mesh.
-
-    Returns
-    -------
-    int
-        -1 if there is none.
+    Shapes: vertices (V, 3), inside (F,).
     """
     pa, pb, pc = row(vertices, a), row(vertices, b), row(vertices, c)
     low = min(pa[0], pb[0], pc[0]), min(pa[1], pb[1], pc[1]), min(pa[2], pb[2], pc[2])
@@ -200,17 +164,7 @@ def _overlap(low, high, least, most):
 def are_cut(vertices, f, g):
     """Return whether two triangles cut each other.
 
-    Parameters
-    ----------
-    vertices : (V, 3) array
-    f, g : three ints each
-        Their corners.
-
-    Returns
-    -------
-    bool
-        False if they share an edge, unless they have the same corners and lie on each other. If they share a corner,
-        whether they meet anywhere else.
+    Shapes: vertices (V, 3).
     """
     shared = at_f = at_g = 0
     for i in range(3):

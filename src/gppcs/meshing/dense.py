@@ -57,21 +57,7 @@ class DensePoints:
     ) -> DensePoints | None:
         """Take enough points of a cloud for a mesh, evenly.
 
-        Parameters
-        ----------
-        points : (N, 3) array, float64
-            Of about unit size.
-        n_vertices : int
-            Vertices of the mesh.
-        chosen : (m,) array, int64
-            Rows that are taken in any case.
-        thick : bool
-            Whether to look for noise about as thick as the usual fits are wide.
-
-        Returns
-        -------
-        DensePoints or None
-            None if thick noise is looked for and not found.
+        Shapes: points (N, 3), chosen (m,).
         """
         rows = _some_rows(points, n_vertices, chosen)
         tree = KdTree.build(points[rows])

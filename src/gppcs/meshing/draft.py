@@ -68,16 +68,7 @@ class Draft:
     ) -> Draft:
         """Begin with a mesh of some dense points.
 
-        Parameters
-        ----------
-        dense, moved, level, kept
-            See the attributes.
-        faces : (F, 3) array, int64
-            An oriented manifold.
-
-        Returns
-        -------
-        Draft
+        Shapes: faces (F, 3).
         """
         places, normals = dense.places[level], dense.normals[level]
         mesh = HalfEdges.of(faces, len(level))
@@ -169,18 +160,7 @@ class Draft:
         self.mesh = HalfEdges.of(number[self.mesh.faces()], len(used))
 
     def mend(self, counts_faces: bool) -> int:
-        """Mend triangles that cut others, so that none does; other vertices take the place of those removed.
-
-        Parameters
-        ----------
-        counts_faces : bool
-            Whether as many triangles shall be left as there were, rather than as many vertices.
-
-        Returns
-        -------
-        int
-            Number of holes that this leaves.
-        """
+        """Mend triangles that cut others, so that none does; other vertices take the place of those removed."""
         vertices, triangles, holes = self.used(), len(self.mesh.faces()), 0
         for tries in reversed(range(MEND_TRIES)):
             into, cut = mend(self.mesh, self.vertices, self.normals, self.kept)

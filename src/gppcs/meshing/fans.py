@@ -29,25 +29,7 @@ def fans_of(
     A neighbour keeps its direction and its true distance. The fans of neighbouring points need not agree; the votes
     of a triangle tell how many of the fans of its three corners have it.
 
-    Parameters
-    ----------
-    points : (n, 3) array, float64
-    normals : (n, 3) array, float64
-        Unit normals with signs.
-    near : (n, k) array, int64
-        Neighbours of each point. Those on another sheet are left out.
-    on_circle : float
-        Largest squared sine of a turn at which points count as lying on one circle. So that fans agree, all of them
-        triangulate such points alike.
-
-    Returns
-    -------
-    triangles : (t, 3) array, int64
-        Each once, counter-clockwise as seen from the side of the normals.
-    votes : (t,) array, int64
-        1 to 3.
-    radii : (t,) array, float64
-        Of the circumcircles.
+    Shapes: points (n, 3), normals (n, 3), near (n, k); returns triangles (t, 3), votes (t,), radii (t,).
     """
     n = len(points)
     corners = np.full((n, MOST_TRIANGLES, 2), -1)
@@ -222,17 +204,7 @@ def _has(corners, a, b):
 
 @kernel
 def circumradius(a, b, c):
-    """Return the radius of the circle through three points.
-
-    Parameters
-    ----------
-    a, b, c : three floats each
-
-    Returns
-    -------
-    float
-        Infinite if they lie on a line.
-    """
+    """Return the radius of the circle through three points."""
     ab, bc, ca = minus(b, a), minus(c, b), minus(a, c)
     normal = area_vector(a, b, c)
     area = np.sqrt(dot(normal, normal))

@@ -33,20 +33,7 @@ def fitted(
     The places of the dense points are fixed by their barycentric coordinates. Vertices whose triangles would turn
     over stay where they are.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-    vertices, normals : (V, 3) arrays, float64
-    points : (N, 3) array, float64
-        The dense points.
-    assigned : Assignment
-        Their triangles, with valid weights.
-    pull : float
-        Weight with which a vertex is held where it is, in mean weights of a vertex.
-
-    Returns
-    -------
-    (V, 3) array, float64
+    Shapes: vertices, normals (V, 3), points (N, 3); returns (V, 3).
     """
     size = len(mesh.origin) // 3
     products, leavings = np.zeros((size, 3, 3)), np.zeros((size, 3, 3))

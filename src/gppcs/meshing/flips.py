@@ -37,22 +37,7 @@ def flip(
     The energy is the sum of the squared distances of the dense points to their triangles, and a cost of thin
     triangles. A point stays with the two triangles of an edge that is flipped.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-        Changed in place.
-    vertices, normals : (V, 3) arrays, float64
-    points : (N, 3) array, float64
-        The dense points.
-    assigned : Assignment
-        Their triangles, changed in place.
-    extra : float
-        Cost of a triangle without area; the cost falls to 0 at the quality `THIN_IN_FLIPS`.
-
-    Returns
-    -------
-    int
-        Number of flips.
+    Shapes: vertices, normals (V, 3), points (N, 3).
     """
     first = np.full(len(mesh.origin) // 3, -1)
     after = np.full(len(points), -1)
@@ -101,18 +86,7 @@ def _flip_all(mesh, vertices, normals, points, assigned, extra, first, after):
 def is_flippable(mesh, vertices, normals, h, halves):
     """Return whether an edge can be flipped: the mesh stays a manifold, and no triangle degenerates or turns over.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-    vertices, normals : (V, 3) arrays
-    h : int
-        A half-edge.
-    halves : (MOST_AROUND,) array, int64
-        Buffer.
-
-    Returns
-    -------
-    bool
+    Shapes: vertices, normals (V, 3), halves (MOST_AROUND,).
     """
     o = mesh.opposite[h]
     if mesh.origin[h] < 0 or o < 0:
@@ -167,17 +141,7 @@ def _is_better(mesh, vertices, points, assigned, extra, first, after, h):
 
 @kernel
 def thinness(a, b, c):
-    """Return how far the quality of a triangle is below `THIN_IN_FLIPS`, as a share of this.
-
-    Parameters
-    ----------
-    a, b, c : three floats each
-
-    Returns
-    -------
-    float
-        0 for triangles that are not thin.
-    """
+    """Return how far the quality of a triangle is below `THIN_IN_FLIPS`, as a share of this."""
     return max(0.0, 1.0 - quality(a, b, c) / THIN_IN_FLIPS)
 
 
@@ -186,12 +150,6 @@ def flip_edge(mesh, h):
     """Replace the edge of two triangles by the other diagonal.
 
     Triangles a b c and b a d, with h from a to b, become a d c and d b c, each in the place of one of them.
-
-    Parameters
-    ----------
-    mesh : HalfEdges
-        Changed in place. The edge must be flippable.
-    h : int
     """
     o = mesh.opposite[h]
     f, g = 3 * (h // 3), 3 * (o // 3)
@@ -246,17 +204,7 @@ def _share_out(mesh, vertices, points, assigned, first, after, f, g):
 def energy(mesh: HalfEdges, vertices: NDArray[np.float64], assigned: Assignment, extra: float) -> float:
     """Return the energy that flips lower.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-    vertices : (V, 3) array, float64
-    assigned : Assignment
-    extra : float
-        Cost of a triangle without area.
-
-    Returns
-    -------
-    float
+    Shapes: vertices (V, 3).
     """
     lack = np.maximum(0.0, 1.0 - qualities(mesh, vertices) / THIN_IN_FLIPS)
     return float(assigned.squared.sum() + extra * lack.sum())
@@ -265,14 +213,7 @@ def energy(mesh: HalfEdges, vertices: NDArray[np.float64], assigned: Assignment,
 def qualities(mesh: HalfEdges, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the qualities of the triangles, as `triangles.quality` defines them.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-    vertices : (V, 3) array, float64
-
-    Returns
-    -------
-    (F,) array, float64
+    Shapes: vertices (V, 3); returns (F,).
     """
     a, b, c = (vertices[corner] for corner in mesh.faces().T)
     squared = sum(((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a)))

@@ -37,16 +37,7 @@ class HalfEdges(NamedTuple):
     def of(cls, faces: NDArray[np.int64], n: int) -> Self:
         """Connect triangles.
 
-        Parameters
-        ----------
-        faces : (F, 3) array, int64
-            Corners, counter-clockwise. Each directed edge belongs to at most one triangle.
-        n : int
-            Number of vertices, V.
-
-        Returns
-        -------
-        HalfEdges
+        Shapes: faces (F, 3).
         """
         origin = np.ascontiguousarray(faces, dtype=np.int64).ravel().copy()
         mesh = cls(origin, np.full(len(origin), -1), np.full(n, -1))
@@ -56,10 +47,7 @@ class HalfEdges(NamedTuple):
     def faces(self) -> NDArray[np.int64]:
         """Return the triangles that are left.
 
-        Returns
-        -------
-        (F, 3) array, int64
-            Corners, counter-clockwise.
+        Shapes: returns (F, 3).
         """
         faces = self.origin.reshape(-1, 3)
         return faces[faces[:, 0] >= 0]
@@ -84,54 +72,20 @@ class EdgeTable(NamedTuple):
 
     @classmethod
     def of(cls, n: int, count: int) -> Self:
-        """Make a table without edges.
-
-        Parameters
-        ----------
-        n : int
-            Number of vertices, V.
-        count : int
-            Numbers of edges are below this.
-
-        Returns
-        -------
-        EdgeTable
-        """
+        """Make a table without edges."""
         return cls(np.full(n, -1), np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64))
 
 
 @kernel(allocates=False)
 def add_edge(table, p, q, number):
-    """Add a directed edge to a table.
-
-    Parameters
-    ----------
-    table : EdgeTable
-        Changed in place.
-    p, q : int
-        The vertices at which it begins and ends.
-    number : int
-        Of the edge; no other has it.
-    """
+    """Add a directed edge to a table."""
     table.target[number], table.after[number] = q, table.first[p]
     table.first[p] = number
 
 
 @kernel(allocates=False)
 def find_edge(table, p, q):
-    """Return the number of a directed edge.
-
-    Parameters
-    ----------
-    table : EdgeTable
-    p, q : int
-        The vertices at which it begins and ends.
-
-    Returns
-    -------
-    int
-        -1 if the table does not have it; of several, the one that was added last.
-    """
+    """Return the number of a directed edge."""
     number = table.first[p]
     while number >= 0 and table.target[number] != q:
         number = table.after[number]
@@ -140,31 +94,13 @@ def find_edge(table, p, q):
 
 @kernel
 def following(h):
-    """Return the next half-edge around the triangle.
-
-    Parameters
-    ----------
-    h : int
-
-    Returns
-    -------
-    int
-    """
+    """Return the next half-edge around the triangle."""
     return h - 2 if h % 3 == 2 else h + 1
 
 
 @kernel
 def preceding(h):
-    """Return the previous half-edge around the triangle.
-
-    Parameters
-    ----------
-    h : int
-
-    Returns
-    -------
-    int
-    """
+    """Return the previous half-edge around the triangle."""
     return h + 2 if h % 3 == 0 else h - 1
 
 
@@ -185,19 +121,7 @@ def _connect(mesh, table):
 def around(mesh, v, found):
     """List the half-edges that leave a vertex, counter-clockwise.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-    v : int
-    found : (MOST_AROUND,) array, int64
-        Filled.
-
-    Returns
-    -------
-    count : int
-        Number of half-edges.
-    closed : bool
-        Whether the triangles close around the vertex; otherwise, it is on a border.
+    Shapes: found (MOST_AROUND,).
     """
     first = mesh.leaving[v]
     if first < 0:
@@ -217,22 +141,7 @@ def around(mesh, v, found):
 def neighbours(mesh, v, halves, found):
     """List the vertices around a vertex, counter-clockwise.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-    v : int
-    halves : (MOST_AROUND,) array, int64
-        Filled by `around`.
-    found : (MOST_AROUND + 1,) array, int64
-        Filled; on a border, there is one more vertex than half-edges.
-
-    Returns
-    -------
-    count : int
-        Number of vertices.
-    edges : int
-        Number of half-edges.
-    closed : bool
+    Shapes: halves (MOST_AROUND,), found (MOST_AROUND + 1,).
     """
     edges, closed = around(mesh, v, halves)
     for slot in range(edges):
@@ -245,15 +154,7 @@ def neighbours(mesh, v, halves, found):
 
 @kernel(allocates=False)
 def leave_by(mesh, v, h):
-    """Let a vertex be left by a half-edge, or on a border by the first one.
-
-    Parameters
-    ----------
-    mesh : HalfEdges
-    v : int
-    h : int
-        A half-edge that begins at v, or -1 if there is none.
-    """
+    """Let a vertex be left by a half-edge, or on a border by the first one."""
     mesh.leaving[v] = h
     if h < 0:
         return
@@ -266,17 +167,7 @@ def leave_by(mesh, v, h):
 
 
 def faults(mesh: HalfEdges) -> list[str]:
-    """Return in words where the half-edges contradict each other.
-
-    Parameters
-    ----------
-    mesh : HalfEdges
-
-    Returns
-    -------
-    list of str
-        Empty for a sound mesh.
-    """
+    """Return in words where the half-edges contradict each other."""
     origin, opposite, leaving = mesh
     h = np.flatnonzero(origin >= 0)
     target = origin[np.where(h % 3 == 2, h - 2, h + 1)]

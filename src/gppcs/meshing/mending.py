@@ -37,20 +37,7 @@ def mend(
     The patches are two triangles with a common edge, then those around a vertex or some vertices. A patch is a disc,
     and its border stays, so the topology does, too. The vertices inside are removed.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-        Changed in place. It stays a manifold of the same topology.
-    vertices, normals : (V, 3) arrays, float64
-    kept : (V,) array, bool
-        Vertices that are never removed.
-
-    Returns
-    -------
-    into : (V,) array, int64
-        The vertex into which each went; itself if it stays.
-    cut : (m,) array, int64
-        The triangles that still cut others, ascending.
+    Shapes: vertices, normals (V, 3), kept (V,); returns into (V,), cut (m,).
     """
     into, cut = np.arange(len(vertices)), np.empty(0, dtype=np.int64)
     if len(mesh.faces()):
@@ -316,19 +303,7 @@ def cut_out(
     This may change the topology: a handle that is no part of the surface often cuts it. If a hole cannot be closed,
     rings of triangles around it are left out as well; unless some vertices are kept.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-    vertices, normals : (V, 3) arrays, float64
-    kept : (V,) array, bool
-        Vertices that are only removed where all triangles around them cut others.
-
-    Returns
-    -------
-    faces : (F, 3) array, int64
-        Corners of the triangles, a manifold.
-    holes : int
-        Number of holes that stay open.
+    Shapes: vertices, normals (V, 3), kept (V,); returns faces (F, 3).
     """
     old = _border_edges(mesh)
     faces, holes = _closed(_without_cuts(mesh, vertices), vertices, normals, old)
@@ -472,17 +447,7 @@ def holes_closed(
 ) -> NDArray[np.int64]:
     """Close holes up to a size as `holes_filled` does, except those whose filling would cut another triangle.
 
-    Parameters
-    ----------
-    faces : (F, 3) array, int64
-        An oriented manifold.
-    points, normals, size, cover
-        As for `holes_filled`.
-
-    Returns
-    -------
-    (F', 3) array, int64
-        The faces and, behind them, those of the fillings.
+    Shapes: faces (F, 3).
     """
     closed, n = holes_filled(faces, points, normals, size, cover), len(points)
     cut = cutting(HalfEdges.of(closed, n), points)

@@ -189,18 +189,7 @@ def check_size(
     keep: Any | None,
     fill_holes: float | None,
 ) -> None:
-    """Check how large a mesh shall be, as far as that is possible without the cloud.
-
-    Parameters
-    ----------
-    n_points, ratio, n_faces, tolerance, keep, fill_holes
-        As for `mesh`; of `keep` it only matters whether it is None.
-
-    Raises
-    ------
-    ParameterError
-        If not exactly one of the first five is given, or a value is outside its range.
-    """
+    """Check how large a mesh shall be, as far as that is possible without the cloud."""
     given = {"n_points": n_points, "ratio": ratio, "n_faces": n_faces, "tolerance": tolerance, "keep": keep}
     names = [name for name, value in given.items() if value is not None]
     if len(names) != 1:

@@ -29,18 +29,7 @@ def nearest_vertices(
 ) -> NDArray[np.int64]:
     """Return for each dense point the nearest vertex of its sheet.
 
-    Parameters
-    ----------
-    points, normals : (N, 3) arrays, float64
-        Of the dense points.
-    vertices, vertex_normals : (V, 3) arrays, float64
-    members : (V',) array, int64
-        The vertices that may be chosen.
-
-    Returns
-    -------
-    (N,) array, int64
-        The nearest of the four nearest vertices whose normal is less than 90 degrees off; -1 if none is.
+    Shapes: points, normals (N, 3), vertices, vertex_normals (V, 3); returns (N,).
     """
     tree = KdTree.build(vertices[members])
     found = np.empty(len(points), dtype=np.int64)
@@ -81,17 +70,7 @@ def dense_quadrics(
 ) -> NDArray[np.float64]:
     """Return for each vertex the sum of the squared distances to the tangent planes of the dense points nearest to it.
 
-    Parameters
-    ----------
-    points, normals : (N, 3) arrays, float64
-        Of the dense points.
-    vertices : (V, 3) array, float64
-    nearest : (N,) array, int64
-        The vertex of each dense point, or -1.
-
-    Returns
-    -------
-    (V, 10) array, float64
+    Shapes: points, normals (N, 3), vertices (V, 3), nearest (N,); returns (V, 10).
     """
     quadrics = np.zeros((len(vertices), NUMBERS))
     _add_dense(points, normals, vertices, nearest, quadrics)
@@ -111,14 +90,7 @@ def _add_dense(points, normals, vertices, nearest, quadrics):
 def add_borders(mesh: HalfEdges, vertices: NDArray[np.float64], weight: float, quadrics: NDArray[np.float64]) -> None:
     """Add to the ends of each edge on a border the plane through it that is upright on its triangle.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-    vertices : (V, 3) array, float64
-    weight : float
-        Weight of each plane, in planes of dense points.
-    quadrics : (V, 10) array, float64
-        Changed in place.
+    Shapes: vertices (V, 3), quadrics (V, 10).
     """
     _add_borders(mesh, vertices, weight, quadrics)
 
@@ -144,15 +116,7 @@ def _add_borders(mesh, vertices, weight, quadrics):
 def add_plane(quadric, normal, height, weight):
     """Add a plane to a quadric.
 
-    Parameters
-    ----------
-    quadric : (10,) array
-        Changed in place.
-    normal : three floats
-        Of unit length.
-    height : float
-        Of the vertex above the plane.
-    weight : float
+    Shapes: quadric (10,).
     """
     x, y, z = normal
     quadric[0] += weight * x * x
@@ -171,16 +135,7 @@ def add_plane(quadric, normal, height, weight):
 def value(quadric, step):
     """Return the value of a quadric.
 
-    Parameters
-    ----------
-    quadric : (10,) array
-    step : three floats
-        From its vertex to the place.
-
-    Returns
-    -------
-    float
-        Not negative.
+    Shapes: quadric (10,).
     """
     x, y, z = step
     found = x * (quadric[0] * x + 2.0 * (quadric[1] * y + quadric[2] * z + quadric[6]))
@@ -193,13 +148,7 @@ def value(quadric, step):
 def add_moved(quadric, step, total):
     """Add a quadric to that of another vertex.
 
-    Parameters
-    ----------
-    quadric : (10,) array
-    step : three floats
-        From its vertex to the other.
-    total : (10,) array
-        The other's quadric, changed in place.
+    Shapes: quadric (10,), total (10,).
     """
     x, y, z = step
     at_other = value(quadric, step)

@@ -17,20 +17,7 @@ def worst_places(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the triangles with the largest sums of squared distances, and the farthest dense point of each.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-    assigned : Assignment
-        The triangles of N dense points, with valid weights.
-    usable : (N,) array, bool
-        Which dense points may become vertices. Points near an edge of their triangle are left out in any case.
-    count : int
-        Number of triangles at most.
-
-    Returns
-    -------
-    faces, points : (m,) arrays, int64
-        In the order of the triangles.
+    Shapes: usable (N,); returns faces, points (m,).
     """
     there = assigned.face >= 0
     size = len(mesh.origin) // 3
@@ -56,18 +43,7 @@ def _find_farthest(assigned, inner, farthest):
 def split(mesh: HalfEdges, faces: NDArray[np.int64], first: int) -> HalfEdges:
     """Return a mesh in which some triangles are split in three by a new vertex each.
 
-    Parameters
-    ----------
-    mesh : HalfEdges
-    faces : (m,) array, int64
-        The triangles, ascending.
-    first : int
-        Number of the first new vertex; the others follow it.
-
-    Returns
-    -------
-    HalfEdges
-        The triangles that stay come first.
+    Shapes: faces (m,).
     """
     corners = mesh.origin.reshape(-1, 3)
     a, b, c = corners[faces].T

@@ -10,11 +10,6 @@ class Jet:
     """Values of a function of (u, v) at N places, with all derivatives up to order two.
 
     Jets support +, - and * with jets, numbers and (N,) arrays, which count as constants.
-
-    Parameters
-    ----------
-    parts : (6, N) array, float64
-        The rows are f, f_u, f_v, f_uu, f_uv and f_vv.
     """
 
     def __init__(self, parts: NDArray[np.float64]) -> None:
@@ -24,13 +19,7 @@ class Jet:
     def variables(cls, u: NDArray[np.float64], v: NDArray[np.float64]) -> tuple[Jet, Jet]:
         """Return the two parameters as jets.
 
-        Parameters
-        ----------
-        u, v : (N,) arrays, float64
-
-        Returns
-        -------
-        u, v : Jet
+        Shapes: u, v (N,).
         """
         parts = np.zeros((2, 6, len(u)))
         parts[0, 0], parts[0, 1] = u, 1.0
@@ -91,113 +80,51 @@ class Jet:
         return Jet(parts)
 
     def squared(self) -> Jet:
-        """Return f².
-
-        Returns
-        -------
-        Jet
-        """
+        """Return f²."""
         f = self.value
         return self._chain(f * f, 2.0 * f, np.full_like(f, 2.0))
 
     def sqrt(self) -> Jet:
-        """Return √f, for f > 0.
-
-        Returns
-        -------
-        Jet
-        """
+        """Return √f, for f > 0."""
         root = np.sqrt(self.value)
         return self._chain(root, 0.5 / root, -0.25 / (root * self.value))
 
     def exp(self) -> Jet:
-        """Return e^f.
-
-        Returns
-        -------
-        Jet
-        """
+        """Return e^f."""
         power = np.exp(self.value)
         return self._chain(power, power, power)
 
     def sin(self) -> Jet:
-        """Return sin f.
-
-        Returns
-        -------
-        Jet
-        """
+        """Return sin f."""
         sine = np.sin(self.value)
         return self._chain(sine, np.cos(self.value), -sine)
 
     def cos(self) -> Jet:
-        """Return cos f.
-
-        Returns
-        -------
-        Jet
-        """
+        """Return cos f."""
         cosine = np.cos(self.value)
         return self._chain(cosine, -np.sin(self.value), -cosine)
 
     def clipped(self, low: float, high: float) -> Jet:
-        """Return f clipped to [low, high]; where it is clipped, its derivatives are zero.
-
-        Parameters
-        ----------
-        low, high : float
-
-        Returns
-        -------
-        Jet
-        """
+        """Return f clipped to [low, high]; where it is clipped, its derivatives are zero."""
         parts = np.where((self.value > low) & (self.value < high), self.parts, 0.0)
         parts[0] = np.clip(self.value, low, high)
         return Jet(parts)
 
     def where_higher(self, other: Jet) -> Jet:
-        """Return the greater of two functions at each place; they meet in a sharp edge.
-
-        Parameters
-        ----------
-        other : Jet
-            At the same N places.
-
-        Returns
-        -------
-        Jet
-        """
+        """Return the greater of two functions at each place; they meet in a sharp edge."""
         return Jet(np.where(self.value > other.value, self.parts, other.parts))
 
     def at(self, places: NDArray[np.bool_]) -> Jet:
         """Return the jet at some of its places.
 
-        Parameters
-        ----------
-        places : (N,) array, bool
-            True at n places.
-
-        Returns
-        -------
-        Jet
-            At n places.
+        Shapes: places (N,).
         """
         return Jet(self.parts[:, places])
 
     def raised_at(self, places: NDArray[np.bool_], amount: Jet) -> Jet:
         """Return f with an amount added at some of its places.
 
-        Parameters
-        ----------
-        places : (N,) array, bool
-            True at n places.
-        amount : Jet
-            At these n places.
-
-        Returns
-        -------
-        Jet
-            At all N places.
+        Shapes: places (N,).
         """
         parts = self.parts.copy()
         parts[:, places] += amount.parts

@@ -39,23 +39,7 @@ class SurfacePoints:
 
 @dataclass(frozen=True)
 class Patch:
-    """A piece of a surface S(u, v): the image of a rectangle of the parameters u and v.
-
-    Parameters
-    ----------
-    surface : callable
-        Takes u and v as jets, and returns x, y and z as jets, in mm.
-    u, v : (low, high)
-        Ranges of the parameters.
-    stretch : float
-        Upper bound of the area element of the patch.
-    colour : (red, green, blue)
-        From 0 to 255.
-    side : 1 or -1
-        1 if ∂S/∂u x ∂S/∂v points outward, -1 if it points inward.
-    trim : callable, optional
-        Takes u and v, (N,) each; returns (N,) booleans, false where the patch is cut away.
-    """
+    """A piece of a surface S(u, v): the image of a rectangle of the parameters u and v."""
 
     surface: Callable[[Jet, Jet], tuple[Jet, Jet, Jet]]
     u: Range
@@ -73,13 +57,7 @@ class Patch:
     def at(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> SurfacePoints:
         """Evaluate the patch by its first and second fundamental forms.
 
-        Parameters
-        ----------
-        u, v : (N,) arrays, float64
-
-        Returns
-        -------
-        SurfacePoints
+        Shapes: u, v (N,).
         """
         position = np.stack([jet.parts for jet in self.surface(*Jet.variables(u, v))], axis=2)
         points, along_u, along_v, *second = position
@@ -92,19 +70,7 @@ class Patch:
         return SurfacePoints(points, normals, curvature, area_element)
 
     def draw(self, count: int, rng: np.random.Generator) -> SurfacePoints:
-        """Draw points that are uniform by area, by rejection sampling.
-
-        Parameters
-        ----------
-        count : int
-            Number of proposals; fewer points are accepted.
-        rng : numpy.random.Generator
-
-        Returns
-        -------
-        SurfacePoints
-            The accepted points.
-        """
+        """Draw points that are uniform by area, by rejection sampling."""
         u = rng.uniform(*self.u, count)
         v = rng.uniform(*self.v, count)
         threshold = rng.uniform(0.0, self.stretch, count)
@@ -140,25 +106,7 @@ class Scan:
 
 
 def flat(axis: int, at: float, u: Range, v: Range, side: int, colour: Colour, trim: Trim | None = None) -> Patch:
-    """Return a plane face orthogonal to a coordinate axis.
-
-    Parameters
-    ----------
-    axis : 0, 1 or 2
-        The axis, x, y or z.
-    at : float
-        Coordinate of the face on that axis, in mm.
-    u, v : (low, high)
-        Ranges along the next two axes in cyclic order, in mm; these are the parameters of the patch.
-    side : 1 or -1
-        Whether the outward normal points in the direction of the axis or against it.
-    colour, trim
-        As in `Patch`.
-
-    Returns
-    -------
-    Patch
-    """
+    """Return a plane face orthogonal to a coordinate axis."""
 
     def surface(u: Jet, v: Jet) -> tuple[Jet, Jet, Jet]:
         return _in_order(axis, u * 0.0 + at, u, v)
@@ -175,26 +123,7 @@ def turned(
     angle: Range = (0.0, 2.0 * np.pi),
     trim: Trim | None = None,
 ) -> Patch:
-    """Return the surface of revolution of a line segment: a cylinder, cone, disc or ring.
-
-    Parameters
-    ----------
-    axis : 0, 1 or 2
-        The axis of rotation is parallel to this coordinate axis.
-    centre : (float, float)
-        Position of the axis of rotation along the next two axes in cyclic order, in mm.
-    start, end : (radius, height)
-        Ends of the segment, in mm. The outward side is on its left if the radius points right and the height up. So
-        the profile of a solid runs from the top of the axis outward, down, and back to the axis.
-    colour, trim
-        As in `Patch`. The parameters u and v are the position along the segment, from 0 to 1, and the angle.
-    angle : (low, high)
-        Range of the angle in radians, from the first axis of `centre` to the second.
-
-    Returns
-    -------
-    Patch
-    """
+    """Return the surface of revolution of a line segment: a cylinder, cone, disc or ring."""
 
     def surface(t: Jet, angle: Jet) -> tuple[Jet, Jet, Jet]:
         radius = t * (end[0] - start[0]) + start[0]

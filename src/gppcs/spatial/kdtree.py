@@ -41,15 +41,6 @@ class KdTree(ComparedByValue):
         Coordinates in tree order; each row is an axis.
     low, high : (nodes, 3) arrays, float64
         Corners of the bounding box of each node; row 0 is unused.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import gppcs
-    >>> tree = gppcs.KdTree.build(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [5.0, 0.0, 0.0]]))
-    >>> indices, squared = tree.nearest_of(np.array([[2.0, 0.0, 0.0]]), k=2)
-    >>> indices, squared
-    (array([[1, 0]]), array([[1., 4.]]))
     """
 
     order: NDArray[np.int64]
@@ -61,19 +52,7 @@ class KdTree(ComparedByValue):
     def build(cls, points: NDArray[np.float64]) -> KdTree:
         """Build the tree in O(N log N).
 
-        Parameters
-        ----------
-        points : (N, 3) array, float64
-            At least one point; repeats are allowed.
-
-        Returns
-        -------
-        KdTree
-
-        Raises
-        ------
-        InputError
-            If `points` is not a numeric (N, 3) array.
+        Shapes: points (N, 3).
         """
         rows = np.ascontiguousarray(_checked(points))
         n, depth = len(rows), 0
@@ -93,17 +72,7 @@ class KdTree(ComparedByValue):
     def over(cls, points: NDArray[np.float64], order: NDArray[np.int64] | None = None) -> KdTree:
         """Build a tree over points that are already sorted: only the boxes are computed, in O(N).
 
-        Parameters
-        ----------
-        points : (3, N) array, float64
-            At least one point; each row is an axis. Neighbours must be near each other in this order, as in the order
-            of another tree. Otherwise searches are correct but slow.
-        order : (N,) array, int64, optional
-            The `order` of the tree; by default, 0 to N - 1.
-
-        Returns
-        -------
-        KdTree
+        Shapes: points (3, N), order (N,).
         """
         n, leaves = points.shape[1], 1
         while n > LEAF_SIZE * leaves:
@@ -120,35 +89,17 @@ class KdTree(ComparedByValue):
         return len(self.low) // 2
 
     def scaled(self, factor: float) -> KdTree:
-        """Return the tree over the points multiplied by a factor.
-
-        Parameters
-        ----------
-        factor : float
-            Positive.
-
-        Returns
-        -------
-        KdTree
-        """
+        """Return the tree over the points multiplied by a factor."""
         return KdTree(self.order, self.points * factor, self.low * factor, self.high * factor)
 
     def in_own_order(self) -> KdTree:
-        """Return the tree over the points in tree order: what is computed for its input is then in tree order.
-
-        Returns
-        -------
-        KdTree
-        """
+        """Return the tree over the points in tree order: what is computed for its input is then in tree order."""
         return KdTree(np.arange(len(self.order)), self.points, self.low, self.high)
 
     def positions(self) -> NDArray[np.int64]:
         """Return the position in tree order of each point of the input.
 
-        Returns
-        -------
-        (N,) array, int64
-            The inverse permutation of `order`.
+        Shapes: returns (N,).
         """
         positions = np.empty(len(self.order), dtype=np.int64)
         positions[self.order] = np.arange(len(self.order))
@@ -157,26 +108,7 @@ class KdTree(ComparedByValue):
     def nearest_of(self, queries: NDArray[np.float64], k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Find the k points nearest to each query.
 
-        Parameters
-        ----------
-        queries : (Q, 3) array, float64
-        k : int
-            From 1 to N.
-
-        Returns
-        -------
-        indices : (Q, k) array, int64
-            Indices in the input, nearest first.
-        squared : (Q, k) array, float64
-            Squared distances. They are infinite for queries that are not finite, or too far away for a float64; their
-            indices mean nothing.
-
-        Raises
-        ------
-        InputError
-            If `queries` is not a numeric (Q, 3) array.
-        ParameterError
-            If `k` is outside its range.
+        Shapes: queries (Q, 3); returns indices (Q, k), squared (Q, k).
         """
         positions, squared = self._nearest_positions(_checked(queries), self._at_most(whole_number("k", k, 1), 0))
         return self.order[positions], squared
@@ -184,22 +116,7 @@ class KdTree(ComparedByValue):
     def neighbours(self, k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Find the k other points nearest to each point of the tree, which must have no repeats.
 
-        Parameters
-        ----------
-        k : int
-            From 0 to N - 1.
-
-        Returns
-        -------
-        positions : (N, k) array, int64
-            Positions in tree order, nearest first; rows are in tree order as well.
-        squared : (N, k) array, float64
-            Squared distances.
-
-        Raises
-        ------
-        ParameterError
-            If `k` is outside its range.
+        Shapes: returns positions (N, k), squared (N, k).
         """
         positions, squared = self._nearest_positions(self.points.T, self._at_most(whole_number("k", k, 0), 1) + 1)
         return positions[:, 1:], squared[:, 1:]  # the first is the point itself

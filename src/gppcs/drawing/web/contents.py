@@ -32,17 +32,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Named:
-    """A cloud with the name that the page gives it.
-
-    Parameters
-    ----------
-    name : str
-    cloud : PointCloud
-    mesh : Mesh, optional
-        The surface rebuilt from the cloud, which the page can show in place of the points.
-    reason : str, optional
-        Of a result: in a few words, why its points were chosen.
-    """
+    """A cloud with the name that the page gives it."""
 
     name: str
     cloud: PointCloud
@@ -57,31 +47,7 @@ def report_page(
     viewpoint: Viewpoint = GUESSED,
     stages: Stages | None = None,
 ) -> Page:
-    """Return a page of simplified clouds beside their original, with figures.
-
-    Parameters
-    ----------
-    original : Named
-        Points with NaN or infinite coordinates are left out.
-    results : sequence of Named
-        Clouds in the unit and frame of the original, their points in the order of choice.
-    made : sequence of (str, str)
-        How the page was made, as names and values.
-    viewpoint : Viewpoint
-        From where the views look at first.
-    stages : Stages, optional
-        Records the time of each stage. Its listener, if any, hears of the progress.
-
-    Returns
-    -------
-    Page
-        If a result does not lie on the original, the page says so instead of showing its figures.
-
-    Raises
-    ------
-    InputError
-        If a cloud has no point with finite coordinates.
-    """
+    """Return a page of simplified clouds beside their original, with figures."""
     stages, blocks, notes = Stages.of(stages), Blocks(), []
     with stages("original"):
         surface = _surface(original)
@@ -110,26 +76,7 @@ def report_page(
 
 
 def view_page(clouds: Sequence[Named], made: Sequence[tuple[str, str]], viewpoint: Viewpoint = GUESSED) -> Page:
-    """Return a page of any clouds.
-
-    Parameters
-    ----------
-    clouds : sequence of Named
-        At least one. Points with NaN or infinite coordinates are left out.
-    made : sequence of (str, str)
-        How the page was made, as names and values.
-    viewpoint : Viewpoint
-        From where the views look at first.
-
-    Returns
-    -------
-    Page
-
-    Raises
-    ------
-    InputError
-        If a cloud has no point with finite coordinates.
-    """
+    """Return a page of any clouds."""
     blocks, layers = Blocks(), []
     for each in clouds:
         surface = _surface(each)

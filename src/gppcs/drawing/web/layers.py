@@ -55,22 +55,7 @@ class Surface:
 
     @classmethod
     def of(cls, cloud: PointCloud) -> Surface:
-        """Estimate the surface of a cloud.
-
-        Parameters
-        ----------
-        cloud : PointCloud
-            At least one point must be finite; others are left out.
-
-        Returns
-        -------
-        Surface
-
-        Raises
-        ------
-        InputError
-            If no point is finite.
-        """
+        """Estimate the surface of a cloud."""
         rows = cloud.finite_rows()
         if len(rows) == 0:
             raise InputError(f"expected points with finite coordinates to show, found none among {len(cloud)}")
@@ -81,10 +66,7 @@ class Surface:
     def spacings(self) -> Array:
         """Return the mean distance of each point to the next ones around it.
 
-        Returns
-        -------
-        (N,) array, float64
-            In the unit of the coordinates.
+        Shapes: returns (N,).
         """
         local, _, exponent = normalised(self.cloud.points)
         neighbours = min(SIXTH + 1, self.tree.points.shape[1])
@@ -94,10 +76,7 @@ class Surface:
     def shown(self) -> NDArray[np.int64]:
         """Return the points to draw: all, or as many as the page holds, chosen by the default method.
 
-        Returns
-        -------
-        (K,) array, int64
-            Ascending.
+        Shapes: returns (K,).
         """
         if len(self.rows) <= MOST_SHOWN:
             return np.arange(len(self.rows))
@@ -106,19 +85,6 @@ class Surface:
 
 class Layer:
     """One cloud of the page.
-
-    Parameters
-    ----------
-    blocks : Blocks
-        Takes the packed arrays.
-    name : str
-        The title of the view.
-    role : "original", "result" or "cloud"
-        What the cloud is to the others.
-    surface : Surface
-        The cloud.
-    points : int
-        Number of points in the file.
 
     Attributes
     ----------
@@ -176,16 +142,7 @@ class Layer:
     def add_values(self, key: str, title: str, unit: str, values: NDArray[Any], root: bool = False) -> None:
         """Add a quantity that colours can show.
 
-        Parameters
-        ----------
-        key : str
-            Equal for the same quantity of several clouds, which share a scale.
-        title, unit : str
-            For the legend.
-        values : (K,) array
-            One for each point that is drawn.
-        root : bool
-            Whether colours follow the square root of the value, since most values are small.
+        Shapes: values (K,).
         """
         kinds = kinds_of(values)
         held = quantised_values(values if kinds is None else np.searchsorted(kinds, values))
@@ -217,13 +174,7 @@ class Layer:
             self.notes.append(f"{self.described['name']}: left out of this page: attributes {', '.join(left_out)}.")
 
     def add_mesh(self, mesh: Mesh | None) -> None:
-        """Add the surface rebuilt from the cloud.
-
-        Parameters
-        ----------
-        mesh : Mesh or None
-            Vertices without triangles are left out, and a mesh that is too large for the page, which then says so.
-        """
+        """Add the surface rebuilt from the cloud."""
         if mesh is None:
             return
         if len(mesh.faces) > MOST_TRIANGLES:

@@ -34,14 +34,7 @@ class Blocks:
         Each column is written as differences from row to row, these as planes of bytes from the lowest, and all planes
         are deflated (zlib).
 
-        Parameters
-        ----------
-        array : (N,) or (N, C) array of unsigned integers
-
-        Returns
-        -------
-        str
-            The name of the block, by which the page finds it.
+        Shapes: array (N,) or (N, C).
         """
         columns = array.reshape(len(array), -1).T
         differences = np.diff(columns, axis=1, prepend=columns.dtype.type(0))  # modulo the range of the type
@@ -70,15 +63,7 @@ class Quantised:
 def quantised_points(points: Array) -> Quantised:
     """Return coordinates in 16 bits of their bounding box.
 
-    Parameters
-    ----------
-    points : (N, 3) array, float64
-        Finite coordinates, N at least 1.
-
-    Returns
-    -------
-    Quantised
-        Each coordinate differs by at most half a step from the true one.
+    Shapes: points (N, 3).
     """
     low = points.min(axis=0)
     # Divided first: the extent can exceed the largest float.
@@ -89,15 +74,7 @@ def quantised_points(points: Array) -> Quantised:
 def quantised_values(values: NDArray[Any]) -> Quantised:
     """Return values in 16 bits of their range; whole numbers stay exact if they fit.
 
-    Parameters
-    ----------
-    values : (N,) array
-        Numbers or truth values.
-
-    Returns
-    -------
-    Quantised
-        NaN and infinite values have the number `UNKNOWN`.
+    Shapes: values (N,).
     """
     numbers = np.full(len(values), UNKNOWN, dtype=np.uint16)
     floats = values.astype(np.float64)
@@ -117,14 +94,7 @@ def octahedral(normals: Array) -> NDArray[np.uint8]:
 
     The sphere is projected onto an octahedron, whose lower half is folded out (Cigolle et al. 2014).
 
-    Parameters
-    ----------
-    normals : (N, 3) array, float64
-        Of any length; zero and unknown ones point along z.
-
-    Returns
-    -------
-    (N, 2) array, uint8
+    Shapes: normals (N, 3); returns (N, 2).
     """
     known = np.isfinite(normals).all(axis=1) & (normals != 0).any(axis=1)
     directions = np.where(known[:, None], normals, (0.0, 0.0, 1.0))
@@ -139,16 +109,7 @@ def octahedral(normals: Array) -> NDArray[np.uint8]:
 def packed_faces(faces: NDArray[np.int64]) -> NDArray[np.uint32]:
     """Return triangles as numbers whose differences from row to row are small, so that they take little room.
 
-    Parameters
-    ----------
-    faces : (F, 3) array, int64
-        Numbers of vertices.
-
-    Returns
-    -------
-    (F, 3) array, uint32
-        For each triangle its lowest vertex, and the running sums (modulo 2**32) of the steps from this to the next and
-        to the last one. Triangles are sorted, and each turns the way it did.
+    Shapes: faces (F, 3); returns (F, 3).
     """
     lowest = faces.argmin(axis=1)[:, None]
     turned = np.take_along_axis(faces, (lowest + np.arange(3)) % 3, axis=1)

@@ -22,25 +22,7 @@ SMALL = 0.1  # or one is smaller than this share of the largest
 
 @dataclass(frozen=True)
 class Page:
-    """A page of clouds.
-
-    Parameters
-    ----------
-    title, lead : str
-        The heading, and the line below it.
-    layers : sequence of Layer
-        The clouds, in the order of the views.
-    blocks : Blocks
-        The packed arrays of the layers.
-    viewpoint : Viewpoint
-        From where the views look at first.
-    made : sequence of (str, str)
-        How the page was made, as names and values.
-    notes : sequence of str
-        What the page says of all its clouds together.
-    diagonal : float
-        Length of the diagonal of the original's bounding box, for the figures.
-    """
+    """A page of clouds."""
 
     title: str
     lead: str
@@ -60,13 +42,7 @@ class Page:
         return notes
 
     def write(self, file: BinaryIO) -> None:
-        """Write the page.
-
-        Parameters
-        ----------
-        file : binary file
-            Open for writing.
-        """
+        """Write the page."""
         before, after = _viewer().split(PLACE)
         file.write(before)
         file.write(_script("description", "application/json", _json(self._description())))

@@ -73,20 +73,7 @@ class Scene:
     measured: Callable[[Rays, Values, np.random.Generator], Values]
 
     def scan(self, n_points: int, rng: np.random.Generator) -> Measured:
-        """Measure the scene.
-
-        Parameters
-        ----------
-        n_points : int
-            The sensor gets so many rays that it measures at least this number of points; the surplus, random points, is
-            left out.
-        rng : numpy.random.Generator
-
-        Returns
-        -------
-        Measured
-            Exactly `n_points` points.
-        """
+        """Measure the scene."""
         share = np.mean(self.follow(self.rays(TRIAL), rng)[1] != NO_SURFACE)
         count, hits = n_points / share, 0
         while hits < n_points:
@@ -100,19 +87,7 @@ class Scene:
     def follow(self, rays: Rays, rng: np.random.Generator) -> tuple[Values, NDArray[np.int64]]:
         """Find what each ray meets first.
 
-        Parameters
-        ----------
-        rays : Rays
-            N rays.
-        rng : numpy.random.Generator
-            For the ways among leaves.
-
-        Returns
-        -------
-        distances : (N,) array, float64
-            True distances; infinite where a ray meets nothing.
-        surfaces : (N,) array, int64
-            Number of the surface, `NO_SURFACE` where a ray meets nothing.
+        Shapes: returns distances (N,), surfaces (N,).
         """
         distances = np.full(len(rays.origins), np.inf)
         met = np.full(len(rays.origins), NO_SURFACE)
@@ -142,13 +117,7 @@ class Scene:
     def distances(self, points: Values) -> Values:
         """Return the distances of points from the scene's surfaces. Leaves have none.
 
-        Parameters
-        ----------
-        points : (N, 3) array, float64
-
-        Returns
-        -------
-        (N,) array, float64
+        Shapes: points (N, 3); returns (N,).
         """
         solid = [surface for surface in self.surfaces if not isinstance(surface, Foliage)]
         nearest = np.full(len(points), np.inf)

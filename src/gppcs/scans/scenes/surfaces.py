@@ -71,14 +71,7 @@ def _roots(a: Values | float, half_b: Values, c: Values) -> tuple[Values, Values
 
 
 class Ring:
-    """The half spaces that bound a convex polygon in its plane.
-
-    Parameters
-    ----------
-    corners : (C, 3) array, float64
-    normal : (3,) array, float64
-        Of the plane.
-    """
+    """The half spaces that bound a convex polygon in its plane."""
 
     def __init__(self, corners: Values, normal: Values) -> None:
         self.corners = corners
@@ -103,16 +96,7 @@ class Ring:
 
 
 class Polygon:
-    """A convex plane polygon, which may have holes.
-
-    Parameters
-    ----------
-    corners : sequence of (x, y, z)
-        In one plane, in either direction of rotation.
-    look : Look
-    holes : sequence of sequences of (x, y, z)
-        Convex polygons in the same plane, inside the polygon and apart from each other.
-    """
+    """A convex plane polygon, which may have holes."""
 
     def __init__(self, corners: list[Place], look: Look, holes: list[list[Place]] | None = None) -> None:
         self.look = look
@@ -155,13 +139,7 @@ class Polygon:
 
 
 class Faces:
-    """Many polygons without holes, which rays meet all at once.
-
-    Parameters
-    ----------
-    polygons : sequence of Polygon
-        S of them.
-    """
+    """Many polygons without holes, which rays meet all at once."""
 
     def __init__(self, polygons: list[Polygon]) -> None:
         most = max(len(polygon.outline.corners) for polygon in polygons)
@@ -191,15 +169,7 @@ class Faces:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """The open side of a cylinder.
-
-    Parameters
-    ----------
-    start, end : (x, y, z)
-        Ends of its axis.
-    radius : float
-    look : Look
-    """
+    """The open side of a cylinder."""
 
     start: Place
     end: Place
@@ -249,14 +219,7 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class Sphere:
-    """A sphere.
-
-    Parameters
-    ----------
-    centre : (x, y, z)
-    radius : float
-    look : Look
-    """
+    """A sphere."""
 
     centre: Place
     radius: float
@@ -290,16 +253,7 @@ class Sphere:
 
 @dataclass(frozen=True)
 class Foliage:
-    """Leaves in a ball: a ray meets one after a random way, by the law of Beer and Lambert. They have no normals.
-
-    Parameters
-    ----------
-    centre : (x, y, z)
-    radius : float
-    mean_way : float
-        Mean length of a ray among leaves.
-    look : Look
-    """
+    """Leaves in a ball: a ray meets one after a random way, by the law of Beer and Lambert. They have no normals."""
 
     centre: Place
     radius: float
@@ -328,18 +282,7 @@ class Foliage:
 
 @dataclass(frozen=True)
 class Relief:
-    """The graph of a smooth height over a rectangle.
-
-    Parameters
-    ----------
-    height : callable(x, y) -> (height, slope along x, slope along y)
-        All (N,).
-    low, high : (x, y)
-        Corners of the rectangle.
-    heights : (low, high)
-        Bounds of the height.
-    look : Look
-    """
+    """The graph of a smooth height over a rectangle."""
 
     height: Callable[[Values, Values], tuple[Values, Values, Values]]
     low: tuple[float, float]
@@ -383,21 +326,7 @@ class Relief:
 def box(
     centre: tuple[float, float], size: tuple[float, float], heights: tuple[float, float], look: Look, angle: float = 0.0
 ) -> list[Polygon]:
-    """Return the six faces of an upright box.
-
-    Parameters
-    ----------
-    centre, size : (x, y)
-        Of its base.
-    heights : (low, high)
-    look : Look
-    angle : float
-        Rotation about the vertical axis, in radians.
-
-    Returns
-    -------
-    list of Polygon
-    """
+    """Return the six faces of an upright box."""
     return prism(centre, size, size, heights, look, angle)
 
 
@@ -409,12 +338,7 @@ def prism(
     look: Look,
     angle: float = 0.0,
 ) -> list[Polygon]:
-    """Return the six faces of an upright truncated pyramid; the arguments are those of `box`, with a size of its top.
-
-    Returns
-    -------
-    list of Polygon
-    """
+    """Return the six faces of an upright truncated pyramid; arguments as of `box`, with a size of its top."""
     c, s = np.cos(angle), np.sin(angle)
 
     def ring(size: tuple[float, float], z: float) -> list[Place]:

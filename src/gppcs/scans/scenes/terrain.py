@@ -25,14 +25,7 @@ CABLE = Look((50, 50, 54), 14)
 def ground(x: Values, y: Values) -> tuple[Values, Values, Values]:
     """Return the height of the ground and its slopes.
 
-    Parameters
-    ----------
-    x, y : (N,) arrays, float64
-
-    Returns
-    -------
-    height, along_x, along_y : (N,) arrays, float64
-        The slopes are the derivatives along x and y.
+    Shapes: x, y (N,); returns height, along_x, along_y (N,).
     """
     height, along_x, along_y = 0.02 * x, np.full_like(x, 0.02), np.zeros_like(x)
     for centre, width, tall in (((-30.0, 25.0), 22.0, 7.0), ((35.0, -30.0), 18.0, 5.0), ((10.0, 50.0), 12.0, -2.5)):
