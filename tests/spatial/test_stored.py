@@ -19,10 +19,11 @@ def stored_in(folder, cuts=()):
         boxes = boxes_for(POINTS[:1_000], len(POINTS))
     records = np.empty(len(POINTS), dtype=RECORD)
     records["row"], records["place"] = np.arange(len(POINTS)), POINTS
-    runs = [part for part in np.split(records, cuts) if len(part)]
-    names = tuple(f"{number}.run" for number in range(len(runs)))
-    counts = sum(write_run(folder, name, boxes, run) for name, run in zip(names, runs, strict=True))
-    return StoredPoints(folder, boxes, counts, names, RECORD, POINTS[:1_000])
+    split = [part for part in np.split(records, cuts) if len(part)]
+    written = [write_run(folder, f"{number}.run", boxes, part) for number, part in enumerate(split)]
+    return StoredPoints(
+        folder, boxes, sum(counts for _, counts in written), tuple(run for run, _ in written), RECORD, POINTS[:1_000]
+    )
 
 
 @given(st.lists(st.integers(0, 3_000), max_size=5).map(sorted), st.sampled_from([0.0, 0.03, 2.0]), st.booleans())

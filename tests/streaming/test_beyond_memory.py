@@ -25,7 +25,7 @@ def beyond_memory(monkeypatch):
     monkeypatch.setattr("gppcs.streaming.scan.RUN", 5_000)
     monkeypatch.setattr("gppcs.spatial.farthest_in_parts.PART", 4_000)
     monkeypatch.setattr("gppcs.gp.local.beyond_memory.PART", 4_000)
-    monkeypatch.setattr("gppcs.gp.local.beyond_memory.CANDIDATE", 1e5)  # so that there are stages in parts
+    monkeypatch.setattr("gppcs.gp.local.beyond_memory.POINTS", 4_000)
 
 
 def written(tmp_path, cloud):

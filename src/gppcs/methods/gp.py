@@ -108,7 +108,7 @@ class LocalGP(Method):
         if stored is not None:
             rows = np.empty(0, dtype=np.int64) if wanted.rows is None else wanted.rows
             ranking = choose_stored(
-                stored, count, self.criterion, self.candidates, stages, wanted.memory, wanted.each, rows, wanted.points
+                stored, count, self.criterion, self.candidates, stages, wanted.each, rows, wanted.points
             )
         elif count < len(wanted.points):
             ranking = choose(

@@ -46,8 +46,6 @@ class Wanted:
         each other; the method chooses all different places if there are no more than M.
     rows : (fixed,) array, int64, optional
         Rows of the points to keep, if the points are stored.
-    memory : int
-        About how many bytes the choice may hold, if the points are stored.
     each : callable
         Applies a function to each part of stored points, like `map`: in threads, processes or on a cluster.
 
@@ -67,7 +65,6 @@ class Wanted:
     stages: Stages = field(default_factory=Stages)
     stored: StoredPoints | None = None
     rows: NDArray[np.int64] | None = None
-    memory: int = 0
     each: Each = map
 
 

@@ -6,9 +6,10 @@ The points come in chunks. Some of them together are sorted into a file, a *run*
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from io import FileIO
 from pathlib import Path
 from typing import Any, NamedTuple
 from uuid import uuid4
@@ -23,6 +24,14 @@ PER_BOX = 16  # Sampled points of a box at least.
 BOX = 1 << 15  # Points of a box, unless there are more boxes than the sample can tell apart.
 RECORD = np.dtype([("row", np.int64), ("place", np.float64, 3)])
 WEIGHTED = np.dtype([*RECORD.descr, ("weight", np.float64)])
+
+
+class Run(NamedTuple):
+    """A file with points of the boxes from `first` to `last`, the latter excluded, sorted by boxes."""
+
+    name: str
+    first: int
+    last: int
 
 
 class Neighbourhood(NamedTuple):
@@ -64,8 +73,7 @@ class StoredPoints:
     boxes : Boxes
     counts : (boxes,) array, int64
         Number of points in each box.
-    runs : tuple of str
-        Names of the files.
+    runs : tuple of Run
     kind : dtype
         Of a record: its fields are "row", "place" and others.
     sample : (n, 3) array
@@ -77,7 +85,7 @@ class StoredPoints:
     folder: Path
     boxes: Boxes
     counts: NDArray[np.int64]
-    runs: tuple[str, ...]
+    runs: tuple[Run, ...]
     kind: np.dtype[Any]
     sample: NDArray[np.float64]
     mean_weight: float = 1.0
@@ -91,35 +99,51 @@ class StoredPoints:
 
     def near(self, part: Part, width: float = 0.0, *, repeats: bool = False) -> Neighbourhood:
         """Read the points of a part and of a halo of some width around it, by default without repeats."""
-        low, high = part.low - width, part.high + width
-        around = self.boxes.around(part, width).tolist() if width else []
-        boxes = [(part.first, part.last), *((box, box + 1) for box in around)]
-        inside, outside = [], []
-        for run in self.runs:
-            found = self.records(run, boxes)
-            inside.append(next(found))
-            outside += [p[within(p["place"], low, high)] for p in found if len(p)]
-        records = np.concatenate(inside + outside)
+        around = _in_spans(self.boxes.around(part, width)) if width else []
+        inside = self.records([(part.first, part.last)])
+        outside = self.records(around)
+        halo = outside[within(outside["place"], part.low - width, part.high + width)]
+        records = np.concatenate([inside, halo])
         order = np.argsort(records["row"], kind="stable")
-        near = Neighbourhood(records[order], order < sum(map(len, inside)))
+        near = Neighbourhood(records[order], order < len(inside))
         return near if repeats else near.take(np.flatnonzero(first_occurrences(near.points)))
 
     def others(self, rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:
         """Return the first rows besides some, (count,), for clouds with fewer different places than are wanted."""
         found = np.empty(0, dtype=np.int64)
         for run in self.runs:
-            (records,) = self.records(run, [(0, len(self.boxes))])
+            records = replace(self, runs=(run,)).records([(0, len(self.boxes))])
             found = np.sort(np.concatenate([found, np.setdiff1d(records["row"], rows)]))[:count]
         return found
 
-    def records(self, run: str, boxes: Sequence[tuple[int, int]]) -> Iterator[NDArray[Any]]:
-        """Yield the points of a run in some boxes, several of which may be given by the first and the one behind."""
-        with (self.folder / run).open("rb") as file:
-            starts = np.fromfile(file, np.int64, len(self.boxes) + 1)
-            begin = file.tell()
-            for first, last in boxes:
-                file.seek(begin + int(starts[first]) * self.kind.itemsize)
-                yield np.fromfile(file, self.kind, int(starts[last] - starts[first]))
+    def records(self, spans: Sequence[tuple[int, int]]) -> NDArray[Any]:
+        """Read the points of spans of boxes, each given by its first box and the one behind."""
+        found = [np.empty(0, dtype=self.kind)]
+        for run in self.runs:
+            wanted = [(max(first, run.first), min(last, run.last)) for first, last in spans]
+            wanted = [(first, last) for first, last in wanted if first < last]
+            if wanted:
+                with (self.folder / run.name).open("rb", buffering=0) as file:
+                    found += [_read(file, run, first, last, self.kind) for first, last in wanted]
+        return np.concatenate(found)
+
+
+def _read(file: FileIO, run: Run, first: int, last: int, kind: np.dtype[Any]) -> NDArray[Any]:
+    """Read the points of some boxes of a run: the file begins with the place of each box among the points."""
+    starts = np.empty(last - first + 1, dtype=np.int64)
+    file.seek(starts.itemsize * (first - run.first))
+    file.readinto(starts.data)
+    records = np.empty(int(starts[-1] - starts[0]), dtype=kind)
+    if len(records):
+        file.seek(starts.itemsize * (run.last - run.first + 1) + int(starts[0]) * kind.itemsize)
+        file.readinto(records.view(np.uint8).data)
+    return records
+
+
+def _in_spans(boxes: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """Return spans of boxes that follow each other."""
+    spans = np.split(boxes, np.flatnonzero(np.diff(boxes) > 1) + 1) if len(boxes) else []
+    return [(int(span[0]), int(span[-1]) + 1) for span in spans]
 
 
 def within(places: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -133,27 +157,27 @@ def boxes_for(sample: NDArray[np.float64], n: int) -> Boxes:
     return Boxes.of(sample, 1 << min((wanted - 1).bit_length(), most.bit_length() - 1))
 
 
-def write_run(folder: Path, name: str, boxes: Boxes, records: NDArray[Any]) -> NDArray[np.int64]:
-    """Write the records of a chunk as a run, and return how many lie in each box."""
+def write_run(folder: Path, name: str, boxes: Boxes, records: NDArray[Any]) -> tuple[Run, NDArray[np.int64]]:
+    """Write some records as a run, and return it with the number of its points in each box."""
     of_point = boxes.box_of(np.ascontiguousarray(records["place"]))
-    order = np.argsort(of_point, kind="stable")
     counts = np.bincount(of_point, minlength=len(boxes))
+    first, last = (int(of_point.min()), int(of_point.max()) + 1) if len(records) else (0, 0)
     unfinished = folder / f"{name}.{uuid4().hex}"  # a task may be done by two workers at once
     with unfinished.open("wb") as file:
-        np.concatenate([[0], np.cumsum(counts)]).astype(np.int64).tofile(file)
-        records[order].tofile(file)
+        np.concatenate([[0], np.cumsum(counts[first:last])]).astype(np.int64).tofile(file)
+        records[np.argsort(of_point, kind="stable")].tofile(file)
     os.replace(unfinished, folder / name)
-    return counts
+    return Run(name, first, last), counts
 
 
 def without(stored: StoredPoints, rows: NDArray[np.int64], each: Each) -> StoredPoints:
     """Leave some rows, ascending, out of the stored points."""
     if not len(rows):
         return stored
-    counts = list(each(partial(_leave_out, stored, rows), stored.runs))
-    return replace(stored, counts=np.array(counts).sum(axis=0))
+    runs, counts = zip(*each(partial(_leave_out, stored, rows), stored.runs), strict=True)
+    return replace(stored, runs=runs, counts=np.array(counts).sum(axis=0))
 
 
-def _leave_out(stored: StoredPoints, rows: NDArray[np.int64], run: str) -> NDArray[np.int64]:
-    (records,) = stored.records(run, [(0, len(stored.boxes))])
-    return write_run(stored.folder, run, stored.boxes, records[~np.isin(records["row"], rows)])
+def _leave_out(stored: StoredPoints, rows: NDArray[np.int64], run: Run) -> tuple[Run, NDArray[np.int64]]:
+    records = replace(stored, runs=(run,)).records([(run.first, run.last)])
+    return write_run(stored.folder, run.name, stored.boxes, records[~np.isin(records["row"], rows)])

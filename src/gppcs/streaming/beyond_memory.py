@@ -110,9 +110,7 @@ def _chosen(
         return Selection(stored.others(np.empty(0, dtype=np.int64), count), ranked=False)
     first = first_occurrences(places)
     fixed, again = keep[first], keep[~first]
-    wanted = Wanted(
-        places[first], count - len(again), spacing, len(fixed), None, stages, stored, fixed, plan.choice, each
-    )
+    wanted = Wanted(places[first], count - len(again), spacing, len(fixed), None, stages, stored, fixed, each)
     with compiled_ahead(request.method.name):
         selection = request.method(wanted)
     selection = with_repeats(selection, again, len(fixed))

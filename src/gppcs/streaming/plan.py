@@ -59,11 +59,6 @@ class Plan:
     threads: int = 1
 
     @property
-    def choice(self) -> int:
-        """How many bytes the choice may hold beside the parts, if the points are on disk."""
-        return PART if self.limit is None else max(PART, (self.limit - self.memory) // 2)
-
-    @property
     def way(self) -> str:
         """How, in words."""
         return "in memory" if self.in_memory else "with the points on disk"

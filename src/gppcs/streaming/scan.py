@@ -24,10 +24,11 @@ from gppcs.spatial.boxes import Boxes, Each
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.row_sample import place_hashes
 from gppcs.spatial.scaling import Frame, bounds
-from gppcs.spatial.stored import RECORD, WEIGHTED, StoredPoints, boxes_for, write_run
+from gppcs.spatial.stored import RECORD, WEIGHTED, Run, StoredPoints, boxes_for, write_run
 
 SAMPLED = 1 << 18  # Points of the sample by which space is divided.
 SPARE = 1.1  # Sampled points for each one wanted, so that there are hardly ever too few.
+MOST_SAMPLED = 4 * SAMPLED  # In memory, where there are more points than were expected.
 HASHES = float(2**64)
 RUN = 1 << 19  # Points of a run at most, unless a chunk has more: with too few, too many files are read.
 NO_ROWS = np.empty(0, dtype=np.int64)
@@ -109,9 +110,11 @@ class Overview:
         self.places = np.concatenate([self.places, other.places])
         self.weights = self.weights.followed_by(other.weights)
         self.chunks += [chunk._replace(first=self.count + chunk.first) for chunk in other.chunks]
-        hashes = np.concatenate([self.hashes, other.hashes])
-        some = np.argsort(hashes, kind="stable")[: round(SPARE * SAMPLED)]
-        self.hashes, self.sample = hashes[some], np.concatenate([self.sample, other.sample])[some]
+        self.hashes = np.concatenate([self.hashes, other.hashes])
+        self.sample = np.concatenate([self.sample, other.sample])
+        if len(self.hashes) > MOST_SAMPLED:
+            some = np.argpartition(self.hashes, MOST_SAMPLED // 2)[: MOST_SAMPLED // 2]
+            self.hashes, self.sample = self.hashes[some], self.sample[some]
         self.counts.append(other.count)
         self.count, self.bad = self.count + other.count, self.bad + other.bad
 
@@ -169,21 +172,21 @@ def _look(cloud: PointCloud, path: Path, share: float, guide: ChunkGuide) -> Ove
 
 def sorted_by_boxes(seen: Overview, folder: Path, frame: Frame, each: Each, stages: Stages) -> StoredPoints:
     """Sort the stored points by boxes, in the coordinates of a frame."""
-    sample = frame.local(seen.sample)
+    sample = frame.local(seen.sample[np.argsort(seen.hashes, kind="stable")][: round(SPARE * SAMPLED)])
     sample = sample[first_occurrences(sample)][:SAMPLED]
     boxes = boxes_for(sample, seen.stored)
     weighted, counts = seen.weights.n > 0, np.zeros(len(boxes), dtype=np.int64)
-    groups = _grouped(seen.chunks)
+    groups, runs = _grouped(seen.chunks), []
     with stages("boxes", seen.stored) as advanced:
         sort = partial(_sort, folder, boxes, frame, seen.weights if weighted else None)
-        for group, of_group in zip(groups, each(sort, groups), strict=True):
+        for group, (run, of_group) in zip(groups, each(sort, groups), strict=True):
+            runs.append(run)
             counts += of_group
             for chunk in group:
                 (folder / chunk.name).unlink()
                 advanced(chunk.stored)
-    runs = tuple(_run(group) for group in groups)
     kind = WEIGHTED if weighted else RECORD
-    return StoredPoints(folder, boxes, counts, runs, kind, sample, seen.weights.mean_share)
+    return StoredPoints(folder, boxes, counts, tuple(runs), kind, sample, seen.weights.mean_share)
 
 
 def _grouped(chunks: Sequence[Chunk]) -> list[list[Chunk]]:
@@ -197,14 +200,10 @@ def _grouped(chunks: Sequence[Chunk]) -> list[list[Chunk]]:
     return groups
 
 
-def _run(group: Sequence[Chunk]) -> str:
-    return group[0].name.replace(".raw", ".run")
-
-
 def _sort(
     folder: Path, boxes: Boxes, frame: Frame, weights: WeightRange | None, group: Sequence[Chunk]
-) -> NDArray[np.int64]:
-    """Sort some chunks into a run, and return the number of its points in each box."""
+) -> tuple[Run, NDArray[np.int64]]:
+    """Sort some chunks into a run, and return it with the number of its points in each box."""
     records = np.empty(sum(chunk.stored for chunk in group), dtype=RECORD if weights is None else WEIGHTED)
     begin = 0
     for chunk in group:
@@ -216,7 +215,7 @@ def _sort(
     if weights is not None:  # points of weight 0 are here only to be kept
         shares = weights.in_shares(np.ascontiguousarray(records["weight"]))
         records["weight"] = np.where(shares > 0.0, shares, 1.0)
-    return write_run(folder, _run(group), boxes, records)
+    return write_run(folder, group[0].name.replace(".raw", ".run"), boxes, records)
 
 
 def take(

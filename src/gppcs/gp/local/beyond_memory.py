@@ -1,11 +1,11 @@
 """The method `gp` on points on disk: the steps of `gppcs.gp.local.algorithm`, part by part, each part with a halo.
 
-The stages whose candidates fit into memory are chosen there. In each later stage, all parts choose down to one score,
-the *level*. A part chooses with its halo, as if nothing lay beyond, and keeps what it chose in itself: what lies beyond
-the halo is too far away to matter. Parts that are farther apart than a halo choose at once; these are a class. The
-classes follow one another in a fixed order. A part takes what earlier classes chose in its halo as given, and chooses
-nothing more there. At the end the points with the largest scores of all stay, exactly as many as wanted. So the number
-of points in a part follows the density that the field asks for, and no seam shows.
+The first stages, whose candidates are no more than those of a part, are chosen in memory. In each later stage, all
+parts choose down to one score, the *level*. A part chooses with its halo, as if nothing lay beyond, and keeps what it
+chose in itself: what lies beyond the halo is too far away to matter. Parts that are farther apart than a halo choose at
+once; these are a class. The classes follow one another in a fixed order. A part takes what earlier classes chose in its
+halo as given, and chooses nothing more there. At the end the points with the largest scores of all stay, exactly as
+many as wanted. So the number of points in a part follows the density that the field asks for, and no seam shows.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.row_sample import drawn
 from gppcs.spatial.spacing import surface_area
-from gppcs.spatial.stored import Neighbourhood, StoredPoints, within, write_run
+from gppcs.spatial.stored import Neighbourhood, Run, StoredPoints, within, write_run
 from gppcs.surface.noise import FEWEST, NEIGHBOURS, SAMPLES, WIDEST, Layer, Noise, Observations, projections
 from gppcs.surface.surface_variation import Features
 
-PART = 1 << 17  # Points of a part at most. With fewer, halos cost more than the parts themselves.
-CANDIDATE = 450  # Bytes of memory for each candidate of a stage that is chosen in memory.
+PART = 1 << 17  # Candidates of a part at most. With fewer, halos cost more than the parts themselves.
+POINTS = 1 << 18  # Points of a part at most, of which candidates are taken.
 CELLS_ON_SLOPES = 1.5  # Occupied cells for each that a surface along the grid occupies.
 SURVEYED = 16  # Parts in which the noise, and the scale and the level of a stage, are measured, at most.
 HALO = 6.0  # In target spacings. 3 give the same points as 24, but for one in a hundred (docs/experiments.md).
@@ -143,20 +143,18 @@ def choose_stored(
     criterion: Criterion,
     density: float,
     stages: Stages,
-    memory: int,
     each: Each,
     fixed: NDArray[np.int64],
     fixed_places: NDArray[np.float64],
 ) -> Ranking:
     """Choose `n_points` of points on disk; the rows `fixed` are chosen from the start.
 
-    There may be fewer different places; then all of them are chosen. The first stages are chosen in about so much
-    memory.
+    There may be fewer different places; then all of them are chosen.
 
     Shapes: fixed (m,), fixed_places (m, 3) without repeats.
     """
     density *= min(1.0 / stored.mean_weight, FINEST)
-    parts = stored.parts(PART)
+    parts = stored.parts(POINTS)
     with stages("survey"):
         tree = KdTree.build(stored.sample)
         area = corrected_area(stored.sample, max(1, len(stored.sample) // PER_POINT), surface_area(tree), density)
@@ -165,7 +163,7 @@ def choose_stored(
     with stages("candidates", len(stored)) as advanced:
         stage = _with_candidates(stage, parts, each, advanced, fixed, fixed_places)
     targets = [n_points]
-    while targets[-1] > max(FIRST_STAGE, len(fixed), memory / (CANDIDATE * CELLS_ON_SLOPES * density)):
+    while targets[-1] > max(FIRST_STAGE, len(fixed), PART / (CELLS_ON_SLOPES * density)):
         targets.append(-(-targets[-1] // 2))
     parts = stage.stored.parts(PART)
     first = replace(stage, target=targets[-1])
@@ -196,12 +194,15 @@ def _with_candidates(
 
     def found(stage: _Stage) -> tuple[StoredPoints, NDArray[np.int64]]:
         counts, lone = np.zeros(len(stage.stored.boxes), dtype=np.int64), np.zeros(len(DISTANCES), dtype=np.int64)
-        for one, (of_part, of_lone) in zip(asked, each(partial(_store_candidates, stage, kind), asked), strict=True):
+        runs = []
+        for one, (run, of_part, of_lone) in zip(
+            asked, each(partial(_store_candidates, stage, kind), asked), strict=True
+        ):
+            runs.append(run)
             counts += of_part
             lone += of_lone
             advanced(int(stage.stored.counts[one.part.first : one.part.last].sum()))
-        runs = tuple(_run(part) for part in parts)
-        return replace(stage.stored, counts=counts, runs=runs, kind=kind), lone
+        return replace(stage.stored, counts=counts, runs=tuple(runs), kind=kind), lone
 
     thin, lone = found(stage)
     while len(thin) > many:
@@ -226,17 +227,16 @@ def _kind(stage: _Stage) -> np.dtype[Any]:
     return np.dtype([*stage.stored.kind.descr, ("sharpness", np.float32), ("gap", np.float64), *observed])
 
 
-def _run(part: Part) -> str:
-    return f"{part.first}.candidates"
-
-
-def _store_candidates(stage: _Stage, kind: np.dtype[Any], asked: _Asked) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _store_candidates(
+    stage: _Stage, kind: np.dtype[Any], asked: _Asked
+) -> tuple[Run, NDArray[np.int64], NDArray[np.int64]]:
     """Store the candidates of a part for the last stage; return their numbers in each box, and those of lone ones."""
     stored, noise = stage.stored, stage.noise
     margin = DIAGONAL * stage.edge + DISTANCES[-1] * stage.spacing
-    near = stored.near(asked.part, max(margin, 0.0 if noise.quiet else NOISE_HALO * noise.spacing))
+    near = stored.near(asked.part, max(margin, 0.0 if noise.quiet else NOISE_HALO * noise.spacing), repeats=True)
     points = near.points
     some = np.flatnonzero(drawn(near.rows, sample_size(stage.target) / len(stored)))
+    some = some[first_occurrences(points[some])]
     tree = KdTree.build(points[some]) if len(some) else None
     sharpness = np.zeros(len(points), dtype=np.float32)
     if noise.clean and tree:  # otherwise noisy points would look sharp
@@ -258,7 +258,7 @@ def _store_candidates(stage: _Stage, kind: np.dtype[Any], asked: _Asked) -> tupl
         feet, records["variance"] = replace(noise, tree=tree).observe(points[kept])
         if feet is not None:
             records["foot"] = feet
-    return write_run(stored.folder, _run(asked.part), stored.boxes, records), lone
+    return *write_run(stored.folder, f"{asked.part.first}.candidates", stored.boxes, records), lone
 
 
 def _candidates(stage: _Stage, halo: float, asked: _Asked) -> Neighbourhood:
