@@ -22,6 +22,7 @@ from gppcs.errors import whole_number
 RANGES = 64  # Ranges of the work at most: enough to balance threads, few enough that taking them costs nothing.
 
 _wanted: int | None = None  # what `set_threads` set
+_here = threading.local()  # `alone` is true in threads that work without helpers
 
 
 class _Helpers:
@@ -109,7 +110,12 @@ def on_ranges(kernel: Callable[..., Any], n: int, *arguments: Any, least: int = 
 
 def number_of_threads() -> int:
     """Return the number of threads that a call uses."""
-    return _wanted or int(min(_cores(), _quota()))
+    return 1 if getattr(_here, "alone", False) else _wanted or int(min(_cores(), _quota()))
+
+
+def work_alone() -> None:
+    """Let the calling thread work without helpers, as it is itself one of several."""
+    _here.alone = True
 
 
 def set_threads(count: int | None) -> None:

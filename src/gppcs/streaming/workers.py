@@ -11,7 +11,7 @@ from multiprocessing import get_context
 from typing import Any
 
 from gppcs.engine.extras import require_distributed
-from gppcs.engine.threads import set_threads
+from gppcs.engine.threads import set_threads, work_alone
 from gppcs.errors import ClusterError, ParameterError, shown
 from gppcs.spatial.boxes import Each
 
@@ -22,9 +22,9 @@ TIMEOUT = "10s"  # For a Dask scheduler to answer, and for its first worker to b
 def each_by(executor: Executor | None, threads: int) -> Iterator[Each]:
     """Yield a function like `map` that works on several parts at once: in so many threads, or by an executor."""
     if executor is None:
-        with ThreadPoolExecutor(threads) as own:
+        with ThreadPoolExecutor(threads, initializer=work_alone) as own:
             try:
-                yield own.map
+                yield partial(_each_in_threads, own)
             except BaseException:
                 own.shutdown(cancel_futures=True)
                 raise
@@ -56,6 +56,11 @@ def scheduler_at(address: str) -> Iterator[Executor]:
     with client:
         _check_versions(client)
         yield client.get_executor(pure=False)
+
+
+def _each_in_threads(pool: Executor, task: Callable[[Any], Any], parts: Sequence[Any]) -> Iterator[Any]:
+    """Work on the parts; on a single one in this thread, which has helpers."""
+    return pool.map(task, parts) if len(parts) > 1 else map(task, parts)
 
 
 def _each_alone(executor: Executor, function: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[Any]:

@@ -61,6 +61,7 @@ DIAGONAL = math.sqrt(3.0)  # Of a cell, in edge lengths. A halo this wide holds 
 # The first level, in units of the last score of the stage before. Fields of stages are alike up to a fifth.
 FIRST_LEVEL = 1.15
 VARIATIONS = 4096  # Candidates of a part whose surface variation tells the scale of the field.
+FIXED = -1.0  # Stands for the gap of a point that is chosen from the start, and so is a candidate of every stage.
 LOWEST = 1e-6  # Below this level, all candidates are chosen.
 NO_POINTS = Ranking(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0))
 
@@ -162,16 +163,12 @@ def choose_stored(
     stage = _Stage(stored, n_points, area, density, True, noise, criterion)
     with stages("candidates", len(stored)) as advanced:
         stage = _with_candidates(stage, parts, each, advanced, fixed, fixed_places)
-    targets = [n_points]
-    while targets[-1] > max(FIRST_STAGE, len(fixed), PART / (CELLS_ON_SLOPES * density)):
-        targets.append(-(-targets[-1] // 2))
-    parts = stage.stored.parts(PART)
-    first = replace(stage, target=targets[-1])
-    ranking, places, coarse = _in_memory(first, parts, each, stages, fixed, fixed_places)
-    for target in targets[-2::-1]:
-        area = stage.area if target == n_points else coarse.area
-        of_target = replace(stage, target=target, area=area, power=coarse.power)
-        ranking, places = _in_parts(of_target, parts, each, stages, ranking, places)
+        nested = [stage]
+        while nested[-1].target > max(FIRST_STAGE, len(fixed), PART / (CELLS_ON_SLOPES * density)):
+            nested.append(_coarser(nested[-1], each))
+    ranking, places, power = _in_memory(nested.pop(), each, stages, fixed)
+    while nested:
+        ranking, places = _in_parts(replace(nested.pop(), power=power), each, stages, ranking, places)
     level = noise.level / noise.spacing if noise.spacing > 0.0 else 0.0
     return ranking._replace(noise_in_spacings=level)
 
@@ -247,7 +244,7 @@ def _store_candidates(
     kept, gaps = kept[own], gaps[own]
     lone = numbers_of_lone(gaps, stage.spacing)
     fixed = np.flatnonzero(np.isin(near.rows, asked.rows))
-    kept, gaps = np.concatenate([fixed, kept]), np.concatenate([np.zeros(len(fixed)), gaps])
+    kept, gaps = np.concatenate([fixed, kept]), np.concatenate([np.full(len(fixed), FIXED), gaps])
     first = first_occurrences(points[kept])
     kept, gaps = kept[first], gaps[first]
     records = np.zeros(len(kept), dtype=kind)
@@ -261,37 +258,38 @@ def _store_candidates(
     return *write_run(stored.folder, f"{asked.part.first}.candidates", stored.boxes, records), lone
 
 
-def _candidates(stage: _Stage, halo: float, asked: _Asked) -> Neighbourhood:
-    """Read the candidates of a part and its halo for a stage, with what is chosen of them."""
-    part, near = asked.part, stage.stored.near(asked.part, halo + DIAGONAL * stage.edge)
-    kept = np.isin(near.rows, asked.rows)
-    near = near.take(np.flatnonzero(kept | (near.records["gap"] <= stage.largest_gap)))
-    kept = np.isin(near.rows, asked.rows)
-    if stage.thinned:
-        kept[greatest_in_cells(near.points, stage.edge, np.ascontiguousarray(near.records["sharpness"]))] = True
-    else:
-        kept[:] = True
-    return near.take(kept & (near.inside | within(near.points, part.low - halo, part.high + halo)))
+def _candidates(stage: _Stage, width: float, part: Part) -> Neighbourhood:
+    """Read the candidates of a part and its halo, without outliers."""
+    near = stage.stored.near(part, width, repeats=True)
+    return near.take(np.flatnonzero(near.records["gap"] <= stage.largest_gap))
 
 
-def _inside(stage: _Stage, asked: _Asked) -> NDArray[Any]:
-    """Return the candidates of a part alone."""
-    near = _candidates(stage, 0.0, asked)
-    return near.records[near.inside]
+def _coarser(stage: _Stage, each: Each) -> _Stage:
+    """Return the stage with half as many points. Its candidates are among those of the finer stage, or all of these."""
+    coarser = replace(stage, target=-(-stage.target // 2))
+    runs, counts = zip(*each(partial(_thin, coarser), stage.stored.parts(PART)), strict=True)
+    thin = replace(stage.stored, runs=runs, counts=np.sum(counts, axis=0))
+    if len(thin) < ENOUGH * coarser.target:
+        return replace(coarser, thinned=False)
+    return replace(coarser, stored=thin, thinned=True)
+
+
+def _thin(stage: _Stage, part: Part) -> tuple[Run, NDArray[np.int64]]:
+    """Store one of the candidates of a finer stage for each cell, and those that are fixed."""
+    near = _candidates(stage, DIAGONAL * stage.edge, part)
+    kept = near.records["gap"] == FIXED
+    kept[greatest_in_cells(near.points, stage.edge, np.ascontiguousarray(near.records["sharpness"]))] = True
+    name = f"{stage.target}-{part.first}.candidates"
+    return write_run(stage.stored.folder, name, stage.stored.boxes, near.records[kept & near.inside])
 
 
 def _in_memory(
-    stage: _Stage,
-    parts: list[Part],
-    each: Each,
-    stages: Stages,
-    fixed: NDArray[np.int64],
-    fixed_places: NDArray[np.float64],
-) -> tuple[Ranking, NDArray[np.float64], _Stage]:
-    """Choose the points of the first stages in memory; return the ranking, its places, and the stage with its area."""
+    stage: _Stage, each: Each, stages: Stages, fixed: NDArray[np.int64]
+) -> tuple[Ranking, NDArray[np.float64], float]:
+    """Choose the points of the first stages in memory; return the ranking, its places, and the power of weights."""
     with stages("candidates"):
-        asked = [_Asked.of(part, 0.0, fixed, fixed_places) for part in parts]
-        records = np.concatenate(list(each(partial(_inside, stage), asked)))
+        found = [near.records for near in each(partial(_candidates, stage, 0.0), stage.stored.parts(PART))]
+        records = np.concatenate(found)
         order = np.argsort(records["row"])
         # The fixed points come first, in their order.
         first = order[np.searchsorted(records["row"][order], fixed)]
@@ -303,8 +301,8 @@ def _in_memory(
     weighing = Weighing(records["weight"]) if "weight" in (records.dtype.names or ()) else None
     observations = _observations(records).take(candidates[-1].rows)
     ranking = rank(places, candidates, observations, stage.criterion, stages, len(fixed), weighing)
-    stage = replace(stage, area=candidates[-1].area, power=weighing.power if weighing else 1.0)
-    return ranking._replace(rows=records["row"][ranking.rows]), places[ranking.rows], stage
+    power = weighing.power if weighing else 1.0
+    return ranking._replace(rows=records["row"][ranking.rows]), places[ranking.rows], power
 
 
 def _observations(records: NDArray[Any]) -> Observations:
@@ -315,15 +313,15 @@ def _observations(records: NDArray[Any]) -> Observations:
 
 
 def _in_parts(
-    stage: _Stage, parts: list[Part], each: Each, stages: Stages, ranking: Ranking, places: NDArray[np.float64]
+    stage: _Stage, each: Each, stages: Stages, ranking: Ranking, places: NDArray[np.float64]
 ) -> tuple[Ranking, NDArray[np.float64]]:
     """Choose the points of a further stage part by part; return the extended ranking, and its places."""
-    wanted, asked = stage.target - len(ranking.rows), [_Asked.of(p, stage.halo, ranking.rows, places) for p in parts]
+    wanted, parts = stage.target - len(ranking.rows), stage.stored.parts(PART)
     with stages("features", len(stage.stored)) as advanced:
         variation = []
-        for one, of_part in zip(asked, each(partial(_measure, stage), asked), strict=True):
+        for part, of_part in zip(parts, each(partial(_measure, stage), parts), strict=True):
             variation.append(of_part)
-            advanced(int(stage.stored.counts[one.part.first : one.part.last].sum()))
+            advanced(int(stage.stored.counts[part.first : part.last].sum()))
         stage = _scaled(stage, np.concatenate(variation), parts, each)
     added, added_places = NO_POINTS, np.empty((0, 3))
     with stages("greedy selection", wanted) as advanced:
@@ -345,15 +343,15 @@ def _in_parts(
     return extended, np.concatenate([places, added_places[best]])
 
 
-def _measure(stage: _Stage, asked: _Asked) -> NDArray[np.float64]:
+def _measure(stage: _Stage, part: Part) -> NDArray[np.float64]:
     """Keep the candidates of a part and its halo with their features in a file; return some surface variations."""
-    near = _candidates(stage, stage.halo, asked)
+    near = _candidates(stage, stage.halo, part)
     known = Candidates(stage.target, np.arange(len(near.records)), stage.thinned, stage.area)
     tree, features = features_of(near.points, _observations(near.records), known)
     near = near.take(tree.order)
-    unfinished = stage.file(asked.part).with_suffix(f".{uuid4().hex}.npz")
+    unfinished = stage.file(part).with_suffix(f".{uuid4().hex}.npz")
     np.savez(unfinished, *near, features.surface_variation, features.normals)
-    os.replace(unfinished, stage.file(asked.part))
+    os.replace(unfinished, stage.file(part))
     variation = features.surface_variation[near.inside]
     return variation[:: max(1, len(variation) // VARIATIONS)]
 
