@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import gppcs
@@ -101,3 +102,21 @@ def test_a_closed_stream_does_no_harm(folder, scan, closed):
     words = f'"{sys.executable}" -m gppcs simplify scan.ply -o out.ply --points 9 --method fps {closed}'
     assert subprocess.run(words, shell=True, check=False).returncode == 0
     assert len(gppcs.read("out.ply")) == 9
+
+
+@pytest.mark.parametrize(
+    "command", [("info",), ("simplify", "-o", "out.ply", "--points", 5, "--method", "fps", "--force")]
+)
+def test_text_from_files_does_not_control_the_terminal(gppcs_command, folder, command):
+    names = ["red \x1b[31m", "reversed \u202e", "[bold]x[/bold]"]
+    cloud = gppcs.PointCloud(np.random.default_rng(0).random((50, 3)), {name: np.arange(50) for name in names})
+    gppcs.write("evil \x1b]0;title\x07.npz", cloud)
+    for more in ((), ("--only", "none_such > 1")):
+        _, *streams = gppcs_command(command[0], "evil \x1b]0;title\x07.npz", *command[1:], *more)
+        printed = "".join(streams)
+        assert r"evil \x1b]0;title\x07.npz" in printed
+        assert not set(printed) & set("\x1b\x07\u202e")
+        if more or command[0] == "info":
+            assert r"red \x1b[31m" in printed
+            assert r"reversed \u202e" in printed
+            assert "[bold]x[/bold]" in printed

@@ -11,6 +11,7 @@ from rich.text import Text
 
 from gppcs.amounts.accuracy import Measure
 from gppcs.amounts.curve import Curve
+from gppcs.app.printing import visible
 from gppcs.app.tables import Row, as_text, columns_of, units_of
 
 
@@ -19,14 +20,15 @@ def print_comparison(rows: Sequence[Row]) -> None:
     columns = columns_of(rows)
     widths = [max(map(len, [*column.title.split(), *map(as_text, column.values)])) for column in columns]
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column(rows[0].kind, width=(longest := max(map(len, [*(row.label for row in rows), rows[0].kind]))))
+    labels = [visible(row.label) for row in rows]
+    table.add_column(rows[0].kind, width=(longest := max(map(len, [*labels, rows[0].kind]))))
     for column, width in zip(columns, widths, strict=True):
         table.add_column(column.title, justify="right", width=width)
-    for number, row in enumerate(rows):
+    for number, label in enumerate(labels):
         cells = (
             Text(as_text(column.values[number]), style="bold" if column.is_best(number) else "") for column in columns
         )
-        table.add_row(Text(row.label), *cells)
+        table.add_row(Text(label), *cells)
     needed = longest + sum(widths) + 2 * len(columns)
     console = Console(width=max(Console().width, needed), highlight=False)  # wider than the terminal rather than cut
     console.print(table)
@@ -37,18 +39,18 @@ def print_paragraphs(paragraphs: Sequence[tuple[str, str]]) -> None:
     """Print texts, each indented below its title."""
     console = Console(markup=False, emoji=False, highlight=False)
     for title, text in paragraphs:
-        console.print(title, style="bold")
-        for part in text.strip().split("\n\n"):
+        console.print(visible(title), style="bold")
+        for part in visible(text).strip().split("\n\n"):
             console.print(Padding(" ".join(part.split()), (0, 0, 0, 4)))
 
 
 def print_table(title: str, rows: Mapping[str, str]) -> None:
     """Print names and values below a title."""
     console = Console(markup=False, emoji=False, highlight=False, soft_wrap=True)
-    console.print(title, style="bold")
-    width = max(map(len, rows))
+    console.print(visible(title), style="bold")
+    width = max(len(visible(name)) for name in rows)
     for name, value in rows.items():
-        console.print(f"{name:<{width}}  {value}".rstrip())
+        console.print(f"{visible(name):<{width}}  {visible(value)}".rstrip())
 
 
 def print_curves(title: str, curves: Sequence[Curve], measure: Measure, n: int) -> None:
@@ -62,7 +64,7 @@ def print_curves(title: str, curves: Sequence[Curve], measure: Measure, n: int) 
         cells = [f"{error:.4g} ({error / each.diagonal or 0:.3%})" for error, each in zip(errors, curves, strict=True)]
         table.add_row(f"{size:,}", f"{size / n:.2%}", *cells)
     console = Console(width=max(Console().width, 24 * len(titles)), highlight=False)
-    console.print(title, style="bold", highlight=False, markup=False)
+    console.print(visible(title), style="bold", highlight=False, markup=False)
     console.print(table)
     console.print(f"{measure} error in the unit of the coordinates, and as a share of the diagonal", style="dim")
     for each in filter(lambda curve: curve.has_knee, curves):

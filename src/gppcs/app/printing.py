@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import unicodedata
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -19,6 +20,7 @@ from gppcs.evaluation.report import MeshReport, Report
 BAD_INPUT = 2
 MOST_IN_FULL = 1e15  # of whole numbers; floats hold larger ones without their last digits
 LONG = 0.1  # the share of the time from which a stage is named
+CONTROLS = {"Cc", "Cf", "Cs", "Zl", "Zp"}  # Unicode categories: controls, marks of direction, what is no text, breaks
 FAILURES = (GppcsError, OSError, MemoryError)  # printed as one line, without a traceback
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, one object per line.")]
@@ -144,6 +146,25 @@ Invalid = Annotated[
 ]
 
 
+def visible(text: str) -> str:
+    """Return a text with escapes for characters that would control the terminal, besides line breaks."""
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join(
+        ascii(char)[1:-1] if unicodedata.category(char) in CONTROLS and char != "\n" else char for char in text
+    )
+
+
+def say(text: str) -> None:
+    """Print a text on stdout."""
+    typer.echo(visible(text))
+
+
+def say_aside(text: str) -> None:
+    """Print a text on stderr, as one line."""
+    typer.echo(visible(" ".join(text.split())), err=True)
+
+
 def progress(quiet: bool) -> Listener | None:
     """Return what shows the progress of a run, and the notices of the library. Nothing does if the user wants quiet."""
     if quiet:
@@ -187,7 +208,7 @@ def time_in_words(seconds: Mapping[str, float]) -> str:
 
 def print_json(record: dict[str, Any]) -> None:
     """Print a record as one line of strict JSON."""
-    typer.echo(strict_json(record))
+    say(strict_json(record))
 
 
 def figure_rows(report: Report | MeshReport) -> dict[str, str]:
@@ -229,4 +250,4 @@ def note_left_out(path: Path, names: list[str]) -> None:
 
 def print_error(message: str) -> None:
     """Print a message as one line on stderr."""
-    typer.echo(f"gppcs: {' '.join(message.split())}", err=True)
+    say_aside(f"gppcs: {message}")

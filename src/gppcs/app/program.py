@@ -28,7 +28,7 @@ from gppcs.app.commands import (
     view,
     warmup,
 )
-from gppcs.app.printing import BAD_INPUT, FAILURES, print_error, tell
+from gppcs.app.printing import BAD_INPUT, FAILURES, print_error, say, tell
 
 NAME = "gppcs"  # also if it runs as `python -m gppcs`
 
@@ -77,7 +77,7 @@ def _root(
     version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
 ) -> None:
     if version:
-        typer.echo(__version__)
+        say(__version__)
         raise typer.Exit
 
 

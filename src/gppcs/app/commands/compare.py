@@ -27,6 +27,7 @@ from gppcs.app.printing import (
     print_error,
     print_json,
     progress,
+    say,
 )
 from gppcs.app.quantities import Points, Ratio, count_of, share_of
 from gppcs.app.viewpoint import Colour, Up, View, require_picture, viewpoint_of
@@ -178,7 +179,7 @@ def compare(
         _print_records(rows)
     elif not quiet:
         print_comparison(rows)
-        typer.echo(f"{output}: {', '.join(contents)}")
+        say(f"{output}: {', '.join(contents)}")
     for row in rows:
         if row.failure:
             print_error(f"note: {row.label}: {row.failure}")

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gppcs.app.printing import Json, print_json
+from gppcs.app.printing import Json, print_json, say
 from gppcs.methods import METHODS, Method, method_named
 
 EPILOG = "[bold]Examples[/bold]\n\ngppcs methods\n\ngppcs methods wlop"
@@ -58,7 +58,7 @@ def _list(chosen: list[type[Method]]) -> None:
         if parameters := method.parameters():
             rows["parameters"] = ", ".join(f"{key}={parameter.default}" for key, parameter in parameters.items())
         print_table(f"{method.name}: {method.summary}", rows)
-    typer.echo("\ngppcs methods NAME explains a method and its parameters.")
+    say("\ngppcs methods NAME explains a method and its parameters.")
 
 
 def _explain(method: type[Method]) -> None:

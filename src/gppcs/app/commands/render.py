@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from gppcs.app import panels
-from gppcs.app.printing import Columns, Force, From, Quiet, Threads, names_of, note_left_out, print_error
+from gppcs.app.printing import Columns, Force, From, Quiet, Threads, names_of, note_left_out, print_error, say
 from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.threads import set_threads
 from gppcs.errors import OutputError, ParameterError, file_path, shown
@@ -94,7 +94,7 @@ def render(
         print_error(f"note: {source}: {drawn.outside:,} points lie far from all others, outside the picture")
     if not quiet and not io.is_standard(output):
         coloured = f", coloured by {drawn.colour}" if drawn.colour else ""
-        typer.echo(f"{output}: {pixels[0]} x {pixels[1]} pixels{coloured}")
+        say(f"{output}: {pixels[0]} x {pixels[1]} pixels{coloured}")
 
 
 def _numbers(size: str) -> tuple[int, int]:

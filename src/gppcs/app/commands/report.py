@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from gppcs.app.printing import Columns, Force, From, Quiet, Threads, names_of, print_error, progress
+from gppcs.app.printing import Columns, Force, From, Quiet, Threads, names_of, print_error, progress, say
 from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.threads import set_threads
 from gppcs.errors import file_path
@@ -93,4 +93,4 @@ def report(
     for note in page.all_notes:
         print_error(f"note: {note}")
     if not quiet and not io.is_standard(output):
-        typer.echo(f"{output}: {output.stat().st_size / 1e6:.1f} MB; open it in a browser")
+        say(f"{output}: {output.stat().st_size / 1e6:.1f} MB; open it in a browser")

@@ -59,6 +59,8 @@ from gppcs.app.printing import (
     print_error,
     print_json,
     progress,
+    say,
+    say_aside,
     tell,
     time_in_words,
 )
@@ -352,13 +354,13 @@ def _reported(job: _Job, source: Path, as_json: bool) -> bool:
         return False
     if is_standard(run.target) and not job.dry_run:  # there the result goes
         if not job.quiet:
-            typer.echo(run.line(), err=True)
+            say_aside(run.line())
     elif as_json:
         print_json(run.record())
     elif job.quiet:
         pass
     elif len(job.outputs.targets) > 1 and not job.figures:
-        typer.echo(run.line())
+        say(run.line())
     else:
         run.print()
     return True

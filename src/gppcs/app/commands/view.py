@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gppcs.app.printing import Columns, Force, From, Quiet, Threads, names_of, print_error, progress
+from gppcs.app.printing import Columns, Force, From, Quiet, Threads, names_of, print_error, progress, say
 from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.threads import set_threads
 from gppcs.errors import MissingExtraError, file_path
@@ -78,7 +78,7 @@ def view(
     if io.is_standard(output):
         return
     if not quiet:
-        typer.echo(output)
+        say(str(output))
     if opened and not webbrowser.open(output.absolute().as_uri()):
         print_error(f"note: no browser was found; open {output} yourself")
 

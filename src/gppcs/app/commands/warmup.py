@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from time import perf_counter
 
-import typer
-
 from gppcs import __version__
-from gppcs.app.printing import Json, Quiet, print_json, progress
+from gppcs.app.printing import Json, Quiet, print_json, progress, say
 from gppcs.errors import OutputError
 
 EPILOG = "[bold]Example[/bold]\n\ngppcs warmup"
@@ -37,4 +35,4 @@ def warmup(quiet: Quiet = False, as_json: Json = False) -> None:
     if as_json:
         print_json({"compiled": compiled, "seconds": seconds, "folders": folders, "version": __version__})
     elif not quiet:
-        typer.echo(f"kernels compiled: {compiled}, in {seconds:.1f} s; all are kept in {', '.join(folders)}")
+        say(f"kernels compiled: {compiled}, in {seconds:.1f} s; all are kept in {', '.join(folders)}")
