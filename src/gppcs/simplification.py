@@ -10,19 +10,18 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gppcs.amounts.accuracy import Measure
 from gppcs.amounts.amount import Amount
-from gppcs.amounts.choice import Scale, check_supported, choose_amount
+from gppcs.amounts.choice import check_supported, choose_amount
 from gppcs.amounts.curve import Curve, checked_sizes, halves, measured_curve
 from gppcs.amounts.guide import Guide
 from gppcs.clouds import display
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.clouds.expressions import Expression
-from gppcs.clouds.lengths import metres_of
+from gppcs.clouds.quantities import Scale, count_of, metres_of
 from gppcs.engine.ahead import compiled_ahead
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import Stages, in_words
-from gppcs.errors import InputError, ParameterError, flag, one_of, share, shown, whole_number
+from gppcs.errors import InputError, ParameterError, flag, one_of, shown, whole_number
 from gppcs.methods import DEFAULT, METHODS, Method, Selection, method_named
 
 
@@ -44,10 +43,9 @@ class Request:
     def of(
         cls,
         *,
-        ratio: float | None = None,
-        n_points: int | None = None,
+        ratio: float | str | None = None,
+        n_points: int | str | None = None,
         tolerance: float | str | None = None,
-        measure: Measure | None = None,
         spacing: float | str | None = None,
         max_gap: float | str | None = None,
         unit: str | None = None,
@@ -61,7 +59,7 @@ class Request:
         drop_outliers: bool = False,
     ) -> Request:
         """Check the arguments of `simplify`, as far as that is possible without the cloud."""
-        amount = Amount.of(ratio, n_points, tolerance, spacing, max_gap, measure)
+        amount = Amount.of(ratio, n_points, tolerance, spacing, max_gap)
         chosen = resolved(method, seed)
         check_supported(chosen, spacing, keep, weight)
         metres_of(unit, None)
@@ -172,7 +170,7 @@ class Result(ComparedByValue):
         >>> len(result.prefix(50).cloud)
         50
         """
-        count = whole_number("the number of points", n_points, 1)
+        count = count_of("n_points", n_points)
         if count > len(self.indices):
             raise ParameterError(f"expected at most {len(self.indices):,} points, as the result has, found {count:,}")
         self._require_ranking()
@@ -251,10 +249,9 @@ class Result(ComparedByValue):
 def simplify(
     cloud: CloudLike,
     *,
-    ratio: float | None = None,
-    n_points: int | None = None,
+    ratio: float | str | None = None,
+    n_points: int | str | None = None,
     tolerance: float | str | None = None,
-    measure: Measure | None = None,
     spacing: float | str | None = None,
     max_gap: float | str | None = None,
     unit: str | None = None,
@@ -278,17 +275,17 @@ def simplify(
     cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
         The original points; they are not changed. A point that exactly repeats an earlier one counts as a point, but
         such points are chosen last.
-    ratio : float, optional
-        M / N, above 0 and at most 1. M is rounded, and is at least 1. Give one of `ratio`, `n_points`, `tolerance` and
-        `spacing`, or `max_gap`.
-    n_points : int, optional
-        M, at least 1. If the cloud has no more than M points, all are returned in their order.
+    ratio : float or str, optional
+        M / N, above 0 and at most 1, such as 0.03 or "3%". M is rounded, and is at least 1. Give one of `ratio`,
+        `n_points`, `tolerance` and `spacing`, or `max_gap`.
+    n_points : int or str, optional
+        M, at least 1, such as 5000 or "5k". If the cloud has no more than M points, all are returned in their order.
     tolerance : length, optional
-        The fewest points, up to 2 %, whose local surface misses the original by at most this. They are the first ones
-        of a ranking, if the method ranks its points. The diagnostics say which errors were reached.
-    measure : "mean", "rms", "p95" or "max", optional
-        Which error `tolerance` means: one of the figures `surface_mean` to `surface_max` of `gppcs.Report`. By
-        default "p95": 95 % of the points are as near as that.
+        The fewest points, up to 2 %, from whose local surface no original point is farther than this. Outliers, as
+        `gppcs.find_outliers` finds them, do not count. The points are the first ones of a ranking, if the method ranks
+        its points. The diagnostics tell the `largest_error`, and how many `points_set_aside` there are. A text such as
+        "2mm:p95" bounds another error of all points instead: ":mean", ":rms", ":p95" (95 % of the points are as near)
+        or ":max", the figures `surface_mean` to `surface_max` of `gppcs.Report`.
     spacing : length, optional
         As many points as have this spacing. What that means, `gppcs.METHODS[name].supports` says: for "gp" the mean
         spacing on the measured surface.
@@ -348,11 +345,11 @@ def simplify(
     >>> gppcs.simplify(cloud, n_points=50, method=gppcs.Random(seed=7)).cloud.points.shape
     (50, 3)
     >>> fine = gppcs.simplify(cloud, tolerance="1%")
-    >>> gppcs.evaluate(cloud, fine.cloud).surface_p95 <= 0.01 * gppcs.info(cloud).diagonal
+    >>> gppcs.evaluate(cloud, fine.cloud).surface_max <= 0.01 * gppcs.info(cloud).diagonal
     True
     """
     request = Request.of(
-        ratio=ratio, n_points=n_points, tolerance=tolerance, measure=measure, spacing=spacing, max_gap=max_gap,
+        ratio=ratio, n_points=n_points, tolerance=tolerance, spacing=spacing, max_gap=max_gap,
         unit=unit, keep=keep, weight=weight, method=method, seed=seed, invalid=invalid, normals=normals,
         scores=scores, drop_outliers=drop_outliers,
     )  # fmt: skip
@@ -481,13 +478,3 @@ def check_usable(n: int, bad: int, first: int, invalid: str) -> None:
         raise InputError(f"{found}; drop them with invalid='drop'", command=f"{found}; drop them with --invalid drop")
     if bad == n:
         raise InputError(f"none of the {n} points has finite coordinates")
-
-
-def number_to_keep(n: int, ratio: float | None, n_points: int | None) -> int:
-    """Return M, the number of points to keep."""
-    if (ratio is None) == (n_points is None):
-        found = "neither" if ratio is None else "both"
-        raise ParameterError(f"expected either a ratio or a number of points, found {found}")
-    if ratio is not None:
-        return max(1, round(share(ratio) * n))
-    return min(whole_number("the number of points", n_points, 1), n)

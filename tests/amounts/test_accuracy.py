@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs.amounts.accuracy import MEASURES, Original, fewest_points
+from gppcs.amounts.accuracy import Original, fewest_points
+from gppcs.clouds.quantities import MEASURES
 from gppcs.engine.stages import Stages
 
 CLOUD = gppcs.sample("bracket", n_points=4000)
@@ -14,7 +15,7 @@ BALL = gppcs.sample("sphere", n_points=1200)
 DIAGONAL = gppcs.info(CLOUD).diagonal
 
 
-def error(kept, measure="p95"):
+def error(kept, measure="max"):
     """What `gppcs.evaluate` says of some of the points."""
     return getattr(gppcs.evaluate(CLOUD, kept), f"surface_{measure}")
 
@@ -22,7 +23,7 @@ def error(kept, measure="p95"):
 @pytest.mark.parametrize("measure", MEASURES)
 def test_a_tolerance_is_reached_and_five_per_cent_fewer_points_of_the_ranking_miss_it(measure):
     tolerance = {"mean": 0.3, "rms": 0.6, "p95": 1.0, "max": 4.0}[measure]
-    result = gppcs.simplify(CLOUD, tolerance=tolerance, measure=measure)
+    result = gppcs.simplify(CLOUD, tolerance=f"{tolerance}:{measure}")
     reached = error(result.cloud, measure)
     assert reached <= tolerance
     assert result.diagnostics[f"surface_{measure}"] == pytest.approx(reached, rel=1e-9)
@@ -32,9 +33,9 @@ def test_a_tolerance_is_reached_and_five_per_cent_fewer_points_of_the_ranking_mi
 
 @pytest.mark.parametrize("method", ["fps", "random", "voxel"])
 def test_other_methods_reach_it_too(method):
-    result = gppcs.simplify(CLOUD, tolerance=1.0, method=method)
-    assert error(result.cloud) <= 1.0
-    assert error(gppcs.simplify(CLOUD, n_points=round(0.94 * len(result.indices)), method=method).cloud) > 1.0
+    result = gppcs.simplify(CLOUD, tolerance="1:p95", method=method)
+    assert error(result.cloud, "p95") <= 1.0
+    assert error(gppcs.simplify(CLOUD, n_points=round(0.94 * len(result.indices)), method=method).cloud, "p95") > 1.0
 
 
 def test_the_written_file_reaches_it(tmp_path):
@@ -42,7 +43,21 @@ def test_the_written_file_reaches_it(tmp_path):
     result = gppcs.simplify(tmp_path / "scan.ply", tolerance="0.5%")
     gppcs.write(tmp_path / "small.ply", result.cloud)
     report = gppcs.evaluate(tmp_path / "scan.ply", tmp_path / "small.ply")
-    assert report.surface_p95 <= 0.005 * report.diagonal
+    assert report.surface_max <= 0.005 * report.diagonal
+
+
+def test_a_tolerance_alone_bounds_the_largest_error_of_all_but_outliers():
+    stray = np.vstack([CLOUD.points, [[500.0, 0.0, 0.0], [0.0, 0.0, 700.0]]])
+    result = gppcs.simplify(stray, tolerance=4.0)
+    aside = gppcs.find_outliers(stray)
+    kept = result.cloud.points
+    assert gppcs.evaluate(stray[~aside], kept).surface_max <= 4.0
+    assert result.diagnostics["largest_error"] <= 4.0
+    assert result.diagnostics["points_set_aside"] == aside.sum() >= 2
+    assert result.diagnostics["surface_max"] == pytest.approx(gppcs.evaluate(stray, kept).surface_max)
+    clean = gppcs.simplify(CLOUD, tolerance=4.0).diagnostics
+    assert clean["largest_error"] == pytest.approx(clean["surface_max"])
+    assert "points_set_aside" not in clean
 
 
 def test_lengths_with_units_and_shares_mean_the_same():
@@ -75,7 +90,7 @@ def test_repeats_count_once():
 
 
 def test_a_tiny_tolerance_takes_all_points_and_a_large_one_a_single_point():
-    assert len(gppcs.simplify(BALL, tolerance=1e-12, measure="max").indices) == len(BALL)
+    assert len(gppcs.simplify(BALL, tolerance="1e-12:max").indices) == len(BALL)
     assert len(gppcs.simplify(CLOUD, tolerance=1e6).indices) == 1
     assert gppcs.simplify([[0.0, 0.0, 0.0]], tolerance=1.0).indices.tolist() == [0]
 
@@ -103,24 +118,25 @@ def test_the_fewest_points_of_a_known_error_are_found_in_few_steps(monkeypatch):
             points, 1.0 / wanted, "p95", lambda m: method(gppcs.Wanted(points, min(m, 2999))), True, 1, Stages()
         )  # fmt: skip
         assert wanted <= len(selection.indices) <= max(wanted + 1, 1.02 * wanted)
-        assert found["p95"] <= 1.0 / wanted
+        assert found.by_measure["p95"] <= 1.0 / wanted
         assert len(sizes) < 40
 
 
 WRONG = [
     ({}, "found neither; or give a tolerance, a spacing or a largest gap"),
-    ({"tolerance": 0}, "above 0, which is what all points give, and finite, found 0"),
+    ({"tolerance": 0}, "above 0, found 0; to keep every point, give a ratio of 1"),
     ({"tolerance": -1}, "found -1"),
     ({"tolerance": math.nan}, "a length, such as 0.5, 0.5mm or 0.02%, found nan"),
-    ({"tolerance": math.inf}, "finite, found inf"),
+    ({"tolerance": math.inf}, "above 0, found inf"),
     ({"tolerance": "half"}, "a length, such as .*, found 'half'"),
     ({"tolerance": "1 mmm"}, "a unit, found 'mmm' in '1 mmm'; did you mean 'mm'?"),
     ({"tolerance": "1" + "m" * 9999}, r"a unit, found 'm{79}\.\.\. in '1m{78}\.\.\."),
     ({"tolerance": True}, "a length, .*found True"),
     ({"tolerance": 1, "unit": "parsec"}, "the name of a unit of length, found 'parsec'"),
     ({"tolerance": 1, "n_points": 5}, "one of ratio, n_points, tolerance and spacing, found n_points and tolerance"),
-    ({"tolerance": 1, "measure": "p99"}, "measure to be 'mean' or 'rms' or 'p95' or 'max', found 'p99'"),
-    ({"ratio": 0.1, "measure": "p95"}, "expected a tolerance together with measure"),
+    ({"tolerance": "1:p99"}, "tolerance to end in :mean or :rms or :p95 or :max, found '1:p99'"),
+    ({"ratio": "3"}, "at most 1, found 3.0; for 3 percent"),
+    ({"n_points": "5.5"}, "a whole number of at most 1e18, found '5.5'"),
 ]
 
 

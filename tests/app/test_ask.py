@@ -14,7 +14,7 @@ from command_line import FAST, assert_one_line, files
 
 
 def test_a_tolerance_is_reached_by_evaluate(gppcs_command, scan):
-    code, out, _ = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--tolerance", "2%", "--measure", "mean")
+    code, out, _ = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--tolerance", "2%:mean")
     assert code == 0
     (row,) = (line for line in out.splitlines() if "(asked: " in line)
     assert row.startswith("surface mean ")
@@ -26,7 +26,7 @@ def test_a_tolerance_is_reached_by_evaluate(gppcs_command, scan):
 
 
 def test_a_tolerance_that_the_points_do_not_resolve_is_told(gppcs_command, scan):
-    for tolerance, told in (("0.01%", True), ("2%", False)):
+    for tolerance, told in (("0.01%", True), ("9%", False)):
         _, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--force", "--tolerance", tolerance, *FAST)
         assert ("of the points; it is below what their spacing and noise resolve" in err) == told
 
@@ -133,12 +133,11 @@ def test_outliers_are_left_out_and_listed(gppcs_command, folder):
     ("arguments", "parts"),
     [
         (["--tolerance", "1%", "--points", 5], ["one of --ratio, --points, --tolerance", "--points and --tolerance"]),
-        (["--tolerance", "0"], ["expected --tolerance to be above 0, which is what all points give"]),
+        (["--tolerance", "0"], ["expected --tolerance to be a length above 0, found '0'; to keep every point"]),
         (["--tolerance", "5 parsec"], ["expected --tolerance to have a unit, found 'parsec'"]),
         (["--tolerance", "0.5mm"], ["scan.ply: the cloud does not say in which unit", "give --unit"]),
         (["--tolerance", 1, "--unit", "mile"], ["a unit of length, found 'mile'"]),
-        (["--tolerance", 1, "--measure", "p99"], ["'p99' is not one of"]),
-        (["--points", 5, "--measure", "p95"], ["a tolerance together with --measure"]),
+        (["--tolerance", "1:p99"], ["expected --tolerance to end in :mean or :rms or :p95 or :max, found '1:p99'"]),
         (["--tolerance", "1%", "--dry-run"], ["--ratio or --points with --dry-run"]),
         (
             ["--tolerance", "1%", "--memory", "1MB"],
@@ -146,7 +145,7 @@ def test_outliers_are_left_out_and_listed(gppcs_command, folder):
         ),
         (["--points", 5, "--weight", "red", "--memory", "1MB"], ["MB of memory to choose 5 of"]),
         (["--points", 5, "--keep", "z > 60", "--memory", "1MB"], ["to choose 5 of about 400 points, found"]),
-        (["--max-gap", "-1"], ["expected --max-gap to be above 0"]),
+        (["--max-gap", "-1"], ["expected --max-gap to be a length above 0"]),
         (["--spacing", 5, "--method", "hc"], ["'hc' has no spacing"]),
         (
             ["--spacing", 5, "--keep", "z > 60"],
@@ -207,7 +206,7 @@ def test_two_sizes_have_no_knee(gppcs_command, scan):
     [
         (["--sizes", "0"], "a size to be a whole number from 1 on, found 0"),
         (["--sizes", "1.5"], "--sizes to be a whole number"),
-        (["--sizes", "x%"], "--sizes to be a number"),
+        (["--sizes", "x%"], "--sizes to be a share"),
         (["--methods", "fsp"], "no method 'fsp'"),
         (["--only", "z > 999"], "scan.ply: expected points with z > 999, found none; gppcs info shows"),
         (["--plot", "curve.jpg"], "a name that ends in .png for the plot"),

@@ -65,6 +65,7 @@ export interface Description {
   elevation: number;
   together: boolean;
   diagonal: number;
+  lengths: string;
   clouds: Cloud[];
   figures: Figure[];
   made: [string, string][];

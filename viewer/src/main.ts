@@ -125,7 +125,7 @@ function fillFigures(): void {
   fillTable(described);
   byId("figures").hidden = false;
   byId("figurestext").textContent =
-    "Lengths are in the unit of the coordinates; d is the diagonal of the original's bounding box, " +
+    `Lengths are in ${described.lengths}; d is the diagonal of the original's bounding box, ` +
     `${shown(described.diagonal)}. The best value of each row is marked.`;
   const plotted = select("plotted");
   for (const { name, title, better } of described.figures) if (better) plotted.append(new Option(title, name));

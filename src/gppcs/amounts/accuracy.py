@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.clouds.quantities import MEASURES, Measure
 from gppcs.engine.stages import Stages
 from gppcs.methods import Selection
 
 if TYPE_CHECKING:
     from gppcs.surface.local_surface import LocalSurface
-
-Measure: TypeAlias = Literal["mean", "rms", "p95", "max"]
-MEASURES: tuple[Measure, ...] = get_args(Measure)
 
 FIRST = 1000  # Points of the first ranking, by which the number of points is guessed.
 SPARE = 1.2  # Points of a ranking for each one that the guess says. A ranking that is too short costs another one.
@@ -108,26 +106,47 @@ def _error_at_least(some: NDArray[np.float64], n: int, measure: Measure) -> floa
     return float(np.partition(some, -rank)[-rank]) if rank <= len(some) else 0.0
 
 
+@dataclass(frozen=True)
+class Errors:
+    """The errors of all points by measure; `largest` is that of all but those set aside, if it was asked for."""
+
+    by_measure: Mapping[Measure, float]
+    largest: float | None = None
+    set_aside: int = 0
+
+
 def fewest_points(
     points: Points,
     tolerance: float,
-    measure: Measure,
+    measure: Measure | None,
     choose: Callable[[int], Selection],
     ranks: bool,
     least: int,
     stages: Stages,
-) -> tuple[Selection, dict[Measure, float]]:
-    """Choose the fewest points whose local surface misses the original by at most a tolerance.
+) -> tuple[Selection, Errors]:
+    """Choose the fewest of at least `least` points, (N, 3), without repeats, whose local surface is near enough.
 
-    If the method ranks its points, they are the first ones of a ranking. Otherwise, each number of points is a choice
-    of its own. They are the fewest up to 2 %, and it is known that 5 % fewer points miss the tolerance.
-
-    Shapes: points (N, 3).
+    They are the fewest up to 2 %, and 5 % fewer points miss the tolerance. They are the first ones of a ranking, if the
+    method ranks its points; otherwise each number of points is a choice of its own. Without a measure, the largest
+    distance counts, of all points but outliers.
     """
-    whole = Original.of(points)
-    judge = _Judge(points, whole, tolerance, measure, stages)
-    search = _Search(judge, whole.some(), len(points), tolerance, measure, choose, least, stages)
-    return search.ranked() if ranks else search.unranked()
+    from gppcs.surface.outliers import outliers_among
+
+    aside = np.zeros(len(points), dtype=np.bool_)
+    if measure is None:
+        with stages("outliers"):
+            aside = outliers_among(points)
+    counted = Original.of(points[~aside] if aside.any() else points)
+    judge = _Judge(points, counted, tolerance, measure or "max", stages)
+    search = _Search(judge, counted.some(), len(points), tolerance, measure or "max", choose, least, stages)
+    selection, errors = search.ranked() if ranks else search.unranked()
+    if measure is not None:
+        return selection, Errors(errors)
+    largest, count = errors["max"], int(np.count_nonzero(aside))
+    if count and largest:
+        with stages("accuracy"):
+            errors = Original.of(points).errors(judge.places(selection))
+    return selection, Errors(errors, largest, count)
 
 
 class _Judge:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.amounts.accuracy import Measure, fewest_points
+from gppcs.amounts.accuracy import Errors, fewest_points
 from gppcs.amounts.amount import Amount
 from gppcs.amounts.guide import Guide
-from gppcs.clouds.lengths import Length
+from gppcs.clouds.quantities import Scale
 from gppcs.engine.stages import Stages
 from gppcs.errors import InputError, ParameterError
 from gppcs.methods import METHODS, Method, Selection, Wanted
@@ -23,38 +21,8 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 
 FEWEST_WITHOUT_GAPS = 2.0 / (3.0 * math.sqrt(3.0))  # Discs of radius 1 for each unit of area, if they cover a plane.
-SHORTEST, LONGEST = 1e-100, 1e100  # Lengths in sizes of the cloud: squares of others would vanish or overflow.
 
 Points = NDArray[np.float64]
-
-
-class Scale(NamedTuple):
-    """How lengths that somebody asks for become lengths in the coordinates of a method.
-
-    Attributes
-    ----------
-    diagonal : float
-        Of the bounding box, in the coordinates of the method.
-    metres : float or None
-        The unit of the cloud in metres, if it is known.
-    exponent : int
-        The unit of the method's coordinates is two to this power, in the unit of the cloud.
-    """
-
-    diagonal: float
-    metres: float | None
-    exponent: int
-
-    def inside(self, length: Length) -> float:
-        """Return a length in the coordinates of the method."""
-        with np.errstate(over="ignore", under="ignore"):
-            scaled = float(np.ldexp(length.in_cloud(self.outside(self.diagonal), self.metres), -self.exponent))
-        return min(max(scaled, SHORTEST), LONGEST)
-
-    def outside(self, length: float) -> float:
-        """Return a length in the unit of the cloud, given in that of the method."""
-        with np.errstate(over="ignore", under="ignore"):
-            return float(np.ldexp(length, self.exponent))
 
 
 def check_supported(method: Method, spacing: object, keep: object, weight: object) -> None:
@@ -91,10 +59,10 @@ def choose_amount(
     gap = None if amount.max_gap is None else scale.inside(amount.max_gap)
     if amount.tolerance is not None:
         selection, errors = fewest_points(
-            among.points, scale.inside(amount.tolerance), amount.measure, chosen, "ranking" in method.supports,
-            max(among.fixed, 1), stages,
+            among.points, scale.inside(amount.tolerance.length), amount.tolerance.measure, chosen,
+            "ranking" in method.supports, max(among.fixed, 1), stages,
         )  # fmt: skip
-        selection = with_errors(selection, errors, scale)
+        selection = _with_errors(selection, errors, scale)
     elif amount.spacing is not None:
         selection = method(Wanted(among.points, len(among.points), scale.inside(amount.spacing), stages=stages))
     elif count is not None:
@@ -178,9 +146,13 @@ def with_others(selection: Selection, rows: NDArray[np.int64]) -> Selection:
     )
 
 
-def with_errors(selection: Selection, errors: Mapping[Measure, float], scale: Scale) -> Selection:
+def _with_errors(selection: Selection, errors: Errors, scale: Scale) -> Selection:
     """Return a selection whose diagnostics also tell its errors, in the unit of the cloud."""
-    found = {f"surface_{name}": scale.outside(error) for name, error in errors.items()}
+    found = {f"surface_{name}": scale.outside(error) for name, error in errors.by_measure.items()}
+    if errors.largest is not None:
+        found = {"largest_error": scale.outside(errors.largest), **found}
+    if errors.set_aside:
+        found["points_set_aside"] = float(errors.set_aside)
     return replace(selection, diagnostics={**selection.diagnostics, **found})
 
 

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.amounts.accuracy import MEASURES, Measure, Original
+from gppcs.amounts.accuracy import Original
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.quantities import MEASURES, Measure, size_of
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import Stages
-from gppcs.errors import ParameterError, number, one_of, shown, whole_number
+from gppcs.errors import ParameterError, one_of, shown
 from gppcs.methods import Method
 
 SHARES = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # sizes of a curve, if no others are asked for
@@ -114,17 +115,12 @@ def measured_curve(
 
 
 def checked_sizes(sizes: Any, n: int) -> NDArray[np.int64]:
-    """Return numbers of points, ascending.
-
-    Shapes: returns (k,).
-    """
+    """Return the numbers of points, ascending, that sizes such as 500, "5k" and "1%" of n points mean."""
     is_list = isinstance(sizes, list | tuple) or (isinstance(sizes, np.ndarray) and sizes.ndim == 1)
     if not is_list or not len(sizes):
         raise ParameterError(f"expected sizes such as [0.01, 0.1] or [500, 5000], found {shown(sizes)}")
-    counts = [
-        max(1, round(number(size) * n)) if 0 < number(size) < 1 else min(whole_number("a size", size, 1), n)
-        for size in sizes
-    ]
+    wanted = [size_of("sizes", size) for size in sizes]
+    counts = [max(1, round(size * n)) if size < 1 else min(size, n) for size in wanted]
     return np.unique(np.array(counts, dtype=np.int64))
 
 

@@ -9,10 +9,10 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from gppcs.amounts.accuracy import Measure
 from gppcs.amounts.curve import Curve
 from gppcs.app.printing import visible
 from gppcs.app.tables import Row, as_text, columns_of, units_of
+from gppcs.clouds.quantities import Measure
 
 
 def print_comparison(rows: Sequence[Row]) -> None:

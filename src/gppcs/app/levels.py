@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gppcs.app import panels
 from gppcs.app.outputs import Outputs, outputs_of
-from gppcs.app.quantities import count_of, is_share, share_of
+from gppcs.clouds.quantities import size_of
 from gppcs.errors import ParameterError, shown
 
 LevelsOption = Annotated[
@@ -45,16 +45,11 @@ class Levels:
         words = [word.strip() for word in text.split(",")]
         if len(words) > MOST:
             raise ParameterError(f"expected --levels with at most {MOST} sizes, found {len(words)}")
-        are_shares = [is_share(word) for word in words]
+        sizes = {size_of("levels", word) for word in words}
+        are_shares = [size < 1 for size in sizes]
         if any(are_shares) != all(are_shares):
             raise ParameterError(f"expected --levels with shares or with numbers, found both in {shown(text)}")
-        if all(are_shares):
-            sizes = {share_of(word, "--levels", "a number of points is whole") for word in words}
-            fine = all(0 < size < 1 for size in sizes)
-        else:
-            sizes = {float(count_of(word, "--levels")) for word in words}
-            fine = all(size >= 1 for size in sizes)
-        if not fine or len(sizes) < len(words):
+        if len(sizes) < len(words):
             raise ParameterError(
                 f"expected --levels with different sizes below all points, such as 10%,3%,1%, found {shown(text)}"
             )

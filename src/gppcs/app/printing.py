@@ -211,23 +211,37 @@ def print_json(record: dict[str, Any]) -> None:
     say(strict_json(record))
 
 
-def figure_rows(report: Report | MeshReport) -> dict[str, str]:
-    """Return the figures of a report as rows of a table, with units."""
+def figure_rows(report: Report | MeshReport, unit: str | None) -> dict[str, str]:
+    """Return the figures of a report as rows of a table, with units, below a verdict in a sentence."""
     raw, relative = report.figures(), report.figures(relative=True)
-    rows = {}
+    of_unit = f" {unit}" if unit else ""
+    rows = {"verdict": _verdict(report, of_unit)}
     for name, value in raw.items():
         if name in ("points_in", "points_out"):
             continue
         unit = FIGURES[name.removeprefix("carried_")].unit
         rows[name.replace("_", " ")] = {
             "count": f"{value:,.0f}",
-            "length": f"{value:.4g}" + (f"  ({relative[name]:.3g} of the diagonal)" if name != "diagonal" else ""),
-            "squared length": f"{value:.4g}  ({relative[name]:.3g} of the squared diagonal)",
+            "length": f"{value:.4g}{of_unit}"
+            + (f"  ({relative[name]:.3%} of the diagonal)" if name != "diagonal" else ""),
+            "squared length": f"{value:.4g}{of_unit and of_unit + '²'}  ({relative[name]:.3g} of the squared diagonal)",
             "degrees": f"{value:.4g} degrees",
             "share": f"{100 * value:.4g} %",
             "ratio": f"{value:.4g}",
         }[unit]
-    return {**rows, "lengths": "in the unit of the coordinates"}
+    return rows if unit else {**rows, "lengths": "in the unit of the coordinates, which the file does not tell"}
+
+
+def _verdict(report: Report | MeshReport, unit: str) -> str:
+    """Return in a sentence how far the original points are from what was made of them."""
+    if isinstance(report, MeshReport):
+        most, mean = report.mesh_max, report.mesh_mean
+        return f"no point is farther than {most:.3g}{unit} from the mesh; on average they are {mean:.3g}{unit} from it"
+    most, nearer = report.surface_max, report.surface_p95
+    return (
+        f"no original point is farther than {most:.3g}{unit} from the surface through the kept points; 95 % are within "
+        f"{nearer:.3g}{unit}"
+    )
 
 
 def tell(error: BaseException, source: Path | None = None) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
-from gppcs.clouds.lengths import name_of_unit
+from gppcs.clouds.quantities import unit_of
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def info(cloud: CloudLike) -> Summary:
             for name, values in cloud.attributes.items()
         },
         crs=cloud.header.crs if cloud.header else None,
-        unit=name_of_unit(cloud.header.metres) if cloud.header and cloud.header.metres else None,
+        unit=unit_of(cloud.header),
         ranges={name: _range(values) for name, values in cloud.attributes.items()},
     )
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import BinaryIO
 
-from gppcs.amounts.accuracy import Measure
 from gppcs.amounts.curve import Curve
+from gppcs.clouds.quantities import Measure
 from gppcs.engine.extras import require_matplotlib
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")

@@ -14,7 +14,7 @@ from gppcs.errors import NoSurfaceError, ParameterError, shown
 from gppcs.evaluation.judge import judged, require_mesh
 from gppcs.evaluation.report import Report
 from gppcs.methods import METHODS, Method
-from gppcs.simplification import Result, simplify
+from gppcs.simplification import Request, Result, simplify
 
 PREPARATION_POINTS = 20_000  # points of the run that compiles kernels: enough for several parts that choose at once
 
@@ -54,8 +54,8 @@ def compare(
     cloud: CloudLike,
     methods: Iterable[str | Method] = tuple(METHODS),
     *,
-    ratio: float | None = None,
-    n_points: int | None = None,
+    ratio: float | str | None = None,
+    n_points: int | str | None = None,
     mesh: Mesh | None = None,
     seed: int | None = None,
     invalid: Literal["error", "drop"] = "error",
@@ -123,15 +123,12 @@ def compare(
 
 
 def checked_methods(
-    methods: Iterable[str | Method], ratio: float | None, n_points: int | None, seed: int | None
+    methods: Iterable[str | Method], ratio: float | str | None, n_points: int | str | None, seed: int | None
 ) -> list[Method]:
     """Return methods with all their parameters, after checking that these are in their ranges."""
     if isinstance(methods, str) or not isinstance(methods, Iterable) or getattr(methods, "ndim", 1) == 0:
         raise ParameterError(f"expected a list of methods or names, such as ['fps', 'random'], found {shown(methods)}")
-    point = [[0.0, 0.0, 0.0]]  # the checks of `simplify` run, but no method has work to do
-    chosen = [
-        simplify(point, ratio=ratio, n_points=n_points, method=method, seed=seed).method for method in methods
-    ]  # fmt: skip
+    chosen = [Request.of(ratio=ratio, n_points=n_points, method=method, seed=seed).method for method in methods]
     if not chosen:
         raise ParameterError("expected at least one method to compare, found none")
     return chosen

@@ -8,19 +8,21 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import Literal
 
+from gppcs.amounts.amount import Amount
 from gppcs.clouds.cloud import CloudLike
 from gppcs.clouds.mesh import Mesh
+from gppcs.clouds.quantities import count_of
 from gppcs.engine import compiling
 from gppcs.engine.extras import require_pymeshlab
 from gppcs.engine.stages import Stages
-from gppcs.errors import InputError, NoSurfaceError, ParameterError, nearest_name, shown, whole_number
+from gppcs.errors import InputError, NoSurfaceError, ParameterError, nearest_name, shown
 from gppcs.evaluation.judge import evaluate_mesh, require_original
 from gppcs.evaluation.mesh_ways import MESH_WAYS, Wanted, installed_ways, require_way
 from gppcs.evaluation.report import MeshReport
 from gppcs.meshing.pipeline import FEWEST_VERTICES
 from gppcs.meshing.pipeline import mesh as meshed
 from gppcs.scans import sample
-from gppcs.simplification import number_to_keep, simplify
+from gppcs.simplification import simplify
 
 LOADING_POINTS = 5_000  # points of the runs that load kernels
 
@@ -62,8 +64,8 @@ class MeshEntry:
 def compare_meshes(
     cloud: CloudLike,
     *,
-    ratio: float | None = None,
-    n_points: int | None = None,
+    ratio: float | str | None = None,
+    n_points: int | str | None = None,
     ways: Iterable[str] | None = None,
     mesh: Mesh | None = None,
     invalid: Literal["error", "drop"] = "error",
@@ -124,7 +126,8 @@ def compare_meshes(
     chosen, stages = checked_ways(ways, ratio, n_points), Stages.of(stages)
     original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without dropped points
     require_original(original, mesh)
-    count = number_to_keep(len(original), ratio, n_points)
+    count = Amount.of(ratio, n_points).known_count(len(original))
+    assert count is not None
     if count < FEWEST_VERTICES:
         raise ParameterError(
             f"expected a mesh of at least {FEWEST_VERTICES} vertices, found {count} of {len(original)} points"
@@ -133,7 +136,7 @@ def compare_meshes(
     return [_entry(way, Wanted(original, count, stages.anew()), mesh) for way in chosen]
 
 
-def checked_ways(ways: Iterable[str] | None, ratio: float | None, n_points: int | None) -> list[str]:
+def checked_ways(ways: Iterable[str] | None, ratio: float | str | None, n_points: int | str | None) -> list[str]:
     """Check the names of ways and the size, as far as the cloud is not needed, and return the names."""
     if isinstance(ways, str) or not isinstance(ways, Iterable | None) or getattr(ways, "ndim", 1) == 0:
         raise ParameterError(f"expected a list of ways, such as ['mesh', 'ball-pivoting'], found {shown(ways)}")
@@ -143,9 +146,9 @@ def checked_ways(ways: Iterable[str] | None, ratio: float | None, n_points: int 
     for way in chosen:
         if not (isinstance(way, str) and way in MESH_WAYS):
             raise ParameterError(f"there is no way to a mesh {shown(way)}{nearest_name(way, MESH_WAYS)}")
-    number_to_keep(1, ratio, n_points)
-    if n_points is not None:
-        whole_number("the number of points", n_points, FEWEST_VERTICES)
+    asked = Amount.of(ratio, n_points)
+    if asked.n_points is not None:
+        count_of("n_points", asked.n_points, FEWEST_VERTICES)
     require_pymeshlab()
     for way in chosen:
         require_way(way)

@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
+from gppcs.clouds.quantities import Length, Scale, count_of, metres_of, option, share_of
 from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import Stages, in_words
-from gppcs.errors import NoSurfaceError, ParameterError, flag, number, share, shown, whole_number
+from gppcs.errors import NoSurfaceError, ParameterError, flag, shown
 from gppcs.meshing.assembly import assembled, without_scraps
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.dense import DensePoints
@@ -90,13 +91,14 @@ class MeshResult(ComparedByValue):
 def mesh(
     cloud: CloudLike,
     *,
-    n_points: int | None = None,
-    ratio: float | None = None,
-    n_faces: int | None = None,
-    tolerance: float | None = None,
+    n_points: int | str | None = None,
+    ratio: float | str | None = None,
+    n_faces: int | str | None = None,
+    tolerance: float | str | None = None,
+    unit: str | None = None,
     keep: ArrayLike | None = None,
     moved: bool = False,
-    fill_holes: float | None = None,
+    fill_holes: float | str | None = None,
     invalid: Literal["error", "drop"] = "error",
     stages: Stages | None = None,
 ) -> MeshResult:
@@ -114,20 +116,23 @@ def mesh(
     n_points : int, optional
         M, the number of vertices, at least 4. If fewer points are on the surface, all of these are. Give exactly one
         of `n_points`, `ratio`, `n_faces`, `tolerance` and `keep`.
-    ratio : float, optional
-        M / N, above 0 and at most 1.
+    ratio : float or str, optional
+        M / N, above 0 and at most 1, such as 0.03 or "3%".
     n_faces : int, optional
         The number of triangles at most, at least 4. Those that fill holes count: if there are too many, a lighter mesh
         is made. There are more only if each piece already has as few vertices as can be.
-    tolerance : float, optional
-        Mean distance from the points to the mesh at most, in the unit of the cloud. The mesh has about as few
-        vertices as it allows.
+    tolerance : length, optional
+        Mean distance from the points to the mesh at most: a number in the unit of the coordinates, or a text such as
+        "0.5mm" or "0.02%" of the diagonal of the bounding box. The mesh has about as few vertices as it allows.
+    unit : str, optional
+        In which unit the coordinates are: "m", "mm", "ft" and so on, if the coordinate system of the cloud does not
+        tell.
     keep : (M,) array-like of int, optional
         Rows of the points that become the vertices, such as the `indices` of `gppcs.simplify`.
     moved : bool
         Whether vertices may leave the points, so that the mesh fits these better.
-    fill_holes : float, optional
-        Also close holes up to this size, the diagonal of the box around their border in the unit of the cloud.
+    fill_holes : length, optional
+        Also close holes up to this size, the diagonal of the box around their border.
     invalid : "error" or "drop"
         What to do with points whose coordinates are NaN or infinite: raise an error, or leave them out.
     stages : Stages, optional
@@ -157,8 +162,9 @@ def mesh(
     from gppcs.simplification import check_usable
 
     stages, moved = Stages.of(stages), flag("moved", moved)
-    check_size(
-        n_points=n_points, ratio=ratio, n_faces=n_faces, tolerance=tolerance, keep=keep, fill_holes=fill_holes
+    size = Size.of(
+        n_points=n_points, ratio=ratio, n_faces=n_faces, tolerance=tolerance, unit=unit, keep=keep,
+        fill_holes=fill_holes,
     )  # fmt: skip
     with stages("preparation"):
         cloud = PointCloud.of(cloud)
@@ -167,61 +173,70 @@ def mesh(
         check_usable(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, invalid)
         points, corner, exponent = normalised(cloud.points[rows] if len(bad) else cloud.points)
         chosen = None if keep is None else _chosen_rows(keep, rows, points, len(cloud))
-        count = _number_of_vertices(len(points), n_points, ratio)
+        count = size.vertices(len(points))
         _require_surface(points)
-    unit = 2.0**exponent
-    maker = _Maker(points, chosen, moved, None if fill_holes is None else fill_holes / unit, stages)
-    if tolerance is not None:
-        made = maker.search(tolerance / unit, unit)
-    elif n_faces is not None:
-        made = maker.make(n_faces, counts_faces=True)
+    metres = metres_of(unit, cloud.header)
+    scale = Scale(float(np.linalg.norm(np.ptp(points, axis=0))), metres, exponent)
+    maker = _Maker(points, chosen, moved, scale.inside(size.fill_holes) if size.fill_holes else None, stages)
+    if size.tolerance is not None:
+        made = maker.search(scale.inside(size.tolerance), 2.0**exponent)
+    elif size.n_faces is not None:
+        made = maker.make(size.n_faces, counts_faces=True)
     else:
         made = maker.make(count if chosen is None else len(chosen))
     return _result(cloud, rows, made, moved, corner, exponent, stages)
 
 
-def check_size(
-    *,
-    n_points: int | None,
-    ratio: float | None,
-    n_faces: int | None,
-    tolerance: float | None,
-    keep: Any | None,
-    fill_holes: float | None,
-) -> None:
-    """Check how large a mesh shall be, as far as that is possible without the cloud."""
-    given = {"n_points": n_points, "ratio": ratio, "n_faces": n_faces, "tolerance": tolerance, "keep": keep}
-    names = [name for name, value in given.items() if value is not None]
-    if len(names) != 1:
-        expected, options = (
-            "expected exactly one of",
-            ("--points", "--ratio", "--faces", "--tolerance", "--keep-points"),
-        )
-        found = " and ".join(option for option, name in zip(options, given, strict=True) if name in names) or "none"
-        raise ParameterError(
-            f"{expected} {', '.join(given)}, found {' and '.join(names) or 'none'}",
-            command=f"{expected} {', '.join(options)}, found {found}",
-        )
-    if n_points is not None:
-        whole_number("the number of points", n_points, FEWEST_VERTICES)
-    if n_faces is not None:
-        whole_number("the number of triangles", n_faces, FEWEST_VERTICES)
-    if ratio is not None:
-        share(ratio)
-    for name, value in (("the tolerance", tolerance), ("the size of holes to fill", fill_holes)):
-        if value is not None and not 0 < number(value) < np.inf:
-            raise ParameterError(f"expected {name} to be a number above 0, found {shown(value)}")
+@dataclass(frozen=True)
+class Size:
+    """How large a mesh shall be: the arguments of `mesh` with these names, checked without the cloud."""
 
+    n_points: int | None
+    ratio: float | None
+    n_faces: int | None
+    tolerance: Length | None
+    fill_holes: Length | None
 
-def _number_of_vertices(n: int, n_points: int | None, ratio: float | None) -> int:
-    """Return M, the number of vertices of a mesh of n points."""
-    if ratio is None:
-        return n_points or 0
-    if round(number(ratio) * n) < FEWEST_VERTICES:
-        raise ParameterError(
-            f"expected a ratio that keeps at least {FEWEST_VERTICES} of the {n} points, found {shown(ratio)}"
+    @classmethod
+    def of(
+        cls,
+        *,
+        n_points: int | str | None,
+        ratio: float | str | None,
+        n_faces: int | str | None,
+        tolerance: float | str | None,
+        unit: str | None,
+        keep: Any | None,
+        fill_holes: float | str | None,
+    ) -> Size:
+        """Check the arguments; `keep` is only looked at for being there."""
+        given = {"n_points": n_points, "ratio": ratio, "n_faces": n_faces, "tolerance": tolerance, "keep": keep}
+        names = [name for name, value in given.items() if value is not None]
+        if len(names) != 1:
+            options = {name: option(name) for name in given} | {"keep": "--keep-points"}
+            raise ParameterError(
+                f"expected exactly one of {', '.join(given)}, found {' and '.join(names) or 'none'}",
+                command=f"expected exactly one of {', '.join(options.values())}, found "
+                f"{' and '.join(options[name] for name in names) or 'none'}",
+            )
+        metres_of(unit, None)
+        return cls(
+            None if n_points is None else count_of("n_points", n_points, FEWEST_VERTICES),
+            None if ratio is None else share_of("ratio", ratio),
+            None if n_faces is None else count_of("n_faces", n_faces, FEWEST_VERTICES),
+            None if tolerance is None else Length.of("tolerance", tolerance),
+            None if fill_holes is None else Length.of("fill_holes", fill_holes),
         )
-    return round(number(ratio) * n)
+
+    def vertices(self, n: int) -> int:
+        """Return M, the number of vertices of a mesh of n points; 0 if that is not asked for."""
+        if self.ratio is None:
+            return self.n_points or 0
+        if round(self.ratio * n) < FEWEST_VERTICES:
+            raise ParameterError(
+                f"expected a ratio that keeps at least {FEWEST_VERTICES} of the {n} points, found {self.ratio:g}"
+            )
+        return round(self.ratio * n)
 
 
 def _chosen_rows(keep: ArrayLike, rows: NDArray[np.int64], points: NDArray[np.float64], n: int) -> NDArray[np.int64]:

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.amounts.choice import Scale, check_count, with_others, with_repeats
+from gppcs.amounts.choice import check_count, with_others, with_repeats
 from gppcs.amounts.guide import ChunkGuide, nothing_to_keep
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
-from gppcs.clouds.lengths import metres_of
+from gppcs.clouds.quantities import Scale, metres_of
 from gppcs.engine.ahead import compiled_ahead
 from gppcs.engine.stages import Stages
 from gppcs.io.cloud_files import CloudFiles

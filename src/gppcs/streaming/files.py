@@ -11,7 +11,6 @@ from typing import Literal
 
 from numpy.typing import ArrayLike
 
-from gppcs.amounts.accuracy import Measure
 from gppcs.engine.stages import Stages
 from gppcs.errors import ParameterError, file_path, shown
 from gppcs.io.cloud_files import CloudFiles
@@ -28,10 +27,9 @@ from gppcs.streaming.workers import each_by
 def simplify_files(
     paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     *,
-    ratio: float | None = None,
-    n_points: int | None = None,
+    ratio: float | str | None = None,
+    n_points: int | str | None = None,
     tolerance: float | str | None = None,
-    measure: Measure | None = None,
     spacing: float | str | None = None,
     max_gap: float | str | None = None,
     unit: str | None = None,
@@ -71,7 +69,7 @@ def simplify_files(
         stands for the files that it lists.
     ratio, n_points, method, seed, invalid, normals, scores, drop_outliers, stages
         As for `gppcs.simplify`. Normals need all points in memory.
-    tolerance, measure, spacing, max_gap, unit, keep, weight
+    tolerance, spacing, max_gap, unit, keep, weight
         As for `gppcs.simplify`. All points must be in memory for `tolerance` and `max_gap`, for `keep` that is no
         condition, and for `weight` that is no name.
     format, columns
@@ -127,7 +125,7 @@ def simplify_files(
     if not isinstance(paths, Sequence) or not paths:
         raise ParameterError(f"expected a file or a list of files, found {shown(paths)}")
     request = Request.of(
-        ratio=ratio, n_points=n_points, tolerance=tolerance, measure=measure, spacing=spacing, max_gap=max_gap,
+        ratio=ratio, n_points=n_points, tolerance=tolerance, spacing=spacing, max_gap=max_gap,
         unit=unit, keep=keep, weight=weight, method=method, seed=seed, invalid=invalid, normals=normals,
         scores=scores, drop_outliers=drop_outliers,
     )  # fmt: skip

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from gppcs.amounts.guide import ChunkGuide
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
-from gppcs.clouds.lengths import metres_of
+from gppcs.clouds.quantities import metres_of
 from gppcs.engine.memory import available_memory
 from gppcs.engine.threads import number_of_threads
 from gppcs.errors import InputError
@@ -118,7 +118,7 @@ def _check_asked(cloud: PointCloud, request: Request) -> None:
     if len(cloud):
         ChunkGuide(None if keep is None else Expression.of(keep), weight).of_chunk(cloud)
     metres = metres_of(request.unit, cloud.header)
-    for length in (request.amount.tolerance, request.amount.spacing, request.amount.max_gap):
+    for length in request.amount.lengths:
         if length is not None:
             length.in_cloud(1.0, metres)
 

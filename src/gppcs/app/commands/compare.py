@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gppcs.app import panels
+from gppcs.app.amounts import Points, Ratio
 from gppcs.app.mesh_pictures import drawn_meshes, named_meshes
 from gppcs.app.pages import how_made, rebuilt
 from gppcs.app.printing import (
@@ -29,8 +30,8 @@ from gppcs.app.printing import (
     progress,
     say,
 )
-from gppcs.app.quantities import Points, Ratio, count_of, share_of
 from gppcs.app.viewpoint import Colour, Up, View, require_picture, viewpoint_of
+from gppcs.clouds.quantities import count_of, share_of
 from gppcs.engine.threads import set_threads
 from gppcs.errors import OutputError, ParameterError, file_path
 from gppcs.methods import METHODS
@@ -144,7 +145,8 @@ def compare(
     from gppcs.io.mesh_files import read_mesh
 
     set_threads(threads)
-    share, count = None if ratio is None else share_of(ratio), None if points is None else count_of(points)
+    share = None if ratio is None else share_of("ratio", ratio)
+    count = None if points is None else count_of("n_points", points)
     chosen = None if methods is None else [name.strip() for name in methods.split(",")]
     if meshes and seed is not None:
         raise ParameterError("expected --seed without --meshes, whose ways draw no random numbers")

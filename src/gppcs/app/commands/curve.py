@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gppcs.amounts.accuracy import Measure
 from gppcs.app import panels
 from gppcs.app.printing import (
     Box,
@@ -27,7 +26,7 @@ from gppcs.app.printing import (
     print_json,
     progress,
 )
-from gppcs.app.quantities import count_of, is_share, share_of
+from gppcs.clouds.quantities import Measure, size_of
 from gppcs.engine.threads import set_threads
 from gppcs.errors import OutputError, file_path
 from gppcs.methods import DEFAULT
@@ -111,7 +110,7 @@ def curve(
 
     set_threads(threads)
     chosen = checked_methods([name.strip() for name in methods.split(",")], None, 1, seed)
-    wanted = None if sizes is None else [_size(text.strip()) for text in sizes.split(",")]
+    wanted = None if sizes is None else [size_of("sizes", text) for text in sizes.split(",")]
     if plot is not None:
         if not io.is_standard(plot) and plot.suffix.lower() != ".png":
             raise OutputError(f"{plot}: expected a name that ends in .png for the plot")
@@ -135,13 +134,6 @@ def curve(
             print_json({"input": str(cloud), **_record(each, measure)})
     elif not quiet:
         print_curves(str(cloud), curves, measure, len(original))
-
-
-def _size(text: str) -> float:
-    """Return a number of points, or a share below 1, that a text means."""
-    if is_share(text):
-        return share_of(text, "--sizes", "a number of points is whole")
-    return count_of(text, "--sizes")
 
 
 def _record(curve: Curve, measure: Measure) -> dict[str, object]:

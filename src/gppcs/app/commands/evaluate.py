@@ -76,6 +76,7 @@ def evaluate(
     """Measure how good a simplified cloud or mesh is. Points with NaN or infinite coordinates are left out."""
     from gppcs import io
     from gppcs.app.console import print_table
+    from gppcs.clouds.quantities import unit_of
     from gppcs.engine.stages import Stages
     from gppcs.evaluation.judge import evaluate as measured
     from gppcs.evaluation.judge import evaluate_mesh
@@ -103,7 +104,10 @@ def evaluate(
         print_json({**files, "figures": report.figures(), "relative": report.figures(relative=True)})
     elif not quiet:
         counts = {} if judged else {"points": f"{len(clouds[0]):,} in, {len(clouds[1]):,} out"}
-        print_table(f"{original} → {simplified_mesh or simplified}", {**counts, **figure_rows(report)})
+        print_table(
+            f"{original} → {simplified_mesh or simplified}",
+            {**counts, **figure_rows(report, unit_of(clouds[0].header))},
+        )
     if isinstance(report, Report):
         _note_strays(report)
 

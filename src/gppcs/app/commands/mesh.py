@@ -9,6 +9,7 @@ import typer
 
 from gppcs import __version__
 from gppcs.app import panels
+from gppcs.app.amounts import Ratio, Unit
 from gppcs.app.printing import (
     Columns,
     Force,
@@ -26,7 +27,6 @@ from gppcs.app.printing import (
     progress,
     time_in_words,
 )
-from gppcs.app.quantities import Ratio, count_of, share_of
 from gppcs.engine.memory import peak_memory
 from gppcs.engine.stages import COMPILATION
 from gppcs.engine.threads import set_threads
@@ -80,10 +80,11 @@ def mesh(
         ),
     ] = None,
     tolerance: Annotated[
-        float | None,
+        str | None,
         typer.Option(
-            metavar="T",
-            help="Mean distance from the points to the mesh at most, in the unit of the cloud.",
+            metavar="LENGTH",
+            help="Mean distance from the points to the mesh at most: 0.5 (in the unit of the coordinates), 0.5mm, or "
+            "0.02% of the diagonal.",
             rich_help_panel=panels.SIZE,
         ),
     ] = None,
@@ -98,12 +99,12 @@ def mesh(
     moved: Annotated[
         bool, typer.Option("--moved", help="Let the vertices leave the points, so that the mesh fits these better.")
     ] = False,
+    unit: Unit = None,
     fill_holes: Annotated[
-        float | None,
+        str | None,
         typer.Option(
-            metavar="SIZE",
-            help="Also close holes up to this size: the diagonal of the box around the border, in the unit of the "
-            "cloud.",
+            metavar="LENGTH",
+            help="Also close holes up to this size: the diagonal of the box around the border.",
         ),
     ] = None,
     input_format: From = None,
@@ -124,17 +125,19 @@ def mesh(
     from gppcs.engine.stages import Stages
     from gppcs.io.files import naming
     from gppcs.io.mesh_writing import check_mesh_format, check_mesh_storable, write_mesh
-    from gppcs.meshing.pipeline import check_size
+    from gppcs.meshing.pipeline import Size
     from gppcs.meshing.pipeline import mesh as meshed
 
     set_threads(threads)
     size: dict[str, Any] = {
-        "n_points": None if points is None else count_of(points),
-        "ratio": None if ratio is None else share_of(ratio),
-        "n_faces": None if faces is None else count_of(faces, "--faces"),
+        "n_points": points,
+        "ratio": ratio,
+        "n_faces": faces,
         "tolerance": tolerance,
+        "unit": unit,
+        "fill_holes": fill_holes,
     }
-    check_size(**size, keep=keep_points, fill_holes=fill_holes)
+    asked = Size.of(**size, keep=keep_points)
     check_mesh_format(output)
     io.check_distinct([output], [cloud, *([keep_points] if keep_points else [])])
     io.check_writable(output, force)
@@ -145,11 +148,11 @@ def mesh(
         kept = _rows_of(original, others[0], keep_points) if keep_points else None
     check_mesh_storable(output, original, lossy)
     with naming(cloud):
-        result = meshed(original, **size, keep=kept, moved=moved, fill_holes=fill_holes, invalid=invalid, stages=stages)
+        result = meshed(original, **size, keep=kept, moved=moved, invalid=invalid, stages=stages)
     with stages("writing"):
         lost = write_mesh(output, result.mesh, result.cloud, force, lossy=True)
     note_left_out(output, lost)
-    _note_fewer(cloud, result, size["n_points"])
+    _note_fewer(cloud, result, asked.n_points)
     if as_json:
         print_json(_record(cloud, output, len(original), result))
     elif not quiet:

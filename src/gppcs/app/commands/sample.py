@@ -9,7 +9,7 @@ import typer
 
 from gppcs import __version__
 from gppcs.app.printing import Ascii, Force, Json, Lossy, Quiet, To, note_left_out, print_json, progress
-from gppcs.app.quantities import count_of
+from gppcs.clouds.quantities import count_of
 from gppcs.errors import file_path
 
 EPILOG = "[bold]Example[/bold]\n\ngppcs sample fan -o fan.ply --points 50k --noise 0.002"
@@ -63,7 +63,7 @@ def sample(
     io.format_to_write(output, output_format, ascii)
     io.check_output(output, force)
     options: dict[str, Any] = {"noise": noise, "outliers": outliers, "uneven": uneven, "seed": seed}
-    cloud = scans.sample(name, count_of(points), **options)
+    cloud = scans.sample(name, count_of("n_points", points), **options)
     note_left_out(output, io.store(output, cloud, output_format, force, lossy, ascii))
     if as_json and not io.is_standard(output):  # there the scan goes
         print_json({"output": str(output), "name": name, "points": len(cloud), **options, "version": __version__})

@@ -13,6 +13,14 @@ import typer
 
 from gppcs import __version__
 from gppcs.app import panels
+from gppcs.app.amounts import (
+    MaxGap,
+    Points,
+    Ratio,
+    Spacing,
+    Tolerance,
+    Unit,
+)
 from gppcs.app.large_files import (
     AssumeSameCrs,
     DryRun,
@@ -64,19 +72,8 @@ from gppcs.app.printing import (
     tell,
     time_in_words,
 )
-from gppcs.app.quantities import (
-    ErrorMeasure,
-    MaxGap,
-    Points,
-    Ratio,
-    Spacing,
-    Tolerance,
-    Unit,
-    count_of,
-    share_of,
-)
 from gppcs.app.viewpoint import Colour, Up, View, require_picture, viewpoint_of
-from gppcs.clouds.lengths import METRES, metres_of, option
+from gppcs.clouds.quantities import METRES, metres_of, option, unit_of
 from gppcs.engine.memory import peak_memory
 from gppcs.engine.stages import COMPILATION
 from gppcs.engine.threads import set_threads
@@ -147,7 +144,6 @@ def simplify(
     ratio: Ratio = None,
     points: Points = None,
     tolerance: Tolerance = None,
-    measure: ErrorMeasure = None,
     spacing: Spacing = None,
     max_gap: MaxGap = None,
     levels: LevelsOption = None,
@@ -288,8 +284,8 @@ def simplify(
 
     set_threads(threads)
     amount: dict[str, Any] = {
-        "ratio": None if ratio is None else share_of(ratio),
-        "n_points": None if points is None else count_of(points),
+        "ratio": ratio,
+        "n_points": points,
         "tolerance": tolerance,
         "spacing": spacing,
         "max_gap": max_gap,
@@ -297,7 +293,7 @@ def simplify(
     chosen = method_named(method, _parsed(settings or []))
     wanted = None if levels is None else _checked_levels(levels, amount, chosen, mark)
     request = Request.of(
-        **amount | (wanted.finest if wanted else {}), measure=measure, unit=unit, keep=keep, weight=weight,
+        **amount | (wanted.finest if wanted else {}), unit=unit, keep=keep, weight=weight,
         method=chosen, seed=seed, invalid=invalid, normals=normals, scores=scores,
         drop_outliers=drop_outliers or outliers is not None,
     )  # fmt: skip
@@ -307,7 +303,7 @@ def simplify(
         raise ParameterError(
             "expected --mark without --normals, --scores and --index-attribute, which only kept points have"
         )
-    if dry_run and amount["ratio"] is None and amount["n_points"] is None and wanted is None:
+    if dry_run and request.amount.ratio is None and request.amount.n_points is None:
         raise ParameterError(
             "expected --ratio or --points with --dry-run, as the number of points is known only after the work"
         )
@@ -476,7 +472,8 @@ class _Job:
         note_left_out(target, [*unread, *lost])
         self._note_all_kept(source, len(result.indices))
         self._note_fine_tolerance(source, len(result.indices) / done.points)
-        return _Run(sources, written, done.points, planned.readings, result, measured, self._asked())
+        unit = unit_of(head.header, self.request.unit)
+        return _Run(sources, written, done.points, planned.readings, result, measured, self._asked(), unit)
 
     def _store(self, source: Path, result: Result, points: int) -> tuple[dict[Path, int], list[str]]:
         """Write the result, or its levels; return the number of points in each file, and what is left out."""
@@ -494,19 +491,24 @@ class _Job:
             counts = self.levels.counts(len(result.indices))
             if counts[0] < (to_keep := result.diagnostics.get("points_to_keep", 0)):
                 raise InputError(
-                    f"points to keep: expected at most {counts[0]:,}, as many as the coarsest of the levels has, found "
-                    f"{to_keep:,.0f}; select fewer or make that level larger"
+                    f"{to_keep:,.0f} points are to be kept whatever happens, but the coarsest level has only "
+                    f"{counts[0]:,} points; make that level larger, or mark fewer points to keep"
                 )
             if len(self.by_level) > 1:
                 clouds = [result.cloud.take(np.arange(count)) for count in counts]
             else:
                 clouds = [_with_attribute(result.cloud, LEVEL, level_of_each(counts))]
-        written = {}
-        for to, cloud in zip(self.by_level, clouds, strict=True):
-            target = to.targets[source]
-            to.make_folder(target)
-            lost = io.store(target, cloud, to.format, self.force, self.lossy, to.ascii)
-            written[target] = len(cloud)
+        written: dict[Path, int] = {}
+        try:
+            for to, cloud in zip(self.by_level, clouds, strict=True):
+                target = to.targets[source]
+                to.make_folder(target)
+                lost = io.store(target, cloud, to.format, self.force, self.lossy, to.ascii)
+                written[target] = len(cloud)
+        except BaseException:  # all levels, or none
+            for target in written:
+                target.unlink(missing_ok=True)
+            raise
         return written, lost
 
     def _looked_at(self, done: Run, target: Path, stages: Stages) -> tuple[Report | None, dict[Path, bytes]]:
@@ -586,11 +588,13 @@ class _Job:
 
     def _asked(self) -> dict[str, str]:
         """Return what was asked of a diagnostic, by its name."""
-        asked = {
-            f"surface_{self.request.amount.measure}": self.request.amount.tolerance,
-            "largest_gap": self.request.amount.max_gap,
-        }
-        return {name: str(length.given) for name, length in asked.items() if length is not None}
+        amount, asked = self.request.amount, {}
+        if amount.tolerance is not None:
+            measure = amount.tolerance.measure
+            asked["largest_error" if measure is None else f"surface_{measure}"] = amount.tolerance.length
+        if amount.max_gap is not None:
+            asked["largest_gap"] = amount.max_gap
+        return {name: str(length.given) for name, length in asked.items()}
 
     def _note_all_kept(self, source: Path, kept: int) -> None:
         """Print a note if the input has fewer points than were asked for."""
@@ -694,6 +698,7 @@ class _Run:
     result: Result
     report: Report | None
     asked: dict[str, str]
+    unit: str | None
 
     @property
     def target(self) -> Path:
@@ -741,9 +746,9 @@ class _Run:
                 **({} if len(self.written) == 1 else self._rows_of_levels()),
                 **({"points on disk": f"files read {self.readings} times"} if self.readings > 1 else {}),
                 "method": str(self.result.method),
-                **dict(self._in_words(name, value) for name, value in self.result.diagnostics.items()),
+                **dict(self._in_words(name, value) for name, value in self.result.diagnostics.items() if value),
                 "time": time_in_words(self.result.seconds),
-                **(figure_rows(self.report) if self.report else {}),
+                **(figure_rows(self.report, self.unit) if self.report else {}),
             },
         )
 
@@ -754,6 +759,22 @@ class _Run:
     def _in_words(self, name: str, value: float) -> tuple[str, str]:
         """Return a diagnostic as a row of the table, with what was asked of it."""
         if name == "noise_in_spacings":
-            return "noise", f"{100 * value:.2g} % of the distance between neighbouring kept points"
+            return "noise", _noise_in_words(value)
+        is_length = name.startswith(("surface_", "largest_"))
+        unit = f" {self.unit}" if self.unit and is_length else ""
         asked = f"  (asked: {self.asked[name]})" if name in self.asked else ""
-        return name.replace("_", " "), number_in_words(value) + asked
+        return name.replace("_", " "), number_in_words(value) + unit + asked
+
+
+def _noise_in_words(noise: float) -> str:
+    """Return what the noise of the points, as a share of the spacing of the kept ones, means for the result."""
+    meaning = next(
+        words
+        for most, words in (
+            (0.04, "little, it changes nothing"),
+            (0.25, "some, kept points favour the surface that is fitted through it"),
+            (float("inf"), "much; with fewer points it would matter less"),
+        )
+        if noise <= most
+    )
+    return f"{100 * noise:.2g} % of the spacing of the kept points: {meaning}"

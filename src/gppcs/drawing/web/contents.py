@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.mesh import Mesh
+from gppcs.clouds.quantities import unit_of
 from gppcs.drawing.viewpoint import GUESSED, Viewpoint
 from gppcs.drawing.web.layers import Layer, Surface
 from gppcs.drawing.web.packing import Blocks
@@ -56,6 +57,7 @@ def report_page(
         first.add_attributes()
         first.add_mesh(original.mesh)
     layers = [first]
+    lengths = unit_of(original.cloud.header) or "the unit of the coordinates"
     for number, result in enumerate(results, start=1):
         with stages(f"views of {result.name}"):
             layer, kept = _result(blocks, result, surface)
@@ -66,13 +68,11 @@ def report_page(
                 layer.described["prefixes"] = _prefixes(surface.cloud, kept.cloud)
         except InputError as error:
             notes.append(f"{result.name}: there are no figures: {error}.")
-        first.add_values(
-            f"distance:{number}", f"distance to {result.name}", "in the unit of the coordinates", distances, True
-        )
+        first.add_values(f"distance:{number}", f"distance to {result.name}", f"in {lengths}", distances, True)
     low, high = surface.cloud.points.min(axis=0), surface.cloud.points.max(axis=0)
     lead = f"{len(original.cloud):,} points beside {_counted(results)}"
     diagonal = float(np.linalg.norm(high - low))
-    return Page(original.name, lead, layers, blocks, viewpoint, made, notes, diagonal)
+    return Page(original.name, lead, layers, blocks, viewpoint, made, notes, diagonal, lengths)
 
 
 def view_page(clouds: Sequence[Named], made: Sequence[tuple[str, str]], viewpoint: Viewpoint = GUESSED) -> Page:

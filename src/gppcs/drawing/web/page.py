@@ -32,6 +32,7 @@ class Page:
     made: Sequence[tuple[str, str]]
     notes: Sequence[str] = ()
     diagonal: float = 0.0
+    lengths: str = ""
 
     @property
     def all_notes(self) -> list[str]:
@@ -63,6 +64,7 @@ class Page:
             "elevation": viewpoint.direction[1],
             "together": _lie_together(self.layers),
             "diagonal": self.diagonal,
+            "lengths": self.lengths,
             "clouds": [layer.described for layer in self.layers],
             "figures": [
                 {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs.clouds.lengths import METRES, Length, metres_of, name_of_unit
+from gppcs.clouds.quantities import METRES, Length, metres_of, name_of_unit
 from gppcs.io.las_header import _metres_of_wkt
 
 

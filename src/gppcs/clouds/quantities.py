@@ -1,0 +1,210 @@
+"""What people write for an amount: 5k points, 3% of them, a length such as 0.5mm, or an error such as 2mm:p95."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+
+import numpy as np
+
+from gppcs.clouds.header import Header
+from gppcs.errors import InputError, ParameterError, nearest_name, number, share, shown, whole_number
+
+Measure: TypeAlias = Literal["mean", "rms", "p95", "max"]
+MEASURES: tuple[Measure, ...] = get_args(Measure)
+
+METRES = {
+    "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "mm": 1e-3, "cm": 1e-2, "dm": 1e-1, "m": 1.0, "km": 1e3, "in": 0.0254,
+    "ft": 0.3048, "us-ft": 1200 / 3937,
+}  # fmt: skip
+SHARE = "%"  # of the diagonal of the bounding box
+_LENGTH = re.compile(r"(?P<number>[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?)\s*(?P<unit>\S*)", re.ASCII)
+
+SHORTEST, LONGEST = 1e-100, 1e100  # Lengths in sizes of the cloud: squares of others would vanish or overflow.
+_THOUSANDS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
+_MOST = 10**18  # of a number: more than any machine holds, and few enough digits to compute with
+_COUNT = re.compile(
+    r"(?P<whole>[+-]?(\d{1,3}(,\d{3})+|\d+(_\d+)*))?(?P<part>\.\d*)?(?P<power>[eE][+-]?\d{1,3})? ?(?P<unit>[kKmMgG]?)",
+    re.ASCII,
+)
+_PERCENT = re.compile(r"(?P<number>[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?) ?%", re.ASCII)
+_LABELS = {"n_points": "the number of points", "n_faces": "the number of triangles", "sizes": "a size"}
+
+
+def count_of(name: str, given: Any, least: int = 1) -> int:
+    """Return the whole number that the value of an argument means: an int, or a text such as 5000, 5,000 or 1.5M."""
+    return whole_number(_LABELS.get(name, name), _digits(name, given) if isinstance(given, str) else given, least)
+
+
+def share_of(name: str, given: Any) -> float:
+    """Return the share, above 0 and at most 1, that the value of an argument means: 0.03 or a text such as 3%."""
+    return share(_percentage(name, given) if isinstance(given, str) else given)
+
+
+def size_of(name: str, given: Any) -> float | int:
+    """Return the share of the points (a float below 1) or their number (an int) that one value means."""
+    value = given
+    if isinstance(given, str):
+        try:
+            plain = float(given)
+        except ValueError:
+            plain = math.nan
+        is_share = given.strip().endswith("%") or 0 < plain < 1
+        value = _percentage(name, given) if is_share else _digits(name, given)
+    return number(value) if 0 < number(value) < 1 else whole_number(_LABELS.get(name, name), value, 1)
+
+
+def _digits(name: str, text: str) -> int:
+    found = _COUNT.fullmatch(text.strip())
+    digits = found and f"{found['whole'] or ''}{found['part'] or ''}".replace(",", "").replace("_", "")
+    if not found or not digits or not any(map(str.isdigit, digits)):
+        hint = "; a share of the points is the ratio" if text.strip().endswith("%") and name == "n_points" else ""
+        raise _error(name, f"to be a whole number, such as 5000, 5,000, 5k or 1.5M, found {shown(text)}{hint}")
+    value = Fraction(digits + (found["power"] or "")) * _THOUSANDS[found["unit"].lower()]
+    if value.denominator != 1 or abs(value) > _MOST:
+        raise _error(name, f"to be a whole number of at most 1e18, found {shown(text)}")
+    return value.numerator
+
+
+def _percentage(name: str, text: str) -> float:
+    percent = _PERCENT.fullmatch(text.strip())
+    try:
+        return float(Fraction(percent["number"]) / 100) if percent else float(text)
+    except (ValueError, OverflowError):
+        raise _error(name, f"to be a share, such as 0.03 or 3%, found {shown(text)}") from None
+
+
+@dataclass(frozen=True)
+class Length:
+    """A length that somebody asks for.
+
+    Attributes
+    ----------
+    name : str
+        What it is, as messages call it: that of an argument, which is also that of an option.
+    given : object
+        How it was given.
+    amount : float
+        Above 0.
+    unit : str
+        One of `METRES`, or `SHARE`; empty for the unit of the coordinates.
+    """
+
+    name: str
+    given: Any
+    amount: float
+    unit: str
+
+    @classmethod
+    def of(cls, name: str, given: Any) -> Length:
+        """Return the length that a value means: a number, or a text such as "0.5mm", "5 cm" or "0.02%"."""
+        found = _LENGTH.fullmatch(given.strip()) if isinstance(given, str) else None
+        amount = float(found["number"]) if found else number(given)
+        unit = found["unit"] if found else ""
+        if found and unit not in (*METRES, SHARE, ""):
+            raise _error(
+                name, f"to have a unit, found {shown(unit)} in {shown(given)}{nearest_name(unit, [*METRES, SHARE])}"
+            )
+        if math.isnan(amount):
+            raise _error(name, f"to be a length, such as 0.5, 0.5mm or 0.02%, found {shown(given)}")
+        if not 0.0 < amount < math.inf:
+            all_points = "; to keep every point, give a ratio of 1" if name == "tolerance" and amount == 0.0 else ""
+            raise _error(name, f"to be a length above 0, found {shown(given)}{all_points}")
+        return cls(name, given, amount, unit)
+
+    def in_cloud(self, diagonal: float, metres: float | None) -> float:
+        """Return the length in the unit of a cloud, given the diagonal of its box, and that unit in metres if known."""
+        if self.unit == SHARE:
+            return self.amount / 100.0 * diagonal
+        if not self.unit:
+            return self.amount
+        if metres is None:
+            found = (
+                f"the cloud does not say in which unit its coordinates are, so it is not known how much {self.given} is"
+            )
+            raise InputError(
+                f"{found}; give unit=, such as unit='m', or {self.name} as a number in the unit of the coordinates",
+                command=f"{found}; give --unit, such as --unit m, or {option(self.name)} without a unit, in that of "
+                "the coordinates",
+            )
+        return self.amount * METRES[self.unit] / metres
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """An error that somebody allows; `measure` is None for the largest distance, outliers aside."""
+
+    length: Length
+    measure: Measure | None
+
+    @classmethod
+    def of(cls, given: Any) -> Tolerance:
+        """Return the error that a value means: a length, or a text with a length and a measure such as "2mm:p95"."""
+        if not (isinstance(given, str) and ":" in given):
+            return cls(Length.of("tolerance", given), None)
+        length, _, word = given.rpartition(":")
+        measure = next((each for each in MEASURES if each == word.strip()), None)
+        if measure is None:
+            known = " or ".join(f":{each}" for each in MEASURES)
+            raise _error("tolerance", f"to end in {known}, found {shown(given)}")
+        return cls(Length.of("tolerance", length), measure)
+
+
+class Scale(NamedTuple):
+    """How lengths that somebody asks for become lengths in the coordinates of a method.
+
+    Attributes
+    ----------
+    diagonal : float
+        Of the bounding box, in the coordinates of the method.
+    metres : float or None
+        The unit of the cloud in metres, if it is known.
+    exponent : int
+        The unit of the method's coordinates is two to this power, in the unit of the cloud.
+    """
+
+    diagonal: float
+    metres: float | None
+    exponent: int
+
+    def inside(self, length: Length) -> float:
+        """Return a length in the coordinates of the method."""
+        with np.errstate(over="ignore", under="ignore"):
+            scaled = float(np.ldexp(length.in_cloud(self.outside(self.diagonal), self.metres), -self.exponent))
+        return min(max(scaled, SHORTEST), LONGEST)
+
+    def outside(self, length: float) -> float:
+        """Return a length in the unit of the cloud, given in that of the method."""
+        with np.errstate(over="ignore", under="ignore"):
+            return float(np.ldexp(length, self.exponent))
+
+
+def metres_of(unit: Any, header: Header | None) -> float | None:
+    """Return the unit of the coordinates in metres: the named one, or that of the header; None if neither tells."""
+    if unit is None:
+        return header.metres if header else None
+    if not (isinstance(unit, str) and unit in METRES):
+        raise ParameterError(f"expected the name of a unit of length, found {shown(unit)}{nearest_name(unit, METRES)}")
+    return METRES[unit]
+
+
+def name_of_unit(metres: float) -> str:
+    """Return the name of a unit of length, such as "ft", or its length in metres, such as "0.9144 m"."""
+    return next((name for name, each in METRES.items() if math.isclose(each, metres, rel_tol=1e-7)), f"{metres:g} m")
+
+
+def unit_of(header: Header | None, unit: str | None = None) -> str | None:
+    """Return the name of the unit of the coordinates: the one that is given, or that of the header, if it tells it."""
+    return unit or (name_of_unit(header.metres) if header and header.metres else None)
+
+
+def option(name: str) -> str:
+    """Return the option of the command that stands for an argument of the library."""
+    return f"--{name.removeprefix('n_').replace('_', '-')}"
+
+
+def _error(name: str, rest: str) -> ParameterError:
+    return ParameterError(f"expected {name} {rest}", command=f"expected {option(name)} {rest}")
