@@ -33,7 +33,7 @@ def of_tolerance(name: str, tolerance: str, measure: str) -> tuple[str, ...]:
     """Return the row of a tolerance: what was reached, also by the written file, and what 5 % fewer points reach."""
     path = report.DATA / f"{name}.ply"
     cloud = gppcs.read(path)
-    result, seconds = once(lambda: gppcs.simplify(cloud, tolerance=tolerance, measure=measure))
+    result, seconds = once(lambda: gppcs.simplify(cloud, tolerance=f"{tolerance}:{measure}"))
     count = len(result.indices)
     _, plain = once(lambda: gppcs.simplify(cloud, n_points=count))
     fewer = result.prefix(math.floor(0.95 * count)).cloud if count < len(cloud) else cloud

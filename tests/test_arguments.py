@@ -101,7 +101,7 @@ CALLS = {  # a public function, and arguments with which it works
                                   "invalid": "error", "normals": False, "scores": False, "stages": None,
                                   "max_gap": None, "unit": None, "keep": None, "weight": None,
                                   "drop_outliers": False}),
-    "simplify.tolerance": (gppcs.simplify, {"cloud": CLOUD, "tolerance": 5.0, "measure": "p95", "method": "fps"}),
+    "simplify.tolerance": (gppcs.simplify, {"cloud": CLOUD, "tolerance": "5:p95", "method": "fps"}),
     "simplify.spacing": (gppcs.simplify, {"cloud": CLOUD, "spacing": 20.0, "method": "fps"}),
     "simplify_files": (gppcs.simplify_files, {"paths": "there.ply", "n_points": 9, "ratio": None, "method": "gp",
                                               "seed": None, "invalid": "error", "normals": False, "scores": False,

@@ -117,6 +117,25 @@ def test_levels_are_nested_files_or_an_attribute(gppcs_command, scan, sizes):
     assert np.bincount(everything.attributes["level"]).tolist() == [20, 20, 60]
 
 
+def test_a_full_disk_leaves_no_level(gppcs_command, scan, monkeypatch):
+    import errno
+
+    from gppcs import io
+
+    before, store, calls = files(), io.store, []
+
+    def on_full_disk(*arguments):
+        calls.append(arguments)
+        if len(calls) == 3:
+            raise OSError(errno.ENOSPC, "No space left on device", "scan_2.ply")
+        return store(*arguments)
+
+    monkeypatch.setattr(io, "store", on_full_disk)
+    result = gppcs_command("simplify", "scan.ply", "-o", "scan_{level}.ply", "--levels", "20,40,60", *FAST)
+    assert_one_line(result, "scan_2.ply: No space left on device")
+    assert files() == before
+
+
 def test_outliers_are_left_out_and_listed(gppcs_command, folder):
     cloud = gppcs.sample("bracket", 5000, outliers=0.01)
     gppcs.write("scan.ply", cloud)
@@ -165,7 +184,10 @@ def test_outliers_are_left_out_and_listed(gppcs_command, folder):
         (["--points", 5, "--weight", "nz"], ["scan.ply: expected finite weights from 0 on, found -"]),
         (["--points", 5, "--outliers", "scan.ply"], ["a file other than the input scan.ply"]),
         (["--points", 5, "--outliers", "-"], ["-: expected the name of a file for the outliers"]),
-        (["--levels", "5,390", "--keep", "z > 60"], ["points to keep: expected at most 5, as many as the coarsest"]),
+        (
+            ["--levels", "5,390", "--keep", "z > 60"],
+            ["are to be kept whatever happens, but the coarsest level has only 5 points"],
+        ),
         (["--levels", "5,10%"], ["with shares or with numbers, found both"]),
         (["--levels", "5,5"], ["different sizes"]),
         (["--levels", "5,10", "--points", 3], ["--levels without --points"]),

@@ -132,7 +132,7 @@ def test_compare_rebuilds_no_mesh_of_an_original_too_large_for_it(gppcs_command,
         (["missing.ply", "--ratio", "0.1", "-o", "old"], "old: expected a new or empty folder, found one with files"),
         (["missing.ply", "--ratio", "0.1", "-o", "other"], "other: expected a new or empty folder"),
         (["scan.ply", "--ratio", "10", "-o", "side"], "at most 1, found 10"),
-        (["scan.ply", "--points", "3%", "-o", "side"], "use --ratio"),
+        (["scan.ply", "--points", "3%", "-o", "side"], "a share of the points is the ratio"),
     ],
 )
 def test_what_compare_refuses_leaves_nothing(gppcs_command, scan, arguments, part):

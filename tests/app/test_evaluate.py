@@ -22,7 +22,8 @@ def test_evaluate_prints_each_figure_with_its_unit(gppcs_command, scan):
     assert "of the diagonal)" in out
     assert "of the squared diagonal)" in out
     assert " degrees" in out
-    assert "in the unit of the coordinates" in out
+    assert "in the unit of the coordinates, which the file does not tell" in out
+    assert "verdict" in out
     recall = gppcs.evaluate(scan, gppcs.read("out.ply")).feature_recall
     assert f"feature recall {100 * recall:.4g} %" in " ".join(out.split())
 
@@ -123,3 +124,25 @@ def test_evaluate_judges_either_a_cloud_or_a_mesh(gppcs_command, scan):
         code, out, err = gppcs_command("evaluate", *arguments)
         assert (code, out) == (2, "")
         assert err == f"gppcs: expected either SIMPLIFIED or --simplified-mesh, found {found}\n"
+
+
+def test_the_unit_of_the_file_is_named(gppcs_command, folder):
+    """In evaluate, in the table of simplify, and on the page."""
+    import laspy
+    from laspy.vlrs.known import WktCoordinateSystemVlr
+
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales = [1e-3] * 3
+    header.vlrs.append(WktCoordinateSystemVlr('PROJCS["Oregon",UNIT["foot",0.3048]]'))
+    scan = laspy.LasData(header)
+    scan.x, scan.y, scan.z = gppcs.sample("bracket", 400).points.T
+    scan.write("scan.las")
+    options = ("--tolerance", "30ft", "--report", "page.html", *FAST)
+    _, table, _ = gppcs_command("simplify", "scan.las", "-o", "out.las", *options)
+    assert " ft  (asked: 30ft)" in table
+    assert '"lengths": "ft"' in Path("page.html").read_text()
+    _, table, _ = gppcs_command("evaluate", "scan.las", "out.las")
+    assert " ft from the surface through the kept points; 95 % are within " in table
+    assert "in the unit of the coordinates" not in table
+    assert " ft  (" in table
+    assert "% of the diagonal)" in table

@@ -69,7 +69,7 @@ def test_a_missing_input_is_told_before_the_name_of_its_output(gppcs_command, sc
         (["--ratio", 1.5], ["found 1.5"]),
         (["--ratio", 3], ["at most 1, found 3.0; for 3 percent, write 3%"]),
         (["--ratio", "nan"], ["found nan"]),
-        (["--ratio", "abc"], ["--ratio to be a number", "found 'abc'"]),
+        (["--ratio", "abc"], ["--ratio to be a share", "found 'abc'"]),
         (["--points", 0], ["whole number from 1 on, found 0"]),
         (["--points", -3], ["found -3"]),
         (["--points", "abc"], ["--points to be a whole number", "found 'abc'"]),

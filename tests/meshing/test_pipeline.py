@@ -267,7 +267,7 @@ def test_points_on_no_surface_are_an_error_that_tells_what_was_found(points, mes
         ({"ratio": 1e-6}, "at least 4 of the 4000 points"),
         ({"n_faces": 3}, "from 4 on"),
         ({"tolerance": 0}, "tolerance to be a length above 0"),
-        ({"n_points": 10, "fill_holes": -1}, "the size of holes to fill to be a number above 0"),
+        ({"n_points": 10, "fill_holes": -1}, "fill_holes to be a length above 0"),
         ({"keep": [0, 1, 2]}, "at least 4 indices"),
         ({"keep": [0, 1, 2, 4000]}, "rows of the cloud from 0 to 3999 .*, found 4000"),
         ({"keep": [0.5, 1, 2, 3]}, "indices of rows"),

@@ -219,7 +219,6 @@ def figure_rows(report: Report | MeshReport, unit: str | None) -> dict[str, str]
     for name, value in raw.items():
         if name in ("points_in", "points_out"):
             continue
-        unit = FIGURES[name.removeprefix("carried_")].unit
         rows[name.replace("_", " ")] = {
             "count": f"{value:,.0f}",
             "length": f"{value:.4g}{of_unit}"
@@ -228,7 +227,7 @@ def figure_rows(report: Report | MeshReport, unit: str | None) -> dict[str, str]
             "degrees": f"{value:.4g} degrees",
             "share": f"{100 * value:.4g} %",
             "ratio": f"{value:.4g}",
-        }[unit]
+        }[FIGURES[name.removeprefix("carried_")].unit]
     return rows if unit else {**rows, "lengths": "in the unit of the coordinates, which the file does not tell"}
 
 
