@@ -350,7 +350,7 @@ def test_any_cloud_becomes_data_of_laspy():
 
 def test_what_laspy_cannot_hold_is_refused():
     pytest.importorskip("laspy")
-    with pytest.raises(InputError, match=r"types that LAS has, found attribute name \(text\); convert or drop it"):
+    with pytest.raises(InputError, match=r"what LAS can hold, found attribute name \(text\); convert or drop it"):
         PointCloud(np.zeros((1, 3)), {"name": np.array(["a"])}).to_laspy()
     with pytest.raises(OutputError, match="expected finite coordinates"):
         PointCloud([[np.nan, 0, 0]]).to_laspy()

@@ -7,9 +7,13 @@ from dataclasses import dataclass, replace
 from io import BufferedReader
 from typing import BinaryIO, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.header import Header
 
+LARGEST_SHIFT = 1e-6  # Of the diagonal, by which rounding may move a point without being asked to.
 Span = tuple[int, int]  # the row of the first point of a part of a file, and the row behind its last
 
 
@@ -37,6 +41,16 @@ def without_foreign_header(cloud: PointCloud, own: type[Header] | None) -> tuple
     if cloud.header is None or (own and isinstance(cloud.header, own)):
         return cloud, []
     return replace(cloud, header=None), cloud.header.contents()
+
+
+def rounding(points: NDArray[np.float64], rounded: NDArray[np.float64]) -> tuple[list[str], bool]:
+    """Return in words how far rounding moves points, (N, 3), if at all, and whether that is little enough to be let."""
+    finite = np.isfinite(points).all(axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        shift = float(np.abs(rounded - points)[finite].max(initial=0.0))
+        diagonal = float(np.linalg.norm(np.ptp(points[finite], axis=0))) if finite.any() else 0.0
+    words = [f"the last digits of coordinates (which move by at most {shift:.1g})"] if shift else []
+    return words, shift <= LARGEST_SHIFT * diagonal
 
 
 def _all(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
@@ -80,6 +94,9 @@ class Format:
         """Tell what `write` can store of a cloud and what it cannot."""
         cloud, remarks = without_foreign_header(cloud, self.header)
         fitted, values = self.fitted(cloud)
+        if fitted.points is not cloud.points:
+            digits, tolerated = rounding(cloud.points, fitted.points)
+            (remarks if tolerated else values).extend(digits)
         names = [(name, self.named(name)) for name in fitted.attributes]
         remarks += [f"the name {name!a} (it becomes {named})" for name, named in names if named != name]
         return Fit(fitted, values, remarks)

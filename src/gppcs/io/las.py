@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from io import BufferedReader, BytesIO
 from itertools import chain, pairwise
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -375,35 +375,22 @@ def laspy_of(cloud: PointCloud) -> Any:
     """Make data of laspy, as `PointCloud.to_laspy` describes it."""
     import laspy
 
-    fit = _fit(cloud)
-    if fit.attributes:
-        raise InputError(f"expected types that LAS has, found {', '.join(fit.attributes)}; convert or drop it")
+    fit = FORMATS[0].fit(cloud)
+    if fit.values:
+        raise InputError(f"expected what LAS can hold, found {', '.join(fit.values)}; convert or drop it")
     with BytesIO() as file:
         write_las(file, fit.cloud, compressed=False)
         file.seek(0)
         return laspy.read(file)
 
 
-class _Fit(NamedTuple):
-    """A cloud as `write_las` writes it, with a `LasHeader`, and in words what that leaves out."""
-
-    cloud: PointCloud
-    attributes: list[str]
-    rounding: list[str]
-
-
-def _fit(cloud: PointCloud) -> _Fit:
+def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
+    """Return a cloud as `write_las` writes it, with a `LasHeader`, and in words the attributes that it leaves out."""
     _check_coordinates(cloud)
     header = cloud.header if isinstance(cloud.header, LasHeader) else _new_header(cloud)
     cloud, header, attributes = _fit_attributes(cloud, header)
-    points, header, rounding = _fit_points(cloud.points, header)
-    fitted = replace(cloud, points=points, coordinate_dtype=np.dtype(np.float64), header=header)
-    return _Fit(fitted, attributes, rounding)
-
-
-def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
-    fit = _fit(cloud)
-    return fit.cloud, [*fit.attributes, *fit.rounding]
+    points, header = _fit_points(cloud.points, header)
+    return replace(cloud, points=points, coordinate_dtype=np.dtype(np.float64), header=header), attributes
 
 
 def _check_coordinates(cloud: PointCloud) -> None:
@@ -528,7 +515,7 @@ def _description(name: str, values: Column, known: NDArray[Any] | None) -> NDArr
     return new
 
 
-def _fit_points(points: NDArray[np.float64], header: LasHeader) -> tuple[NDArray[np.float64], LasHeader, list[str]]:
+def _fit_points(points: NDArray[np.float64], header: LasHeader) -> tuple[NDArray[np.float64], LasHeader]:
     """Return the coordinates as whole multiples of a scale, and a header with that scale.
 
     Each axis keeps the header's scale if that is exact. Otherwise it gets the coarsest power of ten that is exact and
@@ -536,15 +523,12 @@ def _fit_points(points: NDArray[np.float64], header: LasHeader) -> tuple[NDArray
     """
     fields = header.fields()
     scales, offsets = fields["scales"][0], fields["offsets"][0]
-    stored, coarsest = points.copy(), 0.0
+    stored = points.copy()
     for i, values in enumerate(points.T):
         if not _is_exact(values, scales[i], offsets[i]):
             scales[i], offsets[i] = _scale_and_offset(values)
-            if not _is_exact(values, scales[i], offsets[i], LAST_PLACES):
-                coarsest = max(coarsest, scales[i])
         stored[:, i] = _multiples(values, scales[i], offsets[i])
-    rounding = [f"coordinates (they are rounded to multiples of {coarsest:g})"] if coarsest else []
-    return stored, header.with_fields(scales=scales, offsets=offsets), rounding
+    return stored, header.with_fields(scales=scales, offsets=offsets)
 
 
 def _multiples(values: NDArray[np.float64], scale: float, offset: float) -> NDArray[np.float64]:

@@ -16,14 +16,13 @@ from gppcs.clouds.mesh import Mesh
 from gppcs.engine.extras import require_trimesh
 from gppcs.errors import FileFormatError, InputError, file_path, flag, shown
 from gppcs.io.files import refuse_losses
-from gppcs.io.format import without_foreign_header
+from gppcs.io.format import rounding, without_foreign_header
 from gppcs.io.meshes import COLOURS, STL_FACET, colours_of, held, write_obj, write_off
 from gppcs.io.ply import FORMAT as PLY
 from gppcs.io.ply import write_ply
 from gppcs.io.streams import inner_name, whole_output
 
 STL_COMMENT = b"gppcs".ljust(80)
-LARGEST_SHIFT = 1e-6  # of the diagonal, by which single precision may move a vertex; it is more far from the origin
 
 
 def write_mesh(
@@ -106,18 +105,11 @@ def _losses(chosen: _MeshFormat, cloud: PointCloud) -> tuple[list[str], list[str
     """Return in words the values of a cloud of vertices that a format cannot hold, and the remarks."""
     cloud, remarks = without_foreign_header(cloud, PLY.header if chosen.fitted is PLY.fitted else None)
     lost = chosen.fitted(cloud)[1]
-    if chosen.single and _is_rounded(cloud.points[cloud.finite_rows()]):
-        lost.append("coordinates (they are rounded to single precision)")
+    if chosen.single:
+        with np.errstate(over="ignore"):
+            digits, tolerated = rounding(cloud.points, cloud.points.astype(np.float32).astype(np.float64))
+        (remarks if tolerated else lost).extend(digits)
     return lost, remarks
-
-
-def _is_rounded(points: NDArray[np.float64]) -> bool:
-    """Return whether single precision moves points noticeably."""
-    if not len(points):
-        return False
-    with np.errstate(over="ignore"):
-        shift = np.abs(points.astype(np.float32) - points).max()
-    return bool(shift > LARGEST_SHIFT * np.linalg.norm(np.ptp(points, axis=0)))
 
 
 def check_mesh_format(path: str | os.PathLike[str]) -> None:
