@@ -1,6 +1,7 @@
 """Files in chunks, and several files as one cloud."""
 
 import gzip
+from dataclasses import replace
 
 import laspy
 import numpy as np
@@ -8,10 +9,13 @@ import pytest
 
 import gppcs
 from copc_file import write_copc
+from gppcs.engine.stages import Stages
 from gppcs.errors import FileFormatError
 from gppcs.io import FORMATS, cloud_files, files
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.query import Query
+from gppcs.simplification import Request
+from gppcs.streaming.files import Work, run
 
 N = 1000
 
@@ -133,9 +137,6 @@ def test_what_the_head_reads_as_a_whole_is_read_once(tmp_path, monkeypatch, colu
         same(both.take(np.arange(N, 2 * N)), whole)
         two.read()
         assert len(opened) == 4  # nothing is held on to
-        two.head()
-        list(two.chunks(True))  # by which --dry-run finds how fast files are read
-        assert len(opened) == 7
 
 
 def test_columns_that_are_whole_in_some_parts_only_are_fractions_in_all(tmp_path):
@@ -305,3 +306,65 @@ def test_a_damaged_file_has_no_parts(divisible, tmp_path, name, place, value, me
     (tmp_path / name).write_bytes(content)
     with CloudFiles([tmp_path / name]) as files, pytest.raises(FileFormatError, match=message):
         list(files.each(1_000)[0].chunks(True))
+
+
+def test_each_file_tells_its_number_of_points(tmp_path):
+    """A first file with long rows says nothing of one with short rows."""
+    rng = np.random.default_rng(0)
+    (tmp_path / "a.xyz").write_text("\n".join(f"{x:.15f} {x:.15f} {x:.15f}" for x in rng.random(50)))
+    (tmp_path / "b.xyz").write_text("\n".join(f"{i % 7} {i % 5} 1" for i in range(20_000)))
+    with CloudFiles([tmp_path / "a.xyz", tmp_path / "b.xyz"]) as files:
+        assert files.head().points == pytest.approx(20_050, rel=0.01)
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".npy", ".feather", ".ptx"])
+def test_a_file_too_large_for_memory_is_not_read_to_find_out(tmp_path, monkeypatch, suffix):
+    """A small file of many points: 1.5 million times the same point."""
+    path, points = tmp_path / f"a{suffix}", np.zeros((1_500_000, 3))
+    if suffix == ".npz":
+        np.savez_compressed(path, points=points)
+    elif suffix == ".npy":
+        np.save(path, np.asfortranarray(points))  # by columns, so that it cannot be read in chunks
+    elif suffix == ".ptx":
+        rest = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n"
+        path.write_text(f"1\n1500000\n{rest}" + "1 1 1 0.5\n" * 1_500_000)
+    else:
+        gppcs.write(path, points)
+    monkeypatch.setattr("gppcs.streaming.plan.PROGRAM", 1_000_000)
+    whole = []
+    monkeypatch.setattr(cloud_files, "read_as", lambda *given: whole.append(given))
+    with pytest.raises(gppcs.InputError, match="of memory"):
+        gppcs.simplify_files(path, ratio=0.01, method="hc", memory="15MB")
+    assert not whole
+
+
+@pytest.mark.parametrize("query", [{}, {"box": [0, 0, 50, 50]}, {"only": "intensity > 3"}])
+@pytest.mark.parametrize("suffix", [".las", ".laz", ".ply"])
+def test_files_are_read_as_often_as_the_plan_says(tmp_path, monkeypatch, query, suffix):
+    """To count the points that a query leaves takes a reading, too."""
+    points = gppcs.sample("bracket", 20_000).points
+    path, read = tmp_path / f"a{suffix}", []
+    gppcs.write(path, gppcs.PointCloud(points, {"intensity": np.arange(20_000) % 9}), lossy=True)
+
+    def counting(chunks):
+        def counted(*given, **named):
+            for chunk in chunks(*given, **named):
+                read.append(len(chunk))
+                yield chunk
+
+        return counted
+
+    known = tuple(replace(each, chunks=each.chunks and counting(each.chunks)) for each in files.FORMATS)
+    monkeypatch.setattr(files, "FORMATS", known)
+    monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
+    monkeypatch.setattr(cloud_files, "BLOCK", 16)
+    request = Request.of(n_points=100)
+    work = Work(10**9, None, None, Stages())
+    with CloudFiles.of(
+        [path], query=Query.of(**{"resolution": None, "polygon": None, "box": None, "only": None, **query})
+    ) as both:
+        planned = work.planned(both, request)
+        run(both, request, work, planned)
+    assert planned.readings == (3 if query else 2)
+    each = len(gppcs.read(path, **query)) if suffix != ".ply" and "box" in query else 20_000  # LAS yields no others
+    assert sum(read) == pytest.approx(planned.readings * each, rel=0.01)

@@ -21,9 +21,10 @@ from gppcs.io.format import Format, without_attributes
 from gppcs.io.rows import bytes_left, ends_early
 
 _POINTS = "points"
+_HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 # Errors that NumPy and zipfile raise for damaged files.
-_DAMAGED_ARRAY = (ValueError, TypeError, SyntaxError, OverflowError, TokenError)
+_DAMAGED_ARRAY = (ValueError, TypeError, SyntaxError, OverflowError, TokenError, KeyError)
 _DAMAGED_ZIP = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, OSError, UnicodeDecodeError)
 
 
@@ -55,8 +56,8 @@ def _layout_by_rows(file: BufferedReader) -> tuple[tuple[int, ...], np.dtype[Any
     """
     try:
         version = npy.read_magic(file)
-        header = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}[version](file)
-    except (*_DAMAGED_ARRAY, KeyError):
+        header = _HEADERS[version](file)
+    except _DAMAGED_ARRAY:
         header = ((), False, np.dtype(object))
     shape, by_columns, dtype = header
     if not shape or (by_columns and len(shape) > 1) or dtype.hasobject or 0 in (dtype.itemsize, *shape):
@@ -94,6 +95,28 @@ def read_npz(file: BufferedReader) -> PointCloud:
         if values.ndim == 0:
             raise FileFormatError(f"expected one value for each point in {name!r}, found a single value; remove it")
     return cloud_of_columns({**columns, **arrays})
+
+
+def count_npz(file: BufferedReader) -> int:
+    """Return how many points an NPZ file has, as the header of its array `points` says; 0 if that is damaged."""
+    try:
+        with zipfile.ZipFile(file) as archive, archive.open(f"{_POINTS}.npy") as member:
+            return _shape(member)[0]
+    except (*_DAMAGED_ZIP, *_DAMAGED_ARRAY):
+        return 0
+
+
+def count_npy(file: BufferedReader) -> int:
+    """Return how many points an NPY file has, as its header says; 0 if that is damaged."""
+    try:
+        return _shape(file)[0]
+    except _DAMAGED_ARRAY:
+        return 0
+
+
+def _shape(file: IO[bytes]) -> tuple[int, ...]:
+    shape: tuple[int, ...] = _HEADERS[npy.read_magic(file)](file)[0]
+    return shape or (0,)
 
 
 def _array(file: IO[bytes]) -> Column:
@@ -158,6 +181,8 @@ def _is_npz(head: bytes, size: int) -> bool:
 
 
 FORMATS = (
-    Format("NPY", (".npy",), read_npy, write_npy, _is_npy, fitted=_without_objects, chunks=read_npy_chunks),
-    Format("NPZ", (".npz",), read_npz, write_npz, _is_npz, fitted=_without_objects),
+    Format(
+        "NPY", (".npy",), read_npy, write_npy, _is_npy, fitted=_without_objects, chunks=read_npy_chunks, count=count_npy
+    ),
+    Format("NPZ", (".npz",), read_npz, write_npz, _is_npz, fitted=_without_objects, count=count_npz),
 )

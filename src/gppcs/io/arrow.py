@@ -106,6 +106,21 @@ def _errors_of_file() -> Iterator[None]:
         raise FileFormatError(f"expected a whole table, but pyarrow reports: {reason}; get the file again") from error
 
 
+def read_feather_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
+    """Read a Feather file as `read_feather` does, in chunks."""
+    pyarrow = require_pyarrow()
+    with _errors_of_file():
+        table = pyarrow.ipc.open_file(file)
+        schema, count = table.schema, table.num_record_batches
+        _check_schema(schema)
+        kept = schema.names if attributes else list(coordinate_names(schema.names))
+        for batch in (table.get_batch(i).select(kept) for i in range(count)):
+            for start in range(0, max(batch.num_rows, 1), rows):
+                yield _cloud_of([batch.slice(start, rows)], batch.schema, schema.metadata)
+    if not count:
+        yield _cloud_of([], schema, schema.metadata)
+
+
 def _cloud(schema: Any, batches: Callable[[], Iterable[Any]]) -> PointCloud:
     """Return the cloud of a table that comes in batches."""
     _check_schema(schema)
@@ -293,6 +308,7 @@ FORMATS = (
         write_feather,
         lambda head, size: head.startswith(b"ARROW1\0\0"),
         fitted=_fitted,
+        chunks=read_feather_chunks,
         header=ArrowHeader,
     ),
 )

@@ -33,7 +33,7 @@ class Head(NamedTuple):
     Attributes
     ----------
     cloud : PointCloud
-        The first points with their attributes; all if `whole`.
+        The first points with their attributes.
     points : int
         About how many points all files hold.
     whole : str or None
@@ -78,6 +78,7 @@ class CloudFiles:
         self._header: Header | None = None  # of the first file that has one
         self._copies: dict[Path, tuple[Any, Path]] = {}
         self._whole: dict[Path, PointCloud] = {}  # what `head` had to read as a whole, for `read`
+        self._head: Head | None = None
         self._stack = ExitStack()
 
     @classmethod
@@ -102,6 +103,7 @@ class CloudFiles:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self._whole.clear()
+        self._head = None
         self._stack.close()
 
     def each(self, rows: int) -> list[CloudFiles]:
@@ -117,7 +119,7 @@ class CloudFiles:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process needs: it makes copies of its own, and holds no points."""
-        return {**vars(self), "_copies": {}, "_whole": {}}
+        return {**vars(self), "_copies": {}, "_whole": {}, "_head": None}
 
     def _spans(self, path: Path, rows: int) -> list[Span | None]:
         """Return the parts of a file; None stands for all of it."""
@@ -173,30 +175,45 @@ class CloudFiles:
                 yield from (self._in_one_system(cloud) for cloud in parts if len(cloud))
 
     def head(self) -> Head:
-        """Read the first points, and estimate the number of all by the size of the files.
+        """Read the first points, once, and tell the number of all: as each file says, or as its own first points do.
 
         A file that has to be read as a whole is kept for the next `read`.
         """
-        read, seen, whole, clouds = 0, 0, None, []
-        for path in self.paths:
-            with self._opened(path) as (file, known):
-                clouds.append(next(self._chunks(file, known, BLOCK, True)))
-                if not known.chunks or self._columns_of(known) or len(clouds[-1]) > BLOCK:
-                    whole = known.name
-                    self._whole[path] = clouds[-1]
-                read += file.tell() if len(clouds[-1]) == BLOCK else _size(file)
-                seen += len(clouds[-1])
-                if len(clouds[-1]):
-                    break
-        return Head(clouds[-1], self._about(seen / max(read, 1)), whole)
+        if self._head is None:
+            first: PointCloud | None = None
+            whole, points, density = None, 0.0, 0.0
+            for path in self.paths:
+                with self._opened(path) as (file, known):
+                    in_chunks = self._in_chunks(known)
+                    if first is None or not len(first) or (in_chunks and not known.count):
+                        cloud = next(self._chunks(file, known, BLOCK, True))
+                        density = len(cloud) / max(1, file.tell() if len(cloud) == BLOCK else _size(file))
+                        if not in_chunks or len(cloud) > BLOCK:
+                            whole = known.name
+                            self._whole[path] = cloud
+                        first = first if first is not None and len(first) else cloud
+                    file.seek(0)
+                    if path in self._whole:
+                        points += len(self._whole[path])
+                    else:
+                        points += known.count(file) if known.count else _size(file) * density
+            assert first is not None
+            self._head = Head(first[:BLOCK] if len(first) > BLOCK else first, round(points), whole)
+        return self._head
 
-    def _about(self, points_per_byte: float) -> int:
-        """Return about how many points all files have: as their headers say, or by their sizes."""
-        points = 0.0
+    def read_whole(self) -> tuple[str | None, int]:
+        """Return the name of a format of these files that is read as a whole, if any, and the bytes of coordinates."""
+        name, size = None, 0
         for path in self.paths:
             with self._opened(path) as (file, known):
-                points += known.count(file) if known.count else _size(file) * points_per_byte
-        return round(points)
+                if not self._in_chunks(known):
+                    name = known.name
+                    size += 24 * known.count(file) if known.count else _size(file)
+        return name, size
+
+    def _in_chunks(self, known: Format) -> bool:
+        """Return whether files of a format are read in chunks."""
+        return known.chunks is not None and self._columns_of(known) is None
 
     def left_out(self) -> tuple[int, list[str]]:
         """Return what is left out of the files."""
@@ -209,7 +226,8 @@ class CloudFiles:
 
     def _chunks(self, file: Any, known: Format, rows: int, attributes: bool) -> Iterator[PointCloud]:
         """Read an open file in chunks, or as a whole if that is the only way."""
-        if known.chunks and self._columns_of(known) is None:
+        if self._in_chunks(known):
+            assert known.chunks
             yield from known.chunks(file, rows, attributes, **({"span": self._span} if self._span else {}))
         else:
             yield read_as(known, file, self._columns_of(known))

@@ -48,6 +48,8 @@ class Plan:
         About how many bytes of disk space temporary files are going to take.
     threads : int
         How many parts are worked on at once.
+    readings : int
+        How often the files are read.
     """
 
     in_memory: bool
@@ -57,16 +59,12 @@ class Plan:
     limit: int | None
     disk: int = 0
     threads: int = 1
+    readings: int = 1
 
     @property
     def way(self) -> str:
         """How, in words."""
         return "in memory" if self.in_memory else "with the points on disk"
-
-    @property
-    def readings(self) -> int:
-        """How often the files are read."""
-        return 1 if self.in_memory else READINGS
 
     @property
     def rows(self) -> int:
@@ -84,7 +82,9 @@ def plan(
 ) -> Plan:
     """Decide how: `whole` is what takes all points at once, `shared` whether an executor works on parts."""
     limit = limit or _half_of_memory()
+    _check_read_whole(files, limit)
     head, method = files.head(), request.method
+    counted = files.query is not None  # what a query leaves is counted by reading
     n, row = head.points, _bytes_of_row(head.cloud)
     if files.query and not n:
         raise files.query.nothing_found()
@@ -93,23 +93,32 @@ def plan(
     search = OUTLIERS * n if request.drop_outliers else 0
     in_memory = PROGRAM + max(2 * row * n, row * n + 24 * n + max(search, method.memory(n, kept)))
     if (limit is None or in_memory <= limit) and not shared:
-        return Plan(True, n, kept, in_memory, limit)
+        return Plan(True, n, kept, in_memory, limit, readings=1 + counted)
     if reason := _reason(head, request, whole):
         if shared:
             raise InputError(f"expected work that several workers can share, but {reason}")
-        found = f"expected at least {size_of(in_memory)} of memory for about {n:,} points, as {reason}"
-        found += f", found {size_of(limit or sys.maxsize)}"
-        raise InputError(f"{found}; raise memory=, or do without", command=f"{found}; raise --memory, or do without")
+        raise _too_little(f"{size_of(in_memory)} of memory for about {n:,} points, as {reason}", limit or sys.maxsize)
     fixed = PROGRAM + (2 * row + KEPT) * kept
     threads = number_of_threads() if limit is None else min(number_of_threads(), max(1, (limit - fixed) // PART))
     on_disk = fixed + PART * threads
     if limit is not None and on_disk > limit:
         needed = on_disk if shared else min(on_disk, in_memory)
-        found = f"expected at least {size_of(needed)} of memory to choose {kept:,} of about {n:,} points, found "
-        found += size_of(limit)
-        fewer = "or keep fewer points"
-        raise InputError(f"{found}; raise memory=, {fewer}", command=f"{found}; raise --memory, {fewer}")
-    return Plan(False, n, kept, on_disk, limit, RECORD.itemsize * n + CANDIDATES * kept, threads)
+        raise _too_little(
+            f"{size_of(needed)} of memory to choose {kept:,} of about {n:,} points", limit, "keep fewer points"
+        )
+    return Plan(False, n, kept, on_disk, limit, RECORD.itemsize * n + CANDIDATES * kept, threads, READINGS + counted)
+
+
+def _too_little(expected: str, limit: int, instead: str = "do without") -> InputError:
+    found = f"expected at least {expected}, found {size_of(limit)}"
+    return InputError(f"{found}; raise memory=, or {instead}", command=f"{found}; raise --memory, or {instead}")
+
+
+def _check_read_whole(files: CloudFiles, limit: int | None) -> None:
+    """Check before they are read that files that have to be read as a whole fit into memory."""
+    name, size = files.read_whole()
+    if name and limit is not None and PROGRAM + size > limit:
+        raise _too_little(f"{size_of(PROGRAM + size)} of memory, as {name} files are read as a whole", limit)
 
 
 def _check_asked(cloud: PointCloud, request: Request) -> None:
