@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+import gppcs
 from gppcs.meshing.cuts import TriangleTree, cutting, follow
 from gppcs.meshing.halfedges import HalfEdges
+from meshes import faulty_triangles
 from shapes import ball
 
 
@@ -35,6 +37,24 @@ def test_triangles_that_cut_are_those_that_pymeshlab_finds(seed, shared):
 def test_a_tip_cuts_if_it_goes_through(tip, found):
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], tip, [0.3, 0.2, 1], [0.2, 0.4, 1]], dtype=float)
     assert cutting(loose(vertices, [[0, 1, 2], [3, 4, 5]]), vertices).tolist() == found
+
+
+@pytest.mark.parametrize("corners", [3, 6, 12])
+@pytest.mark.parametrize("axes", [2, 3])
+def test_on_a_lattice_the_triangles_found_are_exactly_those_that_meet_or_have_no_area(corners, axes):
+    rng = np.random.default_rng(corners)
+    for _ in range(60):
+        vertices = np.unique(rng.integers(0, 5, (corners, 3)) * (np.arange(3) < axes), axis=0) / 3.0 + 0.1
+        if len(vertices) < 3:
+            continue
+        faces = np.array([rng.permutation(len(vertices))[:3] for _ in range(4)])
+        faces = faces[np.sort(np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1])]
+        lattice = np.round((vertices - 0.1) * 3)
+        flat = gppcs.Mesh(lattice, faces).face_areas() == 0
+        assert set(np.flatnonzero(flat)) <= set(cutting(loose(vertices, faces), vertices))
+        if not flat.all():
+            faces = faces[~flat]
+            assert set(cutting(loose(vertices, faces), vertices)) == faulty_triangles(gppcs.Mesh(lattice, faces))
 
 
 def test_neighbours_in_one_plane_do_not_cut():

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.coverage import Cover, are_covered, is_covered, no_search
 from gppcs.meshing.halfedges import MOST_AROUND, EdgeTable, HalfEdges, add_edge, find_edge, following, preceding
-from gppcs.spatial.triangles import area_vector, dot, minus, row
+from gppcs.spatial.triangles import area_vector, dot, has_area, minus, row
 
 SMALL_GAP = 8  # corners of a gap that is filled before triangles of a single fan are tried
 PINHOLE, PINHOLE_SIZE = (
@@ -327,6 +327,8 @@ def cost_of_filling(points, normals, a, b, c):
         for v in (a, b, c):
             agreement = min(agreement, dot(normal, row(normals, v)) / doubled)
     ab, ca = minus(pb, pa), minus(pa, pc)
+    if not has_area(pa, pb, pc):
+        return dot(ab, ab) + dot(ca, ca)  # more than any triangle beside it would cost
     return 0.5 * doubled * (1.0 + BEND * (1.0 - agreement) ** 2) + LENGTH * max(dot(ab, ab), dot(ca, ca))
 
 

@@ -1,4 +1,8 @@
-"""Triangles that cut others: found by a tree of boxes, which follows the changes of the mesh."""
+"""Triangles that cut others: found by a tree of boxes, which follows the changes of the mesh.
+
+Two triangles cut each other if they have more in common than their common corners, be it a single place. Only what
+rounding cannot change counts as apart. So where no cut is found, there is none.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +15,9 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.meshing.halfedges import HalfEdges
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range
-from gppcs.spatial.triangles import area_vector, cross, dot, minus, row
+from gppcs.spatial.triangles import area_vector, cross, dot, has_area, minus, row
 
-PARALLEL = 1e-18  # an edge lies in a plane if the squared sine of their angle is below this
+ROUNDING = 2.0**-48  # of coordinates and their differences, generously, as clouds are of about unit size
 TRIANGLES_AT_ONCE = 256  # triangles that a thread looks at at once, at least
 DEEPEST = 64  # nodes that wait in a search; a tree of fewer than 2^62 leaves has no more
 
@@ -88,9 +92,7 @@ def follow(mesh, vertices, tree, f):
 
 
 def cutting(mesh: HalfEdges, vertices: NDArray[np.float64], tree: TriangleTree | None = None) -> NDArray[np.int64]:
-    """Return the triangles that cut another one.
-
-    Triangles with a common edge do not cut each other, and those in one plane are not looked for.
+    """Return the triangles that cut another one or have no area.
 
     Shapes: vertices (V, 3); returns (m,).
     """
@@ -106,8 +108,16 @@ def cutting(mesh: HalfEdges, vertices: NDArray[np.float64], tree: TriangleTree |
 def _mark_cutting(begin, end, mesh, vertices, tree, inside, found):
     """Mark in `found`, (F,), the triangles of a range that cut others."""
     for f in range(begin, end):
-        a, b, c = mesh.origin[3 * f], mesh.origin[3 * f + 1], mesh.origin[3 * f + 2]
-        found[f] = a >= 0 and first_cut(mesh, vertices, tree, inside, a, b, c) >= 0
+        found[f] = mesh.origin[3 * f] >= 0 and is_cut(mesh, vertices, tree, inside, f)
+
+
+@kernel
+def is_cut(mesh, vertices, tree, inside, f):
+    """Return whether a triangle of the mesh has no area or cuts another; those marked in `inside` do not count."""
+    a, b, c = mesh.origin[3 * f], mesh.origin[3 * f + 1], mesh.origin[3 * f + 2]
+    if not has_area(row(vertices, a), row(vertices, b), row(vertices, c)):
+        return True
+    return first_cut(mesh, vertices, tree, inside, a, b, c) >= 0
 
 
 @kernel
@@ -162,35 +172,104 @@ def _overlap(low, high, least, most):
 
 @kernel(allocates=False)
 def are_cut(vertices, f, g):
-    """Return whether two triangles cut each other.
+    """Return whether two triangles meet in more than common corners, or are too near for rounding to tell.
 
     Shapes: vertices (V, 3).
     """
-    shared = at_f = at_g = 0
+    shared = at_f = at_g = sum_f = sum_g = 0
     for i in range(3):
         for j in range(3):
             if f[i] == g[j]:
-                shared, at_f, at_g = shared + 1, i, j
-    if shared > 1:  # with three, they are the same triangle, or one lies on the other
-        return shared == 3 and f[(at_f + 1) % 3] != g[(at_g + 1) % 3]
-    for this, other, corner in ((f, g, at_f), (g, f, at_g)):
-        a, b, c = row(vertices, other[0]), row(vertices, other[1]), row(vertices, other[2])
-        for k in range(3):
-            i = (corner + 1 + k) % 3  # with a shared corner, the edge opposite to it comes first
-            if _crosses(row(vertices, this[i]), row(vertices, this[(i + 1) % 3]), a, b, c):
+                shared, at_f, at_g, sum_f, sum_g = shared + 1, i, j, sum_f + i, sum_g + j
+    if shared == 3:  # the same triangle, or one lies on the other
+        return f[(at_f + 1) % 3] != g[(at_g + 1) % 3]
+    p = row(vertices, f[at_f])
+    if shared == 2:
+        q = row(vertices, f[sum_f - at_f])
+        return _is_folded(minus(q, p), minus(row(vertices, f[3 - sum_f]), p), minus(row(vertices, g[3 - sum_g]), p))
+    a, b = minus(row(vertices, f[(at_f + 1) % 3]), p), minus(row(vertices, f[(at_f + 2) % 3]), p)
+    c, d = minus(row(vertices, g[(at_g + 1) % 3]), p), minus(row(vertices, g[(at_g + 2) % 3]), p)
+    if shared == 1:
+        return not (_are_apart_in_space(a, b, c, d) or _are_apart_in_plane(a, b, c, d))
+    return _may_have_common_place(a, b, minus(row(vertices, g[at_g]), p), c, d)
+
+
+@kernel(allocates=False)
+def _is_folded(edge, a, b):
+    """Return whether two triangles at a common edge, with the third corners a and b, lie on one another."""
+    u, v = cross(edge, a), cross(edge, b)
+    lengths = _length(edge) + _length(a) + _length(b)
+    least = ROUNDING * lengths * (_length(u) + _length(v))
+    return dot(u, v) >= -least and _length(cross(u, v)) <= least
+
+
+@kernel(allocates=False)
+def _are_apart_in_space(a, b, c, d):
+    """Return whether a plane surely has the cone of a and b on one side, that of c and d on the other.
+
+    If any does, so does one through two of the four vectors.
+    """
+    bcd, acd, abd, abc = _side(b, c, d), _side(a, c, d), _side(a, b, d), _side(a, b, c)
+    return abd * abc > 0 or bcd * acd > 0 or acd * abc > 0 or acd * abd < 0 or bcd * abc < 0 or bcd * abd > 0
+
+
+@kernel(allocates=False)
+def _side(a, b, c):
+    """Return the sign of the volume of three vectors; 0 if rounding may change it."""
+    la, lb, lc = _length(a), _length(b), _length(c)
+    volume, least = dot(cross(a, b), c), ROUNDING * (la * lb + lb * lc + lc * la)
+    return int(volume > least) - int(volume < -least)
+
+
+@kernel(allocates=False)
+def _are_apart_in_plane(a, b, c, d):
+    """Return whether a line surely parts the cone of a and b from that of c and d, all in about one plane."""
+    up, other = cross(a, b), cross(c, d)
+    if dot(other, other) > dot(up, up):
+        up = other
+    rays = _unit(a), _unit(b), _unit(minus((0.0, 0.0, 0.0), c)), _unit(minus((0.0, 0.0, 0.0), d))
+    for i in range(4):
+        for j in range(4):
+            axis = cross(up, minus(rays[i], rays[j]))
+            least = ROUNDING * _length(axis)
+            if min(dot(axis, a), dot(axis, b)) > least and max(dot(axis, c), dot(axis, d)) < -least:
                 return True
-            if shared:
-                break
     return False
 
 
 @kernel(allocates=False)
-def _crosses(p, q, a, b, c):
-    """Return whether a segment from p to q goes through a triangle."""
-    normal, step, turned = area_vector(a, b, c), minus(q, p), cross(minus(q, p), minus(p, a))
-    above, below = dot(minus(p, a), normal), dot(minus(q, a), normal)
-    height = below - above
-    if above * below > 0.0 or height * height <= PARALLEL * dot(normal, normal) * dot(step, step):
+def _may_have_common_place(a, b, p, q, r):
+    """Return whether no axis surely parts the triangles 0 a b and p q r."""
+    up, other = cross(a, b), area_vector(p, q, r)
+    if _part(up, a, b, p, q, r) or _part(other, a, b, p, q, r):
         return False
-    v, w = dot(minus(c, a), turned) / height, -dot(minus(b, a), turned) / height
-    return v >= 0.0 and w >= 0.0 and v + w <= 1.0
+    edges, others = (a, b, minus(b, a)), (minus(q, p), minus(r, p), minus(r, q))
+    for i in range(3):
+        for j in range(3):
+            if _part(cross(edges[i], others[j]), a, b, p, q, r):
+                return False
+    for i in range(3):
+        if _part(cross(up, edges[i]), a, b, p, q, r) or _part(cross(other, others[i]), a, b, p, q, r):
+            return False
+    return True
+
+
+@kernel(allocates=False)
+def _part(axis, a, b, p, q, r):
+    """Return whether the triangles 0 a b and p q r surely lie apart along an axis."""
+    at_a, at_b, at_p, at_q, at_r = dot(axis, a), dot(axis, b), dot(axis, p), dot(axis, q), dot(axis, r)
+    least = ROUNDING * _length(axis)
+    return min(at_p, at_q, at_r) - max(at_a, at_b, 0.0) > least or min(at_a, at_b, 0.0) - max(at_p, at_q, at_r) > least
+
+
+@kernel
+def _length(a):
+    """Return the length of a vector."""
+    return np.sqrt(dot(a, a))
+
+
+@kernel
+def _unit(a):
+    """Return a vector of the same direction and of length one; the vector itself if it is zero."""
+    length = _length(a)
+    return (a[0] / length, a[1] / length, a[2] / length) if length > 0.0 else a

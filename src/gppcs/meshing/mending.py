@@ -16,9 +16,9 @@ from gppcs.meshing.assembly import (
 )
 from gppcs.meshing.collapse import ends
 from gppcs.meshing.coverage import Cover
-from gppcs.meshing.cuts import TriangleTree, are_cut, cutting, first_cut, follow
+from gppcs.meshing.cuts import TriangleTree, are_cut, cutting, first_cut, follow, is_cut
 from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, around, following, leave_by
-from gppcs.spatial.triangles import area_vector, dot, minus, nearest_in_triangle, row, squared_distance
+from gppcs.spatial.triangles import area_vector, dot, has_area, minus, nearest_in_triangle, row, squared_distance
 
 ROUNDS = 4  # of mending all triangles that cut others
 MOST_RINGS = 2  # of triangles by which a hole grows so that it can be closed
@@ -26,11 +26,14 @@ PATCHES = 11  # patches around a triangle that are tried
 MOST_TRIANGLES = 120  # of a patch
 LOST = 0.5  # farthest a vertex inside may lie from what closes a hole, in usual edges
 LONGEST_LOOP = 36  # corners of a patch
-LEAST_AREA = 1e-9  # twice that of a triangle, in its sum of squared edges
 
 
 def mend(
-    mesh: HalfEdges, vertices: NDArray[np.float64], normals: NDArray[np.float64], kept: NDArray[np.bool_]
+    mesh: HalfEdges,
+    vertices: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    kept: NDArray[np.bool_],
+    rounds: int = ROUNDS,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Replace patches around triangles that cut others by triangles that cut nothing, where that can be done.
 
@@ -43,7 +46,7 @@ def mend(
     if len(mesh.faces()):
         tree = TriangleTree.of(mesh, vertices)
         cut = cutting(mesh, vertices, tree)
-        for _ in range(ROUNDS):
+        for _ in range(rounds):
             if not len(cut) or _mend_all(mesh, vertices, normals, kept, tree, cut, into) == 0:
                 break
             cut = cut[_still_cut(mesh, vertices, tree, cut)]  # new triangles cut none
@@ -58,7 +61,7 @@ def _mend_all(mesh, vertices, normals, kept, tree, faces, into):
     halves, new = np.empty(MOST_AROUND, dtype=np.int64), np.empty((LONGEST_LOOP, 3), dtype=np.int64)
     changes = 0
     for f in faces:
-        if mesh.origin[3 * f] < 0 or not _cuts_any(mesh, vertices, tree, inside, f):
+        if mesh.origin[3 * f] < 0 or not is_cut(mesh, vertices, tree, inside, f):
             continue
         for which in range(PATCHES):
             size = _patch(mesh, f, which, halves, patch)
@@ -83,15 +86,8 @@ def _still_cut(mesh, vertices, tree, faces):
     inside = np.zeros(len(mesh.origin) // 3, dtype=np.bool_)
     found = np.zeros(len(faces), dtype=np.bool_)
     for i in range(len(faces)):
-        found[i] = mesh.origin[3 * faces[i]] >= 0 and _cuts_any(mesh, vertices, tree, inside, faces[i])
+        found[i] = mesh.origin[3 * faces[i]] >= 0 and is_cut(mesh, vertices, tree, inside, faces[i])
     return found
-
-
-@kernel
-def _cuts_any(mesh, vertices, tree, inside, f):
-    """Return whether a triangle of the mesh cuts another."""
-    a, b, c = mesh.origin[3 * f], mesh.origin[3 * f + 1], mesh.origin[3 * f + 2]
-    return first_cut(mesh, vertices, tree, inside, a, b, c) >= 0
 
 
 @kernel(allocates=False)
@@ -232,8 +228,8 @@ def _is_joined(mesh, p, q, inside, halves):
 def _is_upright(vertices, normals, a, b, c):
     """Return whether a triangle has an area, and lies on the side of the mean of its corners' normals."""
     pa, pb, pc = row(vertices, a), row(vertices, b), row(vertices, c)
-    normal, ab, bc, ca = area_vector(pa, pb, pc), minus(pb, pa), minus(pc, pb), minus(pa, pc)
-    if dot(normal, normal) <= (LEAST_AREA * (dot(ab, ab) + dot(bc, bc) + dot(ca, ca))) ** 2:
+    normal = area_vector(pa, pb, pc)
+    if not has_area(pa, pb, pc):
         return False
     return dot(normal, row(normals, a)) + dot(normal, row(normals, b)) + dot(normal, row(normals, c)) >= 0.0
 
@@ -419,6 +415,18 @@ def _close_all(mesh, vertices, normals, tree, loops, ends, new, closed):
     return total
 
 
+def without_cuts(
+    faces: NDArray[np.int64], vertices: NDArray[np.float64], normals: NDArray[np.float64], kept: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """Mend triangles that cut others once, then leave out those that still do: a first mesh has others beside them.
+
+    Shapes: faces (F, 3), vertices, normals (V, 3), kept (V,).
+    """
+    mesh = HalfEdges.of(faces, len(vertices))
+    mend(mesh, vertices, normals, kept, rounds=1)
+    return _without_cuts(mesh, vertices)
+
+
 def _without_cuts(mesh: HalfEdges, vertices: NDArray[np.float64]) -> NDArray[np.int64]:
     """Leave out triangles until none cuts another, large ones first; return the corners of the others, a manifold."""
     tree = TriangleTree.of(mesh, vertices)
@@ -435,7 +443,7 @@ def _without_cuts(mesh: HalfEdges, vertices: NDArray[np.float64]) -> NDArray[np.
 def _leave_out(mesh, vertices, tree, faces, left_out):
     """Mark in `left_out`, (F,), those of some triangles that cut one that is not marked."""
     for f in faces:
-        left_out[f] = _cuts_any(mesh, vertices, tree, left_out, f)
+        left_out[f] = is_cut(mesh, vertices, tree, left_out, f)
 
 
 def holes_closed(

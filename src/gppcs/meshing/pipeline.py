@@ -22,7 +22,7 @@ from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.draft import MOST_THIN, Draft
 from gppcs.meshing.fans import ON_CIRCLE, fans_of
-from gppcs.meshing.mending import holes_closed
+from gppcs.meshing.mending import holes_closed, without_cuts
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
@@ -303,7 +303,7 @@ class _FirstMesh:
     left_out: float
 
     @classmethod
-    def of(cls, dense: DensePoints, level: NDArray[np.int64]) -> _FirstMesh:
+    def of(cls, dense: DensePoints, level: NDArray[np.int64], chosen: NDArray[np.int64], moved: bool) -> _FirstMesh:
         """Join some dense points; raise an error if they lie on no surface."""
         places, normals, reaches = dense.places[level], dense.normals[level], dense.cover.reaches[level]
         tree = KdTree.over(np.ascontiguousarray(places.T))
@@ -319,6 +319,8 @@ class _FirstMesh:
                 "together: they fill a volume, are too few, or have noise thicker than their spacing"
             )
         faces = assembled(triangles, votes, radii, places, normals, reaches, dense.cover)
+        vertices = places if moved else dense.raw[level]
+        faces = without_cuts(faces, vertices, normals, np.isin(dense.rows[level], chosen))
         faces = without_scraps(faces, len(level))
         if not len(faces):
             raise NoSurfaceError(f"expected points on a surface, found {len(level)} points of which no triangles join")
@@ -443,7 +445,7 @@ class _Maker:
         if dense is None:
             return None
         with self.stages("first mesh"):
-            return _FirstMesh.of(dense, self._level(dense, n_vertices, chosen))
+            return _FirstMesh.of(dense, self._level(dense, n_vertices, chosen), chosen, self.moved)
 
     def _thin_out(self, draft: Draft, target: int, counts_faces: bool) -> Assignment:
         """Remove vertices until the target is reached; then let others take the place of the least useful ones.

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from gppcs.engine.kernels import kernel
 
+LEAST_AREA = 1e-9  # twice the area of a triangle, in its sum of squared edges
+
 
 @kernel
 def dot(a, b):
@@ -36,6 +38,13 @@ def cross(a, b):
 def area_vector(a, b, c):
     """Return the normal of a triangle whose length is twice its area."""
     return cross(minus(b, a), minus(c, a))
+
+
+@kernel
+def has_area(a, b, c):
+    """Return whether a triangle has an area that rounding cannot explain."""
+    normal, ab, bc, ca = area_vector(a, b, c), minus(b, a), minus(c, b), minus(a, c)
+    return dot(normal, normal) > (LEAST_AREA * (dot(ab, ab) + dot(bc, bc) + dot(ca, ca))) ** 2
 
 
 @kernel
