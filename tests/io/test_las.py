@@ -18,6 +18,7 @@ import gppcs
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, GppcsError, OutputError
 from gppcs.io import losses, read, write
+from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.las import FARTHEST
 
 SUFFIXES = [".las", ".laz"]
@@ -445,6 +446,20 @@ def test_any_cloud(tmp_path_factory, suffix, cloud):
         assert (found.points == cloud.points).all()
     write(path, found, force=True)  # nothing more is lost
     assert read(path) == found
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("counted", [1_000, 120_000])
+def test_points_that_the_header_does_not_count_are_told(tmp_path, suffix, counted):
+    path = save(random_las("1.4", 7, n=120_000), tmp_path / f"a{suffix}")
+    data = bytearray(path.read_bytes())
+    data[247:255] = counted.to_bytes(8, "little")
+    path.write_bytes(data)
+    with CloudFiles([path]) as files:
+        assert len(files.read()) == counted
+        _, told = files.left_out()
+    at_least = {".las": "119,000", ".laz": "99,001"}[suffix]
+    assert told == ([f"points that its header does not count ({at_least} or more)"] if counted == 1_000 else [])
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

@@ -33,7 +33,7 @@ from gppcs.io.las_header import (
     scaling_of,
     waveforms_at,
 )
-from gppcs.io.laz import chunks_of_points, decompressed, decompressed_chunks
+from gppcs.io.laz import chunks_of_points, decompressed, decompressed_chunks, fewest_points
 from gppcs.io.query import Query, not_empty, without_levels
 from gppcs.io.rows import BLOCK, ends_early
 
@@ -181,6 +181,20 @@ def read_las_chunks(
 def count_las_points(file: BufferedReader) -> int:
     """Return how many points a LAS, LAZ or COPC file has, as its header says."""
     return _count(read_header(file)[1])
+
+
+def uncounted_las_points(file: BufferedReader) -> list[str]:
+    """Return in words how many points a LAS or LAZ file holds behind those that its header counts, if any."""
+    header, fields, own = read_header(file)
+    layout, start = _layout(header, int(fields["point_size"][0])), file.tell()
+    if _is_compressed(fields):
+        held = fewest_points(file, layout.record, own.get(LASZIP)) if _count(fields) else 0
+    else:
+        behind = [int(fields[name][0]) for name in ("first_extended", "waveforms")]
+        end = min([file.seek(0, 2), *(place for place in behind if place > start)])
+        held = (end - start) // layout.record.itemsize
+    uncounted = held - _count(fields)
+    return [f"points that its header does not count ({uncounted:,} or more)"] if uncounted > 0 else []
 
 
 def spans_of_las(file: BufferedReader, rows: int) -> list[Span]:
@@ -585,7 +599,7 @@ def _format(name: str, suffix: str, compressed: bool) -> Format:
     recognises = partial(_is_las, compressed=compressed)
     return Format(
         name, (suffix,), read_las, write, recognises, fitted=_fitted, header=LasHeader, chunks=read_las_chunks,
-        count=count_las_points, takes_query=True, spans=spans_of_las,
+        count=count_las_points, unread=uncounted_las_points, takes_query=True, spans=spans_of_las,
     )  # fmt: skip
 
 

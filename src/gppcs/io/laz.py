@@ -90,6 +90,13 @@ def chunks_of_points(
     return found if all(points <= _MOST_IN_CHUNK for _, _, points in found) else []
 
 
+def fewest_points(file: BufferedReader, record: np.dtype[Any], laszip: Record | None) -> int:
+    """Return how many points all chunks of a file hold at least: the last may have fewer than the table says."""
+    with _reported():
+        table = _chunk_table(file, _checked(laszip, record))
+    return sum(points for points, _ in table[:-1]) + 1
+
+
 def _checked(laszip: Record | None, record: np.dtype[Any]) -> Record:
     """Return the record that describes the compression, if it is there and fits the record of a point."""
     import lazrs
