@@ -1,5 +1,10 @@
 """Clouds larger than memory: exactly as many points, chosen equally well, the same for any number of workers."""
 
+import errno
+import shutil
+import socket
+import subprocess
+import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
@@ -192,6 +197,58 @@ def test_a_lost_worker_is_told():
         each_by(executor, 1) as each,
     ):
         list(each(_end_at_once, [1]))
+
+
+@pytest.mark.slow
+def test_a_lost_scheduler_is_told(tmp_path, monkeypatch):
+    """It is killed while parts are worked on."""
+    pytest.importorskip("distributed")
+    from gppcs.streaming.workers import scheduler_at
+
+    def started(*words):
+        command = [sys.executable, "-m", f"distributed.cli.dask_{words[0]}", *words[1:]]
+        return subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    path = written(tmp_path, gppcs.sample("bracket", 20_000))
+    address = f"tcp://127.0.0.1:{port}"
+    scheduler = started("scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
+    worker = started("worker", address, "--nthreads", "1", "--no-dashboard", "--no-nanny")
+
+    def killed(*given, **named):
+        scheduler.kill()
+        return store(*given, **named)
+
+    from gppcs.streaming import beyond_memory as module
+
+    store = module.sorted_by_boxes
+    monkeypatch.setattr(module, "sorted_by_boxes", killed)
+    try:
+        with (
+            pytest.raises(ClusterError, match="the workers or their scheduler were lost"),
+            scheduler_at(address) as many,
+        ):
+            gppcs.simplify_files(path, n_points=700, memory=MEMORY, executor=many)
+    finally:
+        worker.kill()
+        scheduler.kill()
+
+
+@pytest.mark.parametrize(
+    "reason", [OSError(errno.ENOSPC, "No space left"), OSError("324838 requested and 195831 written")]
+)
+def test_a_full_disk_for_temporary_files_is_told(tmp_path, monkeypatch, reason):
+    def full(*given):
+        monkeypatch.setattr(shutil, "disk_usage", lambda path: shutil._ntuple_diskusage(10**9, 10**9, 0))
+        raise reason
+
+    monkeypatch.setattr("gppcs.streaming.scan.write_run", full)
+    path = written(tmp_path, gppcs.sample("bracket", 20_000))
+    with pytest.raises(gppcs.OutputError, match="of disk space for temporary files, found that it is full"):
+        gppcs.simplify_files(path, n_points=700, memory=MEMORY, scratch=tmp_path)
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_an_executor_is_one():
