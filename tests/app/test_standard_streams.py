@@ -1,6 +1,7 @@
 """The name `-` of standard input and standard output, in all commands."""
 
 import io
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -120,3 +121,24 @@ def test_text_from_files_does_not_control_the_terminal(gppcs_command, folder, co
             assert r"red \x1b[31m" in printed
             assert r"reversed \u202e" in printed
             assert "[bold]x[/bold]" in printed
+
+
+def test_a_deleted_working_directory_does_no_harm(folder, scan):
+    (gone := folder / "gone").mkdir()
+    words = ["simplify", folder / "scan.ply", "-o", folder / "out.ply", "--points", "9", "--method", "fps"]
+    code = f"import os; os.rmdir({str(gone)!r}); from gppcs.app.cli import main; main()"
+    found = subprocess.run([sys.executable, "-c", code, *map(str, words)], cwd=gone, check=False, capture_output=True)
+    assert (found.returncode, found.stderr) == (0, b"")
+    assert len(gppcs.read("out.ply")) == 9
+
+
+@pytest.mark.parametrize("threads", ["0", "many"])
+def test_a_wrong_number_of_threads_for_numba_is_told_in_a_line(folder, scan, threads):
+    words = [sys.executable, "-m", "gppcs", "simplify", "scan.ply", "-o", "out.ply", "--points", "9"]
+    variables = {**os.environ, "NUMBA_NUM_THREADS": threads}
+    found = subprocess.run(words, env=variables, check=False, capture_output=True, text=True)
+    if threads == "0":
+        assert (found.returncode, found.stderr.count("\n")) == (2, 1)
+        assert "the environment variable NUMBA_NUM_THREADS to be a whole number from 1 on, found '0'" in found.stderr
+    else:  # Numba goes on without
+        assert "Traceback" not in found.stderr

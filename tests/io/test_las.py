@@ -3,6 +3,7 @@
 import io
 import random
 import struct
+import warnings
 from dataclasses import replace
 
 import laspy
@@ -460,6 +461,14 @@ def test_points_that_the_header_does_not_count_are_told(tmp_path, suffix, counte
         _, told = files.left_out()
     at_least = {".las": "119,000", ".laz": "99,001"}[suffix]
     assert told == ([f"points that its header does not count ({at_least} or more)"] if counted == 1_000 else [])
+
+
+def test_the_largest_whole_numbers_are_told_without_a_warning(tmp_path):
+    times = np.array([2**63 - 1, -(2**63), 5])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        write(tmp_path / "a.las", PointCloud(np.eye(3), {"gps_time": times}))
+        np.testing.assert_array_equal(read(tmp_path / "a.las").attributes["gps_time"], times)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

@@ -18,6 +18,10 @@ def main() -> None:
         if getattr(sys, stream) is None:  # closed, as by 2>&-
             setattr(sys, stream, open(os.devnull, "w"))  # noqa: SIM115
     try:
+        os.getcwd()
+    except FileNotFoundError:  # it was deleted; Numba imports coverage where that is installed, which needs one
+        sys.modules["coverage"] = None  # type: ignore[assignment]
+    try:
         gc.set_threshold(GC_THRESHOLD)
         from gppcs.app.program import run
 

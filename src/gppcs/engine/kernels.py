@@ -11,7 +11,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numba as nb
+from gppcs.errors import ParameterError, shown
+
+try:
+    import numba as nb
+except ValueError as error:  # which does not name the variable
+    if (threads := os.environ.get("NUMBA_NUM_THREADS")) is None:
+        raise
+    raise ParameterError(
+        f"expected the environment variable NUMBA_NUM_THREADS to be a whole number from 1 on, found {shown(threads)}; "
+        "unset it, as gppcs has threads of its own"
+    ) from error
 from numba.core import event
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult

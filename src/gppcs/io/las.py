@@ -85,7 +85,8 @@ class _Dimension:
         if values.ndim != 1 or values.dtype.kind not in "biuf":
             return False
         if self.dtype.kind == "f":
-            return values.astype(self.dtype).astype(values.dtype).tobytes() == values.tobytes()
+            with np.errstate(invalid="ignore"):  # of 2^63, which is what the largest int64 become
+                return values.astype(self.dtype).astype(values.dtype).tobytes() == values.tobytes()
         if values.dtype.kind == "f":
             return False
         low, high = np.iinfo(self.dtype).min, np.iinfo(self.dtype).max
