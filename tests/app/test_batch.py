@@ -176,3 +176,15 @@ def test_a_virtual_point_cloud_stands_for_its_files(gppcs_command, folder):
         for command in (["convert", "all.vpc", name], ["simplify", "all.vpc", "--merge", "-o", name, *words]):
             told = gppcs_command(*command, "--to", "ply", "--force")
             assert_one_line(told, f"{name}: expected a file other than the input {name}, found the same")
+
+
+def test_notes_in_a_folder_are_passed_over(gppcs_command, scan, folder):
+    (folder / "scans").mkdir()
+    gppcs.write("scans/a.ply", scan)
+    Path("scans/notes.txt").write_text("The second scan of the hall\n")
+    code, _, err = gppcs_command("simplify", "scans", "-o", "out/", "--points", 5, *FAST)
+    assert (code, err.count("\n")) == (0, 1)
+    assert "scans/notes.txt: line 1: expected numbers" in err
+    assert "passed over" in err
+    assert [path.name for path in Path("out").iterdir()] == ["a.ply"]
+    assert gppcs_command("simplify", "scans/notes.txt", "-o", "b.ply", "--points", 5, *FAST)[0] == 2

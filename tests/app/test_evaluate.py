@@ -52,7 +52,12 @@ def test_evaluate_tells_the_order_if_the_second_cloud_has_more_points(gppcs_comm
     gppcs.write("small.ply", scan[:60])
     code, _, err = gppcs_command("evaluate", "small.ply", "scan.ply", "--quiet")
     assert (code, err.count("\n")) == (0, 1)
-    assert err.startswith("gppcs: note: the second cloud has more points than the first; the order is ORIGINAL")
+    assert err.startswith("gppcs: note: the second cloud has more points than the first; give the original first")
+
+
+def test_the_library_tells_the_order_too(scan):
+    with pytest.warns(UserWarning, match="more points than the first; give the original first"):
+        gppcs.evaluate(scan[:60], scan)
 
 
 def test_evaluate_with_a_mesh(gppcs_command):

@@ -170,3 +170,14 @@ def test_an_error_about_the_cloud_names_its_file(gppcs_command, ball, size):
     assert (code, out) == (2, "")
     assert err == "gppcs: empty.xyz: the cloud is empty: expected at least one point\n"
     assert files() == before
+
+
+def test_the_shape_is_told(gppcs_command, ball, folder):
+    _, out, _ = gppcs_command("mesh", "ball.ply", "-o", "small.ply", "--points", 100)
+    assert re.search(r"shape +closed, without holes; 1 piece; genus 0", out)
+    assert "opened" not in out
+    half = gppcs.PointCloud(ball.points[ball.points[:, 2] > np.median(ball.points[:, 2])])
+    gppcs.write("half.ply", half)
+    record = json.loads(gppcs_command("mesh", "half.ply", "-o", "half.obj", "--tolerance", "0.5%", "--json")[1])
+    assert (record["borders"], record["pieces"], record["genus"]) == (1, 1, 0)
+    assert record["diagnostics"]["mean_distance"] <= 0.005 * gppcs.info(half).diagonal

@@ -2,13 +2,14 @@
 
 import hashlib
 import sys
+import warnings
 import webbrowser
 
 import numpy as np
 import pytest
 
 import gppcs
-from command_line import assert_one_line, files
+from command_line import FAST, assert_one_line, files
 from web_page import WebPage
 
 
@@ -157,3 +158,22 @@ def test_without_a_browser_view_says_where_the_page_is(gppcs_command, scan, monk
     code, out, err = gppcs_command("view", "scan.ply", "-o", "v.html")
     assert (code, out) == (0, "v.html\n")
     assert err == "gppcs: note: no browser was found; open v.html yourself\n"
+
+
+def test_a_cloud_of_any_size_is_shown_without_a_warning(gppcs_command, folder):
+    gppcs.write("huge.ply", np.random.default_rng(0).random((300, 3)) * 1e300)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        command = (
+            "simplify",
+            "huge.ply",
+            "-o",
+            "out.ply",
+            "--points",
+            30,
+            "--report",
+            "page.html",
+            "--picture",
+            "p.png",
+        )
+        assert gppcs_command(*command, *FAST)[0] == 0

@@ -244,6 +244,16 @@ def test_columns_of_pandas_own_types_come_in_as_those_of_numpy():
     assert attributes["kind"].tolist() == [3, 4]
 
 
+def test_columns_of_text_become_attributes():
+    pandas = pytest.importorskip("pandas")
+    table = pandas.DataFrame({axis: [0.0, 1.0] for axis in "xyz"} | {"kind": ["roof", "tree"]})
+    table["same"] = pandas.Categorical(table["kind"])
+    table["again"] = pandas.array(table["kind"], dtype="string")
+    cloud = PointCloud.of(table)
+    for name in ("kind", "same", "again"):
+        assert cloud.attributes[name].tolist() == ["roof", "tree"]
+
+
 def test_the_index_of_a_table_does_not_matter():
     table = table_of({axis: [0.0, 1.0, 2.0] for axis in "xyz"}).iloc[::-1]
     assert PointCloud.of(table).points[:, 0].tolist() == [2, 1, 0]
@@ -252,9 +262,9 @@ def test_the_index_of_a_table_does_not_matter():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"place": ["a", "b"]}, "expected numbers in column 'place', found text; drop it, or"),
         ({"place": [None, object()]}, "expected numbers in column 'place', found Python objects; drop it, or"),
-        ({"z": ["a", "b"]}, "expected numbers in column 'z', found text"),
+        ({"place": ["a", None]}, "expected numbers in column 'place', found text; drop it, or"),
+        ({"z": ["a", "b"]}, "expected numbers as coordinates, found <U1 in z"),
         ({"z": [True, False]}, "expected numbers as coordinates, found bool in z"),
         ({"z": [2**60, 1]}, r"expected coordinates below 2\^53, found larger ones in z"),
         ({7: [1, 2]}, "expected text as the name of an attribute, found 7"),

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from string import Formatter
 
+from gppcs.app.printing import print_error
 from gppcs.errors import FileFormatError, OutputError, file_path
 
 FIELDS = ("stem", "name", "suffix", "parent")  # of a pattern, named as in `pathlib.Path`
@@ -79,10 +80,26 @@ def sources_of(inputs: Sequence[Path]) -> list[Path]:
     files = []
     for path in inputs:
         if path.is_dir():
-            files += _files_in(path)
+            files += [file for file in _files_in(path) if not _is_other_text(file)]
         else:
             files += files_of(path)
     return files
+
+
+def _is_other_text(path: Path) -> bool:
+    """Tell whether a file in a folder is a text without points, such as notes, and say so."""
+    from gppcs.io.cloud_files import CloudFiles
+    from gppcs.io.text import FORMATS
+
+    if not any(known.has_suffix(path.suffix) for known in FORMATS):
+        return False
+    try:
+        with CloudFiles([path]) as files:
+            files.head()
+    except FileFormatError as error:
+        print_error(f"note: {error.command}; this file is passed over")
+        return True
+    return False
 
 
 def _is_list(path: Path) -> bool:

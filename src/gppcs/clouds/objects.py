@@ -60,6 +60,8 @@ def _column(series: Any, name: Any) -> Column:
         raise InputError(
             f"expected a number for each point in column {name!r}, found missing values; fill them or drop their rows"
         ) from error
+    if values.dtype.kind == "O" and all(isinstance(value, str) for value in values.flat):
+        return values.astype(np.str_)
     _require_numbers(values, f"column {name!r}")
     return values
 

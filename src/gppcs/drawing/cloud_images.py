@@ -13,6 +13,7 @@ from gppcs.drawing.camera import Camera, averaged
 from gppcs.drawing.estimates import Estimates
 from gppcs.errors import InputError
 from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.scaling import normalised
 
 Array = NDArray[np.float64]
 
@@ -76,8 +77,9 @@ class Original:
 
     def __init__(self, cloud: ColouredCloud) -> None:
         self.cloud = cloud
-        self.tree = _tree(cloud.points)
-        self.spacing = _sixth_neighbour(self.tree, cloud.points)
+        points, self.corner, self.exponent = normalised(cloud.points)
+        self.tree = _tree(points)
+        self.spacing = np.ldexp(_sixth_neighbour(self.tree, points), self.exponent)
 
     def normals(self, cloud: ColouredCloud, indices: NDArray[np.int64]) -> Array:
         """Return normals of some points of a cloud.
@@ -85,7 +87,7 @@ class Original:
         Shapes: indices (K,); returns (K, 3).
         """
         if cloud.normals is None:
-            return _estimated_normals(self.tree, cloud.points[indices])
+            return _estimated_normals(self.tree, np.ldexp(cloud.points[indices] - self.corner, -self.exponent))
         return cloud.normals[indices]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -72,6 +73,11 @@ def evaluate(
     MissingExtraError
         If `mesh` is given and PyMeshLab is not installed.
 
+    Warns
+    -----
+    UserWarning
+        If the simplified cloud has more points than the original.
+
     Examples
     --------
     >>> cloud = gppcs.sample("bracket", n_points=2000)
@@ -85,6 +91,8 @@ def evaluate(
     report, failure = judged(original, simplified, mesh, Stages.of(stages))
     if failure:
         raise failure
+    if report.points_out > report.points_in:
+        warnings.warn("the second cloud has more points than the first; give the original first", stacklevel=2)
     return report
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.header import Header
 
+LAST_DIGITS = 2.0  # Units in the last place of the largest coordinate: 41 times 0.01 differs so from 0.41.
 LARGEST_SHIFT = 1e-6  # Of the diagonal, by which rounding may move a point without being asked to.
 Span = tuple[int, int]  # the row of the first point of a part of a file, and the row behind its last
 
@@ -48,8 +49,13 @@ def rounding(points: NDArray[np.float64], rounded: NDArray[np.float64]) -> tuple
     finite = np.isfinite(points).all(axis=1)
     with np.errstate(over="ignore", invalid="ignore"):
         shift = float(np.abs(rounded - points)[finite].max(initial=0.0))
+        last_digit = float(np.spacing(np.abs(points[finite]).max(initial=0.0)))
         diagonal = float(np.linalg.norm(np.ptp(points[finite], axis=0))) if finite.any() else 0.0
-    words = [f"the last digits of coordinates (which move by at most {shift:.1g})"] if shift else []
+    words = (
+        [f"the last digits of coordinates (which move by at most {shift:.1g})"]
+        if shift > LAST_DIGITS * last_digit
+        else []
+    )
     return words, shift <= LARGEST_SHIFT * diagonal
 
 

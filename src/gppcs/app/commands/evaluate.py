@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Annotated
 
@@ -93,11 +94,15 @@ def evaluate(
         inputs = [original, *([simplified] if simplified else [])]
         read = io.read_each(inputs, input_format, names_of(columns))
     clouds = [cloud.take(cloud.finite_rows()) for cloud in read]
-    if not judged and len(clouds[1]) > len(clouds[0]):
-        print_error("note: the second cloud has more points than the first; the order is ORIGINAL SIMPLIFIED")
-    report = (
-        evaluate_mesh(clouds[0], judged, surface, stages) if judged else measured(clouds[0], clouds[1], surface, stages)
-    )
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", UserWarning)
+        report = (
+            evaluate_mesh(clouds[0], judged, surface, stages)
+            if judged
+            else measured(clouds[0], clouds[1], surface, stages)
+        )
+    for warning in told:
+        print_error(f"note: {warning.message}")
     if as_json:
         result = {"simplified_mesh": str(simplified_mesh)} if judged else {"simplified": str(simplified)}
         files = {"original": str(original), **result, "mesh": str(mesh) if mesh else None}

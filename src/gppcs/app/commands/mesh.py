@@ -32,6 +32,15 @@ from gppcs.engine.stages import COMPILATION
 from gppcs.engine.threads import set_threads
 from gppcs.errors import InputError, file_path
 
+WORDS = {
+    "dense_points": "dense points",
+    "noise": "noise of the points",
+    "mean_distance": "mean distance of the points from the mesh",
+    "left_out": "share of the points on no piece of the surface",
+    "opened": "places with small holes",
+    "missing": "points to keep that are no vertices",
+}  # for the diagnostics
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -195,18 +204,31 @@ def _note_fewer(source: Path, result: MeshResult, asked: int | None) -> None:
 
 def _record(source: Path, output: Path, n: int, result: MeshResult) -> dict[str, Any]:
     """Return the run as the record that `--json` prints."""
+    from gppcs.clouds.topology import topology_of
+
     return {
         "input": str(source),
         "output": str(output),
         "points_in": n,
         "vertices": len(result.mesh.vertices),
         "triangles": len(result.mesh.faces),
+        **topology_of(result.mesh.faces)._asdict(),
         "diagnostics": dict(result.diagnostics),
         "seconds": dict(result.seconds),
         "seconds_compiling": result.seconds.get(COMPILATION, 0.0),
         "peak_memory": peak_memory(),
         "version": __version__,
     }
+
+
+def _shape(faces: NDArray[Any]) -> str:
+    """Return in words how the triangles of a mesh hang together."""
+    from gppcs.clouds.topology import topology_of
+
+    topology = topology_of(faces)
+    pieces = f"{topology.pieces:,} pieces" if topology.pieces > 1 else "1 piece"
+    holes = f"open, with {topology.borders:,} holes or borders" if topology.borders else "closed, without holes"
+    return f"{holes}; {pieces}" + ("" if topology.genus is None else f"; genus {topology.genus:,}")
 
 
 def _print(source: Path, output: Path, n: int, result: MeshResult) -> None:
@@ -218,7 +240,8 @@ def _print(source: Path, output: Path, n: int, result: MeshResult) -> None:
         {
             "points": f"{n:,}",
             "mesh": f"{len(result.mesh.vertices):,} vertices, {len(result.mesh.faces):,} triangles",
-            **{name.replace("_", " "): number_in_words(value) for name, value in result.diagnostics.items()},
+            "shape": _shape(result.mesh.faces),
+            **{WORDS[name]: number_in_words(value) for name, value in result.diagnostics.items() if value},
             "time": time_in_words(result.seconds),
         },
     )

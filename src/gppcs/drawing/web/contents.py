@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -71,7 +72,7 @@ def report_page(
         first.add_values(f"distance:{number}", f"distance to {result.name}", f"in {lengths}", distances, True)
     low, high = surface.cloud.points.min(axis=0), surface.cloud.points.max(axis=0)
     lead = f"{len(original.cloud):,} points beside {_counted(results)}"
-    diagonal = float(np.linalg.norm(high - low))
+    diagonal = math.hypot(*(high - low))  # which does not overflow
     return Page(original.name, lead, layers, blocks, viewpoint, made, notes, diagonal, lengths)
 
 
