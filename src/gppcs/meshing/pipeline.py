@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.quantities import Length, Scale, count_of, metres_of, option, share_of
+from gppcs.clouds.topology import topology_of
 from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import Stages, in_words
@@ -65,8 +66,9 @@ class MeshResult(ComparedByValue):
         `dense_points`, from which the mesh was made; `noise`, their root mean square distance from the surface, 0 if
         it is too small to count; `mean_distance` of the dense points from the mesh; `left_out`, the share of the
         points of the first mesh that are on no piece of it that is large enough; `opened`, the number of small holes
-        that stay open because all triangles that would close them cut others; with `keep` also `missing`, the number
-        of these points that are no vertices.
+        that stay open because all triangles that would close them cut others; `borders`, the number of holes and rims,
+        0 if the mesh is closed; `pieces`, that of connected pieces; `genus`, that of handles; with `keep` also
+        `missing`, the number of these points that are no vertices.
 
     Examples
     --------
@@ -501,4 +503,7 @@ def _result(
         columns = np.ascontiguousarray(made.normals.T, dtype=np.float32)
         kept = dataclasses.replace(kept, attributes={**kept.attributes, **dict(zip(NORMALS, columns, strict=True))})
     scaled = {name: made.diagnostics[name] * 2.0**exponent for name in ("noise", "mean_distance")}
-    return MeshResult(Mesh(kept.points, made.faces), indices, kept, stages.seconds, {**made.diagnostics, **scaled})
+    topology = topology_of(made.faces)
+    counts = {name: float(getattr(topology, name)) for name in ("borders", "pieces", "genus")}
+    diagnostics = {**made.diagnostics, **scaled, **counts}
+    return MeshResult(Mesh(kept.points, made.faces), indices, kept, stages.seconds, diagnostics)

@@ -42,6 +42,8 @@ WORDS = {
 }  # for the diagnostics
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from gppcs.clouds.cloud import PointCloud
@@ -204,31 +206,18 @@ def _note_fewer(source: Path, result: MeshResult, asked: int | None) -> None:
 
 def _record(source: Path, output: Path, n: int, result: MeshResult) -> dict[str, Any]:
     """Return the run as the record that `--json` prints."""
-    from gppcs.clouds.topology import topology_of
-
     return {
         "input": str(source),
         "output": str(output),
         "points_in": n,
         "vertices": len(result.mesh.vertices),
         "triangles": len(result.mesh.faces),
-        **topology_of(result.mesh.faces)._asdict(),
         "diagnostics": dict(result.diagnostics),
         "seconds": dict(result.seconds),
         "seconds_compiling": result.seconds.get(COMPILATION, 0.0),
         "peak_memory": peak_memory(),
         "version": __version__,
     }
-
-
-def _shape(faces: NDArray[Any]) -> str:
-    """Return in words how the triangles of a mesh hang together."""
-    from gppcs.clouds.topology import topology_of
-
-    topology = topology_of(faces)
-    pieces = f"{topology.pieces:,} pieces" if topology.pieces > 1 else "1 piece"
-    holes = f"open, with {topology.borders:,} holes or borders" if topology.borders else "closed, without holes"
-    return f"{holes}; {pieces}" + ("" if topology.genus is None else f"; genus {topology.genus:,}")
 
 
 def _print(source: Path, output: Path, n: int, result: MeshResult) -> None:
@@ -240,8 +229,15 @@ def _print(source: Path, output: Path, n: int, result: MeshResult) -> None:
         {
             "points": f"{n:,}",
             "mesh": f"{len(result.mesh.vertices):,} vertices, {len(result.mesh.faces):,} triangles",
-            "shape": _shape(result.mesh.faces),
-            **{WORDS[name]: number_in_words(value) for name, value in result.diagnostics.items() if value},
+            "shape": _shape(result.diagnostics),
+            **{word: number_in_words(value) for name, word in WORDS.items() if (value := result.diagnostics.get(name))},
             "time": time_in_words(result.seconds),
         },
     )
+
+
+def _shape(counts: Mapping[str, float]) -> str:
+    """Return in words whether a mesh is closed, and its holes, pieces and handles."""
+    holes, pieces, genus = (int(counts[name]) for name in ("borders", "pieces", "genus"))
+    border = f"open at {holes:,} hole{'s' * (holes > 1)} or rim{'s' * (holes > 1)}" if holes else "closed, no holes"
+    return f"{border}; {pieces:,} piece{'s' * (pieces > 1)}; genus {genus:,}"
