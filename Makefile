@@ -25,6 +25,7 @@ help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
 
 $(VENV)/.installed: pyproject.toml
+	@echo "Installing gppcs into $(VENV). This takes about a minute."
 	$(PYTHON) -m venv $(VENV)
 	$(PIP) --editable '.[dev]'
 	touch $@
@@ -47,6 +48,7 @@ viewer/node_modules: viewer/package-lock.json
 	cd viewer && npm ci --no-audit --no-fund || echo "without Node.js: the tests in a browser are skipped"
 
 demo: $(VENV)/.installed  ## Make a sample scan, simplify it, draw a picture, print the figures
+	@echo "Compiling, the first time only, and making a scan of 400,000 points. This takes about a minute."
 	mkdir -p demo
 	$(BIN)/gppcs sample medallion -o demo/scan.ply --points 400000 --noise 0.0001 --force
 	$(BIN)/gppcs simplify demo/scan.ply -o demo/simplified.ply --ratio 0.03 --picture demo/picture.png --figures --force

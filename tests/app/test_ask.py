@@ -160,10 +160,10 @@ def test_outliers_are_left_out_and_listed(gppcs_command, folder):
         (["--tolerance", "1%", "--dry-run"], ["--ratio or --points with --dry-run"]),
         (
             ["--tolerance", "1%", "--memory", "1MB"],
-            ["MB of memory for about 400 points, as --tolerance takes all points at once, found 1 MB; raise --memory"],
+            ["MB of memory for 400 points, as --tolerance takes all points at once, found 1 MB; raise --memory"],
         ),
         (["--points", 5, "--weight", "red", "--memory", "1MB"], ["MB of memory to choose 5 of"]),
-        (["--points", 5, "--keep", "z > 60", "--memory", "1MB"], ["to choose 5 of about 400 points, found"]),
+        (["--points", 5, "--keep", "z > 60", "--memory", "1MB"], ["to choose 5 of 400 points, found"]),
         (["--max-gap", "-1"], ["expected --max-gap to be a length above 0"]),
         (["--spacing", 5, "--method", "hc"], ["'hc' has no spacing"]),
         (

@@ -63,7 +63,8 @@ def test_a_dry_run_tells_and_does_nothing(gppcs_command, parts, large):
     assert record["disk"] > 0
     code, out, err = gppcs_command(*arguments, *LARGE)
     assert (code, err) == (0, "")
-    assert "about 400 in, 2 out" in out
+    assert " 400 in, 2 out" in out
+    assert "about 400" not in out
     assert "with the points on disk" in out
     assert "of 1 GB allowed" in out
     code, out, _ = gppcs_command(*arguments, "--method", "fps")

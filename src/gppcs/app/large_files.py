@@ -118,7 +118,7 @@ def print_plan(sources: list[Path], target: Path, plan: Plan) -> None:
     print_table(
         f"{titled(sources)} → {target}: nothing is done",
         {
-            "points": f"about {plan.points:,} in, {plan.kept:,} out",
+            "points": f"{'' if plan.exact else 'about '}{plan.points:,} in, {plan.kept:,} out",
             "way": plan.way,
             "memory": f"about {size_of(plan.memory)}, of {limit} allowed",
             **({"temporary files": f"about {size_of(plan.disk)}"} if plan.disk else {}),

@@ -35,13 +35,16 @@ class Head(NamedTuple):
     cloud : PointCloud
         The first points with their attributes.
     points : int
-        About how many points all files hold.
+        How many points all files hold.
+    exact : bool
+        Whether all files tell it; otherwise it is an estimate.
     whole : str or None
         The name of a format of these files that has to be read as a whole.
     """
 
     cloud: PointCloud
     points: int
+    exact: bool
     whole: str | None
 
 
@@ -181,7 +184,7 @@ class CloudFiles:
         """
         if self._head is None:
             first: PointCloud | None = None
-            whole, points, density = None, 0.0, 0.0
+            whole, points, density, exact = None, 0.0, 0.0, True
             for path in self.paths:
                 with self._opened(path) as (file, known):
                     in_chunks = self._in_chunks(known)
@@ -197,8 +200,9 @@ class CloudFiles:
                         points += len(self._whole[path])
                     else:
                         points += known.count(file) if known.count else _size(file) * density
+                        exact = exact and known.count is not None
             assert first is not None
-            self._head = Head(first[:BLOCK] if len(first) > BLOCK else first, round(points), whole)
+            self._head = Head(first[:BLOCK] if len(first) > BLOCK else first, round(points), exact, whole)
         return self._head
 
     def read_whole(self) -> tuple[str | None, int]:

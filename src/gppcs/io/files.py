@@ -205,7 +205,8 @@ def format_to_write(
         raise FileFormatError(f"{path}: {error}") from error
     if chosen.write is None:
         raise FileFormatError(
-            f"{path}: expected a format that holds points, found {chosen.name}; choose one of {_listed(writable=True)}"
+            f"{path}: expected a format that gppcs writes, found {chosen.name}, which it only reads; choose one of "
+            f"{_listed(writable=True)}"
         )
     return chosen if ascii is None else _encoded(path, chosen, flag("ascii", ascii))
 

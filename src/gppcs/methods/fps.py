@@ -30,7 +30,7 @@ class FarthestPoint(Method):
     source = "Eldar, Lindenbaum, Porat and Zeevi 1997"
     supports: ClassVar[Mapping[str, str]] = {
         "ranking": RANKING,
-        "spacing": "No two kept points are nearer than it, and no original point is farther from a kept one.",
+        "spacing": "No two kept points are nearer to each other. Every original point has a kept one within it.",
         "files": "Other points than in memory, as far from each other.",
     }
     _bytes_per_point: ClassVar[int] = 150

@@ -39,7 +39,9 @@ class Plan:
     in_memory : bool
         Whether all points are going to be in memory at once. Otherwise they are on disk.
     points, kept : int
-        About how many points there are, and how many of them are kept.
+        How many points there are, and how many of them are kept.
+    exact : bool
+        Whether these numbers are exact.
     memory : int
         About how many bytes of memory the program is going to hold at most.
     limit : int or None
@@ -55,6 +57,7 @@ class Plan:
     in_memory: bool
     points: int
     kept: int
+    exact: bool
     memory: int
     limit: int | None
     disk: int = 0
@@ -93,20 +96,20 @@ def plan(
     search = OUTLIERS * n if request.drop_outliers else 0
     in_memory = PROGRAM + max(2 * row * n, row * n + 24 * n + max(search, method.memory(n, kept)))
     if (limit is None or in_memory <= limit) and not shared:
-        return Plan(True, n, kept, in_memory, limit, readings=1 + counted)
+        return Plan(True, n, kept, head.exact, in_memory, limit, readings=1 + counted)
     if reason := _reason(head, request, whole):
         if shared:
             raise InputError(f"expected work that several workers can share, but {reason}")
-        raise _too_little(f"{size_of(in_memory)} of memory for about {n:,} points, as {reason}", limit or sys.maxsize)
+        raise _too_little(f"{size_of(in_memory)} of memory for {n:,} points, as {reason}", limit or sys.maxsize)
     fixed = PROGRAM + (2 * row + KEPT) * kept
     threads = number_of_threads() if limit is None else min(number_of_threads(), max(1, (limit - fixed) // PART))
     on_disk = fixed + PART * threads
     if limit is not None and on_disk > limit:
         needed = on_disk if shared else min(on_disk, in_memory)
-        raise _too_little(
-            f"{size_of(needed)} of memory to choose {kept:,} of about {n:,} points", limit, "keep fewer points"
-        )
-    return Plan(False, n, kept, on_disk, limit, RECORD.itemsize * n + CANDIDATES * kept, threads, READINGS + counted)
+        raise _too_little(f"{size_of(needed)} of memory to choose {kept:,} of {n:,} points", limit, "keep fewer points")
+    return Plan(
+        False, n, kept, head.exact, on_disk, limit, RECORD.itemsize * n + CANDIDATES * kept, threads, READINGS + counted
+    )
 
 
 def _too_little(expected: str, limit: int, instead: str = "do without") -> InputError:
