@@ -4,15 +4,8 @@ import numpy as np
 import pytest
 
 from gppcs.meshing.halfedges import HalfEdges
-from gppcs.meshing.quadrics import (
-    NUMBERS,
-    add_borders,
-    add_moved,
-    add_plane,
-    dense_quadrics,
-    nearest_vertices,
-    value,
-)
+from gppcs.meshing.quadrics import add_borders, dense_quadrics, nearest_vertices
+from gppcs.surface.error_quadrics import NUMBERS, add_moved, add_plane, value
 
 
 @pytest.fixture

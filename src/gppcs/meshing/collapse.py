@@ -17,8 +17,8 @@ from gppcs.meshing.halfedges import (
     neighbours,
     preceding,
 )
-from gppcs.meshing.quadrics import add_moved, value
-from gppcs.spatial.triangles import area_vector, dot, minus, quality, row
+from gppcs.spatial.triangles import area_vector, dot, has_area, minus, quality, row
+from gppcs.surface.error_quadrics import add_moved, value
 
 TURN = 0.2, -0.3  # least cosine between a triangle's normals before and after: in the first pass, and in the second
 THIN_IN_COLLAPSE = 0.3  # triangles below this quality cost extra
@@ -209,7 +209,7 @@ def thinness_after(mesh, vertices, normals, limit, v, u, edges, halves):
         length = np.sqrt(dot(after, after))
         au, bu, ab = minus(pa, pu), minus(pb, pu), minus(pb, pa)
         squared = dot(au, au) + dot(bu, bu) + dot(ab, ab)
-        if length <= 1e-9 * squared:
+        if not has_area(pu, pa, pb):
             return np.inf
         if limit >= -1.0:
             if dot(before, after) < limit * np.sqrt(dot(before, before)) * length:

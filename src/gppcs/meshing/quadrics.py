@@ -1,8 +1,4 @@
-"""Quadrics: sums of squared distances to planes, each relative to its own vertex so that little precision is lost.
-
-The quadric of a vertex p is q(x) = (x - p) A (x - p) + 2 b (x - p) + c. Its ten numbers are the elements xx, xy, xz,
-yy, yz and zz of A, the three of b, and c.
-"""
+"""The error quadrics of the vertices of a mesh, from the tangent planes of the dense points."""
 
 from __future__ import annotations
 
@@ -14,8 +10,8 @@ from gppcs.engine.threads import on_ranges
 from gppcs.meshing.halfedges import HalfEdges, following
 from gppcs.spatial.kdtree import KdTree, limit_beside, nearest_within
 from gppcs.spatial.triangles import cross, dot, minus, row
+from gppcs.surface.error_quadrics import NUMBERS, add_plane
 
-NUMBERS = 10  # of a quadric
 NEAREST_VERTICES = 4  # vertices among which that of a dense point is chosen
 QUERIES_AT_ONCE = 256  # dense points that a thread takes at once, at least
 
@@ -110,51 +106,3 @@ def _add_borders(mesh, vertices, weight, quadrics):
             normal = upright[0] / length, upright[1] / length, upright[2] / length
             add_plane(quadrics[v], normal, 0.0, weight)
             add_plane(quadrics[w], normal, 0.0, weight)
-
-
-@kernel(allocates=False)
-def add_plane(quadric, normal, height, weight):
-    """Add a plane to a quadric.
-
-    Shapes: quadric (10,).
-    """
-    x, y, z = normal
-    quadric[0] += weight * x * x
-    quadric[1] += weight * x * y
-    quadric[2] += weight * x * z
-    quadric[3] += weight * y * y
-    quadric[4] += weight * y * z
-    quadric[5] += weight * z * z
-    quadric[6] += weight * height * x
-    quadric[7] += weight * height * y
-    quadric[8] += weight * height * z
-    quadric[9] += weight * height * height
-
-
-@kernel(allocates=False)
-def value(quadric, step):
-    """Return the value of a quadric.
-
-    Shapes: quadric (10,).
-    """
-    x, y, z = step
-    found = x * (quadric[0] * x + 2.0 * (quadric[1] * y + quadric[2] * z + quadric[6]))
-    found += y * (quadric[3] * y + 2.0 * (quadric[4] * z + quadric[7]))
-    found += z * (quadric[5] * z + 2.0 * quadric[8]) + quadric[9]
-    return max(found, 0.0)
-
-
-@kernel(allocates=False)
-def add_moved(quadric, step, total):
-    """Add a quadric to that of another vertex.
-
-    Shapes: quadric (10,), total (10,).
-    """
-    x, y, z = step
-    at_other = value(quadric, step)
-    for number in range(6):
-        total[number] += quadric[number]
-    total[6] += quadric[6] + quadric[0] * x + quadric[1] * y + quadric[2] * z
-    total[7] += quadric[7] + quadric[1] * x + quadric[3] * y + quadric[4] * z
-    total[8] += quadric[8] + quadric[2] * x + quadric[4] * y + quadric[5] * z
-    total[9] += at_other

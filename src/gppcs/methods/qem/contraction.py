@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.triangles import dot, minus, row
+from gppcs.surface.error_quadrics import NUMBERS, add_moved, add_plane, value
 from gppcs.surface.surface_variation import features_of_nearest
 
 IN_PLANE = 1e-14  # a point counts as in a plane if the squared sine of its angle to the plane is below this
@@ -59,11 +61,7 @@ def contraction_order(
 
 
 class _Cloud(NamedTuple):
-    """The points, (N, 3), in tree order, with their indices in the input, (N,), and their quadrics, (N, 10).
-
-    The quadric of a point p is q(v) = (v - p) A (v - p) + 2 b (v - p) + c. It is relative to p, so that little
-    precision is lost. The columns are xx, xy, xz, yy, yz and zz of A, the three elements of b, and c.
-    """
+    """The points, (N, 3), in tree order, with their indices in the input, (N,), and their quadrics, (N, 10)."""
 
     points: NDArray[np.float64]
     order: NDArray[np.int64]
@@ -73,7 +71,7 @@ class _Cloud(NamedTuple):
     def build(cls, tree: KdTree, nearest: NDArray[np.int64]) -> Self:
         """Compute the quadrics of the points from their neighbours, `nearest`, (N, k)."""
         points = np.ascontiguousarray(tree.points.T)
-        quadrics = np.zeros((len(points), 10), dtype=np.float64)
+        quadrics = np.zeros((len(points), NUMBERS))
         normals = features_of_nearest(tree, nearest.shape[1] + 1).normals[tree.order]
         _add_planes(points, nearest, normals, quadrics)
         return cls(points, tree.order, quadrics)
@@ -89,13 +87,7 @@ def _add_planes(points, neighbours, normals, quadrics):
             across = normals[i] - edge * ((normals[i] * edge).sum() / squared)
             sine = (across * across).sum()
             if sine > IN_PLANE:  # otherwise, the edge is parallel to the normal, and no plane is closest
-                weight = squared / sine
-                quadrics[i, 0] += weight * across[0] * across[0]
-                quadrics[i, 1] += weight * across[0] * across[1]
-                quadrics[i, 2] += weight * across[0] * across[2]
-                quadrics[i, 3] += weight * across[1] * across[1]
-                quadrics[i, 4] += weight * across[1] * across[2]
-                quadrics[i, 5] += weight * across[2] * across[2]
+                add_plane(quadrics[i], (across[0], across[1], across[2]), 0.0, squared / sine)
 
 
 class _Graph(NamedTuple):
@@ -168,28 +160,24 @@ def _unlink(graph, slot):
 @kernel
 def _cost(cloud, gone, kept):
     """Return the sum of the quadrics of two points, evaluated at the point `kept`."""
-    q = cloud.quadrics
-    x, y, z = _step(cloud, gone, kept)
-    cost = x * (q[gone, 0] * x + 2 * (q[gone, 1] * y + q[gone, 2] * z + q[gone, 6]))
-    cost += y * (q[gone, 3] * y + 2 * (q[gone, 4] * z + q[gone, 7]))
-    cost += z * (q[gone, 5] * z + 2 * q[gone, 8]) + q[gone, 9] + q[kept, 9]
+    q, step = cloud.quadrics, _step(cloud, gone, kept)
+    cost = value(q[gone], step) + q[kept, 9]
     weight = q[gone, 0] + q[gone, 3] + q[gone, 5] + q[kept, 0] + q[kept, 3] + q[kept, 5]
-    return cost if cost > IN_PLANE * weight * (x * x + y * y + z * z) else 0.0
+    return cost if cost > IN_PLANE * weight * dot(step, step) else 0.0
 
 
 @kernel
 def _step(cloud, begin, end):
     """Return the vector from one point to another."""
-    p = cloud.points
-    return p[end, 0] - p[begin, 0], p[end, 1] - p[begin, 1], p[end, 2] - p[begin, 2]
+    return minus(row(cloud.points, end), row(cloud.points, begin))
 
 
 @kernel
 def _consider(cloud, graph, i, j):
     """Make j the partner of i if that contraction is cheaper; return whether it is."""
     cost = min(_cost(cloud, i, j), _cost(cloud, j, i))
-    x, y, z = _step(cloud, i, j)
-    squared = x * x + y * y + z * z
+    step = _step(cloud, i, j)
+    squared = dot(step, step)
     if cost > graph.cost[i] or (cost == graph.cost[i] and squared > graph.squared[i]):
         return False
     if cost == graph.cost[i] and squared == graph.squared[i] and cloud.order[j] > cloud.order[graph.partner[i]]:
@@ -246,7 +234,7 @@ def _contract(cloud, graph, alive, removed, begin, end):
         kept, gone = (i, j) if stays else (j, i)
         alive[gone], removed[count] = False, gone
         _merge_neighbours(cloud, graph, gone, kept, nearest, squared)
-        _merge_quadrics(cloud, gone, kept)
+        add_moved(cloud.quadrics[gone], _step(cloud, gone, kept), cloud.quadrics[kept])
         graph.cost[gone] = np.inf
         _play(cloud, graph, gone)
         _find_partner(cloud, graph, kept)
@@ -297,8 +285,8 @@ def _insert(cloud, point, other, nearest, squared, found):
 
     Ties go to the smallest index. The list holds at most k points.
     """
-    x, y, z = _step(cloud, point, other)
-    distance = x * x + y * y + z * z
+    step = _step(cloud, point, other)
+    distance = dot(step, step)
     rank = found
     while rank > 0 and (
         distance < squared[rank - 1]
@@ -312,22 +300,6 @@ def _insert(cloud, point, other, nearest, squared, found):
         squared[later], nearest[later] = squared[later - 1], nearest[later - 1]
     squared[rank], nearest[rank] = distance, other
     return found
-
-
-@kernel
-def _merge_quadrics(cloud, gone, kept):
-    """Add the quadric of the point `gone` to that of `kept`."""
-    q = cloud.quadrics
-    x, y, z = _step(cloud, gone, kept)
-    ax = q[gone, 0] * x + q[gone, 1] * y + q[gone, 2] * z
-    ay = q[gone, 1] * x + q[gone, 3] * y + q[gone, 4] * z
-    az = q[gone, 2] * x + q[gone, 4] * y + q[gone, 5] * z
-    q[kept, 9] += x * (ax + 2 * q[gone, 6]) + y * (ay + 2 * q[gone, 7]) + z * (az + 2 * q[gone, 8])
-    q[kept, 6] += ax
-    q[kept, 7] += ay
-    q[kept, 8] += az
-    for column in range(10):
-        q[kept, column] += q[gone, column]
 
 
 @kernel
