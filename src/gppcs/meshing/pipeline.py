@@ -321,9 +321,9 @@ class _FirstMesh:
                 "together: they fill a volume, are too few, or have noise thicker than their spacing"
             )
         faces = assembled(triangles, votes, radii, places, normals, reaches, dense.cover)
+        faces = without_scraps(faces, len(level))
         vertices = places if moved else dense.raw[level]
         faces = without_cuts(faces, vertices, normals, np.isin(dense.rows[level], chosen))
-        faces = without_scraps(faces, len(level))
         if not len(faces):
             raise NoSurfaceError(f"expected points on a surface, found {len(level)} points of which no triangles join")
         joined = np.count_nonzero(np.bincount(faces.ravel()))
