@@ -209,8 +209,11 @@ def _are_apart_in_space(a, b, c, d):
 
     If any does, so does one through two of the four vectors.
     """
-    bcd, acd, abd, abc = _side(b, c, d), _side(a, c, d), _side(a, b, d), _side(a, b, c)
-    return abd * abc > 0 or bcd * acd > 0 or acd * abc > 0 or acd * abd < 0 or bcd * abc < 0 or bcd * abd > 0
+    abd, abc = _side(a, b, d), _side(a, b, c)
+    if abd * abc > 0:
+        return True
+    bcd, acd = _side(b, c, d), _side(a, c, d)
+    return bcd * acd > 0 or acd * abc > 0 or acd * abd < 0 or bcd * abc < 0 or bcd * abd > 0
 
 
 @kernel(allocates=False)

@@ -423,8 +423,8 @@ def without_cuts(
     Shapes: faces (F, 3), vertices, normals (V, 3), kept (V,).
     """
     mesh = HalfEdges.of(faces, len(vertices))
-    mend(mesh, vertices, normals, kept, rounds=1)
-    return _without_cuts(mesh, vertices)
+    _, cut = mend(mesh, vertices, normals, kept, rounds=1)
+    return _without_cuts(mesh, vertices) if len(cut) else mesh.faces()
 
 
 def _without_cuts(mesh: HalfEdges, vertices: NDArray[np.float64]) -> NDArray[np.int64]:
