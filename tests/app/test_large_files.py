@@ -3,8 +3,11 @@
 import json
 import os
 import stat
+import subprocess
+import sys
 import tempfile
 
+import laspy
 import numpy as np
 import pytest
 
@@ -166,3 +169,31 @@ def test_files_with_different_coordinate_systems_in_passes(gppcs_command, two_sy
     assert_one_line(result, "expected one coordinate system", "--assume-same-crs")
     assert gppcs_command(*MERGED, *LARGE, "--assume-same-crs") == (0, "", "")
     assert gppcs.info("out.las").crs == "UTM 32N"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("count", "limit"), [("10k", "350MB"), ("50k", "450MB"), ("300k", "500MB")])
+def test_the_plan_tells_the_memory_that_is_used(tmp_path, count, limit):
+    """Within a quarter, and the limit is held."""
+    rng = np.random.default_rng(0)
+    scan = laspy.LasData(laspy.LasHeader(point_format=3, version="1.2"))
+    scan.header.scales = [1e-3] * 3
+    x, y = 1_000 * rng.random((2, 5_000_000))
+    scan.x, scan.y, scan.z = x, y, 10 * np.sin(x / 50) * np.cos(y / 70)
+    scan.write(tmp_path / "scan.las")
+    words = ["simplify", "scan.las", "-o", "out.las", "--points", count, "--memory", limit, "--json", "--quiet"]
+
+    def record(*more):
+        command = [sys.executable, "-m", "gppcs", *words, *more]
+        return json.loads(subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, text=True).stdout)
+
+    planned, used = record("--dry-run"), record()
+    assert not planned["in_memory"]
+    assert used["peak_memory"] <= planned["memory_limit"]
+    assert planned["memory"] == pytest.approx(used["peak_memory"], rel=0.25)
+
+
+def test_the_plan_counts_the_points_that_are_held(gppcs_command, parts, large):
+    command = ("simplify", "scan.ply", "-o", "out.ply", "--dry-run", "--json", *LARGE, "--points")
+    few, many = (json.loads(gppcs_command(*command, count)[1])["memory"] for count in (1, 300))
+    assert many - few >= 299 * 2 * 24

@@ -21,7 +21,8 @@ from gppcs.streaming.sizes import size_of
 READINGS = 2  # Of the files, if the points go to disk: one stores the points, the other takes the kept ones.
 GUESS = 0.1  # Share of the points that are kept, if only the work tells their number.
 PROGRAM = 180_000_000  # Bytes that the program itself takes, with its libraries and compiled kernels.
-PART = 110_000_000  # Bytes for each part that is worked on at once.
+STORED = 90_000_000  # Bytes for the sample and for what is chosen in memory, if the points are on disk.
+PART = 70_000_000  # Bytes for each part that is worked on at once.
 KEPT = 120  # Bytes for each kept point, besides its attributes, which are held twice.
 OUTLIERS = 130  # Bytes for each point, where outliers are looked for in memory.
 CANDIDATES = 3000  # Bytes on disk for each point to keep.
@@ -101,7 +102,7 @@ def plan(
         if shared:
             raise InputError(f"expected work that several workers can share, but {reason}")
         raise _too_little(f"{size_of(in_memory)} of memory for {n:,} points, as {reason}", limit or sys.maxsize)
-    fixed = PROGRAM + (2 * row + KEPT) * kept
+    fixed = PROGRAM + STORED + (2 * row + KEPT) * kept
     threads = number_of_threads() if limit is None else min(number_of_threads(), max(1, (limit - fixed) // PART))
     on_disk = fixed + PART * threads
     if limit is not None and on_disk > limit:
