@@ -85,8 +85,9 @@ class _Dimension:
         if values.ndim != 1 or values.dtype.kind not in "biuf":
             return False
         if self.dtype.kind == "f":
-            with np.errstate(invalid="ignore"):  # of 2^63, which is what the largest int64 become
-                return values.astype(self.dtype).astype(values.dtype).tobytes() == values.tobytes()
+            if values.dtype.kind in "iu":
+                return exact_as_double(values) and np.array_equal(values.astype(self.dtype), values.astype(np.float64))
+            return values.astype(self.dtype).astype(values.dtype).tobytes() == values.tobytes()
         if values.dtype.kind == "f":
             return False
         low, high = np.iinfo(self.dtype).min, np.iinfo(self.dtype).max

@@ -168,6 +168,11 @@ def unread_ply(file: BufferedReader) -> list[str]:
     return [f"element {each.name} ({each.count:,})" for each in others if each.count]
 
 
+def count_ply(file: BufferedReader) -> int:
+    """Return how many points a PLY file has, as its header says."""
+    return next((element.count for element in _read_header(file).elements if element.name == "vertex"), 0)
+
+
 def count_ply_faces(file: BufferedReader) -> int:
     """Return the number of faces in a PLY file."""
     return sum(element.count for element in _read_header(file).elements if element.name == "face")
@@ -540,5 +545,6 @@ FORMAT = Format(
     named=column_name,
     faces=count_ply_faces,
     chunks=read_ply_chunks,
+    count=count_ply,
     write_encoded=write_ply,
 )
