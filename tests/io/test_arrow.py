@@ -233,7 +233,7 @@ def test_parquet_comes_in_chunks_and_says_its_size(tmp_path):
     with CloudFiles([path]) as files:
         parts = list(files.chunks(True, 4))
         assert [len(part) for part in files.chunks(False, 4)] == [4, 4, 2]
-        assert files.head()[1:] == (10, None)
+        assert files.head()[1:] == (10, True, None)
     assert np.concatenate([part.attributes["v"] for part in parts]).tolist() == list(range(10))
 
 

@@ -266,7 +266,7 @@ def held(cloud: PointCloud, groups: Sequence[Sequence[str]]) -> tuple[PointCloud
     names = {name for group in groups if set(group) <= numbers for name in group}
     kept, lost = without_attributes(cloud, cloud.attributes.keys() - names)
     if set(COLOURS) <= names and not fit_eight_bits(_stacked(cloud)):
-        lost.append("the last digits of colours (which get 8 bits)")
+        lost.append("colours (they get 8 bits)")
     return kept, lost
 
 
