@@ -9,6 +9,7 @@ import pytest
 import gppcs
 from copc_file import write_copc
 from gppcs.errors import GppcsError
+from gppcs.io.cloud_files import CloudFiles, JointColumns
 
 N = 60
 AT_MOST = 5.0  # seconds for one read, on a busy machine: a header that lies must not cost time or memory
@@ -122,6 +123,41 @@ def damaged(content, rng):
     return bytes(data)
 
 
+def outcome(read):
+    """Return coordinates and attributes as bytes, or that the file is refused."""
+    try:
+        found = read()
+    except GppcsError:
+        return "refused"
+    columns = {name: (str(values.dtype), values.tolist()) for name, values in found.attributes.items()}
+    return repr((found.points.tolist(), sorted(columns.items())))
+
+
+def in_chunks(files):
+    """Read files in chunks of seven points, as the work beyond memory does."""
+    chunks, columns = [], JointColumns()
+    for chunk in files.chunks(True, 7):
+        chunks.append(chunk)
+        columns.add(chunk)
+    return columns.joined(chunks) if chunks else files.read()
+
+
+def in_spans(files):
+    """Read the parts of files that are read by different workers."""
+    clouds, columns = [in_chunks(part) for part in files.each(20)], JointColumns()
+    for cloud in clouds:
+        columns.add(cloud)
+    return columns.joined(clouds)
+
+
+def agree(path, seed):
+    """Check that a file gives the same cloud, or is refused, as a whole, in chunks and in spans."""
+    with CloudFiles([path]) as files, np.errstate(all="ignore"):
+        whole = outcome(lambda: gppcs.read(path))
+        assert outcome(lambda: in_chunks(files)) == whole, seed
+        assert outcome(lambda: in_spans(files)) == whole, seed
+
+
 def read_damaged(name, tmp_path, seeds):
     suffix, make, setting = FILES[name]
     if setting in ("pye57", "pyarrow"):
@@ -146,6 +182,7 @@ def read_damaged(name, tmp_path, seeds):
         else:
             assert all(len(values) == len(found) for values in found.attributes.values()), seed
         assert time.monotonic() - start < AT_MOST, seed
+        agree(path, seed)
     assert refused > 0
 
 
