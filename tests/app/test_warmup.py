@@ -2,11 +2,16 @@
 
 import json
 import re
+import shlex
+import subprocess
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import gppcs
+from gppcs.engine import compiling
 
 
 @pytest.mark.slow
@@ -26,3 +31,24 @@ def test_the_help_of_warmup_says_where_kernels_are_kept(gppcs_command):
     code, out, err = gppcs_command("warmup", "--help")
     assert (code, err) == (0, "")
     assert "NUMBA_CACHE_DIR" in out
+
+
+@pytest.mark.slow
+def test_nothing_is_left_to_compile_after_warmup(tmp_path, kernels):
+    """For what people run most; each in a process of its own, on scans that warmup does not use."""
+    rng = np.random.default_rng(0)
+    gppcs.write(tmp_path / "room.ply", gppcs.sample("room", 40_000))
+    gppcs.write(tmp_path / "scan.ply", gppcs.sample("statue", 30_000, noise=0.001, outliers=0.01))
+    np.save(tmp_path / "plain.npy", rng.random((5_000, 3)))
+    for words in (
+        "mesh room.ply -o a.ply --points 4k",
+        "mesh scan.ply -o b.ply --faces 2k --fill-holes 5%",
+        "simplify scan.ply -o c.ply --points 500 --drop-outliers --max-gap 5% --normals --scores",
+        "simplify scan.ply -o d.ply --tolerance 1% --keep 'curvature > 1'",
+        "simplify plain.npy -o e.ply --ratio 5% --figures",
+        "simplify room.ply -o f.ply --points 900 --method qem --report f.html",
+    ):
+        command = [sys.executable, "-m", "gppcs", *shlex.split(words), "--json"]
+        found = subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, text=True)
+        assert compiling.NOTICE not in found.stderr, words
+        assert json.loads(found.stdout)["seconds_compiling"] == 0, words

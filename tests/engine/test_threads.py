@@ -152,6 +152,7 @@ INTERRUPTED = """
 import os, signal, threading, time
 from gppcs.engine.threads import on_ranges, set_threads
 set_threads(2)
+signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell may have ignored for background work
 threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
 try:
     on_ranges(lambda begin, end: time.sleep(0.05), 64)

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
+
+ROOM, STRAY = 20_000, 20_000  # Points of a scene that makes all steps of a mesh necessary, and of a scan with outliers.
 
 if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
@@ -18,6 +23,7 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
     from gppcs.meshing.pipeline import mesh
     from gppcs.methods import METHODS
     from gppcs.methods.hc.clustering import hierarchical_clusters
+    from gppcs.scans import sample
     from gppcs.simplification import simplify
     from gppcs.surface.normals import estimate_normals
 
@@ -28,12 +34,35 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
     evaluate(original, kept)
     estimate_normals(original, kept)
     mesh(original, n_points=100, moved=True)
+    mesh(sample("room", ROOM), n_points=ROOM // 10)
+    stray = sample("bracket", STRAY, outliers=0.01)
+    simplify(stray, ratio=0.02, drop_outliers=True, max_gap="2%", normals=True)
+    simplify(original, tolerance="2%", keep="curvature > 0", weight=abs(original.attributes["curvature"]))
+    _beyond_memory(stray)
     hierarchical_clusters(original.points, size=10, variation=0.1)
     original.points.flags.writeable = False  # like memory-mapped arrays; another type for Numba
     info(PointCloud(original.points))
     simplify(original.points, ratio=0.5, method="random")
     folders = {path for kernel in _loaded() if (path := kernel.stats.cache_path)}
     return sum(map(_compilations, _loaded())) - before, sorted(folders)
+
+
+def _beyond_memory(cloud: PointCloud) -> None:
+    """Compile what only clouds beyond memory need: simplify one as if it were."""
+    from gppcs.engine.stages import Stages
+    from gppcs.io.cloud_files import CloudFiles
+    from gppcs.io.files import write
+    from gppcs.simplification import Request
+    from gppcs.streaming.files import Work, run
+
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "scan.las"
+        write(path, cloud, lossy=True)
+        work = Work(None, None, None, Stages())
+        for method in ("gp", "fps", "voxel", "random"):
+            with CloudFiles([path]) as files:
+                request = Request.of(n_points=len(cloud) // 50, method=method, drop_outliers=True)
+                run(files, request, work, replace(work.planned(files, request), in_memory=False))
 
 
 def compile_method(name: str) -> tuple[PointCloud, PointCloud]:

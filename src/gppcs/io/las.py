@@ -203,6 +203,8 @@ def spans_of_las(file: BufferedReader, rows: int) -> list[Span]:
     """Divide the points of a LAS, LAZ or COPC file into parts that can be read by themselves."""
     header, fields, own = read_header(file)
     layout, count = _layout(header, int(fields["point_size"][0])), _count(fields)
+    if not count:
+        return []
     if _is_compressed(fields):
         chunks = chunks_of_points(file, layout.record, count, own.get(LASZIP))
         ends = np.cumsum([points for _, _, points in chunks]).tolist()
