@@ -9,7 +9,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-ROOM, STRAY = 20_000, 20_000  # Points of a scene that makes all steps of a mesh necessary, and of a scan with outliers.
+ROOM = 40_000  # Points of a scene that makes most steps of a mesh necessary.
+STRAY = 30_000  # Points of a scan with noise and outliers.
 
 if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
@@ -25,7 +26,9 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
     from gppcs.methods.hc.clustering import hierarchical_clusters
     from gppcs.scans import sample
     from gppcs.simplification import simplify
+    from gppcs.spatial.kdtree import KdTree
     from gppcs.surface.normals import estimate_normals
+    from gppcs.surface.surface_variation import features_in_radius
 
     before = sum(map(_compilations, _loaded()))
     for method in METHODS:
@@ -35,8 +38,10 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
     estimate_normals(original, kept)
     mesh(original, n_points=100, moved=True)
     mesh(sample("room", ROOM), n_points=ROOM // 10)
-    stray = sample("bracket", STRAY, outliers=0.01)
+    stray = sample("statue", STRAY, noise=0.001, outliers=0.01)
+    mesh(stray, n_faces=STRAY // 15, fill_holes="5%")  # which removes triangles that cut others, and fills a hole
     simplify(stray, ratio=0.02, drop_outliers=True, max_gap="2%", normals=True)
+    features_in_radius(KdTree.build(stray.points), 100.0)  # balls that hold whole nodes of the tree
     simplify(original, tolerance="2%", keep="curvature > 0", weight=abs(original.attributes["curvature"]))
     _beyond_memory(stray)
     hierarchical_clusters(original.points, size=10, variation=0.1)
