@@ -176,6 +176,22 @@ def test_a_named_folder_comes_first(package, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="no owners of files")
+def test_code_that_others_can_have_written_is_not_run(package, tmp_path):
+    named = tmp_path / "shared"
+    assert call(package, NUMBA_CACHE_DIR=str(named)) == COMPILED
+    for path in kept(named):
+        path.chmod(0o666)
+    assert call(package, NUMBA_CACHE_DIR=str(named)) == COMPILED
+    assert {path.stat().st_mode & 0o777 for path in kept(named)} == {0o644}
+    assert call(package, NUMBA_CACHE_DIR=str(named)) == LOADED
+    if os.geteuid() == 0:
+        for path in kept(named):
+            os.chown(path, 12345, 12345)
+        assert call(package, NUMBA_CACHE_DIR=str(named)) == COMPILED
+
+
+@pytest.mark.slow
 def test_a_full_disk_is_no_error(package):
     full = """
 from pathlib import Path

@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import os
 import pickle
+import stat
 import uuid
 from collections.abc import Callable
 from pathlib import Path
@@ -32,6 +33,7 @@ from gppcs.engine.compiling import compilation_ended, compilation_started
 from gppcs.engine.kernel_cache import folder_to_write, folders, sources_have_changed
 
 CHECKSUM_BYTES = 16
+OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def kernel(function: Callable[..., Any] | None = None, /, *, allocates: bool = True, **options: Any) -> Any:
@@ -79,12 +81,9 @@ class _KernelCache(NullCache):
         target_context.refresh()
         name = self._file_name(sig, target_context.codegen())
         for folder in self._folders:
-            try:
-                content = (folder / name).read_bytes()
-            except OSError:
-                continue
+            content = _read_own(folder / name)
             checksum, code = content[:CHECKSUM_BYTES], content[CHECKSUM_BYTES:]
-            if checksum == _checksum(code):  # else the machine stopped before the file was on the disk
+            if code and checksum == _checksum(code):  # else the machine stopped before the file was on the disk
                 self._folder = folder
                 return CompileResult._rebuild(target_context, *pickle.loads(code))
         return None
@@ -108,6 +107,18 @@ class _KernelCache(NullCache):
         return f"{function.__module__}.{function.__name__}-{digest[:24]}.nbc"
 
 
+def _read_own(path: Path) -> bytes:
+    """Read a file that only this user or the administrator can have written: unpickling runs code. Others are empty."""
+    try:
+        with path.open("rb") as file:
+            status = os.fstat(file.fileno())
+            if hasattr(os, "geteuid") and (status.st_uid not in (0, os.geteuid()) or status.st_mode & OTHERS_WRITE):
+                return b""
+            return file.read()
+    except OSError:
+        return b""
+
+
 def _checksum(code: bytes) -> bytes:
     return hashlib.blake2b(code, digest_size=CHECKSUM_BYTES).digest()
 
@@ -118,6 +129,7 @@ def _write_whole(path: Path, content: bytes) -> None:
     part = path.with_name(f"{path.name}.{uuid.uuid4().hex[:16]}.part")
     try:
         part.write_bytes(content)
+        part.chmod(0o644)  # whatever the umask; see `_read_own`
         os.replace(part, path)
     finally:
         with contextlib.suppress(OSError):
