@@ -1,6 +1,8 @@
 """What holds for every method: exact counts, exact points, the same choice wherever and however large the cloud is."""
 
+import gc
 import re
+import weakref
 
 import numpy as np
 import pytest
@@ -297,3 +299,33 @@ def test_a_ratio_must_be_a_number():
     with pytest.raises(gppcs.ParameterError, match=r"a share, such as 0.03 or 3%, found 'few'"):
         gppcs.simplify(np.eye(3), ratio="few")
     assert len(gppcs.simplify(np.eye(3), ratio="34%").indices) == 1
+
+
+def test_a_result_does_not_hold_the_original():
+    points = np.random.default_rng(0).random((5_000, 3))
+    original = weakref.ref(points)
+    result = gppcs.simplify(points, n_points=50)
+    del points
+    gc.collect()
+    assert original() is None
+    assert len(result.cloud) == 50
+
+
+def test_progress_is_told_in_small_steps():
+    """No step of the choice is more than two fifths of all points."""
+
+    class Steps:
+        def started(self, stage, total):
+            self.stage = stage
+
+        def advanced(self, steps):
+            told.append((self.stage, steps))
+
+        def finished(self):
+            pass
+
+    told = []
+    gppcs.simplify(gppcs.sample("medallion", 60_000), n_points=15_000, stages=gppcs.Stages(Steps()))
+    chosen = [steps for stage, steps in told if stage == "greedy selection"]
+    assert sum(chosen) == 15_000
+    assert max(chosen) <= 6_000
