@@ -126,6 +126,17 @@ def test_a_spacing_tells_the_number(tmp_path, monkeypatch):
     assert len(found.indices) == pytest.approx(len(gppcs.simplify(cloud, spacing=4.0).indices), rel=0.05)
 
 
+def test_the_spacing_of_fps_and_voxel_is_kept(tmp_path, monkeypatch):
+    cloud = gppcs.sample("bracket", 20_000)
+    path = written(tmp_path, cloud)
+    kept = gppcs.simplify_files(path, spacing=4.0, method="fps", memory=MEMORY).cloud.points
+    assert cKDTree(kept).query(kept, k=2)[0][:, 1].min() >= 4.0
+    assert cKDTree(kept).query(cloud.points)[0].max() <= 4.0
+    cells = gppcs.simplify_files(path, spacing=4.0, method="voxel", memory=MEMORY).indices
+    monkeypatch.undo()
+    assert len(cells) == pytest.approx(len(gppcs.simplify(cloud, spacing=4.0, method="voxel").indices), rel=0.05)
+
+
 def test_outliers_are_those_in_memory(tmp_path, monkeypatch):
     monkeypatch.setattr("gppcs.surface.outliers.parts.PART", 4_000)
     cloud = gppcs.sample("bracket", 20_000, outliers=0.01)

@@ -43,11 +43,16 @@ class Farthest(NamedTuple):
     distances: NDArray[np.float64]
 
 
-def farthest_in_parts(stored: StoredPoints, n_points: int, stages: Stages, each: Each) -> NDArray[np.int64]:
-    """Choose points that are far from each other, and return their rows, (M,), or of all places if they are fewer."""
+def farthest_in_parts(
+    stored: StoredPoints, n_points: int, stages: Stages, each: Each, least: float = 0.0
+) -> NDArray[np.int64]:
+    """Choose points that are at least some distance from each other, and return their rows, (M,).
+
+    There are fewer if no other place is so far from all chosen ones.
+    """
     sample = stored.sample
     first = min(FIRST, n_points, len(sample))
-    level = float(farthest_points(sample, first)[1][-1]) if first > 1 else math.inf
+    level = max(float(farthest_points(sample, first)[1][-1]) if first > 1 else math.inf, least)
     chosen = Farthest(np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty(0))
     parts = stored.parts(PART)
     with stages("farthest points", n_points) as advanced:
@@ -56,10 +61,11 @@ def farthest_in_parts(stored: StoredPoints, n_points: int, stages: Stages, each:
             for added in _round(stored, parts, chosen, level, each):
                 chosen = Farthest._make(map(np.concatenate, zip(chosen, added, strict=True)))
             advanced(max(0, min(len(chosen.rows), n_points) - before))
-            if level == 0.0:
+            # At the last level, rounds go on: what a part chose in its halo, and did not keep, leaves places open.
+            if level <= least and (level == 0.0 or len(chosen.rows) == before):
                 break
             step = math.sqrt(max(1, len(chosen.rows)) / (SPARE * n_points))
-            level = _lower(level, step) if math.isfinite(level) else 0.0
+            level = max(_lower(level, step) if math.isfinite(level) else 0.0, least)
     order = np.lexsort([chosen.rows, -chosen.distances])
     return chosen.rows[order[:n_points]]
 
