@@ -32,7 +32,8 @@ result: gppcs.Result = gppcs.simplify(cloud, ratio=0.1, method=gppcs.LocalGP(nei
 parameter: gppcs.Parameter = result.method.parameters()["neighbours"]
 part: gppcs.PointCloud = cloud[::2]
 gppcs.evaluate(pathlib.Path("scan.ply"), "kept.ply")
-gppcs.simplify(cloud, ratio="a tenth")  # type: ignore[arg-type]
+gppcs.simplify(cloud, ratio="10%")
+gppcs.simplify(cloud, ratio=[0.1])  # type: ignore[arg-type]
 """
 
 
