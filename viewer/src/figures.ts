@@ -1,16 +1,9 @@
 // The table of figures, the plot of quality against number of points, and how the page was made.
 import { KINDS } from "./colours";
 import { shown, type Cloud, type Description, type Figure, type Prefix } from "./data";
+import { byId, element } from "./dom";
 
 const SVG = "http://www.w3.org/2000/svg";
-
-export function element<K extends keyof HTMLElementTagNameMap>(
-  tag: K, text = "", properties: Partial<HTMLElementTagNameMap[K]> = {},
-): HTMLElementTagNameMap[K] {
-  const made = Object.assign(document.createElement(tag), properties);
-  if (text) made.textContent = text;
-  return made;
-}
 
 /** Return the value of a figure with its unit: lengths also in thousandths of the diagonal. */
 export function worded(figure: Figure, prefix: Prefix): string {
@@ -28,11 +21,29 @@ function relatively(figure: Figure, prefix: Prefix): string {
   return figure.unit === "squared length" ? `${shown(1e6 * value, 3)} e-6 d²` : "";
 }
 
-export function measured(clouds: Cloud[]): Cloud[] {
+function measured(clouds: Cloud[]): Cloud[] {
   return clouds.filter((cloud) => cloud.prefixes.length > 0);
 }
 
-export function fillTable({ clouds, figures }: Description): void {
+/** Show the figures, if some were measured. */
+export function fillFigures(described: Description): void {
+  if (measured(described.clouds).length === 0) return;
+  fillTable(described);
+  byId("figures").hidden = byId("plots").hidden = false;
+  byId("figurestext").textContent =
+    `Lengths are in ${described.lengths}; d is the diagonal of the original's bounding box, ` +
+    `${shown(described.diagonal)}. The best value of each row is marked.`;
+  byId("plottext").textContent =
+    "Each line is one result, cut after fewer and fewer of its points. Shorter results are real ones only where the " +
+    "order of the points is a ranking, as for gp, fps, random, sample-elimination and top-variation.";
+}
+
+/** Draw the plot of a figure, if some were measured. */
+export function showPlot({ figures, clouds }: Description, name: string): void {
+  if (!byId("plots").hidden) plot(figures.find((each) => each.name === name)!, clouds, Math.min(900, byId("plot").clientWidth));
+}
+
+function fillTable({ clouds, figures }: Description): void {
   const results = measured(clouds);
   const last = (cloud: Cloud) => cloud.prefixes.at(-1)!;
   const head = element("tr");
@@ -58,7 +69,7 @@ export function fillTable({ clouds, figures }: Description): void {
   }
   const top = element("thead");
   top.append(head);
-  document.getElementById("table")!.append(top, body);
+  byId("table").append(top, body);
 }
 
 export function fillMade(made: [string, string][]): void {
@@ -68,7 +79,7 @@ export function fillMade(made: [string, string][]): void {
     row.append(element("th", name, { scope: "row" }), element("td", value));
     body.append(row);
   }
-  document.getElementById("made")!.append(body);
+  byId("made").append(body);
 }
 
 function drawn(tag: string, attributes: Record<string, string | number>, text = ""): SVGElement {
@@ -79,7 +90,7 @@ function drawn(tag: string, attributes: Record<string, string | number>, text = 
 }
 
 /** Return round numbers between two ends: 1, 2 and 5 times powers of ten, at most about six. */
-export function ticks(low: number, high: number): number[] {
+function ticks(low: number, high: number): number[] {
   const found: number[] = [];
   for (let power = Math.floor(Math.log10(low)); power <= Math.ceil(Math.log10(high)); power++)
     for (const digit of [1, 2, 5]) {
@@ -91,7 +102,7 @@ export function ticks(low: number, high: number): number[] {
 }
 
 /** Draw a figure against the number of points, both on logarithmic axes. */
-export function plot(figure: Figure, clouds: Cloud[], width: number): void {
+function plot(figure: Figure, clouds: Cloud[], width: number): void {
   const series = measured(clouds).map((cloud, number) => ({
     name: cloud.name,
     colour: KINDS[number % KINDS.length]!,
@@ -100,7 +111,7 @@ export function plot(figure: Figure, clouds: Cloud[], width: number): void {
       .filter(([, value]) => value > 0),
   }));
   const all = series.flatMap(({ places }) => places);
-  const holder = document.getElementById("plot")!;
+  const holder = byId("plot");
   holder.replaceChildren();
   if (all.length === 0) {
     holder.append(element("p", "All values are 0 or unknown."));

@@ -322,9 +322,9 @@ export class Views {
 
   resize(width: number, height: number): void {
     if (width < 1 || height < 1) return; // while the page is not shown
+    if (width === this.width && height === this.height) return;
     [this.width, this.height] = [width, height];
     this.fit();
-    this.draw();
   }
 
   /** Give the picture the size of the canvas, in finer or in coarser pixels. */
@@ -376,6 +376,26 @@ export class Views {
 
   private drawNow(now: number): void {
     const start = performance.now();
+    const { renderer, target } = this;
+    this.keepPace(now);
+    this.aim();
+    renderer.setClearColor(0x000000, 0);
+    target.scissorTest = false;
+    target.viewport.set(0, 0, target.width, target.height);
+    renderer.setRenderTarget(target);
+    renderer.clear();
+    target.scissorTest = true;
+    for (const view of this.views) this.drawView(view);
+    this.drawPass();
+    if (this.meshes && !this.moving) {
+      renderer.readRenderTargetPixels(target, 0, 0, 1, 1, new Uint8Array(4)); // waits until all is drawn
+      this.slow = performance.now() - start > LONGEST;
+    }
+    this.drawn();
+  }
+
+  /** While the view moves, draw as many points in as fine pixels as the last pictures left time for. */
+  private keepPace(now: number): void {
     if (this.moving) {
       const passed = now - this.before;
       if (this.before && !this.withSurfaces) this.share *= Math.min(1.25, Math.max(0.3, WANTED / passed));
@@ -383,57 +403,53 @@ export class Views {
       this.before = now;
     }
     const coarse = this.moving && this.share < SLOW_SHARE;
-    if (coarse !== this.coarse) {
-      this.coarse = coarse;
-      this.fit();
-    }
-    const { renderer, target, camera } = this;
-    const ratio = renderer.getPixelRatio();
-    const height = target.height;
-    camera.aspect = this.aspect;
+    if (coarse === this.coarse) return;
+    this.coarse = coarse;
+    this.fit();
+  }
+
+  private aim(): void {
+    const { camera } = this;
     const distance = camera.position.distanceTo(this.controls.target);
+    camera.aspect = this.aspect;
     camera.near = Math.max(distance / 1000, 1e-5);
     camera.far = distance + 50;
     camera.updateProjectionMatrix();
     camera.updateMatrixWorld();
-    renderer.setClearColor(0x000000, 0);
+  }
+
+  private drawView({ layer, place, from, to }: View): void {
+    const { renderer, target } = this;
+    const ratio = renderer.getPixelRatio();
+    const shown = (this.withSurfaces && layer.mesh) || layer.points;
+    for (const other of this.turned.children) other.visible = other === shown;
+    const bottom = target.height - (place.top + place.height) * ratio;
+    const [left, width, height] = [place.left * ratio, place.width * ratio, place.height * ratio];
+    target.viewport.set(left, bottom, width, height);
+    target.scissor.set((place.left + from * place.width) * ratio, bottom, (to - from) * place.width * ratio, height);
     renderer.setRenderTarget(target);
-    target.scissorTest = false;
-    target.viewport.set(0, 0, target.width, height);
-    renderer.setRenderTarget(target);
-    renderer.clear();
-    target.scissorTest = true;
-    for (const { layer, place, from, to } of this.views) {
-      const shown = (this.withSurfaces && layer.mesh) || layer.points;
-      for (const other of this.turned.children) other.visible = other === shown;
-      const bottom = height - (place.top + place.height) * ratio;
-      target.viewport.set(place.left * ratio, bottom, place.width * ratio, place.height * ratio);
-      target.scissor.set((place.left + from * place.width) * ratio, bottom, (to - from) * place.width * ratio,
-        place.height * ratio);
-      renderer.setRenderTarget(target);
-      const count = this.moving ? Math.min(layer.cloud.shown, Math.max(LEAST, this.share * layer.cloud.shown)) : Infinity;
-      layer.points.geometry.setDrawRange(0, count);
-      const { uniforms } = layer.points.material;
-      uniforms["radius"]!.value = this.radius(layer, Math.min(1, count / layer.cloud.shown));
-      uniforms["pixels"]!.value = this.pixels(place.height * ratio);
-      uniforms["light"]!.value = this.shading === "both" || this.shading === "light" ? 1 : 0;
-      if (layer.mesh) layer.mesh.material.uniforms["light"]!.value = uniforms["light"]!.value;
-      renderer.render(this.scene, camera);
-    }
-    const { uniforms } = this.pass.material;
-    (uniforms["texel"]!.value as Vector2).set(1 / target.width, 1 / height);
+    const count = this.moving ? Math.min(layer.cloud.shown, Math.max(LEAST, this.share * layer.cloud.shown)) : Infinity;
+    layer.points.geometry.setDrawRange(0, count);
+    const { uniforms } = layer.points.material;
+    uniforms["radius"]!.value = this.radius(layer, Math.min(1, count / layer.cloud.shown));
+    uniforms["pixels"]!.value = this.pixels(height);
+    uniforms["light"]!.value = this.shading === "both" || this.shading === "light" ? 1 : 0;
+    if (layer.mesh) layer.mesh.material.uniforms["light"]!.value = uniforms["light"]!.value;
+    renderer.render(this.scene, this.camera);
+  }
+
+  /** Put the picture on the canvas, shaded by depth. */
+  private drawPass(): void {
+    const { camera, target, pass, shading } = this;
+    const { uniforms } = pass.material;
+    (uniforms["texel"]!.value as Vector2).set(1 / target.width, 1 / target.height);
     const colour = getComputedStyle(this.canvas).backgroundColor.match(/[\d.]+/g)!.map(Number);
     (uniforms["background"]!.value as Vector3).set(colour[0]! / 255, colour[1]! / 255, colour[2]! / 255);
     uniforms["near"]!.value = camera.near;
     uniforms["far"]!.value = camera.far;
-    uniforms["strength"]!.value = coarse ? 0 : this.shading === "both" ? 25 : this.shading === "depth" ? 60 : 0;
-    renderer.setRenderTarget(null);
-    renderer.render(this.pass, this.passCamera);
-    if (this.meshes && !this.moving) {
-      renderer.readRenderTargetPixels(target, 0, 0, 1, 1, new Uint8Array(4)); // waits until all is drawn
-      this.slow = performance.now() - start > LONGEST;
-    }
-    this.drawn();
+    uniforms["strength"]!.value = this.coarse ? 0 : shading === "both" ? 25 : shading === "depth" ? 60 : 0;
+    this.renderer.setRenderTarget(null);
+    this.renderer.render(pass, this.passCamera);
   }
 }
 

@@ -1,6 +1,7 @@
 """The page in a browser, and the built page as compared with its sources."""
 
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -22,13 +23,19 @@ MARKUP = "<img src=x onerror=alert(1)>"
 SCORES = {"score": np.linspace(2, 1, 1000), "deviation": np.linspace(0.9, 0.2, 1000)}  # as gp writes them
 
 
+def lacks(need, reason):
+    """Skip a test that cannot run here, or fail it where GPPCS_CI_NEEDS says that it must run."""
+    needed = need in os.environ.get("GPPCS_CI_NEEDS", "").split(",")
+    (pytest.fail if needed else pytest.skip)(reason)
+
+
 @pytest.fixture(scope="module")
 def node():
     found = shutil.which("node")
     if not found:
-        pytest.skip("no Node.js")
+        lacks("node", "no Node.js")
     if not (VIEWER / "node_modules").is_dir():
-        pytest.skip("the packages of the viewer are not installed: run npm ci in viewer")
+        lacks("node", "the packages of the viewer are not installed: run npm ci in viewer")
     return found
 
 
@@ -48,7 +55,7 @@ def seen(node, scan, kept, tmp_path_factory):
     """What a person sees and does on the page."""
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if not browser:
-        pytest.skip(f"no browser: none of {', '.join(BROWSERS)}")
+        lacks("chromium", f"no browser: none of {', '.join(BROWSERS)}")
     voxels = gppcs.simplify(scan, n_points=1000, method="voxel").cloud
     scored = PointCloud(kept.cloud.points, {**kept.cloud.attributes, **SCORES})
     page = report_page(
@@ -73,6 +80,13 @@ def digests(pictures):
 
 def all_differ(before, after):
     return all(one != other for one, other in zip(digests(before), digests(after), strict=True))
+
+
+def test_what_ci_needs_is_not_skipped(monkeypatch):
+    monkeypatch.setenv("GPPCS_CI_NEEDS", "node,chromium")
+    for need, outcome in (("node", pytest.fail), ("chromium", pytest.fail), ("opengl", pytest.skip)):
+        with pytest.raises(outcome.Exception, match="none here"):
+            lacks(need, "none here")
 
 
 def test_the_built_page_is_that_of_its_sources(node, tmp_path):

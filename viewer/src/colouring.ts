@@ -1,0 +1,92 @@
+// What colours can show, and the colours of the layers.
+import { UNKNOWN, type Cloud, type Values } from "./data";
+import { Layer } from "./scene";
+import type { State } from "./state";
+
+// The colourings that no single list of values holds.
+export const ORDER = "order";
+export const RGB = "rgb";
+export const DISTANCE = "distance";
+
+const PLAIN: [number, number, number] = [0, 1, 1]; // the scale of a layer without values
+
+/** The ends of a colour scale, and one of the lists of values that it shows. */
+export interface Ends {
+  from: number;
+  to: number;
+  values: Values;
+}
+
+/** Return the keys and titles of all colourings. */
+export function colourings({ clouds, original }: State): [string, string][] {
+  const all = clouds.flatMap(({ values }) => values);
+  const titles = new Map(all.filter(({ key }) => !key.startsWith(`${DISTANCE}:`)).map(({ key, title }) => [key, title]));
+  if (all.some((values) => isOf(values, DISTANCE))) titles.set(DISTANCE, "distance of the original to the result");
+  titles.set(ORDER, original < 0 ? "order in the file" : "order of choice");
+  if (clouds.some(({ blocks }) => blocks.colours)) titles.set(RGB, "RGB");
+  return [...titles];
+}
+
+/** Return the values of a cloud by their key. */
+export function valuesFor(cloud: Cloud, key: string): Values | undefined {
+  return cloud.values.find((values) => values.key === key);
+}
+
+/** Return whether a colouring shows some values; that by distance shows the distances to all results. */
+export function isOf(values: Values, key: string): boolean {
+  return key === DISTANCE ? values.key.startsWith(`${DISTANCE}:`) : values.key === key;
+}
+
+/** Return the ends of the colour scale of a quantity: of the original, or of all clouds if it has no such values. */
+export function endsOf({ clouds, original }: State, key: string): Ends | null {
+  const of = (some: Cloud[]) => some.flatMap((cloud) => cloud.values.filter((values) => isOf(values, key)));
+  const first = original < 0 ? [] : of([clouds[original]!]);
+  const found = first.length > 0 ? first : of(clouds); // the original decides: results differ only by its sampling
+  if (found.length === 0) return null;
+  return { from: Math.min(...found.map((v) => v.from)), to: Math.max(...found.map((v) => v.to)), values: found[0]! };
+}
+
+/** Give the layers the colours that are set, unless they have them. */
+export function recolour(state: State): void {
+  const { clouds, layers, colouring, numbers } = state;
+  const known = clouds.flatMap(({ values }) => values).filter((values) => isOf(values, colouring) && numbers.has(values));
+  const coloured = `${colouring} ${known.length}`;
+  if (coloured === state.coloured) return;
+  state.coloured = coloured;
+  const ends = endsOf(state, colouring);
+  if (colouring === DISTANCE) colourDistances(state, ends!);
+  else for (const layer of layers) colourLayer(state, layer, ends);
+}
+
+function colourLayer({ colouring, numbers }: State, layer: Layer, ends: Ends | null): void {
+  const { cloud, arrays } = layer;
+  const values = valuesFor(cloud, colouring);
+  if (colouring === RGB) layer.colour(arrays.colours ? 1 : 0, null, PLAIN);
+  else if (colouring === ORDER && cloud.role !== "original") {
+    const last = Math.max(1, cloud.points - 1);
+    layer.colour(0, Uint16Array.from(arrays.rows, (row) => row / last * (UNKNOWN - 1)), [0, 1 / (UNKNOWN - 1), 1]);
+  } else if (values && ends) colourBy(layer, values, ends, numbers);
+  else layer.colour(0, null, PLAIN);
+}
+
+/** Colour a layer by values; until they are unpacked, as unknown. */
+function colourBy(layer: Layer, values: Values, { from, to }: Ends, numbers: State["numbers"]): void {
+  const step = values.step || 1;
+  const scale: [number, number, number] = [(from - values.low) / step, step / (to - from || 1), values.root ? 0.5 : 1];
+  layer.colour(values.categories ? 2 : 0, numbers.get(values) ?? null, scale);
+}
+
+function colourDistances({ clouds, layers, original, copies, numbers, views }: State, ends: Ends): void {
+  const base = layers[original]!;
+  base.colour(0, null, PLAIN);
+  clouds.forEach((cloud, i) => {
+    const values = valuesFor(base.cloud, `${DISTANCE}:${i}`);
+    if (cloud.role !== "result" || !values) return;
+    if (!copies.has(i)) {
+      const copy = new Layer(base.cloud, base.arrays, base.frame);
+      copies.set(i, copy);
+      views.add(copy.points);
+    }
+    colourBy(copies.get(i)!, values, ends, numbers);
+  });
+}

@@ -1,0 +1,135 @@
+// The settings of the views: their elements, the pointer and the keys.
+import { colourings } from "./colouring";
+import { byId, element } from "./dom";
+import { pick } from "./picking";
+import type { State } from "./state";
+
+const CLICK = 4; // pixels that the pointer may move in a click
+const UPS = ["x", "-x", "y", "-y", "z", "-z"];
+
+const select = (id: string) => byId<HTMLSelectElement>(id);
+const input = (id: string) => byId<HTMLInputElement>(id);
+
+/** Offer the settings that these clouds have. */
+export function fillControls(state: State): void {
+  const { clouds, original, described } = state;
+  for (const [key, title] of colourings(state)) select("colouring").append(new Option(title, key));
+  state.colouring = select("colouring").value;
+  for (const axis of "xyz") byId("up").append(element("button", "", { type: "button", value: axis }));
+  for (const id of ["left", "right"]) clouds.forEach(({ name }, i) => select(id).append(new Option(name, String(i))));
+  byId("chips").append(...clouds.map(({ name }) => element("button", name, { type: "button" })));
+  byId("layouts").hidden = clouds.length < 2;
+  byId("countname").textContent = original < 0 ? "First points of each file:" : "First points of each result:";
+  byId("ranking").hidden = state.longest < 1;
+  for (const { name, title, better } of described.figures) if (better) select("plotted").append(new Option(title, name));
+  state.plotted = "surface_mean";
+}
+
+/** Let the elements show the settings. */
+export function showControls(state: State): void {
+  const press = (element: Element, on: boolean) => element.setAttribute("aria-pressed", String(on));
+  const { up, meshes, swiping, first } = state;
+  for (const id of ["colouring", "shading", "left", "right", "plotted"] as const) select(id).value = String(state[id]);
+  for (const button of byId("up").querySelectorAll("button")) {
+    const isUp = button.value === up.at(-1);
+    press(button, isUp);
+    button.textContent = isUp && up.startsWith("-") ? `−${button.value}` : button.value;
+  }
+  press(byId("points"), !meshes);
+  press(byId("meshes"), meshes);
+  press(byId("side"), !swiping);
+  press(byId("swipe"), swiping);
+  [...byId("chips").children].forEach((chip, i) => press(chip, state.shown.has(i)));
+  byId("solids").hidden = !hasMeshes(state);
+  byId("pair").hidden = byId("divider").hidden = !swiping;
+  byId("chips").hidden = swiping || state.clouds.length < 2;
+  const text = first < state.longest ? first.toLocaleString("en") : "all";
+  byId("counted").textContent = text;
+  byId("count").setAttribute("aria-valuetext", `${text} points`);
+}
+
+/** Change the settings as the elements, the pointer and the keys say. */
+export function listen(state: State): void {
+  const on = (id: string, event: string, changed: () => void) => byId(id).addEventListener(event, changed);
+  const share = (id: string) => Number(input(id).value) / 1000;
+  for (const id of ["colouring", "shading", "plotted"])
+    on(id, "change", () => state.change({ [id]: select(id).value }));
+  for (const id of ["left", "right"]) on(id, "change", () => state.change({ [id]: Number(select(id).value) }));
+  on("size", "input", () => state.change({ size: 2 ** Number(input("size").value) }));
+  on("count", "input", () => state.change({ first: Math.max(1, Math.round(state.longest ** share("count"))) }));
+  on("divider", "input", () => state.change({ divider: share("divider") }));
+  on("points", "click", () => state.change({ meshes: false }));
+  on("meshes", "click", () => state.change({ meshes: true }));
+  on("side", "click", () => swipe(state, false));
+  on("swipe", "click", () => swipe(state, true));
+  on("reset", "click", () => reset(state));
+  for (const button of byId("up").querySelectorAll("button"))
+    button.addEventListener("click", () => raise(state, state.up === button.value ? `-${button.value}` : button.value));
+  [...byId("chips").children].forEach((chip, i) => chip.addEventListener("click", () => toggle(state, i)));
+  listenToCanvas(state);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => state.redraw());
+}
+
+function listenToCanvas(state: State): void {
+  const canvas = byId<HTMLCanvasElement>("canvas");
+  let pressed: [number, number] | null = null;
+  canvas.addEventListener("pointerdown", (event) => { pressed = [event.clientX, event.clientY]; });
+  canvas.addEventListener("pointerup", (event) => {
+    if (pressed && Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) <= CLICK) {
+      const box = canvas.getBoundingClientRect();
+      pick(state, event.clientX - box.left, event.clientY - box.top);
+    }
+    pressed = null;
+  });
+  canvas.addEventListener("keydown", (event) => press(state, event));
+}
+
+function press(state: State, event: KeyboardEvent): void {
+  if (event.ctrlKey || event.metaKey || event.altKey) return;
+  const { views, up, swiping, meshes, clouds } = state;
+  const move = event.shiftKey
+    ? (x: number, y: number) => views.shift(0.04 * x, 0.04 * y)
+    : (x: number, y: number) => views.orbit(0.08 * x, 0.08 * y);
+  const actions: Record<string, () => void> = {
+    ArrowLeft: () => move(-1, 0), ArrowRight: () => move(1, 0), ArrowUp: () => move(0, 1), ArrowDown: () => move(0, -1),
+    "+": () => views.zoom(0.9), "=": () => views.zoom(0.9), "-": () => views.zoom(1 / 0.9), "0": () => reset(state),
+    c: () => nextColouring(state), u: () => raise(state, UPS[(UPS.indexOf(up) + 1) % UPS.length]!),
+    s: () => { if (clouds.length > 1) swipe(state, !swiping); }, Escape: () => state.change({ picked: null }),
+    m: () => { if (hasMeshes(state)) state.change({ meshes: !meshes }); },
+  };
+  const action = actions[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+  if (!action) return;
+  event.preventDefault();
+  action();
+}
+
+function nextColouring(state: State): void {
+  const keys = colourings(state).map(([key]) => key);
+  state.change({ colouring: keys[(keys.indexOf(state.colouring) + 1) % keys.length]! });
+}
+
+function raise(state: State, up: string): void {
+  state.change({ up });
+  reset(state);
+}
+
+function swipe(state: State, swiping: boolean): void {
+  state.change({ swiping });
+  reset(state);
+}
+
+/** Show or hide a cloud; one is always shown. */
+function toggle(state: State, cloud: number): void {
+  const others = [...state.shown].filter((each) => each !== cloud);
+  if (!state.shown.has(cloud)) state.change({ shown: new Set([...others, cloud]) });
+  else if (others.length > 0) state.change({ shown: new Set(others) });
+}
+
+/** Look again as at the start. */
+export function reset({ views, described }: State): void {
+  views.look(described.azimuth, described.elevation);
+}
+
+function hasMeshes({ layers }: State): boolean {
+  return layers.some(({ mesh }) => mesh);
+}

@@ -1,0 +1,81 @@
+// What the page shows: the clouds, and all that a person can change.
+import type { Cloud, Description, Values } from "./data";
+import type { Layer, View, Views } from "./scene";
+
+/** What a person can change. */
+interface Settings {
+  /** The key of the values that colours show, or one of the colourings of colouring.ts that no single list holds. */
+  colouring: string;
+  shading: string;
+  /** Factor of the points' radii. */
+  size: number;
+  /** The end of the axis that points up: x, y, z, -x, -y or -z. */
+  up: string;
+  /** How many points of each result are shown, the first ones. */
+  first: number;
+  /** Whether surfaces are shown in place of points, where there are some. */
+  meshes: boolean;
+  /** The clouds that stand side by side. */
+  shown: ReadonlySet<number>;
+  /** Whether two clouds share one view instead, left and right of the divider. */
+  swiping: boolean;
+  left: number;
+  right: number;
+  /** Where the divider stands, from 0 to 1. */
+  divider: number;
+  picked: { cloud: number; index: number } | null;
+  /** The name of the figure that the plot shows. */
+  plotted: string;
+}
+
+/** A view of a cloud. By distances its layer is the original, coloured by its distance to the cloud. */
+export interface CloudView extends View {
+  cloud: number;
+}
+
+export class State implements Settings {
+  readonly clouds: Cloud[];
+  readonly original: number; // the original's place among the clouds, -1 if there is none
+  readonly longest: number; // points of the largest result
+  readonly numbers = new Map<Values, Uint16Array>(); // the values that are unpacked
+  readonly copies = new Map<number, Layer>(); // of the original, coloured by its distance to each result
+  current: CloudView[] = [];
+  coloured = ""; // which colours the layers have now
+  colouring = "";
+  shading = "both";
+  size = 1;
+  up: string;
+  first: number;
+  meshes = false;
+  shown: ReadonlySet<number>;
+  swiping = false;
+  left: number;
+  right: number;
+  divider = 0.5;
+  picked: Settings["picked"] = null;
+  plotted = "";
+
+  constructor(
+    readonly described: Description, readonly layers: Layer[], readonly views: Views,
+    private readonly redrawn: (state: State) => void,
+  ) {
+    this.clouds = described.clouds;
+    this.original = this.clouds.findIndex(({ role }) => role === "original");
+    this.longest = Math.max(...this.clouds.filter(({ role }) => role !== "original").map(({ points }) => points));
+    this.first = this.longest;
+    this.up = described.up;
+    this.shown = new Set(this.clouds.keys());
+    this.left = Math.max(0, this.original);
+    this.right = this.clouds.length - 1;
+  }
+
+  /** Change some settings, and show what follows from them. */
+  change(settings: Partial<Settings>): void {
+    Object.assign(this, settings);
+    this.redraw();
+  }
+
+  redraw(): void {
+    this.redrawn(this);
+  }
+}
