@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
 from gppcs.errors import ParameterError
 from gppcs.scans import SCANS, sample
-from gppcs.scans.patch import SurfacePoints
 
 EVERY = pytest.mark.parametrize("name", SCANS)
 
@@ -13,73 +11,32 @@ def normals_of(cloud):
     return np.stack([cloud.attributes[axis].astype(float) for axis in ("nx", "ny", "nz")], axis=1)
 
 
-def gradients(scan, points, step=1e-4):
-    steps = step * np.eye(3)
-    return np.stack([(scan.residual(points + s) - scan.residual(points - s)) / (2.0 * step) for s in steps], axis=1)
-
-
-def unit_gradients(scan, points, step=1e-4):
-    gradient = gradients(scan, points, step)
-    return gradient / np.linalg.norm(gradient, axis=1, keepdims=True)
-
-
-def exact_points(scan, count, seed=0):
-    """Draw from each patch without rounding to float32."""
-    rng = np.random.default_rng(seed)
-    drawn = [patch.draw(count, rng) for patch in scan.patches]
-    return SurfacePoints(
-        *(
-            np.concatenate([getattr(one, part) for one in drawn])
-            for part in ("points", "normals", "curvature", "area_element")
-        )
-    )
-
-
 @EVERY
-def test_points_lie_on_the_surface(name):
-    exact = exact_points(SCANS[name], 2000).points
-    assert np.abs(SCANS[name].residual(exact)).max() < 1e-9
-    rounded = sample(name, 20_000).points
-    assert np.abs(SCANS[name].residual(rounded)).max() < 1e-5
+def test_normals_curvatures_and_areas_are_those_of_the_surface_by_finite_differences(name):
+    step, rng = 1e-6, np.random.default_rng(0)
+    for patch in SCANS[name].patches:
+        (u0, u1), (v0, v1) = patch.u, patch.v
+        du, dv = step * (u1 - u0), step * (v1 - v0)
+        u, v = rng.uniform(u0 + 5 * du, u1 - 5 * du, 400), rng.uniform(v0 + 5 * dv, v1 - 5 * dv, 400)
 
+        def slopes(part, u=u, v=v, patch=patch, du=du, dv=dv):
+            east, west, north, south = (
+                getattr(patch.at(*place), part) for place in ((u + du, v), (u - du, v), (u, v + dv), (u, v - dv))
+            )
+            return (east - west) / (2 * du), (north - south) / (2 * dv)
 
-@pytest.mark.slow
-@EVERY
-def test_the_points_cover_the_surface(name):
-    scan = SCANS[name]
-    low, high = np.array(scan.box)
-    near = np.random.default_rng(1).uniform(low, high, (15_000, 3))
-    if name == "medallion":
-        near = near[np.hypot(near[:, 0], near[:, 1]) < 49.5]
-    for _ in range(8):
-        slope = gradients(scan, near)
-        near = near - (scan.residual(near) / np.maximum((slope**2).sum(axis=1), 0.1))[:, None] * slope
-    near = near[np.abs(scan.residual(near)) < 1e-6]
-    assert len(near) > 5000
-    distances, _ = cKDTree(sample(name, 60_000).points).query(near)
-    assert distances.max() < 2.5
-
-
-@EVERY
-def test_normals_are_unit_outward_gradients(name):
-    cloud = sample(name, 20_000)
-    normals = normals_of(cloud)
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-6)
-    agreement = (normals * unit_gradients(SCANS[name], cloud.points)).sum(axis=1)
-    # Within a step of an edge the gradient takes in both faces.
-    assert np.mean(agreement > 1.0 - 1e-5) > 0.999
-
-
-@EVERY
-def test_curvature_is_half_the_divergence_of_the_normals(name):
-    scan, step = SCANS[name], 1e-3
-    surface = exact_points(scan, 4000 if len(scan.patches) == 1 else 400)
-    divergence = sum(
-        (unit_gradients(scan, surface.points + s) - unit_gradients(scan, surface.points - s))[:, axis]
-        for axis, s in enumerate(step * np.eye(3))
-    ) / (2.0 * step)
-    agrees = np.isclose(surface.curvature, divergence / 2.0, rtol=2e-3, atol=2e-3)
-    assert agrees.mean() > 0.99
+        at, (xu, xv), (nu, nv) = patch.at(u, v), slopes("points"), slopes("normals")
+        across = np.cross(xu, xv)
+        area = np.linalg.norm(across, axis=1)
+        agrees = np.isclose(area, at.area_element, rtol=1e-4)
+        agrees &= np.abs((across / area[:, None] * at.normals).sum(axis=1)) > 1 - 1e-6
+        # The divergence of the normals is the trace of the shape operator.
+        first = np.stack([np.stack([(a * b).sum(axis=1) for b in (xu, xv)]) for a in (xu, xv)]).transpose(2, 0, 1)
+        second = np.stack([np.stack([(a * b).sum(axis=1) for b in (xu, xv)]) for a in (nu, nv)]).transpose(2, 0, 1)
+        mean = np.trace(np.linalg.solve(first, second), axis1=1, axis2=2) / 2
+        agrees &= np.isclose(at.curvature, mean, rtol=1e-2, atol=2e-3)
+        assert agrees.mean() > 0.97  # a step may cross an edge of the relief
+        assert at.area_element.max() <= patch.stretch * (1 + 1e-12)
 
 
 def test_curvature_has_its_closed_form():
@@ -94,18 +51,14 @@ def test_curvature_has_its_closed_form():
 
 
 @pytest.mark.parametrize("name", ["bracket", "fan", "statue", "sphere"])
-def test_closed_scans_are_closed(name):
-    """Over a closed surface the normals add up to nothing (Gauss)."""
-    normals = normals_of(sample(name, 100_000, seed=3))
+def test_closed_scans_are_closed_and_normals_point_outward(name):
+    """Over a closed surface the normals add up to nothing, and their products with the places to the volume (Gauss)."""
+    cloud = sample(name, 100_000, seed=3)
+    normals = normals_of(cloud)
     assert np.all(np.abs(normals.mean(axis=0)) < 4.0 * normals.std(axis=0) / np.sqrt(len(normals)))
-
-
-@EVERY
-def test_the_area_element_stays_below_its_bound(name):
-    rng = np.random.default_rng(0)
-    for patch in SCANS[name].patches:
-        u, v = rng.uniform(*patch.u, 50_000), rng.uniform(*patch.v, 50_000)
-        assert patch.at(u, v).area_element.max() <= patch.stretch * (1.0 + 1e-12)
+    by_axis = (normals * cloud.points).mean(axis=0)
+    np.testing.assert_allclose(by_axis, by_axis.mean(), atol=0.25)
+    assert by_axis.min() > 1.0
 
 
 def test_points_are_uniform_by_area_over_the_faces_of_the_bracket():
@@ -159,9 +112,9 @@ def test_a_scan_has_its_attributes_and_its_box(name):
     np.testing.assert_allclose(np.ptp(cloud.points, axis=0), high - low, rtol=0.05)
 
 
-@pytest.mark.parametrize("n_points", [1, 2, 70_001])
-def test_the_number_of_points_is_exact(n_points):
-    assert len(sample("fan", n_points, uneven=0.9)) == n_points
+@pytest.mark.parametrize(("n_points", "uneven"), [(1, 0.9), (2, 0.9), (70_001, 0.9), (300, 0.999), (300, 1e-310)])
+def test_the_number_of_points_is_exact(n_points, uneven):
+    assert len(sample("fan", n_points, uneven=uneven)) == n_points
 
 
 def test_a_seed_gives_one_cloud():
@@ -202,12 +155,6 @@ def test_uneven_density_falls_with_the_square_of_the_distance():
     np.testing.assert_allclose(counts / counts.sum(), expected / expected.sum(), rtol=0.04)
 
 
-@pytest.mark.parametrize("name", [*SCANS])
-def test_the_most_uneven_scan_has_the_points_asked_for(name):
-    for uneven in (0.999, 1e-310):
-        assert len(sample(name, 300, uneven=uneven)) == 300
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -221,6 +168,7 @@ def test_the_most_uneven_scan_has_the_points_asked_for(name):
         ({"uneven": -0.5}, "uneven from 0 to below 1, found -0.5"),
         ({"uneven": 1 - 1e-12}, "uneven of at most 0.999, found 0.999999999999"),
         ({"uneven": float(np.nextafter(1, 0))}, "uneven of at most 0.999, found 0.99999999999999"),
+        ({"name": "room", "uneven": 0.5}, "uneven of 0 for the scene room, found 0.5: its sensor decides"),
         ({"n_points": 10**400}, "at most 100,000,000,000,000,000 points, found 10000"),
         ({"seed": -1}, "seed to be a whole number from 0 on, found -1"),
     ],

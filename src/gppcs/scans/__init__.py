@@ -17,20 +17,18 @@ from gppcs.scans.statue import STATUE
 
 __all__ = ["SCANS", "SCENES", "Patch", "Scan", "Scene", "SurfacePoints", "sample"]
 
-SCANS: dict[str, Scan] = {
-    "medallion": MEDALLION,
-    "bracket": BRACKET,
-    "fan": FAN,
-    "statue": STATUE,
-    "sphere": SPHERE,
-}
+SCANS: dict[str, Scan] = {"medallion": MEDALLION, "bracket": BRACKET, "fan": FAN, "statue": STATUE, "sphere": SPHERE}
 
 BATCH = 32_768  # points drawn at once: few enough for their derivatives to stay in the CPU cache
 MOST_POINTS = 10**17  # the size of an array of more is beyond the range of its numbers
 MOST_UNEVEN = 0.999  # of the points drawn, about the root of the rest to 1 is kept: here one in 32
 OUTLIER_BOX = 1.5  # edge lengths of the box of outliers, relative to those of the scan's bounding box
-OUTLIER_GREY = 128  # red, green and blue of outliers
-OUTLIER_CLASS = 7  # low point (noise), by the LAS specification
+OUTLIER = {  # attributes of outliers: no surface, grey, and noise by the LAS specification
+    **dict.fromkeys(("nx", "ny", "nz", "curvature"), 0),
+    **dict.fromkeys(("red", "green", "blue"), 128),
+    "classification": 7,
+    "outlier": 1,
+}
 
 
 def sample(
@@ -92,31 +90,28 @@ def sample(
     """
     scan = _checked(name, n_points, noise, outliers, uneven, seed)
     rng = np.random.default_rng(seed)
+    own: dict[str, NDArray[np.generic]]
     if isinstance(scan, Scene):
-        measured = scan.scan(n_points, rng)
-        points, normals, colours = measured.points, measured.normals, measured.colours
-        own: dict[str, NDArray[np.generic]] = {"classification": measured.classification}
+        points, normals, colours, classification = scan.scan(n_points, rng)
+        own = {"classification": classification}
         low, high = (bound.astype(np.float64) for bound in (points.min(axis=0), points.max(axis=0)))
     else:
         points, normals, curvature, colours = _on_surface(scan, n_points, uneven, rng)
         own = {"curvature": curvature}
         low, high = np.array(scan.box)
+    known = dict(zip(("nx", "ny", "nz"), normals.T, strict=True))
+    attributes = {**known, **own, **dict(zip(("red", "green", "blue"), colours.T, strict=True))}
     if noise > 0.0:
         sigma = noise * float(np.linalg.norm(high - low))
         points += (sigma * rng.standard_normal(points.shape)).astype(np.float32)
-    marks: dict[str, NDArray[np.generic]] = {}
     if outliers > 0.0:
         stray = rng.permutation(n_points)[: round(outliers * n_points)]
         reach = OUTLIER_BOX * (high - low) / 2.0
         points[stray] = (low + high) / 2.0 + rng.uniform(-reach, reach, (len(stray), 3))
-        normals[stray], colours[stray] = 0.0, OUTLIER_GREY
-        for key, values in own.items():
-            values[stray] = OUTLIER_CLASS if key == "classification" else 0.0
-        marks["outlier"] = np.zeros(n_points, np.uint8)
-        marks["outlier"][stray] = 1
-    known = dict(zip(("nx", "ny", "nz"), normals.T, strict=True))
-    painted = dict(zip(("red", "green", "blue"), colours.T, strict=True))
-    return PointCloud(points.astype(np.float64), known | own | painted | marks, np.dtype(np.float32))
+        attributes["outlier"] = np.zeros(n_points, np.uint8)
+        for attribute, values in attributes.items():
+            values[stray] = OUTLIER[attribute]
+    return PointCloud(points.astype(np.float64), attributes, np.dtype(np.float32))
 
 
 def _checked(name: str, n_points: int, noise: float, outliers: float, uneven: float, seed: int) -> Scan | Scene:
@@ -124,25 +119,18 @@ def _checked(name: str, n_points: int, noise: float, outliers: float, uneven: fl
     samples: dict[str, Scan | Scene] = {**SCANS, **SCENES}
     if not isinstance(name, str) or name not in samples:
         raise ParameterError(f"expected the name of a sample scan, found {shown(name)}{nearest_name(name, samples)}")
-    if whole_number("the number of points", n_points, 1) > MOST_POINTS:
-        raise ParameterError(f"expected at most {MOST_POINTS:,} points, found {shown(n_points)}")
-    if not 0.0 <= number(noise) < np.inf:
-        raise ParameterError(
-            f"expected noise as a share of the diagonal, 0 or more, found {shown(noise)}; 0.005 is a noisy scan"
-        )
-    for argument, value in (("outliers", outliers), ("uneven", uneven)):
-        if not 0.0 <= number(value) < 1.0:
-            raise ParameterError(
-                f"expected {argument} from 0 to below 1, found {shown(value)}; give a share, such as 0.05 for 5 %"
-            )
-    if uneven > MOST_UNEVEN:
-        raise ParameterError(
-            f"expected uneven of at most {MOST_UNEVEN}, found {shown(uneven)}: beyond, nearly all points drawn are "
-            "left out"
-        )
-    if uneven and name in SCENES:
-        raise ParameterError(f"expected uneven of 0 for the scene {name}, found {shown(uneven)}: its sensor decides")
+    count, parts = whole_number("the number of points", n_points, 1), "give a share, such as 0.05 for 5 %"
     whole_number("the seed", seed, 0)
+    for value, holds, expected, advice in (
+        (n_points, count <= MOST_POINTS, f"at most {MOST_POINTS:,} points", "no computer holds more"),
+        (noise, 0.0 <= number(noise) < np.inf, "noise as a share of the diagonal, 0 or more", "0.005 is a noisy scan"),
+        (outliers, 0.0 <= number(outliers) < 1.0, "outliers from 0 to below 1", parts),
+        (uneven, 0.0 <= number(uneven) < 1.0, "uneven from 0 to below 1", parts),
+        (uneven, number(uneven) <= MOST_UNEVEN, f"uneven of at most {MOST_UNEVEN}", "beyond, hardly a point is left"),
+        (uneven, not uneven or name in SCANS, f"uneven of 0 for the scene {name}", "its sensor decides"),
+    ):
+        if not holds:
+            raise ParameterError(f"expected {expected}, found {shown(value)}: {advice}")
     return samples[name]
 
 
@@ -150,26 +138,24 @@ def _on_surface(
     scan: Scan, n_points: int, uneven: float, rng: np.random.Generator
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8]]:
     """Draw points by rejection sampling: points (N, 3), normals (N, 3), curvature (N,), colours (N, 3)."""
-    points = np.empty((n_points, 3), np.float32)
-    normals = np.empty((n_points, 3), np.float32)
-    curvature = np.empty(n_points, np.float32)
-    colours = np.empty((n_points, 3), np.uint8)
+    points, normals = np.empty((n_points, 3), np.float32), np.empty((n_points, 3), np.float32)
+    curvature, colours = np.empty(n_points, np.float32), np.empty((n_points, 3), np.uint8)
     # Proposals in proportion to the upper bounds of the areas make the accepted points uniform over all patches.
     weights = np.array([patch.weight for patch in scan.patches])
     filled = 0
     while filled < n_points:
         proposed = rng.multinomial(min(BATCH, 64 + 4 * (n_points - filled)), weights / weights.sum())
-        drawn = [patch.draw(count, rng) for patch, count in zip(scan.patches, proposed, strict=True)]
-        batch_points = np.concatenate([one.points for one in drawn])
-        order = rng.permutation(len(batch_points))
-        order = order[rng.uniform(0.0, 1.0, len(order)) < _density(scan, batch_points[order, 0], uneven)]
+        by_patch = [patch.draw(count, rng) for patch, count in zip(scan.patches, proposed, strict=True)]
+        drawn = SurfacePoints(*map(np.concatenate, zip(*by_patch, strict=True)))
+        order = rng.permutation(len(drawn.points))
+        order = order[rng.uniform(0.0, 1.0, len(order)) < _density(scan, drawn.points[order, 0], uneven)]
         order = order[: n_points - filled]
         rows = slice(filled, filled + len(order))
-        points[rows] = batch_points[order]
-        normals[rows] = np.concatenate([one.normals for one in drawn])[order]
-        curvature[rows] = np.concatenate([one.curvature for one in drawn])[order]
-        base = np.repeat([patch.colour for patch in scan.patches], [len(one.points) for one in drawn], axis=0)
-        colours[rows] = _patinated(base[order], curvature[rows])
+        points[rows], normals[rows], curvature[rows] = (values[order] for values in drawn[:3])
+        base = np.repeat([patch.colour for patch in scan.patches], [len(some.points) for some in by_patch], axis=0)
+        # Hollows are darker and ridges brighter, like the patina of a used object.
+        lightness = 1.0 + 0.3 * np.tanh(2.0 * curvature[rows])
+        colours[rows] = np.clip(base[order] * lightness[:, None], 0.0, 255.0)
         filled += len(order)
     return points, normals, curvature, colours
 
@@ -181,10 +167,3 @@ def _density(scan: Scan, x: NDArray[np.float64], uneven: float) -> NDArray[np.fl
     growth = 1.0 / np.sqrt(1.0 - uneven) - 1.0
     density: NDArray[np.float64] = (1.0 + growth * (x - low) / (high - low)) ** -2.0
     return density
-
-
-def _patinated(colours: NDArray[np.int64], curvature: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Darken colours, (n, 3), in hollows and brighten them on ridges, like the patina of a used object."""
-    lightness = 1.0 + 0.3 * np.tanh(2.0 * curvature)
-    patinated: NDArray[np.uint8] = np.clip(colours * lightness[:, None], 0.0, 255.0).astype(np.uint8)
-    return patinated

@@ -105,39 +105,8 @@ def _wall() -> list[Patch]:
     ]
 
 
-def _residual(points: Values) -> Values:
-    """Return the signed residuals, (N,), of points, (N, 3).
-
-    The blocks of the solid overlap: on a shared face, the residual would be zero inside the solid.
-    """
-    x, y, z = points.T
-    across, from_eye = np.abs(x), np.hypot(x, z - EYE)
-
-    def joined(*parts: Values) -> Values:
-        return np.minimum.reduce(parts)
-
-    def common(*parts: Values) -> Values:
-        return np.maximum.reduce(parts)
-
-    corner_x, corner_y = across - (PLATE_X - CORNER), -y - (PLATE_Y - CORNER)
-    rounded = np.where((corner_x > 0.0) & (corner_y > 0.0), np.hypot(corner_x, corner_y) - CORNER, -np.inf)
-    plate = common(across - PLATE_X, np.abs(y) - PLATE_Y, -z, z - PLATE_Z, rounded)
-    cone_slope = np.hypot(SINK_DEPTH, SINK - HOLE)
-    for hx, hy in HOLES:
-        radius = np.hypot(x - hx, y - hy)
-        cone = ((radius - HOLE) * SINK_DEPTH - (z - PLATE_Z + SINK_DEPTH) * (SINK - HOLE)) / cone_slope
-        plate = common(plate, -joined(radius - HOLE, cone))
-    arch = joined(common(across - WALL_X, z - EYE), from_eye - WALL_X)
-    wall = common(arch, WALL_FRONT - y, y - WALL_BACK, -z)
-    foot = common(across - WALL_X, WALL_FRONT - FILLET - y, y - WALL_BACK, z - PLATE_Z - FILLET, -z)
-    fillet = common(foot, FILLET - np.hypot(y - WALL_FRONT + FILLET, z - PLATE_Z - FILLET))
-    boss = common(from_eye - BOSS, BOSS_FRONT - y, y - WALL_BACK)
-    return common(joined(plate, wall, fillet, boss), BORE - from_eye)
-
-
 BRACKET = Scan(
     "a steel bracket of 100 mm: flat faces, sharp edges, countersunk holes, a bored boss, a fillet (closed)",
     (*_plate(), *_wall()),
     ((-PLATE_X, -PLATE_Y, 0.0), (PLATE_X, PLATE_Y, EYE + WALL_X)),
-    _residual,
 )

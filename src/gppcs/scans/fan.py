@@ -98,32 +98,8 @@ def _hub_and_duct() -> list[Patch]:
     ]
 
 
-def _residual(points: Values) -> Values:
-    """Return the signed residuals, (N,), of points, (N, 3).
-
-    The blocks of the solid overlap: on a shared face, the residual would be zero inside the solid.
-    """
-    x, y, z = points.T
-    r = np.hypot(x, y)
-    share = (r - HUB) / (DUCT_INNER - HUB)
-    phi = _nearest_blade(np.arctan2(y, x) - SWEEP * share**2)
-    sweep_slope = 2.0 * SWEEP * share / (DUCT_INNER - HUB)
-    turn_slope = np.hypot(sweep_slope, 1.0 / np.maximum(r, BORE))  # |∇φ|, bounded on the axis
-    camber_slope = (PITCH + 2.0 * CAMBER * phi) * turn_slope
-    sheet = (np.abs(z - PITCH * phi - CAMBER * phi**2) - HALF_THICKNESS) / np.hypot(1.0, camber_slope)
-    chord = (np.abs(phi) - HALF_CHORD) / turn_slope
-    blade = np.maximum.reduce([sheet, chord, HUB - 1.0 - r, r - DUCT_INNER - 1.0])
-    barrel = np.maximum(r - HUB, np.abs(z) - HUB_HALF)
-    hub = np.minimum(barrel, np.hypot(r, z - HUB_HALF) - HUB)
-    bored = np.maximum(hub, -np.maximum(r - BORE, z - BORE_TOP))
-    duct = np.maximum.reduce([r - DUCT_OUTER, DUCT_INNER - r, np.abs(z) - DUCT_HALF])
-    residual: Values = np.minimum.reduce([blade, bored, duct])
-    return residual
-
-
 FAN = Scan(
     "a ducted fan of 100 mm: seven thin swept blades between a hub and a thin ring (closed)",
     (*_hub_and_duct(), *(patch for number in range(BLADES) for patch in _blade(number))),
     ((-DUCT_OUTER, -DUCT_OUTER, -HUB_HALF), (DUCT_OUTER, DUCT_OUTER, HUB_HALF + HUB)),
-    _residual,
 )

@@ -5,84 +5,73 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+Values = NDArray[np.float64]
+
+# The first derivatives whose product is a term of each second derivative: uu, uv and vv.
+FIRST, SECOND = [1, 1, 2], [1, 2, 2]
+
 
 class Jet:
-    """Values of a function of (u, v) at N places, with all derivatives up to order two.
+    """Values of a function of (u, v) at N places, and its derivatives along u, v, uu, uv and vv: parts, (6, N).
 
     Jets support +, - and * with jets, numbers and (N,) arrays, which count as constants.
     """
 
-    def __init__(self, parts: NDArray[np.float64]) -> None:
+    def __init__(self, parts: Values) -> None:
         self.parts = parts
 
     @classmethod
-    def variables(cls, u: NDArray[np.float64], v: NDArray[np.float64]) -> tuple[Jet, Jet]:
-        """Return the two parameters as jets.
-
-        Shapes: u, v (N,).
-        """
+    def variables(cls, u: Values, v: Values) -> tuple[Jet, Jet]:
+        """Return the two parameters, (N,) each, as jets."""
         parts = np.zeros((2, 6, len(u)))
         parts[0, 0], parts[0, 1] = u, 1.0
         parts[1, 0], parts[1, 2] = v, 1.0
         return cls(parts[0]), cls(parts[1])
 
     @property
-    def value(self) -> NDArray[np.float64]:
-        """Values of the function, (N,), float64."""
-        value: NDArray[np.float64] = self.parts[0]
+    def value(self) -> Values:
+        """Values of the function, (N,)."""
+        value: Values = self.parts[0]
         return value
 
-    def _shifted(self, offset: float | NDArray[np.float64], sign: float) -> Jet:
-        """Return sign * f + offset."""
-        parts = sign * self.parts
-        parts[0] += offset
+    def __add__(self, other: Jet | float | Values) -> Jet:
+        if isinstance(other, Jet):
+            return Jet(self.parts + other.parts)
+        parts = self.parts.copy()
+        parts[0] += other
         return Jet(parts)
-
-    def __add__(self, other: Jet | float | NDArray[np.float64]) -> Jet:
-        return Jet(self.parts + other.parts) if isinstance(other, Jet) else self._shifted(other, 1.0)
-
-    def __sub__(self, other: Jet | float | NDArray[np.float64]) -> Jet:
-        return Jet(self.parts - other.parts) if isinstance(other, Jet) else self._shifted(-other, 1.0)
-
-    def __rsub__(self, other: float) -> Jet:
-        return self._shifted(other, -1.0)
 
     def __neg__(self) -> Jet:
         return Jet(-self.parts)
 
-    def __mul__(self, other: Jet | float | NDArray[np.float64]) -> Jet:
+    def __sub__(self, other: Jet | float | Values) -> Jet:
+        return self + -other
+
+    def __rsub__(self, other: float) -> Jet:
+        return -self + other
+
+    def __mul__(self, other: Jet | float | Values) -> Jet:
         if not isinstance(other, Jet):
             return Jet(self.parts * other)
-        f, fu, fv, fuu, fuv, fvv = self.parts
-        g, gu, gv, guu, guv, gvv = other.parts
-        parts = np.empty_like(self.parts)
-        parts[0] = f * g
-        parts[1] = fu * g + f * gu
-        parts[2] = fv * g + f * gv
-        parts[3] = fuu * g + 2.0 * fu * gu + f * guu
-        parts[4] = fuv * g + fu * gv + fv * gu + f * guv
-        parts[5] = fvv * g + 2.0 * fv * gv + f * gvv
+        f, g = self.parts, other.parts
+        parts = f * g[0] + f[0] * g
+        parts[0] = f[0] * g[0]
+        parts[3:] += f[FIRST] * g[SECOND] + f[SECOND] * g[FIRST]
         return Jet(parts)
 
     __radd__ = __add__
     __rmul__ = __mul__
 
-    def _chain(self, h: NDArray[np.float64], h1: NDArray[np.float64], h2: NDArray[np.float64]) -> Jet:
-        """Return h(f), given the values of h, h' and h'' at f, (N,) each."""
-        _, fu, fv, fuu, fuv, fvv = self.parts
-        parts = np.empty_like(self.parts)
+    def _chain(self, h: Values, h1: Values, h2: Values | float) -> Jet:
+        """Return h(f), given the values of h, h' and h'' at f."""
+        parts = h1 * self.parts
         parts[0] = h
-        parts[1] = h1 * fu
-        parts[2] = h1 * fv
-        parts[3] = h2 * fu * fu + h1 * fuu
-        parts[4] = h2 * fu * fv + h1 * fuv
-        parts[5] = h2 * fv * fv + h1 * fvv
+        parts[3:] += h2 * self.parts[FIRST] * self.parts[SECOND]
         return Jet(parts)
 
     def squared(self) -> Jet:
         """Return f²."""
-        f = self.value
-        return self._chain(f * f, 2.0 * f, np.full_like(f, 2.0))
+        return self._chain(self.value**2, 2.0 * self.value, 2.0)
 
     def sqrt(self) -> Jet:
         """Return √f, for f > 0."""
@@ -115,17 +104,11 @@ class Jet:
         return Jet(np.where(self.value > other.value, self.parts, other.parts))
 
     def at(self, places: NDArray[np.bool_]) -> Jet:
-        """Return the jet at some of its places.
-
-        Shapes: places (N,).
-        """
+        """Return the jet at some of its places, (N,)."""
         return Jet(self.parts[:, places])
 
     def raised_at(self, places: NDArray[np.bool_], amount: Jet) -> Jet:
-        """Return f with an amount added at some of its places.
-
-        Shapes: places (N,).
-        """
+        """Return f with an amount added at some of its places, (N,)."""
         parts = self.parts.copy()
         parts[:, places] += amount.parts
         return Jet(parts)

@@ -115,19 +115,8 @@ def _surface(s: Jet, angle: Jet) -> tuple[Jet, Jet, Jet]:
     return r * angle.cos(), r * angle.sin(), _height(s, angle)
 
 
-def _residual(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    x, y, z = points.T
-    s = np.maximum(x * x + y * y, 1e-12)  # polar coordinates are undefined on the axis
-    height = _height(*Jet.variables(s, np.arctan2(y, x)))
-    _, along_s, along_angle = height.parts[:3]
-    slope_squared = 4.0 * s * along_s**2 + along_angle**2 / s
-    residual: NDArray[np.float64] = (z - height.value) / np.sqrt(1.0 + slope_squared)
-    return residual
-
-
 MEDALLION = Scan(
     "a bronze medallion of 100 mm: letters, pearls, a rope and a cut star on a smooth dome (one side only)",
     (Patch(_surface, (0.0, RADIUS**2), (-np.pi, np.pi), 1.25, BRONZE),),
     ((-RADIUS, -RADIUS, 0.65), (RADIUS, RADIUS, 10.5)),
-    _residual,
 )

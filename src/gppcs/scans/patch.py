@@ -4,37 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.scans.jets import Jet
+from gppcs.scans.jets import Jet, Values
 
 Range = tuple[float, float]
 Colour = tuple[int, int, int]
-Trim = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]
+Trim = Callable[[Values, Values], NDArray[np.bool_]]
 
 
-@dataclass(frozen=True)
-class SurfacePoints:
-    """Points of a surface, with its exact normals and curvatures.
+class SurfacePoints(NamedTuple):
+    """Points of a surface in mm, (N, 3), with their outward unit normals, (N, 3), and mean curvatures in 1/mm, (N,).
 
-    Attributes
-    ----------
-    points : (N, 3) array, float64
-        Coordinates in mm.
-    normals : (N, 3) array, float64
-        Outward unit normals.
-    curvature : (N,) array, float64
-        Mean curvature in 1/mm, positive where the surface bulges outward: 1/r on a sphere of radius r.
-    area_element : (N,) array, float64
-        Area on the surface per unit of area in the parameters (u, v).
+    The area element, (N,), is the area on the surface per unit of area in the parameters (u, v).
     """
 
-    points: NDArray[np.float64]
-    normals: NDArray[np.float64]
-    curvature: NDArray[np.float64]
-    area_element: NDArray[np.float64]
+    points: Values
+    normals: Values
+    curvature: Values
+    area_element: Values
 
 
 @dataclass(frozen=True)
@@ -54,18 +45,15 @@ class Patch:
         """Upper bound of the area of the patch in mm²."""
         return self.stretch * (self.u[1] - self.u[0]) * (self.v[1] - self.v[0])
 
-    def at(self, u: NDArray[np.float64], v: NDArray[np.float64]) -> SurfacePoints:
-        """Evaluate the patch by its first and second fundamental forms.
-
-        Shapes: u, v (N,).
-        """
+    def at(self, u: Values, v: Values) -> SurfacePoints:
+        """Evaluate the patch at parameters, (N,) each, by its first and second fundamental forms."""
         position = np.stack([jet.parts for jet in self.surface(*Jet.variables(u, v))], axis=2)
         points, along_u, along_v, *second = position
         cross = np.cross(along_u, along_v)
-        area_element = np.sqrt(np.einsum("ni,ni->n", cross, cross))
+        area_element = np.sqrt(_dot(cross, cross))
         normals = self.side * cross / area_element[:, None]
-        e, f, g = (np.einsum("ni,ni->n", a, b) for a, b in ((along_u, along_u), (along_u, along_v), (along_v, along_v)))
-        l, m, n = (np.einsum("ni,ni->n", derivative, normals) for derivative in second)  # noqa: E741
+        e, f, g = _dot(along_u, along_u), _dot(along_u, along_v), _dot(along_v, along_v)
+        l, m, n = (_dot(derivative, normals) for derivative in second)  # noqa: E741
         curvature = -(e * n - 2.0 * f * m + g * l) / (2.0 * area_element**2)
         return SurfacePoints(points, normals, curvature, area_element)
 
@@ -79,30 +67,16 @@ class Patch:
             u, v, threshold = u[inside], v[inside], threshold[inside]
         drawn = self.at(u, v)
         kept = threshold < drawn.area_element
-        return SurfacePoints(drawn.points[kept], drawn.normals[kept], drawn.curvature[kept], drawn.area_element[kept])
+        return SurfacePoints(*(values[kept] for values in drawn))
 
 
 @dataclass(frozen=True)
 class Scan:
-    """A sample scan, whose surface is known exactly.
-
-    Attributes
-    ----------
-    description : str
-        One line.
-    patches : tuple of Patch
-        The whole surface, without overlaps.
-    box : ((x, y, z), (x, y, z))
-        Lowest and highest corner of the bounding box, in mm.
-    residual : callable
-        Takes points, (N, 3), and returns signed residuals, (N,), in mm. It is a second, implicit description of the
-        same surface: zero on the surface and positive outside. Near smooth parts it is the distance, to first order.
-    """
+    """A sample scan: patches that make up its whole surface without overlaps, and the corners of its box, in mm."""
 
     description: str
     patches: tuple[Patch, ...]
     box: tuple[tuple[float, float, float], tuple[float, float, float]]
-    residual: Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 def flat(axis: int, at: float, u: Range, v: Range, side: int, colour: Colour, trim: Trim | None = None) -> Patch:
@@ -134,7 +108,12 @@ def turned(
     return Patch(surface, (0.0, 1.0), angle, length * max(start[0], end[0]), colour, 1, trim)
 
 
-def _in_order(axis: int, along: Jet, first: Jet, second: Jet) -> tuple[Jet, Jet, Jet]:
+def _in_order(axis: int, *jets: Jet) -> tuple[Jet, Jet, Jet]:
     """Return x, y and z, given the coordinate along an axis and those along the next two in cyclic order."""
-    coordinates = {axis: along, (axis + 1) % 3: first, (axis + 2) % 3: second}
-    return coordinates[0], coordinates[1], coordinates[2]
+    return jets[-axis], jets[1 - axis], jets[2 - axis]
+
+
+def _dot(a: Values, b: Values) -> Values:
+    """Return the products, (N,), of vectors (N, 3)."""
+    product: Values = np.einsum("ni,ni->n", a, b)
+    return product

@@ -1,7 +1,6 @@
 """The sphere: smooth everywhere, with the same curvature everywhere; in millimetres."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.scans.jets import Jet
 from gppcs.scans.patch import Patch, Scan
@@ -13,11 +12,6 @@ def _surface(t: Jet, angle: Jet) -> tuple[Jet, Jet, Jet]:
     # The area is uniform in height and angle (Archimedes).
     ring = (1.0 - t.squared()).sqrt() * RADIUS
     return ring * angle.cos(), ring * angle.sin(), t * RADIUS
-
-
-def _residual(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    distance: NDArray[np.float64] = np.linalg.norm(points, axis=1) - RADIUS
-    return distance
 
 
 SPHERE = Scan(
@@ -34,5 +28,4 @@ SPHERE = Scan(
         ),
     ),
     ((-RADIUS, -RADIUS, -RADIUS), (RADIUS, RADIUS, RADIUS)),
-    _residual,
 )

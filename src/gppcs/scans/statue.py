@@ -58,15 +58,6 @@ def _in_base(x: Values, y: Values) -> NDArray[np.bool_]:
     return inside
 
 
-def _residual(points: Values) -> Values:
-    x, y, z = points.T
-    r = np.hypot(x, y)
-    squared, along_t, along_angle = _radius_squared(*Jet.variables(z / HEIGHT, np.arctan2(y, x))).parts[:3]
-    slope = np.sqrt(4.0 * r**2 + (along_t / HEIGHT) ** 2 + (along_angle / np.maximum(r, 1e-9)) ** 2)
-    residual: Values = np.maximum((r**2 - squared) / np.maximum(slope, 1e-9), -z)
-    return residual
-
-
 STATUE = Scan(
     "a marble statue of 100 mm: a robed figure with folds, crossed arms and a face (closed)",
     (
@@ -74,5 +65,4 @@ STATUE = Scan(
         flat(2, 0.0, (LEFT, RIGHT), (FACE, BACK), -1, MARBLE, _in_base),
     ),
     ((LEFT, FACE, 0.0), (RIGHT, BACK, HEIGHT)),
-    _residual,
 )

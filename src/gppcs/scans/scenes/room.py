@@ -3,7 +3,7 @@
 import numpy as np
 
 from gppcs.scans.scenes.scene import Rays, Scene
-from gppcs.scans.scenes.surfaces import Cylinder, Look, Place, Polygon, Sphere, Surface, Values, box
+from gppcs.scans.scenes.surfaces import Cylinder, Look, Place, Polygon, Sphere, Surface, Values, box, joined
 
 WIDTH, DEPTH, HEIGHT = 4.2, 3.6, 2.5  # of the room, along x, y and z
 CAMERA = np.array([3.7, 0.35, 1.55])
@@ -27,7 +27,7 @@ def _walls() -> list[Surface]:
     x, y, z = WIDTH, DEPTH, HEIGHT
     door: list[Place] = [(2.6, y, 0.0), (3.5, y, 0.0), (3.5, y, 2.05), (2.6, y, 2.05)]
     niche = [(px, y + 0.12, pz) for px, _, pz in door]
-    jambs = [[door[i - 1], door[i], niche[i], niche[i - 1]] for i in (0, 2, 3)]
+    left, _, right, top = joined(door, niche)
     return [
         Polygon([(0, 0, 0), (x, 0, 0), (x, y + 0.12, 0), (0, y + 0.12, 0)], FLOOR),
         Polygon([(0, 0, 0), (0, y, 0), (0, y, z), (0, 0, z)], PLASTER),
@@ -36,7 +36,7 @@ def _walls() -> list[Surface]:
         Polygon([(0, y, 0), (x, y, 0), (x, y, z), (0, y, z)], PLASTER, [door]),
         Polygon([(0, 0, z), (x, 0, z), (x, y, z), (0, y, z)], PLASTER),
         Polygon(niche, WOOD),
-        *(Polygon(corners, PLASTER) for corners in jambs),
+        *(Polygon(corners, PLASTER) for corners in (left, right, top)),
     ]
 
 

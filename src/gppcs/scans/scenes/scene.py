@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.scans.scenes.surfaces import Faces, Foliage, Polygon, Surface, Values
+from gppcs.scans.scenes.surfaces import Surface, Values
 
 TRIAL = 4096  # rays that tell what share of them meets something
 RESERVE = 1.02  # rays, as a multiple of those needed
@@ -20,30 +20,17 @@ NO_SURFACE = -1
 
 
 class Rays(NamedTuple):
-    """Rays of a sensor, in the order in which it measures.
-
-    Attributes
-    ----------
-    origins, directions : (N, 3) arrays, float64
-        Directions have unit length.
-    """
+    """Rays of a sensor, in the order in which it measures: origins and unit directions, (N, 3) each."""
 
     origins: Values
     directions: Values
 
 
 class Measured(NamedTuple):
-    """What a sensor has measured, in the order of its rays.
+    """What a sensor has measured, in the order of its rays: points in metres, (N, 3), and what is known of them.
 
-    Attributes
-    ----------
-    points : (N, 3) array, float32
-        In metres.
-    normals : (N, 3) array, float32
-        Unit normals of the true surface, towards the sensor; zero for leaves.
-    colours : (N, 3) array, uint8
-    classification : (N,) array, uint8
-        As in `Look`.
+    Normals, (N, 3), are those of the true surface, towards the sensor; zero for leaves. Colours are (N, 3), and the
+    classification, (N,), is as in `Look`.
     """
 
     points: NDArray[np.float32]
@@ -56,15 +43,8 @@ class Measured(NamedTuple):
 class Scene:
     """Surfaces and the sensor that measures them.
 
-    Attributes
-    ----------
-    description : str
-        One line.
-    surfaces : tuple of Surface
-    rays : callable(count) -> Rays
-        About this number of rays, at least 1.
-    measured : callable(rays, distances, rng) -> distances
-        What the sensor measures, (N,), instead of the true distances along its rays, (N,).
+    `rays` returns about as many rays as asked for, at least 1. `measured` returns what the sensor measures instead of
+    the true distances, (N,), along its rays.
     """
 
     description: str
@@ -85,17 +65,11 @@ class Scene:
         return self._seen(Rays(rays.origins[kept], rays.directions[kept]), distances[kept], met[kept], rng)
 
     def follow(self, rays: Rays, rng: np.random.Generator) -> tuple[Values, NDArray[np.int64]]:
-        """Find what each ray meets first.
-
-        Shapes: returns distances (N,), surfaces (N,).
-        """
+        """Return the distance to what each ray meets first, (N,), and the number of that surface, (N,)."""
         distances = np.full(len(rays.origins), np.inf)
         met = np.full(len(rays.origins), NO_SURFACE)
         balls = [surface.ball for surface in self.surfaces]
         centres, radii = np.array([centre for centre, _ in balls]), np.array([radius for _, radius in balls])
-        plain = {n: each for n, each in enumerate(self.surfaces) if isinstance(each, Polygon) and not each.holes}
-        faces, face = Faces(list(plain.values())), np.full(len(balls), NO_SURFACE)
-        face[list(plain)] = np.arange(len(plain))
         waiting = [(np.arange(len(distances)), np.arange(len(balls)))]
         while waiting:
             rows, numbers = waiting.pop()
@@ -104,28 +78,11 @@ class Scene:
             if len(rows) > BUNDLE and len(numbers):
                 waiting += [(rows[half], numbers) for half in _halves(bundle, centres[numbers])]
                 continue
-            flat = numbers[face[numbers] != NO_SURFACE]
-            if len(flat):
-                distances[rows], first = faces.meet(*bundle, face[flat])
-                met[rows] = np.where(distances[rows] < np.inf, flat[first], NO_SURFACE)
-            for number in numbers[face[numbers] == NO_SURFACE]:
+            for number in numbers:
                 found = self.surfaces[number].meet(*bundle, rng)
                 nearer = found < distances[rows]
                 distances[rows[nearer]], met[rows[nearer]] = found[nearer], number
         return distances, met
-
-    def distances(self, points: Values) -> Values:
-        """Return the distances of points from the scene's surfaces. Leaves have none.
-
-        Shapes: points (N, 3); returns (N,).
-        """
-        solid = [surface for surface in self.surfaces if not isinstance(surface, Foliage)]
-        nearest = np.full(len(points), np.inf)
-        for surface in solid:
-            centre, radius = surface.ball
-            near = np.linalg.norm(points - centre, axis=1) - radius < nearest
-            nearest[near] = np.minimum(nearest[near], surface.distances(points[near]))
-        return nearest
 
     def _seen(self, rays: Rays, distances: Values, met: NDArray[np.int64], rng: np.random.Generator) -> Measured:
         """Return what the sensor tells of the places that its rays meet."""
@@ -169,3 +126,8 @@ def _halves(bundle: Rays, centres: Values) -> tuple[NDArray[np.int64], NDArray[n
     places = np.hstack([bundle.directions, bundle.origins / max(reach, 1e-9)])
     order = np.argsort(places[:, np.argmax(np.ptp(places, axis=0))], kind="stable")
     return order[: len(order) // 2], order[len(order) // 2 :]
+
+
+def with_noise(sigma: float) -> Callable[[Rays, Values, np.random.Generator], Values]:
+    """Return what a sensor measures whose distances have Gaussian noise."""
+    return lambda rays, distances, rng: distances + sigma * rng.standard_normal(len(distances))

@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from gppcs.scans.scenes.scene import Rays, Scene
-from gppcs.scans.scenes.surfaces import Cylinder, Foliage, Look, Place, Polygon, Sphere, Surface, Values, box, prism
+from gppcs.scans.scenes.scene import Rays, Scene, with_noise
+from gppcs.scans.scenes.surfaces import Cylinder, Foliage, Look, Place, Polygon, Sphere, Surface, box, joined
 
 LENGTH = 60.0  # of the street, along x
 KERB, FACADE = 3.5, 6.5  # distances of the kerbs and the façades from the middle
@@ -31,41 +31,38 @@ WALLS = (Look((206, 178, 140), 6), Look((186, 112, 88), 6), Look((214, 206, 190)
 
 def _ground() -> list[Surface]:
     """Return the road, both pavements and their kerbs."""
-    end = LENGTH / 2.0
+    end, high = LENGTH / 2.0, KERB_HEIGHT
 
-    def strip(a: float, b: float, z: float, look: Look) -> Polygon:
-        return Polygon([(-end, a, z), (end, a, z), (end, b, z), (-end, b, z)], look)
+    def strip(first: tuple[float, float], second: tuple[float, float], look: Look) -> Polygon:
+        return Polygon([(-end, *first), (end, *first), (end, *second), (-end, *second)], look)
 
-    def kerb(y: float) -> Polygon:
-        return Polygon([(-end, y, 0), (end, y, 0), (end, y, KERB_HEIGHT), (-end, y, KERB_HEIGHT)], PAVING)
-
-    pavements = [strip(side * KERB, side * FACADE, KERB_HEIGHT, PAVING) for side in (-1.0, 1.0)]
-    return [strip(-KERB, KERB, 0.0, ASPHALT), *pavements, kerb(-KERB), kerb(KERB)]
+    return [
+        strip((-KERB, 0.0), (KERB, 0.0), ASPHALT),
+        *(strip((side * KERB, high), (side * FACADE, high), PAVING) for side in (-1.0, 1.0)),
+        *(strip((side * KERB, 0.0), (side * KERB, high), PAVING) for side in (-1.0, 1.0)),
+    ]
 
 
 def _house(x: float, width: float, side: float, depth: float, height: float, look: Look) -> list[Surface]:
     """Return a façade with rows of windows, each a niche with a pane."""
-    y = side * (FACADE + depth)
-    left, right = x, x + width
-    surfaces: list[Surface] = []
+    y, columns = side * (FACADE + depth), int(width // 2.4)
+    niches: list[Surface] = []
     holes: list[list[Place]] = []
-    columns = int(width // 2.4)
     for floor in range(int(height // 3.0)):
         for column in range(columns):
-            centre, low = left + (column + 0.5) * width / columns, KERB_HEIGHT + 0.9 + 3.0 * floor
+            centre, low = x + (column + 0.5) * width / columns, KERB_HEIGHT + 0.9 + 3.0 * floor
             door = floor == 0 and column == columns // 2
-            low, high = (KERB_HEIGHT, 2.3) if door else (low, low + 1.5)
-            hole = [(centre + i * 0.55, y, z) for i, z in ((-1, low), (1, low), (1, high), (-1, high))]
+            hole = _upright(centre - 0.55, centre + 0.55, y, *((KERB_HEIGHT, 2.3) if door else (low, low + 1.5)))
             pane = [(px, y + side * 0.18, pz) for px, _, pz in hole]
             holes.append(hole)
-            surfaces.append(Polygon(pane, WOOD if door else GLASS))
-            surfaces += [Polygon([hole[i - 1], hole[i], pane[i], pane[i - 1]], look) for i in range(4)]
-    front: list[Place] = [(left, y, 0.0), (right, y, 0.0), (right, y, height), (left, y, height)]
-    ends = [
-        Polygon([(px, y, 0), (px, side * 11.0, 0), (px, side * 11.0, height), (px, y, height)], look)
-        for px in (left, right)
-    ]
-    return [Polygon(front, look, holes), *ends, *surfaces]
+            niches += [Polygon(pane, WOOD if door else GLASS), *(Polygon(each, look) for each in joined(hole, pane))]
+    front = _upright(x, x + width, y, 0.0, height)
+    back = [(px, side * 11.0, pz) for px, _, pz in front]
+    return [Polygon(front, look, holes), *(Polygon(joined(front, back)[i], look) for i in (0, 2)), *niches]
+
+
+def _upright(left: float, right: float, y: float, low: float, high: float) -> list[Place]:
+    return [(left, y, low), (right, y, low), (right, y, high), (left, y, high)]
 
 
 def _houses() -> list[Surface]:
@@ -84,20 +81,20 @@ def _houses() -> list[Surface]:
 
 def _tree(x: float, y: float, height: float) -> list[Surface]:
     crown = [
-        Foliage((x + dx, y + dy, height + dz), radius, 0.7, LEAVES)
+        Foliage((x + dx, y + dy, height + dz), radius, LEAVES, 0.7)
         for dx, dy, dz, radius in ((0, 0, 0, 1.3), (0.7, 0.3, 0.5, 0.9), (-0.6, -0.4, 0.7, 1.0), (0.1, 0.2, 1.3, 0.9))
     ]
     return [Cylinder((x, y, KERB_HEIGHT), (x, y, height), 0.14, BARK), *crown]
 
 
-def _car(x: float, y: float, look: Look) -> list[Surface]:
+def _car(x: float, y: float, paint: tuple[int, int, int]) -> list[Surface]:
     wheels = [
         Cylinder((x + dx, y + side * 0.85, 0.32), (x + dx, y + side * 0.65, 0.32), 0.32, RUBBER)
         for dx in (-1.3, 1.3)
         for side in (-1.0, 1.0)
     ]
-    body = box((x, y), (4.2, 1.7), (0.3, 0.85), look)
-    return [*body, *prism((x - 0.15, y), (2.6, 1.6), (1.6, 1.35), (0.85, 1.45), GLASS), *wheels]
+    cabin = box((x - 0.15, y), (2.6, 1.6), (0.85, 1.45), GLASS, top=(1.6, 1.35))
+    return [*box((x, y), (4.2, 1.7), (0.3, 0.85), Look(paint, 64)), *cabin, *wheels]
 
 
 def _cables() -> list[Surface]:
@@ -116,34 +113,27 @@ def _cables() -> list[Surface]:
 
 def _furniture() -> list[Surface]:
     """Return lamps, bollards, a bench, a sign and a bin."""
-    lamps = [Cylinder((x, -4.0, KERB_HEIGHT), (x, -4.0, 5.2), 0.06, STEEL) for x in (-14.0, 2.0, 18.0)]
-    heads = [Sphere((x, -4.0, 5.4), 0.22, STEEL) for x in (-14.0, 2.0, 18.0)]
-    row = np.linspace(-5.0, 5.0, 9).tolist()
-    bollards = [Cylinder((x, 3.8, KERB_HEIGHT), (x, 3.8, 1.0), 0.05, STEEL) for x in row]
-    bench: list[Surface] = [
+
+    def post(x: float, y: float, top: float, radius: float) -> Cylinder:
+        return Cylinder((x, y, KERB_HEIGHT), (x, y, top), radius, STEEL)
+
+    lamps = (-14.0, 2.0, 18.0)
+    return [
+        *(post(x, -4.0, 5.2, 0.06) for x in lamps),
+        *(Sphere((x, -4.0, 5.4), 0.22, STEEL) for x in lamps),
+        *(post(x, 3.8, 1.0, 0.05) for x in np.linspace(-5.0, 5.0, 9).tolist()),
         *box((6.0, -5.9), (1.6, 0.45), (0.5, 0.55), WOOD),
         *box((6.0, -6.1), (1.6, 0.04), (0.65, 1.0), WOOD),
-    ]
-    legs = [face for x in (5.4, 6.6) for face in box((x, -5.9), (0.06, 0.4), (KERB_HEIGHT, 0.5), RUBBER)]
-    sign: list[Surface] = [
-        Cylinder((-9.0, 3.9, KERB_HEIGHT), (-9.0, 3.9, 2.2), 0.03, STEEL),
+        *(face for x in (5.4, 6.6) for face in box((x, -5.9), (0.06, 0.4), (KERB_HEIGHT, 0.5), RUBBER)),
+        post(-9.0, 3.9, 2.2, 0.03),
         *box((-9.0, 3.9), (0.02, 0.6), (2.2, 2.8), STEEL),
-    ]
-    return [
-        *lamps,
-        *heads,
-        *bollards,
-        *bench,
-        *legs,
-        *sign,
-        Cylinder((10.0, 4.2, KERB_HEIGHT), (10.0, 4.2, 0.9), 0.25, STEEL),
+        post(10.0, 4.2, 0.9, 0.25),
     ]
 
 
 def _cars() -> list[Surface]:
-    paints = (Look((150, 40, 40), 64), Look((220, 220, 224), 64), Look((40, 60, 110), 64), Look((60, 62, 66), 64))
-    places = ((-15.0, 2.5), (-9.5, 2.5), (7.0, 2.5), (13.0, 2.5))
-    return [face for place, paint in zip(places, paints, strict=True) for face in _car(*place, paint)]
+    paints = ((150, 40, 40), (220, 220, 224), (40, 60, 110), (60, 62, 66))
+    return [part for x, paint in zip((-15.0, -9.5, 7.0, 13.0), paints, strict=True) for part in _car(x, 2.5, paint)]
 
 
 def _trees() -> list[Surface]:
@@ -162,13 +152,9 @@ def _rays(count: int) -> Rays:
     return Rays(origins, np.stack([*around, np.sin(elevation)], axis=1))
 
 
-def _measured(rays: Rays, distances: Values, rng: np.random.Generator) -> Values:
-    return distances + RANGE_NOISE * rng.standard_normal(len(distances))
-
-
 STREET = Scene(
     "a street of 60 m from a moving LiDAR: façades, trees, poles, wires and cars; density falls with distance",
     (*_ground(), *_houses(), *_trees(), *_cars(), *_cables(), *_furniture()),
     _rays,
-    _measured,
+    with_noise(RANGE_NOISE),
 )

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gppcs.scans.scenes.scene import Rays, Scene
+from gppcs.scans.scenes.scene import Rays, Scene, with_noise
 from gppcs.scans.scenes.surfaces import Cylinder, Foliage, Look, Place, Polygon, Relief, Surface, Values
 
 HALF = 60.0  # half the side of the square, in x and y
@@ -15,6 +15,7 @@ RANGE_NOISE = 0.03
 ASPECT = 1.6  # distance of scan lines, as a multiple of that of points on a line
 
 ROOF = (Look((168, 80, 62), 6), Look((116, 116, 122), 6))
+GRASS = Look((120, 140, 80), 2)
 WALL = Look((222, 212, 194), 6)
 LEAVES = (Look((84, 128, 60), 5), Look((58, 104, 62), 5))
 BARK = Look((92, 76, 60), 5)
@@ -23,10 +24,7 @@ CABLE = Look((50, 50, 54), 14)
 
 
 def ground(x: Values, y: Values) -> tuple[Values, Values, Values]:
-    """Return the height of the ground and its slopes.
-
-    Shapes: x, y (N,); returns height, along_x, along_y (N,).
-    """
+    """Return the height of the ground and its slopes along x and y, (N,) each."""
     height, along_x, along_y = 0.02 * x, np.full_like(x, 0.02), np.zeros_like(x)
     for centre, width, tall in (((-30.0, 25.0), 22.0, 7.0), ((35.0, -30.0), 18.0, 5.0), ((10.0, 50.0), 12.0, -2.5)):
         dx, dy = (x - centre[0]) / width, (y - centre[1]) / width
@@ -49,18 +47,17 @@ def _house(x: float, y: float, length: float, width: float, angle: float, roof: 
     c, s = np.cos(angle), np.sin(angle)
 
     def at(along: float, across: float, z: float) -> Place:
-        return (
-            x + c * along * length / 2 - s * across * width / 2,
-            y + s * along * length / 2 + c * across * width / 2,
-            z,
-        )
+        u, v = along * length / 2, across * width / 2
+        return x + c * u - s * v, y + s * u + c * v, z
 
     surfaces: list[Surface] = []
     for side in (-1, 1):
-        surfaces.append(Polygon([at(-1, side, eaves), at(1, side, eaves), at(1, 0, ridge), at(-1, 0, ridge)], roof))
-        surfaces.append(Polygon([at(-1, side, low), at(1, side, low), at(1, side, eaves), at(-1, side, eaves)], WALL))
         gable = [at(side, -1, low), at(side, 1, low), at(side, 1, eaves), at(side, 0, ridge), at(side, -1, eaves)]
-        surfaces.append(Polygon(gable, WALL))
+        surfaces += [
+            Polygon([at(-1, side, eaves), at(1, side, eaves), at(1, 0, ridge), at(-1, 0, ridge)], roof),
+            Polygon([at(-1, side, low), at(1, side, low), at(1, side, eaves), at(-1, side, eaves)], WALL),
+            Polygon(gable, WALL),
+        ]
     return surfaces
 
 
@@ -87,9 +84,10 @@ def _trees() -> list[Surface]:
     parts: list[Surface] = []
     for x, y in np.concatenate([wood[np.abs(wood).max(axis=1) < HALF - 4.0], single]):
         foot, tall, radius, look = _level(x, y), rng.uniform(6.0, 12.0), rng.uniform(1.6, 2.8), LEAVES[rng.integers(2)]
-        parts.append(Cylinder((x, y, foot - 0.3), (x, y, foot + tall - radius), 0.18, BARK))
-        parts.append(Foliage((x, y, foot + tall - radius), radius, 2.4, look))
-        parts.append(Foliage((x, y, foot + tall - 0.2), 0.6 * radius, 2.4, look))
+        top = foot + tall - radius
+        parts.append(Cylinder((x, y, foot - 0.3), (x, y, top), 0.18, BARK))
+        parts.append(Foliage((x, y, top), radius, look, 2.4))
+        parts.append(Foliage((x, y, foot + tall - 0.2), 0.6 * radius, look, 2.4))
     return parts
 
 
@@ -117,10 +115,9 @@ def _rays(count: int) -> Rays:
     on_line = max(1, round(np.sqrt(per_strip * ASPECT * SWATH / HALF)))
     lines = max(1, int(np.ceil(per_strip / on_line)))
     y, x = np.meshgrid(HALF * _midpoints(lines), SWATH * _midpoints(on_line), indexing="ij")
-    origins = np.concatenate(
-        [np.stack([np.full(y.size, at), y.ravel(), np.full(y.size, ALTITUDE)], axis=1) for at in STRIPS]
-    )
-    aims = np.concatenate([np.stack([at + x.ravel(), y.ravel(), np.zeros(y.size)], axis=1) for at in STRIPS])
+    strips = [np.stack([at + x.ravel(), y.ravel(), np.zeros(y.size)], axis=1) for at in STRIPS]
+    aims = np.concatenate(strips)
+    origins = np.stack([np.repeat(STRIPS, y.size), aims[:, 1], np.full(len(aims), ALTITUDE)], axis=1)
     # Half the rays look a little ahead, half back: so walls and trunks are seen, as by a plane that nods.
     aims[:, 1] += np.where(np.arange(len(aims)) % 2, 1.0, -1.0) * 0.08 * ALTITUDE
     directions = aims - origins
@@ -133,13 +130,9 @@ def _midpoints(count: int) -> Values:
     return midpoints
 
 
-def _measured(rays: Rays, distances: Values, rng: np.random.Generator) -> Values:
-    return distances + RANGE_NOISE * rng.standard_normal(len(distances))
-
-
 TERRAIN = Scene(
     "a terrain of 120 m from the air: hills, a stream, roofs, trees, a power line",
-    (Relief(ground, (-HALF, -HALF), (HALF, HALF), (-5.0, 9.0)), *_houses(), *_trees(), *_power_line()),
+    (Relief(ground, HALF, (-5.0, 9.0), GRASS), *_houses(), *_trees(), *_power_line()),
     _rays,
-    _measured,
+    with_noise(RANGE_NOISE),
 )
