@@ -24,7 +24,7 @@ from gppcs.spatial.scaling import Frame
 from gppcs.spatial.stored import StoredPoints, without
 from gppcs.streaming.plan import Plan
 from gppcs.streaming.scan import Overview, read_all, sorted_by_boxes, sources_of, take
-from gppcs.surface.outliers.parts import outliers_in_parts
+from gppcs.surface.outliers import outliers_in_parts
 
 
 class Run(NamedTuple):
