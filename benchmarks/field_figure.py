@@ -24,7 +24,7 @@ from gppcs.drawing.camera import Camera, Square
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
 from gppcs.drawing.viewpoint import Viewpoint
 from gppcs.gp.local import ranking
-from gppcs.gp.local.conditioning import condition
+from gppcs.gp.local.posterior import condition
 from gppcs.gp.local.posterior import posterior
 
 PICTURE = Path(__file__).parents[1] / "docs" / "local-field.png"

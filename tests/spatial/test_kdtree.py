@@ -4,7 +4,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-import gppcs
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, _move_forward, _part, _pivot, greatest_of_all, leaves_near
 
 SHAPES = {
@@ -125,30 +124,6 @@ def test_a_tree_over_sorted_points_has_their_boxes(n):
     scaled = built.scaled(3.0)
     assert (scaled.points >= np.repeat(scaled.low[1], n).reshape(3, n)).all()
     np.testing.assert_array_equal(scaled.high[1:], built.high[1:] * 3.0)
-
-
-@pytest.mark.parametrize(("k", "most"), [(0, "from 1 on"), (6, "at most 5"), (2.0, "whole number"), (-1, "from 1 on")])
-def test_a_number_of_neighbours_that_no_tree_has_is_an_error(k, most):
-    tree = KdTree.build(np.eye(5, 3))
-    with pytest.raises(gppcs.ParameterError, match=most):
-        tree.nearest_of(np.zeros((1, 3)), k)
-    with pytest.raises(gppcs.ParameterError, match="k to be"):
-        tree.neighbours(k if k else 5)
-    with pytest.raises(gppcs.ParameterError, match="at most 0 in a tree of 0 points"):
-        KdTree.build(np.empty((0, 3))).nearest_of(np.zeros((1, 3)), 1)
-
-
-@pytest.mark.parametrize("queries", [[[0.0, 0.0]], [0.0, 0.0, 0.0], [[1], [2, 3]], [["a", "b", "c"]], None])
-def test_queries_that_are_no_points_are_an_error(queries):
-    with pytest.raises(gppcs.InputError, match=r"expected an \(N, 3\) array of numbers"):
-        KdTree.build(np.eye(5, 3)).nearest_of(queries, 1)
-
-
-@pytest.mark.parametrize("kind", [list, np.float32, np.int64])
-def test_queries_may_be_any_numbers(kind):
-    queries = [[3, 0, 0], [0, 0, 3]] if kind is list else np.array([[3, 0, 0], [0, 0, 3]], kind)
-    indices, squared = KdTree.build(np.eye(3)).nearest_of(queries, 1)
-    assert (indices.ravel().tolist(), squared.ravel().tolist()) == ([0, 2], [4.0, 4.0])
 
 
 def test_queries_without_a_finite_distance_have_an_infinite_one():

@@ -138,7 +138,7 @@ def test_the_spacing_of_fps_and_voxel_is_kept(tmp_path, monkeypatch):
 
 
 def test_outliers_are_those_in_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr("gppcs.surface.outliers.parts.PART", 4_000)
+    monkeypatch.setattr("gppcs.surface.outliers.PART", 4_000)
     cloud = gppcs.sample("bracket", 20_000, outliers=0.01)
     path = written(tmp_path, cloud)
     found = gppcs.simplify_files(path, n_points=500, drop_outliers=True, memory=MEMORY)

@@ -1,3 +1,5 @@
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -10,8 +12,8 @@ from gppcs.surface.noise import (
     WIDEST,
     Layer,
     Noise,
+    across_noise,
     layer_of,
-    neighbours_across_noise,
     projections,
 )
 
@@ -153,7 +155,7 @@ def test_neighbourhoods_that_lie_across_the_noise_do_not_grow(sigma):
     noise = Noise.measure(KdTree.build(rough_plane(sigma)), 500, 0.045)
     assert not noise.thick
     assert noise.neighbours == NEIGHBOURS
-    assert neighbours_across_noise(KdTree.build(rough_plane(0.1)))[0] == WIDEST
+    assert across_noise(partial(layer_of, KdTree.build(rough_plane(0.1))))[0] == WIDEST
 
 
 def test_detail_as_small_as_the_target_spacing_is_not_smoothed_away():
@@ -163,14 +165,12 @@ def test_detail_as_small_as_the_target_spacing_is_not_smoothed_away():
     waves = np.column_stack([flat, 0.006 * np.sin(200 * flat[:, 0])])
     noise = Noise.measure(KdTree.build(waves), 500, 0.045)
     assert noise.level > QUIET * noise.spacing
-    assert noise.detail
     assert noise.quiet
     assert not noise.clean
     assert not noise.thick
     for sigma, is_thick in ((0.002, False), (0.005, False), (0.01, True), (0.02, True)):
         noise = Noise.measure(KdTree.build(rough_plane(sigma)), 500, 0.045)
         assert noise.thick == is_thick
-        assert not noise.detail
 
 
 def test_neighbourhoods_do_not_grow_beyond_the_target_spacing():

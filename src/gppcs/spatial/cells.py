@@ -43,20 +43,15 @@ def greatest_in_cells(points: NDArray[np.float64], edge: float, values: NDArray[
     return np.flatnonzero(marks)
 
 
-def _spare_bits(n: int) -> int:
-    """Return how many of 64 bits are free beside the index of one of n points."""
-    return 64 - n.bit_length()
-
-
 def _grid(points: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
     """Return the six numbers from which kernels compute the cell of a point.
 
     They are: one over the edge length; the lowest cell along x, y and z; the number of cells along y and z. The last
     two are zero if there are too many cells to give each its own number in the free bits of a hash.
     """
-    low, high = (np.floor(bound * scale) for bound in bounds(points))
+    low, high = np.floor(np.multiply(bounds(points), scale))
     counts = np.minimum(high - low + 1.0, 2.0**64)  # so that their product does not overflow
-    numbered = np.prod(counts) <= 2.0 ** min(_spare_bits(len(points)), MANTISSA_BITS)
+    numbered = np.prod(counts) <= 2.0 ** min(64 - len(points).bit_length(), MANTISSA_BITS)
     return np.array([scale, *low, *(counts[1:] if numbered else (0.0, 0.0))])
 
 
@@ -71,7 +66,7 @@ def _mark(
     their first bits into parts, each small enough for a small hash table. Within a part, points keep their order.
     """
     n = len(points)
-    bits, spare = (n // POINTS_PER_PART).bit_length(), _spare_bits(n)
+    bits, spare = (n // POINTS_PER_PART).bit_length(), 64 - n.bit_length()  # beside the index of a point
     chunks = min(RANGES, n // POINTS_PER_PART + 1)
     counts = np.zeros((chunks, 1 << bits), dtype=np.int64)
     on_ranges(_count_hashes, chunks, points, grid, spare, bits, counts)

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.errors import InputError, ParameterError, whole_number
 
 LEAF_SIZE = 32  # most points in a leaf: few enough to prune well, enough to fill vector registers
 QUERIES_AT_ONCE = 128  # queries that a thread takes at once, at least
-POINTS_AT_ONCE = 1 << 14  # points that a thread takes at once, at least, if little is done with each
 SHARED_LEVELS = 5  # all threads split these levels together; below them, each thread splits its own subtrees
 FEW_KEYS = 256  # for fewer keys than this, the median of three keys is a good enough pivot
 SAMPLED = 64  # for more keys, the pivot comes from a random sample of this many
@@ -26,7 +21,7 @@ PAST_MIDDLE = 2  # the pivot lies this many sample ranks past the wanted one, so
 
 
 @dataclass(frozen=True, eq=False)
-class KdTree(ComparedByValue):
+class KdTree:
     """A perfect binary tree of bounding boxes over N points (Bentley 1975).
 
     The points are sorted so that each node holds a contiguous range; this order is called tree order. Node 1 is the
@@ -45,8 +40,8 @@ class KdTree(ComparedByValue):
 
     order: NDArray[np.int64]
     points: NDArray[np.float64]
-    low: NDArray[np.float64] = dataclasses.field(compare=False)
-    high: NDArray[np.float64] = dataclasses.field(compare=False)
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
 
     @classmethod
     def build(cls, points: NDArray[np.float64]) -> KdTree:
@@ -54,13 +49,12 @@ class KdTree(ComparedByValue):
 
         Shapes: points (N, 3).
         """
-        rows = np.ascontiguousarray(_checked(points))
-        n, depth = len(rows), 0
+        n, depth = len(points), 0
         while n > LEAF_SIZE << depth:
             depth += 1
         records = np.empty((n, 4), dtype=np.float64)
         numbers = records.view(np.int64)
-        on_ranges(_record, n, rows, records, numbers, least=POINTS_AT_ONCE)
+        records[:, :3], numbers[:, 3] = points, np.arange(n)
         tree = cls(np.empty(n, dtype=np.int64), np.empty((3, n)), np.empty((2 << depth, 3)), np.empty((2 << depth, 3)))
         top = SHARED_LEVELS if depth > 2 * SHARED_LEVELS else 0  # a smaller tree grows on one thread
         for level in range(top):
@@ -110,7 +104,12 @@ class KdTree(ComparedByValue):
 
         Shapes: queries (Q, 3); returns indices (Q, k), squared (Q, k).
         """
-        positions, squared = self._nearest_positions(_checked(queries), self._at_most(whole_number("k", k, 1), 0))
+        # Zeros: of a query without a finite distance, nothing is found.
+        positions, squared = np.zeros((len(queries), k), dtype=np.int64), np.empty((len(queries), k))
+        on_ranges(
+            _nearest_of_all, len(queries), self.points, self.low, self.high, queries, positions, squared,
+            least=QUERIES_AT_ONCE,
+        )  # fmt: skip
         return self.order[positions], squared
 
     def neighbours(self, k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -118,36 +117,8 @@ class KdTree(ComparedByValue):
 
         Shapes: returns positions (N, k), squared (N, k).
         """
-        positions, squared = self._nearest_positions(self.points.T, self._at_most(whole_number("k", k, 0), 1) + 1)
+        positions, squared = self.in_own_order().nearest_of(self.points.T, k + 1)
         return positions[:, 1:], squared[:, 1:]  # the first is the point itself
-
-    def _at_most(self, k: int, fewer: int) -> int:
-        """Return a number of neighbours; raise an error if it is more than N minus `fewer`."""
-        n = len(self.order)
-        if k + fewer > n:
-            raise ParameterError(f"expected k to be at most {n - fewer} in a tree of {n} points, found {k}")
-        return k
-
-    def _nearest_positions(self, queries: NDArray[np.float64], k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Return positions in tree order of the k points nearest each query, nearest first, and squared distances."""
-        # Zeros: of a query without a finite distance, nothing is found.
-        positions, squared = np.zeros((len(queries), k), dtype=np.int64), np.empty((len(queries), k))
-        on_ranges(
-            _nearest_of_all, len(queries), self.points, self.low, self.high, queries, positions, squared,
-            least=QUERIES_AT_ONCE,
-        )  # fmt: skip
-        return positions, squared
-
-
-def _checked(rows: ArrayLike) -> NDArray[np.float64]:
-    """Return an (N, 3) array of numbers in float64; raise an InputError for anything else."""
-    try:
-        table: NDArray[Any] = np.asarray(rows)
-    except ValueError as error:
-        raise InputError("expected an (N, 3) array of numbers, found rows of different lengths") from error
-    if table.ndim != 2 or table.shape[1] != 3 or table.dtype.kind not in "fiu":
-        raise InputError(f"expected an (N, 3) array of numbers, found {table.dtype} of shape {table.shape}")
-    return table.astype(np.float64, copy=False)
 
 
 @kernel(inline="always")
@@ -164,14 +135,6 @@ def leaf_range(n, leaves, leaf):
     """Return the start and the end of a leaf's points in tree order."""
     j = leaf - leaves
     return n * j // leaves, n * (j + 1) // leaves
-
-
-@kernel
-def _record(begin, end, points, records, numbers):
-    """Fill `records`, (N, 4): coordinates of the points, (N, 3), and the index, written as int64 via `numbers`."""
-    for i in range(begin, end):
-        records[i, 0], records[i, 1], records[i, 2] = points[i, 0], points[i, 1], points[i, 2]
-        numbers[i, 3] = i
 
 
 @kernel

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -99,16 +99,18 @@ class Noise:
     Attributes
     ----------
     tree : KdTree or None
-        Over the points to which quadrics are fitted; None if no noise matters, so that its memory is free, or if each
-        tile has one of its own.
+        Over the points to which quadrics are fitted; None if no noise matters, so that its memory is free.
     neighbours : int
         Points of each fit.
     thick : bool
         Whether the layer of noise about quadrics of `NEIGHBOURS` points is thick.
     level : float
         Distance of the points from the surface, as in `Layer`, in the unit of the tree; 0 where it is not measured.
-    detail : bool
-        Whether what lies off the quadrics is detail of the surface, such as vegetation: then it is no noise.
+    quiet : bool
+        Whether no noise matters: there is little, it is detail of the surface such as vegetation, or too few points lie
+        near each other to measure it.
+    clean : bool
+        Whether sharp places can be told from noise.
     spacing : float
         Target spacing, in the same unit.
     """
@@ -117,7 +119,8 @@ class Noise:
     neighbours: int
     thick: bool
     level: float
-    detail: bool
+    quiet: bool
+    clean: bool
     spacing: float
 
     @classmethod
@@ -127,29 +130,20 @@ class Noise:
         Neighbourhoods never grow beyond the target spacing, since detail of that size should be kept.
         """
         within = int(np.pi * len(tree.order) / n_points)  # points within the target spacing of a point, on average
-        noise = cls.from_layers(lambda neighbours: layer_of(tree, neighbours), within, spacing)
+        noise = cls.from_layers(partial(layer_of, tree), within, spacing)
         return noise if noise.quiet else replace(noise, tree=tree)
 
     @classmethod
     def from_layers(cls, layer_of: Callable[[int], Layer], within: int, spacing: float) -> Noise:
         """Tell the noise from the layers about quadrics fitted to different numbers of points."""
         if within < FEWEST:
-            return cls(None, within, False, 0.0, False, spacing)
+            return cls(None, within, False, 0.0, True, True, spacing)
         layer_of = cache(layer_of)
         narrow = layer_of(NEIGHBOURS)
-        detail = not narrow.thick and is_detail(narrow, layer_of(2 * NEIGHBOURS))
         neighbours, layer = across_noise(layer_of, min(within, WIDEST))
-        return cls(None, neighbours, narrow.thick, layer.level, detail, spacing)
-
-    @property
-    def quiet(self) -> bool:
-        """Whether there is no noise that matters, or too few points near each other to measure it."""
-        return self.detail or self.level <= QUIET * self.spacing
-
-    @property
-    def clean(self) -> bool:
-        """Whether sharp places can be told from noise."""
-        return self.level <= CLEAN * self.spacing
+        detail = not narrow.thick and is_detail(narrow, layer_of(2 * NEIGHBOURS))
+        quiet = detail or layer.level <= QUIET * spacing
+        return cls(None, neighbours, narrow.thick, layer.level, quiet, layer.level <= CLEAN * spacing, spacing)
 
     def observe(self, places: NDArray[np.float64]) -> Observations:
         """Return what observations at some places are worth.
@@ -172,13 +166,8 @@ def is_detail(fine: Layer, wide: Layer) -> bool:
     return wide.level * fine.radius > DETAIL * fine.level * wide.radius
 
 
-def neighbours_across_noise(tree: KdTree) -> tuple[int, Layer]:
-    """Double neighbourhoods until they lie across the layer of noise, not within it."""
-    return across_noise(lambda neighbours: layer_of(tree, neighbours), WIDEST)
-
-
-def across_noise(layer_of: Callable[[int], Layer], widest: int) -> tuple[int, Layer]:
-    """Double neighbourhoods as `neighbours_across_noise` does."""
+def across_noise(layer_of: Callable[[int], Layer], widest: int = WIDEST) -> tuple[int, Layer]:
+    """Double the points of a fit until neighbourhoods lie across the layer of noise, not within it."""
     neighbours = min(NEIGHBOURS, widest)
     layer = layer_of(neighbours)
     while layer.thick and neighbours < widest:

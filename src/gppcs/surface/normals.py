@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,7 +14,7 @@ from gppcs.errors import InputError, whole_number
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
-from gppcs.surface.noise import NEIGHBOURS, is_detail, layer_of, neighbours_across_noise, projections
+from gppcs.surface.noise import NEIGHBOURS, across_noise, is_detail, layer_of, projections
 from gppcs.surface.quadrics import fit_quadrics
 
 CLOSE = 16  # Points of the fits that find signs: fewer than 30, as thin parts matter more there than noise.
@@ -98,7 +100,7 @@ def normals_of(tree: KdTree, near: NDArray[np.int64], noisy: bool) -> NDArray[np
     Shapes: near (N, k); returns (N, 3).
     """
     near = np.ascontiguousarray(near[:, :EDGES])
-    neighbours = neighbours_across_noise(tree)[0]
+    neighbours = across_noise(partial(layer_of, tree))[0]
     if neighbours < 2 * NEIGHBOURS and not noisy:
         return _oriented(tree, None, near, SHARP)
     normals = np.ascontiguousarray(fit_quadrics(tree, tree, neighbours).normals.T)
@@ -109,7 +111,7 @@ def normals_of(tree: KdTree, near: NDArray[np.int64], noisy: bool) -> NDArray[np
 
 def _points_of_fits(tree: KdTree) -> int:
     """Return to how many points quadrics are fitted: as few as the noise of the points of a tree allows."""
-    neighbours, layer = neighbours_across_noise(tree)
+    neighbours, layer = across_noise(partial(layer_of, tree))
     if neighbours == NEIGHBOURS and is_detail(layer, layer_of(tree, 2 * NEIGHBOURS)):
         return SHARP
     return neighbours

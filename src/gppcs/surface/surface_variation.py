@@ -60,20 +60,6 @@ class Features(ComparedByValue):
     normals: NDArray[np.float64]
     neighbours: NDArray[np.int32]
 
-    @classmethod
-    def empty(cls, n: int) -> Features:
-        """Allocate the features of n points, without values.
-
-        Parameters
-        ----------
-        n : int
-
-        Returns
-        -------
-        Features
-        """
-        return cls(np.empty(n), np.empty((n, 3)), np.empty(n, dtype=np.int32))
-
 
 def estimate_features(
     cloud: CloudLike,
@@ -136,24 +122,8 @@ def features_in_radius(tree: KdTree, radius: float) -> Features:
     The points of a group of leaves share one search of the tree. A node that lies within the radius of all of them
     counts as a whole, so that dense parts of a cloud cost little more than others.
     """
-    features = Features.empty(len(tree.order))
-    _measure_in_radius(tree, radius, features)
-    return features
-
-
-def variation_in_radius(tree: KdTree, radius: float) -> NDArray[np.float64]:
-    """Measure the surface variation as `features_in_radius` does, without the memory for the other features.
-
-    Shapes: returns (N,).
-    """
-    unwanted = Features.empty(0)
-    variation = np.empty(len(tree.order), dtype=np.float64)
-    _measure_in_radius(tree, radius, Features(variation, unwanted.normals, unwanted.neighbours))
-    return variation
-
-
-def _measure_in_radius(tree: KdTree, radius: float, features: Features) -> None:
-    """Fill the features; normals and numbers of neighbours only if their arrays are not empty."""
+    n = len(tree.order)
+    features = Features(np.empty(n), np.empty((n, 3)), np.empty(n, dtype=np.int32))
     moments = np.empty((0, MOMENTS))
     groups = max(1, tree.leaves // LEAVES_PER_GROUP)
     level = slice(groups, 2 * groups)
@@ -165,6 +135,7 @@ def _measure_in_radius(tree: KdTree, radius: float, features: Features) -> None:
         _features_in_balls, groups, groups, tree.points, tree.order, tree.low, tree.high, moments, radius * radius,
         features.surface_variation, features.normals, features.neighbours,
     )  # fmt: skip
+    return features
 
 
 @kernel
@@ -215,9 +186,8 @@ def _finish(moments, indices, variation, normals, neighbours):
                 moments[7, p] / n - y * y, moments[8, p] / n - y * z, moments[9, p] / n - z * z,
                 direction,
             )  # fmt: skip
-        if len(normals):  # otherwise, only the surface variation is wanted
-            neighbours[index] = n
-            normals[index, 0], normals[index, 1], normals[index, 2] = direction[0], direction[1], direction[2]
+        neighbours[index] = n
+        normals[index, 0], normals[index, 1], normals[index, 2] = direction[0], direction[1], direction[2]
 
 
 @kernel
@@ -262,7 +232,8 @@ def _farthest(low, high, other_low, other_high):
 
 def features_of_nearest(tree: KdTree, k: int) -> Features:
     """Measure each point's neighbourhood of its k nearest points, itself included."""
-    features = Features.empty(len(tree.order))
+    n = len(tree.order)
+    features = Features(np.empty(n), np.empty((n, 3)), np.empty(n, dtype=np.int32))
     tasks = min(tree.leaves, TASKS)
     on_ranges(
         _features_of_nearest, tasks, tasks, tree.points, tree.order, tree.low, tree.high, min(k, len(tree.order)),

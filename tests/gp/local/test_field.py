@@ -8,9 +8,8 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 import dense
-from gppcs.gp.local.conditioning import Conditioning, condition
 from gppcs.gp.local.kernel import LANES, LocalField, correlate, field_distance
-from gppcs.gp.local.posterior import posterior
+from gppcs.gp.local.posterior import Conditioning, condition, posterior
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
 

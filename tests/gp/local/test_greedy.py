@@ -4,10 +4,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import dense
-from gppcs.gp.local import greedy, parts
-from gppcs.gp.local.conditioning import condition
+from gppcs.gp.local import greedy
+from gppcs.gp.local.greedy import number_of_parts
 from gppcs.gp.local.kernel import LocalField
-from gppcs.gp.local.parts import number_of_parts
+from gppcs.gp.local.posterior import condition
 from gppcs.spatial.kdtree import KdTree
 
 
@@ -89,8 +89,8 @@ def test_in_two_steps_as_in_one():
 @pytest.fixture
 def small_parts(monkeypatch):
     """Parts of about a hundred points."""
-    monkeypatch.setattr(parts, "POINTS", 100)
-    monkeypatch.setattr(parts, "CHOSEN_PER_NEIGHBOUR", 1)
+    monkeypatch.setattr(greedy, "POINTS", 100)
+    monkeypatch.setattr(greedy, "CHOSEN_PER_NEIGHBOUR", 1)
 
 
 def test_any_number_of_threads_gives_the_same_bits(on_threads, small_parts):
@@ -117,8 +117,8 @@ def test_parts_choose_what_one_after_another_would(seed, weight, share, flat):
     n_points = 100 + round(1_900 * share)
     expected = extend(field, tree, chosen, n_points, 1, 0.0)
     with pytest.MonkeyPatch.context() as small:
-        small.setattr(parts, "POINTS", 100)
-        small.setattr(parts, "CHOSEN_PER_NEIGHBOUR", 1)
+        small.setattr(greedy, "POINTS", 100)
+        small.setattr(greedy, "CHOSEN_PER_NEIGHBOUR", 1)
         assert number_of_parts(2_000, 100, tree.leaves, 1) > 8
         found = extend(field, tree, chosen, n_points, 1, 0.0)
     for array, wanted in zip(found, expected, strict=True):
@@ -133,7 +133,7 @@ def test_parts_choose_nearly_the_same_where_scores_rise(k, w, small_parts):
     assert len(np.unique(extended)) == len(extended) == 900
     assert len(scores) == len(deviations) == 400
     with pytest.MonkeyPatch.context() as whole:
-        whole.setattr(parts, "POINTS", 10_000)
+        whole.setattr(greedy, "POINTS", 10_000)
         expected, best, _ = extend(field, tree, chosen, 900, k, w)
     assert len(np.intersect1d(extended, expected)) > 0.97 * 900
     assert scores.mean() == pytest.approx(best.mean(), rel=0.01)
@@ -147,7 +147,7 @@ def test_parts_whose_points_all_reach_far_choose_one_after_another(small_parts):
     chosen = np.arange(0, 1_000, 10)
     extended, _, _ = extend(field, tree, chosen, 150, 1, 0.0)
     with pytest.MonkeyPatch.context() as whole:
-        whole.setattr(parts, "POINTS", 10_000)
+        whole.setattr(greedy, "POINTS", 10_000)
         np.testing.assert_array_equal(extended, extend(field, tree, chosen, 150, 1, 0.0)[0])
 
 

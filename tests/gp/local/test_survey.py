@@ -45,7 +45,7 @@ def test_the_sharpest_points_of_cells_are_those_on_the_edge():
         points = np.random.default_rng(seed).random((40_000, 3)) * [1.0, 1.0, 0.0]
         points[::2] = points[::2, [2, 1, 0]]
         points[:, 1] -= 0.5
-        sharpness = sharpness_of(KdTree.build(points), 2.0, 1_000.0).astype(np.float32)
+        sharpness = sharpness_of(KdTree.build(points), edge, 25_000).astype(np.float32)
         for off, values in ((by_chance, np.zeros_like(sharpness)), (chosen, sharpness)):
             kept = greatest_in_cells(points, edge, values)
             distance = np.maximum(points[kept, 0], points[kept, 2])
@@ -59,13 +59,13 @@ def test_faces_have_no_sharp_points():
     rng = np.random.default_rng(0)
     turn, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))
     points = rng.random((20_000, 3)) * [1.0, 1.0, 0.0] @ turn
-    np.testing.assert_array_equal(sharpness_of(KdTree.build(points), 1.0, 4_000.0), 0.0)
+    np.testing.assert_array_equal(sharpness_of(KdTree.build(points), 0.016, 20_000), 0.0)
 
 
 def test_of_far_more_points_than_cells_some_are_looked_at(sphere):
     """A ball around each of all would hold a share of them that the number of points wanted alone tells."""
     tree = KdTree.build(sphere)
-    sharpness = sharpness_of(tree, 4 * np.pi, 80.0)
+    sharpness = sharpness_of(tree, np.sqrt(4 * np.pi / 80.0), PER_CELL * 80)
     told = tree.order[:: len(sphere) // int(PER_CELL * 80)]
     assert (sharpness[told] > 0).all()
     assert np.count_nonzero(sharpness) == len(told) < 1.1 * PER_CELL * 80

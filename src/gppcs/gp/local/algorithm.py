@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from gppcs.engine.stages import Stages
 from gppcs.gp.local.candidates import Candidates, nested_candidates
-from gppcs.gp.local.density import ROUNDING, density_of, graded_spacings, segregation
+from gppcs.gp.local.density import GRADATION, ROUNDING, density_of, graded, segregation
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.survey import survey
-from gppcs.gp.local.weighing import Weighing, refinement
+from gppcs.gp.local.weighing import Weighing
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.noise import Observations
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
@@ -100,7 +100,8 @@ def choose(
 
     Shapes: points (N, 3) without repeats, weights (N,) above 0.
     """
-    density *= refinement(weights)
+    weighing = None if weights is None else Weighing(weights)
+    density *= weighing.refinement if weighing else 1.0
     area, noise, sharpness = survey(points, n_points, density, stages)
     with stages("candidates"):
         candidates = nested_candidates(points, sharpness, n_points, area, density, fixed)
@@ -108,7 +109,6 @@ def choose(
     with stages("noise"):
         observations = noise.observe(points[candidates[-1].rows])
     level = noise.level / noise.spacing if noise.spacing > 0.0 else 0.0
-    weighing = None if weights is None else Weighing(weights)
     ranking = rank(points, candidates, observations, criterion, stages, fixed, weighing)
     return ranking._replace(noise_in_spacings=level)
 
@@ -200,7 +200,7 @@ def local_field(
     variation = features.surface_variation
     scale = scale or Scale.of(variation, criterion)
     density = density_of(np.sqrt(variation), criterion.density_power * scale.roundness)
-    spacings = graded_spacings(tree, density, scale.density)
+    spacings = graded(tree, np.sqrt(scale.density / density), GRADATION)
     predicts = criterion.error_weight > 0.0 and scale.deviation > ROUNDING
     return LocalField(
         positions=tree.points,

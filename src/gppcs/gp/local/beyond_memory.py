@@ -32,15 +32,15 @@ from gppcs.gp.local.candidates import (
     TOO_MANY,
     Candidates,
     cell_edge,
-    corrected_area,
     gaps_of_lone,
     largest_gap,
     nested_candidates,
     numbers_of_lone,
+    thinned,
 )
 from gppcs.gp.local.greedy import FALL, SPARE, STEP, extend_down_to
 from gppcs.gp.local.kernel import LocalField
-from gppcs.gp.local.survey import PER_POINT, sample_size, sharpness_within
+from gppcs.gp.local.survey import PER_POINT, sample_size, sharpness_of
 from gppcs.gp.local.weighing import FINEST, Weighing
 from gppcs.spatial.boxes import Each, Part, classes
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
@@ -158,7 +158,8 @@ def choose_stored(
     parts = stored.parts(POINTS)
     with stages("survey"):
         tree = KdTree.build(stored.sample)
-        area = corrected_area(stored.sample, max(1, len(stored.sample) // PER_POINT), surface_area(tree), density)
+        target, alike = max(1, len(stored.sample) // PER_POINT), np.zeros(len(stored.sample), dtype=np.float32)
+        area, _ = thinned(stored.sample, alike, target, surface_area(tree), density)
         noise = _noise(stored, n_points, area, parts, each)
     stage = _Stage(stored, n_points, area, density, True, noise, criterion)
     with stages("candidates", len(stored)) as advanced:
@@ -237,7 +238,7 @@ def _store_candidates(
     tree = KdTree.build(points[some]) if len(some) else None
     sharpness = np.zeros(len(points), dtype=np.float32)
     if noise.clean and tree:  # otherwise noisy points would look sharp
-        sharpness[some] = sharpness_within(tree, stage.edge)
+        sharpness[some] = sharpness_of(tree, stage.edge, len(some))
     kept = greatest_in_cells(points, stage.edge, sharpness) if stage.thinned else np.arange(len(points))
     gaps = gaps_of_lone(points[kept], stage.spacing) if stage.thinned else np.zeros(len(kept))
     own = near.inside[kept]
@@ -426,7 +427,7 @@ def _noise(stored: StoredPoints, n_points: int, area: float, parts: list[Part], 
     share, spacing = min(1.0, sample_size(n_points) / len(stored)), math.sqrt(area / n_points)
     count = int(np.pi * share * len(stored) / n_points)
     if count < FEWEST:
-        return Noise(None, count, False, 0.0, False, spacing)
+        return Noise(None, count, False, 0.0, True, True, spacing)
     fits = sorted({*(NEIGHBOURS << i for i in range((WIDEST // NEIGHBOURS).bit_length())), min(count, WIDEST)})
     some = _some(parts)
     measure = partial(_distances, stored, share, NOISE_HALO * spacing, fits, -(-SAMPLES // len(some)))

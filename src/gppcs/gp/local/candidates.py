@@ -77,29 +77,23 @@ def nested_candidates(
 
     Shapes: points (N, 3), sharpness (N,).
     """
-    area, rows = _thinned(points, sharpness, n_points, area, density)
-    if thinned := len(rows) >= ENOUGH * n_points:
-        rows = rows[~lone(points[rows], n_points, math.sqrt(area / n_points))]
+    area, rows = thinned(points, sharpness, n_points, area, density)
+    if enough := len(rows) >= ENOUGH * n_points:
+        spacing = math.sqrt(area / n_points)
+        gaps = gaps_of_lone(points[rows], spacing)
+        rows = rows[gaps <= largest_gap(numbers_of_lone(gaps, spacing), len(rows), n_points, spacing)]
     else:
         rows = np.arange(len(points))
-    stages = [Candidates(n_points, _with_fixed(rows, fixed), thinned, area)]
+    stages = [Candidates(n_points, rows, enough, area)]
     while stages[-1].target > max(FIRST_STAGE, 2 * fixed):
         target = -(-stages[-1].target // 2)
-        area, kept = _thinned(points[rows], sharpness[rows], target, area, density)
-        if thinned := len(kept) >= ENOUGH * target:
+        area, kept = thinned(points[rows], sharpness[rows], target, area, density)
+        if enough := len(kept) >= ENOUGH * target:
             rows = rows[kept]
-        stages.append(Candidates(target, _with_fixed(rows, fixed), thinned, area))
+        stages.append(Candidates(target, rows, enough, area))
+    if fixed:
+        stages = [stage._replace(rows=np.union1d(stage.rows, np.arange(fixed))) for stage in stages]
     return stages[::-1]
-
-
-def _with_fixed(rows: NDArray[np.int64], fixed: int) -> NDArray[np.int64]:
-    return np.union1d(rows, np.arange(fixed)) if fixed else rows
-
-
-def lone(points: NDArray[np.float64], n_points: int, spacing: float) -> NDArray[np.bool_]:
-    """Tell which candidates, (n, 3), are outliers: so far from all others that no surface explains it."""
-    gaps = gaps_of_lone(points, spacing)
-    return gaps > largest_gap(numbers_of_lone(gaps, spacing), len(gaps), n_points, spacing)
 
 
 def gaps_of_lone(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
@@ -127,7 +121,7 @@ def numbers_of_lone(gaps: NDArray[np.float64], spacing: float) -> NDArray[np.int
 
     Shapes: gaps (n,); returns (4,).
     """
-    return np.array([np.count_nonzero(gaps > distance * spacing) for distance in DISTANCES])
+    return np.count_nonzero(gaps[:, None] > spacing * np.array(DISTANCES), axis=0)
 
 
 def largest_gap(lone: NDArray[np.int64], n: int, n_points: int, spacing: float) -> float:
@@ -144,25 +138,26 @@ def largest_gap(lone: NDArray[np.int64], n: int, n_points: int, spacing: float) 
     return math.inf
 
 
-def corrected_area(points: NDArray[np.float64], n_points: int, area: float, density: float) -> float:
-    """Return the area of the surface under points, (N, 3), doubled or halved until the occupied cells fit it."""
-    return _thinned(points, np.zeros(len(points), dtype=np.float32), n_points, area, density)[0]
-
-
 def cell_edge(area: float, cells: float) -> float:
     """Return the edge length of the cells when so many squares cover the area."""
     return math.sqrt(area / cells) or 1.0
 
 
-def _thinned(
+def thinned(
     points: NDArray[np.float64], sharpness: NDArray[np.float32], target: int, area: float, density: float
 ) -> tuple[float, NDArray[np.int64]]:
-    """Return the corrected area, and the rows of the sharpest points of the cells."""
+    """Return the area, doubled or halved until the occupied cells fit it, and the rows of their sharpest points."""
     many, cells = TOO_MANY * density * target, density * target
-    seen, kept = next(grid for grid in _grids(points, sharpness, area, cells) if len(grid[1]) <= many)
+    grids = _grids(points, sharpness, area, cells)
+    seen, kept = next(grids)
+    while len(kept) > many:
+        seen, kept = next(grids)
     if seen == area and len(kept) < ENOUGH * target and len(points) > many:
         area = _halved(points, sharpness, target, area, density)
-        seen, kept = next(grid for grid in _grids(points, sharpness, area, cells) if len(grid[1]) <= many)
+        grids = _grids(points, sharpness, area, cells)
+        seen, kept = next(grids)
+        while len(kept) > many:
+            seen, kept = next(grids)
     return seen, kept
 
 

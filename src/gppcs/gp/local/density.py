@@ -31,14 +31,6 @@ def density_of(roughness: NDArray[np.float64], power: float) -> NDArray[np.float
     return np.maximum(roughness, LEAST_ROUGHNESS) ** power
 
 
-def graded_spacings(tree: KdTree, density: NDArray[np.float64], mean: float) -> NDArray[np.float64]:
-    """Return the spacing at each place of a tree, (n,), in units of the spacing at the mean density.
-
-    It is graded, as normals among few points are good only where the density changes slowly.
-    """
-    return graded(tree, np.sqrt(mean / density), GRADATION)
-
-
 def segregation(roughness: NDArray[np.float64]) -> float:
     """Return how much a cloud consists of flat faces and right-angled edges, given the roughness of its places, (n,).
 
@@ -54,6 +46,8 @@ def segregation(roughness: NDArray[np.float64]) -> float:
 
 def graded(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArray[np.float64]:
     """Return the given spacings, lowered where they would grow faster than `slope` with the distance.
+
+    Normals among few points are good only where the density changes slowly.
 
     Each group of about `GROUP_SIZE` points that follow each other in a leaf has one limit, computed from its mean
     density at its middle. So spacings can differ more within a group, and by the size of a group between two groups.

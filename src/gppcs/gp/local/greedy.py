@@ -1,28 +1,84 @@
-"""Greedy selection in a local field (paper, Algorithm 1), exact although each choice updates only few points.
+"""Greedy selection in a local field (paper, Algorithm 1), although each choice updates only few points.
 
 The score is the uncertainty, plus the error if that has a weight. By default it has none.
+
+In a large cloud, parts choose at once: the subtrees below one level of the k-d tree. A part chooses its best point,
+again and again, as long as no better point outside can be affected by it or affect it. So all parts together choose
+what one after another would, wherever scores do not rise. Parts work in rounds. In a round, a part sees the others as
+they were at its start; between rounds, parts exchange what they chose near their boundaries. What is deferred after
+some rounds is chosen one after another. The parts depend on the points only, so the result does not depend on the
+number of threads.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.gp.local.choice import TAKEN, Choice, begin_choice
-from gppcs.gp.local.conditioning import condition
-from gppcs.gp.local.kernel import LocalField
-from gppcs.gp.local.parts import Parts, choose, choose_all_above, chosen_by, divide, number_of_parts
-from gppcs.gp.local.posterior import posterior
-from gppcs.spatial.kdtree import KdTree
+from gppcs.engine.kernels import kernel
+from gppcs.engine.threads import on_ranges
+from gppcs.gp.local.greedy_state import (
+    TAKEN,
+    GreedyState,
+    begin_state,
+    condition_on,
+    observe,
+    renew,
+    renew_upper,
+    room_below,
+    score_changed,
+    set_score,
+    within_reach,
+)
+from gppcs.gp.local.kernel import LocalField, field_distance
+from gppcs.gp.local.posterior import condition, posterior
+from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, squared_distance_of_boxes
 
-STEP = 0.7  # From one level to the next. Larger steps leave more points in doubt, smaller ones take more rounds.
+STEP = 0.7  # From one level to the next. Larger steps defer more points, smaller ones take more rounds.
 SPARE = 1.01  # Points chosen for each one wanted: the last level is aimed a little too low.
 # Scores fall about as the number of chosen points to this power. A wrong power costs another level, nothing else.
 FALL = 0.7
 LEAST_STEP = 1e-6  # A level below this is the last.
-TOLD = 4096  # Points chosen one after another between two reports of progress.
+REPORTED = 4096  # Points chosen one after another between two reports of progress.
+POINTS = 4096  # Points of a part at least: with fewer, most of them are near others.
+CHOSEN_PER_NEIGHBOUR = 16  # Chosen points of a part at least, for each point that a posterior is conditioned on.
+
+
+class Parts(NamedTuple):
+    """The parts, and what each has chosen and knows of the others.
+
+    Attributes
+    ----------
+    starts : (parts + 1,) array, int64
+        Where the neighbours of each part start.
+    neighbours : (sum,) array, int64
+        The parts that a point of the part may affect, or be affected by, without gaps.
+    positions : (n,) array, int64
+        What each part has chosen, in its order, from the first of its points on.
+    scores : (n,) array
+        Of these, when they were chosen.
+    counts : (parts,) array, int64
+        Number of points that each part has chosen.
+    sent : (parts,) array, int64
+        How many of these its neighbours know of.
+    best, reach : (nodes,) arrays
+        Largest score and reach of each node at the start of the round.
+    seen : (n,) array
+        Scores of the points at the start of the round.
+    """
+
+    starts: NDArray[np.int64]
+    neighbours: NDArray[np.int64]
+    positions: NDArray[np.int64]
+    scores: NDArray[np.float64]
+    counts: NDArray[np.int64]
+    sent: NDArray[np.int64]
+    best: NDArray[np.float64]
+    reach: NDArray[np.float64]
+    seen: NDArray[np.float64]
 
 
 def extend(
@@ -41,22 +97,22 @@ def extend(
     is sqrt(g) sigma + w g |mu - y|. Without noise and with w = 1 this is the paper's s = sqrt(diag Sigma) + |mu - y|.
 
     The scores are exact. A posterior changes only if the new point is among the nearest on which the point is
-    conditioned, and a node of the tree is skipped only if this holds for none of its points. Many points are chosen by
-    parts at once (`gppcs.gp.local.parts`). The order is then that of falling scores. The result is that of one choice
-    after another, unless a new point raises a score, as it may since posteriors are given only the nearest points.
+    conditioned, and a node of the tree is skipped only if this holds for none of its points. Where parts choose at
+    once, the order is that of falling scores, and the result is not exactly that of one choice after another: a new
+    point may raise a score, since posteriors are given only the nearest points.
 
     Shapes: chosen (m,); returns chosen (n_points,), scores, deviations (n_points - m,).
     """
-    choice, parts = _begun(field, tree, chosen, neighbours, error_weight)
-    wanted, whole = n_points - len(chosen), divide(choice, 1)
+    state, parts = _begun(field, tree, chosen, neighbours, error_weight)
+    wanted, whole = n_points - len(chosen), divide(state, 1)
     if parts is None:
-        for taken in range(0, wanted, TOLD):
-            choose(0, 1, TAKEN, min(taken + TOLD, wanted), field, error_weight, choice, whole)
-            advanced(min(TOLD, wanted - taken))
+        for taken in range(0, wanted, REPORTED):
+            choose_in_parts(0, 1, TAKEN, min(taken + REPORTED, wanted), field, error_weight, state, whole)
+            advanced(min(REPORTED, wanted - taken))
         added, scores = chosen_by(whole)
     else:
-        added, scores = _choose_by_levels(wanted, len(chosen), field, error_weight, choice, parts, whole, advanced)
-    return np.concatenate([chosen, added]), scores, np.sqrt(choice.variances[added])
+        added, scores = _choose_in_levels(wanted, len(chosen), field, error_weight, state, parts, whole, advanced)
+    return np.concatenate([chosen, added]), scores, np.sqrt(state.variances[added])
 
 
 def extend_down_to(
@@ -71,48 +127,48 @@ def extend_down_to(
 
     Shapes: returns added (n,), scores, deviations (n,).
     """
-    choice, parts = _begun(field, tree, chosen, neighbours, error_weight)
-    whole = divide(choice, 1)
+    state, parts = _begun(field, tree, chosen, neighbours, error_weight)
+    whole = divide(state, 1)
     if parts is None:
-        choose(0, 1, level, len(tree.order), field, error_weight, choice, whole)
+        choose_in_parts(0, 1, level, len(tree.order), field, error_weight, state, whole)
         added, scores = chosen_by(whole)
     else:
         reached = np.inf
         while reached > level:
-            reached = STEP * min(reached, float(choice.best[1]))
+            reached = STEP * min(reached, float(state.best[1]))
             reached = reached if reached > max(level, LEAST_STEP) else level
-            choose_all_above(reached, field, error_weight, choice, parts, whole)
+            choose_level(reached, field, error_weight, state, parts, whole)
         added, scores = _joined(parts, whole)
     order = np.argsort(-scores, kind="stable")
-    return added[order], scores[order], np.sqrt(choice.variances[added[order]])
+    return added[order], scores[order], np.sqrt(state.variances[added[order]])
 
 
 def _begun(
     field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighbours: int, error_weight: float
-) -> tuple[Choice, Parts | None]:
+) -> tuple[GreedyState, Parts | None]:
     """Return the state after `chosen`, and the parts that choose at once, or None if they would be too small."""
     conditioning = condition(field, tree, chosen, neighbours)
-    choice = begin_choice(field, tree, chosen, conditioning, posterior(field, conditioning, error_weight))
+    state = begin_state(field, tree, chosen, conditioning, posterior(field, conditioning, error_weight))
     count = number_of_parts(len(field.y), len(chosen), tree.leaves, neighbours)
-    return choice, divide(choice, count) if count > 1 else None
+    return state, divide(state, count) if count > 1 else None
 
 
-def _choose_by_levels(
+def _choose_in_levels(
     wanted: int,
     chosen: int,
     field: LocalField,
     error_weight: float,
-    choice: Choice,
+    state: GreedyState,
     parts: Parts,
     rest: Parts,
     advanced: Callable[[int], None],
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Choose the `wanted` best points, level by level, after `chosen` others; parts as in `choose_all_above`."""
-    level, taken = float(choice.best[1]), 0
+    level, taken = float(state.best[1]), 0
     while taken < wanted:
         step = ((chosen + taken) / (chosen + SPARE * wanted)) ** FALL
-        level = min(level, float(choice.best[1])) * max(STEP, step)
-        choose_all_above(level, field, error_weight, choice, parts, rest)
+        level = min(level, float(state.best[1])) * max(STEP, step)
+        choose_level(level, field, error_weight, state, parts, rest)
         before, taken = taken, min(int(parts.counts.sum() + rest.counts.sum()), wanted)
         advanced(taken - before)
     added, scores = _joined(parts, rest)
@@ -124,3 +180,182 @@ def _joined(parts: Parts, rest: Parts) -> tuple[NDArray[np.int64], NDArray[np.fl
     """Return what the parts and the whole have chosen, and the scores."""
     (added, scores), (others, of_others) = chosen_by(parts), chosen_by(rest)
     return np.concatenate([added, others]), np.concatenate([scores, of_others])
+
+
+def number_of_parts(n: int, chosen: int, leaves: int, neighbours: int) -> int:
+    """Return the number of parts, a power of two."""
+    parts = 1
+    while 2 * parts <= leaves and n >= 2 * parts * POINTS and chosen >= 2 * parts * CHOSEN_PER_NEIGHBOUR * neighbours:
+        parts *= 2
+    return parts
+
+
+def divide(state: GreedyState, count: int) -> Parts:
+    """Return parts that have chosen nothing."""
+    n, nodes = len(state.scores), len(state.best)
+    near = np.zeros((count, count), dtype=np.bool_)
+    _find_neighbours(state.boxes, near)
+    starts = np.concatenate([[0], np.cumsum(near.sum(axis=1))])
+    return Parts(
+        starts, np.ascontiguousarray(np.nonzero(near)[1]), np.empty(n, dtype=np.int64), np.empty(n),
+        np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), np.empty(nodes), np.empty(nodes), np.empty(n),
+    )  # fmt: skip
+
+
+@kernel(allocates=False)
+def _find_neighbours(boxes, near):
+    """Mark the pairs of parts, (parts, parts), one of which may be within the reach of the other; boxes (nodes, 8)."""
+    count = len(near)
+    for a in range(count):
+        for b in range(count):
+            one, other = boxes[count + a], boxes[count + b]
+            squared = squared_distance_of_boxes(one[:3], one[3:6], other[:3], other[3:6])
+            near[a, b] = a != b and squared <= max(one[6], other[6]) * 0.5 * (one[7] + other[7])
+
+
+def chosen_by(parts: Parts) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return what the parts have chosen, part by part.
+
+    Shapes: returns positions, scores (m,).
+    """
+    n, count = len(parts.positions), len(parts.counts)
+    slots = np.concatenate([n * part // count + np.arange(chosen) for part, chosen in enumerate(parts.counts)])
+    return parts.positions[slots], parts.scores[slots]
+
+
+def choose_level(
+    level: float, field: LocalField, error_weight: float, state: GreedyState, parts: Parts, rest: Parts
+) -> None:
+    """Choose all points with a score of at least `level`."""
+    n, count = len(state.scores), len(parts.counts)
+    chosen = count
+    while chosen >= count:  # with fewer, a round costs more than to choose one after another
+        _exchange_boundaries(field, error_weight, state, parts)
+        on_ranges(choose_in_parts, count, level, n, field, error_weight, state, parts)
+        chosen = int((parts.counts - parts.sent).sum())
+    _exchange_boundaries(field, error_weight, state, parts)
+    renew_upper(state, count)
+    choose_in_parts(0, 1, level, n, field, error_weight, state, rest)
+
+
+def _exchange_boundaries(field: LocalField, error_weight: float, state: GreedyState, parts: Parts) -> None:
+    """Condition all parts on what their neighbours have chosen since the last exchange."""
+    on_ranges(_receive, len(parts.counts), field, error_weight, state, parts)
+    parts.sent[:] = parts.counts
+
+
+@kernel
+def _receive(begin, end, field, error_weight, state, parts):
+    """Condition the points of some parts on what their neighbours have chosen; note their own scores."""
+    room = room_below(state, len(parts.counts))
+    for part in range(begin, end):
+        _receive_in_part(part, field, error_weight, state, parts, room)
+
+
+@kernel(allocates=False)
+def _receive_in_part(part, field, error_weight, state, parts, room):
+    """Condition the points of a part on what its neighbours have chosen; note their scores."""
+    n, count = len(state.scores), len(parts.counts)
+    root, changed = count + part, 0
+    for other in parts.neighbours[parts.starts[part] : parts.starts[part + 1]]:
+        first = n * other // count
+        for slot in range(first + parts.sent[other], first + parts.counts[other]):
+            new = parts.positions[slot]
+            x, y, z = field.positions[0, new], field.positions[1, new], field.positions[2, new]
+            if within_reach(state.boxes, root, x, y, z, field.spacings[new], state.boxes[root, 6]):
+                _, changed = condition_on(new, root, field, state, room, changed)
+    score_changed(changed, field, error_weight, state, room)
+    for i in range(n * part // count, n * (part + 1) // count):
+        parts.seen[i] = state.scores[i]
+    width = first_leaf(state.best) // count
+    while width:  # children before their parents
+        for node in range(root * width, (root + 1) * width):
+            if changed:
+                renew(node, state)
+            parts.best[node], parts.reach[node] = state.best[node], state.boxes[node, 6]
+        width //= 2
+
+
+@kernel
+def choose_in_parts(begin, end, level, most, field, error_weight, state, parts):
+    """Let some parts choose their points with a score of at least `level`. A single part chooses one after another."""
+    count = len(parts.counts)
+    room = room_below(state, count)
+    deferred = np.empty(len(room.changed), dtype=np.int64)
+    scores = np.empty(len(deferred), dtype=np.float64)
+    for part in range(begin, end):
+        _choose_in_part(part, level, most, field, error_weight, state, parts, room, deferred, scores)
+
+
+@kernel(allocates=False)
+def _choose_in_part(part, level, most, field, error_weight, state, parts, room, deferred, scores):
+    """Let a part choose; `deferred` and `scores`, with an entry for each of its points, are room."""
+    root, waiting = len(parts.counts) + part, 0
+    while state.best[root] >= level and state.best[root] > TAKEN and parts.counts[part] < most:
+        new = state.holder[root]
+        if _is_deferred(new, part, deferred[:waiting], field, state, parts, room.stack):
+            deferred[waiting], scores[waiting] = new, state.scores[new]
+            waiting += 1
+            set_score(state, root, new, TAKEN)
+        else:
+            _take(new, part, state, parts)
+            observe(new, root, field, error_weight, state, room)
+    for which in range(waiting):
+        set_score(state, root, deferred[which], scores[which])
+
+
+@kernel(allocates=False)
+def _take(new, part, state, parts):
+    """Choose a point for a part."""
+    slot = len(state.scores) * part // len(parts.counts) + parts.counts[part]
+    parts.positions[slot], parts.scores[slot] = new, state.scores[new]
+    parts.counts[part] += 1
+    state.scores[new] = state.reach[new] = TAKEN
+
+
+@kernel(allocates=False)
+def _is_deferred(new, part, deferred, field, state, parts, stack):
+    """Return whether a better point, outside or deferred itself, may affect a point of a part or be affected by it."""
+    for other in deferred:
+        if _gap(field, new, other) < max(state.reach[new], state.reach[other]):
+            return True
+    for other in parts.neighbours[parts.starts[part] : parts.starts[part + 1]]:
+        if _affected(new, len(parts.counts) + other, field, state, parts, stack):
+            return True
+    return False
+
+
+@kernel(allocates=False)
+def _affected(new, root, field, state, parts, stack):
+    """Return whether a better point below the node `root` may affect a point or be affected by it."""
+    n, leaves = len(state.scores), first_leaf(state.best)
+    score, reach, index = state.scores[new], state.reach[new], state.order[new]
+    x, y, z, spacing = field.positions[0, new], field.positions[1, new], field.positions[2, new], field.spacings[new]
+    stack[0] = root
+    height = 1
+    while height:
+        height -= 1
+        node = stack[height]
+        farther = max(reach, parts.reach[node])
+        if parts.best[node] < score or not within_reach(state.boxes, node, x, y, z, spacing, farther):
+            continue
+        if node < leaves:
+            stack[height], stack[height + 1] = 2 * node, 2 * node + 1
+            height += 2
+            continue
+        for other in range(*leaf_range(n, leaves, node)):
+            better = parts.seen[other] > score or (parts.seen[other] == score and state.order[other] < index)
+            if better and _gap(field, new, other) < farther:
+                return True
+    return False
+
+
+@kernel(fastmath=False, allocates=False)
+def _gap(field, i, j):
+    """Return the squared distance in the field between two points."""
+    places, normals = field.positions, field.normals
+    return field_distance(
+        places[0, i] - places[0, j], places[1, i] - places[1, j], places[2, i] - places[2, j],
+        normals[0, i] * normals[0, j] + normals[1, i] * normals[1, j] + normals[2, i] * normals[2, j],
+        field.spacings[i], field.spacings[j], field.normal_weight,
+    )  # fmt: skip

@@ -1,6 +1,7 @@
-"""Posterior mean and variance of the local field (paper, Eqs. 3 and 4), by a Cholesky factorisation for each point.
+"""Posterior mean and variance of the local field (paper, Eqs. 3 and 4), given the nearest of the chosen points.
 
-All arithmetic runs over LANES points side by side, one operation at a time, so that the compiler can vectorise it.
+These few screen off the others: this is the nearest-neighbour Gaussian process (Vecchia 1988; Datta et al. 2016). All
+arithmetic runs over many points side by side, one operation at a time, so that the compiler can vectorise it.
 """
 
 from __future__ import annotations
@@ -12,12 +13,185 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.gp.local.conditioning import Conditioning
-from gppcs.gp.local.kernel import LANES, LocalField, correlate
+from gppcs.gp.local.kernel import LANES, LocalField, correlate, field_distance
+from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
 
+TASKS = 64  # Runs of leaves; within a run, each search starts from the radius of the one before.
 POINTS_AT_ONCE = 1024  # Points that a thread takes at once, at least.
 SITE = 9  # Numbers of a site: position (3), normal (3), desired spacing, y, 1 + variance of the observation.
 NEGLIGIBLE = 1e-12  # Least pivot of the factorisation, in units of the prior variance: less is only rounding.
+
+
+class Conditioning(NamedTuple):
+    """The K chosen points on which each of n points is conditioned, nearest first.
+
+    Attributes
+    ----------
+    nearest : (n, K) array, int32
+        Columns of the chosen points in the field's order; -1 where fewer are chosen.
+    squared : (n, K) array, float64
+        Their squared distances in the field; infinite where fewer are chosen.
+    """
+
+    nearest: NDArray[np.int32]
+    squared: NDArray[np.float64]
+
+
+def condition(field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighbours: int) -> Conditioning:
+    """Find the chosen points that are nearest each point in the metric of the field.
+
+    Shapes: chosen (m,).
+    """
+    n = len(field.y)
+    conditioning = Conditioning(np.full((n, neighbours), -1, dtype=np.int32), np.full((n, neighbours), np.inf))
+    if len(chosen):
+        indices = np.sort(chosen)  # in the tree's order, as `KdTree.over` needs it
+        of_chosen = KdTree.over(np.ascontiguousarray(field.positions[:, indices]))
+        widest = float(field.spacings[chosen].max())
+        tasks = min(tree.leaves, TASKS)
+        on_ranges(
+            _condition_leaves, tasks, tasks, field, tree.low, tree.high,
+            _Chosen(indices, of_chosen.points, of_chosen.low, of_chosen.high, widest), conditioning,
+        )  # fmt: skip
+    return conditioning
+
+
+class _Chosen(NamedTuple):
+    """The k-d tree of the chosen points.
+
+    Attributes
+    ----------
+    indices : (m,) array
+        Their columns in the field's order.
+    points : (3, m) array
+        Their positions.
+    low, high : (nodes, 3) arrays
+        Corners of the nodes' boxes.
+    widest : float
+        Their largest desired spacing.
+    """
+
+    indices: NDArray[np.int64]
+    points: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    widest: float
+
+
+@kernel(fastmath=False)
+def _condition_leaves(begin, end, tasks, field, low, high, chosen, conditioning):
+    """Fill `conditioning`, (n, K), in a range of tasks: leaf by leaf of the field's tree, (nodes, 3)."""
+    leaves = first_leaf(low)
+    side = _side_by_side(conditioning.nearest.shape[1])
+    near = np.empty(first_leaf(chosen.low), dtype=np.int64)
+    found = np.empty(len(near) * LEAF_SIZE, dtype=np.int64)
+    for task in range(begin, end):
+        squared_radius = 1.0
+        for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
+            needed = _condition_leaf(field, low, high, chosen, leaf, squared_radius, near, found, side, conditioning)
+            squared_radius = needed if needed > 0.0 else 1.0  # a radius of 0 could not grow
+
+
+@kernel(fastmath=False, allocates=False)
+def _condition_leaf(field, low, high, chosen, leaf, squared_radius, near, found, side, conditioning):
+    """Condition the points of a leaf; return the squared radius of the search that the leaf needed.
+
+    At distance d, the squared distance in the field is at least d^2 / ((s^2 + s'^2) / 2). So the radius is large enough
+    if the K-th nearest point found is nearer in the field than any point beyond the radius can be.
+    """
+    n, leaves = len(field.y), first_leaf(low)
+    begin, end = leaf_range(n, leaves, leaf)
+    _take_up(field, begin, end, side)
+    while True:
+        count = leaves_near(chosen.low, chosen.high, low[leaf], high[leaf], squared_radius, near)
+        count = points_near(
+            chosen.points, chosen.low, chosen.high, near[:count], low[leaf], high[leaf], squared_radius, found
+        )
+        needed = _keep_nearest_side_by_side(field, chosen, found[:count], side)
+        if needed <= squared_radius or count == len(chosen.indices):
+            break
+        squared_radius = min(needed, 4.0 * squared_radius)
+    for i in range(begin, end):
+        for slot in range(len(side.squared)):
+            conditioning.nearest[i, slot] = side.nearest[slot, i - begin]
+            conditioning.squared[i, slot] = side.squared[slot, i - begin]
+    return min(needed, squared_radius)
+
+
+class _SideBySide(NamedTuple):
+    """The points of a leaf side by side, and what each is conditioned on so far.
+
+    Attributes
+    ----------
+    points : (7, LEAF_SIZE) array
+        Rows: position, normal, desired spacing.
+    nearest, squared : (K, LEAF_SIZE) arrays
+        As in `Conditioning`, transposed.
+    new, gaps : (LEAF_SIZE,) arrays
+        A chosen point that is being inserted, and its squared distances in the field.
+    """
+
+    points: NDArray[np.float64]
+    nearest: NDArray[np.int64]
+    squared: NDArray[np.float64]
+    new: NDArray[np.int64]
+    gaps: NDArray[np.float64]
+
+
+@kernel
+def _side_by_side(neighbours):
+    """Return room for one leaf and K `neighbours`."""
+    return _SideBySide(
+        np.empty((7, LEAF_SIZE), dtype=np.float64),
+        np.empty((neighbours, LEAF_SIZE), dtype=np.int64),
+        np.empty((neighbours, LEAF_SIZE), dtype=np.float64),
+        np.empty(LEAF_SIZE, dtype=np.int64),
+        np.empty(LEAF_SIZE, dtype=np.float64),
+    )
+
+
+@kernel(allocates=False)
+def _take_up(field, begin, end, side):
+    """Copy the points `begin` to `end` of the field into the columns; the last one fills the rest."""
+    for p in range(LEAF_SIZE):
+        i = min(begin + p, end - 1)
+        for axis in range(3):
+            side.points[axis, p], side.points[3 + axis, p] = field.positions[axis, i], field.normals[axis, i]
+        side.points[6, p] = field.spacings[i]
+
+
+@kernel(fastmath=False, allocates=False)
+def _keep_nearest_side_by_side(field, chosen, found, side):
+    """Keep, for each point of a leaf, the nearest of the chosen points `found`, (count,).
+
+    A new point goes down the list of each column and swaps places with every point that is farther. There are no
+    branches, so that the compiler can vectorise it.
+    """
+    neighbours = len(side.squared)
+    side.nearest[:] = -1
+    side.squared[:] = np.inf
+    for slot in found:
+        j = chosen.indices[slot]
+        x, y, z = field.positions[0, j], field.positions[1, j], field.positions[2, j]
+        u, v, w = field.normals[0, j], field.normals[1, j], field.normals[2, j]
+        s = field.spacings[j]
+        for p in range(LEAF_SIZE):
+            cosine = side.points[3, p] * u + side.points[4, p] * v + side.points[5, p] * w
+            side.gaps[p] = field_distance(
+                side.points[0, p] - x, side.points[1, p] - y, side.points[2, p] - z, cosine, side.points[6, p], s,
+                field.normal_weight,
+            )  # fmt: skip
+            side.new[p] = j
+        for rank in range(neighbours):
+            for p in range(LEAF_SIZE):
+                gap, squared, new, nearest = side.gaps[p], side.squared[rank, p], side.new[p], side.nearest[rank, p]
+                nearer = gap < squared
+                side.squared[rank, p], side.gaps[p] = gap if nearer else squared, squared if nearer else gap
+                side.nearest[rank, p], side.new[p] = new if nearer else nearest, nearest if nearer else new
+    needed = 0.0
+    for p in range(LEAF_SIZE):
+        needed = max(needed, side.squared[neighbours - 1, p] * 0.5 * (side.points[6, p] ** 2 + chosen.widest**2))
+    return needed
 
 
 class Work(NamedTuple):

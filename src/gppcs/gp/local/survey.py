@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.stages import Stages
-from gppcs.gp.local.candidates import cell_edge, corrected_area
+from gppcs.gp.local.candidates import cell_edge, thinned
 from gppcs.gp.local.density import ROUNDING
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
-from gppcs.surface.surface_variation import variation_in_radius
+from gppcs.surface.surface_variation import features_in_radius
 
 LARGE = 100_000  # A larger cloud is sampled, as a tree over many millions takes longer than the choice.
 PER_POINT = 26  # Sampled points for each point to keep: about as many as measuring the noise needs.
@@ -47,13 +47,14 @@ def survey(points: NDArray[np.float64], n_points: int, density: float, stages: S
         places = points if len(rows) == len(points) else points[rows]
     with stages("tree"):
         tree = KdTree.build(places)
-        area = corrected_area(places, n_points, surface_area(tree), density)
+        area, _ = thinned(places, np.zeros(len(places), dtype=np.float32), n_points, surface_area(tree), density)
     with stages("noise"):
         noise = Noise.measure(tree, n_points, math.sqrt(area / n_points))
     sharpness = np.zeros(len(points), dtype=np.float32)
     if noise.clean:  # otherwise noisy points would look sharp
         with stages("candidates"):
-            sharpness[rows] = sharpness_of(tree, area, density * n_points)
+            cells = density * n_points
+            sharpness[rows] = sharpness_of(tree, cell_edge(area, cells), math.ceil(PER_CELL * cells))
     return Survey(area, noise, sharpness)
 
 
@@ -76,25 +77,16 @@ def sample(points: NDArray[np.float64], n_points: int) -> NDArray[np.int64]:
     return rows[first_occurrences(points[rows])]
 
 
-def sharpness_of(tree: KdTree, area: float, cells: float) -> NDArray[np.float64]:
-    """Return the sharpness of the points of a tree, if so many square cells cover the area.
-
-    If there are far more points than cells, only some are measured, evenly spread over the tree; the others have 0.
-
-    Shapes: returns (N,), in the order of the tree's input.
-    """
-    some = slice(None, None, max(1, len(tree.order) // math.ceil(PER_CELL * cells)))
-    measured = KdTree.over(np.ascontiguousarray(tree.points[:, some]))
-    sharpness = np.zeros(len(tree.order))
-    sharpness[tree.order[some]] = sharpness_within(measured, cell_edge(area, cells))
-    return sharpness
-
-
-def sharpness_within(tree: KdTree, edge: float) -> NDArray[np.float64]:
-    """Return the surface variation within the edge length of a cell, in the order of the tree's input, (n,).
+def sharpness_of(tree: KdTree, edge: float, most: int) -> NDArray[np.float64]:
+    """Return the surface variation within the edge length of a cell, in the order of the tree's input, (N,).
 
     Of the points in a cell with a crease through it, those on the crease have the most. Rounding counts as none, as it
-    changes with the place of the cloud.
+    changes with the place of the cloud. Of more than `most` points, only some are measured, evenly spread over the
+    tree; the others have 0.
     """
-    variation = variation_in_radius(tree, edge)
-    return np.where(variation > ROUNDING, variation, 0.0)
+    some = slice(None, None, max(1, len(tree.order) // most))
+    measured = KdTree.over(np.ascontiguousarray(tree.points[:, some]))
+    variation = features_in_radius(measured, edge).surface_variation
+    sharpness = np.zeros(len(tree.order))
+    sharpness[tree.order[some]] = np.where(variation > ROUNDING, variation, 0.0)
+    return sharpness

@@ -1,4 +1,4 @@
-"""The state of a choice: the scores in the nodes of the tree, and what a newly chosen point changes.
+"""The state of a greedy choice: the scores in the nodes of the tree, and what a newly chosen point changes.
 
 The choice is exact although each new point changes few posteriors. A posterior changes only if the new point is among
 the nearest on which the point is conditioned, and a node is skipped only if this holds for none of its points.
@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.gp.local.conditioning import Conditioning
 from gppcs.gp.local.kernel import LANES, LocalField, field_distance
-from gppcs.gp.local.posterior import Posterior, Work, posteriors, workspace
+from gppcs.gp.local.posterior import Conditioning, Posterior, Work, posteriors, workspace
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range
 
 LEAVES_AT_ONCE = 32  # Leaves that a thread takes at once, at least.
@@ -23,7 +22,7 @@ TAKEN = -1.0  # Score and reach of a chosen point: below those of all others.
 UNSCORED = -2.0  # Score of a point that a new point has changed, until it is computed.
 
 
-class Choice(NamedTuple):
+class GreedyState(NamedTuple):
     """The state of a choice among n points, in tree order.
 
     The *reach* of a point is the squared distance in the field to the last of the chosen points that it is conditioned
@@ -55,43 +54,43 @@ class Choice(NamedTuple):
     holder: NDArray[np.int64]
 
 
-def begin_choice(
+def begin_state(
     field: LocalField, tree: KdTree, chosen: NDArray[np.int64], conditioning: Conditioning, given: Posterior
-) -> Choice:
+) -> GreedyState:
     """Return the state in which some points are chosen.
 
     Shapes: chosen (m,).
     """
     count = len(tree.low)
-    choice = Choice(
+    state = GreedyState(
         tree.order, conditioning, given.variances, given.scores, conditioning.squared[:, -1].copy(),
         np.concatenate([tree.low, tree.high, np.empty((count, 2))], axis=1),
         np.empty(count), np.empty(count, dtype=np.int64),
     )  # fmt: skip
-    choice.scores[chosen] = choice.reach[chosen] = TAKEN
-    on_ranges(_begin_leaves, tree.leaves, field.spacings, choice, least=LEAVES_AT_ONCE)
-    renew_upper(choice, tree.leaves)
-    return choice
+    state.scores[chosen] = state.reach[chosen] = TAKEN
+    on_ranges(_begin_leaves, tree.leaves, field.spacings, state, least=LEAVES_AT_ONCE)
+    renew_upper(state, tree.leaves)
+    return state
 
 
 @kernel(allocates=False)
-def _begin_leaves(begin, end, spacings, choice):
+def _begin_leaves(begin, end, spacings, state):
     """Fill the nodes of a range of leaves, given the desired spacings, (n,)."""
-    leaves = first_leaf(choice.best)
+    leaves = first_leaf(state.best)
     for leaf in range(leaves + begin, leaves + end):
         widest = 0.0
         for i in range(*leaf_range(len(spacings), leaves, leaf)):
             widest = max(widest, spacings[i])
-        choice.boxes[leaf, 7] = widest**2
-        _renew_leaf(leaf, choice)
+        state.boxes[leaf, 7] = widest**2
+        _renew_leaf(leaf, state)
 
 
 @kernel(allocates=False)
-def renew_upper(choice, count):
+def renew_upper(state, count):
     """Update the nodes above a level of `count` nodes from the nodes of that level."""
     for node in range(count - 1, 0, -1):
-        choice.boxes[node, 7] = max(choice.boxes[2 * node, 7], choice.boxes[2 * node + 1, 7])
-        _renew_inner(node, choice)
+        state.boxes[node, 7] = max(state.boxes[2 * node, 7], state.boxes[2 * node + 1, 7])
+        _renew_inner(node, state)
 
 
 class Room(NamedTuple):
@@ -118,34 +117,34 @@ class Room(NamedTuple):
 
 
 @kernel
-def room_below(choice, count):
+def room_below(state, count):
     """Return room for the points below one of `count` nodes of a level."""
     return Room(
-        np.empty(len(choice.best) // count, dtype=np.int64),
-        np.empty(len(choice.scores) // count + 1, dtype=np.int64),
+        np.empty(len(state.best) // count, dtype=np.int64),
+        np.empty(len(state.scores) // count + 1, dtype=np.int64),
         np.empty(LEAF_SIZE, dtype=np.float64),
         np.empty(64, dtype=np.int64),
-        workspace(choice.conditioning.nearest.shape[1]),
+        workspace(state.conditioning.nearest.shape[1]),
     )
 
 
 @kernel(fastmath=False, allocates=False)
-def observe(new, root, field, error_weight, choice, room):
+def observe(new, root, field, error_weight, state, room):
     """Condition the points below the node `root` on a new chosen point, and update their scores and nodes."""
-    nodes, points = tell(new, root, field, choice, room, 0)
-    score_changed(points, field, error_weight, choice, room)
+    nodes, points = condition_on(new, root, field, state, room, 0)
+    score_changed(points, field, error_weight, state, room)
     for v in range(nodes - 1, -1, -1):  # children before their parents
-        renew(room.visited[v], choice)
+        renew(room.visited[v], state)
 
 
 @kernel(fastmath=False, allocates=False)
-def tell(new, root, field, choice, room, count):
+def condition_on(new, root, field, state, room, count):
     """Condition the points below the node `root` on a new chosen point; mark those that it changes as unscored.
 
     Fill `visited` of the room, add to the first `count` points in `changed` those that were not unscored, and return
     how many entries of each are valid.
     """
-    boxes, reach, last = choice.boxes, choice.reach, choice.conditioning.nearest.shape[1] - 1
+    boxes, reach, last = state.boxes, state.reach, state.conditioning.nearest.shape[1] - 1
     n, leaves = len(reach), first_leaf(boxes)
     x, y, z = field.positions[0, new], field.positions[1, new], field.positions[2, new]
     u, v, w = field.normals[0, new], field.normals[1, new], field.normals[2, new]
@@ -173,10 +172,10 @@ def tell(new, root, field, choice, room, count):
             )  # fmt: skip
         for i in range(begin, end):
             if room.gaps[i - begin] < reach[i]:
-                _keep_nearest(choice.conditioning, i, new, room.gaps[i - begin])
-                reach[i] = choice.conditioning.squared[i, last]
-                if choice.scores[i] != UNSCORED:
-                    choice.scores[i] = UNSCORED
+                _keep_nearest(state.conditioning, i, new, room.gaps[i - begin])
+                reach[i] = state.conditioning.squared[i, last]
+                if state.scores[i] != UNSCORED:
+                    state.scores[i] = UNSCORED
                     room.changed[count] = i
                     count += 1
     return seen, count
@@ -203,59 +202,59 @@ def _keep_nearest(conditioning, i, new, gap):
 
 
 @kernel(allocates=False)
-def score_changed(count, field, error_weight, choice, room):
+def score_changed(count, field, error_weight, state, room):
     """Compute the posteriors of the first `count` points in `changed` of the room."""
     for begin in range(0, count, LANES):
         end = min(begin + LANES, count)
-        posteriors(field, choice.conditioning.nearest, room.changed, begin, end, error_weight, room.work)
+        posteriors(field, state.conditioning.nearest, room.changed, begin, end, error_weight, room.work)
         for p in range(end - begin):
             i = room.changed[begin + p]
-            choice.variances[i], choice.scores[i] = room.work.variance[p], room.work.score[p]
+            state.variances[i], state.scores[i] = room.work.variance[p], room.work.score[p]
 
 
 @kernel(allocates=False)
-def set_score(choice, root, i, score):
+def set_score(state, root, i, score):
     """Set the score of a point, and update the nodes from its leaf up to the node `root`."""
-    leaves = first_leaf(choice.best)
-    choice.scores[i] = score
-    node = leaves + ((i + 1) * leaves - 1) // len(choice.scores)
-    _renew_leaf(node, choice)
+    leaves = first_leaf(state.best)
+    state.scores[i] = score
+    node = leaves + ((i + 1) * leaves - 1) // len(state.scores)
+    _renew_leaf(node, state)
     while node > root:
         node //= 2
-        _renew_inner(node, choice)
+        _renew_inner(node, state)
 
 
 @kernel(allocates=False)
-def renew(node, choice):
+def renew(node, state):
     """Update score, holder and reach of a node, from its children or from its points."""
-    if node < first_leaf(choice.best):
-        _renew_inner(node, choice)
+    if node < first_leaf(state.best):
+        _renew_inner(node, state)
     else:
-        _renew_leaf(node, choice)
+        _renew_leaf(node, state)
 
 
 @kernel(fastmath=False, allocates=False)
-def _renew_inner(node, choice):
+def _renew_inner(node, state):
     """Update score, holder and reach of a node from its children."""
-    best, holder, a, b = choice.best, choice.holder, 2 * node, 2 * node + 1
-    if best[b] > best[a] or (best[b] == best[a] and choice.order[holder[b]] < choice.order[holder[a]]):
+    best, holder, a, b = state.best, state.holder, 2 * node, 2 * node + 1
+    if best[b] > best[a] or (best[b] == best[a] and state.order[holder[b]] < state.order[holder[a]]):
         best[node], holder[node] = best[b], holder[b]
     else:
         best[node], holder[node] = best[a], holder[a]
-    choice.boxes[node, 6] = max(choice.boxes[a, 6], choice.boxes[b, 6])
+    state.boxes[node, 6] = max(state.boxes[a, 6], state.boxes[b, 6])
 
 
 @kernel(fastmath={"nnan", "nsz"}, allocates=False)
-def _renew_leaf(node, choice):
+def _renew_leaf(node, state):
     """Update score, holder and reach of a leaf's node from its points."""
-    begin, end = leaf_range(len(choice.scores), first_leaf(choice.best), node)
+    begin, end = leaf_range(len(state.scores), first_leaf(state.best), node)
     best, reach, holder = TAKEN, TAKEN, begin
     for i in range(begin, end):
-        best = max(best, choice.scores[i])
-        reach = max(reach, choice.reach[i])
-    while choice.scores[holder] < best:
+        best = max(best, state.scores[i])
+        reach = max(reach, state.reach[i])
+    while state.scores[holder] < best:
         holder += 1
     for i in range(holder + 1, end):
-        if choice.scores[i] == best and choice.order[i] < choice.order[holder]:
+        if state.scores[i] == best and state.order[i] < state.order[holder]:
             holder = i
-    choice.best[node], choice.boxes[node, 6], choice.holder[node] = best, reach, holder
+    state.best[node], state.boxes[node, 6], state.holder[node] = best, reach, holder
