@@ -449,7 +449,6 @@ def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64] | None:
     from gppcs.spatial.scaling import bounds
 
     if len(cloud) and np.isfinite(bounds(cloud.points)).all():
-        check_usable(len(cloud), 0, 0, invalid)
         return None
     bad = cloud.non_finite()
     check_usable(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, invalid)

@@ -29,9 +29,9 @@ class Amount:
     ) -> Amount:
         """Check the arguments of `gppcs.simplify` with these names."""
         given = {"ratio": ratio, "n_points": n_points, "tolerance": tolerance, "spacing": spacing}
-        names = [name for name, value in given.items() if value is not None]
-        if len(names) > 1 or not (names or max_gap is not None):
-            raise _not_one(names)
+        lacking = list(given.values()).count(None)
+        if lacking < 3 or (lacking == 4 and max_gap is None):
+            raise _not_one([name for name, value in given.items() if value is not None])
         return cls(
             None if ratio is None else share_of("ratio", ratio),
             None if n_points is None else count_of("n_points", n_points),

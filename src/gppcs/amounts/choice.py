@@ -51,10 +51,12 @@ def choose_amount(
     with stages("repeats"):
         among = _Places.of(points, guide)
     if count is not None:
-        check_count(count, among.fixed + len(among.again), among.usable)
+        check_count(count, among.fixed + len(among.again), len(among.usable_rows))
 
     def chosen(wanted: int) -> Selection:
-        return among.chosen(Wanted(among.points, wanted, None, among.fixed, among.weights, stages), method)
+        if wanted >= len(among.points):
+            return Selection(np.arange(len(among.points)), ranked=False)
+        return method(Wanted(among.points, wanted, None, among.fixed, among.weights, stages))
 
     gap = None if amount.max_gap is None else scale.inside(amount.max_gap)
     if amount.tolerance is not None:
@@ -70,7 +72,9 @@ def choose_amount(
     else:
         assert gap is not None
         selection = chosen(among.fewest_without_gaps(gap))
-    selection = with_repeats(replace(selection, indices=among.rows[selection.indices]), among.again, among.fixed)
+    selection = replace(selection, indices=among.rows[selection.indices])
+    if among.fixed:
+        selection = with_repeats(selection, among.again, among.fixed)
     if (lacking := (count or 0) - len(selection.indices)) > 0:
         selection = with_others(selection, np.setdiff1d(among.usable_rows, selection.indices)[:lacking])
     return selection if gap is None else _without_gaps(points, among.usable_rows, selection, gap, scale, stages)
@@ -107,17 +111,6 @@ class _Places:
         places = points if guide is None and first.all() else points[rows]
         return cls(places, rows, int(among.sum()), again, usable, weights)
 
-    @property
-    def usable(self) -> int:
-        """Number of points among which is chosen."""
-        return len(self.usable_rows)
-
-    def chosen(self, wanted: Wanted, method: Method) -> Selection:
-        """Let the method choose among the places; all if there are no more."""
-        if wanted.n_points >= len(self.points):
-            return Selection(np.arange(len(self.points)), ranked=False)
-        return method(wanted)
-
     def fewest_without_gaps(self, gap: float) -> int:
         """Return how many points an even cover needs so that no point is farther from it than a length."""
         area = surface_area(KdTree.build(self.points))
@@ -127,11 +120,11 @@ class _Places:
 
 def with_repeats(selection: Selection, again: NDArray[np.int64], fixed: int) -> Selection:
     """Return a selection with other rows to keep after the first points, and tell how many are kept in all."""
-    place, kept = np.full(len(again), fixed), fixed + len(again)
+    place = np.full(len(again), fixed)
     return replace(
         selection,
         indices=np.insert(selection.indices, place, again),
-        diagnostics={**selection.diagnostics, **({"points_to_keep": float(kept)} if kept else {})},
+        diagnostics={**selection.diagnostics, "points_to_keep": float(fixed + len(again))},
         attributes={name: np.insert(values, place, 0.0) for name, values in selection.attributes.items()},
     )
 

@@ -157,15 +157,16 @@ class PointCloud(ComparedByValue):
         >>> gppcs.PointCloud.of(table)
         PointCloud(2 points, each with label)
         """
-        from gppcs.clouds.objects import cloud_of_object
-
         if isinstance(cloud, PointCloud):
             return cloud
         if isinstance(cloud, str | os.PathLike):
             return reading.read(cloud)
-        made = cloud_of_object(cloud)
-        if made is not None:
-            return made
+        if type(cloud) is not np.ndarray or cloud.dtype.names:
+            from gppcs.clouds.objects import cloud_of_object
+
+            made = cloud_of_object(cloud)
+            if made is not None:
+                return made
         points = _array(cloud, ACCEPTED)
         if points.ndim == 0:
             raise InputError(f"expected {ACCEPTED}, found {_described(cloud)}")

@@ -46,4 +46,4 @@ def method_named(name: str, settings: Mapping[str, Any] | None = None) -> Method
     """Return a method by its name."""
     if name not in METHODS:
         raise ParameterError(f"there is no method {name!r}{nearest_name(name, METHODS)}")
-    return with_settings(METHODS[name](), settings or {})
+    return with_settings(METHODS[name](), settings) if settings else METHODS[name]()

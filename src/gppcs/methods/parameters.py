@@ -101,8 +101,11 @@ def check_parameters(method: Method) -> None:
     """Check the types and the ranges of all parameters; numbers of NumPy become Python's."""
     types = _types(type(method))
     for each in dataclasses.fields(method):
+        value = getattr(method, each.name)
+        if value is each.default:
+            continue
         alternatives = typing.get_args(types[each.name]) or (types[each.name],)
-        value = _as_one_of(alternatives, getattr(method, each.name))
+        value = _as_one_of(alternatives, value)
         require(method, value is not _INVALID, each.name, " or ".join(map(_written, alternatives)))
         object.__setattr__(method, each.name, value)
         if isinstance(value, int | float):
