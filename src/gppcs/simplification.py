@@ -18,7 +18,6 @@ from gppcs.clouds import display
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.clouds.expressions import Expression
 from gppcs.clouds.quantities import Scale, count_of, metres_of
-from gppcs.engine.ahead import compiled_ahead
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import Stages, in_words
 from gppcs.errors import InputError, ParameterError, flag, one_of, shown, whole_number
@@ -382,8 +381,7 @@ def simplify_cloud(cloud: CloudLike, request: Request, stages: Stages) -> Result
         points, corner, exponent = normalised(cloud.points if rows is None else cloud.points[rows])
         low, high = bounds(points)
         scale = Scale(float(np.linalg.norm(high - low)), metres, exponent)
-    with compiled_ahead(method.name):
-        selection = choose_amount(points, request.amount, scale, guide, method, stages)
+    selection = choose_amount(points, request.amount, scale, guide, method, stages)
     kept = cloud.take(selection.indices if rows is None else rows[selection.indices])
     if selection.points is not None:
         kept = kept.moved(np.ldexp(selection.points, exponent) + corner)

@@ -22,7 +22,7 @@ of_another_package(1)
 from gppcs.engine.compiling import seconds
 print(seconds() == 0)
 from gppcs.engine.kernels import kernel
-import gppcs.engine.kernels as kernels
+import gppcs.engine.kernel_cache as kernels
 kernels.folders = lambda: []
 kernels.folder_to_write = lambda: None
 @kernel
@@ -43,12 +43,12 @@ def run_python(code):
 def test_a_script_hears_of_compilation_only_by_logging():
     assert run_python(COMPILE) == (TWICE, "")
     log = "import logging; logging.basicConfig(level=logging.INFO)\n"
-    assert run_python(log + COMPILE) == (TWICE, f"INFO:gppcs:{compiling.NOTICE}\n")
+    assert run_python(log + COMPILE) == (TWICE, f"INFO:gppcs:{compiling.PASSING_NOTICE}\n")
 
 
 @pytest.mark.slow
 def test_an_interactive_session_is_told_once():
-    assert run_python("import sys; sys.ps1 = 'In : '\n" + COMPILE) == (TWICE, f"gppcs: {compiling.NOTICE}\n")
+    assert run_python("import sys; sys.ps1 = 'In : '\n" + COMPILE) == (TWICE, f"gppcs: {compiling.PASSING_NOTICE}\n")
 
 
 @pytest.fixture

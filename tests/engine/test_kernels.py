@@ -45,8 +45,8 @@ def test_rounding_does_not_depend_on_which_kernel_is_compiled_first():
 @pytest.fixture
 def unkept(monkeypatch):
     """Nothing compiled is kept or found."""
-    monkeypatch.setattr("gppcs.engine.kernels.folders", list)
-    monkeypatch.setattr("gppcs.engine.kernels.folder_to_write", lambda: None)
+    monkeypatch.setattr("gppcs.engine.kernel_cache.folders", list)
+    monkeypatch.setattr("gppcs.engine.kernel_cache.folder_to_write", lambda: None)
 
 
 def test_a_constant_needs_no_code_of_its_own(unkept):
@@ -109,7 +109,7 @@ def test_kernels_go_to_the_users_folder_where_that_of_the_package_cannot_be_writ
     out, err = simplified(unwritable, "first.ply", XDG_CACHE_HOME=str(cache))
     assert err == f"gppcs: {compiling.NOTICE}\n"
     assert "compiling kernels, this time only" in out
-    assert list(cache.glob("gppcs/*/*/*/gppcs.spatial.*.nbc"))
+    assert list(cache.glob("gppcs/*/gppcs.spatial.*.nbc"))
     out, err = simplified(unwritable, "second.ply", XDG_CACHE_HOME=str(cache))
     assert err == ""
     assert "compiling" not in out
@@ -131,7 +131,7 @@ def test_a_named_folder_does_where_no_other_can_be_written(unwritable, tmp_path)
     folders = {"XDG_CACHE_HOME": str(tmp_path / "scan.ply"), "NUMBA_CACHE_DIR": str(tmp_path / "named")}
     _, err = simplified(unwritable, "out.ply", **folders)
     assert err == f"gppcs: {compiling.NOTICE}\n"
-    assert list(tmp_path.glob("named/gppcs/*/*/*/gppcs.spatial.*.nbc"))
+    assert list(tmp_path.glob("named/gppcs/*/gppcs.spatial.*.nbc"))
 
 
 def test_warmup_refuses_to_compile_what_cannot_be_kept(unwritable, tmp_path):

@@ -195,12 +195,12 @@ def number_in_words(value: float) -> str:
 
 def time_in_words(seconds: Mapping[str, float]) -> str:
     """Return the time of a run, and the stages that took most of it."""
-    from gppcs.engine.kernel_cache import are_kept
+    from gppcs.engine.kernel_cache import folder_to_write
 
     total, compilation = sum(seconds.values()), seconds.get(COMPILATION, 0.0)
     text = f"{total:.2f} s"
     if compilation:
-        text += f", of which {compilation:.2f} s compiling kernels{', this time only' if are_kept() else ''}"
+        text += f", of which {compilation:.2f} s compiling kernels{', this time only' if folder_to_write() else ''}"
     least = LONG * (total - compilation)
     named = {stage: value for stage, value in seconds.items() if stage != COMPILATION and value >= least}
     return text + "".join(f"; {stage} {value:.2f} s" for stage, value in named.items())

@@ -51,15 +51,13 @@ _told = False
 
 
 def compilation_started() -> None:
-    """Note that the compilation of a kernel starts, tell of the first one in this process, and get help with others."""
+    """Note that the compilation of a kernel starts, and tell of the first one in this process."""
     global _told
-    from gppcs.engine.ahead import start_if_expected  # only now, as these slow the start
-    from gppcs.engine.kernel_cache import are_kept
+    from gppcs.engine.kernel_cache import folder_to_write  # only now, as it slows the start
 
     if not _told:
         _told = True
-        _tell(NOTICE if are_kept() else PASSING_NOTICE)
-    start_if_expected()
+        _tell(NOTICE if folder_to_write() else PASSING_NOTICE)
     _clock.start()
 
 

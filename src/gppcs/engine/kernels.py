@@ -1,17 +1,19 @@
-"""Compile functions with Numba, and keep the compiled code until a source that it depends on changes."""
+"""Compile functions with Numba, and keep the compiled code for as long as nothing changes that it depends on."""
 
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import os
 import pickle
-import stat
-import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from platform import machine
+from types import CodeType, ModuleType
 from typing import Any
 
+from gppcs.engine import kernel_cache
 from gppcs.errors import ParameterError, shown
 
 try:
@@ -23,17 +25,19 @@ except ValueError as error:  # which does not name the variable
         f"expected the environment variable NUMBA_NUM_THREADS to be a whole number from 1 on, found {shown(threads)}; "
         "unset it, as gppcs has threads of its own"
     ) from error
+from llvmlite.binding import get_host_cpu_features
 from numba.core import event
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
+from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 from numba.core.types import unliteral
 
 from gppcs.engine.compiling import compilation_ended, compilation_started
-from gppcs.engine.kernel_cache import folder_to_write, folders, sources_have_changed
 
-CHECKSUM_BYTES = 16
-OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+# The processor for which shipped code is compiled: of x86-64, any since 2013 with these features.
+X86 = "+avx,+avx2,+bmi,+bmi2,+cmov,+cx16,+f16c,+fma,+lzcnt,+movbe,+popcnt,+sse3,+sse4.1,+sse4.2,+ssse3,+xsave"
+SHIPPED_FOR, FEATURES = ("x86-64-v3", X86) if machine().lower() in ("x86_64", "amd64") else ("generic", "")
 
 
 def kernel(function: Callable[..., Any] | None = None, /, *, allocates: bool = True, **options: Any) -> Any:
@@ -44,7 +48,7 @@ def kernel(function: Callable[..., Any] | None = None, /, *, allocates: bool = T
     every: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy", "_nrt": allocates}
     compiled: Any = nb.njit(**every, **options)(function)
     if compiled is not function:  # as it is with NUMBA_DISABLE_JIT
-        compiled._cache = _KernelCache(function)
+        compiled._cache = _KernelCache(function, every | options)
         compiled._compiler.fold_argument_types = _without_literals(compiled._compiler.fold_argument_types)
     return compiled
 
@@ -66,9 +70,9 @@ class _KernelCache(NullCache):
     It also names files by numbers from an index, so that two processes that write at once can mix up their files.
     """
 
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self._function = function
-        self._folders = folders()  # now, not at the first call: until then the sources may change
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        self._function, self._options = function, options
+        self._digest: str | None = None
         self._folder: Path | None = None
 
     @property
@@ -76,64 +80,94 @@ class _KernelCache(NullCache):
         """The folder that the code came from or went to last; None if there was none."""
         return str(self._folder) if self._folder else None
 
+    @property
+    def digest(self) -> str:
+        """A digest of all that the code depends on, but for the types of the arguments and the processor."""
+        if self._digest is None:
+            self._digest = ""  # for a kernel that calls itself
+            options = [
+                (name, sorted(value) if isinstance(value, set) else value) for name, value in self._options.items()
+            ]
+            content = "\n".join([repr(sorted(options)), *_reached(self._function)])
+            self._digest = hashlib.sha256(content.encode()).hexdigest()
+        return self._digest
+
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
         """Return the code for some types of arguments, or None if there is none."""
         target_context.refresh()
-        name = self._file_name(sig, target_context.codegen())
-        for folder in self._folders:
-            content = _read_own(folder / name)
-            checksum, code = content[:CHECKSUM_BYTES], content[CHECKSUM_BYTES:]
-            if code and checksum == _checksum(code):  # else the machine stopped before the file was on the disk
-                self._folder = folder
+        own = self._name(sig, target_context.codegen().magic_tuple())
+        paths = [folder / own for folder in kernel_cache.folders()]
+        if shipped := _shipped():
+            paths.insert(0, shipped / self._name(sig, SHIPPED_FOR))
+        for path in paths:
+            if code := kernel_cache.read(path):
+                self._folder = path.parent
                 return CompileResult._rebuild(target_context, *pickle.loads(code))
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Write the code for some types of arguments, if it can be written and the sources are still the same."""
-        folder = folder_to_write()
-        if folder is None or data.lifted or data.library.has_dynamic_globals or sources_have_changed():
+        """Write the code for some types of arguments, if it can be written."""
+        folder = kernel_cache.folder_to_write()
+        if folder is None or data.lifted or data.library.has_dynamic_globals:
             return
-        code = dumps(data._reduce())
+        processor = data.library.codegen.magic_tuple()
+        name = self._name(sig, SHIPPED_FOR if SHIPPED_FOR in processor else processor)
         with contextlib.suppress(OSError):  # the disk is full, or the folder was removed: it is compiled next time too
-            _write_whole(folder / self._file_name(sig, data.library.codegen), _checksum(code) + code)
+            kernel_cache.write(folder / name, dumps(data._reduce()))
             self._folder = folder
 
-    def _file_name(self, sig: Any, codegen: Any) -> str:
+    def _name(self, sig: Any, processor: Any) -> str:
         """Return a name that differs for each function, combination of types, and processor."""
+        types = sig if isinstance(sig, tuple) else sig.args
+        key = repr((self.digest, list(map(_described, types)), processor))
         function = self._function
-        closure = [cell.cell_contents for cell in function.__closure__ or ()]
-        key = (function.__code__.co_firstlineno, sig, codegen.magic_tuple())
-        digest = hashlib.sha256(repr(key).encode() + function.__code__.co_code + dumps(closure)).hexdigest()
-        return f"{function.__module__}.{function.__name__}-{digest[:24]}.nbc"
+        return f"{function.__module__}.{function.__name__}-{hashlib.sha256(key.encode()).hexdigest()[:24]}.nbc"
 
 
-def _read_own(path: Path) -> bytes:
-    """Read a file that only this user or the administrator can have written: unpickling runs code. Others are empty."""
-    try:
-        with path.open("rb") as file:
-            status = os.fstat(file.fileno())
-            if hasattr(os, "geteuid") and (status.st_uid not in (0, os.geteuid()) or status.st_mode & OTHERS_WRITE):
-                return b""
-            return file.read()
-    except OSError:
-        return b""
+@functools.cache
+def _shipped() -> Path | None:
+    """Return the folder of the code that came with the package, if this processor runs it."""
+    folder = kernel_cache.SHIPPED / kernel_cache.environment()
+    if not folder.is_dir():
+        return None
+    features = get_host_cpu_features()
+    return folder if all(features.get(each[1:]) for each in filter(None, FEATURES.split(","))) else None
 
 
-def _checksum(code: bytes) -> bytes:
-    return hashlib.blake2b(code, digest_size=CHECKSUM_BYTES).digest()
+def _described(numba_type: Any) -> Any:
+    """Return what code depends on of the type of an argument: the fields of a named tuple, too."""
+    fields = getattr(numba_type, "fields", None)
+    return (str(numba_type), fields, list(map(_described, numba_type.types))) if fields else str(numba_type)
 
 
-def _write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that no other process ever reads a part of it."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f"{path.name}.{uuid.uuid4().hex[:16]}.part")
-    try:
-        part.write_bytes(content)
-        part.chmod(0o644)  # whatever the umask; see `_read_own`
-        os.replace(part, path)
-    finally:
-        with contextlib.suppress(OSError):
-            part.unlink()
+def _reached(function: Callable[..., Any]) -> Iterator[str]:
+    """Yield all that the code of a function depends on: its own code, and the values that it finds by their names."""
+    code: Any = getattr(function, "__code__")  # noqa: B009
+    within: dict[str, Any] = getattr(function, "__globals__")  # noqa: B009
+    values = [cell.cell_contents for cell in getattr(function, "__closure__", None) or ()]
+    yield repr(getattr(function, "__defaults__", None))
+    waiting = [code]
+    while waiting:
+        code = waiting.pop()
+        constants = [constant for constant in code.co_consts if not isinstance(constant, CodeType)]
+        waiting += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
+        yield repr((code.co_code, constants, code.co_names, code.co_varnames))
+        values += [within[name] for name in code.co_names if name in within]
+    yield from map(_value, values)
+
+
+def _value(value: Any) -> str:
+    """Return what code depends on of a value that is not an argument."""
+    if isinstance(value, Dispatcher):
+        kept: Any = vars(value).get("_cache")
+        return kept.digest if isinstance(kept, _KernelCache) else repr(value.py_func.__code__.co_code)
+    if isinstance(value, ModuleType):
+        return value.__name__
+    if isinstance(value, type) or callable(value):
+        return f"{value.__module__}.{value.__qualname__} {getattr(value, '_fields', '')}"
+    if hasattr(value, "tobytes"):
+        return f"{value.dtype} {value.shape} {value.tobytes()!r}"
+    return repr(value)
 
 
 class _Listener(event.Listener):

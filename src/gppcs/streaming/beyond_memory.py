@@ -13,7 +13,6 @@ from gppcs.amounts.guide import ChunkGuide, nothing_to_keep
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
 from gppcs.clouds.quantities import Scale, metres_of
-from gppcs.engine.ahead import compiled_ahead
 from gppcs.engine.stages import Stages
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import Selection, Wanted
@@ -111,8 +110,8 @@ def _chosen(
     first = first_occurrences(places)
     fixed, again = keep[first], keep[~first]
     wanted = Wanted(places[first], count - len(again), spacing, len(fixed), None, stages, stored, fixed, each)
-    with compiled_ahead(request.method.name):
-        selection = request.method(wanted)
-    selection = with_repeats(selection, again, len(fixed))
+    selection = request.method(wanted)
+    if len(fixed):
+        selection = with_repeats(selection, again, len(fixed))
     lacking = 0 if spacing is not None else count - len(selection.indices)
     return with_others(selection, stored.others(selection.indices, lacking) if lacking > 0 else again[:0])

@@ -19,11 +19,11 @@ def warmup(quiet: Quiet = False, as_json: Json = False) -> None:
     another kind of processor.
     """
     from gppcs.app.compilation import compile_all
-    from gppcs.engine.kernel_cache import are_kept
+    from gppcs.engine.kernel_cache import folder_to_write
     from gppcs.engine.stages import Stages
     from gppcs.methods import METHODS
 
-    if not are_kept():
+    if not folder_to_write():
         raise OutputError(
             "expected a folder to keep compiled kernels in, but neither that of gppcs nor the user's cache folder can "
             "be written; set NUMBA_CACHE_DIR to a folder that can"
