@@ -23,9 +23,7 @@ import gppcs
 from gppcs.drawing.camera import Camera, Square
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
 from gppcs.drawing.viewpoint import Viewpoint
-from gppcs.gp.local import ranking
-from gppcs.gp.local.posterior import condition
-from gppcs.gp.local.posterior import posterior
+from gppcs.gp.local.posterior import condition, posterior
 
 PICTURE = Path(__file__).parents[1] / "docs" / "local-field.png"
 POINTS, KEPT = 200_000, 3_000

@@ -16,7 +16,7 @@ import conditions
 import gppcs
 import report
 from conditions import FOUND_ON, H_MAX, H_MEAN, HELD_OUT, LIDAR, SURFACE, Column, Condition, Figures
-from gppcs.gp.local import algorithm, density, survey
+from gppcs.gp.local import algorithm, survey
 from gppcs.gp.local.algorithm import Criterion
 from gppcs.surface import noise
 
