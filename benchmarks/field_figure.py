@@ -23,6 +23,7 @@ import gppcs
 from gppcs.drawing.camera import Camera, Square
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
 from gppcs.drawing.viewpoint import Viewpoint
+from gppcs.gp.local import algorithm
 from gppcs.gp.local.posterior import condition, posterior
 
 PICTURE = Path(__file__).parents[1] / "docs" / "local-field.png"
@@ -65,11 +66,11 @@ class LastStage(NamedTuple):
 
 def last_stage(cloud: gppcs.PointCloud) -> LastStage:
     """Run the method, record its calls, and return what the last stage computed."""
-    fields, choices = Recorded(ranking.local_field), Recorded(ranking.extend)
-    with patch.object(ranking, "local_field", fields), patch.object(ranking, "extend", choices):
+    fields, choices = Recorded(algorithm.local_field), Recorded(algorithm.extend)
+    with patch.object(algorithm, "local_field", fields), patch.object(algorithm, "extend", choices):
         gppcs.simplify(cloud, n_points=KEPT, method=METHOD)
     (tree, features, *_), field = fields.last
-    (*_, chosen, _, neighbours, error_weight), (kept, *_) = choices.last
+    (*_, chosen, _, neighbours, error_weight, _), (kept, *_) = choices.last
     given_chosen = condition(field, tree, chosen, neighbours)
     variances = posterior(field, given_chosen, error_weight).variances
     roughness = np.sqrt(features.surface_variation)
