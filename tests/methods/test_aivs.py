@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial import cKDTree
 
-import gppcs
 from gppcs.methods.aivs import voxels
 from gppcs.methods.aivs.voxels import Voxels, points_of_voxels, trimmed
 from gppcs.spatial.farthest_points import farthest_points
@@ -126,36 +124,6 @@ def test_voxels_part_the_points(n, along):
     assert away.max() <= 0.5 * voxels.edge * (1 + 1e-9)
 
 
-def test_each_voxel_gives_its_share(bracket):
-    n, n_points = len(bracket), 2_000
-    voxels = plain_voxels(bracket)[0]
-    chosen = np.zeros(n)
-    chosen[points_of_voxels(bracket, n_points)] = 1
-    given_up = 0
-    for members in voxels.values():
-        quota = plain_quota(len(members), n, n_points)
-        assert chosen[members].sum() <= quota
-        assert abs(quota - len(members) * n_points / n) < 1
-        given_up += quota - chosen[members].sum()
-    assert given_up > 0  # since more are rounded up than down
-
-
-def test_voxels_keep_away_from_those_around(sphere):
-    """Without them, points crowd where voxels meet."""
-    n_points = 2_000
-    chosen = sphere[points_of_voxels(sphere, n_points)]
-    alone = []
-    for members in plain_voxels(sphere)[0].values():
-        quota = plain_quota(len(members), len(sphere), n_points)
-        if quota:
-            alone.append(sphere[members][farthest_points(sphere[members], quota)[0]])
-
-    def close_pairs(points):
-        return len(cKDTree(points).query_pairs(np.sqrt(0.2 * 4 * np.pi / n_points)))
-
-    assert close_pairs(chosen) < 0.5 * close_pairs(np.concatenate(alone))
-
-
 def test_where_no_voxel_has_a_share_all_are_farthest_points(sphere):
     np.testing.assert_array_equal(points_of_voxels(sphere, 20), farthest_points(sphere, 20)[0])
 
@@ -168,19 +136,3 @@ def test_a_far_outlier_costs_no_more_than_a_tree(monkeypatch):
     indices = points_of_voxels(points, 2_000)
     assert len(np.unique(indices)) == 2_000
     assert filled == []
-
-
-def test_progress_adds_up(bracket):
-    steps = []
-    points_of_voxels(bracket, 1_000, steps.append)
-    assert steps == [1] * 8
-
-
-@pytest.mark.slow
-def test_covers_the_dragon_better_than_chance(shared_data):
-    dragon = gppcs.read(shared_data / "dragon.ply")
-    even, chance = (
-        gppcs.evaluate(dragon, gppcs.simplify(dragon, ratio=0.03, method=method).cloud) for method in ("aivs", "random")
-    )
-    assert even.mean_distance < 0.9 * chance.mean_distance
-    assert even.covering_radius < 0.8 * chance.covering_radius

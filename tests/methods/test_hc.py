@@ -6,14 +6,6 @@ from hypothesis import strategies as st
 import gppcs
 from gppcs.methods.hc.clustering import clusters_by_variation, hierarchical_clusters
 
-SHAPES = {
-    "solid": lambda rng, n: rng.standard_normal((n, 3)),
-    "line": lambda rng, n: rng.random((n, 1)) * [[1.0, 2.0, 3.0]],
-    "tilted plane": lambda rng, n: rng.random((n, 2)) @ [[1.0, 0.0, 0.3], [0.0, 1.0, 0.7]],
-    "two clumps": lambda rng, n: rng.integers(0, 2, (n, 1)) + 1e-6 * rng.random((n, 3)),
-    "all but one place": lambda rng, n: 1 + 1e-200 * rng.random((n, 3)),
-}
-
 
 def spread(members):
     """Centroid, principal axis and surface variation by LAPACK."""
@@ -75,40 +67,6 @@ def test_most_varied_first_gives_the_clusters_of_the_plain_algorithm(n, seed, da
     points = np.random.default_rng(seed).random((n, 3))
     n_points = data.draw(st.integers(1, n))
     assert_central(points, plain_best_first(points, n_points), clusters_by_variation(points, n_points))
-
-
-@pytest.mark.parametrize("shape", sorted(SHAPES))
-@pytest.mark.parametrize("n", [*range(1, 11), 300])
-def test_the_number_is_exact_whatever_the_shape(shape, n):
-    points = SHAPES[shape](np.random.default_rng(n), n)
-    for n_points in {1, n // 2 + 1, n}:
-        indices = clusters_by_variation(points, n_points)
-        assert len(np.unique(indices)) == n_points
-        assert (np.sort(indices) < n).all()
-
-
-def test_points_at_one_place_stay_together():
-    points = np.repeat([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], 50, axis=0)
-    assert sorted(hierarchical_clusters(points, 1, 0.0)) == [0, 50]
-    assert len(np.unique(clusters_by_variation(points, 70))) == 70
-
-
-def test_a_plane_that_is_tilted_is_parted_by_number_of_points():
-    points = SHAPES["tilted plane"](np.random.default_rng(0), 4_096)
-    labels = np.argmin(((points[:, None] - points[clusters_by_variation(points, 64)]) ** 2).sum(axis=2), axis=1)
-    assert np.bincount(labels).max() < 4_096 / 64 * 3
-
-
-def test_any_number_of_threads_and_any_place_and_size_of_the_cloud_give_the_same(bracket, on_threads):
-    expected = gppcs.simplify(bracket, n_points=700, method="hc").indices
-    assert len(np.unique(expected)) == 700
-    np.testing.assert_array_equal(gppcs.simplify(bracket, n_points=700, method="hc").indices, expected)
-    coarse = np.round(bracket * 1024) / 1024  # so that the shift rounds nothing
-    expected = gppcs.simplify(coarse, n_points=700, method="hc").indices
-    moved = gppcs.simplify(coarse * 8 + [100, -2000, 3], n_points=700, method="hc").indices
-    np.testing.assert_array_equal(moved, expected)
-    for indices in on_threads(lambda: gppcs.simplify(coarse, n_points=700, method="hc").indices):
-        np.testing.assert_array_equal(indices, expected)
 
 
 def test_the_dragon_gives_as_many_points_as_in_the_paper(shared_data):

@@ -98,15 +98,6 @@ def test_in_a_plane_nothing_costs_and_the_shortest_go_first(shape, n):
     assert contraction_order(points, 6).tolist() == plain_order(points, 6, costless=True)
 
 
-@pytest.mark.parametrize("shape", sorted(SHAPES))
-@pytest.mark.parametrize("n", [*range(1, 11), 140])
-def test_every_point_comes_once_whatever_the_shape(shape, n):
-    points = SHAPES[shape](np.random.default_rng(n), n)
-    points = points[np.sort(np.unique(points, axis=0, return_index=True)[1])]
-    for k in (1, 8):
-        assert sorted(contraction_order(points, k).tolist()) == list(range(len(points)))
-
-
 @pytest.mark.parametrize(("noise", "most"), [(0.0, 0.95), (1e-3, 0.5)])
 def test_edges_and_corners_of_a_cube_stay(noise, most):
     """18 % of the points lie within a twentieth of an edge; of a tenth that is kept, many times that."""
@@ -126,27 +117,6 @@ def test_a_smaller_choice_starts_a_larger_one(bracket):
     small, large = (gppcs.simplify(bracket[:3_000], n_points=n, method="qem").indices for n in (50, 700))
     assert len(np.unique(large)) == 700
     np.testing.assert_array_equal(small, large[:50])
-
-
-def test_the_order_does_not_depend_on_place_unit_or_axes(sphere):
-    """Coordinates are rounded anew, which may decide between a few pairs."""
-    points = sphere[:3_000] * [1.0, 0.8, 0.5]
-    turn = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
-    chosen = gppcs.simplify(points, n_points=300, method="qem").indices
-    again = gppcs.simplify(1e-3 * points @ turn + [5.0, -3.0, 40.0], n_points=300, method="qem").indices
-    assert len(np.unique(chosen)) == 300
-    assert np.isin(again, chosen).mean() >= 0.98
-
-
-def test_progress_is_told_to_the_end(monkeypatch):
-    monkeypatch.setattr("gppcs.methods.qem.contraction.CONTRACTIONS_PER_CALL", 7)
-    points = SHAPES["far clumps"](np.random.default_rng(0), 100)
-    heard = []
-    order = contraction_order(points, 3, advanced=heard.append)
-    assert sum(heard) == 99
-    assert max(heard) == 7
-    monkeypatch.undo()
-    np.testing.assert_array_equal(contraction_order(points, 3), order)
 
 
 def test_a_scan_is_covered_better_than_at_random_and_keeps_more_features(shared_data):

@@ -101,13 +101,6 @@ def test_a_clump_of_most_points_does_not_spoil_the_rest(sphere):
     assert spacings(chosen).min() > 0.6 * 2.0 * np.sqrt(4.0 * np.pi / (2.0 * np.sqrt(3.0) * 200))
 
 
-def test_progress_adds_up(bracket):
-    steps = []
-    eliminate(bracket, 1_000, steps.append)
-    assert len(steps) > 1
-    assert sum(steps) == 19_000
-
-
 def test_with_the_limit_scans_are_covered_better(shared_data, monkeypatch):
     bunny = gppcs.read(shared_data / "bunny.ply").points
 

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial import cKDTree
 
 import gppcs
-from gppcs.methods import method_named
 from gppcs.methods.voxel.grid import cell_edge, occupied, representatives
 
 
@@ -93,18 +91,3 @@ def test_means_come_back_in_place_and_with_attributes(sphere):
     expected = np.array([of_representative[index] for index in means.indices]) + corner
     np.testing.assert_allclose(means.cloud.points, expected, rtol=1e-12)
     assert means.cloud.coordinate_dtype == np.float32
-
-
-def test_the_place_may_be_text_and_no_other_is_known():
-    assert method_named("voxel", {"place": "mean"}) == gppcs.Voxel(place="mean")
-    with pytest.raises(gppcs.ParameterError, match="place to be 'representative' or 'mean', found 'centre'"):
-        gppcs.Voxel(place="centre")
-
-
-@pytest.mark.slow
-def test_covers_the_dragon(shared_data):
-    dragon = gppcs.read(shared_data / "dragon.ply").points
-    edge = cell_edge(dragon - dragon.min(axis=0), round(0.03 * len(dragon)))
-    for place in ("representative", "mean"):
-        kept = gppcs.simplify(dragon, ratio=0.03, method=gppcs.Voxel(place=place)).cloud.points
-        assert cKDTree(kept).query(dragon)[0].max() < 2.5 * np.sqrt(3) * edge

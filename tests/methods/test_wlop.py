@@ -78,39 +78,6 @@ def test_nearest_unused_equals_the_plain_algorithm(n, on_grid, seed, data):
     )
 
 
-def test_spacing_of_a_sphere(sphere):
-    tree = KdTree.build(sphere)
-    distances = cKDTree(sphere).query(sphere, 7)[0]
-    assert average_spacing(tree) == pytest.approx(distances.mean(), rel=0.05)
-
-
-@pytest.mark.parametrize("shape", ["solid", "line", "plane", "two clumps", "lattice"])
-@pytest.mark.parametrize("n", [*range(2, 11), 300])
-def test_the_number_is_exact_whatever_the_shape(shape, n):
-    rng = np.random.default_rng(n)
-    points = {
-        "solid": rng.random((n, 3)),
-        "line": rng.random((n, 1)) * [[1.0, 2.0, 3.0]],
-        "plane": rng.random((n, 3)) * [[1.0, 1.0, 0.0]],
-        "two clumps": np.arange(n)[:, None] % 2 + 1e-6 * rng.random((n, 3)),
-        "lattice": np.stack(np.unravel_index(np.arange(n), (7, 7, 7)), axis=1).astype(float),
-    }[shape]
-    for n_points in {1, n // 2, n - 1}:
-        result = gppcs.simplify(points, n_points=n_points, method=gppcs.WLOP(snap=False))
-        assert len(np.unique(result.indices)) == n_points
-        assert np.isfinite(result.cloud.points).all()
-
-
-def test_any_number_of_threads_and_any_place_and_size_of_the_cloud_give_the_same(bracket, on_threads):
-    coarse = np.round(bracket * 1024) / 1024  # so that the shift rounds nothing
-    expected = gppcs.simplify(coarse, n_points=700, method="wlop").indices
-    assert len(np.unique(expected)) == 700
-    moved = gppcs.simplify(coarse * 8 + [100, -2000, 3], n_points=700, method="wlop").indices
-    np.testing.assert_array_equal(moved, expected)
-    for indices in on_threads(lambda: gppcs.simplify(coarse, n_points=700, method="wlop").indices):
-        np.testing.assert_array_equal(indices, expected)
-
-
 def test_moved_points_come_back_in_place_and_with_attributes(sphere):
     points = np.concatenate([sphere[:5_000], sphere[:3]]) * 5 + [70, -30, 1000]
     cloud = gppcs.PointCloud(points, {"row": np.arange(len(points))}, np.dtype(np.float32))
@@ -125,13 +92,6 @@ def test_moved_points_come_back_in_place_and_with_attributes(sphere):
     whole_numbers = gppcs.PointCloud(np.rint(points * 100), coordinate_dtype=np.dtype(np.int32))
     result = gppcs.simplify(whole_numbers, n_points=300, method=gppcs.WLOP(snap=False))
     assert result.cloud.coordinate_dtype == np.float64
-
-
-def test_samples_are_more_even_than_where_they_started(sphere):
-    result = gppcs.simplify(sphere, n_points=1_000, method=gppcs.WLOP(snap=False))
-    start = gppcs.simplify(sphere, n_points=1_000, method="random").cloud.points
-    nearest = cKDTree(result.cloud.points).query(result.cloud.points, 2)[0][:, 1]
-    assert nearest.min() > 5 * cKDTree(start).query(start, 2)[0][:, 1].min()
 
 
 @pytest.mark.oracle

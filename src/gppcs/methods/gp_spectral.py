@@ -107,7 +107,7 @@ class SpectralGP(Method):
             initial, _ = farthest_points(points, k_init, tree, advanced)
         with stages("greedy selection", n_points - k_init) as advanced:
             k_add = self.k_add or max(1, -(-(n_points - k_init) // UPDATES))
-            indices, _ = greedy.select(phi, y, theta.noise, initial, n_points, k_add, tree.order, advanced)
+            indices = greedy.select(phi, y, theta.noise, initial, n_points, k_add, tree.order, advanced)
         with stages("explained share"):
             mean, _ = Posterior.given(phi[indices], y[indices], theta.noise).predict(phi)
             explained = 1 - float(np.mean((mean - y) ** 2) / (np.var(y) or 1.0))

@@ -70,11 +70,6 @@ def test_lifting_from_landmarks_stays_near_the_full_solution():
     assert np.linalg.norm(lifted - full) < 0.1 * np.linalg.norm(full)
 
 
-def test_constants_are_lifted_exactly(sphere):
-    ones = laplacian._lift(sphere[:500], np.ones((500, 1)), sphere)
-    np.testing.assert_allclose(ones, 1, rtol=1e-14)
-
-
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 10, 50])
 @pytest.mark.parametrize("shape", ["line", "plane", "anywhere"])
 def test_points_that_are_no_surface_have_eigenpairs(n, shape):
@@ -89,15 +84,11 @@ def test_points_that_are_no_surface_have_eigenpairs(n, shape):
     assert (np.diff(pairs.eigenvalues) >= 0).all()
 
 
-def test_every_run_gives_the_same(bracket):
-    first, second = eigenpairs(bracket, 20), eigenpairs(bracket, 20)
-    np.testing.assert_array_equal(first.eigenfunctions, second.eigenfunctions)
-
-
 def test_landmarks_that_are_all_equally_far_have_the_same_weight():
     corners = np.stack(np.meshgrid(*[[0.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
     lifted = laplacian._lift(corners, corners, np.full((1, 3), 0.5))
     np.testing.assert_allclose(lifted, 0.5, rtol=1e-9)
+    np.testing.assert_allclose(laplacian._lift(corners, np.ones((8, 1)), corners + 0.1), 1, rtol=1e-14)
 
 
 @pytest.mark.parametrize("landmarks", [3, 5, 7])
@@ -106,11 +97,6 @@ def test_a_few_landmarks_are_enough(landmarks):
     functions = eigenpairs(points, 3, landmarks).eigenfunctions
     assert functions.shape == (100, 3)
     assert np.isfinite(functions).all()
-
-
-def test_as_many_eigenfunctions_as_landmarks():
-    points = np.random.default_rng(0).random((450, 3))
-    assert eigenpairs(points, 450).eigenfunctions.shape == (450, 450)
 
 
 @pytest.mark.parametrize("distance", [10, 1_000])

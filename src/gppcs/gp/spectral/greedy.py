@@ -29,7 +29,7 @@ def select(
     k_add: int = 1,
     order: NDArray[np.int64] | None = None,
     advanced: Callable[[int], None] | None = None,
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+) -> NDArray[np.int64]:
     """Add points to the active set, each time the `k_add` of largest score s = sqrt(diag Sigma) + |mu - y|.
 
     The result is exactly that of the paper's Algorithm 1, but each step evaluates few points. The points are divided
@@ -38,30 +38,28 @@ def select(
     has moved by phi dw, which the box bounds. So each bucket has an upper bound of its scores, and a step scans only
     the buckets whose bound is not below the best score known.
 
-    Shapes: phi (N, L), y (N,), initial (k_init,), order (N,); returns indices (M,), scores (M,).
+    Shapes: phi (N, L), y (N,), initial (k_init,), order (N,); returns (M,).
     """
     order = np.arange(len(y)) if order is None else order
     chosen = np.empty(n_points, dtype=np.int64)
-    scores = np.full(n_points, np.inf)
     chosen[: len(initial)] = initial
     free = np.ones(len(y), dtype=np.bool_)
     free[initial] = False
     points = _Points(np.ascontiguousarray(phi[order].T), y[order], order, free[order], np.empty(len(y)))
-    buckets = _buckets(min(BUCKETS, len(y)), points.phi)
     k_add = min(k_add, n_points)
     begin, computed = len(initial), 0  # at how many observations the posterior was last computed anew
     while begin < n_points:
         if begin >= REFRESHED * computed:
             posterior, computed = Posterior.given(phi[chosen[:begin]], y[chosen[:begin]], noise), begin
             mean, covariance = posterior.mean.copy(), posterior.covariance.copy()
-            _forget(buckets)
+            buckets = _buckets(min(BUCKETS, len(y)), points.phi)  # bounds from an earlier posterior need not hold
         steps = max(1, -(-min(REPORTED, REFRESHED * computed - begin) // k_add))
         end = min(begin + steps * k_add, n_points)
-        _choose(points, buckets, mean, covariance, noise, k_add, chosen[:end], scores[:end], begin)
+        _choose(points, buckets, mean, covariance, noise, k_add, chosen[:end], begin)
         if advanced:
             advanced(end - begin)
         begin = end
-    return chosen, scores
+    return chosen
 
 
 class _Points(NamedTuple):
@@ -112,23 +110,16 @@ def _buckets(count: int, phi: NDArray[np.float64]) -> _Buckets:
     )
 
 
-def _forget(buckets: _Buckets) -> None:
-    """Let all buckets count as not scanned, as bounds from an earlier posterior need not hold for one computed anew."""
-    buckets.scanned[:] = -1
-    for bound in (buckets.above, buckets.below, buckets.bound):
-        bound[:] = np.inf
-
-
 @kernel
-def _choose(points, buckets, mean, covariance, noise, k_add, chosen, scores, begin):
-    """Fill `chosen` and `scores`, (M,), from `begin` on; `mean` is (L,), `covariance` (L, L); both are updated."""
+def _choose(points, buckets, mean, covariance, noise, k_add, chosen, begin):
+    """Fill `chosen`, (M,), from `begin` on; `mean` is (L,), `covariance` (L, L); both are updated."""
     batch = np.empty(k_add, dtype=np.int64)
     for now in range(begin, len(chosen), k_add):
         due = min(k_add, len(chosen) - now)
         for b in range(due):
             g = _bucket_of_best(points, buckets, mean, covariance, now)
             pick = buckets.best[g]
-            batch[b], chosen[now + b], scores[now + b] = pick, points.order[pick], buckets.bound[g]
+            batch[b], chosen[now + b] = pick, points.order[pick]
             points.free[pick] = False
             _find_best(g, points, buckets)
         for pick in batch[:due]:

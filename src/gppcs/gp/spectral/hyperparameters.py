@@ -8,7 +8,7 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from gppcs.engine.blas import one_blas_thread
-from gppcs.gp.spectral.kernel import Hyperparameters, log_spectrum_slopes, spectral_weights
+from gppcs.gp.spectral.kernel import Hyperparameters, kernel_features, log_spectrum, spectral_weights
 
 STARTS = (0.03, 0.1, 0.3, 1.0)  # lengthscales to start from, since the likelihood has several maxima
 LEAST_NOISE = 1e-6  # lower bound of the noise, as a share of the mean square of y: keeps the posterior well conditioned
@@ -29,7 +29,7 @@ def log_marginal_likelihood(
     n, count = eigenfunctions.shape
     noise = theta.noise
     weights = spectral_weights(eigenvalues, mean_squares, theta)
-    phi = eigenfunctions * np.sqrt(weights)
+    phi = kernel_features(eigenfunctions, weights)
     inner = scipy.linalg.cho_factor(noise * np.eye(count) + phi.T @ phi)
     # alpha = (K + sigma_y^2 I)^-1 y, and the trace of that inverse, both by the matrix inversion lemma
     alpha = (y - phi @ scipy.linalg.cho_solve(inner, phi.T @ y)) / noise
@@ -43,7 +43,7 @@ def log_marginal_likelihood(
     shares = weights * mean_squares / theta.variance
     by_lengthscale, by_nu = (
         by_weight @ (weights * (slope - shares @ slope))
-        for slope in log_spectrum_slopes(eigenvalues, theta.lengthscale, theta.nu)
+        for slope in log_spectrum(eigenvalues, theta.lengthscale, theta.nu)[1:]
     )
     by_noise = 0.5 * noise * (alpha @ alpha - trace)
     return float(value), np.array([by_weight @ weights, by_lengthscale, by_nu, by_noise])
@@ -80,14 +80,9 @@ def fit(
     ends = []
     for lengthscale in STARTS:
         start = np.log([scale, lengthscale, min(nu, 1e3), 0.5 * scale])
+        options = {"maxiter": iterations}
         end = scipy.optimize.minimize(
-            loss,
-            start[free],
-            args=(start,),
-            jac=True,
-            method="L-BFGS-B",
-            bounds=bounds[free],
-            options={"maxiter": iterations},
+            loss, start[free], (start,), "L-BFGS-B", jac=True, bounds=bounds[free], options=options
         )
         start[free] = end.x
         ends.append((end.fun, start))

@@ -14,19 +14,7 @@ DIMENSION = 2  # d in Eq. 6: the manifold is a surface
 
 @dataclass(frozen=True)
 class Hyperparameters:
-    """The paper's theta = {sigma^2, kappa, nu} and its noise variance sigma_y^2.
-
-    Attributes
-    ----------
-    variance : float
-        sigma^2, the mean prior variance, in squared units of the modelled function.
-    lengthscale : float
-        kappa, in units of the square root of the surface's area.
-    nu : float
-        Smoothness of the kernel; infinity means the heat kernel.
-    noise : float
-        sigma_y^2, in squared units of the modelled function.
-    """
+    """The paper's theta: sigma^2, kappa in roots of the surface's area, nu (inf: heat kernel), and noise sigma_y^2."""
 
     variance: float
     lengthscale: float
@@ -34,32 +22,22 @@ class Hyperparameters:
     noise: float
 
 
-def log_spectrum(eigenvalues: NDArray[np.float64], lengthscale: float, nu: float) -> NDArray[np.float64]:
-    """Return the log of (2 nu / kappa^2 + lambda_n)^(-nu - d/2) in Eq. 6, minus its value at lambda = 0.
-
-    The value at lambda = 0 would cancel with C_nu in Eq. 6 anyway. Without subtracting it, the power underflows for
-    nu above about 40. As nu grows, the result tends to -kappa^2 lambda / 2, the spectrum of the heat kernel.
-
-    Shapes: eigenvalues (L,); returns (L,).
-    """
-    if np.isinf(nu):
-        return -0.5 * lengthscale**2 * eigenvalues
-    return -(nu + DIMENSION / 2) * np.log1p(lengthscale**2 * eigenvalues / 2 / nu)
-
-
-def log_spectrum_slopes(
+def log_spectrum(
     eigenvalues: NDArray[np.float64], lengthscale: float, nu: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the derivatives of `log_spectrum`.
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the log of (2 nu / kappa^2 + lambda_n)^(-nu - d/2) in Eq. 6, and its slopes by log kappa and log nu.
 
-    Shapes: returns by_lengthscale, by_nu (L,).
+    The value at lambda = 0, which would cancel with C_nu in Eq. 6, is subtracted: the power underflows for nu above
+    about 40. As nu grows, the result tends to -kappa^2 lambda / 2, the spectrum of the heat kernel.
+
+    Shapes: eigenvalues (L,); returns (L,) each.
     """
     if np.isinf(nu):
-        return -(lengthscale**2) * eigenvalues, np.zeros_like(eigenvalues)
+        heat = -0.5 * lengthscale**2 * eigenvalues
+        return heat, 2 * heat, np.zeros_like(heat)
     x = lengthscale**2 * eigenvalues / 2 / nu  # 2 nu could overflow
-    share = x / (1 + x)
-    power = nu + DIMENSION / 2
-    return -power * (2 * share), power * share - nu * np.log1p(x)
+    logs, share, power = np.log1p(x), x / (1 + x), nu + DIMENSION / 2
+    return -power * logs, -power * (2 * share), power * share - nu * logs
 
 
 @one_blas_thread()
@@ -72,7 +50,7 @@ def spectral_weights(
 
     Shapes: eigenvalues (L,), mean_squares (L,); returns (L,).
     """
-    weights = np.exp(log_spectrum(eigenvalues, theta.lengthscale, theta.nu))
+    weights = np.exp(log_spectrum(eigenvalues, theta.lengthscale, theta.nu)[0])
     return theta.variance * weights / (weights @ mean_squares)
 
 

@@ -12,10 +12,8 @@ import scipy.sparse.linalg
 from numpy.typing import NDArray
 
 from gppcs.engine.blas import one_blas_thread
-from gppcs.engine.kernels import kernel
-from gppcs.engine.threads import on_ranges
 from gppcs.spatial.farthest_points import farthest_points
-from gppcs.spatial.kdtree import KdTree, nearest_in_tree
+from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import nearest_distances
 
 LEAST_AREA_SHARE = 0.75  # least lumped area, relative to that estimated from spacing; whole surfaces have 0.83 to 1.9
@@ -26,14 +24,10 @@ DENSE_SIZE = 400  # up to this many landmarks, a dense eigensolver is as fast, a
 
 @dataclass(frozen=True)
 class Eigenpairs:
-    """The lowest eigenvalues and eigenfunctions of the Laplace-Beltrami operator, with the surface scaled to area 1.
+    """The lowest eigenpairs of the Laplace-Beltrami operator, with the surface scaled to area 1.
 
-    Attributes
-    ----------
-    eigenvalues : (L,) array, float64
-        Ascending; the first is zero. Divide by the area of the surface for its own eigenvalues.
-    eigenfunctions : (N, L) array, float64
-        Values at the points. The mean of each squared function over the surface is one.
+    Eigenvalues, (L,), ascend from zero; divide by the area of the surface for its own. Eigenfunctions, (N, L), have a
+    mean square of one over the surface.
     """
 
     eigenvalues: NDArray[np.float64]
@@ -131,32 +125,12 @@ def _lift(
     The weight of a landmark at distance x is 1 - 3 x^2 + 2 x^3, and weights are divided by their sum. Distances are
     relative to slightly more than that of the farthest landmark used.
     """
-    tree = KdTree.build(landmarks)
-    lifted = np.empty((len(points), functions.shape[1]), dtype=np.float64)
-    count = min(LIFTING_LANDMARKS, len(landmarks))
-    on_ranges(
-        _weigh_nearest, len(points), tree.points, tree.low, tree.high, functions[tree.order], points, count, lifted,
-        least=64,
-    )  # fmt: skip
+    found, squared = KdTree.build(landmarks).nearest_of(points, min(LIFTING_LANDMARKS, len(landmarks)))
+    # The reach is slightly longer, since landmarks that are all equally far would all have the weight zero.
+    share = np.sqrt(squared) / (1.001 * np.sqrt(squared[:, -1:]))
+    weights = 1.0 - share * share * (3.0 - 2.0 * share)
+    weights /= weights.sum(axis=1, keepdims=True)
+    lifted = np.zeros((len(points), functions.shape[1]))
+    for slot in range(found.shape[1]):
+        lifted += weights[:, slot, None] * functions[found[:, slot]]
     return lifted
-
-
-@kernel
-def _weigh_nearest(begin, end, landmarks, low, high, functions, points, count, lifted):
-    """Fill `lifted`, (N, L), with weighted means of `functions`, (landmarks, L), at `points`, (N, 3)."""
-    found = np.empty(count, dtype=np.int64)
-    squared = np.empty(count, dtype=np.float64)
-    for i in range(begin, end):
-        x, y, z = points[i]
-        nearest_in_tree(landmarks, low, high, x, y, z, found, squared)
-        reach = 1.001 * np.sqrt(squared[-1])  # slightly more, since equally far landmarks would all have weight zero
-        total = 0.0
-        lifted[i] = 0.0
-        for slot in range(count):
-            share = np.sqrt(squared[slot]) / reach
-            weight = 1.0 - share * share * (3.0 - 2.0 * share)
-            total += weight
-            for f in range(functions.shape[1]):
-                lifted[i, f] += weight * functions[found[slot], f]
-        for f in range(functions.shape[1]):
-            lifted[i, f] /= total

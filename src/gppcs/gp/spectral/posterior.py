@@ -9,19 +9,11 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from gppcs.engine.blas import one_blas_thread
-from gppcs.engine.kernels import kernel
-from gppcs.engine.threads import on_ranges
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """The Gaussian posterior of the weights w in f = Phi w; the prior is w ~ N(0, I).
-
-    Attributes
-    ----------
-    mean : (L,) array, float64
-    covariance : (L, L) array, float64
-    """
+    """The Gaussian posterior of the weights w, (L,), in f = Phi w, with the prior w ~ N(0, I)."""
 
     mean: NDArray[np.float64]
     covariance: NDArray[np.float64]
@@ -44,24 +36,4 @@ class Posterior:
 
         Shapes: phi (N, L); returns mean, variance (N,).
         """
-        mean, variance = np.empty(len(phi)), np.empty(len(phi))
-        on_ranges(_predict, len(phi), phi, self.mean, np.linalg.cholesky(self.covariance), mean, variance, least=32)
-        return mean, variance
-
-
-@kernel(fastmath={"contract", "reassoc", "nsz"})
-def _predict(begin, end, phi, weight_mean, factor, mean, variance):
-    """Fill `mean` and `variance`, (N,), from `phi` (N, L), `weight_mean` (L,) and a Cholesky factor (L, L)."""
-    count = phi.shape[1]
-    for i in range(begin, end):
-        total = 0.0
-        for c in range(count):
-            total += phi[i, c] * weight_mean[c]
-        mean[i] = total
-        squares = 0.0
-        for c in range(count):
-            part = 0.0
-            for r in range(c, count):
-                part += phi[i, r] * factor[r, c]
-            squares += part * part
-        variance[i] = squares
+        return phi @ self.mean, ((phi @ np.linalg.cholesky(self.covariance)) ** 2).sum(axis=1)

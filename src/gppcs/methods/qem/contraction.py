@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Callable
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +16,12 @@ from gppcs.surface.error_quadrics import NUMBERS, add_moved, add_plane, value
 from gppcs.surface.surface_variation import features_of_nearest
 
 IN_PLANE = 1e-14  # a point counts as in a plane if the squared sine of its angle to the plane is below this
-CONTRACTIONS_PER_CALL = 16384  # progress is reported after each call of the kernel, so after this many contractions
+# Progress is reported after so many contractions, or this share of those left: each call builds a heap of all points.
+CONTRACTIONS_PER_CALL, SHARE_PER_CALL = 16384, 8
 
 
 def contraction_order(
-    points: NDArray[np.float64],
-    neighbours: int = 8,
-    tree: KdTree | None = None,
-    advanced: Callable[[int], None] | None = None,
+    points: NDArray[np.float64], neighbours: int = 8, advanced: Callable[[int], None] | None = None
 ) -> NDArray[np.int64]:
     """Contract pairs of neighbours, the cheapest first, until one point is left.
 
@@ -35,18 +34,20 @@ def contraction_order(
 
     Shapes: points (N, 3); returns (N,).
     """
-    tree = tree or KdTree.build(points)
+    tree = KdTree.build(points)
     n = len(points)
     members, nearest = np.arange(n), tree.neighbours(min(neighbours, n - 1))[0]
-    cloud = _Cloud.build(tree, nearest)
+    cloud = _Cloud(np.ascontiguousarray(tree.points.T), tree.order, np.zeros((n, NUMBERS)))
+    normals = features_of_nearest(tree, nearest.shape[1] + 1).normals[tree.order]
+    _add_planes(cloud.points, nearest, normals, cloud.quadrics)
     alive = np.ones(n, dtype=np.bool_)
     removed = np.empty(n, dtype=np.int64)
     count = 0
     while count < n - 1:
-        graph = _Graph.build(cloud, members, nearest)
+        graph = _connected(cloud, members, nearest)
         stuck = False
         while not stuck and count < n - 1:
-            end = min(count + CONTRACTIONS_PER_CALL, n - 1)
+            end = min(count + max(CONTRACTIONS_PER_CALL, (n - count) // SHARE_PER_CALL), n - 1)
             reached = _contract(cloud, graph, alive, removed, count, end)
             if advanced:
                 advanced(reached - count)
@@ -67,15 +68,6 @@ class _Cloud(NamedTuple):
     order: NDArray[np.int64]
     quadrics: NDArray[np.float64]
 
-    @classmethod
-    def build(cls, tree: KdTree, nearest: NDArray[np.int64]) -> Self:
-        """Compute the quadrics of the points from their neighbours, `nearest`, (N, k)."""
-        points = np.ascontiguousarray(tree.points.T)
-        quadrics = np.zeros((len(points), NUMBERS))
-        normals = features_of_nearest(tree, nearest.shape[1] + 1).normals[tree.order]
-        _add_planes(points, nearest, normals, quadrics)
-        return cls(points, tree.order, quadrics)
-
 
 @kernel
 def _add_planes(points, neighbours, normals, quadrics):
@@ -93,67 +85,56 @@ def _add_planes(points, neighbours, normals, quadrics):
 class _Graph(NamedTuple):
     """The neighbours of each point, and its cheapest contraction with one of them.
 
-    Point i has the k slots from k i on; each holds the position of a neighbour or -1. All slots that hold the same
-    point form a linked list: `first`, (N,), starts it, and `following` and `previous`, (k N,), connect it. `cost`,
-    `squared` (length) and `partner`, (N,), describe the cheapest contraction of each point. `winner`, (2 N,), is a
-    tournament tree: point i is at N + i, and the point of the next contraction at 1.
+    Point i has the k slots from k i on; each holds the position of a neighbour or -1. All slots that hold point i form
+    a ring by `following` and `previous`, (k N + N,), together with the place k N + i, which is in no slot. `cost`,
+    `squared` (length) and `partner`, (N,), describe the cheapest contraction of each point.
     """
 
     slots: NDArray[np.int64]
-    first: NDArray[np.int64]
     following: NDArray[np.int64]
     previous: NDArray[np.int64]
     cost: NDArray[np.float64]
     squared: NDArray[np.float64]
     partner: NDArray[np.int64]
-    winner: NDArray[np.int64]
 
-    @classmethod
-    def build(cls, cloud: _Cloud, members: NDArray[np.int64], nearest: NDArray[np.int64]) -> Self:
-        """Connect the points `members`, (m,), with their neighbours, the rows of `nearest`, (m, k)."""
-        n, k = len(cloud.points), nearest.shape[1]
-        slots = np.full((n, k), -1)
-        slots[members] = nearest
-        graph = cls(
-            slots.ravel(), np.full(n, -1), np.empty(n * k, dtype=np.int64), np.empty(n * k, dtype=np.int64),
-            np.full(n, np.inf), np.full(n, np.inf), np.full(n, -1), np.arange(2 * n) - n,
-        )  # fmt: skip
-        _start(cloud, graph, members)
-        return graph
+
+def _connected(cloud: _Cloud, members: NDArray[np.int64], nearest: NDArray[np.int64]) -> _Graph:
+    """Connect the points `members`, (m,), with their neighbours, the rows of `nearest`, (m, k)."""
+    n, k = len(cloud.points), nearest.shape[1]
+    slots = np.full((n, k), -1)
+    slots[members] = nearest
+    places = np.arange(n * k + n)
+    costs = (np.full(n, np.inf), np.full(n, np.inf), np.full(n, -1))
+    graph = _Graph(slots.ravel(), places, places.copy(), *costs)
+    _start(cloud, graph, members)
+    return graph
 
 
 @kernel
 def _start(cloud, graph, members):
-    """Build the linked lists, the cheapest contractions and the tournament tree of the points `members`, (m,)."""
+    """Build the rings of slots and find the cheapest contractions of the points `members`, (m,)."""
     for slot in range(len(graph.slots)):
         if graph.slots[slot] >= 0:
             _link(graph, slot, graph.slots[slot])
     for i in members:
         _find_partner(cloud, graph, i)
-    for node in range(len(graph.cost) - 1, 0, -1):
-        graph.winner[node] = _better(cloud, graph, graph.winner[2 * node], graph.winner[2 * node + 1])
 
 
 @kernel
 def _link(graph, slot, point):
     """Put a point into a slot."""
-    after = graph.first[point]
-    graph.slots[slot], graph.following[slot], graph.previous[slot] = point, after, -1
-    if after >= 0:
-        graph.previous[after] = slot
-    graph.first[point] = slot
+    start = len(graph.slots) + point
+    after = graph.following[start]
+    graph.slots[slot] = point
+    graph.previous[slot], graph.following[slot] = start, after
+    graph.following[start] = graph.previous[after] = slot
 
 
 @kernel
 def _unlink(graph, slot):
     """Empty a slot."""
     before, after = graph.previous[slot], graph.following[slot]
-    if before >= 0:
-        graph.following[before] = after
-    else:
-        graph.first[graph.slots[slot]] = after
-    if after >= 0:
-        graph.previous[after] = before
+    graph.following[before], graph.previous[after] = after, before
     graph.slots[slot] = -1
 
 
@@ -178,9 +159,7 @@ def _consider(cloud, graph, i, j):
     cost = min(_cost(cloud, i, j), _cost(cloud, j, i))
     step = _step(cloud, i, j)
     squared = dot(step, step)
-    if cost > graph.cost[i] or (cost == graph.cost[i] and squared > graph.squared[i]):
-        return False
-    if cost == graph.cost[i] and squared == graph.squared[i] and cloud.order[j] > cloud.order[graph.partner[i]]:
+    if (cost, squared, cloud.order[j]) > (graph.cost[i], graph.squared[i], cloud.order[graph.partner[i]]):
         return False
     graph.cost[i], graph.squared[i], graph.partner[i] = cost, squared, j
     return True
@@ -197,26 +176,9 @@ def _find_partner(cloud, graph, i):
 
 
 @kernel
-def _better(cloud, graph, i, j):
-    """Return the one of two points whose contraction comes first."""
-    if graph.cost[i] != graph.cost[j]:
-        return i if graph.cost[i] < graph.cost[j] else j
-    if graph.squared[i] != graph.squared[j]:
-        return i if graph.squared[i] < graph.squared[j] else j
-    return i if cloud.order[i] < cloud.order[j] else j
-
-
-@kernel
-def _play(cloud, graph, i):
-    """Update the tournament tree after the contraction of point i has changed."""
-    winner = graph.winner
-    node = (len(graph.cost) + i) // 2
-    while node:
-        best = _better(cloud, graph, winner[2 * node], winner[2 * node + 1])
-        if best == winner[node] and best != i:
-            break
-        winner[node] = best
-        node //= 2
+def _rank(cloud, graph, i):
+    """Return the key of the contraction of a point in the heap, which pops the smallest first."""
+    return graph.cost[i], graph.squared[i], cloud.order[i], i
 
 
 @kernel
@@ -224,23 +186,27 @@ def _contract(cloud, graph, alive, removed, begin, end):
     """Fill `removed`, (N,), from `begin` to `end`; return where it stopped, because no pairs were left or at `end`."""
     k = len(graph.slots) // len(graph.cost)
     nearest, squared = np.empty(k, dtype=np.int64), np.empty(k, dtype=np.float64)
-    for count in range(begin, end):
-        i = graph.winner[1]
-        if graph.cost[i] == np.inf:
-            return count
+    heap = [_rank(cloud, graph, i) for i in range(len(alive)) if graph.cost[i] < np.inf]
+    heapq.heapify(heap)
+    count = begin
+    while count < end and heap:
+        cost, length, _, i = heapq.heappop(heap)
+        if cost != graph.cost[i] or length != graph.squared[i]:
+            continue  # its cheapest contraction is another by now
         j = graph.partner[i]
         there, here = _cost(cloud, i, j), _cost(cloud, j, i)
         stays = here < there or (here == there and cloud.order[i] < cloud.order[j])
         kept, gone = (i, j) if stays else (j, i)
         alive[gone], removed[count] = False, gone
+        count += 1
         _merge_neighbours(cloud, graph, gone, kept, nearest, squared)
         add_moved(cloud.quadrics[gone], _step(cloud, gone, kept), cloud.quadrics[kept])
         graph.cost[gone] = np.inf
-        _play(cloud, graph, gone)
         _find_partner(cloud, graph, kept)
-        _play(cloud, graph, kept)
-        _tell_neighbours(cloud, graph, gone, kept)
-    return end
+        if graph.cost[kept] < np.inf:
+            heapq.heappush(heap, _rank(cloud, graph, kept))
+        _update_neighbours(cloud, graph, gone, kept, heap)
+    return count
 
 
 @kernel
@@ -258,25 +224,15 @@ def _merge_neighbours(cloud, graph, gone, kept, nearest, squared):
                 _unlink(graph, slot)
                 if other != gone and other != kept:
                     found = _insert(cloud, kept, other, nearest, squared, found)
-    slot = graph.first[gone]
-    while slot >= 0:
+    slot = graph.following[len(graph.slots) + gone]
+    while slot < len(graph.slots):
         after = graph.following[slot]
         _unlink(graph, slot)
-        if not _knows(graph, slot // k, kept):
+        if not (graph.slots[slot // k * k : slot // k * k + k] == kept).any():
             _link(graph, slot, kept)
         slot = after
     for rank in range(found):
         _link(graph, k * kept + rank, nearest[rank])
-
-
-@kernel
-def _knows(graph, point, other):
-    """Return whether a point has another as a neighbour."""
-    k = len(graph.slots) // len(graph.cost)
-    for slot in range(k * point, k * (point + 1)):  # noqa: SIM110 (Numba has no generators)
-        if graph.slots[slot] == other:
-            return True
-    return False
 
 
 @kernel
@@ -303,15 +259,15 @@ def _insert(cloud, point, other, nearest, squared, found):
 
 
 @kernel
-def _tell_neighbours(cloud, graph, gone, kept):
+def _update_neighbours(cloud, graph, gone, kept, heap):
     """Update the cheapest contraction of each point that has `kept` as a neighbour."""
     k = len(graph.slots) // len(graph.cost)
-    slot = graph.first[kept]
-    while slot >= 0:
+    slot = graph.following[len(graph.slots) + kept]
+    while slot < len(graph.slots):
         owner = slot // k
         changed = graph.partner[owner] == kept or graph.partner[owner] == gone
         if changed:
             _find_partner(cloud, graph, owner)
         if changed or _consider(cloud, graph, owner, kept):
-            _play(cloud, graph, owner)
+            heapq.heappush(heap, _rank(cloud, graph, owner))
         slot = graph.following[slot]

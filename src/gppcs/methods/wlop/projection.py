@@ -138,20 +138,25 @@ def _move(begin, end, points, low, high, weights, samples, sample_low, sample_hi
         near_samples = found_samples[:count]
         for i in range(*leaf_range(m, leaves, leaves + leaf)):
             x, y, z = samples[0, i], samples[1, i], samples[2, i]
-            ax, ay, az = _attraction(points, low, high, weights, near, radius, x, y, z, shares)
-            rx, ry, rz = _repulsion(samples, sample_low, sample_high, omega, near_samples, radius, x, y, z, shares)
-            moved[0, i], moved[1, i], moved[2, i] = x + ax + mu * rx, y + ay + mu * ry, z + az + mu * rz
+            ax, ay, az, _ = _pull(points, low, high, weights, near, radius, x, y, z, False, shares)
+            bx, by, bz, within = _pull(
+                samples, sample_low, sample_high, omega, near_samples, radius, x, y, z, True, shares
+            )
+            push = -mu if within > 2 else 0.0
+            moved[0, i], moved[1, i], moved[2, i] = x + ax + push * bx, y + ay + push * by, z + az + push * bz
 
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
-def _attraction(points, low, high, weights, near, radius, x, y, z, shares):
-    """Return the vector to the weighted mean of the points, (3, N), around (x, y, z); zero if there are none.
+def _pull(points, low, high, weights, near, radius, x, y, z, by_square, shares):
+    """Return the vector to the weighted mean of the points, (3, N), around (x, y, z), and how many lie within reach.
 
-    `shares`, (LEAF_SIZE,), is room for the weights of a leaf's points. Loops over slices that fill one array are
-    vectorised; sums are not, so that they keep their order.
+    The vector is zero if there are no points. Weights are divided by the squared distance if `by_square`. `shares`,
+    (LEAF_SIZE,), is room for the weights of a leaf's points. Loops over slices that fill one array are vectorised; sums
+    are not, so that they keep their order.
     """
     leaves = first_leaf(low)
     n = points.shape[1]
+    within = 0
     total = sx = sy = sz = 0.0
     for node in near:
         if squared_distance_to_box(low[node], high[node], x, y, z) > radius * radius:
@@ -161,43 +166,20 @@ def _attraction(points, low, high, weights, near, radius, x, y, z, shares):
         for j in range(len(xs)):
             dx, dy, dz = xs[j] - x, ys[j] - y, zs[j] - z
             shares[j] = (dx * dx + dy * dy + dz * dz) / (radius * radius)
-        for j in range(len(xs)):
-            t, weight = shares[j], of_points[j]
-            shares[j] = _theta(t) * (weight if t >= SAME_PLACE else 0.0)
+        if by_square:
+            for j in range(len(xs)):
+                within += int(shares[j] <= 1.0)
+            for j in range(len(xs)):
+                t, weight = shares[j], of_points[j]
+                shares[j] = (weight if t >= SAME_PLACE else 0.0) * _theta(t) / max(t, SAME_PLACE)
+        else:
+            for j in range(len(xs)):
+                t, weight = shares[j], of_points[j]
+                shares[j] = (weight if t >= SAME_PLACE else 0.0) * _theta(t)
         total, sx, sy, sz = _add_up(shares, xs, ys, zs, x, y, z, total, sx, sy, sz)
     if total > 0.0:
-        return sx / total, sy / total, sz / total
-    return 0.0, 0.0, 0.0
-
-
-@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
-def _repulsion(samples, low, high, omega, near, radius, x, y, z, shares):
-    """Return the weighted mean vector away from the samples, (3, M), around (x, y, z); zero for fewer than two.
-
-    `shares` is as in `_attraction`.
-    """
-    leaves = first_leaf(low)
-    m = samples.shape[1]
-    within = 0
-    total = sx = sy = sz = 0.0
-    for node in near:
-        if squared_distance_to_box(low[node], high[node], x, y, z) > radius * radius:
-            continue
-        begin, end = leaf_range(m, leaves, node)
-        xs, ys, zs = samples[0, begin:end], samples[1, begin:end], samples[2, begin:end]
-        of_samples = omega[begin:end]
-        for k in range(len(xs)):
-            dx, dy, dz = x - xs[k], y - ys[k], z - zs[k]
-            shares[k] = (dx * dx + dy * dy + dz * dz) / (radius * radius)
-        for k in range(len(xs)):
-            within += int(shares[k] <= 1.0)
-        for k in range(len(xs)):
-            t, weight = shares[k], of_samples[k]
-            shares[k] = (weight if t >= SAME_PLACE else 0.0) * _theta(t) / max(t, SAME_PLACE)
-        total, sx, sy, sz = _add_up(shares, xs, ys, zs, x, y, z, total, sx, sy, sz)
-    if within > 2 and total > 0.0:
-        return -sx / total, -sy / total, -sz / total
-    return 0.0, 0.0, 0.0
+        return sx / total, sy / total, sz / total, within
+    return 0.0, 0.0, 0.0, within
 
 
 @kernel(fastmath={"nsz", "contract"})
