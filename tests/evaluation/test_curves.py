@@ -75,11 +75,6 @@ def test_sizes_that_take_all_points_but_repeats_change_no_other():
         assert (long.errors["mean"][2:] == 0.0).all()
 
 
-def test_coordinates_as_large_as_numbers_go():
-    large = (CLOUD.points - CLOUD.points.min(axis=0)) * (1.7e308 / np.ptp(CLOUD.points, axis=0).max())
-    assert np.isfinite(gppcs.curve(large, ["fps"], sizes=[50])[0].errors["mean"]).all()
-
-
 @pytest.mark.parametrize("original", [np.empty((0, 3)), np.full((2, 3), np.nan)])
 def test_a_curve_needs_an_original_with_points(original):
     with pytest.raises(gppcs.InputError, match=r"the cloud is empty|none of the 2 points"):
@@ -105,3 +100,8 @@ def test_sizes_that_are_none_are_refused(sizes):
         return
     with pytest.raises(gppcs.ParameterError, match="size"):
         gppcs.curve(CLOUD, ["random"], sizes=sizes)
+
+
+def test_coordinates_as_large_as_numbers_go():
+    large = (CLOUD.points - CLOUD.points.min(axis=0)) * (1.7e308 / np.ptp(CLOUD.points, axis=0).max())
+    assert np.isfinite(gppcs.curve(large, ["fps"], sizes=[50])[0].errors["mean"]).all()

@@ -1,7 +1,5 @@
 """The figures of a simplification: their definitions, what leaves them as they are, what is refused."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -60,11 +58,6 @@ def test_distances_equal_their_definitions(pair):
     assert report.mean_distance == pytest.approx(distance.min(axis=1).mean())
     assert report.chamfer == pytest.approx((distance.min(axis=1) ** 2).mean() + (distance.min(axis=0) ** 2).mean())
     assert report.diagonal == pytest.approx(np.linalg.norm(np.ptp(original, axis=0)))
-
-
-def test_figures_of_the_surface_equal_their_definitions(pair):
-    original, simplified = pair
-    report = gppcs.evaluate(original, simplified)
     distances, _ = LocalSurface.of(simplified).nearest_to(original)
     assert report.surface_mean == pytest.approx(distances.mean())
     assert report.surface_rms == pytest.approx(np.sqrt((distances**2).mean()))
@@ -86,17 +79,6 @@ def test_the_feature_error_is_the_mean_of_distance_times_angle(pair):
     assert gppcs.evaluate(original, simplified).feature_error == pytest.approx(expected, rel=1e-4)
 
 
-def test_the_feature_error_tells_an_edge_cut_off_from_a_shifted_face():
-    """A roof whose ridge is cut off by as much, on average, as a flat sheet is lifted: only the former is tilted."""
-    x, y = (grid.ravel() for grid in np.meshgrid(np.linspace(-1, 1, 81), np.linspace(-1, 1, 81)))
-    roof, sheet = np.stack([x, y, -np.abs(x)], axis=1), np.stack([x, y, 0 * x], axis=1)
-    cut = roof[np.abs(x) > 0.3]
-    cut_off = gppcs.evaluate(roof, cut)
-    lifted = gppcs.evaluate(sheet, sheet + np.array([0, 0, cut_off.surface_mean]))
-    assert lifted.surface_mean == pytest.approx(cut_off.surface_mean, rel=1e-6)
-    assert cut_off.feature_error > 100 * lifted.feature_error
-
-
 def test_recall_is_the_share_of_rough_points_near_kept_ones():
     """Two ridges, alike, of which one is kept whole and the other not at all."""
     column, row = (grid.ravel() for grid in np.meshgrid(np.arange(61), np.arange(61)))
@@ -107,23 +89,6 @@ def test_recall_is_the_share_of_rough_points_near_kept_ones():
     assert gppcs.evaluate(original, kept).feature_recall == pytest.approx(0.5, abs=0.03)  # ties at the edge of a tenth
 
 
-def lattice_cube(n):
-    """The surface of a cube as a lattice, on whose edges all points have the same variation but for rounding."""
-    lattice = np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    return lattice[np.isin(lattice, [0, n - 1]).any(axis=1)].astype(float)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_recall_does_not_depend_on_the_rounding_of_equal_variations(seed):
-    cube = lattice_cube(31)
-    kept = cube[gppcs.simplify(cube, n_points=300, method="top-variation").indices]
-    rotation = Rotation.from_quat(np.random.default_rng(seed).standard_normal(4)).as_matrix()
-    expected = gppcs.evaluate(cube, kept).feature_recall
-    assert 0 < expected < 0.95
-    turned = gppcs.evaluate(cube @ rotation, kept @ rotation).feature_recall
-    assert turned == pytest.approx(expected, abs=0.03)  # found 0.021: ties among the 25 nearest are left
-
-
 def test_ties_of_variation_count_whole():
     variation = 0.1 * np.ones(100) * (1 + 1e-15 * np.random.default_rng(0).standard_normal(100))
     variation[:70] = 1e-14
@@ -132,14 +97,6 @@ def test_ties_of_variation_count_whole():
     assert judge._rough(variation).all()
     variation[-5:] = 0.2
     assert np.flatnonzero(judge._rough(variation)).tolist() == list(range(95, 100))
-
-
-def test_recall_of_a_flat_cloud_is_that_of_all_points():
-    lattice = np.stack(np.meshgrid(np.arange(40.0), np.arange(40.0), [0.0]), axis=-1).reshape(-1, 3)
-    jitter = 1e-9 * np.random.default_rng(0).random((len(lattice), 1)) * [0, 0, 1]
-    for original in (lattice, lattice + jitter):
-        kept = original[original[:, 0] < 20]
-        assert gppcs.evaluate(original, kept).feature_recall == pytest.approx(0.5, abs=0.05)
 
 
 def test_normal_deviation_is_the_angle_of_a_fold():
@@ -172,14 +129,6 @@ def test_rotation_shift_and_scale_change_figures_as_their_units_say(pair, seed, 
         factor = {"length": scale, "squared length": scale**2}.get(figure.unit, 1)
         if name not in OF_THE_BOX:
             assert getattr(after, name) == pytest.approx(factor * getattr(before, name), rel=1e-5), name
-
-
-def test_shift_and_axis_swap_change_nothing(pair):
-    def moved(points):
-        return points[:, [2, 0, 1]] * [1, -1, 1] + [500, -700, 20]
-
-    before, after = gppcs.evaluate(*pair), gppcs.evaluate(*map(moved, pair))
-    assert after.figures() == pytest.approx(before.figures(), rel=1e-6)
 
 
 def test_relative_figures_are_in_diagonals(pair):
@@ -251,8 +200,7 @@ def test_a_cloud_that_crowds_on_the_original_is_not_refused(sphere, size):
 
 def test_a_single_point_lies_nowhere_else():
     point = np.array([[0.1, 0.2, 0.3]])
-    for simplified in (point, point.astype(np.float32)):
-        gppcs.evaluate(point, simplified)
+    gppcs.evaluate(point, point.astype(np.float32))
     with pytest.raises(gppcs.InputError, match="does not lie on the original"):
         gppcs.evaluate(point, point + 1e-3)
 
@@ -269,12 +217,6 @@ def test_sizes_whose_squares_are_no_numbers_are_refused(factor):
         gppcs.evaluate(points, points, mesh)
 
 
-@pytest.mark.parametrize("factors", [(1e-65, 1e65), (1e65, 1e-65)])
-def test_sizes_far_apart_are_refused(pair, factors):
-    with pytest.raises(gppcs.InputError, match="does not lie on the original"):
-        gppcs.evaluate(factors[0] * pair[0], factors[1] * pair[1])
-
-
 @pytest.mark.parametrize("factor", [1e65, 1e-65])
 def test_sizes_that_are_allowed_are_measured(pair, factor):
     before, after = gppcs.evaluate(*pair), gppcs.evaluate(*(factor * points for points in pair))
@@ -286,21 +228,10 @@ def test_sizes_that_are_allowed_are_measured(pair, factor):
 
 @pytest.fixture(scope="module")
 def ball(sphere):
+    """A mesh, points of it, and their report."""
     pytest.importorskip("pymeshlab")
     mesh, points = hull_mesh(sphere[-5000:]), sphere[:3000]
-    return (
-        mesh,
-        points,
-        gppcs.evaluate(sphere, with_normals(points, points), mesh),
-    )
-
-
-@pytest.mark.slow
-def test_a_sphere_is_rebuilt(ball):
-    for rebuilt in (ball[2].rebuilt, ball[2].rebuilt_carried):
-        assert 0 < rebuilt.hausdorff_mean < 2e-3 < 0.02 > rebuilt.hausdorff_max > rebuilt.hausdorff_mean
-        assert 0 < rebuilt.back_mean < 2e-3
-        assert (rebuilt.pieces, rebuilt.stray_share) == (1, 0)
+    return mesh, points, gppcs.evaluate(sphere, with_normals(points, points), mesh)
 
 
 @pytest.mark.slow
@@ -328,15 +259,7 @@ def test_a_stray_piece_is_told(ball, sphere):
     assert with_stray.back_max > 1
 
 
-def test_a_mesh_elsewhere_is_refused(ball, sphere):
-    mesh, points, _ = ball
-    with pytest.raises(
-        gppcs.InputError, match=r"the mesh does not lie on the original.*of 3.4.e.03, that of the original 3.4"
-    ):
-        gppcs.evaluate(sphere, points, dataclasses.replace(mesh, vertices=1000 * mesh.vertices))
-
-
-@pytest.mark.parametrize("offset", [[5e5, 5.2e6, 0], [0, 0, 10]])
+@pytest.mark.parametrize("offset", [[5e5, 5.2e6, 0], [0, 0, 3.5]])
 def test_a_mesh_far_away_is_refused_at_once(ball, sphere, offset, monkeypatch):
     """PyMeshLab would take minutes."""
     monkeypatch.setattr(reconstruction, "distances_to", None)
@@ -385,19 +308,6 @@ def test_figures_with_estimated_normals_stay_where_the_carried_ones_give_no_surf
     again = gppcs.evaluate(sphere, with_normals(points, points), mesh)
     assert again.rebuilt == report.rebuilt
     assert again.rebuilt_carried is None
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("far", [1e6, -1e6])
-def test_mesh_figures_do_not_depend_on_place_and_unit(ball, sphere, far):
-    mesh, points, report = ball
-    moved = gppcs.evaluate(
-        *(1e3 * cloud + far for cloud in (sphere, points)),
-        dataclasses.replace(mesh, vertices=1e3 * mesh.vertices + far),
-    )
-    assert moved.figures(relative=True)["hausdorff_mean"] == pytest.approx(
-        report.figures(relative=True)["hausdorff_mean"], rel=0.05
-    )
 
 
 @pytest.fixture(scope="module")
@@ -491,14 +401,6 @@ def test_clouds_may_be_a_tenth_of_the_diagonal_apart():
     assert gppcs.evaluate(lattice, lattice[::3] + 0.099 * up).mean_distance > 0
     with pytest.raises(gppcs.InputError, match="does not lie on"):
         gppcs.evaluate(lattice, lattice[::3] + 0.101 * up)
-
-
-def test_every_figure_has_a_definition():
-    for report in (gppcs.Report, gppcs.Rebuilt):
-        fields = {field.name for field in dataclasses.fields(report)} - {"rebuilt", "rebuilt_carried", "mesh"}
-        assert set(gppcs.figures_of(report)) == fields
-    assert judge.FEATURE_QUANTILE == 0.9  # as the definitions say
-    assert judge.STRAY_DISTANCE == 1 / 20
 
 
 @pytest.mark.parametrize("far", [10, 1e6, 1e12])

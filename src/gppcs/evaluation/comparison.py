@@ -111,11 +111,11 @@ def compare(
     original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without dropped points
     entries = []
     for method in chosen:
-        _prepare_kernels(original, method)
+        # A run on a part of the cloud compiles the kernels before the method is timed.
+        simplify(original.points[:: max(1, len(original) // PREPARATION_POINTS)], ratio=0.1, method=method)
         start = perf_counter()
-        result = simplify(
-            cloud, ratio=ratio, n_points=n_points, method=method, invalid=invalid, stages=stages.anew()
-        )  # fmt: skip
+        run = stages.anew()
+        result = simplify(cloud, ratio=ratio, n_points=n_points, method=method, invalid=invalid, stages=run)
         seconds = perf_counter() - start - result.seconds.get(COMPILATION, 0.0)
         report, failure = judged(original, result.cloud, mesh, stages)
         entries.append(Entry(result, report, seconds, str(failure) if failure else None))
@@ -138,8 +138,7 @@ def rebuilt_mesh(cloud: PointCloud, original: PointCloud) -> Mesh | None:
     """Return the surface rebuilt from a cloud, for a picture."""
     from gppcs.evaluation.reconstruction import estimated_normals, reconstruct
 
-    normals = original.normals()
-    corner = original.points.min(axis=0)
+    normals, corner = original.normals(), original.points.min(axis=0)
     points = cloud.points - corner
     guides = () if normals is None else (original.points - corner, normals)
     try:
@@ -158,8 +157,3 @@ def trimmed_mesh(mesh: Mesh, original: PointCloud) -> Mesh | None:
         return without_membranes(mesh.shifted(-corner), original.points - corner).shifted(corner)
     except NoSurfaceError:
         return None
-
-
-def _prepare_kernels(original: PointCloud, method: Method) -> None:
-    """Run the method on a part of the cloud, so that its kernels are compiled before it is timed."""
-    simplify(original.points[:: max(1, len(original) // PREPARATION_POINTS)], ratio=0.1, method=method)

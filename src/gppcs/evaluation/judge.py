@@ -140,15 +140,13 @@ def evaluate_mesh(
     from gppcs.spatial.cells import first_occurrences
     from gppcs.surface.local_surface import LocalSurface
 
-    require_mesh(simplified)
+    _require_measurable_mesh(simplified)
     original = PointCloud.of(original)
     require_original(original, mesh)
-    _require_measurable(simplified.vertices, "mesh")
     before = original.usable("original cloud")
     frame = _Frame.of(before)
     before = frame.inside(before[first_occurrences(before)])
-    simplified = Mesh(frame.inside(simplified.vertices), simplified.faces)
-    mesh = None if mesh is None else Mesh(frame.inside(mesh.vertices), mesh.faces)
+    simplified, mesh = frame.mesh_inside(simplified), mesh and frame.mesh_inside(mesh)
     with Stages.of(stages)("distances"):
         _require_mesh_near(simplified, before, before, frame)
         used = simplified.vertices[np.unique(simplified.faces)]
@@ -162,10 +160,8 @@ def evaluate_mesh(
         vertices=len(used),
         triangles=len(simplified.faces),
         diagonal=frame.diagonal,
-        mesh_mean=float(forth.mean()),
-        mesh_max=float(forth.max()),
-        mesh_back_mean=float(back.mean()),
-        mesh_back_max=float(back.max()),
+        **_mean_and_max("mesh", forth),
+        **_mean_and_max("mesh_back", back),
         mesh_pieces=topology.pieces,
         borders=topology.borders,
         genus=math.nan if topology.genus is None else float(topology.genus),
@@ -178,19 +174,14 @@ def evaluate_mesh(
 
 
 def require_original(original: CloudLike, mesh: Mesh | None) -> None:
-    """Raise an error if a cloud, or its surface, cannot be what results are compared with.
-
-    Shapes: original (N, 3).
-    """
+    """Raise an error if a cloud, (N, 3), or its surface, cannot be what results are compared with."""
     points = PointCloud.of(original).usable("original cloud")
     _require_measurable(points, "original cloud")
-    if mesh is None:
-        return
-    require_mesh(mesh)
-    _require_measurable(mesh.vertices, "mesh")
-    frame = _Frame.of(points)
-    inside = frame.inside(points)
-    _require_mesh_near(Mesh(frame.inside(mesh.vertices), mesh.faces), inside, inside, frame)
+    if mesh is not None:
+        _require_measurable_mesh(mesh)
+        frame = _Frame.of(points)
+        inside = frame.inside(points)
+        _require_mesh_near(frame.mesh_inside(mesh), inside, inside, frame)
 
 
 def _qualities(mesh: Mesh) -> Points:
@@ -204,23 +195,17 @@ def _qualities(mesh: Mesh) -> Points:
 def judged(
     original: CloudLike, simplified: CloudLike, mesh: Mesh | None, stages: Stages
 ) -> tuple[Report, NoSurfaceError | None]:
-    """Return the report of `evaluate`, also if no surface can be rebuilt.
-
-    Shapes: original (N, 3), simplified (M, 3).
-    """
+    """Return the report of `evaluate`, (N, 3) and (M, 3), and why no surface could be rebuilt, if none could."""
     from gppcs.spatial.cells import first_occurrences
 
-    clouds = [PointCloud.of(cloud) for cloud in (original, simplified)]
-    before, after = (
-        cloud.usable(f"{name} cloud") for cloud, name in zip(clouds, ("original", "simplified"), strict=True)
-    )
-    for points, name in ((before, "original cloud"), (after, "simplified cloud")):
-        _require_measurable(points, name)
+    original, simplified = PointCloud.of(original), PointCloud.of(simplified)
+    before, after = original.usable("original cloud"), simplified.usable("simplified cloud")
+    _require_measurable(before, "original cloud")
+    _require_measurable(after, "simplified cloud")
     normals = None
     if mesh is not None:
-        require_mesh(mesh)
-        _require_measurable(mesh.vertices, "mesh")
-        normals = _carried_normals(clouds[1])
+        _require_measurable_mesh(mesh)
+        normals = _carried_normals(simplified)
     frame = _Frame.of(before)
     counts, first = (len(before), len(after)), first_occurrences(after)
     before, after = (frame.inside(points) for points in (before[first_occurrences(before)], after[first]))
@@ -228,7 +213,7 @@ def judged(
         report = frame.outside(_without_mesh(before, after, frame, counts))
     if mesh is None:
         return report, None
-    mesh, failure = Mesh(frame.inside(mesh.vertices), mesh.faces), None
+    mesh, failure = frame.mesh_inside(mesh), None
     with stages("rebuilding"):
         _require_mesh_near(mesh, before, after, frame)
         try:
@@ -269,6 +254,10 @@ class _Frame:
         """Return points (N, 3) in the coordinates of the frame."""
         return (points - self.corner) / self.unit
 
+    def mesh_inside(self, mesh: Mesh) -> Mesh:
+        """Return a mesh in the coordinates of the frame."""
+        return Mesh(self.inside(mesh.vertices), mesh.faces)
+
     def outside(self, part: ReportPart) -> ReportPart:
         """Return figures in the unit of the clouds, given the same figures in the unit of the frame."""
         values: dict[str, Any] = {
@@ -287,6 +276,17 @@ def _require_measurable(points: Points, name: str) -> None:
         raise InputError(
             f"expected the {name} to have a size of {least:g} to {most:g}, found {found}: change the unit of all inputs"
         )
+
+
+def _require_measurable_mesh(mesh: Mesh) -> None:
+    """Raise an error if an object is no mesh, or too large or too small."""
+    require_mesh(mesh)
+    _require_measurable(mesh.vertices, "mesh")
+
+
+def _mean_and_max(name: str, distances: Points) -> dict[str, Any]:
+    """Return the mean and the largest of distances, (K,), as figures."""
+    return {f"{name}_mean": float(distances.mean()), f"{name}_max": float(distances.max())}
 
 
 def _carried_normals(cloud: PointCloud) -> Points | None:
@@ -407,10 +407,8 @@ def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, frame: _Frame) 
     astray = (back[rebuilt.faces] > STRAY_DISTANCE * frame.diagonal).any(axis=1)
     figures = Rebuilt(
         mesh=Mesh(frame.corner + frame.unit * rebuilt.vertices, rebuilt.faces),
-        hausdorff_mean=float(forth.mean()),
-        hausdorff_max=float(forth.max()),
-        back_mean=float(back.mean()),
-        back_max=float(back.max()),
+        **_mean_and_max("hausdorff", forth),
+        **_mean_and_max("back", back),
         pieces=rebuilt.count_pieces(),
         stray_share=float(areas[astray].sum() / areas.sum()),
     )

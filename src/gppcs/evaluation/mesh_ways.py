@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -30,36 +31,40 @@ class Wanted:
     stages: Stages
 
     def kept(self) -> NDArray[np.int64]:
-        """Return the points that `gp` keeps.
-
-        Shapes: returns (M,).
-        """
+        """Return the rows of the points that `gp` keeps, (M,)."""
         return simplify(self.cloud, n_points=self.n_vertices, stages=self.stages).indices
+
+    def poisson(self, points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
+        """Return the screened Poisson mesh of points, (M, 3), without the parts that lie far from all of them."""
+        with self.stages("Poisson reconstruction"):
+            return without_membranes(reconstruct(points, normals), points)
 
 
 def _ours(wanted: Wanted, moved: bool) -> Mesh:
     return meshed(wanted.cloud, n_points=wanted.n_vertices, moved=moved, stages=wanted.stages).mesh
 
 
-def _poisson_kept(wanted: Wanted) -> Mesh:
+def _with_normals(
+    wanted: Wanted, kept: bool, join: Callable[[Wanted, NDArray[np.float64], NDArray[np.float64]], Mesh]
+) -> Mesh:
+    """Join points, those that `gp` keeps or all, with normals of the surface of all."""
     points, corner, exponent = normalised(wanted.cloud.points)
-    kept = points[wanted.kept()]
-    return _outside(_poisson(kept, _normals(points, kept, wanted), wanted), corner, exponent)
+    places = points[wanted.kept()] if kept else points
+    with wanted.stages("normals"):
+        normals = estimate_normals(points, places if kept else None)
+    made = join(wanted, places, normals)
+    return Mesh(np.ldexp(made.vertices, exponent) + corner, made.faces)
 
 
-def _poisson_decimated(wanted: Wanted) -> Mesh:
-    points, corner, exponent = normalised(wanted.cloud.points)
-    rebuilt = _poisson(points, _normals(points, points, wanted), wanted)
+def _decimated(wanted: Wanted, points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
+    rebuilt = wanted.poisson(points, normals)
     with wanted.stages("decimation"):
-        return _outside(decimated(rebuilt, 2 * wanted.n_vertices), corner, exponent)
+        return decimated(rebuilt, 2 * wanted.n_vertices)
 
 
-def _ball_pivoting(wanted: Wanted) -> Mesh:
-    points, corner, exponent = normalised(wanted.cloud.points)
-    kept = points[wanted.kept()]
-    normals = _normals(points, kept, wanted)
+def _pivoted(wanted: Wanted, points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
     with wanted.stages("ball pivoting"):
-        return _outside(ball_pivoted(kept, normals), corner, exponent)
+        return ball_pivoted(points, normals)
 
 
 def _advancing_front(wanted: Wanted) -> Mesh:
@@ -83,9 +88,9 @@ def _advancing_front(wanted: Wanted) -> Mesh:
 MESH_WAYS: Mapping[str, Callable[[Wanted], Mesh]] = {
     "mesh": partial(_ours, moved=False),
     "mesh-moved": partial(_ours, moved=True),
-    "poisson-kept": _poisson_kept,
-    "poisson-decimated": _poisson_decimated,
-    "ball-pivoting": _ball_pivoting,
+    "poisson-kept": partial(_with_normals, kept=True, join=Wanted.poisson),
+    "poisson-decimated": partial(_with_normals, kept=False, join=_decimated),
+    "ball-pivoting": partial(_with_normals, kept=True, join=_pivoted),
     "advancing-front": _advancing_front,
 }
 
@@ -98,29 +103,9 @@ def require_way(name: str) -> None:
 
 def installed_ways() -> list[str]:
     """Return the names of the ways whose packages are installed."""
-
-    def is_installed(name: str) -> bool:
-        try:
+    found = []
+    for name in MESH_WAYS:
+        with contextlib.suppress(MissingExtraError):
             require_way(name)
-        except MissingExtraError:
-            return False
-        return True
-
-    return list(filter(is_installed, MESH_WAYS))
-
-
-def _normals(points: NDArray[np.float64], places: NDArray[np.float64], wanted: Wanted) -> NDArray[np.float64]:
-    """Return the normals, (M, 3), of the surface of all points at some places."""
-    with wanted.stages("normals"):
-        return estimate_normals(points, None if places is points else places)
-
-
-def _poisson(points: NDArray[np.float64], normals: NDArray[np.float64], wanted: Wanted) -> Mesh:
-    """Return the screened Poisson mesh of points (M, 3), without the parts that lie far from all of them."""
-    with wanted.stages("Poisson reconstruction"):
-        return without_membranes(reconstruct(points, normals), points)
-
-
-def _outside(made: Mesh, corner: NDArray[np.float64], exponent: int) -> Mesh:
-    """Return a mesh of normalised points in the unit of the cloud."""
-    return Mesh(np.ldexp(made.vertices, exponent) + corner, made.faces)
+            found.append(name)
+    return found
