@@ -250,15 +250,6 @@ def test_points_that_repeat_count_once(ball, sphere):
     assert {**again.figures(), "points_in": 15_000, "points_out": 3000} == report.figures()
 
 
-def test_a_stray_piece_is_told(ball, sphere):
-    mesh, points, _ = ball
-    stray = 0.02 * points[:300] + [3, 0, 0]
-    with_stray = gppcs.evaluate(np.concatenate([sphere, stray]), np.concatenate([points, stray]), mesh).rebuilt
-    assert with_stray.pieces > 1
-    assert with_stray.stray_share > 0
-    assert with_stray.back_max > 1
-
-
 @pytest.mark.parametrize("offset", [[5e5, 5.2e6, 0], [0, 0, 3.5]])
 def test_a_mesh_far_away_is_refused_at_once(ball, sphere, offset, monkeypatch):
     """PyMeshLab would take minutes."""

@@ -132,7 +132,7 @@ def test_a_far_outlier_costs_no_more_than_a_tree(monkeypatch):
     """All but one of the points share a voxel, and are chosen by a tree there."""
     points = np.vstack([np.random.default_rng(0).random((20_000, 3)), [[1e5, 0.0, 0.0]]])
     filled = []
-    monkeypatch.setattr(voxels, "_fill", lambda *of_voxels: filled.extend(of_voxels[8]))
+    monkeypatch.setattr(voxels, "_fill", lambda *of_voxels: filled.extend(of_voxels[3]))
     indices = points_of_voxels(points, 2_000)
     assert len(np.unique(indices)) == 2_000
     assert filled == []

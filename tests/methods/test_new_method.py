@@ -1,6 +1,5 @@
 """Adding a method is one file, and one line in `gppcs.methods`."""
 
-import json
 import shutil
 import subprocess
 import sys
@@ -83,12 +82,3 @@ def test_it_simplifies(run_command):
     )
     cloud, few = gppcs.read(run_command.folder / "cloud.ply"), gppcs.read(run_command.folder / "few.ply")
     assert few.points.tolist() == cloud.points[5::10].tolist()
-
-
-def test_it_is_compared(run_command):
-    out = run_command(
-        "compare", "cloud.ply", "-o", "compared", "--points", "60", "--methods", "random,every-nth", "--no-picture",
-        "--json",
-    )  # fmt: skip
-    records = [json.loads(line) for line in out.splitlines()]
-    assert [record["method"] for record in records] == ["random", "every-nth"]

@@ -136,11 +136,3 @@ def test_the_largest_eigenvalue_is_bounded_closely(n):
     adjacency = programme_of(np.random.default_rng(n).random((n, 3)), 1).adjacency
     largest_eigenvalue = np.linalg.eigvalsh(adjacency.toarray())[-1]
     assert largest_eigenvalue * (1 - 1e-12) <= eigenvalue_bound(adjacency) <= 1.1 * largest_eigenvalue
-
-
-def test_the_default_reaches_its_tolerance_on_a_scan(shared_data):
-    points = gppcs.read(shared_data / "armadillo_50k.ply").points
-    result = gppcs.simplify(points, ratio=0.05, method="pc-simp")
-    assert len(np.unique(result.indices)) == len(result.indices) == round(0.05 * len(points))
-    assert 0 < result.diagnostics["gap"] <= gppcs.PCSimp().tolerance
-    assert 0 < result.diagnostics["iterations"] < gppcs.PCSimp().iterations

@@ -4,8 +4,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-import gppcs
-from gppcs.methods.sample_elimination import elimination
 from gppcs.methods.sample_elimination.elimination import (
     BETA,
     EARLIER_RATIO,
@@ -99,14 +97,3 @@ def test_a_clump_of_most_points_does_not_spoil_the_rest(sphere):
     chosen = points[eliminate(points, 200)]
     assert (np.linalg.norm(chosen, axis=1) < 0.5).sum() == 1
     assert spacings(chosen).min() > 0.6 * 2.0 * np.sqrt(4.0 * np.pi / (2.0 * np.sqrt(3.0) * 200))
-
-
-def test_with_the_limit_scans_are_covered_better(shared_data, monkeypatch):
-    bunny = gppcs.read(shared_data / "bunny.ply").points
-
-    def mean_distance():
-        return cKDTree(bunny[thin(bunny, len(bunny) // 30)[0]]).query(bunny)[0].mean()
-
-    limited = mean_distance()
-    monkeypatch.setattr(elimination, "BETA", 0.0)
-    assert limited < 0.98 * mean_distance()

@@ -63,14 +63,6 @@ def test_ties_go_to_the_smallest_index():
     np.testing.assert_array_equal(indices[1:], np.delete(np.arange(50), 30))
 
 
-def test_progress_adds_up(bracket):
-    phi, y, noise = problem(bracket[:3_000], 10)
-    steps = []
-    greedy.select(phi, y, noise, np.arange(5), 2_000, 7, advanced=steps.append)
-    assert len(steps) > 1
-    assert sum(steps) == 1_995
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("k_init", "noise"), [(1, 1e-6), (1, 1.0), (30, 1e-3), (6_500, 1e-6)])
 def test_after_13000_updates_the_posterior_equals_one_computed_anew(k_init, noise, monkeypatch):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,73 +21,37 @@ LARGE = 1 << 20  # if a voxel needs more distances than this, a tree is faster
 CLASSES = 8  # voxels are classed by the parity of their numbers along the three axes
 
 
-@dataclass(frozen=True)
-class Voxels:
+class Voxels(NamedTuple):
     """The points sorted by the occupied voxels of a cubic grid; empty voxels need no memory.
 
-    Attributes
-    ----------
-    order : (N,) array, int64
-        Index in the input of each point, sorted by voxel; ascending within a voxel.
-    points : (3, N) array, float64
-        Coordinates in this order, relative to the corner of the bounding box; each row is an axis.
-    cells : (voxels, 3) array, int64
-        Numbers of each voxel along the three axes, in ascending order.
-    begins : (voxels + 1,) array, int64
-        Start of each voxel's points in this order.
-    edge : float
-        Edge length of the voxels, in the unit of the points.
-    along : int
-        Number of voxels along the longest axis.
+    `order`, (N,), is the index in the input of each point, sorted by voxel and ascending within a voxel; `points`,
+    (3, N), are in this order, relative to the corner of the bounding box. `cells`, (voxels, 3), are the numbers of each
+    voxel along the axes; `keys`, (voxels,), make one ascending number of them. `begins`, (voxels + 1,), is where each
+    voxel's points start. `edge` is the length of an edge, `along` the number of voxels along the longest axis.
     """
 
     order: NDArray[np.int64]
     points: NDArray[np.float64]
     cells: NDArray[np.int64]
+    keys: NDArray[np.int64]
     begins: NDArray[np.int64]
     edge: float
     along: int
 
     @classmethod
     def build(cls, points: NDArray[np.float64]) -> Voxels:
-        """Sort points into voxels.
-
-        Shapes: points (N, 3).
-        """
+        """Sort points, (N, 3), into voxels."""
         n = len(points)
         along = next((voxels for below, voxels in VOXELS_ALONG if n < below), round(np.cbrt(n / 8)))
         local = points - points.min(axis=0)
         size = float(local.max())
         # Multiplying first makes the borders of the voxels the same in any unit.
         cells = np.minimum((local * along / size).astype(np.int64), along - 1)
-        keys = voxel_keys(cells, along)
+        keys = (cells + 1) @ np.array([(along + 2) ** 2, along + 2, 1])
         order = np.argsort(keys, kind="stable")
         begins = np.flatnonzero(np.diff(keys[order], prepend=-1, append=-1))
-        return cls(order, local[order].T.copy(), cells[order[begins[:-1]]], begins, size / along, along)
-
-    def quotas(self, n_points: int) -> NDArray[np.int64]:
-        """Return how many points to choose in each voxel: its share of M, rounded up if the fraction is above 1/5.
-
-        Shapes: returns (voxels,).
-        """
-        whole, rest = np.divmod(np.diff(self.begins) * n_points, len(self.order))
-        return whole + (ROUNDED_UP * rest > len(self.order))
-
-    def parity(self) -> NDArray[np.int64]:
-        """Return the class of each voxel, from the parity of its numbers; no two voxels of a class touch.
-
-        Shapes: returns (voxels,).
-        """
-        return self.cells % 2 @ np.array([4, 2, 1])
-
-
-def voxel_keys(cells: NDArray[np.int64], along: int) -> NDArray[np.int64]:
-    """Return a unique number for each voxel, in ascending order of the cells.
-
-    Shapes: cells (voxels, 3); returns (voxels,).
-    """
-    i, j, k = (cells + 1).T
-    return (i * (along + 2) + j) * (along + 2) + k
+        first = order[begins[:-1]]
+        return cls(order, local[order].T.copy(), cells[first], keys[first], begins, size / along, along)
 
 
 def points_of_voxels(
@@ -104,17 +68,19 @@ def points_of_voxels(
     Shapes: points (N, 3); returns (M,).
     """
     voxels = Voxels.build(points)
-    quotas = voxels.quotas(n_points)
-    chosen = _filled(voxels, quotas, advanced)
+    whole, rest = np.divmod(np.diff(voxels.begins) * n_points, len(points))
+    quotas = whole + (ROUNDED_UP * rest > len(points))
+    parity = voxels.cells % 2 @ np.array([4, 2, 1])
+    chosen = _filled(voxels, quotas, parity, advanced)
     voxel = np.repeat(np.arange(len(quotas)), quotas)
     rank = np.arange(len(voxel)) - np.repeat(np.cumsum(quotas) - quotas, quotas)
     kept = np.flatnonzero(rank < trimmed(quotas, n_points)[voxel])
-    kept = kept[np.argsort(voxels.parity()[voxel[kept]], kind="stable")]
+    kept = kept[np.argsort(parity[voxel[kept]], kind="stable")]
     indices = voxels.order[chosen[kept]]
     if len(indices) < n_points:
-        rest = np.delete(np.arange(len(points)), indices)
-        more, _ = farthest_points(points[rest], n_points - len(indices), others=points[indices])
-        indices = np.concatenate([indices, rest[more]])
+        others = np.delete(np.arange(len(points)), indices)
+        more, _ = farthest_points(points[others], n_points - len(indices), others=points[indices])
+        indices = np.concatenate([indices, others[more]])
     return indices
 
 
@@ -148,53 +114,45 @@ def _most_each(counts: NDArray[np.int64], total: int) -> int:
     return bisect_right(range(most + 1), total, key=lambda each: int(np.minimum(counts, each).sum())) - 1
 
 
-def _filled(voxels: Voxels, quotas: NDArray[np.int64], advanced: Callable[[int], None] | None) -> NDArray[np.int64]:
+def _filled(
+    voxels: Voxels, quotas: NDArray[np.int64], parity: NDArray[np.int64], advanced: Callable[[int], None] | None
+) -> NDArray[np.int64]:
     """Return the positions of the points chosen in each voxel, voxel after voxel, (sum of quotas,)."""
-    keys = voxel_keys(voxels.cells, voxels.along)
     starts = np.append(0, np.cumsum(quotas))
     chosen = np.full(starts[-1], -1, dtype=np.int64)
-    parity = voxels.parity()
     large = np.diff(voxels.begins) * quotas > LARGE
     for number in range(CLASSES):
         of_class = (parity == number) & (quotas > 0)
         small = np.flatnonzero(of_class & ~large)
-        on_ranges(
-            _fill, len(small), voxels.points, voxels.begins, voxels.cells, keys, voxels.along, voxels.edge,
-            small, starts, chosen,
-        )  # fmt: skip
+        on_ranges(_fill, len(small), voxels, small, starts, chosen)
         for voxel in np.flatnonzero(of_class & large):
-            _fill_large(voxels, keys, int(voxel), starts, chosen)
+            _fill_large(voxels, int(voxel), starts, chosen)
         if advanced:
             advanced(1)
     return chosen
 
 
-def _fill_large(
-    voxels: Voxels, keys: NDArray[np.int64], voxel: int, starts: NDArray[np.int64], chosen: NDArray[np.int64]
-) -> None:
+def _fill_large(voxels: Voxels, voxel: int, starts: NDArray[np.int64], chosen: NDArray[np.int64]) -> None:
     """Choose the points of one large voxel as `_fill` does, but with a tree."""
-    begin, end = voxels.begins[voxel], voxels.begins[voxel + 1]
-    near = _chosen_near(voxels.points, voxels.cells, keys, voxels.along, voxels.edge, voxel, starts, chosen)
-    first = _nearest_to_centre(voxels.points, begin, end, voxels.cells[voxel], voxels.edge)
+    begin, end = voxels.begins[voxel : voxel + 2]
+    near = _chosen_near(voxels, voxel, starts, chosen)
     own = chosen[starts[voxel] : starts[voxel + 1]]
     members, others = voxels.points[:, begin:end].T, voxels.points[:, near].T
+    first = _nearest_to_centre(voxels, voxel)
     own[:] = begin + farthest_points(members, len(own), first=first, others=others)[0]
 
 
 @kernel
-def _fill(first, last, points, begins, cells, keys, along, edge, some, starts, chosen):
-    """Fill `chosen`, (sum of quotas,), for a range of the voxels `some`, (m,), which do not touch.
-
-    `points` is (3, N).
-    """
-    for s in range(first, last):
-        voxel = some[s]
-        begin, end = begins[voxel], begins[voxel + 1]
+def _fill(first, last, voxels, some, starts, chosen):
+    """Fill `chosen`, (sum of quotas,), for a range of the voxels `some`, (m,), which do not touch."""
+    points = voxels.points
+    for voxel in some[first:last]:
+        begin, end = voxels.begins[voxel], voxels.begins[voxel + 1]
         xs, ys, zs = points[0, begin:end], points[1, begin:end], points[2, begin:end]
         squared = np.full(end - begin, np.inf)
-        for other in _chosen_near(points, cells, keys, along, edge, voxel, starts, chosen):
+        for other in _chosen_near(voxels, voxel, starts, chosen):
             approach(xs, ys, zs, squared, points[0, other], points[1, other], points[2, other])
-        pick = _nearest_to_centre(points, begin, end, cells[voxel], edge)
+        pick = _nearest_to_centre(voxels, voxel)
         for slot in range(starts[voxel], starts[voxel + 1]):
             chosen[slot] = begin + pick
             approach(xs, ys, zs, squared, xs[pick], ys[pick], zs[pick])
@@ -203,31 +161,33 @@ def _fill(first, last, points, begins, cells, keys, along, edge, some, starts, c
 
 
 @kernel
-def _nearest_to_centre(points, begin, end, cell, edge):
-    """Return which of the points begin..end, (3, N), is nearest the centre of the voxel; ties go to the first."""
+def _nearest_to_centre(voxels, voxel):
+    """Return which point of a voxel is nearest its centre; ties go to the first."""
+    begin = voxels.begins[voxel]
     best, nearest = 0, np.inf
-    for i in range(begin, end):
+    for i in range(begin, voxels.begins[voxel + 1]):
         squared = 0.0
         for axis in range(3):
-            squared += (points[axis, i] - (cell[axis] + 0.5) * edge) ** 2
+            squared += (voxels.points[axis, i] - (voxels.cells[voxel, axis] + 0.5) * voxels.edge) ** 2
         if squared < nearest:
             best, nearest = i - begin, squared
     return best
 
 
 @kernel
-def _chosen_near(points, cells, keys, along, edge, voxel, starts, chosen):
+def _chosen_near(voxels, voxel, starts, chosen):
     """Return the positions of the points chosen in the 26 voxels around that are near enough to the centre, (n,)."""
     near = []
+    row = voxels.along + 2
     for step in range(27):
-        key = keys[voxel] + ((step // 9 - 1) * (along + 2) + step // 3 % 3 - 1) * (along + 2) + step % 3 - 1
-        other = np.searchsorted(keys, key)
-        if other == voxel or other == len(keys) or keys[other] != key:
+        key = voxels.keys[voxel] + ((step // 9 - 1) * row + step // 3 % 3 - 1) * row + step % 3 - 1
+        other = np.searchsorted(voxels.keys, key)
+        if other == voxel or other == len(voxels.keys) or voxels.keys[other] != key:
             continue
         for i in chosen[starts[other] : starts[other + 1]]:
             apart = 0.0
             for axis in range(3):
-                apart = max(apart, abs(points[axis, i] - (cells[voxel, axis] + 0.5) * edge))
-            if i >= 0 and apart <= REACH_IN_EDGES * edge:
+                apart = max(apart, abs(voxels.points[axis, i] - (voxels.cells[voxel, axis] + 0.5) * voxels.edge))
+            if i >= 0 and apart <= REACH_IN_EDGES * voxels.edge:
                 near.append(i)
     return np.array(near, dtype=np.int64)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse
@@ -16,22 +16,12 @@ BOUND_STEPS = 10  # power iterations; the bound of the largest eigenvalue is the
 CHECK_EVERY = 10  # steps between two computations of the duality gap, each of which costs as much as a step
 
 
-@dataclass(frozen=True)
-class NeighbourGraph:
+class NeighbourGraph(NamedTuple):
     """The graph of nearest neighbours of N points, in tree order.
 
-    Both matrices are symmetric: each is the mean of a directed matrix and its transpose. So entries are halved if
-    only one of two points is a neighbour of the other.
-
-    Attributes
-    ----------
-    adjacency : (N, N) sparse array, float64
-        The directed entries are 1 for each neighbour.
-    weights : (N, N) sparse array, float64
-        The directed entries are exp(-d^2 / sigma) for each neighbour at distance d; sigma is the largest d^2.
-    squared_spacing : float
-        The median over the points of the mean squared distance to their neighbours. If more than half of the points
-        lie in one tiny cluster, this is the spacing of the cluster, and feature strengths relative to it are large.
+    Both matrices, (N, N), are symmetric: each is the mean of a directed matrix and its transpose. The directed entries
+    of `adjacency` are 1 for each neighbour, those of `weights` exp(-d^2 / sigma) at distance d, where sigma is
+    the largest d^2. `squared_spacing` is the median of the mean squared distance to the neighbours.
     """
 
     adjacency: scipy.sparse.csr_array
@@ -53,37 +43,20 @@ class NeighbourGraph:
 
 
 def high_pass_strength(points: NDArray[np.float64], graph: NeighbourGraph) -> NDArray[np.float64]:
-    """Return the squared distance of each point to the weighted mean of its neighbours.
+    """Return the squared distances, (N,), of points, (N, 3), to the weighted mean of their neighbours.
 
-    This is the squared response of the high-pass filter I - D^-1 W, with the weights W and the diagonal matrix D of
-    their row sums (Qi, Hu and Guo 2019).
-
-    Shapes: points (N, 3); returns (N,).
+    It is the squared response of the high-pass filter I - D^-1 W; D is the diagonal matrix of the row sums of W.
     """
     smoothed = (graph.weights @ points) / graph.weights.sum(axis=1)[:, None]
     return ((points - smoothed) ** 2).sum(axis=1)
 
 
-@dataclass(frozen=True)
-class Programme:
+class Programme(NamedTuple):
     r"""The quadratic programme of PC-Simp (Qi, Hu and Guo 2019), for the whole cloud.
 
     Minimise sum_i f_i (s_i - 1)^2 + uniformity \|A s - alpha k\|^2 over 0 <= s <= 1 with sum s = M and alpha = M / N.
-    The first term penalises the loss of features. The second penalises neighbourhoods of k points that keep more or
-    fewer than alpha k of them.
-
-    Attributes
-    ----------
-    strength : (N,) array, float64
-        f, feature strengths, not negative.
-    adjacency : (N, N) sparse array, float64
-        A, symmetric and not negative, with a positive entry in each row.
-    neighbours : int
-        k.
-    uniformity : float
-        Weight of the second term, positive.
-    n_points : int
-        M, from 1 to N - 1.
+    The first term penalises the loss of features f, `strength`, (N,). The second penalises neighbourhoods of k points
+    that keep more or fewer than alpha k of them; A is `adjacency`, (N, N).
     """
 
     strength: NDArray[np.float64]
@@ -93,27 +66,19 @@ class Programme:
     n_points: int
 
     def excess(self, s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return A s - alpha k.
-
-        Shapes: s (N,); returns (N,).
-        """
+        """Return A s - alpha k, (N,)."""
         return self.adjacency @ s - self.n_points / len(s) * self.neighbours
 
     def value(self, s: NDArray[np.float64]) -> float:
-        """Return the objective, which is to be minimised.
-
-        Shapes: s (N,).
-        """
+        """Return the objective at s, (N,), which is to be minimised."""
         # Here and below, sums of products replace BLAS dot products, whose rounding depends on the number of threads.
         return float((self.strength * (s - 1) ** 2).sum() + self.uniformity * (self.excess(s) ** 2).sum())
 
     def gap(self, s: NDArray[np.float64], multiplier: float) -> float:
-        """Return the duality gap: an upper bound of the objective at s minus its minimum.
+        """Return the duality gap: an upper bound of the objective at s, (N,), minus its minimum.
 
         The second term of the objective is convex, so it is at least its tangent at s. With the tangent in its place,
         the minimum v is found for each point separately.
-
-        Shapes: s (N,).
         """
         f = self.strength
         slope = 2 * self.uniformity * (self.adjacency @ self.excess(s)) + multiplier
@@ -122,21 +87,8 @@ class Programme:
         return float((f * (s - 1) ** 2 - f * (v - 1) ** 2 + slope * (s - v)).sum())
 
 
-@dataclass(frozen=True)
-class Solution:
-    """A solution of the quadratic programme.
-
-    Attributes
-    ----------
-    selection : (N,) array, float64
-        s, from 0 to 1; its sum is M, to rounding.
-    multiplier : float
-        Lagrange multiplier of the constraint on the sum.
-    gap : float
-        The duality gap relative to the objective: an upper bound of the relative distance to the minimum.
-    iterations : int
-        Number of steps.
-    """
+class Solution(NamedTuple):
+    """A solution s of the quadratic programme, (N,), with its Lagrange multiplier, relative duality gap and steps."""
 
     selection: NDArray[np.float64]
     multiplier: float
@@ -174,10 +126,7 @@ def solve(programme: Programme, tolerance: float = 1e-4, iterations: int = 1000)
 
 
 def eigenvalue_bound(adjacency: scipy.sparse.csr_array) -> float:
-    """Return an upper bound of the largest eigenvalue, max (A x)_i / x_i for a positive x (Collatz and Wielandt).
-
-    Shapes: adjacency (N, N).
-    """
+    """Return an upper bound of the largest eigenvalue, max (A x)_i / x_i for a positive x (Collatz and Wielandt)."""
     x = np.ones(adjacency.shape[0])
     for _ in range(BOUND_STEPS):
         product = adjacency @ x
@@ -189,10 +138,7 @@ def eigenvalue_bound(adjacency: scipy.sparse.csr_array) -> float:
 def share_out(
     numerator: NDArray[np.float64], inverse: NDArray[np.float64], total: float, multiplier: float = 0.0
 ) -> tuple[NDArray[np.float64], float]:
-    """Find the multiplier for which s = clip((numerator - multiplier) * inverse, 0, 1) has a given sum.
-
-    Shapes: numerator, inverse (N,); returns s (N,).
-    """
+    """Return s = clip((numerator - multiplier) * inverse, 0, 1), (N,), of a given sum, and its multiplier."""
     s = np.empty_like(numerator)
     return s, _share_out(numerator, inverse, total, multiplier, s)
 
