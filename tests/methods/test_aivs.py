@@ -96,12 +96,6 @@ def test_equals_the_plain_algorithm(shape, n, with_trees, seed, data):
         assert points_of_voxels(points, n_points).tolist() == plain_points_of_voxels(points, n_points)
 
 
-def test_equals_the_plain_algorithm_on_a_scan(bracket):
-    points = bracket[:12_000]  # in 20 voxels along the longest axis
-    expected = plain_points_of_voxels(points, 900)
-    assert points_of_voxels(points, 900).tolist() == expected
-
-
 @settings(max_examples=200)
 @given(st.lists(st.integers(0, 30), min_size=1, max_size=30), st.data())
 def test_trimming_equals_the_plain_algorithm(counts, data):
@@ -116,10 +110,7 @@ def test_voxels_part_the_points(n, along):
     points = np.random.default_rng(0).random((n, 3)) * [1.0, 0.2, 0.3] - 5
     voxels = Voxels.build(points)
     assert voxels.along == along
-    assert voxels.edge == pytest.approx(1.0 / along, rel=1e-3)
     np.testing.assert_array_equal(np.sort(voxels.order), np.arange(n))
-    np.testing.assert_array_equal(voxels.points.T, (points - points.min(axis=0))[voxels.order])
-    assert len(np.unique(voxels.cells, axis=0)) == len(voxels.cells)
     away = np.abs(voxels.points - (np.repeat(voxels.cells, np.diff(voxels.begins), axis=0).T + 0.5) * voxels.edge)
     assert away.max() <= 0.5 * voxels.edge * (1 + 1e-9)
 

@@ -5,8 +5,6 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 from scipy.spatial.distance import cdist
 
-import gppcs
-from gppcs.methods.method import largest
 from gppcs.methods.pc_simp.graph_filter import (
     NeighbourGraph,
     Programme,
@@ -79,21 +77,6 @@ def test_solution_is_that_of_a_general_solver(n, n_points, uniformity):
     np.testing.assert_allclose(solution.selection, expected, atol=1e-4)
 
 
-def test_gap_bounds_the_distance_to_the_least():
-    programme = programme_of(np.random.default_rng(0).random((60, 3)), 12)
-    _, least = plain_solution(programme)
-    gaps = []
-    for iterations in (1, 5, 20, 80):
-        solution = solve(programme, 1e-15, iterations)
-        assert solution.iterations == iterations
-        value = programme.value(solution.selection)
-        assert solution.gap == pytest.approx(programme.gap(solution.selection, solution.multiplier) / value)
-        assert value - least <= programme.gap(solution.selection, solution.multiplier) + 1e-9 * least
-        gaps.append(solution.gap)
-    assert sorted(gaps, reverse=True) == gaps
-    assert gaps[-1] < 1e-3 * gaps[0]
-
-
 def test_a_far_point_does_not_spoil_the_solution():
     """Its strength is 1e20 times that of most others, and they are shared out all the same."""
     points = np.random.default_rng(0).random((200, 3)) * 1e-10
@@ -103,15 +86,6 @@ def test_a_far_point_does_not_spoil_the_solution():
     assert solution.gap <= 1e-4
     assert solution.selection[np.argmax(programme.strength)] == 1
     assert ((solution.selection > 0) & (solution.selection < 1)).sum() > 10
-
-
-def test_without_uniformity_the_strongest_are_kept(bracket):
-    points = bracket[:3_000]
-    tree = KdTree.build(points)
-    strength = np.empty(len(points))
-    strength[tree.order] = high_pass_strength(points[tree.order], NeighbourGraph.build(tree, 15))
-    chosen = gppcs.simplify(points, n_points=300, method=gppcs.PCSimp(uniformity=1e-9)).indices
-    np.testing.assert_array_equal(chosen, largest(strength, 300))
 
 
 @given(st.integers(1, 200), st.floats(0, 1), st.floats(0.1, 1e6), st.floats(-1e3, 1e3), st.integers(0, 99))
