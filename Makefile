@@ -51,7 +51,9 @@ demo: $(VENV)/.installed  ## Make a sample scan, simplify it, draw a picture, pr
 	@echo "Compiling, the first time only, and making a scan of 400,000 points. This takes about a minute."
 	mkdir -p demo
 	$(BIN)/gppcs sample medallion -o demo/scan.ply --points 400000 --noise 0.0001 --force
-	$(BIN)/gppcs simplify demo/scan.ply -o demo/simplified.ply --ratio 0.03 --picture demo/picture.png --figures --force
+	$(BIN)/gppcs simplify demo/scan.ply -o demo/simplified.ply --ratio 0.03 --force
+	$(BIN)/gppcs evaluate demo/scan.ply demo/simplified.ply
+	$(BIN)/gppcs render demo/scan.ply demo/simplified.ply -o demo/picture.png --force
 
 pictures: demo  ## Draw anew the pictures of README.md and docs/ that no benchmark draws
 	cp demo/picture.png docs/picture.png

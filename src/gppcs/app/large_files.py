@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from gppcs.app import panels
-from gppcs.errors import ParameterError
+from gppcs.errors import ParameterError, shown
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -43,28 +42,12 @@ Memory = Annotated[
         rich_help_panel=panels.LARGE,
     ),
 ]
-Scratch = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FOLDER",
-        help="Existing folder for temporary files; by default that of the system.",
-        rich_help_panel=panels.LARGE,
-    ),
-]
 Workers = Annotated[
-    int | None,
-    typer.Option(
-        metavar="COUNT",
-        min=1,
-        help="Share the work among this many processes of this machine, in place of threads.",
-        rich_help_panel=panels.LARGE,
-    ),
-]
-Scheduler = Annotated[
     str | None,
     typer.Option(
-        metavar="ADDRESS",
-        help="Work on the workers of a Dask scheduler, such as tcp://10.0.0.5:8786.",
+        metavar="COUNT|ADDRESS",
+        help="Share the work among this many processes of this machine, in place of threads, or among the workers of a "
+        "Dask scheduler, such as tcp://10.0.0.5:8786.",
         rich_help_panel=panels.LARGE,
     ),
 ]
@@ -78,21 +61,20 @@ DryRun = Annotated[
 ]
 
 
-@contextmanager
-def executor_of(workers: int | None, scheduler: str | None) -> Iterator[Executor | None]:
-    """Start or find the workers that the options name, if any."""
+def executor_of(workers: str | None) -> AbstractContextManager[Executor | None]:
+    """Start or find the workers that the option names, if any."""
     from gppcs.streaming.workers import processes, scheduler_at
 
-    if workers is not None and scheduler is not None:
-        raise ParameterError("expected either --workers or --scheduler, found both")
-    if workers is not None:
-        with processes(workers) as executor:
-            yield executor
-    elif scheduler is not None:
-        with scheduler_at(scheduler) as executor:
-            yield executor
-    else:
-        yield None
+    if workers is None:
+        return nullcontext()
+    if "://" in workers:
+        return scheduler_at(workers)
+    if not workers.isascii() or not workers.isdigit() or not int(workers):
+        raise ParameterError(
+            "expected --workers as a number from 1 on, or as the address of a Dask scheduler such as "
+            f"tcp://10.0.0.5:8786, found {shown(workers)}"
+        )
+    return processes(int(workers))
 
 
 def plan_record(plan: Plan) -> dict[str, Any]:

@@ -87,14 +87,6 @@ Only = Annotated[
         rich_help_panel=panels.INPUT,
     ),
 ]
-Drop = Annotated[
-    str | None,
-    typer.Option(
-        metavar="CONDITION",
-        help="Read only the points that do not meet a condition, such as 'z < 0'.",
-        rich_help_panel=panels.INPUT,
-    ),
-]
 Inside = Annotated[
     Path | None,
     typer.Option(
@@ -137,10 +129,11 @@ Resolution = Annotated[
     ),
 ]
 
-Invalid = Annotated[
-    Literal["error", "drop"],
+DropInvalid = Annotated[
+    Literal["invalid"] | None,
     typer.Option(
-        help="For NaN and infinite coordinates: stop with an error, or drop these points.",
+        "--drop",
+        help="Leave out the points with NaN or infinite coordinates, which are otherwise an error.",
         rich_help_panel=panels.INPUT,
     ),
 ]

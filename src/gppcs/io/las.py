@@ -419,7 +419,7 @@ def _check_coordinates(cloud: PointCloud) -> None:
         )
         raise OutputError(
             f"{found}, as with cloud[cloud.finite_rows()], or write PLY",
-            command=f"{found} with gppcs convert --invalid drop, or write PLY",
+            command=f"{found} with gppcs convert --drop invalid, or write PLY",
         )
     if np.abs(cloud.points).max(initial=0.0) > FARTHEST:
         raise OutputError(

@@ -30,8 +30,8 @@ class Query:
         The corners of the box with the points; infinite if there is none.
     resolution : float or None
         The distance of neighbours up to which a COPC file is read; None for all points.
-    only, drop : Expression or None
-        Conditions on the points that are read, and on those that are not.
+    only : Expression or None
+        A condition on the points that are read.
     polygons : Polygons or None
         The points are inside.
     """
@@ -40,7 +40,6 @@ class Query:
     high: tuple[float, ...]
     resolution: float | None
     only: Expression | None = None
-    drop: Expression | None = None
     polygons: Polygons | None = None
 
     @classmethod
@@ -49,11 +48,10 @@ class Query:
         box: Sequence[float] | None,
         resolution: float | None,
         only: str | None = None,
-        drop: str | None = None,
         polygon: str | os.PathLike[str] | None = None,
     ) -> Query | None:
         """Check the arguments of `gppcs.read` with these names."""
-        if box is None and resolution is None and only is None and drop is None and polygon is None:
+        if box is None and resolution is None and only is None and polygon is None:
             return None
         if resolution is not None and not 0 < number(resolution) < math.inf:
             raise ParameterError(f"expected a resolution above 0, found {shown(resolution)}")
@@ -72,14 +70,13 @@ class Query:
             (*high, *[math.inf] * fill),
             None if resolution is None else float(resolution),
             None if only is None else Expression.of(only),
-            None if drop is None else Expression.of(drop),
             None if polygon is None else read_polygons(polygon),
         )
 
     @property
     def conditions(self) -> bool:
         """Whether attributes decide which points are read."""
-        return self.only is not None or self.drop is not None
+        return self.only is not None
 
     @property
     def wanted(self) -> str:
@@ -89,7 +86,6 @@ class Query:
             (boxed, "in the box"),
             (self.polygons is not None, "inside the polygons"),
             (self.only is not None, f"with {self.only.text if self.only else ''}"),
-            (self.drop is not None, f"without {self.drop.text if self.drop else ''}"),
         )
         return " and ".join(words for known, words in parts if known) or "in the box"
 
@@ -112,8 +108,6 @@ class Query:
         inside = self.holds(cloud.points)
         if self.only is not None:
             inside &= self.only.mask(cloud)
-        if self.drop is not None:
-            inside &= ~self.drop.mask(cloud)
         return cloud if inside.all() else cloud.take(np.flatnonzero(inside))
 
 

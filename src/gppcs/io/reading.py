@@ -21,7 +21,6 @@ def read(
     box: Sequence[float] | None = None,
     resolution: float | None = None,
     only: str | None = None,
-    drop: str | None = None,
     polygon: str | os.PathLike[str] | None = None,
     assume_same_crs: bool = False,
 ) -> PointCloud:
@@ -45,9 +44,9 @@ def read(
     resolution : float, optional
         Read a COPC file only down to the level on which neighbours are about that far from each other, in the unit of
         the coordinates.
-    only, drop : str, optional
-        Conditions on attributes and on x, y and z, such as "classification == 6" (docs/ask.md#conditions): read only
-        the points that meet `only`, and none that meet `drop`.
+    only : str, optional
+        Read only the points that meet a condition on attributes and x, y and z, such as "classification == 6"
+        (docs/ask.md#conditions).
     polygon : str or path, optional
         Read only the points inside the polygons of a GeoJSON file, in the coordinate system of the cloud.
     assume_same_crs : bool
@@ -80,7 +79,7 @@ def read(
     >>> cloud
     PointCloud(2 points, each with intensity)
     """
-    query = Query.of(box, resolution, only, drop, polygon)
+    query = Query.of(box, resolution, only, polygon)
     with CloudFiles.of([path], format, columns, query, assume_same_crs) as files:
         return files.read()
 
@@ -109,12 +108,11 @@ def load(
     box: Sequence[float] | None = None,
     resolution: float | None = None,
     only: str | None = None,
-    drop: str | None = None,
     polygon: str | os.PathLike[str] | None = None,
     assume_same_crs: bool = False,
 ) -> Loaded:
     """Read a point cloud file as `read` does, and tell what is left out."""
-    query = Query.of(box, resolution, only, drop, polygon)
+    query = Query.of(box, resolution, only, polygon)
     with CloudFiles.of([path], format, columns, query, assume_same_crs) as files:
         return Loaded(files.read(), *files.left_out())
 

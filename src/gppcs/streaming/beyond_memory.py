@@ -34,22 +34,17 @@ class Run(NamedTuple):
     result : Result
     points : int
         Number of points among which was chosen.
-    outliers : PointCloud or None
-        The outliers with their attributes, if they are wanted.
     cloud : PointCloud or None
         All points, if they are in memory.
     """
 
     result: Result
     points: int
-    outliers: PointCloud | None
     cloud: PointCloud | None = None
 
 
-def simplify_stored(
-    files: CloudFiles, request: Request, plan: Plan, folder: Path, each: Each, stages: Stages, listed: bool = False
-) -> Run:
-    """Simplify the cloud in some files, with temporary files in a folder; `listed` outliers are returned, too."""
+def simplify_stored(files: CloudFiles, request: Request, plan: Plan, folder: Path, each: Each, stages: Stages) -> Run:
+    """Simplify the cloud in some files, with temporary files in a folder."""
     check_scores(request.scores, request.method, files.head().cloud)
     sources = sources_of(files, plan.part)
     guide = ChunkGuide(None if request.keep is None else Expression.of(request.keep), request.weight)
@@ -64,13 +59,12 @@ def simplify_stored(
         stored = without(stored, outliers, each)
     selection = _chosen(stored, seen, request, plan, frame, each, stages, outliers)
     kept = take(sources, seen, selection.indices, plan.rows, each, stages)
-    stray = take(sources, seen, outliers, plan.rows, each, stages) if listed and outliers is not None else None
     if selection.points is not None:
         kept = kept.moved(np.ldexp(selection.points, frame.exponent) + frame.corner)
     if request.scores:
         kept = with_scores(kept, request.method, selection)
     result = result_of(selection, kept, request.method, stages)
-    return Run(result if outliers is None else result.with_outliers(outliers), len(stored), stray)
+    return Run(result if outliers is None else result.with_outliers(outliers), len(stored))
 
 
 def _check_seen(seen: Overview, request: Request) -> None:

@@ -46,7 +46,6 @@ def simplify_files(
     box: Sequence[float] | None = None,
     resolution: float | None = None,
     only: str | None = None,
-    drop: str | None = None,
     polygon: str | os.PathLike[str] | None = None,
     assume_same_crs: bool = False,
     memory: int | str | None = None,
@@ -74,7 +73,7 @@ def simplify_files(
         condition, and for `weight` that is no name.
     format, columns
         As for `gppcs.read`, for all files. A text table whose columns are named so is read as a whole.
-    box, resolution, only, drop, polygon
+    box, resolution, only, polygon
         As for `gppcs.read`: which points of each file to read. Only these are the cloud, and `indices` are rows
         among them.
     assume_same_crs : bool
@@ -133,7 +132,7 @@ def simplify_files(
         None if memory is None else bytes_of(memory), None if scratch is None else file_path(scratch), executor,
         Stages.of(stages),
     )  # fmt: skip
-    query = Query.of(box, resolution, only, drop, polygon)
+    query = Query.of(box, resolution, only, polygon)
     with CloudFiles.of(paths, format, columns, query, assume_same_crs) as files:
         return run(files, request, work).result
 
@@ -163,15 +162,14 @@ class Work:
         return plan(files, request, self.memory, whole, self.executor is not None)
 
 
-def run(files: CloudFiles, request: Request, work: Work, planned: Plan | None = None, *, listed: bool = False) -> Run:
-    """Simplify the cloud in some files; `listed` outliers are returned, too."""
+def run(files: CloudFiles, request: Request, work: Work, planned: Plan | None = None) -> Run:
+    """Simplify the cloud in some files."""
     planned = planned or work.planned(files, request)
     if planned.in_memory:
         with work.stages("reading"):
             cloud = files.read()
         result = simplify_cloud(cloud, request, work.stages)
-        outliers = cloud.take(result.outliers) if listed and result.outliers is not None else None
         left_out = 0 if result.outliers is None else len(result.outliers)
-        return Run(result, len(cloud) - left_out, outliers, cloud)
+        return Run(result, len(cloud) - left_out, cloud)
     with scratch_folder(work.scratch, planned.disk) as folder, each_by(work.executor, planned.threads) as each:
-        return simplify_stored(files, request, planned, folder, each, work.stages, listed)
+        return simplify_stored(files, request, planned, folder, each, work.stages)

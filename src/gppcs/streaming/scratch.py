@@ -40,5 +40,5 @@ def _too_little(parent: Path, expected: str, free: str) -> OutputError:
     found = f"{parent}: {expected} for temporary files, found {free}"
     return OutputError(
         f"{found}; name a folder with more by scratch=, or raise memory=",
-        command=f"{found}; name a folder with more by --scratch, or raise --memory",
+        command=f"{found}; name a folder with more by TMPDIR, or raise --memory",
     )

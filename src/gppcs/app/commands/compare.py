@@ -17,9 +17,9 @@ from gppcs.app.mesh_pictures import drawn_meshes, named_meshes
 from gppcs.app.pages import how_made, rebuilt
 from gppcs.app.printing import (
     Columns,
+    DropInvalid,
     Force,
     From,
-    Invalid,
     Json,
     Quiet,
     Seed,
@@ -107,7 +107,7 @@ def compare(
     seed: Seed = None,
     input_format: From = None,
     columns: Columns = None,
-    invalid: Invalid = "error",
+    drop: DropInvalid = None,
     picture: Annotated[
         bool,
         typer.Option(
@@ -160,7 +160,7 @@ def compare(
     original = io.read(cloud, input_format, names_of(columns))
     if colour is not None:
         Colourable.of(original).require(colour)
-    entries = work(original, mesh=surface, invalid=invalid, stages=stages)
+    entries = work(original, mesh=surface, invalid="drop" if drop else "error", stages=stages)
     rows = [Row.of(entry) for entry in entries]
     with stages("tables and picture"):
         contents = {"table.csv": as_csv(rows).encode(), "table.md": as_markdown(rows).encode()}

@@ -12,7 +12,6 @@ from gppcs.app.printing import (
     Ascii,
     Box,
     Columns,
-    Drop,
     Force,
     From,
     Inside,
@@ -55,13 +54,11 @@ def convert(
     columns: Columns = None,
     box: Box = None,
     only: Only = None,
-    drop: Drop = None,
     polygon: Inside = None,
     resolution: Resolution = None,
-    invalid: Annotated[
-        Literal["keep", "drop"],
-        typer.Option(help="For NaN and infinite coordinates: keep these points, or drop them."),
-    ] = "keep",
+    drop: Annotated[
+        Literal["invalid"] | None, typer.Option(help="Leave out the points with NaN or infinite coordinates.")
+    ] = None,
     assume_same_crs: AssumeSameCrs = False,
     force: Force = False,
     lossy: Lossy = False,
@@ -78,9 +75,9 @@ def convert(
     io.format_to_write(target, output_format, ascii)
     io.check_output(target, force)
     io.check_distinct([target], [source, *filter(None, [polygon])])
-    part = (names_of(columns), numbers_of(box), resolution, only, drop, polygon)
+    part = (names_of(columns), numbers_of(box), resolution, only, polygon)
     cloud, _, unread = io.load(source, input_format, *part, assume_same_crs)
-    if invalid == "drop" and (n := len(cloud.non_finite())):
+    if drop and (n := len(cloud.non_finite())):
         cloud = cloud.take(cloud.finite_rows())
         unread = [*unread, f"points with NaN or infinite coordinates ({n:,})"]
     lost = io.store(target, cloud, output_format, force, lossy, ascii)

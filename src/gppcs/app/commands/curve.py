@@ -11,11 +11,10 @@ from gppcs.app import panels
 from gppcs.app.printing import (
     Box,
     Columns,
-    Drop,
+    DropInvalid,
     Force,
     From,
     Inside,
-    Invalid,
     Json,
     Only,
     Quiet,
@@ -85,9 +84,8 @@ def curve(
     columns: Columns = None,
     box: Box = None,
     only: Only = None,
-    drop: Drop = None,
     polygon: Inside = None,
-    invalid: Invalid = "error",
+    drop: DropInvalid = None,
     threads: Threads = None,
     force: Force = False,
     quiet: Quiet = False,
@@ -117,13 +115,15 @@ def curve(
         require_matplotlib()
         io.check_distinct([plot], [cloud, *filter(None, [polygon])])
         io.check_output(plot, force)
-    query: dict[str, Any] = {"box": numbers_of(box), "only": only, "drop": drop, "polygon": polygon}
+    query: dict[str, Any] = {"box": numbers_of(box), "only": only, "polygon": polygon}
     original = io.load(cloud, input_format, names_of(columns), **query).cloud
     with naming(cloud):
         asked = Query.of(resolution=None, **query)
         if asked and not len(original):
             raise asked.nothing_found()
-        curves = measured(original, chosen, sizes=wanted, invalid=invalid, stages=Stages(progress(quiet)))
+        curves = measured(
+            original, chosen, sizes=wanted, invalid="drop" if drop else "error", stages=Stages(progress(quiet))
+        )
     if plot is not None:
         with io.whole_output(plot, force) as file:
             draw_curves(file, curves, measure)

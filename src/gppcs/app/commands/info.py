@@ -15,7 +15,6 @@ from gppcs.app.printing import (
     FAILURES,
     Box,
     Columns,
-    Drop,
     From,
     Inside,
     Json,
@@ -49,7 +48,6 @@ def info(
     columns: Columns = None,
     box: Box = None,
     only: Only = None,
-    drop: Drop = None,
     polygon: Inside = None,
     resolution: Resolution = None,
     as_json: Json = False,
@@ -65,7 +63,7 @@ def info(
         "box": numbers_of(box),
         "resolution": resolution,
     }
-    options |= {"only": only, "drop": drop, "polygon": polygon}
+    options |= {"only": only, "polygon": polygon}
     failed = False
     for file in sources_of(files):
         try:

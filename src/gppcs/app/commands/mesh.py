@@ -12,9 +12,9 @@ from gppcs.app import panels
 from gppcs.app.amounts import Ratio, Unit
 from gppcs.app.printing import (
     Columns,
+    DropInvalid,
     Force,
     From,
-    Invalid,
     Json,
     Lossy,
     Quiet,
@@ -120,7 +120,7 @@ def mesh(
     ] = None,
     input_format: From = None,
     columns: Columns = None,
-    invalid: Invalid = "error",
+    drop: DropInvalid = None,
     threads: Threads = None,
     force: Force = False,
     lossy: Lossy = False,
@@ -159,7 +159,7 @@ def mesh(
         kept = _rows_of(original, others[0], keep_points) if keep_points else None
     check_mesh_storable(output, original, lossy)
     with naming(cloud):
-        result = meshed(original, **size, keep=kept, moved=moved, invalid=invalid, stages=stages)
+        result = meshed(original, **size, keep=kept, moved=moved, invalid="drop" if drop else "error", stages=stages)
     with stages("writing"):
         lost = write_mesh(output, result.mesh, result.cloud, force, lossy=True)
     note_left_out(output, lost)

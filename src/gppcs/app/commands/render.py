@@ -4,32 +4,38 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, BinaryIO
 
 import typer
 
 from gppcs.app import panels
+from gppcs.app.pages import different_names
 from gppcs.app.printing import Columns, Force, From, Quiet, Threads, names_of, note_left_out, print_error, say
 from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.threads import set_threads
 from gppcs.errors import OutputError, ParameterError, file_path, shown
 
+if TYPE_CHECKING:
+    from gppcs.clouds.cloud import PointCloud
+    from gppcs.drawing.viewpoint import Viewpoint
+
 EPILOG = (
     "[bold]Examples[/bold]\n\n"
     "gppcs render scan.ply -o scan.png\n\n"
     "gppcs render scan.las -o classes.png --colour classification --up z --view 30,20\n\n"
+    "gppcs render scan.ply small.ply -o both.png\n\n"
     "gppcs render mesh.ply -o mesh.png --size 1920x1080"
 )
 
 
 def render(
-    source: Annotated[
-        Path,
+    sources: Annotated[
+        list[Path],
         typer.Argument(
-            metavar="IN",
+            metavar="IN [SIMPLIFIED]",
             parser=file_path,
-            help="A point cloud file. If a PLY, OBJ, OFF or STL file holds triangles, the mesh is drawn. That needs "
-            "the extras view and evaluate.",
+            help="A point cloud file, and a simplified cloud to draw beside it. If there is one PLY, OBJ, OFF or STL "
+            "file and it holds triangles, the mesh is drawn. That needs the extras view and evaluate.",
             show_default=False,
         ),
     ],
@@ -44,7 +50,8 @@ def render(
         typer.Option(
             metavar="NAME",
             help="What the colours show: rgb, variation (surface variation), or the name of an attribute. By default "
-            "rgb if IN has colours. If not, a cloud shows surface variation, and a mesh is white.",
+            "rgb if IN has colours. If not, a cloud shows surface variation, and a mesh is white. Two clouds show "
+            "surface variation.",
             rich_help_panel=panels.LOOK,
         ),
     ] = None,
@@ -52,7 +59,7 @@ def render(
         str,
         typer.Option(
             metavar="WIDTHxHEIGHT",
-            help="Size in pixels.",
+            help="Size in pixels, of one cloud or mesh.",
             rich_help_panel=panels.LOOK,
         ),
     ] = "1280x960",
@@ -66,7 +73,8 @@ def render(
 ) -> None:
     """Draw a picture of a cloud or a mesh. It needs no display.
 
-    A cloud is drawn as a surface without gaps between its points. Points whose value is unknown are grey.
+    A cloud is drawn as a surface without gaps between its points. Points whose value is unknown are grey. Of a
+    simplified cloud, single points are drawn, in the colours of the original.
     """
     from gppcs import io
     from gppcs.drawing.single import checked_size, draw_single
@@ -80,8 +88,18 @@ def render(
     if not io.is_standard(output) and output.suffix.lower() != ".png":
         raise OutputError(f"{output}: expected a name that ends in .png for the picture")
     require_matplotlib()
-    io.check_distinct([output], [source])
+    io.check_distinct([output], sources)
     io.check_output(output, force)
+    if len(sources) > 2:
+        raise ParameterError(f"expected one cloud, or two to draw beside each other, found {len(sources)}")
+    if len(sources) == 2:
+        original, simplified = (io.load(source, input_format, names_of(columns))[0] for source in sources)
+        with io.whole_output(output, force) as file:
+            _draw_beside(file, original, simplified, different_names(sources)[1], viewpoint, colour)
+        if not quiet and not io.is_standard(output):
+            say(f"{output}: {len(original):,} and {len(simplified):,} points beside each other")
+        return
+    (source,) = sources
     cloud, faces, unread = io.load(source, input_format, names_of(columns))
     mesh = mesh_of(source, input_format)
     with naming(source), io.whole_output(output, force) as file:
@@ -95,6 +113,20 @@ def render(
     if not quiet and not io.is_standard(output):
         coloured = f", coloured by {drawn.colour}" if drawn.colour else ""
         say(f"{output}: {pixels[0]} x {pixels[1]} pixels{coloured}")
+
+
+def _draw_beside(
+    file: BinaryIO, cloud: PointCloud, simplified: PointCloud, title: str, viewpoint: Viewpoint, colour: str | None
+) -> None:
+    """Draw a simplified cloud beside its original. Each point has the colour of the nearest original one."""
+    from gppcs.drawing.paint import painted
+    from gppcs.drawing.pair import draw_pair
+    from gppcs.spatial.kdtree import KdTree
+
+    original, legend = painted(cloud.take(cloud.finite_rows()), colour)
+    kept = simplified.points[simplified.finite_rows()]
+    nearest = KdTree.build(original.points).nearest_of(kept, 1)[0][:, 0]
+    draw_pair(file, title, original, original.kept(nearest, kept), viewpoint, legend)
 
 
 def _numbers(size: str) -> tuple[int, int]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass, replace
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -22,12 +21,9 @@ from gppcs.app.amounts import (
     Unit,
 )
 from gppcs.app.large_files import (
-    AssumeSameCrs,
     DryRun,
     Memory,
     Merge,
-    Scheduler,
-    Scratch,
     Workers,
     executor_of,
     plan_record,
@@ -41,26 +37,18 @@ from gppcs.app.pages import different_names, how_made
 from gppcs.app.printing import (
     BAD_INPUT,
     FAILURES,
-    Ascii,
     Box,
-    Columns,
-    Drop,
     Force,
     From,
     Inside,
-    Invalid,
     Json,
     Keep,
     Lossy,
     Only,
     Quiet,
-    Resolution,
-    Seed,
     Threads,
     To,
     Weight,
-    figure_rows,
-    names_of,
     note_left_out,
     number_in_words,
     numbers_of,
@@ -72,42 +60,42 @@ from gppcs.app.printing import (
     tell,
     time_in_words,
 )
-from gppcs.app.viewpoint import Colour, Up, View, require_picture, viewpoint_of
 from gppcs.clouds.quantities import METRES, metres_of, option, unit_of
 from gppcs.engine.memory import peak_memory
 from gppcs.engine.stages import COMPILATION
 from gppcs.engine.threads import set_threads
-from gppcs.errors import InputError, OutputError, ParameterError, file_path
+from gppcs.errors import InputError, OutputError, ParameterError, file_path, shown
 from gppcs.methods import DEFAULT, METHODS, Method, method_named
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gppcs.clouds.cloud import PointCloud
-    from gppcs.drawing.viewpoint import Viewpoint
-    from gppcs.engine.stages import Stages
-    from gppcs.evaluation.report import Report
+    from gppcs.drawing.web.page import Page
     from gppcs.io.query import Query
     from gppcs.simplification import Request, Result
     from gppcs.streaming.beyond_memory import Run
     from gppcs.streaming.files import Work
     from gppcs.streaming.plan import Plan
 
+KINDS = ("invalid", "outliers")  # of points that --drop leaves out
+ADDED = ("normals", "scores", "index")  # what --add adds
+INDEX = "index"  # the attribute of the row in the input
+
 EPILOG = (
     "[bold]Examples[/bold]\n\n"
-    "gppcs simplify scan.ply -o small.ply --ratio 0.03 --figures\n\n"
+    "gppcs simplify scan.ply -o small.ply --ratio 0.03\n\n"
     "gppcs simplify scan.ply -o small.ply --points 5000 --method fps\n\n"
     "gppcs simplify scan.ply -o small.ply --tolerance 0.02%\n\n"
-    "gppcs simplify scan.laz -o small.laz --spacing 50cm --keep 'classification == 6' --drop 'classification == 7'\n\n"
+    "gppcs simplify scan.laz -o small.laz --spacing 50cm --only 'classification != 7'\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --set feature_weight=0.8\n\n"
-    "gppcs simplify scan.ply -o small.ply --ratio 0.1 --normals\n\n"
+    "gppcs simplify scan.ply -o small.ply --ratio 0.1 --add normals\n\n"
     "gppcs simplify scan.ply -o 'scan_{level}.ply' --levels 10%,3%,1%\n\n"
     "gppcs simplify a.ply b.ply -o folder/ --ratio 10% --json\n\n"
     "gppcs simplify tile1.laz tile2.laz --merge -o small.laz --ratio 0.2% --memory 4GB\n\n"
     "gppcs simplify scans -o '{parent}/{stem}_small.ply' --points 5k\n\n"
-    "gppcs simplify table.txt -o small.ply --points 5k --columns x,y,z,red,green,blue\n\n"
     "[bold]Output of --json[/bold]\n\n"
-    "Besides input, output, method and figures: [cyan]seconds[/cyan], the time of each stage; "
+    "Besides input, output and method: [cyan]seconds[/cyan], the time of each stage; "
     "[cyan]seconds_compiling[/cyan], the part of it that only a first run takes; and [cyan]peak_memory[/cyan], the "
     "most bytes that the process has held so far, or null if the system does not report it. With --merge, input is a "
     "list. With --dry-run, the plan stands in place of the result.\n\n"
@@ -167,58 +155,27 @@ def simplify(
             rich_help_panel=panels.METHOD,
         ),
     ] = None,
-    seed: Seed = None,
     input_format: From = None,
     output_format: To = None,
-    ascii: Ascii = None,  # noqa: A002
-    columns: Columns = None,
     box: Box = None,
     only: Only = None,
-    drop: Drop = None,
     polygon: Inside = None,
-    resolution: Resolution = None,
-    drop_outliers: Annotated[
-        bool,
+    drop: Annotated[
+        str | None,
         typer.Option(
-            "--drop-outliers",
-            help="Leave out the points that neither their neighbours nor the surface explain, before the choice.",
-            rich_help_panel=panels.CHOICE,
-        ),
-    ] = False,
-    outliers: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            parser=file_path,
-            help="Do the same, and write the points that are left out to a file.",
+            metavar="KIND,...",
+            help="Leave out points before all else: outliers, which neither their neighbours nor the surface explain; "
+            "invalid ones, with NaN or infinite coordinates, which are otherwise an error; or invalid,outliers.",
             rich_help_panel=panels.CHOICE,
         ),
     ] = None,
-    invalid: Invalid = "error",
-    normals: Annotated[
-        bool,
-        typer.Option(
-            "--normals",
-            help="Add to each kept point a normal estimated from all points of the input, to rebuild a surface. It "
-            "replaces the normal of the input. Normals of closed pieces of the surface point outward, of flat pieces "
-            "along +z.",
-            rich_help_panel=panels.ATTRIBUTES,
-        ),
-    ] = False,
-    scores: Annotated[
-        bool,
-        typer.Option(
-            "--scores",
-            help="Add to each kept point its score and standard deviation when it was chosen (method gp).",
-            rich_help_panel=panels.ATTRIBUTES,
-        ),
-    ] = False,
-    index_attribute: Annotated[
+    add: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME",
-            help="Add to each kept point its row in the input, counted from 0, as NAME; with --box, --only "
-            "and so on, its row among the points that are read. Outliers and invalid points count, too.",
+            metavar="NAME,...",
+            help="Add attributes to each kept point. normals: estimated from all points of the input, to rebuild a "
+            "surface; those of closed pieces point outward, of flat pieces along +z. scores: the score and standard "
+            "deviation when the point was chosen (method gp). index: its row among the points that are read, from 0.",
             rich_help_panel=panels.ATTRIBUTES,
         ),
     ] = None,
@@ -230,23 +187,6 @@ def simplify(
             rich_help_panel=panels.ATTRIBUTES,
         ),
     ] = None,
-    figures: Annotated[
-        bool,
-        typer.Option(
-            "--figures",
-            help="Measure how good the result is, as gppcs evaluate does.",
-            rich_help_panel=panels.LOOK,
-        ),
-    ] = False,
-    picture: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="PNG",
-            help="Draw the original and the result, coloured by surface variation, to a PNG file.",
-            rich_help_panel=panels.LOOK,
-        ),
-    ] = None,
-    colour: Colour = None,
     report: Annotated[
         Path | None,
         typer.Option(
@@ -255,15 +195,10 @@ def simplify(
             rich_help_panel=panels.LOOK,
         ),
     ] = None,
-    view: View = None,
-    up: Up = None,
     threads: Threads = None,
     merge: Merge = False,
-    assume_same_crs: AssumeSameCrs = False,
     memory: Memory = None,
-    scratch: Scratch = None,
     workers: Workers = None,
-    scheduler: Scheduler = None,
     dry_run: DryRun = False,
     force: Force = False,
     lossy: Lossy = False,
@@ -276,7 +211,7 @@ def simplify(
     for standard input, or for standard output with --to.
     """
     from gppcs.engine.stages import Stages
-    from gppcs.io import check_distinct, is_standard
+    from gppcs.io import check_distinct
     from gppcs.io.query import Query
     from gppcs.simplification import Request
     from gppcs.streaming.files import Work
@@ -292,47 +227,36 @@ def simplify(
     }
     chosen = method_named(method, _parsed(settings or []))
     wanted = None if levels is None else _checked_levels(levels, amount, chosen, mark)
+    dropped, added = _listed("--drop", drop, KINDS), _listed("--add", add, ADDED)
     request = Request.of(
-        **amount | (wanted.finest if wanted else {}), unit=unit, keep=keep, weight=weight,
-        method=chosen, seed=seed, invalid=invalid, normals=normals, scores=scores,
-        drop_outliers=drop_outliers or outliers is not None,
+        **amount | (wanted.finest if wanted else {}), unit=unit, keep=keep, weight=weight, method=chosen,
+        invalid="drop" if "invalid" in dropped else "error", normals="normals" in added, scores="scores" in added,
+        drop_outliers="outliers" in dropped,
     )  # fmt: skip
-    viewpoint = viewpoint_of(view, up, picture is not None or report is not None)
-    require_picture(colour, picture is not None)
-    if mark is not None and (normals or scores or index_attribute is not None):
-        raise ParameterError(
-            "expected --mark without --normals, --scores and --index-attribute, which only kept points have"
-        )
+    if mark is not None and added:
+        raise ParameterError("expected --mark without --add, whose attributes only kept points have")
     if dry_run and request.amount.ratio is None and request.amount.n_points is None:
         raise ParameterError(
             "expected --ratio or --points with --dry-run, as the number of points is known only after the work"
         )
     limit = None if memory is None else bytes_of(memory)
-    query = Query.of(numbers_of(box), resolution, only, drop, polygon)
+    query = Query.of(numbers_of(box), None, only, polygon)
     merged = sources_of(inputs) if merge else []
     naming = outputs_of if wanted is None else wanted.outputs
-    named = naming(merged[:1] or inputs, output, output_format, ascii)
+    named = naming(merged[:1] or inputs, output, output_format)
     by_level = named if isinstance(named, list) else [named]
     outputs = by_level[-1]
     sources = list(outputs.targets)
-    if picture:
-        _check_picture(picture, sources, force)
     if report:
-        _check_drawn("--report", report, (".html", ".htm"), sources, force)
+        _check_report(report, sources, force)
     written = [target for level in by_level for target in level.targets.values()]
     read = [*inputs, *(merged or sources), *filter(None, [polygon])]
-    check_distinct([*written, *filter(None, (picture, report, outliers))], read)
-    if outliers is not None:
-        _check_single("--outliers", sources)
-        if is_standard(outliers):
-            raise OutputError("-: expected the name of a file for the outliers, found standard output")
-        Outputs({sources[0]: outliers}, makes_folders=False).check(outliers, force)
-    with executor_of(workers, scheduler) as executor:
-        work = Work(limit, scratch, executor, Stages(progress(quiet)))
+    check_distinct([*written, *filter(None, [report])], read)
+    with executor_of(workers) as executor:
+        work = Work(limit, None, executor, Stages(progress(quiet)))
         job = _Job(
-            outputs, by_level, wanted, merged, request, work, input_format, names_of(columns), query, index_attribute,
-            mark, figures, picture, colour, report, context.obj, viewpoint, assume_same_crs, dry_run, force, lossy,
-            quiet, outliers,
+            outputs, by_level, wanted, merged, request, work, input_format, query, "index" in added, mark, report,
+            context.obj, dry_run, force, lossy, quiet,
         )  # fmt: skip
         succeeded = [_reported(job, source, as_json) for source in sources]
     if not all(succeeded):
@@ -355,7 +279,7 @@ def _reported(job: _Job, source: Path, as_json: bool) -> bool:
         print_json(run.record())
     elif job.quiet:
         pass
-    elif len(job.outputs.targets) > 1 and not job.figures:
+    elif len(job.outputs.targets) > 1:
         say(run.line())
     else:
         run.print()
@@ -381,27 +305,23 @@ def _parsed(settings: list[str]) -> dict[str, str]:
     return {key: value for key, _, value in (setting.partition("=") for setting in settings)}
 
 
-def _check_picture(picture: Path, inputs: list[Path], force: bool) -> None:
-    """Check that the picture can be drawn and written."""
-    from gppcs.engine.extras import require_matplotlib
-
-    _check_drawn("--picture", picture, (".png",), inputs, force)
-    require_matplotlib()
-
-
-def _check_single(option: str, inputs: list[Path]) -> None:
-    """Check that there is one input, for an option that names one file."""
-    if len(inputs) > 1:
-        raise ParameterError(f"expected one input with {option}, found {len(inputs)}")
+def _listed(name: str, given: str | None, known: tuple[str, ...]) -> list[str]:
+    """Return the words in a list, after checking that they are known."""
+    words = [] if given is None else [word.strip() for word in given.split(",")]
+    for word in words:
+        if word not in known:
+            raise ParameterError(f"expected {name} with {' or '.join(known)}, found {shown(word)}")
+    return words
 
 
-def _check_drawn(option: str, path: Path, suffixes: tuple[str, ...], inputs: list[Path], force: bool) -> None:
-    """Check that what an option draws of one input can be written to a file whose name ends in one of the suffixes."""
+def _check_report(path: Path, inputs: list[Path], force: bool) -> None:
+    """Check that the page of one input can be written."""
     from gppcs.io import check_writable
 
-    _check_single(option, inputs)
-    if path.suffix.lower() not in suffixes:
-        raise OutputError(f"{path}: expected a name that ends in {suffixes[0]} for the {option.removeprefix('--')}")
+    if len(inputs) > 1:
+        raise ParameterError(f"expected one input with --report, found {len(inputs)}")
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise OutputError(f"{path}: expected a name that ends in .html for the report")
     check_writable(path, force)
 
 
@@ -416,22 +336,15 @@ class _Job:
     request: Request
     work: Work
     input_format: str | None
-    columns: list[str] | None
     query: Query | None
-    index_attribute: str | None
+    with_index: bool
     mark: str | None
-    figures: bool
-    picture: Path | None
-    colour: str | None
     report: Path | None
     command: list[str]
-    viewpoint: Viewpoint
-    assume_same_crs: bool
     dry_run: bool
     force: bool
     lossy: bool
     quiet: bool
-    outliers: Path | None
 
     def run(self, source: Path) -> _Run | _DryRun:
         """Simplify one cloud."""
@@ -446,34 +359,31 @@ class _Job:
         for level in self.by_level:
             level.check(level.targets[source], self.force)
         work = replace(self.work, stages=self.work.stages.anew())
-        with CloudFiles(sources, self.input_format, self.columns, self.query, self.assume_same_crs) as files:
+        with CloudFiles(sources, self.input_format, query=self.query) as files:
             planned = work.planned(files, self.request, self._whole())
             if self.dry_run:
                 return _DryRun(sources, target, planned)
             head = files.head().cloud
             self._note_other_unit(source, head)
             self._check_storable(target, head)
-            done = run(files, self.request, work, planned, listed=self.outliers is not None)
+            done = run(files, self.request, work, planned)
             _, unread = files.left_out()
-        measured, drawn = (None, {}) if done.cloud is None else self._looked_at(done, target, work.stages)
         result = done.result
+        page = None if self.report is None else self._page(done, target)
         if self.mark is not None:
             result = _marked(done, self.mark)
-        elif self.index_attribute is not None:
-            result = replace(result, cloud=_with_attribute(result.cloud, self.index_attribute, result.indices))
+        elif self.with_index:
+            result = replace(result, cloud=_with_attribute(result.cloud, INDEX, result.indices))
         with work.stages("writing"):
             written, lost = self._store(source, result, done.points)
-            for path, content in drawn.items():
-                with io.whole_file(path, self.force) as file:
-                    file.write(content)
-            if done.outliers is not None and self.outliers is not None:
-                lost_here = io.store(self.outliers, done.outliers, None, self.force, self.lossy, None)
-                note_left_out(self.outliers, lost_here)
+            if self.report is not None and page is not None:
+                with io.whole_file(self.report, self.force) as file:
+                    page.write(file)
         note_left_out(target, [*unread, *lost])
         self._note_all_kept(source, len(result.indices))
         self._note_fine_tolerance(source, len(result.indices) / done.points)
         unit = unit_of(head.header, self.request.unit)
-        return _Run(sources, written, done.points, planned.readings, result, measured, self._asked(), unit)
+        return _Run(sources, written, done.points, planned.readings, result, self._asked(), unit)
 
     def _store(self, source: Path, result: Result, points: int) -> tuple[dict[Path, int], list[str]]:
         """Write the result, or its levels; return the number of points in each file, and what is left out."""
@@ -511,49 +421,28 @@ class _Job:
             raise
         return written, lost
 
-    def _looked_at(self, done: Run, target: Path, stages: Stages) -> tuple[Report | None, dict[Path, bytes]]:
-        """Return the figures if they are wanted, and picture and page by file. Outliers are seen in none of them."""
+    def _page(self, done: Run, target: Path) -> Page:
+        """Return a page of the result beside its original, both without outliers."""
         import numpy as np
+
+        from gppcs.drawing.web.contents import Named, report_page
+        from gppcs.io import is_standard
 
         assert done.cloud is not None
         cloud, result = done.cloud, done.result
         if result.outliers is not None:
-            left = np.delete(np.arange(len(cloud)), result.outliers)
-            cloud, result = cloud.take(left), replace(result, indices=np.searchsorted(left, result.indices))
-        measured, drawn = None, {}
-        if self.figures:
-            from gppcs.evaluation.judge import evaluate
-
-            with stages("figures"):
-                measured = evaluate(cloud.take(cloud.finite_rows()), result.cloud)
-        if self.picture:
-            with stages("picture"):
-                drawn[self.picture] = _drawn(cloud, result, self.viewpoint, self.colour)
-        if self.report:
-            with stages("report"):
-                drawn[self.report] = self._page(cloud, result, target)
-        return measured, drawn
-
-    def _page(self, cloud: PointCloud, result: Result, target: Path) -> bytes:
-        """Return an HTML page of the result beside its original."""
-        from gppcs.drawing.web.contents import Named, report_page
-        from gppcs.io import is_standard
-
+            cloud = cloud.take(np.delete(np.arange(len(cloud)), result.outliers))
         sources = self.merged or list(self.outputs.targets)
         shown = Path("result") if is_standard(target) else target
         original, simplified = different_names([Path(titled(sources)), shown])
-        made, page = how_made(self.command, sources), BytesIO()
         named = Named(simplified, result.cloud, reason=result.method.summary)
-        report_page(Named(original, cloud), [named], made, self.viewpoint).write(page)
-        return page.getvalue()
+        return report_page(Named(original, cloud), [named], how_made(self.command, sources))
 
     def _whole(self) -> str | None:
         """Return the option that takes all points at once, if any, besides those of the request."""
         wanted = {
             **({} if self.request.whole is None else {option(self.request.whole): True}),
             "--mark": self.mark is not None,
-            "--figures": self.figures,
-            "--picture": self.picture,
             "--report": self.report,
         }
         return next((name for name, value in wanted.items() if value), None)
@@ -565,9 +454,8 @@ class _Job:
         from gppcs import io
         from gppcs.clouds.cloud import NORMALS
 
-        known = cloud.take(cloud.finite_rows())
         if self.mark is None:
-            cloud = known  # only these are kept
+            cloud = cloud.take(cloud.finite_rows())  # only these are kept
         names = [
             *(NORMALS if self.request.normals else ()),
             *(self.request.method.attributes if self.request.scores else ()),
@@ -575,16 +463,10 @@ class _Job:
         zeros = dict.fromkeys(names, np.zeros(len(cloud), np.float32))
         cloud = replace(cloud, attributes={**cloud.attributes, **zeros})
         level = LEVEL if self.levels is not None and len(self.by_level) == 1 else None
-        for name, dtype in ((self.index_attribute, np.int64), (self.mark, np.uint8), (level, np.uint8)):
+        for name, dtype in ((INDEX if self.with_index else None, np.int64), (self.mark, np.uint8), (level, np.uint8)):
             if name is not None:
                 cloud = _with_attribute(cloud, name, np.zeros(len(cloud), dtype))
         io.check_storable(target, cloud, self.outputs.format, self.lossy, self.outputs.ascii)
-        if self.outliers is not None:
-            io.check_storable(self.outliers, known, None, self.lossy, None)
-        if self.colour is not None:
-            from gppcs.drawing.attributes import Colourable
-
-            Colourable.of(known).require(self.colour)
 
     def _asked(self) -> dict[str, str]:
         """Return what was asked of a diagnostic, by its name."""
@@ -639,21 +521,6 @@ def _marked(done: Run, name: str) -> Result:
     return replace(done.result, cloud=_with_attribute(done.cloud, name, kept))
 
 
-def _drawn(cloud: PointCloud, result: Result, viewpoint: Viewpoint, colour: str | None) -> bytes:
-    """Return a PNG of the original and the simplified cloud."""
-    import numpy as np
-
-    from gppcs.drawing.paint import painted
-    from gppcs.drawing.pair import draw_pair
-
-    rows = cloud.finite_rows()
-    original, legend = painted(cloud.take(rows), colour)
-    simplified = original.kept(np.searchsorted(rows, result.indices), result.cloud.points)
-    image = BytesIO()
-    draw_pair(image, str(result.method), original, simplified, viewpoint, legend)
-    return image.getvalue()
-
-
 @dataclass(frozen=True)
 class _DryRun:
     """What would be done with one cloud."""
@@ -696,7 +563,6 @@ class _Run:
     points: int
     readings: int
     result: Result
-    report: Report | None
     asked: dict[str, str]
     unit: str | None
 
@@ -720,7 +586,6 @@ class _Run:
             "seconds_compiling": self.result.seconds.get(COMPILATION, 0.0),
             "readings": self.readings,
             "peak_memory": peak_memory(),
-            "figures": self.report.figures() if self.report else None,
             "version": __version__,
         }
 
@@ -748,7 +613,6 @@ class _Run:
                 "method": str(self.result.method),
                 **dict(self._in_words(name, value) for name, value in self.result.diagnostics.items() if value),
                 "time": time_in_words(self.result.seconds),
-                **(figure_rows(self.report, self.unit) if self.report else {}),
             },
         )
 
