@@ -130,7 +130,7 @@ CALLS = {  # a public function, and arguments with which it works
                                       "scale": 1.0, "nearest": 0.0, "farthest": math.inf}),
     "figures_of": (gppcs.figures_of, {"report": gppcs.Report}),
     "parameter": (gppcs.parameter, {"default": 1, "meaning": "One.", "least": None, "most": None}),
-    "read": (gppcs.read, {"path": "there.ply", "format": None, "columns": None, "only": None, "drop": None,
+    "read": (gppcs.read, {"path": "there.ply", "format": None, "columns": None, "only": None,
                           "polygon": None}),
     "read_mesh": (gppcs.read_mesh, {"path": "mesh.off"}),
     "write": (gppcs.write, {"path": "new.ply", "cloud": CLOUD, "format": None, "force": True}),

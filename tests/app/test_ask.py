@@ -78,7 +78,7 @@ def test_options_do_what_the_library_does(gppcs_command, scan):
 
 def test_conditions_and_polygons(gppcs_command, scan):
     Path("area.json").write_text('{"type": "Polygon", "coordinates": [[[-60, -60], [60, -60], [0, 60]]]}')
-    options = ["--only", "z > 5", "--drop", "nx > 0.5", "--polygon", "area.json"]
+    options = ["--only", "z > 5 and not nx > 0.5", "--polygon", "area.json"]
     assert gppcs_command("convert", "scan.ply", "part.ply", *options)[0] == 0
     part = gppcs.read("part.ply")
     assert 0 < len(part) < len(scan)
@@ -136,18 +136,6 @@ def test_a_full_disk_leaves_no_level(gppcs_command, scan, monkeypatch):
     assert files() == before
 
 
-def test_outliers_are_left_out_and_listed(gppcs_command, folder):
-    cloud = gppcs.sample("bracket", 5000, outliers=0.01)
-    gppcs.write("scan.ply", cloud)
-    words = ["simplify", "scan.ply", "-o", "out.ply", "--points", 300, "--outliers", "strays.ply", "--json", *FAST]
-    record = json.loads(gppcs_command(*words)[1])
-    strays = gppcs.read("strays.ply")
-    assert strays == cloud[gppcs.find_outliers(cloud)]
-    assert record["diagnostics"]["outliers"] == len(strays) > 10
-    assert record["points_in"] == 5000 - len(strays)
-    assert not set(map(tuple, gppcs.read("out.ply").points)) & set(map(tuple, strays.points))
-
-
 @pytest.mark.parametrize(
     ("arguments", "parts"),
     [
@@ -177,13 +165,11 @@ def test_outliers_are_left_out_and_listed(gppcs_command, folder):
         (["--points", 5, "--keep", "z > 0", *FAST], ["'fps' can keep no given points"]),
         (["--points", 5, "--only", "z > 999"], ["scan.ply: expected points with z > 999, found none"]),
         (["--points", 5, "--only", "zz > 9"], ["scan.ply: 'zz > 9', at character 1", "no attribute 'zz'"]),
-        (["--points", 5, "--drop", "z = 9"], ["at character 3 ('= 9'): expected =="]),
+        (["--points", 5, "--only", "z = 9"], ["at character 3 ('= 9'): expected =="]),
         (["--points", 5, "--polygon", "scan.ply"], ["scan.ply: expected polygons in GeoJSON"]),
         (["--points", 5, "--polygon", "none.json"], ["none.json: No such file"]),
         (["--points", 5, "--weight", "rad"], ["scan.ply: the cloud has no attribute 'rad'", "did you mean 'red'?"]),
         (["--points", 5, "--weight", "nz"], ["scan.ply: expected finite weights from 0 on, found -"]),
-        (["--points", 5, "--outliers", "scan.ply"], ["a file other than the input scan.ply"]),
-        (["--points", 5, "--outliers", "-"], ["-: expected the name of a file for the outliers"]),
         (
             ["--levels", "5,390", "--keep", "z > 60"],
             ["are to be kept whatever happens, but the coarsest level has only 5 points"],
@@ -193,7 +179,6 @@ def test_outliers_are_left_out_and_listed(gppcs_command, folder):
         (["--levels", "5,10", "--points", 3], ["--levels without --points"]),
         (["--levels", "5,10", "--method", "voxel"], ["'voxel' does not rank its points"]),
         (["--levels", ",".join(map(str, range(1, 258)))], ["at most 256 sizes, found 257"]),
-        (["--levels", "5,1000", "--outliers", "strays.ply", *FAST], ["a finest level of less than all 400 points"]),
         (["--levels", "5,1000", *FAST], ["scan.ply: expected a finest level of less than all 400 points"]),
     ],
 )

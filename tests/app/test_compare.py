@@ -79,7 +79,7 @@ def test_compare_into_an_empty_folder_and_again_with_force(gppcs_command, scan, 
 def test_compare_drops_invalid_points_when_asked_to(gppcs_command, scan):
     scan.points[9] = np.nan
     gppcs.write("broken.ply", scan)
-    options = ("--points", 40, "--methods", "fps", "-o", "side", "--no-picture", "--invalid", "drop", "--json")
+    options = ("--points", 40, "--methods", "fps", "-o", "side", "--no-picture", "--drop", "invalid", "--json")
     code, out, err = gppcs_command("compare", "broken.ply", *options)
     assert (code, err) == (0, "")
     assert json.loads(out)["figures"]["points_in"] == 399
@@ -94,7 +94,7 @@ def test_compare_draws_clouds_and_meshes(gppcs_command, monkeypatch):
     ball = gppcs.sample("sphere", 2000)
     ball.points[7] = np.nan
     gppcs.write("ball.ply", ball)
-    options = ("--points", 200, "--methods", "fps,random", "-o", "side", "--invalid", "drop", "--report")
+    options = ("--points", 200, "--methods", "fps,random", "-o", "side", "--drop", "invalid", "--report")
     assert gppcs_command("compare", "ball.ply", *options)[::2] == (0, "")
     assert [column.title for column in columns] == ["original", "fps", "random"]
     assert [len(column.points) for column in columns] == [1999, 200, 200]
@@ -208,7 +208,7 @@ def test_compare_meshes_draws_a_column_for_each_mesh(gppcs_command, ball, monkey
     gppcs.write_mesh("surface.ply", surface)
     ball.points[7] = np.nan
     gppcs.write("ball.ply", ball, force=True)
-    options = ("--methods", "mesh,ball-pivoting", "--invalid", "drop", "--mesh", "surface.ply", "-q")
+    options = ("--methods", "mesh,ball-pivoting", "--drop", "invalid", "--mesh", "surface.ply", "-q")
     assert gppcs_command(*MESHES, *options) == (0, "", "")
     assert [column.title for column in columns] == ["original", "mesh", "ball-pivoting"]
     original, mesh, _ = columns

@@ -1,4 +1,4 @@
-"""`--index-attribute` and `--mark` of `gppcs simplify`."""
+"""`--add index` and `--mark` of `gppcs simplify`."""
 
 import numpy as np
 import pytest
@@ -15,10 +15,10 @@ def rows(scan):
 
 
 def test_the_row_of_each_kept_point_is_added(gppcs_command, rows):
-    assert gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--index-attribute", "row", *FPS)[0] == 0
+    assert gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--add", "index", *FPS)[0] == 0
     kept, scan = gppcs.read("out.ply"), gppcs.read("scan.ply")
-    assert kept.attributes["row"].tolist() == rows.tolist()
-    assert (kept.points == scan.points[kept.attributes["row"]]).all()
+    assert kept.attributes["index"].tolist() == rows.tolist()
+    assert (kept.points == scan.points[kept.attributes["index"]]).all()
 
 
 def test_all_points_are_written_with_a_mark_for_those_kept(gppcs_command, rows):
@@ -40,16 +40,16 @@ def strays(folder):
     return part, ~gppcs.find_outliers(part)
 
 
-ONLY = ["--only", "z > 5", "--drop-outliers", *FPS]
+ONLY = ["--only", "z > 5", "--drop", "outliers", *FPS]
 
 
 def test_rows_are_those_of_the_points_that_are_read_outliers_included(gppcs_command, strays):
     part, clean = strays
-    assert gppcs_command("simplify", "stray.ply", "-o", "out.ply", "--index-attribute", "row", *ONLY)[0] == 0
+    assert gppcs_command("simplify", "stray.ply", "-o", "out.ply", "--add", "index", *ONLY)[0] == 0
     kept = gppcs.read("out.ply")
-    assert (kept.points == part.points[kept.attributes["row"]]).all()
-    assert clean[kept.attributes["row"]].all()
-    assert (~clean[: kept.attributes["row"].max()]).any()
+    assert (kept.points == part.points[kept.attributes["index"]]).all()
+    assert clean[kept.attributes["index"]].all()
+    assert (~clean[: kept.attributes["index"].max()]).any()
 
 
 def test_outliers_are_among_the_marked_points(gppcs_command, strays):
@@ -61,9 +61,8 @@ def test_outliers_are_among_the_marked_points(gppcs_command, strays):
     assert (np.flatnonzero(marked.attributes["kept"]) == np.sort(np.flatnonzero(clean)[result.indices])).all()
 
 
-@pytest.mark.parametrize("option", ["--index-attribute", "--mark"])
-def test_attributes_of_the_cloud_are_not_replaced(gppcs_command, folder, scan, option):
-    code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", option, "red", *FPS)
+def test_attributes_of_the_cloud_are_not_replaced(gppcs_command, folder, scan):
+    code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--mark", "red", *FPS)
     assert (code, "scan.ply: expected the name of a new attribute, found 'red'" in err) == (2, True)
     assert not (folder / "out.ply").exists()
 
@@ -78,7 +77,6 @@ def no_work(monkeypatch):
     monkeypatch.setattr(gppcs.FarthestPoint, "__call__", begins)
 
 
-@pytest.mark.parametrize("option", ["--index-attribute", "--mark"])
 @pytest.mark.parametrize(
     ("name", "target", "message"),
     [
@@ -91,20 +89,20 @@ def no_work(monkeypatch):
     ],
 )
 def test_names_that_cannot_be_written_are_found_before_the_work(
-    gppcs_command, folder, scan, no_work, option, name, target, message
+    gppcs_command, folder, scan, no_work, name, target, message
 ):
-    result = gppcs_command("simplify", "scan.ply", "-o", target, option, name, *FPS)
+    result = gppcs_command("simplify", "scan.ply", "-o", target, "--mark", name, *FPS)
     assert_one_line(result, message)
     assert not (folder / target).exists()
 
 
-@pytest.mark.parametrize(("option", "lost"), [("--normals", "nx (float32)"), ("--scores", "score (float32)")])
+@pytest.mark.parametrize(("added", "lost"), [("normals", "nx (float32)"), ("scores", "score (float32)")])
 def test_what_the_output_cannot_hold_of_the_result_is_found_before_the_work(
-    gppcs_command, folder, no_work, monkeypatch, option, lost
+    gppcs_command, folder, no_work, monkeypatch, added, lost
 ):
     gppcs.write("bare.xyz", gppcs.sample("bracket", 400).points)
     monkeypatch.setattr(gppcs.FarthestPoint, "attributes", ("score",))
-    result = gppcs_command("simplify", "bare.xyz", "-o", "out.obj", option, *FPS)
+    result = gppcs_command("simplify", "bare.xyz", "-o", "out.obj", "--add", added, *FPS)
     assert_one_line(result, f"OBJ cannot hold: attribute {lost}")
     assert not (folder / "out.obj").exists()
 
@@ -114,14 +112,13 @@ def test_points_that_are_dropped_need_not_be_held(gppcs_command, folder):
     points = points.round(2)
     points[7] = np.nan
     gppcs.write("bare.xyz", points)
-    words = ["simplify", "bare.xyz", "-o", "out.las", "--lossy", "--invalid", "drop", "-q", *FPS]
+    words = ["simplify", "bare.xyz", "-o", "out.las", "--lossy", "--drop", "invalid", "-q", *FPS]
     assert gppcs_command(*words, "--mark", "kept")[0] == 2
     assert not (folder / "out.las").exists()
-    assert gppcs_command(*words, "--index-attribute", "row") == (0, "", "")
-    assert 7 not in gppcs.read("out.las").attributes["row"]
+    assert gppcs_command(*words, "--add", "index") == (0, "", "")
+    assert 7 not in gppcs.read("out.las").attributes["index"]
 
 
-@pytest.mark.parametrize("other", [["--normals"], ["--index-attribute", "row"]])
-def test_what_only_kept_points_have_does_not_go_with_a_mark(gppcs_command, scan, other):
-    code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--mark", "kept", *other, *FPS)
+def test_what_only_kept_points_have_does_not_go_with_a_mark(gppcs_command, scan):
+    code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--mark", "kept", "--add", "index", *FPS)
     assert (code, "expected --mark without" in err) == (2, True)

@@ -134,9 +134,6 @@ def test_outputs_are_text_or_binary_as_wanted(gppcs_command, scan, folder, suffi
 
     assert gppcs_command("sample", "fan", "-o", f"a{suffix}", "--points", 50, "--ascii") == (0, "", "")
     assert gppcs_command("convert", f"a{suffix}", f"b{suffix}", "--binary") == (0, "", "")
-    words = ["--points", 5, "--method", "random", "-q"]
-    assert gppcs_command("simplify", f"b{suffix}", "-o", f"c{suffix}", "--ascii", *words) == (0, "", "")
-    assert [is_text(f"{name}{suffix}") for name in "abc"] == [True, False, True]
-    for command in (["convert", "scan.ply", "d.las"], ["simplify", "scan.ply", "-o", "d.las", *words]):
-        code, _, err = gppcs_command(*command, "--ascii")
-        assert (code, "d.las: expected PLY or PCD with a choice" in err) == (2, True)
+    assert [is_text(f"{name}{suffix}") for name in "ab"] == [True, False]
+    code, _, err = gppcs_command("convert", "scan.ply", "d.las", "--ascii")
+    assert (code, "d.las: expected PLY or PCD with a choice" in err) == (2, True)

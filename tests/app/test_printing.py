@@ -24,5 +24,5 @@ def test_the_compilation_is_told_apart(monkeypatch):
     seconds = {"reading": 0.5, "compilation": 30.0, "choice": 1.0}
     expected = "31.50 s, of which 30.00 s compiling kernels, this time only; reading 0.50 s; choice 1.00 s"
     assert time_in_words(seconds) == expected
-    monkeypatch.setattr("gppcs.engine.kernel_cache.are_kept", lambda: False)
+    monkeypatch.setattr("gppcs.engine.kernel_cache.folder_to_write", lambda: None)
     assert time_in_words(seconds) == expected.replace(", this time only", "")

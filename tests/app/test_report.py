@@ -173,7 +173,5 @@ def test_a_cloud_of_any_size_is_shown_without_a_warning(gppcs_command, folder):
             30,
             "--report",
             "page.html",
-            "--picture",
-            "p.png",
         )
         assert gppcs_command(*command, *FAST)[0] == 0

@@ -53,9 +53,9 @@ def test_nothing_is_left_to_compile_after_warmup(tmp_path):
     for words in (
         "mesh room.ply -o a.ply --points 4k",
         "mesh scan.ply -o b.ply --faces 2k --fill-holes 5%",
-        "simplify scan.ply -o c.ply --points 500 --drop-outliers --max-gap 5% --normals --scores",
+        "simplify scan.ply -o c.ply --points 500 --drop outliers --max-gap 5% --add normals,scores",
         "simplify scan.ply -o d.ply --tolerance 1% --keep 'curvature > 1'",
-        "simplify plain.npy -o e.ply --ratio 5% --figures",
+        "simplify plain.npy -o e.ply --ratio 5% --drop invalid",
         "simplify room.ply -o f.ply --points 900 --method qem --report f.html",
     ):
         found = run(f"{words} --json")

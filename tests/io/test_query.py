@@ -88,7 +88,7 @@ def test_conditions_choose_points_of_any_format(tmp_path, suffix):
     path = tmp_path / f"scan{suffix}"
     gppcs.write(path, CLOUD, lossy=True)
     whole = gppcs.read(path)
-    read = gppcs.read(path, only="classification in [2, 6] and z > 3", drop="x > 7", box=[-5, -5, 15, 12])
+    read = gppcs.read(path, only="classification in [2, 6] and z > 3 and not x > 7", box=[-5, -5, 15, 12])
     kinds, (x, y, z) = whole.attributes["classification"], whole.points.T
     rows = np.flatnonzero(np.isin(kinds, [2, 6]) & (z > 3) & ~(x > 7) & (y <= 12))
     assert read == whole.take(rows)

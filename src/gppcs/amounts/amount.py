@@ -29,7 +29,7 @@ class Amount:
     ) -> Amount:
         """Check the arguments of `gppcs.simplify` with these names."""
         given = {"ratio": ratio, "n_points": n_points, "tolerance": tolerance, "spacing": spacing}
-        lacking = list(given.values()).count(None)
+        lacking = (ratio is None) + (n_points is None) + (tolerance is None) + (spacing is None)
         if lacking < 3 or (lacking == 4 and max_gap is None):
             raise _not_one([name for name, value in given.items() if value is not None])
         return cls(

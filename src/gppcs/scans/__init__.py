@@ -127,7 +127,7 @@ def _checked(name: str, n_points: int, noise: float, outliers: float, uneven: fl
         (outliers, 0.0 <= number(outliers) < 1.0, "outliers from 0 to below 1", parts),
         (uneven, 0.0 <= number(uneven) < 1.0, "uneven from 0 to below 1", parts),
         (uneven, number(uneven) <= MOST_UNEVEN, f"uneven of at most {MOST_UNEVEN}", "beyond, hardly a point is left"),
-        (uneven, not uneven or name in SCANS, f"uneven of 0 for the scene {name}", "its sensor decides"),
+        (uneven, number(uneven) == 0.0 or name in SCANS, f"uneven of 0 for the scene {name}", "its sensor decides"),
     ):
         if not holds:
             raise ParameterError(f"expected {expected}, found {shown(value)}: {advice}")
