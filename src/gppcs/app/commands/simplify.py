@@ -141,6 +141,7 @@ def simplify(
     method: Annotated[
         str,
         typer.Option(
+            metavar="NAME",
             help="Name of the method, from the list below.",
             autocompletion=lambda: list(METHODS),
             rich_help_panel=panels.METHOD,

@@ -55,7 +55,7 @@ PART = 1 << 17  # Candidates of a part at most. With fewer, halos cost more than
 POINTS = 1 << 18  # Points of a part at most, of which candidates are taken.
 CELLS_ON_SLOPES = 1.5  # Occupied cells for each that a surface along the grid occupies.
 SURVEYED = 16  # Parts in which the noise, and the scale and the level of a stage, are measured, at most.
-HALO = 6.0  # In target spacings. 3 give the same points as 24, but for one in a hundred (docs/experiments.md).
+HALO = 6.0  # In target spacings. 3 give the same points as 24, but for one in a hundred (research/experiments.md).
 NOISE_HALO = 3.0  # In target spacings of the last stage: the points of a fit lie within 1.2 of them.
 DIAGONAL = math.sqrt(3.0)  # Of a cell, in edge lengths. A halo this wide holds all points of the cells of a part.
 # The first level, in units of the last score of the stage before. Fields of stages are alike up to a fifth.

@@ -22,7 +22,7 @@ TOO_MANY = 3  # Occupied cells for each cell that the area has room for. A plane
 # A candidate is lone if no other lies within the first of these distances, in target spacings.
 DISTANCES = (0.45, 0.9, 1.8, 3.6)
 # Those alone within a distance are outliers if more than this share of them is alone within twice that distance, too.
-# It is mostly 28 % at most in scans with sparse parts, and 40 % or more of outliers (docs/experiments.md).
+# It is mostly 28 % at most in scans with sparse parts, and 40 % or more of outliers (research/experiments.md).
 OUTLIERS = 0.4
 FEW = 6  # Fewer lone candidates tell nothing.
 HARMLESS = 0.003  # Lone candidates take so few of the points to keep that they may stay, whatever they are.

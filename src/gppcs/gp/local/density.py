@@ -15,10 +15,10 @@ from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, squared_distanc
 
 GROUP_SIZE = 8  # Points with one limit of the gradation. Limits for each point take eight times as long and gain 0.5 %.
 # Flat places count as this rough, so that they are not left bare. Without it, H max is 6 % larger; 0.03 is as good and
-# 0.1 is 1 % worse in H mean (docs/experiments.md, "floor of the roughness").
+# 0.1 is 1 % worse in H mean (research/experiments.md, "floor of the roughness").
 LEAST_ROUGHNESS = 0.05
-EDGE_ROUGHNESS = 0.29  # Roughness on a right-angled edge: 0.292 at any radius (docs/experiments.md).
-GRADATION = 0.1  # Growth of the spacing per unit of distance, at most. 0.05 and 0.2 are worse (docs/experiments.md).
+EDGE_ROUGHNESS = 0.29  # Roughness on a right-angled edge: 0.292 at any radius (research/experiments.md).
+GRADATION = 0.1  # Growth of the spacing per unit of distance, at most. 0.05 and 0.2 are worse (research/experiments.md).
 ROUNDING = 1e-12  # Surface variation, or its standard deviation, below this is only rounding.
 
 
