@@ -19,7 +19,7 @@ from gppcs.io import FORMATS
 ROOT = Path(__file__).parents[1]
 PAGES = [
     "README.md",
-    *sorted(f"{path.parent.name}/{path.name}" for path in [*ROOT.glob("docs/*.md"), *ROOT.glob("research/*.md")]),
+    *sorted(f"{room}/{path.name}" for room in ("docs", "research") for path in (ROOT / room).glob("*.md")),
 ]
 SMALLER = {"400000": "20000", "100k": "20000"}  # points of the scans, so that the examples run in seconds
 PYMESHLAB = "import pymeshlab"  # in blocks that need this extra

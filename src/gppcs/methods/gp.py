@@ -77,8 +77,8 @@ class LocalGP(Method):
     def criterion(self) -> Criterion:
         """The weights of the selection at this `feature_weight`.
 
-        At the default, 0.5, surfaces rebuilt from the kept points have the smallest error (research/experiments.md), and
-        the error of the prediction has no weight. At 1 it has the weight that the paper gives it.
+        At the default, 0.5, surfaces rebuilt from the kept points have the smallest error (research/experiments.md),
+        and the error of the prediction has no weight. At 1 it has the weight that the paper gives it.
 
         Returns
         -------

@@ -18,9 +18,7 @@ GROUP_SIZE = 8  # Points with one limit of the gradation. Limits for each point 
 # 0.1 is 1 % worse in H mean (research/experiments.md, "floor of the roughness").
 LEAST_ROUGHNESS = 0.05
 EDGE_ROUGHNESS = 0.29  # Roughness on a right-angled edge: 0.292 at any radius (research/experiments.md).
-GRADATION = (
-    0.1  # Growth of the spacing per unit of distance, at most. 0.05 and 0.2 are worse (research/experiments.md).
-)
+GRADATION = 0.1  # Growth of the spacing with distance, at most; 0.05 and 0.2 are worse (research/experiments.md).
 ROUNDING = 1e-12  # Surface variation, or its standard deviation, below this is only rounding.
 
 
