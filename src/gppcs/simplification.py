@@ -60,8 +60,10 @@ class Request:
         """Check the arguments of `simplify`, as far as that is possible without the cloud."""
         amount = Amount.of(ratio, n_points, tolerance, spacing, max_gap)
         chosen = resolved(method, seed)
-        check_supported(chosen, spacing, keep, weight)
-        metres_of(unit, None)
+        if spacing is not None or keep is not None or weight is not None:
+            check_supported(chosen, spacing, keep, weight)
+        if unit is not None:
+            metres_of(unit, None)
         if isinstance(keep, str):
             Expression.of(keep)
         if flag("scores", scores) and not chosen.attributes:
@@ -368,7 +370,8 @@ def simplify_cloud(cloud: CloudLike, request: Request, stages: Stages) -> Result
     outliers, method = None, request.method
     with stages("preparation"):
         cloud = PointCloud.of(cloud)
-        check_scores(request.scores, method, cloud)
+        if request.scores:
+            check_scores(method, cloud)
         rows = _usable_rows(cloud, request.invalid)
     if request.drop_outliers:
         from gppcs.surface.outliers import find_outliers
@@ -377,7 +380,9 @@ def simplify_cloud(cloud: CloudLike, request: Request, stages: Stages) -> Result
             outliers = np.flatnonzero(find_outliers(cloud))
             rows = rows_without(outliers, rows, len(cloud))
     with stages("preparation"):
-        guide, metres = Guide.of(cloud, rows, request.keep, request.weight), metres_of(request.unit, cloud.header)
+        guided = request.keep is not None or request.weight is not None
+        guide = Guide.of(cloud, rows, request.keep, request.weight) if guided else None
+        metres = metres_of(request.unit, cloud.header)
         points, corner, exponent = normalised(cloud.points if rows is None else cloud.points[rows])
         low, high = bounds(points)
         scale = Scale(float(np.linalg.norm(high - low)), metres, exponent)
@@ -433,9 +438,9 @@ def resolved(method: str | Method, seed: int | None) -> Method:
     return chosen
 
 
-def check_scores(scores: bool, method: Method, cloud: PointCloud) -> None:
-    """Check that scores can be added to a cloud, if they are wanted."""
-    if scores and (taken := sorted(set(method.attributes) & set(cloud.attributes))):
+def check_scores(method: Method, cloud: PointCloud) -> None:
+    """Check that scores can be added to a cloud."""
+    if (taken := sorted(set(method.attributes) & set(cloud.attributes))):
         raise InputError(
             f"the cloud already has an attribute {taken[0]!r}, which the scores would replace: "
             "rename it, or ask for no scores"

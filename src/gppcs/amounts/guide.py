@@ -33,12 +33,10 @@ class Guide:
 
     @classmethod
     def of(cls, cloud: PointCloud, rows: NDArray[np.int64] | None, keep: Any, weight: Any) -> Guide | None:
-        """Check the arguments `keep` and `weight` of `gppcs.simplify`.
+        """Check the arguments `keep` and `weight` of `gppcs.simplify`, of which one is given.
 
         Shapes: rows (N,).
         """
-        if keep is None and weight is None:
-            return None
         n = len(cloud)
         mask = np.zeros(n, dtype=np.bool_) if keep is None else _mask(cloud, keep)
         weights = None if weight is None else weights_of(cloud, weight)

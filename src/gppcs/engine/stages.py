@@ -146,14 +146,11 @@ class Stages:
             yield listener.advanced if listener else _ignore
         finally:
             elapsed, compilation = perf_counter() - start, compiling.seconds() - compiled
-            self._add(name, max(0.0, elapsed - compilation))
+            self.seconds[name] = self.seconds.get(name, 0.0) + max(0.0, elapsed - compilation)
             if compilation:
-                self._add(COMPILATION, compilation)
+                self.seconds[COMPILATION] = self.seconds.get(COMPILATION, 0.0) + compilation
             if listener:
                 listener.finished()
-
-    def _add(self, name: str, seconds: float) -> None:
-        self.seconds[name] = self.seconds.get(name, 0.0) + seconds
 
 
 def _ignore(steps: int) -> None:

@@ -11,9 +11,10 @@ import functools
 import math
 import os
 import threading
+from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Any
 
 from gppcs.engine.control_groups import control_groups
@@ -22,70 +23,9 @@ from gppcs.errors import whole_number
 RANGES = 64  # Ranges of the work at most: enough to balance threads, few enough that taking them costs nothing.
 
 _wanted: int | None = None  # what `set_threads` set
+_pool: ThreadPoolExecutor | None = None  # the helping threads, which start when they are first needed
+_growing = threading.Lock()
 _here = threading.local()  # `alone` is true in threads that work without helpers
-
-
-class _Helpers:
-    """Threads that wait for work in a queue; they start when they are first needed."""
-
-    def __init__(self) -> None:
-        self.queue: SimpleQueue[_Work] = SimpleQueue()
-        self.count = 0
-        self.lock = threading.Lock()
-
-    def call(self, work: _Work, helpers: int) -> None:
-        """Ask some helpers to take part in the work."""
-        with self.lock, contextlib.suppress(RuntimeError):  # no thread can start: the caller does all the work
-            while self.count < helpers:
-                threading.Thread(target=self._serve, name="gppcs", daemon=True).start()
-                self.count += 1
-        for _ in range(min(helpers, self.count)):  # work that nobody takes would hold its arrays in memory
-            self.queue.put(work)
-
-    def _serve(self) -> None:
-        while True:
-            self.queue.get().take_part()
-
-
-class _Work:
-    """A kernel and the ranges that no thread has taken yet."""
-
-    def __init__(self, kernel: Callable[..., Any], ranges: list[tuple[int, int]], arguments: tuple[Any, ...]) -> None:
-        self.kernel, self.ranges, self.arguments = kernel, ranges, arguments
-        self.unfinished = len(ranges)
-        self.error: BaseException | None = None
-        self.lock = threading.Lock()
-        self.finished = threading.Event()
-
-    def take_part(self) -> None:
-        """Run the kernel on ranges until none is left."""
-        while True:
-            with self.lock:
-                if not self.ranges:
-                    return
-                begin, end = self.ranges.pop()
-            try:
-                self.kernel(begin, end, *self.arguments)
-            except BaseException as error:
-                self.stop(error)
-            self._done(1)
-
-    def stop(self, error: BaseException) -> None:
-        """Drop the ranges that no thread has taken."""
-        with self.lock:
-            self.error = error
-            dropped = len(self.ranges)
-            self.ranges.clear()
-        self._done(dropped)
-
-    def _done(self, count: int) -> None:
-        with self.lock:
-            self.unfinished -= count
-            if self.unfinished == 0:
-                self.finished.set()
-
-
-_helpers = _Helpers()
 
 
 def on_ranges(kernel: Callable[..., Any], n: int, *arguments: Any, least: int = 1) -> None:
@@ -95,17 +35,38 @@ def on_ranges(kernel: Callable[..., Any], n: int, *arguments: Any, least: int = 
     if threads <= 1:
         kernel(0, n, *arguments)
         return
-    ranges = [(n * i // count, n * (i + 1) // count) for i in reversed(range(count))]
-    work = _Work(kernel, ranges, arguments)
-    _helpers.call(work, threads - 1)
+    left = iter(range(count))
+
+    def take_part() -> None:
+        """Run the kernel on ranges until none is left; after an error or Ctrl-C, none is."""
+        try:
+            for i in left:
+                kernel(n * i // count, n * (i + 1) // count, *arguments)
+        except BaseException:
+            deque(left, maxlen=0)
+            raise
+
+    helpers: list[Future[None]] = []
+    with contextlib.suppress(RuntimeError):  # no thread can start: the caller does all the work
+        for _ in range(threads - 1):
+            helpers.append(_pool_of(threads - 1).submit(take_part))
     try:
-        work.take_part()
-        work.finished.wait()
-    except BaseException as error:  # Ctrl-C
-        work.stop(error)
+        take_part()
+        for helper in helpers:
+            if not helper.cancel():  # it has begun
+                helper.result()
+    except BaseException:
+        deque(left, maxlen=0)
         raise
-    if work.error:
-        raise work.error
+
+
+def _pool_of(size: int) -> ThreadPoolExecutor:
+    """Return the pool of helping threads, which has at least that size."""
+    global _pool
+    with _growing:
+        if _pool is None or _pool._max_workers < size:
+            _pool = ThreadPoolExecutor(size, "gppcs")
+        return _pool
 
 
 def number_of_threads() -> int:
@@ -173,8 +134,8 @@ def _limit(group: Path) -> float | None:
 
 def _start_anew() -> None:
     """Forget the helping threads, which a forked process lacks."""
-    global _helpers
-    _helpers = _Helpers()
+    global _pool, _growing
+    _pool, _growing = None, threading.Lock()
     _quota.cache_clear()
 
 

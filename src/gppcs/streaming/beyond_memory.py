@@ -45,7 +45,8 @@ class Run(NamedTuple):
 
 def simplify_stored(files: CloudFiles, request: Request, plan: Plan, folder: Path, each: Each, stages: Stages) -> Run:
     """Simplify the cloud in some files, with temporary files in a folder."""
-    check_scores(request.scores, request.method, files.head().cloud)
+    if request.scores:
+        check_scores(request.method, files.head().cloud)
     sources = sources_of(files, plan.part)
     guide = ChunkGuide(None if request.keep is None else Expression.of(request.keep), request.weight)
     seen = read_all(sources, folder, plan.rows, plan.points, guide, each, stages)

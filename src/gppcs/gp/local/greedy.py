@@ -218,8 +218,8 @@ def chosen_by(parts: Parts) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
 
     Shapes: returns positions, scores (m,).
     """
-    n, count = len(parts.positions), len(parts.counts)
-    slots = np.concatenate([n * part // count + np.arange(chosen) for part, chosen in enumerate(parts.counts)])
+    starts = len(parts.positions) * np.arange(len(parts.counts)) // len(parts.counts)
+    slots = np.repeat(starts - np.cumsum(parts.counts) + parts.counts, parts.counts) + np.arange(parts.counts.sum())
     return parts.positions[slots], parts.scores[slots]
 
 
