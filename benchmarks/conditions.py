@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-import code_digest
 import gppcs
 import report
 from gppcs.clouds.cloud import NORMALS
@@ -402,19 +401,15 @@ class Runs:
                 continue
             self.known[(record["by"], *record["run"])] = self.judged[tuple(record["judged"])] = record["figures"]
 
-    def of(self, condition: Condition, label: str, start: int, work: Work, by: str = "") -> Figures:
-        """Return the figures of a run, from the file if it is there; none if it fails.
-
-        `by` is a digest of what the run is made by, in place of that of the method `gp`.
-        """
+    def of(self, condition: Condition, label: str, start: int, work: Work) -> Figures:
+        """Return the figures of a run, from the file if this commit has made them; none if it fails."""
         run = (condition.name, label, str(start))
-        judge = code_digest.of_code(figures, type(condition))
-        key = f"{by or code_digest.of_method(gppcs.LocalGP())}, judge {judge}, {number_of_threads()} threads"
+        key = f"commit {report.commit()}, {number_of_threads()} threads"
         if (key, *run) not in self.known:
             print(", ".join(run), file=sys.stderr)
             try:
                 kept, seconds = work()
-                judged = (judge, condition.name, digest_of(kept))
+                judged = (key, condition.name, digest_of(kept))
                 found = {**(self.judged.get(judged) or figures(condition, kept)), "seconds": seconds}
                 self.known[key, *run] = self.judged[judged] = found
             except Exception as error:  # leaves a blank cell, and other runs go on; the next call tries again

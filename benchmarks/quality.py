@@ -7,13 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from importlib.metadata import version
 from importlib.util import find_spec
 from time import perf_counter
 
 import numpy as np
 
-import code_digest
 import conditions
 import gppcs
 import report
@@ -121,21 +119,17 @@ def runs_of(
     condition: Condition, runs: conditions.Runs, variants: Sequence[str] = tuple(VARIANTS)
 ) -> dict[str, list[Figures]]:
     """Return the figures of all runs under a condition, rows of gp first."""
-    works: dict[str, tuple[str, list[Work]]] = {}  # by label: digest of what makes the runs, and the runs
+    works: dict[str, list[Work]] = {}
     for label in variants:
-        method, normals = VARIANTS[label]
-        carried = [gppcs.estimate_normals] if normals else []
         starts = STARTS if label == GP else STARTS[:1]
-        works[label] = (
-            code_digest.of_method(method, *carried), [partial(turned, condition, label, start) for start in starts]
-        )  # fmt: skip
+        works[label] = [partial(turned, condition, label, start) for start in starts]
     for label, method in RIVALS.items():
-        works[label] = code_digest.of_method(method), [partial(our, condition, method)]
+        works[label] = [partial(our, condition, method)]
     if find_spec("CGAL"):
-        works["wlop by CGAL"] = f"CGAL {version('cgal')}", [partial(wlop_by_cgal, condition)]
+        works["wlop by CGAL"] = [partial(wlop_by_cgal, condition)]
     return {
-        label: [runs.of(condition, label, start, work, by) for start, work in enumerate(of_label)]
-        for label, (by, of_label) in works.items()
+        label: [runs.of(condition, label, start, work) for start, work in enumerate(of_label)]
+        for label, of_label in works.items()
     }
 
 

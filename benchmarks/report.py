@@ -1,15 +1,10 @@
-"""Tables of the benchmarks: printed, and written to `results/` with the commit, the machine and the data.
-
-A table with figures of `gp` also has a digest of the code of `gp`. Where that code has changed since, the page must say
-so: `python benchmarks/mark_stale.py` adds or removes the line in all pages.
-"""
+"""Tables of the benchmarks: printed, and written to `results/` with the commit, the machine and the data."""
 
 from __future__ import annotations
 
 import hashlib
 import os
 import platform
-import re
 import subprocess
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,16 +13,11 @@ from time import perf_counter
 
 import numba
 
-import code_digest
 import gppcs
 from gppcs.engine.threads import number_of_threads
 
 HERE = Path(__file__).parent
 DATA = Path(os.environ.get("GPPCS_DATA", HERE.parents[1] / "shared" / "data"))
-GP = re.compile(r"(?<![\w-])gp(?![\w-])")  # the method, not gp-spectral
-ORIGIN = re.compile(r"- gppcs .*commit (\w+)")
-CODE = "- code of gp: SHA-256 {}…"
-STALE = "- gp as of commit {}; the code of gp has changed since"
 
 
 def least_time(work: Callable[[], object], repeats: int = 5) -> float:
@@ -84,27 +74,13 @@ def text(
     for section in sections:
         lines += [f"## {section.heading}", ""] if section.heading else []
         lines += [_line(section.header), _line(["---"] * len(section.header)), *map(_line, section.rows), ""]
-    of_gp = [CODE.format(code_of_gp())] if shows_gp("\n".join(lines)) else []
-    return "\n".join([*lines, *(f"- {note}" for note in notes), *_origin(data), *of_gp, ""])
+    return "\n".join([*lines, *(f"- {note}" for note in notes), *_origin(data), ""])
 
 
-def shows_gp(page: str) -> bool:
-    """Tell whether the title, a heading or a table of a page names the method gp."""
-    return any(GP.search(line) for line in page.splitlines() if line.startswith(("#", "|")))
-
-
-def code_of_gp() -> str:
-    """Return the digest of the code that decides what gp chooses."""
-    return code_digest.of_method(gppcs.LocalGP())
-
-
-def marked(page: str) -> str:
-    """Return a page with the line that says that gp has changed, or without it where it has not."""
-    lines = [line for line in page.splitlines() if not line.startswith(STALE.split("{")[0])]
-    if shows_gp(page) and CODE.format(code_of_gp()) not in lines:
-        place = next(number for number, line in enumerate(lines) if ORIGIN.match(line))
-        lines.insert(place, STALE.format(ORIGIN.match(lines[place])[1]))
-    return "\n".join([*lines, ""])
+def commit() -> str:
+    """Return the commit of the code, and whether it was changed since."""
+    changed = " with changes" if _git("status", "--porcelain", "--", "src") else ""
+    return _git("rev-parse", "--short=12", "HEAD") + changed
 
 
 def _line(cells: Sequence[str]) -> str:
@@ -113,11 +89,10 @@ def _line(cells: Sequence[str]) -> str:
 
 def _origin(data: Sequence[Path]) -> list[str]:
     """Return lines on commit, machine, versions and data."""
-    changed = " with changes" if _git("status", "--porcelain", "--", "src") else ""
     with open("/proc/cpuinfo") as file:
         processor = next((line.split(":")[1].strip() for line in file if line.startswith("model name")), "unknown")
     return [
-        f"- gppcs {gppcs.__version__}, commit {_git('rev-parse', '--short=12', 'HEAD')}{changed}",
+        f"- gppcs {gppcs.__version__}, commit {commit()}",
         f"- {processor}, {number_of_threads()} threads",
         f"- Python {platform.python_version()}, Numba {numba.__version__}",
         *(f"- {path.name}: SHA-256 {hashlib.sha256(path.read_bytes()).hexdigest()[:16]}…" for path in data),
