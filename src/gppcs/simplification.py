@@ -440,7 +440,7 @@ def resolved(method: str | Method, seed: int | None) -> Method:
 
 def check_scores(method: Method, cloud: PointCloud) -> None:
     """Check that scores can be added to a cloud."""
-    if (taken := sorted(set(method.attributes) & set(cloud.attributes))):
+    if taken := sorted(set(method.attributes) & set(cloud.attributes)):
         raise InputError(
             f"the cloud already has an attribute {taken[0]!r}, which the scores would replace: "
             "rename it, or ask for no scores"
