@@ -17,7 +17,7 @@ import gppcs
 import report
 from gppcs.drawing.camera import SUPERSAMPLING, Camera
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
-from gppcs.drawing.colours import colour_scale, colours_of
+from gppcs.drawing.colours import Legend
 from gppcs.drawing.mesh_images import mesh_images
 from gppcs.drawing.viewpoint import Viewpoint
 from gppcs.evaluation.comparison import Entry, rebuilt_mesh
@@ -72,13 +72,13 @@ def draw(original: gppcs.PointCloud, entries: Sequence[Entry]) -> None:
     scale = shape[0] / WIDTH
     camera = Camera(whole.axes, whole.axes[:2] @ np.array(FOCUS), scale, shape, scale / whole.scale)
     view = View(Original(everything), camera)
-    shades = colour_scale([everything.values])
-    titles, above = [f"original: {len(original):,} points"], [view.surface(colours_of(shades, everything.values))]
+    shades = Legend.of_amounts([everything.values])
+    titles, above = [f"original: {len(original):,} points"], [view.surface(shades.colours_of(everything.values))]
     for entry in entries:
         values = everything.values[entry.result.indices]
         kept = ColouredCloud(entry.result.cloud.points, values)
         titles.append(f"{entry.result.method.name}: {len(values):,} points")
-        above.append(view.points(kept, colours_of(shades, values), MAX_POINT_RADIUS))
+        above.append(view.points(kept, shades.colours_of(values), MAX_POINT_RADIUS))
     clouds = [original, *(entry.result.cloud for entry in entries)]
     compose(titles, [above, [mesh_images(rebuilt_mesh(cloud, original), [camera])[0] for cloud in clouds]])
 

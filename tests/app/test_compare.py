@@ -97,7 +97,7 @@ def test_compare_draws_clouds_and_meshes(gppcs_command, monkeypatch):
     options = ("--points", 200, "--methods", "fps,random", "-o", "side", "--drop", "invalid", "--report")
     assert gppcs_command("compare", "ball.ply", *options)[::2] == (0, "")
     assert [column.title for column in columns] == ["original", "fps", "random"]
-    assert [len(column.points) for column in columns] == [1999, 200, 200]
+    assert [len(column.cloud.points) for column in columns] == [1999, 200, 200]
     assert all(column.mesh for column in columns)
     page = WebPage(Path("side/report.html").read_text(encoding="utf-8")).described
     assert [cloud["mesh"]["triangles"] for cloud in page["clouds"]] == [len(column.mesh.faces) for column in columns]
@@ -212,8 +212,8 @@ def test_compare_meshes_draws_a_column_for_each_mesh(gppcs_command, ball, monkey
     assert gppcs_command(*MESHES, *options) == (0, "", "")
     assert [column.title for column in columns] == ["original", "mesh", "ball-pivoting"]
     original, mesh, _ = columns
-    assert (len(original.points), len(original.mesh.faces)) == (999, len(surface.faces))
-    assert (len(mesh.points), len(mesh.mesh.faces), mesh.counted) == (100, 196, "vertices")
+    assert (len(original.cloud.points), len(original.mesh.faces)) == (999, len(surface.faces))
+    assert (len(mesh.cloud.points), len(mesh.mesh.faces), mesh.counted) == (100, 196, "vertices")
     assert mesh.caption.startswith("mesh mean\n")
 
 

@@ -46,7 +46,7 @@ def test_the_picture_shows_the_colour_asked_for_at_kept_points(gppcs_command, sc
     arguments = (command, *OF_COMMAND[command], "--force", *(("--drop", "invalid") if command == "compare" else ()))
     for options in ((), ("--colour", "variation"), ("--colour", "rgb")):
         assert gppcs_command(*arguments, *options)[0] == 0
-    shown = [given[0] if command == "compare" else given[1:3] for given in pictures]
+    shown = [[each.cloud for each in given[0]] if command == "compare" else given[1:3] for given in pictures]
     assert [given[-1] and given[-1].title for given in pictures] == [None, None, "RGB"]
     assert [each[0].colours is None for each in shown] == [True, True, False]
     original, kept = shown[2]

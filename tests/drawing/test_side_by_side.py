@@ -1,13 +1,17 @@
-import dataclasses
 import io
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from gppcs.clouds.mesh import Mesh
 from gppcs.drawing import side_by_side
 from gppcs.drawing.camera import Camera
+from gppcs.drawing.cloud_images import ColouredCloud
 from gppcs.drawing.side_by_side import (
     BAR,
     BETWEEN,
@@ -15,14 +19,17 @@ from gppcs.drawing.side_by_side import (
     FLATTEST,
     FRAMES,
     GAP,
+    MIN_SEPARATION,
     TALLEST,
     TEXT,
     TITLE,
     Column,
     draw_comparison,
+    feature_squares,
 )
-from gppcs.errors import InputError, MissingExtraError, ParameterError
+from gppcs.errors import MissingExtraError
 
+matplotlib = pytest.importorskip("matplotlib")
 BUMP = np.array([0.6, -0.64, 0.48])
 TRIANGLE = Mesh(np.array([[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 1.0]]), np.array([[0, 1, 2]]))
 WIDTH = 160
@@ -40,34 +47,33 @@ def small(monkeypatch):
 def original(sphere):
     points = sphere[:3000]
     bump = np.exp(-30.0 * ((points - BUMP) ** 2).sum(axis=1))
-    return Column("original", points, 0.01 + 0.2 * bump, "", None)
+    return Column("original", ColouredCloud(points, 0.01 + 0.2 * bump), "", None)
 
 
 @pytest.fixture(scope="module")
 def camera(original):
-    return Camera.towards(original.points, WIDTH, (int(FLATTEST * WIDTH), int(TALLEST * WIDTH)))
+    return Camera.towards(original.cloud.points, WIDTH, (int(FLATTEST * WIDTH), int(TALLEST * WIDTH)))
 
 
 @pytest.fixture(scope="module")
 def kept(original):
-    return Column("some", original.points[:200], original.surface_variation[:200], "H mean 1\nH max 2", None)
+    some = original.cloud.kept(np.arange(200), original.cloud.points[:200])
+    return Column("some", some, "H mean 1\nH max 2", None)
 
 
-def picture(columns):
+def picture(*columns):
     """Return a picture, (height, width, 3), 0 to 1."""
-    from matplotlib.image import imread
-
     file = io.BytesIO()
     draw_comparison(file, columns)
     assert file.getvalue().startswith(b"\x89PNG")
     file.seek(0)
-    return imread(file, format="png")[..., :3]
+    return matplotlib.image.imread(file)[..., :3]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("count", "rows", "per_row"), [(1, 1, 1), (6, 1, 6), (7, 2, 4), (13, 3, 5)])
 def test_columns_stand_in_rows_of_six_at_most(original, camera, kept, count, rows, per_row):
-    image = picture([original, *[kept] * (count - 1)])
+    image = picture(original, *[kept] * (count - 1))
     lines = 1 if count == 1 else 2
     height = TOP + camera.size[1] + CLOSE_UP + 3 * BETWEEN + round(1.35 * TEXT * lines) + GAP
     assert image.shape == (rows * height + BAR, per_row * (WIDTH + GAP) + GAP, 3)
@@ -80,58 +86,65 @@ def test_columns_stand_in_rows_of_six_at_most(original, camera, kept, count, row
 
 def test_no_picture_is_wider_than_the_width_allowed(monkeypatch, original, kept):
     monkeypatch.setattr(side_by_side, "MAX_WIDTH", 500)
-    assert 450 < picture([original, *[kept] * 5]).shape[1] <= 500
+    assert 450 < picture(original, *[kept] * 5).shape[1] <= 500
 
 
 def test_the_roughest_place_is_framed_and_enlarged(original, camera):
-    from matplotlib.colors import to_rgb
-
     place, _ = camera.pixels(BUMP[None])
     column, row = place[0] / 2.0 + (GAP, TOP)
-    rows, columns = np.nonzero(np.abs(picture([original]) - to_rgb(FRAMES[0])).max(axis=2) < 0.01)
+    red = matplotlib.colors.to_rgb(FRAMES[0])
+    rows, columns = np.nonzero(np.abs(picture(original) - red).max(axis=2) < 0.01)
     marked = rows < TOP + camera.size[1]
     side = CLOSE_UP_SHARE * max(camera.size)
     assert (rows[marked].min() + rows[marked].max()) / 2 == pytest.approx(row, abs=0.3 * side)
     assert (columns[marked].min() + columns[marked].max()) / 2 == pytest.approx(column, abs=0.3 * side)
     assert np.ptp(rows[marked]) == pytest.approx(side, abs=3)
-    assert np.ptp(rows[~marked]) == pytest.approx(CLOSE_UP, abs=3)
-    assert np.ptp(columns[~marked]) == pytest.approx(CLOSE_UP, abs=3)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("opengl")
-def test_the_same_input_gives_the_same_pixels(original, kept):
-    columns = [original, dataclasses.replace(kept, mesh=TRIANGLE)]
-    assert (picture(columns) == picture(columns)).all()
+    assert [np.ptp(each[~marked]) for each in (rows, columns)] == pytest.approx([CLOSE_UP, CLOSE_UP], abs=3)
 
 
 @pytest.mark.usefixtures("opengl")
 def test_meshes_stand_under_their_clouds(original, camera, kept):
-    image = picture([original, kept, dataclasses.replace(kept, mesh=TRIANGLE)])
+    columns = original, kept, replace(kept, mesh=TRIANGLE)
+    image = picture(*columns)
     row = TOP + camera.size[1] + CLOSE_UP + 3 * BETWEEN
     drawn = image[row:][: camera.size[1]].min(axis=2) < 0.95
     shares = [drawn[:, GAP + number * (WIDTH + GAP) :][:, :WIDTH].mean() for number in range(3)]
     assert 0.0 < shares[0] == shares[1] < 0.05  # "no mesh"
     assert shares[2] > 0.15
+    assert (picture(*columns) == image).all()
 
 
-def test_without_meshes_pyvista_is_not_needed(monkeypatch, original, kept):
+def test_only_meshes_need_pyvista(monkeypatch, original, kept):
     monkeypatch.setitem(sys.modules, "pyvista", None)
-    picture([original, kept])
+    picture(original, kept)
     with pytest.raises(MissingExtraError, match=r"the extra view\): pip install .*pyvista"):
-        picture([original, dataclasses.replace(kept, mesh=TRIANGLE)])
+        picture(original, replace(kept, mesh=TRIANGLE))
 
 
-def test_a_long_title_stays_in_its_column(original, camera):
-    image = picture([dataclasses.replace(original, title="sample-elimination " * 3)])
-    drawn = image[:TOP].min(axis=2) < 0.9
+def test_a_long_title_stays_in_its_column(original):
+    drawn = picture(replace(original, title="sample-elimination " * 3))[:TOP].min(axis=2) < 0.9
     assert drawn.any()
-    assert not drawn[:, :GAP].any()
-    assert not drawn[:, -GAP:].any()
+    assert not drawn[:, [*range(GAP), *range(-GAP, 0)]].any()
 
 
-def test_what_cannot_be_drawn_is_refused(original):
-    with pytest.raises(ParameterError, match="at least one column"):
-        picture([])
-    with pytest.raises(InputError, match="one value for each of 3000 points"):
-        picture([dataclasses.replace(original, surface_variation=np.zeros(2))])
+@given(arrays(np.float64, (15, 20), elements=st.floats(0.0, 1.0, width=16)), st.integers(1, 6))
+def test_the_first_square_is_the_best_of_all_and_squares_keep_apart(picture, side):
+    def total(column, row):
+        return picture[row : row + side, column : column + side].sum()
+
+    squares = feature_squares(picture, side, 3)
+    best = max(total(column, row) for row in range(16 - side) for column in range(21 - side))
+    assert bool(squares) == (best > 0.0)
+    assert [total(square.column, square.row) for square in squares[:1]] == pytest.approx([best] * len(squares[:1]))
+    for rank, one in enumerate(squares):
+        assert one.column + side <= 20
+        assert one.row + side <= 15
+        for other in squares[:rank]:
+            assert max(abs(one.column - other.column), abs(one.row - other.row)) >= MIN_SEPARATION * side
+
+
+def test_where_there_is_nothing_there_is_no_close_up():
+    picture = np.zeros((50, 60))
+    assert feature_squares(picture, 10, 2) == []
+    picture[20:25, 20:25] = 1.0
+    assert len(feature_squares(picture, 10, 2)) == 1

@@ -12,7 +12,6 @@ export interface Values {
   to: number;
   /** Whether colours follow the square root of the value. */
   root: boolean;
-  whole: boolean;
   categories: number[] | null;
   block: string;
 }

@@ -31,16 +31,14 @@ def drawn_meshes(
 
     everything, legend = painted(original.take(original.finite_rows()), colour)
     tree = KdTree.build(everything.points)
-    columns = [Column("original", everything.points, everything.values, "", mesh, colours=everything.colours)]
+    columns = [Column("original", everything, "", mesh)]
     for entry in entries:
         if entry.mesh and entry.report:
             vertices = _vertices(entry.mesh)
             kept = everything.kept(tree.nearest_of(vertices, 1)[0][:, 0], vertices)
             mean = entry.report.figures(relative=True)["mesh_mean"]
             caption = f"mesh mean\n{mean:.2e} diagonals"
-            columns.append(
-                Column(entry.way, vertices, kept.values, caption, entry.mesh, "vertices", colours=kept.colours)
-            )
+            columns.append(Column(entry.way, kept, caption, entry.mesh, "vertices"))
     image = BytesIO()
     draw_comparison(image, columns, viewpoint, legend)
     return image.getvalue()

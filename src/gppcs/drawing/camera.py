@@ -27,27 +27,13 @@ class Square(NamedTuple):
 
 @dataclass(frozen=True)
 class Camera:
-    """An orthographic camera for one panel of a picture.
+    """An orthographic camera for one panel of a picture."""
 
-    Attributes
-    ----------
-    axes : (3, 3) array, float64
-        Unit vectors as rows: right, up, and towards the viewer.
-    centre : (2,) array, float64
-        Coordinates along right and up of the middle of the panel, in the unit of the cloud.
-    scale : float
-        Supersampled pixels per unit of length.
-    shape : (width, height)
-        Size of the panel in supersampled pixels.
-    enlargement : float
-        Scale of a close-up, divided by the scale of the view of the whole cloud.
-    """
-
-    axes: Array
-    centre: Array
-    scale: float
-    shape: tuple[int, int]
-    enlargement: float = 1.0
+    axes: Array  # (3, 3), unit vectors as rows: right, up, and towards the viewer
+    centre: Array  # (2,), coordinates along right and up of the middle of the panel, in the unit of the cloud
+    scale: float  # supersampled pixels per unit of length
+    shape: tuple[int, int]  # width and height of the panel in supersampled pixels
+    enlargement: float = 1.0  # scale of a close-up, divided by the scale of the view of the whole cloud
 
     @property
     def size(self) -> tuple[int, int]:
@@ -58,10 +44,7 @@ class Camera:
     def towards(
         cls, points: Array, width: int, heights: tuple[int, int], viewpoint: Viewpoint = GUESSED, margin: float = 0.0
     ) -> Camera:
-        """Return a camera that sees the whole cloud, without distant outliers.
-
-        Shapes: points (N, 3).
-        """
+        """Return a camera that sees the whole of a cloud (N, 3), without distant outliers."""
         axes = _axes(points, viewpoint)
         low, high = _frame(points @ axes[:2].T)
         extent = high - low
@@ -70,8 +53,7 @@ class Camera:
         height = int(np.clip(width * min(extent[1] / extent[0], 1e3), *heights))
         shape = (width * SUPERSAMPLING, height * SUPERSAMPLING)
         empty = np.maximum(MARGIN * np.array(shape), margin * SUPERSAMPLING)
-        scale = float(np.min((shape - 2.0 * empty) / extent))
-        return cls(axes, (low + high) / 2.0, scale, shape)
+        return cls(axes, (low + high) / 2.0, float(np.min((shape - 2.0 * empty) / extent)), shape)
 
     def close_up(self, square: Square, size: int) -> Camera:
         """Return a camera that shows a square part of this camera's picture."""
@@ -82,45 +64,32 @@ class Camera:
         return Camera(self.axes, centre, self.scale * enlargement, (side, side), enlargement)
 
     def pixels(self, points: Array) -> tuple[NDArray[np.int64], Array]:
-        """Project points to the picture.
-
-        Shapes: points (N, 3); returns place (N, 2), depth (N,).
-        """
+        """Return the places (N, 2) of points (N, 3) in the picture, and their depths (N,)."""
         seen = points @ self.axes.T
         place = (seen[:, :2] - self.centre) * self.scale * (1.0, -1.0) + np.array(self.shape) / 2.0
         # Distant outliers must not exceed the range of integers.
         return np.clip(place, -1e6, 1e6).astype(np.int64), -seen[:, 2] * self.scale
 
     def clipped(self, place: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the pixels of the panel that are nearest to the given places.
-
-        Shapes: place (N, 2); returns rows, columns (N,).
-        """
+        """Return the rows and columns (N,) of the pixels of the panel that are nearest to some places (N, 2)."""
         width, height = self.shape
         return np.clip(place[:, 1], 0, height - 1), np.clip(place[:, 0], 0, width - 1)
 
 
 def averaged(image: Array) -> Array:
-    """Reduce a supersampled picture to its final size.
-
-    Shapes: image (SUPERSAMPLING height, SUPERSAMPLING width, 3); returns (height, width, 3).
-    """
+    """Reduce a supersampled picture to its final size (height, width, 3)."""
     height, width = image.shape[:2]
     blocks = (height // SUPERSAMPLING, SUPERSAMPLING, width // SUPERSAMPLING, SUPERSAMPLING, 3)
-    small: Array = image.reshape(blocks).mean(axis=(1, 3))
-    return small
+    return image.reshape(blocks).mean(axis=(1, 3))
 
 
 def _axes(points: Array, viewpoint: Viewpoint) -> Array:
-    """Return the axes (3, 3) of a camera at a viewpoint, as defined by `Camera`."""
-    viewpoint = viewpoint.completed(points)
-    assert viewpoint.up
-    assert viewpoint.direction
-    along = AXES.index(viewpoint.up[-1])
-    broad = 1 if along == 0 else 0
-    upwards, right = np.eye(3)[along] * (-1.0 if viewpoint.up[0] == "-" else 1.0), np.eye(3)[broad]
+    """Return the axes (3, 3) of a camera at a viewpoint, as `Camera` has them."""
+    up, direction = viewpoint.guessed(points)
+    along = AXES.index(up[-1])
+    upwards, right = np.eye(3)[along] * (-1.0 if up[0] == "-" else 1.0), np.eye(3)[1 if along == 0 else 0]
     forward = np.cross(right, upwards)
-    azimuth, elevation = np.radians(viewpoint.direction)
+    azimuth, elevation = np.radians(direction)
     level = np.cos(azimuth) * forward + np.sin(azimuth) * right
     to_viewer = np.cos(elevation) * level + np.sin(elevation) * upwards
     sideways = np.cos(azimuth) * right - np.sin(azimuth) * forward

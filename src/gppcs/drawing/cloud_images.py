@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gppcs.drawing.camera import Camera, averaged
-from gppcs.drawing.estimates import Estimates
-from gppcs.errors import InputError
+from gppcs.drawing.colours import Legend
+from gppcs.drawing.estimates import estimates
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.scaling import normalised
 
@@ -36,40 +36,19 @@ class ColouredCloud:
     normals: Array | None = None
     colours: Array | None = None
 
-    def __post_init__(self) -> None:
-        points = np.asarray(self.points, dtype=np.float64)
-        values = np.asarray(self.values, dtype=np.float64)
-        if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
-            raise InputError(f"expected points of shape (N, 3) with N >= 1 to draw, found {points.shape}")
-        if not np.isfinite(points).all():
-            raise InputError("expected finite coordinates to draw, found NaN or infinity; drop those points")
-        if values.shape != (len(points),):
-            raise InputError(f"expected one value for each of {len(points)} points, found shape {values.shape}")
-        object.__setattr__(self, "points", points)
-        object.__setattr__(self, "values", values)
-        if self.normals is not None:
-            normals = np.asarray(self.normals, dtype=np.float64)
-            if normals.shape != points.shape:
-                raise InputError(f"expected normals of shape {points.shape}, found {normals.shape}")
-            object.__setattr__(self, "normals", normals)
-        if self.colours is not None and self.colours.shape != points.shape:
-            raise InputError(f"expected colours of shape {points.shape}, found {self.colours.shape}")
-
     @classmethod
     def by_surface_variation(cls, points: Array) -> ColouredCloud:
-        """Return a cloud coloured by its own surface variation.
-
-        Shapes: points (N, 3).
-        """
-        found = Estimates.of(points)
-        return cls(points, found.variation, found.normals)
+        """Return points (N, 3) coloured by their own surface variation."""
+        variation, normals, _ = estimates(points)
+        return cls(points, variation, normals)
 
     def kept(self, rows: NDArray[np.int64], points: Array) -> ColouredCloud:
-        """Return a simplified cloud.
-
-        Shapes: rows (M,), points (M, 3).
-        """
+        """Return a simplified cloud: points (M, 3) that stand for some rows (M,)."""
         return ColouredCloud(points, self.values[rows], colours=None if self.colours is None else self.colours[rows])
+
+    def colours_by(self, legend: Legend) -> Array:
+        """Return the colours (N, 3): its own if it has some, otherwise those of its values."""
+        return legend.colours_of(self.values) if self.colours is None else self.colours
 
 
 class Original:
@@ -78,17 +57,19 @@ class Original:
     def __init__(self, cloud: ColouredCloud) -> None:
         self.cloud = cloud
         points, self.corner, self.exponent = normalised(cloud.points)
-        self.tree = _tree(points)
-        self.spacing = np.ldexp(_sixth_neighbour(self.tree, points), self.exponent)
+        self.tree, spacing = _sixth_neighbours(points)
+        self.spacing = np.ldexp(spacing, self.exponent)
 
     def normals(self, cloud: ColouredCloud, indices: NDArray[np.int64]) -> Array:
-        """Return normals of some points of a cloud.
-
-        Shapes: indices (K,); returns (K, 3).
-        """
-        if cloud.normals is None:
-            return _estimated_normals(self.tree, np.ldexp(cloud.points[indices] - self.corner, -self.exponent))
-        return cloud.normals[indices]
+        """Return normals of some points of a cloud: its own, or those of the original around them."""
+        if cloud.normals is not None:
+            return cloud.normals[indices]
+        places = np.ldexp(cloud.points[indices] - self.corner, -self.exponent)
+        _, neighbours = self.tree.query(places, k=range(1, min(NORMAL_NEIGHBOURS, self.tree.n) + 1), workers=-1)
+        patches = self.tree.data[neighbours]
+        patches = patches - patches.mean(axis=1, keepdims=True)
+        _, directions = np.linalg.eigh(np.einsum("nki,nkj->nij", patches, patches))
+        return directions[:, :, 0]  # in which a patch is thinnest
 
 
 class View:
@@ -117,31 +98,20 @@ class View:
         self.depth[covered] += 1.0 + 0.8 * radii[self.nearest[covered]]
 
     def surface(self, colours: Array) -> Array:
-        """Return the picture of the original as a closed surface.
-
-        Shapes: colours (N, 3); returns (height, width, 3).
-        """
+        """Return the picture (height, width, 3) of the original as a closed surface, by its colours (N, 3)."""
         return averaged(_lit(self.nearest, colours[self.shown], self.normals, np.ones(3)))
 
     def values(self) -> Array:
-        """Return the value of the original in each pixel.
-
-        Shapes: returns (height, width).
-        """
-        values = np.nan_to_num(self.original.cloud.values[self.shown])
-        seen = np.zeros(self.nearest.shape)
-        seen[self.nearest >= 0] = values[self.nearest[self.nearest >= 0]]
-        return seen
+        """Return the value of the original in each pixel (height, width)."""
+        values = np.append(np.nan_to_num(self.original.cloud.values[self.shown]), 0.0)
+        return values[self.nearest]  # the last one, where nothing is seen
 
     def points(self, cloud: ColouredCloud, colours: Array, max_radius: float) -> Array:
-        """Return the picture of another cloud: single points in front of a faint grey original.
-
-        Shapes: colours (M, 3); returns (height, width, 3).
-        """
+        """Return the picture of another cloud, by its colours (M, 3): points in front of a faint grey original."""
         place, depth = self.camera.pixels(cloud.points)
         front = np.flatnonzero(depth <= self.depth[self.camera.clipped(place)])
-        radii = 0.33 * self.camera.scale * _sixth_neighbour(_tree(cloud.points), cloud.points)
-        radii = np.clip(radii, MIN_POINT_RADIUS, max_radius)[front]
+        _, spacing = _sixth_neighbours(cloud.points)
+        radii = np.clip(0.33 * self.camera.scale * spacing, MIN_POINT_RADIUS, max_radius)[front]
         nearest, _ = _splat(place[front], depth[front], radii, None, self.camera.shape)
         grey = np.full((len(self.shown), 3), 0.8)
         ghost = 1.0 - GHOST_OPACITY * (1.0 - _lit(self.nearest, grey, self.normals, np.ones(3)))
@@ -150,39 +120,28 @@ class View:
     def _facing(self, cloud: ColouredCloud, indices: NDArray[np.int64]) -> Array:
         """Return normals (K, 3) in the axes of the camera, with the sign that points to the viewer."""
         seen = self.original.normals(cloud, indices) @ self.camera.axes.T
-        turned: Array = seen * np.where(seen[:, 2:] < 0.0, -1.0, 1.0)
-        return turned
+        return seen * np.where(seen[:, 2:] < 0.0, -1.0, 1.0)
 
 
 def _lit(nearest: NDArray[np.int64], colours: Array, normals: Array, background: Array) -> Array:
     """Return the shaded picture (height, width, 3) of the points with the indices `nearest` (height, width)."""
     facing = np.clip(normals @ (LIGHT / np.linalg.norm(LIGHT)), 0.0, 1.0)
     lit = np.clip(colours * (AMBIENT + DIFFUSE * facing)[:, None], 0.0, 1.0)
-    image = np.empty((*nearest.shape, 3))
-    image[...] = background
-    image[nearest >= 0] = lit[nearest[nearest >= 0]]
-    return image
+    return np.where(nearest[..., None] < 0, background, np.append(lit, np.ones((1, 3)), axis=0)[nearest])
 
 
-def _tree(points: Array) -> cKDTree:
-    """Return a tree over the distinct points (N, 3); repeats would make its searches take quadratic time."""
-    return cKDTree(points[first_occurrences(points)], balanced_tree=False, compact_nodes=False)
-
-
-def _sixth_neighbour(tree: cKDTree, points: Array) -> Array:
-    """Return the distance (N,) from each point (N, 3) to its sixth neighbour in a tree, or to the last of fewer."""
+def _sixth_neighbours(points: Array) -> tuple[cKDTree, Array]:
+    """Return a tree over the distinct points, and the distance (N,) from each point (N, 3) to its sixth neighbour."""
+    # Repeats would make the searches take quadratic time.
+    tree = cKDTree(points[first_occurrences(points)], balanced_tree=False, compact_nodes=False)
     distances, _ = tree.query(points, k=[min(7, tree.n)], workers=-1)
-    sixth: Array = distances[:, 0]
-    return sixth
+    return tree, distances[:, 0]
 
 
 def _splat(
     place: NDArray[np.int64], depth: Array, radii: Array, normals: Array | None, shape: tuple[int, int]
 ) -> tuple[NDArray[np.int64], Array]:
-    """Draw points as discs that face the viewer or, with normals, lie in the surface.
-
-    Shapes: returns nearest (height, width), depth (height, width).
-    """
+    """Return the nearest point and its depth in each pixel, drawn as a disc that faces the viewer or has a normal."""
     width, height = shape
     empty = np.iinfo(np.int64).max
     buffer = np.full(height * width, empty)
@@ -218,13 +177,3 @@ def _disc(size: int) -> NDArray[np.int64]:
     reach = np.arange(-(size // 2), size // 2 + 1)
     offsets = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)
     return offsets[4 * (offsets * offsets).sum(axis=1) <= size * size]
-
-
-def _estimated_normals(tree: cKDTree, points: Array) -> Array:
-    """Return for each point (K, 3) the direction (K, 3) in which its neighbourhood in the tree is thinnest."""
-    _, neighbours = tree.query(points, k=range(1, min(NORMAL_NEIGHBOURS, tree.n) + 1), workers=-1)
-    patches = tree.data[neighbours]
-    patches = patches - patches.mean(axis=1, keepdims=True)
-    _, directions = np.linalg.eigh(np.einsum("nki,nkj->nij", patches, patches))
-    normals: Array = directions[:, :, 0]
-    return normals

@@ -23,10 +23,8 @@ def draw_curves(file: BinaryIO, curves: Sequence[Curve], measure: Measure) -> No
         colour, errors = COLOURS[number % len(COLOURS)], each.errors[measure]
         shown = errors > 0.0  # on a logarithmic axis
         axes.plot(each.sizes[shown], errors[shown], "o-", color=colour, markersize=4, label=str(each.method))
-        knee = (each.sizes == each.knee(measure)) & each.has_knee
-        axes.plot(
-            each.sizes[knee & shown], errors[knee & shown], "o", color=colour, markersize=12, markerfacecolor="none"
-        )
+        knee = (each.sizes == each.knee(measure)) & each.has_knee & shown
+        axes.plot(each.sizes[knee], errors[knee], "o", color=colour, markersize=12, markerfacecolor="none")
     axes.set(xscale="log", yscale="log", xlabel="points kept", ylabel=f"{measure} error, unit of the coordinates")
     axes.grid(which="major", color="0.9")
     axes.legend(frameon=False)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import tempfile
 import webbrowser
-from collections.abc import Mapping, Sequence
 from html import escape
 from io import BytesIO
 from pathlib import Path
@@ -29,15 +28,20 @@ CELL = 'style="text-align:left;vertical-align:top"'
 
 def html_of(shown: PointCloud | Result) -> str:
     """Return what a notebook shows of a cloud or a result."""
+    cloud = shown.cloud if isinstance(shown, Result) else shown
+    rows = {"points": f"{len(cloud):,}"}
     if isinstance(shown, Result):
-        cloud, rows = shown.cloud, {"method": repr(shown.method), "time": in_words(shown.seconds)}
-    else:
-        cloud, rows = shown, {}
-    rows = {"points": f"{len(cloud):,}", **rows, **_facts(cloud)}
-    cells = "".join(
-        f"<tr><th {CELL}>{escape(name)}</th><td {CELL}>{escape(value)}</td></tr>" for name, value in rows.items()
-    )
-    table = f"<table><caption {CELL}>{type(shown).__name__}</caption>{cells}</table>"
+        rows |= {"method": repr(shown.method), "time": in_words(shown.seconds)}
+    finite = cloud.points[cloud.finite_rows()]
+    if len(finite):
+        corners = {"low corner": finite.min(axis=0), "high corner": finite.max(axis=0)}
+        rows |= {name: "  ".join(f"{value:.6g}" for value in corner) for name, corner in corners.items()}
+    if len(finite) < len(cloud):
+        rows["not finite"] = f"{len(cloud) - len(finite):,}"
+    if cloud.attributes:
+        rows["attributes"] = ", ".join(f"{name} ({values.dtype})" for name, values in cloud.attributes.items())
+    cells = (f"<tr><th {CELL}>{escape(name)}</th><td {CELL}>{escape(value)}</td></tr>" for name, value in rows.items())
+    table = f"<table><caption {CELL}>{type(shown).__name__}</caption>{''.join(cells)}</table>"
     return f'<div style="display:flex;flex-wrap:wrap;gap:1em">{_picture(cloud)}{table}</div>'
 
 
@@ -60,28 +64,7 @@ def show(
         page = report_page(Named("original", original), [named], made, viewpoint)
     content = BytesIO()
     page.write(content)
-    if in_notebook():
-        _show_in_notebook(content.getvalue().decode())
-    else:
-        _open(content.getvalue())
-
-
-def _facts(cloud: PointCloud) -> Mapping[str, str]:
-    """Return the bounds and the attributes of a cloud."""
-    rows = {}
-    finite = cloud.points[cloud.finite_rows()]
-    if len(finite):
-        rows["low corner"] = _written(finite.min(axis=0))
-        rows["high corner"] = _written(finite.max(axis=0))
-    if len(finite) < len(cloud):
-        rows["not finite"] = f"{len(cloud) - len(finite):,}"
-    if cloud.attributes:
-        rows["attributes"] = ", ".join(f"{name} ({values.dtype})" for name, values in cloud.attributes.items())
-    return rows
-
-
-def _written(corner: Sequence[float] | np.ndarray) -> str:
-    return "  ".join(f"{value:.6g}" for value in corner)
+    (_embed if in_notebook() else _open)(content.getvalue())
 
 
 def _picture(cloud: PointCloud) -> str:
@@ -99,26 +82,13 @@ def _picture(cloud: PointCloud) -> str:
     return f'<img src="data:image/png;base64,{content}" width="{width}" height="{height}" alt="{text}" title="{text}">'
 
 
-class _Viewer:
-    """The page as an element of a notebook. The page's own policy lets no other script run, whatever names contain."""
+def _embed(page: bytes) -> None:
+    """Show a page below the cell. The page's own policy lets no other script run, whatever names contain."""
+    from IPython.display import HTML, display
 
-    def __init__(self, page: str) -> None:
-        self._page = page
-
-    def __repr__(self) -> str:
-        return "the viewer of gppcs, which this notebook cannot show"
-
-    def _repr_html_(self) -> str:
-        return (
-            f'<iframe title="Point clouds" srcdoc="{escape(self._page)}" '
-            f'style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
-        )
-
-
-def _show_in_notebook(page: str) -> None:
-    from IPython.display import display
-
-    display(_Viewer(page))
+    style = f"width:100%;height:{HEIGHT}px;border:0"
+    frame = f'<iframe title="Point clouds" srcdoc="{escape(page.decode())}" style="{style}"></iframe>'
+    display(HTML(f"<div>{frame}</div>"))  # IPython warns of a bare frame
 
 
 def _open(page: bytes) -> None:

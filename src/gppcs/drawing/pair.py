@@ -6,7 +6,7 @@ from typing import BinaryIO
 
 from gppcs.drawing.camera import Camera
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
-from gppcs.drawing.paint import SURFACE_VARIATION, Legend
+from gppcs.drawing.colours import Legend
 from gppcs.drawing.viewpoint import GUESSED, Viewpoint
 from gppcs.engine.extras import require_matplotlib
 
@@ -23,26 +23,22 @@ def draw_pair(
     viewpoint: Viewpoint = GUESSED,
     legend: Legend | None = None,
 ) -> None:
-    """Write a PNG of the original and the simplified cloud, with the same camera and colour scale.
+    """Write a PNG of the original, as a surface, and the simplified cloud, as points in front of a faint original.
 
-    The original is drawn as a closed surface, and sets the camera and the colour scale. Of the simplified cloud, single
-    points are drawn in front of a faint grey original, without those on the far side. The number of points stands above
-    each cloud.
+    The original sets the camera and the colour scale of both.
     """
     require_matplotlib()
     from matplotlib.figure import Figure
 
     width, height = (WIDTH - 3 * GAP) // 2, HEIGHT - ABOVE - BELOW
     view = View(Original(original), Camera.towards(original.points, width, (height, height), viewpoint))
-    legend = legend or Legend.of_amounts(SURFACE_VARIATION, [original.values], root=True)
-    images = (
-        view.surface(legend.colours_of(original)),
-        view.points(simplified, legend.colours_of(simplified), MAX_POINT_RADIUS),
-    )
-    kept = f"{len(simplified.points):,} points ({len(simplified.points) / len(original.points):.1%})"
-    headings = (("original", f"{len(original.points):,} points"), (title, kept))
+    legend = legend or Legend.of_amounts([original.values])
+    surface = view.surface(original.colours_by(legend))
+    points = view.points(simplified, simplified.colours_by(legend), MAX_POINT_RADIUS)
+    n, m = len(original.points), len(simplified.points)
+    panels = (surface, "original", f"{n:,} points"), (points, title, f"{m:,} points ({m / n:.1%})")
     figure = Figure(figsize=(WIDTH / 100, HEIGHT / 100), dpi=100, facecolor="white")
-    for number, (image, (name, counted)) in enumerate(zip(images, headings, strict=True)):
+    for number, (image, name, counted) in enumerate(panels):
         left = GAP + number * (width + GAP)
         figure.figimage(image, left, BELOW, origin="upper")
         middle = (left + width / 2) / WIDTH

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, BinaryIO, Literal
 
 import numpy as np
@@ -12,24 +12,23 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.camera import SUPERSAMPLING, Camera, Square
-from gppcs.drawing.close_ups import feature_squares
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
+from gppcs.drawing.colours import Legend
 from gppcs.drawing.mesh_images import mesh_images
-from gppcs.drawing.paint import SURFACE_VARIATION, Legend
 from gppcs.drawing.viewpoint import GUESSED, Viewpoint
 from gppcs.engine.extras import require_matplotlib, require_pyvista
-from gppcs.errors import ParameterError
-
-Array = NDArray[np.float64]
 
 MAX_WIDTH, MAX_COLUMNS, MAX_COLUMN_WIDTH = 2400, 6, 560  # pixels, columns in a row, pixels
 FLATTEST, TALLEST = 0.6, 1.3  # height of a panel, divided by its width
 GAP, BETWEEN = 28, 8  # pixels between columns, and between a panel and its close-ups
 TITLE, TEXT, BAR = 32, 25, 120  # pixels: letters of titles, letters of other text, height for the colour bar
 LETTER = 0.66  # mean width of a letter, divided by its size
+POINT = 0.72  # typographic points, the unit of matplotlib for letters and lines, in a pixel
 MAX_POINT_RADIUS = 6.5  # supersampled pixels
 CLOSE_UPS = 2
 CLOSE_UP_SHARE = 0.18  # edge length of a close-up's square, divided by the longer edge of the panel
+MIN_SEPARATION = 1.5  # least distance between the corners of two squares along one axis, in edge lengths
+MIN_SHARE = 1e-3  # a square below this share of the largest sum shows no feature
 FRAMES, FRAME_WIDTH = ("#d1495b", "#e8871e"), 3
 
 
@@ -38,118 +37,110 @@ class Column:
     """One column of the picture: a cloud and the mesh rebuilt from it."""
 
     title: str
-    points: Array
-    surface_variation: Array
+    cloud: ColouredCloud
     caption: str
     mesh: Mesh | None
     counted: Literal["points", "vertices"] = "points"
-    colours: Array | None = None
 
 
 def draw_comparison(
     file: BinaryIO, columns: Sequence[Column], viewpoint: Viewpoint = GUESSED, legend: Legend | None = None
 ) -> None:
-    """Write a PNG of clouds and, below each, its mesh, with the same camera and colour scale.
+    """Write a PNG of clouds and, below each, its mesh if any column has one, with the same camera and colour scale.
 
     The first column is the original. It is drawn as a closed surface, sets the camera, and hides points of the others
     on its far side. Below each cloud and mesh are close-ups of two squares, in which the original's mean surface
-    variation is largest. If no column has a mesh, only clouds are drawn.
+    variation is largest.
     """
-    if not columns:
-        raise ParameterError("expected at least one column to draw, found none; pass the original first")
-    with_meshes = any(column.mesh for column in columns)
     require_matplotlib()
+    with_meshes = any(column.mesh for column in columns)
     if with_meshes:
         require_pyvista()
-    clouds = [ColouredCloud(each.points, each.surface_variation, colours=each.colours) for each in columns]
-    legend = legend or Legend.of_amounts(SURFACE_VARIATION, [cloud.values for cloud in clouds], root=True)
+    legend = legend or Legend.of_amounts([column.cloud.values for column in columns])
     per_row = math.ceil(len(columns) / math.ceil(len(columns) / MAX_COLUMNS))
     width = min(MAX_COLUMN_WIDTH, (MAX_WIDTH - GAP) // per_row - GAP)
-    views, squares = _views(Original(clouds[0]), width, viewpoint)
+    # Without its normals: those of the surface variation would show less of the relief.
+    views, squares = _views(Original(replace(columns[0].cloud, normals=None)), width, viewpoint)
     cameras = [view.camera for view in views]
     sheet = _Sheet(columns, per_row, [camera.size for camera in cameras], squares, with_meshes)
-    for number, (column, cloud) in enumerate(zip(columns, clouds, strict=True)):
-        colours = legend.colours_of(cloud)
+    for number, column in enumerate(columns):
+        cloud, colours = column.cloud, column.cloud.colours_by(legend)
         sheet.write(number, column)
-        sheet.place(
-            number,
-            0,
-            [view.surface(colours) if number == 0 else view.points(cloud, colours, MAX_POINT_RADIUS) for view in views],
-        )
+        drawn = [view.points(cloud, colours, MAX_POINT_RADIUS) if number else view.surface(colours) for view in views]
+        sheet.place(number, 0, drawn)
         if column.mesh:
             sheet.place(number, 1, mesh_images(column.mesh, cameras))
-        elif with_meshes:
-            sheet.leave_empty(number, "no mesh")
     bar_width = min(0.5, 600 / sheet.width)
     place = (0.5 - bar_width / 2.0, 80 / sheet.height, bar_width, 16 / sheet.height)
-    legend.add_bar(sheet.figure, place, _points(TEXT))
+    legend.add_bar(sheet.figure, place, POINT * TEXT)
     sheet.figure.savefig(file, format="png", dpi=100)
 
 
 def _views(original: Original, width: int, viewpoint: Viewpoint) -> tuple[list[View], list[Square]]:
     """Return the view of the whole original, those of its close-ups, and the squares that the close-ups show."""
     heights = int(FLATTEST * width), int(TALLEST * width)
-    camera = Camera.towards(original.cloud.points, width, heights, viewpoint)
-    whole = View(original, camera)
-    squares = feature_squares(whole.values(), round(CLOSE_UP_SHARE * max(camera.shape)), CLOSE_UPS)
+    whole = View(original, Camera.towards(original.cloud.points, width, heights, viewpoint))
+    squares = feature_squares(whole.values(), round(CLOSE_UP_SHARE * max(whole.camera.shape)), CLOSE_UPS)
     size = (width - BETWEEN * (CLOSE_UPS - 1)) // CLOSE_UPS
-    return [whole, *(View(original, camera.close_up(square, size)) for square in squares)], squares
+    return [whole, *(View(original, whole.camera.close_up(square, size)) for square in squares)], squares
+
+
+def feature_squares(variation: NDArray[np.float64], side: int, count: int) -> list[Square]:
+    """Return the squares of a picture in which the mean of a quantity is largest, at a distance from each other."""
+    # The sum over a square, from cumulative sums at its corners.
+    corner = np.pad(variation.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+    sums = corner[side:, side:] - corner[:-side, side:] - corner[side:, :-side] + corner[:-side, :-side]
+    squares: list[Square] = []
+    least = MIN_SHARE * sums.max()
+    while len(squares) < count:
+        row, column = np.unravel_index(sums.argmax(), sums.shape)
+        if sums[row, column] <= least:
+            break
+        squares.append(Square(int(column), int(row), side))
+        near = math.ceil(MIN_SEPARATION * side)
+        sums[max(row - near, 0) : row + near, max(column - near, 0) : column + near] = 0.0
+    return squares
 
 
 class _Sheet:
     """A matplotlib figure with columns of panels and their close-ups. Places are in pixels from the upper left."""
 
     def __init__(
-        self,
-        columns: Sequence[Column],
-        per_row: int,
-        sizes: list[tuple[int, int]],
-        squares: list[Square],
-        with_meshes: bool,
+        self, columns: Sequence[Column], per_row: int, sizes: list[tuple[int, int]], squares: list[Square], meshes: bool
     ) -> None:
         from matplotlib.figure import Figure
 
-        self.per_row, self.sizes, self.squares = per_row, sizes, squares
-        self.panel_height = sum(height + BETWEEN for _, height in sizes[:2])  # close-ups stand side by side
-        self.foot = self._panel_top(2 if with_meshes else 1)
+        self.squares, self.panel, self.with_meshes = squares, sizes[0], meshes
+        panel_height = sum(height + BETWEEN for _, height in sizes[:2])  # close-ups stand side by side
+        self.tops = [3 * TITLE + row * (panel_height + BETWEEN) for row in range(3 if meshes else 2)]
         lines = max(column.caption.count("\n") + 1 for column in columns)
-        self.row_height = self.foot + round(1.35 * TEXT * lines) + GAP
-        self.width = GAP + per_row * (sizes[0][0] + GAP)
-        self.height = math.ceil(len(columns) / per_row) * self.row_height + BAR
+        row_height = self.tops[-1] + round(1.35 * TEXT * lines) + GAP
+        places = [divmod(number, per_row) for number in range(len(columns))]
+        self.corners = [(GAP + column * (self.panel[0] + GAP), row * row_height) for row, column in places]
+        self.width = GAP + per_row * (self.panel[0] + GAP)
+        self.height = (places[-1][0] + 1) * row_height + BAR
         self.figure = Figure(figsize=(self.width / 100, self.height / 100), dpi=100, facecolor="white")
 
-    def corner(self, number: int) -> tuple[int, int]:
-        """Return the left and top of a column, given its number."""
-        row, place = divmod(number, self.per_row)
-        return GAP + place * (self.sizes[0][0] + GAP), row * self.row_height
-
     def write(self, number: int, column: Column) -> None:
-        """Write the title, the number of points and the caption of a column."""
-        counted = f"{len(column.points):,} {column.counted}"
+        """Write the title, the number of points and the caption of a column, and "no mesh" in place of one."""
+        counted = f"{len(column.cloud.points):,} {column.counted}"
         self._text(number, round(1.6 * TITLE), column.title, TITLE, color="0.1", weight="bold")
         self._text(number, round(1.6 * TITLE + 1.4 * TEXT), counted, TEXT, color="0.35")
         for line, text in enumerate(column.caption.split("\n")):
-            self._text(number, self.foot + round((0.9 + 1.35 * line) * TEXT), text, TEXT, color="0.1")
-
-    def leave_empty(self, number: int, reason: str) -> None:
-        """Write in place of a mesh why there is none."""
-        below = self._panel_top(1) + self.sizes[0][1] // 2
-        self._text(number, below, reason, TEXT, color="0.5", style="italic")
-
-    def _panel_top(self, row: int) -> int:
-        return 3 * TITLE + row * (self.panel_height + BETWEEN)
+            self._text(number, self.tops[-1] + round((0.9 + 1.35 * line) * TEXT), text, TEXT, color="0.1")
+        if self.with_meshes and not column.mesh:
+            self._text(number, self.tops[1] + self.panel[1] // 2, "no mesh", TEXT, color="0.5", style="italic")
 
     def _text(self, number: int, below: int, text: str, size: float, **style: Any) -> None:
-        left, top = self.corner(number)
-        width = self.sizes[0][0]
-        size = min(size, width / (LETTER * max(len(text), 1)))
-        x, y = (left + width / 2) / self.width, 1.0 - (top + below) / self.height
-        self.figure.text(x, y, text, ha="center", size=_points(size), **style)
+        left, top = self.corners[number]
+        size = min(size, self.panel[0] / (LETTER * max(len(text), 1)))
+        x, y = (left + self.panel[0] / 2) / self.width, 1.0 - (top + below) / self.height
+        self.figure.text(x, y, text, ha="center", size=POINT * size, **style)
 
-    def place(self, number: int, row: int, images: list[Array]) -> None:
+    def place(self, number: int, row: int, images: list[NDArray[np.float64]]) -> None:
         """Place a panel and its close-ups: of a cloud in row 0, of a mesh in row 1."""
-        left, top = self.corner(number)
-        top += self._panel_top(row)
+        left, top = self.corners[number]
+        top += self.tops[row]
         self._image(left, top, images[0])
         for rank, (image, square) in enumerate(zip(images[1:], self.squares, strict=True)):
             side = square.side / SUPERSAMPLING
@@ -159,7 +150,7 @@ class _Sheet:
             self._image(x, y, image)
             self._frame(x, y, size, FRAMES[rank])
 
-    def _image(self, left: int, top: int, image: Array) -> None:
+    def _image(self, left: int, top: int, image: NDArray[np.float64]) -> None:
         self.figure.figimage(image, left, self.height - top - image.shape[0], origin="upper")
 
     def _frame(self, left: float, top: float, side: float, colour: str) -> None:
@@ -168,11 +159,6 @@ class _Sheet:
 
         inner = side - FRAME_WIDTH
         corner = (left + FRAME_WIDTH / 2, self.height - top - side + FRAME_WIDTH / 2)
-        frame = Rectangle(corner, inner, inner, fill=False, color=colour, linewidth=_points(FRAME_WIDTH))
-        frame.set_transform(IdentityTransform())
+        linewidth, transform = POINT * FRAME_WIDTH, IdentityTransform()
+        frame = Rectangle(corner, inner, inner, fill=False, color=colour, linewidth=linewidth, transform=transform)
         self.figure.add_artist(frame)
-
-
-def _points(pixels: float) -> float:
-    """Return pixels in typographic points, the unit of matplotlib for letters and lines."""
-    return 0.72 * pixels

@@ -33,31 +33,28 @@ class Viewpoint:
     def __post_init__(self) -> None:
         if self.up is not None and (not isinstance(self.up, str) or self.up.removeprefix("-") not in tuple(AXES)):
             raise ParameterError(f"expected x, y, z, -x, -y or -z as the axis that points up, found {shown(self.up)}")
-        if self.direction is None:
+        given = self.direction
+        if given is None:
             return
-        angles = [number(angle) for angle in self.direction] if isinstance(self.direction, Iterable) else []
+        angles = [number(angle) for angle in given] if isinstance(given, Iterable) else []
         if not (len(angles) == 2 and abs(angles[0]) < np.inf and abs(angles[1]) <= 90.0):
-            numbers = isinstance(self.direction, tuple) and len(angles) == 2
-            found = f"{angles[0]:g} and {angles[1]:g}" if numbers else shown(self.direction)
-            raise ParameterError(
-                f"expected a finite azimuth and an elevation from -90 to 90, in degrees, found {found}"
-            )
+            expected = "a finite azimuth and an elevation from -90 to 90, in degrees"
+            raise ParameterError(f"expected {expected}, found {shown(given)}")
 
-    def completed(self, points: Array) -> Viewpoint:
-        """Return this viewpoint with a guess for each value that is not given.
-
-        Shapes: points (N, 3).
-        """
+    def guessed(self, points: Array) -> tuple[str, tuple[float, float]]:
+        """Return the axis and the direction, as far as they are not given guessed from points (N, 3)."""
         low, high = np.percentile(points, (1, 99), axis=0)
         extent = high - low
         framed = _is_depth_image(points, extent)
         up = self.up or ("-y" if framed else _up(points, low, extent))
-        along = AXES.index(up[-1])
-        broad, deep = (axis for axis in range(3) if axis != along)
-        lying = extent[along] < LYING * min(extent[broad], extent[deep])
         if self.direction or framed:
-            return Viewpoint(up, self.direction or BESIDE_THE_CAMERA)
-        return Viewpoint(up, _direction(bool(extent[broad] < extent[deep]), bool(lying)))
+            return up, self.direction or BESIDE_THE_CAMERA
+        along = AXES.index(up[-1])
+        broad, deep = np.delete(extent, along)
+        # On the broad side. Models usually face -y if z is up, and +z if y is up: both are azimuth 0.
+        if extent[along] < LYING * min(broad, deep):
+            return up, (90.0 if broad < deep else 0.0, ELEVATION_OF_LYING)
+        return up, (50.0 if broad < deep else 30.0, ELEVATION)  # turned a little
 
 
 GUESSED = Viewpoint()  # up and direction are guessed
@@ -87,13 +84,3 @@ def _up(points: Array, low: Array, extent: Array) -> str:
         if np.mean(points[:, axis] <= low[axis] + GROUND_HEIGHT * extent[axis]) >= GROUND_SHARE:
             return AXES[axis]
     return "y" if extent[1] > TALLER * extent[2] else "z"
-
-
-def _direction(narrow: bool, lying: bool) -> tuple[float, float]:
-    """Return azimuth and elevation of a view on the broad side, turned a little if the object stands.
-
-    Models usually face -y if z is up, and +z if y is up. Both are azimuth 0.
-    """
-    if lying:
-        return (90.0 if narrow else 0.0), ELEVATION_OF_LYING
-    return (50.0 if narrow else 30.0), ELEVATION

@@ -24,6 +24,16 @@ def written(page):
     return WebPage(file.getvalue().decode())
 
 
+def view_of(cloud, mesh=None, name="scan.ply", made=()):
+    """Return the page of one cloud, and its description."""
+    page = written(view_page([Named(name, cloud, mesh)], made))
+    return page, page.described["clouds"][0]
+
+
+def rows_in(page, cloud, block):
+    return page.array(cloud["blocks"][block], cloud["shown"], 1, np.uint32)[:, 0]
+
+
 @pytest.fixture(scope="module")
 def scan():
     cloud = gppcs.sample("medallion", n_points=N)
@@ -41,8 +51,8 @@ def results(scan):
 @pytest.fixture(scope="module")
 def report(scan, results):
     named = [Named(name, cloud) for name, cloud in zip(("fps.ply", "voxel.ply"), results, strict=True)]
-    original, viewpoint = Named("scan.ply", scan), Viewpoint("-y", (30, 20))
-    return written(report_page(original, named, [("command", "gppcs report")], viewpoint))
+    viewpoint = Viewpoint("-y", (30, 20))
+    return written(report_page(Named("scan.ply", scan), named, [("command", "gppcs report")], viewpoint))
 
 
 def test_the_points_are_those_of_the_clouds_to_the_quantisation(report, scan, results):
@@ -65,32 +75,30 @@ def test_attributes_and_colours_are_held(report, scan):
     np.testing.assert_allclose(depth, scan.attributes["depth"], atol=1.01 * half)
     colours = report.array(original["blocks"]["colours"], N, 3, np.uint8)
     assert (colours == np.stack([scan.attributes[name] for name in ("red", "green", "blue")], axis=1)).all()
-    titles = [values["title"] for values in original["values"]]
-    assert not {"name", "nx", "red"} & set(titles)
+    assert not {"name", "nx", "red"} & {values["title"] for values in original["values"]}
 
 
 def test_surface_variation_of_a_result_is_that_of_the_original(report, scan, results):
     original, first, _ = report.described["clouds"]
     variation, _ = report.values(original, "variation")
     kept, half = report.values(first, "variation")
-    rows = report.array(first["blocks"]["originals"], M, 1, np.uint32)[:, 0]
+    rows = rows_in(report, first, "originals")
     assert (scan.points[rows] == results[0].points).all()
     np.testing.assert_allclose(kept, variation[rows], atol=2 * half + 1e-5)
-    expected = gppcs.estimate_features(scan).surface_variation
-    np.testing.assert_allclose(variation, expected, atol=1e-5)
+    np.testing.assert_allclose(variation, gppcs.estimate_features(scan).surface_variation, atol=1e-5)
 
 
 def test_distances_and_figures_are_those_of_evaluate(report, scan, results):
     original, *simplified = report.described["clouds"]
     for number, (described, result) in enumerate(zip(simplified, results, strict=True), start=1):
-        figures = gppcs.evaluate(scan, result).figures()
         distances, half = report.values(original, f"distance:{number}")
+        prefixes = described["prefixes"]
+        assert [prefix["points"] for prefix in prefixes] == [M // 8, M // 4, M // 2, M]
+        for prefix in prefixes[-2:]:
+            figures = gppcs.evaluate(scan, result.points[: prefix["points"]]).figures()
+            assert prefix["figures"] == figures
         assert distances.mean() == pytest.approx(figures["surface_mean"], rel=1e-3)
         assert distances.max() == pytest.approx(figures["surface_max"], abs=2 * half)
-        assert [prefix["points"] for prefix in described["prefixes"]] == [M // 8, M // 4, M // 2, M]
-        assert described["prefixes"][-1]["figures"] == figures
-        half_of_it = gppcs.evaluate(scan, result.points[: M // 2]).figures()
-        assert described["prefixes"][-2]["figures"] == half_of_it
     errors = [prefix["figures"]["surface_mean"] for prefix in simplified[0]["prefixes"]]
     assert all(more > less for more, less in pairwise(errors))
 
@@ -103,30 +111,28 @@ def test_the_start_of_the_views_and_the_origin_are_said(report):
 
 
 def test_points_that_were_moved_have_no_row_in_the_original(scan):
-    moved = PointCloud(scan.points[:100] + 1e-3)
-    page = written(report_page(Named("a", scan), [Named("b", moved)], []))
-    result = page.described["clouds"][1]
-    assert (page.array(result["blocks"]["originals"], 100, 1, np.uint32) == 2**32 - 1).all()
+    page = written(report_page(Named("a", scan), [Named("b", PointCloud(scan.points[:100] + 1e-3))], []))
+    assert (rows_in(page, page.described["clouds"][1], "originals") == 2**32 - 1).all()
 
 
 def test_invalid_points_are_left_out_and_rows_stay_those_of_the_file(scan):
     points = scan.points.copy()
     points[[3, 50]] = np.nan
-    page = written(view_page([Named("scan.ply", PointCloud(points))], []))
-    (cloud,) = page.described["clouds"]
-    rows = page.array(cloud["blocks"]["rows"], N - 2, 1, np.uint32)[:, 0]
-    assert rows.tolist() == np.delete(np.arange(N), [3, 50]).tolist()
+    page, cloud = view_of(PointCloud(points))
     assert (cloud["points"], cloud["shown"]) == (N, N - 2)
+    assert rows_in(page, cloud, "rows").tolist() == np.delete(np.arange(N), [3, 50]).tolist()
     assert page.described["notes"] == ["scan.ply: 2 points with NaN or infinite coordinates are left out."]
 
 
-def test_large_clouds_are_thinned_by_gp_and_the_page_says_so(scan, monkeypatch):
+def test_large_clouds_are_thinned_by_gp_and_large_meshes_left_out_and_the_page_says_so(scan, monkeypatch):
     monkeypatch.setattr(layers, "MOST_SHOWN", 500)
-    page = written(view_page([Named("scan.ply", scan)], []))
-    (cloud,) = page.described["clouds"]
+    monkeypatch.setattr(layers, "MOST_TRIANGLES", 1)
+    page, cloud = view_of(scan, Mesh(np.eye(3), [[0, 1, 2], [0, 2, 1]]))
     expected = np.sort(gppcs.simplify(scan, n_points=500).indices)
-    assert page.array(cloud["blocks"]["rows"], 500, 1, np.uint32)[:, 0].tolist() == expected.tolist()
-    assert "500 of 3,000 points are drawn, chosen by the method gp" in page.described["notes"][0]
+    assert rows_in(page, cloud, "rows").tolist() == expected.tolist()
+    assert cloud["mesh"] is None
+    for note in ("500 of 3,000 points are drawn, chosen by the method gp", "its mesh of 2 triangles is left out"):
+        assert any(said.startswith(f"scan.ply: {note}") for said in page.described["notes"])
 
 
 def test_a_result_that_is_elsewhere_has_no_figures_and_the_page_says_why(scan):
@@ -141,33 +147,20 @@ def test_a_result_that_is_elsewhere_has_no_figures_and_the_page_says_why(scan):
 
 def test_a_mesh_comes_back_without_vertices_that_no_triangle_uses(scan):
     corners = np.array([[5, 5, 9], [0, 0, 0], [4, 0, 1], [0, 3, 2], [99, 0, 0]], dtype=float)
-    mesh = Mesh(corners, [[3, 1, 2], [0, 2, 1]])
-    page = written(report_page(Named("scan.ply", scan), [Named("a.ply", scan.take(np.arange(50)), mesh)], []))
-    original, result = page.described["clouds"]
-    assert original["mesh"] is None
-    held = result["mesh"]
-    assert (held["vertices"], held["triangles"]) == (4, 2)
-    np.testing.assert_allclose(page.triangles(held), corners[[[0, 2, 1], [1, 2, 3]]], atol=1e-4)
-
-
-def test_a_mesh_that_is_too_large_is_left_out_and_the_page_says_so(scan, monkeypatch):
-    monkeypatch.setattr(layers, "MOST_TRIANGLES", 1)
-    mesh = Mesh(np.eye(3), [[0, 1, 2], [0, 2, 1]])
-    page = written(view_page([Named("scan.ply", scan, mesh)], []))
-    assert page.described["clouds"][0]["mesh"] is None
-    assert "scan.ply: its mesh of 2 triangles is left out" in page.described["notes"][0]
+    page, cloud = view_of(scan, Mesh(corners, [[3, 1, 2], [0, 2, 1]]))
+    assert (cloud["mesh"]["vertices"], cloud["mesh"]["triangles"]) == (4, 2)
+    np.testing.assert_allclose(page.triangles(cloud["mesh"]), corners[[[0, 2, 1], [1, 2, 3]]], atol=1e-4)
 
 
 @pytest.mark.parametrize("points", [np.empty((0, 3)), np.full((5, 3), np.nan)])
-def test_a_cloud_without_points_is_refused_by_name(points, scan):
+def test_a_cloud_without_points_is_refused_by_name(points):
     with pytest.raises(InputError, match=r"empty\.ply: expected points with finite coordinates"):
-        view_page([Named("scan.ply", scan), Named("empty.ply", PointCloud(points))], [])
+        view_of(PointCloud(points), name="empty.ply")
 
 
 @pytest.mark.parametrize("points", [[[1.0, 2.0, 3.0]], [[1.0, 2.0, 3.0]] * 9, [[0.0, 0, 0], [1.0, 0, 0], [2.0, 0, 0]]])
 def test_clouds_of_few_points_can_be_shown(points):
-    page = written(view_page([Named("few", PointCloud(np.array(points)))], []))
-    (cloud,) = page.described["clouds"]
+    page, cloud = view_of(PointCloud(np.array(points)))
     np.testing.assert_allclose(page.points(cloud), points, atol=2 / 65535)
     assert cloud["spacing"] >= 0
     assert np.isnan(page.values(cloud, "variation")[0]).all()  # too few neighbours to measure it
@@ -175,7 +168,7 @@ def test_clouds_of_few_points_can_be_shown(points):
 
 def test_markup_in_names_stays_text(scan):
     name = "</script><script>alert(1)</script><!--"
-    page = written(view_page([Named(name, PointCloud(scan.points, {name: scan.attributes["kind"]}))], [("x", name)]))
+    page, cloud = view_of(PointCloud(scan.points, {name: scan.attributes["kind"]}), None, name, [("x", name)])
     assert "alert(1)</script>" not in page.text
-    assert page.described["clouds"][0]["name"] == name
+    assert cloud["name"] == name
     assert page.described["made"] == [["x", name]]

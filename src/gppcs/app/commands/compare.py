@@ -255,11 +255,10 @@ def _drawn(
 
     rows = original.finite_rows()
     everything, legend = painted(original.take(rows), colour)
-    columns = [Column("original", everything.points, everything.values, "", meshes[0], colours=everything.colours)]
+    columns = [Column("original", everything, "", meshes[0])]
     for entry, mesh in zip(entries, meshes[1:], strict=True):
         kept = everything.kept(np.searchsorted(rows, entry.result.indices), entry.result.cloud.points)
-        title = str(entry.result.method)
-        columns.append(Column(title, kept.points, kept.values, _caption(entry), mesh, colours=kept.colours))
+        columns.append(Column(str(entry.result.method), kept, _caption(entry), mesh))
     image = BytesIO()
     draw_comparison(image, columns, viewpoint, legend)
     return image.getvalue()

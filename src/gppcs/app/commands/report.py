@@ -90,7 +90,7 @@ def report(
     page = report_page(clouds[0], clouds[1:], how_made(context.obj, inputs), viewpoint, stages)
     with io.whole_output(output, force) as file:
         page.write(file)
-    for note in page.all_notes:
+    for note in page.described["notes"]:
         print_error(f"note: {note}")
     if not quiet and not io.is_standard(output):
         say(f"{output}: {output.stat().st_size / 1e6:.1f} MB; open it in a browser")

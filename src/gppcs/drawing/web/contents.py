@@ -1,45 +1,72 @@
-"""Makes the two pages: a report of simplified clouds beside their original, and a view of any clouds."""
+"""Makes the two pages, a report of simplified clouds beside their original and a view of any clouds.
+
+A page is one HTML file that holds the viewer and all data, and needs no network.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.resources import files
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.quantities import unit_of
 from gppcs.drawing.viewpoint import GUESSED, Viewpoint
 from gppcs.drawing.web.layers import Layer, Surface
+from gppcs.drawing.web.layers import Named as Named
 from gppcs.drawing.web.packing import Blocks
-from gppcs.drawing.web.page import Page
 from gppcs.engine.stages import Stages
+from gppcs.engine.strict_json import strict_json
 from gppcs.errors import InputError
 from gppcs.evaluation.judge import evaluate
-from gppcs.evaluation.report import Report
+from gppcs.evaluation.report import Report, figures_of
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.scaling import normalised
 from gppcs.surface.local_surface import LocalSurface
 
 PARTS = 8, 4, 2, 1  # a result is also measured after the first eighth of its points, and so on
 LEAST = 4  # points of a part that is measured
-VARIATION = "surface variation", "a ratio from 0 (flat) to 1/3"
+PLACE = b"<!--DATA-->"  # in the page that `make viewer` builds
+APART = 2.0  # clouds are drawn in one frame unless their common box is larger than the largest by this factor,
+SMALL = 0.1  # or one is smaller than this share of the largest
 MOVED = 2**32 - 1  # stands for the row of the original of a point that is at none of its places
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Named:
-    """A cloud with the name that the page gives it."""
+class Page:
+    """A page of clouds: all that it says, and its arrays."""
 
-    name: str
-    cloud: PointCloud
-    mesh: Mesh | None = None
-    reason: str | None = None
+    described: dict[str, Any]
+    blocks: Blocks
+
+    @classmethod
+    def of(cls, layers: Sequence[Layer], blocks: Blocks, viewpoint: Viewpoint, **described: Any) -> Page:
+        """Return the page of some layers; its notes are theirs, and that they do not lie together."""
+        up, (azimuth, elevation) = viewpoint.guessed(layers[0].cloud.points)
+        notes, together = [note for layer in layers for note in layer.notes], _lie_together(layers)
+        if not together:
+            notes.append("The clouds lie far apart or differ much in size, so each view has a frame of its own.")
+        described |= {"notes": notes, "up": up, "azimuth": azimuth, "elevation": elevation, "together": together}
+        known = figures_of(Report).items()
+        described["figures"] = [{"name": name, "title": name.replace("_", " "), **vars(each)} for name, each in known]
+        return cls(described | {"clouds": [layer.described for layer in layers]}, blocks)
+
+    def write(self, file: BinaryIO) -> None:
+        """Write the page."""
+        before, after = (files("gppcs.drawing.web") / "page.html").read_bytes().split(PLACE)
+        json = strict_json(self.described)
+        for character in "<>&":  # they could end the element
+            json = json.replace(character, f"\\u{ord(character):04x}")
+        texts = {f"block{number}": ("text/plain", text) for number, text in enumerate(self.blocks.texts)}
+        file.write(before)
+        for name, (kind, text) in {"description": ("application/json", json), **texts}.items():
+            file.write(f'<script id="{name}" type="{kind}">{text}</script>\n'.encode("ascii"))
+        file.write(after)
 
 
 def report_page(
@@ -50,73 +77,50 @@ def report_page(
     stages: Stages | None = None,
 ) -> Page:
     """Return a page of simplified clouds beside their original, with figures."""
-    stages, blocks, notes = Stages.of(stages), Blocks(), []
+    stages, blocks = Stages.of(stages), Blocks()
     with stages("original"):
-        surface = _surface(original)
-        first = Layer(blocks, original.name, "original", surface, len(original.cloud))
-        first.add_values("variation", *VARIATION, surface.variation[first.shown], root=True)
-        first.add_attributes()
-        first.add_mesh(original.mesh)
+        surface = Surface.of(original)
+        first = Layer(blocks, original, "original", surface)
     layers = [first]
     lengths = unit_of(original.cloud.header) or "the unit of the coordinates"
     for number, result in enumerate(results, start=1):
         with stages(f"views of {result.name}"):
-            layer, kept = _result(blocks, result, surface)
+            kept, rows = _on_original(Surface.of(result), surface)
+            layer = Layer(blocks, result, "result", kept)
+            layer.described["blocks"]["originals"] = blocks.add(rows[layer.shown])
             distances = _distances(first.cloud.points, kept.cloud.points)
         layers.append(layer)
         try:
             with stages(f"figures of {result.name}"):
                 layer.described["prefixes"] = _prefixes(surface.cloud, kept.cloud)
         except InputError as error:
-            notes.append(f"{result.name}: there are no figures: {error}.")
+            layer.note(f"there are no figures: {error}.")
         first.add_values(f"distance:{number}", f"distance to {result.name}", f"in {lengths}", distances, True)
-    low, high = surface.cloud.points.min(axis=0), surface.cloud.points.max(axis=0)
+    extent = np.subtract(surface.cloud.points.max(axis=0), surface.cloud.points.min(axis=0))
     lead = f"{len(original.cloud):,} points beside {_counted(results)}"
-    diagonal = math.hypot(*(high - low))  # which does not overflow
-    return Page(original.name, lead, layers, blocks, viewpoint, made, notes, diagonal, lengths)
+    said = {"title": original.name, "lead": lead, "made": made, "lengths": lengths}
+    return Page.of(layers, blocks, viewpoint, diagonal=math.hypot(*extent), **said)  # hypot does not overflow
 
 
 def view_page(clouds: Sequence[Named], made: Sequence[tuple[str, str]], viewpoint: Viewpoint = GUESSED) -> Page:
     """Return a page of any clouds."""
-    blocks, layers = Blocks(), []
-    for each in clouds:
-        surface = _surface(each)
-        layer = Layer(blocks, each.name, "cloud", surface, len(each.cloud))
-        layer.add_values("variation", *VARIATION, surface.variation[layer.shown], root=True)
-        layer.add_attributes()
-        layer.add_mesh(each.mesh)
-        layers.append(layer)
-    points = sum(len(each.cloud) for each in clouds)
+    blocks = Blocks()
+    layers = [Layer(blocks, each, "cloud", Surface.of(each)) for each in clouds]
     title = clouds[0].name if len(clouds) == 1 else f"{clouds[0].name} and {len(clouds) - 1} more"
-    return Page(title, f"{points:,} points", layers, blocks, viewpoint, made)
+    lead = f"{sum(len(each.cloud) for each in clouds):,} points"
+    return Page.of(layers, blocks, viewpoint, title=title, lead=lead, made=made, diagonal=0.0, lengths="")
 
 
-def _surface(named: Named) -> Surface:
-    """Return the surface of a cloud; errors name the cloud."""
-    try:
-        return Surface.of(named.cloud)
-    except InputError as error:
-        raise InputError(f"{named.name}: {error}") from error
-
-
-def _result(blocks: Blocks, result: Named, original: Surface) -> tuple[Layer, Surface]:
-    """Return the layer of a result, with surface variation and normals of the original, and its finite points."""
-    own = _surface(result)
+def _on_original(result: Surface, original: Surface) -> tuple[Surface, NDArray[np.uint32]]:
+    """Return a result with surface variation and normals of the original, and the rows of its points there."""
     _, corner, exponent = normalised(original.cloud.points)
-    nearest, squared = original.tree.nearest_of(np.ldexp(own.cloud.points - corner, -exponent), 1)
+    nearest, squared = original.tree.nearest_of(np.ldexp(result.cloud.points - corner, -exponent), 1)
     distinct = np.flatnonzero(first_occurrences(original.cloud.points))[nearest[:, 0]]
-    kept = Surface(own.cloud, own.rows, original.variation[distinct], original.normals[distinct], own.tree)
-    layer = Layer(blocks, result.name, "result", kept, len(result.cloud))
-    layer.add_values("variation", *VARIATION, kept.variation[layer.shown], root=True)
-    layer.add_attributes()
-    layer.add_mesh(result.mesh)
-    layer.described["reason"] = result.reason
-    rows = np.where(squared[:, 0] == 0.0, original.rows[distinct], MOVED)
-    layer.described["blocks"]["originals"] = blocks.add(rows[layer.shown].astype(np.uint32))
-    return layer, kept
+    rows = np.where(squared[:, 0] == 0.0, original.rows[distinct], MOVED).astype(np.uint32)
+    return result._replace(variation=original.variation[distinct], normals=original.normals[distinct]), rows
 
 
-def _distances(points: Array, simplified: Array) -> Array:
+def _distances(points: NDArray[np.float64], simplified: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the distances (N,) of points (N, 3) to the local surface of a simplified cloud (M, 3)."""
     local, corner, exponent = normalised(simplified)
     surface = LocalSurface.of(local[first_occurrences(local)])
@@ -126,18 +130,24 @@ def _distances(points: Array, simplified: Array) -> Array:
 
 def _prefixes(original: PointCloud, result: PointCloud) -> list[dict[str, object]]:
     """Return the figures of a result after some numbers of its first points."""
-    counts = sorted({len(result), *(count for part in PARTS if (count := len(result) // part) >= LEAST)})
     measured = []
-    for count in counts:
-        report: Report = evaluate(original, result.take(np.arange(count)))
+    for count in sorted({len(result), *(count for part in PARTS if (count := len(result) // part) >= LEAST)}):
+        report = evaluate(original, result.take(np.arange(count)))
         measured.append({"points": count, "figures": report.figures(), "relative": report.figures(relative=True)})
     return measured
 
 
 def _counted(results: Sequence[Named]) -> str:
     """Return in words how many results there are, of how many points."""
-    if len(results) == 1:
-        return f"a result of {len(results[0].cloud):,}"
-    counts = {len(result.cloud) for result in results}
-    sizes = f"{min(counts):,}" if len(counts) == 1 else f"{min(counts):,} to {max(counts):,}"
-    return f"{len(results)} results of {sizes}"
+    counts = sorted(len(result.cloud) for result in results)
+    sizes = f"{counts[0]:,}" if counts[0] == counts[-1] else f"{counts[0]:,} to {counts[-1]:,}"
+    return f"{'a result' if len(results) == 1 else f'{len(results)} results'} of {sizes}"
+
+
+def _lie_together(layers: Sequence[Layer]) -> bool:
+    """Return whether clouds can be drawn in one frame."""
+    boxes = np.array([(layer.cloud.points.min(axis=0), layer.cloud.points.max(axis=0)) for layer in layers])
+    with np.errstate(over="ignore"):
+        sizes = np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1)
+        whole = np.linalg.norm(boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0))
+    return bool(whole <= APART * sizes.max() and sizes.min() >= SMALL * sizes.max())

@@ -4,37 +4,28 @@ from __future__ import annotations
 
 import base64
 import zlib
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-UNKNOWN = 2**16 - 1  # stands for NaN and infinity among values
-LARGEST_NUMBER = 2**16 - 1  # of coordinates
+LARGEST = 2**16 - 1  # number of coordinates
+UNKNOWN = LARGEST  # stands for NaN and infinity among values
 
 Array = NDArray[np.float64]
 
 
 class Blocks:
-    """The packed arrays of a page.
-
-    Attributes
-    ----------
-    texts : list of str
-        The packed arrays in base64.
-    """
+    """The packed arrays of a page, in base64."""
 
     def __init__(self) -> None:
         self.texts: list[str] = []
 
     def add(self, array: NDArray[np.unsignedinteger[Any]]) -> str:
-        """Pack an array.
+        """Pack an array, (N,) or (N, C), and return its name.
 
         Each column is written as differences from row to row, these as planes of bytes from the lowest, and all planes
         are deflated (zlib).
-
-        Shapes: array (N,) or (N, C).
         """
         columns = array.reshape(len(array), -1).T
         differences = np.diff(columns, axis=1, prepend=columns.dtype.type(0))  # modulo the range of the type
@@ -44,57 +35,42 @@ class Blocks:
         return f"block{len(self.texts) - 1}"
 
 
-@dataclass(frozen=True)
-class Quantised:
-    """Coordinates or values as whole numbers: the original is about low + step * number.
-
-    Attributes
-    ----------
-    numbers : (N,) or (N, 3) array, uint16
-    low, step : array, float64
-        Of one number, or of one for each column.
-    """
+class Quantised(NamedTuple):
+    """Coordinates (N, 3) or values (N,) as whole numbers: the original is about low + step * number."""
 
     numbers: NDArray[np.uint16]
     low: Array
     step: Array
 
+    def described(self) -> dict[str, Any]:
+        """Return what the page needs to know of the numbers, as JSON."""
+        return {"low": self.low.tolist(), "step": self.step.tolist()}
 
-def quantised_points(points: Array) -> Quantised:
-    """Return coordinates in 16 bits of their bounding box.
 
-    Shapes: points (N, 3).
-    """
-    low = points.min(axis=0)
-    # Divided first: the extent can exceed the largest float.
-    step = points.max(axis=0) / LARGEST_NUMBER - low / LARGEST_NUMBER
-    return Quantised(_numbers(points, low, step, LARGEST_NUMBER), low, step)
+def quantised(values: Array, largest: int = LARGEST, least_step: float = 0.0) -> Quantised:
+    """Return finite coordinates (N, 3) or values (N,) as numbers up to the largest."""
+    low = values.min(axis=0)
+    # Shares and halves: the range can exceed the largest float.
+    step = np.maximum(values.max(axis=0) / largest - low / largest, least_step)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        numbers = np.where(step > 0, (values / 2 - low / 2) / (step / 2), 0.0)
+    return Quantised(np.clip(np.round(numbers), 0, largest).astype(np.uint16), low, step)
 
 
 def quantised_values(values: NDArray[Any]) -> Quantised:
-    """Return values in 16 bits of their range; whole numbers stay exact if they fit.
-
-    Shapes: values (N,).
-    """
+    """Return values (N,) that may be unknown in 16 bits of their range; whole numbers stay exact if they fit."""
+    known = np.isfinite(values)
+    floats = values[known].astype(np.float64) if known.any() else np.zeros(1)
+    held = quantised(floats, UNKNOWN - 1, 0.0 if np.issubdtype(values.dtype, np.floating) else 1.0)
     numbers = np.full(len(values), UNKNOWN, dtype=np.uint16)
-    floats = values.astype(np.float64)
-    known = np.isfinite(floats)
-    if not known.any():
-        return Quantised(numbers, np.array(0.0), np.array(0.0))
-    low, high = floats[known].min(), floats[known].max()
-    step = high / (UNKNOWN - 1) - low / (UNKNOWN - 1)
-    if not np.issubdtype(values.dtype, np.floating) and step < 1:
-        step = np.float64(1)
-    numbers[known] = _numbers(floats[known], low, step, UNKNOWN - 1)
-    return Quantised(numbers, np.asarray(low), np.asarray(step))
+    numbers[known] = held.numbers[: known.sum()]
+    return held._replace(numbers=numbers)
 
 
 def octahedral(normals: Array) -> NDArray[np.uint8]:
-    """Return directions as points of a square, in 8 bits for each side.
+    """Return directions (N, 3) as points (N, 2) of a square, in 8 bits for each side.
 
     The sphere is projected onto an octahedron, whose lower half is folded out (Cigolle et al. 2014).
-
-    Shapes: normals (N, 3); returns (N, 2).
     """
     known = np.isfinite(normals).all(axis=1) & (normals != 0).any(axis=1)
     directions = np.where(known[:, None], normals, (0.0, 0.0, 1.0))
@@ -107,18 +83,8 @@ def octahedral(normals: Array) -> NDArray[np.uint8]:
 
 
 def packed_faces(faces: NDArray[np.int64]) -> NDArray[np.uint32]:
-    """Return triangles as numbers whose differences from row to row are small, so that they take little room.
-
-    Shapes: faces (F, 3); returns (F, 3).
-    """
+    """Return triangles (F, 3) as numbers whose differences from row to row are small, so that they take little room."""
     lowest = faces.argmin(axis=1)[:, None]
     turned = np.take_along_axis(faces, (lowest + np.arange(3)) % 3, axis=1)
     turned = turned[np.lexsort(turned.T[::-1])]
     return np.column_stack([turned[:, 0], (turned[:, 1:] - turned[:, :1]).cumsum(axis=0)]).astype(np.uint32)
-
-
-def _numbers(values: Array, low: Array, step: Array, largest: int) -> NDArray[np.uint16]:
-    """Return the whole numbers of values; all are 0 where the step is."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        numbers = np.where(step > 0, (values / 2 - low / 2) / (step / 2), 0.0)  # halves: the range can overflow
-    return np.clip(np.round(numbers), 0, largest).astype(np.uint16)
