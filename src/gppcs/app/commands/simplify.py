@@ -71,7 +71,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gppcs.clouds.cloud import PointCloud
-    from gppcs.drawing.web.page import Page
+    from gppcs.drawing.web.contents import Page
     from gppcs.io.query import Query
     from gppcs.simplification import Request, Result
     from gppcs.streaming.beyond_memory import Run
