@@ -1,9 +1,7 @@
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from gppcs.drawing.camera import Camera, Square, averaged
+from gppcs.drawing.camera import Camera
 from gppcs.drawing.viewpoint import Viewpoint
 
 BOX = np.random.default_rng(0).uniform(-1.0, 1.0, (4000, 3))
@@ -60,20 +58,3 @@ def test_a_scan_that_thins_out_is_seen_to_its_ends_but_a_stray_does_not_make_the
     assert (place < camera.shape).all()
     place, _ = Camera.towards(np.vstack([BOX, [1e9, 0.0, 0.0]]), 100, (100, 100)).pixels(BOX)
     assert np.ptp(place, axis=0).max() > 100
-
-
-@given(st.integers(0, 150), st.integers(0, 150), st.integers(20, 50), st.integers(10, 300))
-def test_a_close_up_shows_its_square_and_no_more(column, row, side, size):
-    whole = Camera.towards(BOX, 100, (100, 100))
-    close = whole.close_up(Square(column, row, side), size)
-    assert close.size == (size, size)
-    assert close.enlargement == 2.0 * size / side
-    expected = (whole.pixels(BOX)[0] - (column, row)) * close.enlargement
-    np.testing.assert_allclose(close.pixels(BOX)[0], expected, atol=1.0 + close.enlargement)  # both are rounded
-
-
-def test_a_picture_is_averaged_down():
-    image = np.zeros((4, 6, 3))
-    image[0, 0] = image[1, 1] = 1.0
-    image[2:, 4:] = 0.5
-    assert averaged(image)[..., 0].tolist() == [[0.5, 0.0, 0.0], [0.0, 0.0, 0.5]]

@@ -78,13 +78,6 @@ def test_a_close_up_is_the_same_picture_enlarged():
     assert np.abs(part[:, ::-1] - part).mean() > 0.1
 
 
-def test_values_are_those_of_the_points_in_front():
-    points, normals = ellipsoid()
-    values = view_of(points, normals, points[:, 0]).values()
-    assert np.nonzero(values > 1.0)[1].min() > values.shape[1] / 2
-    assert (values[:5] == 0.0).all()
-
-
 @pytest.mark.parametrize(
     "points",
     [

@@ -91,12 +91,6 @@ def test_nothing_is_said_about_the_lack_of_a_display():
     assert run.stdout + run.stderr == ""
 
 
-def test_without_pyvista_the_extra_is_named(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pyvista", None)
-    with pytest.raises(MissingExtraError, match=r"needs PyVista.*the extra view.*: pip install .*'pyvista>="):
-        require_pyvista()
-
-
 @pytest.mark.usefixtures("opengl")
 def test_a_crash_of_opengl_is_survived_and_its_packages_are_named(monkeypatch):
     monkeypatch.setattr(extras, "PROBE", "import os; os.abort()")

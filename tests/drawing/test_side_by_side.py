@@ -141,10 +141,3 @@ def test_the_first_square_is_the_best_of_all_and_squares_keep_apart(picture, sid
         assert one.row + side <= 15
         for other in squares[:rank]:
             assert max(abs(one.column - other.column), abs(one.row - other.row)) >= MIN_SEPARATION * side
-
-
-def test_where_there_is_nothing_there_is_no_close_up():
-    picture = np.zeros((50, 60))
-    assert feature_squares(picture, 10, 2) == []
-    picture[20:25, 20:25] = 1.0
-    assert len(feature_squares(picture, 10, 2)) == 1
