@@ -46,13 +46,6 @@ def test_a_mesh_is_drawn_where_the_camera_sees_it(camera):
         assert (covered(image) != inside(by, BOX.faces)).mean() < 0.02
 
 
-def test_the_near_side_hides_the_far_one(camera):
-    near = CORNERS @ camera.axes[2]
-    faces = BOX.faces[(near[BOX.faces] == near.max()).any(axis=1)]
-    whole, front = (mesh_images(Mesh(CORNERS, part), [camera])[0] for part in (BOX.faces, faces))
-    assert np.abs(whole - front)[covered(front)].mean() < 0.05
-
-
 def test_sides_differ_by_their_light_and_edges_stay_sharp(camera):
     image = mesh_images(BOX, [camera])[0]
     shades, counts = np.unique(np.round(image[covered(image)].mean(axis=1), 2), return_counts=True)
