@@ -15,6 +15,9 @@ from scipy.spatial import cKDTree
 import gppcs
 from gppcs.amounts.accuracy import surface_of
 from gppcs.errors import ClusterError
+from gppcs.io.cloud_files import CloudFiles
+from gppcs.simplification import Request
+from gppcs.streaming.plan import plan
 from gppcs.streaming.workers import each_by
 
 MEMORY = "1GB"
@@ -33,9 +36,9 @@ def beyond_memory(monkeypatch):
     monkeypatch.setattr("gppcs.gp.local.beyond_memory.POINTS", 4_000)
 
 
-def written(tmp_path, cloud):
-    gppcs.write(tmp_path / "cloud.ply", cloud, force=True)
-    return tmp_path / "cloud.ply"
+def written(tmp_path, cloud, name="cloud.ply"):
+    gppcs.write(tmp_path / name, cloud, force=True)
+    return tmp_path / name
 
 
 def errors(cloud, kept):
@@ -158,9 +161,10 @@ def test_repeats_are_chosen_last(tmp_path, method):
 
 def test_invalid_points_are_told_or_dropped(tmp_path):
     cloud = gppcs.sample("bracket", 9_000)
-    cloud.points[[5, 4_000]] = np.nan
-    path = written(tmp_path, cloud)
-    with pytest.raises(gppcs.InputError, match="2 of 9000 points have coordinates that are NaN or infinite, the first"):
+    cloud.points[[5_005, 7_000]] = np.nan
+    parts = (cloud.take(np.arange(4_000)), cloud.take(np.arange(4_000, 9_000)))
+    path = [written(tmp_path, part, f"{number}.ply") for number, part in enumerate(parts)]
+    with pytest.raises(gppcs.InputError, match=r"2 of 9000 points have coordinates .*, the first at index 5005"):
         gppcs.simplify_files(path, n_points=9, memory=MEMORY)
     result = gppcs.simplify_files(path, ratio=0.1, invalid="drop", memory=MEMORY)
     assert len(result.indices) == 900
@@ -265,3 +269,12 @@ def test_a_full_disk_for_temporary_files_is_told(tmp_path, monkeypatch, reason):
 def test_an_executor_is_one():
     with pytest.raises(gppcs.ParameterError, match="expected an executor with `map`"), each_by("dask", 1):
         pass
+
+
+def test_the_plan_counts_what_the_search_for_outliers_takes(tmp_path, monkeypatch):
+    """Places, a tree, two numbers for each point, and the neighbours of a batch."""
+    monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 0)
+    with CloudFiles([written(tmp_path, gppcs.sample("bracket", 9_000))]) as files:
+        requests = [Request.of(n_points=9, drop_outliers=drop) for drop in (False, True)]
+        without, searching = (plan(files, request, 10**10).memory for request in requests)
+    assert searching - without >= 100 * 9_000
