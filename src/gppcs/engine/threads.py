@@ -71,7 +71,10 @@ def _pool_of(size: int) -> ThreadPoolExecutor:
 
 def number_of_threads() -> int:
     """Return the number of threads that a call uses."""
-    return 1 if getattr(_here, "alone", False) else _wanted or int(min(_cores(), _quota()))
+    if getattr(_here, "alone", False):
+        return 1
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return _wanted or int(min(cores, _quota()))
 
 
 def work_alone() -> None:
@@ -101,13 +104,6 @@ def set_threads(count: int | None) -> None:
     """
     global _wanted
     _wanted = None if count is None else whole_number("the number of threads", count, 1)
-
-
-def _cores() -> int:
-    """Return the number of cores on which this process may run."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 @functools.cache

@@ -74,26 +74,15 @@ def limited(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArra
 
     Shapes: spacings (N,); returns (N,).
     """
-    least = np.empty(len(tree.low))
-    _least_of_all(spacings, least)
+    n, level = len(spacings), tree.leaves
+    least = np.empty(2 * level)  # of each node's points
+    least[level:] = np.minimum.reduceat(spacings, n * np.arange(level) // level)
+    while level > 1:
+        level //= 2
+        least[level : 2 * level] = least[2 * level : 4 * level].reshape(-1, 2).min(axis=1)
     result = spacings.copy()
     on_ranges(_limit_leaves, tree.leaves, tree.points, tree.low, tree.high, spacings, slope, least, result, least=16)
     return result
-
-
-@kernel
-def _least_of_all(values, least):
-    """Fill `least`, (nodes,), with the least of the values, (N,), of each node's points."""
-    leaves = first_leaf(least)
-    n = len(values)
-    for leaf in range(leaves):
-        first, last = leaf_range(n, leaves, leaves + leaf)
-        lowest = values[first]
-        for i in range(first + 1, last):
-            lowest = min(lowest, values[i])
-        least[leaves + leaf] = lowest
-    for node in range(leaves - 1, 0, -1):
-        least[node] = min(least[2 * node], least[2 * node + 1])
 
 
 @kernel

@@ -194,7 +194,8 @@ def divide(state: GreedyState, count: int) -> Parts:
     """Return parts that have chosen nothing."""
     n, nodes = len(state.scores), len(state.best)
     near = np.zeros((count, count), dtype=np.bool_)
-    _find_neighbours(state.boxes, near)
+    if count > 1:
+        _find_neighbours(state.boxes, near)
     starts = np.concatenate([[0], np.cumsum(near.sum(axis=1))])
     return Parts(
         starts, np.ascontiguousarray(np.nonzero(near)[1]), np.empty(n, dtype=np.int64), np.empty(n),
