@@ -51,7 +51,7 @@ def choose_amount(
     with stages("repeats"):
         among = _Places.of(points, guide)
     if count is not None:
-        check_count(count, among.fixed + len(among.again), len(among.usable_rows))
+        check_count(count, among.fixed + len(among.again), len(points if guide is None else guide.rows(len(points))))
 
     def chosen(wanted: int) -> Selection:
         if wanted >= len(among.points):
@@ -72,44 +72,49 @@ def choose_amount(
     else:
         assert gap is not None
         selection = chosen(among.fewest_without_gaps(gap))
-    selection = replace(selection, indices=among.rows[selection.indices])
+    if among.rows is not None:
+        selection = replace(selection, indices=among.rows[selection.indices])
     if among.fixed:
         selection = with_repeats(selection, among.again, among.fixed)
     if (lacking := (count or 0) - len(selection.indices)) > 0:
-        selection = with_others(selection, np.setdiff1d(among.usable_rows, selection.indices)[:lacking])
-    return selection if gap is None else _without_gaps(points, among.usable_rows, selection, gap, scale, stages)
+        selection = with_others(selection, np.setdiff1d(_usable(points, guide), selection.indices)[:lacking])
+    return selection if gap is None else _without_gaps(points, _usable(points, guide), selection, gap, scale, stages)
+
+
+def _usable(points: Points, guide: Guide | None) -> NDArray[np.int64]:
+    """Return the rows of the points that may be kept."""
+    return np.arange(len(points)) if guide is None else guide.rows(len(points))
 
 
 @dataclass(frozen=True, eq=False)
 class _Places:
     """The places among which is chosen. The first `fixed` of them are kept.
 
-    `rows` are those of the places, `again` are rows to keep at the same places; of `usable_rows` repeats are taken.
+    `rows` are those of the places, None for all points; `again` are rows to keep at the same places.
     """
 
     points: Points
-    rows: NDArray[np.int64]
+    rows: NDArray[np.int64] | None
     fixed: int
     again: NDArray[np.int64]
-    usable_rows: NDArray[np.int64]
     weights: NDArray[np.float64] | None
 
     @classmethod
     def of(cls, points: Points, guide: Guide | None) -> _Places:
         """Return the different places of usable points, those to keep first."""
-        rows = usable = np.arange(len(points))
-        keep = rows[:0]
-        if guide is not None:
-            keep, usable = guide.keep, guide.rows(len(points))
-            rows = np.concatenate([keep, np.setdiff1d(usable, keep)]) if len(keep) else usable
-        first = first_occurrences(points if guide is None else points[rows])
+        if guide is None:
+            first = first_occurrences(points)
+            rows = None if first.all() else np.flatnonzero(first)
+            return cls(points if rows is None else points[rows], rows, 0, np.empty(0, dtype=np.int64), None)
+        keep, usable = guide.keep, guide.rows(len(points))
+        rows = np.concatenate([keep, np.setdiff1d(usable, keep)]) if len(keep) else usable
+        first = first_occurrences(points[rows])
         among = first[: len(keep)]
         again, rows = keep[~among], rows[first]
-        weights = None if guide is None or guide.weights is None else guide.weights[rows]
+        weights = None if guide.weights is None else guide.weights[rows]
         if weights is not None:  # those of points that are kept anyway may be 0
             weights = np.maximum(weights, weights[weights > 0.0].min())
-        places = points if guide is None and first.all() else points[rows]
-        return cls(places, rows, int(among.sum()), again, usable, weights)
+        return cls(points[rows], rows, int(among.sum()), again, weights)
 
     def fewest_without_gaps(self, gap: float) -> int:
         """Return how many points an even cover needs so that no point is farther from it than a length."""

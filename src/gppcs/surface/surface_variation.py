@@ -116,14 +116,14 @@ def features_around(points: NDArray[np.float64], tree: KdTree, neighbours: int) 
     return features_in_radius(tree, neighbourhood_radius(points, tree, neighbours))
 
 
-def features_in_radius(tree: KdTree, radius: float) -> Features:
+def features_in_radius(tree: KdTree, radius: float, with_normals: bool = True) -> Features:
     """Measure each point's neighbourhood of all points within a radius, as the paper does.
 
     The points of a group of leaves share one search of the tree. A node that lies within the radius of all of them
     counts as a whole, so that dense parts of a cloud cost little more than others.
     """
     n = len(tree.order)
-    features = Features(np.empty(n), np.empty((n, 3)), np.empty(n, dtype=np.int32))
+    features = Features(np.empty(n), np.empty((n * with_normals, 3)), np.empty(n, dtype=np.int32))
     moments = np.empty((0, MOMENTS))
     groups = max(1, tree.leaves // LEAVES_PER_GROUP)
     level = slice(groups, 2 * groups)
@@ -187,7 +187,8 @@ def _finish(moments, indices, variation, normals, neighbours):
                 direction,
             )  # fmt: skip
         neighbours[index] = n
-        normals[index, 0], normals[index, 1], normals[index, 2] = direction[0], direction[1], direction[2]
+        if len(normals):  # otherwise they are not wanted
+            normals[index, 0], normals[index, 1], normals[index, 2] = direction[0], direction[1], direction[2]
 
 
 @kernel

@@ -19,7 +19,7 @@ from gppcs.gp.local.density import GRADATION, ROUNDING, density_of, graded, segr
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.survey import survey
-from gppcs.gp.local.weighing import Weighing
+from gppcs.gp.local.weighing import Weighing, refinement
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.noise import Observations
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
@@ -100,17 +100,20 @@ def choose(
 
     Shapes: points (N, 3) without repeats, weights (N,) above 0.
     """
-    weighing = None if weights is None else Weighing(weights)
-    density *= weighing.refinement if weighing else 1.0
+    density *= 1.0 if weights is None else refinement(weights)
     area, noise, sharpness = survey(points, n_points, density, stages)
     with stages("candidates"):
         candidates = nested_candidates(points, sharpness, n_points, area, density, fixed)
     del sharpness  # to free its memory
     with stages("noise"):
-        observations = noise.observe(points[candidates[-1].rows])
+        rows = candidates[-1].rows  # those of all stages are among them
+        places = points if len(rows) == len(points) else points[rows]
+        candidates = [stage._replace(rows=np.searchsorted(rows, stage.rows)) for stage in candidates]
+        observations = noise.observe(places)
     level = noise.level / noise.spacing if noise.spacing > 0.0 else 0.0
-    ranking = rank(points, candidates, observations, criterion, stages, fixed, weighing)
-    return ranking._replace(noise_in_spacings=level)
+    weighing = None if weights is None else Weighing(weights[rows])
+    ranking = rank(places, candidates, observations, criterion, stages, fixed, weighing)
+    return ranking._replace(rows=rows[ranking.rows], noise_in_spacings=level)
 
 
 def rank(
@@ -122,11 +125,11 @@ def rank(
     fixed: int = 0,
     weighing: Weighing | None = None,
 ) -> Ranking:
-    """Choose among the candidates, stage by stage; `observations` are those at the candidates of the last stage."""
+    """Choose among the candidates, stage by stage; observations and weights are those at all points, (n, 3)."""
     ranking = Ranking(np.arange(fixed), np.zeros(fixed), np.zeros(fixed))
     for stage in candidates:
         with stages("features"):
-            of_stage = observations.take(np.searchsorted(candidates[-1].rows, stage.rows))
+            of_stage = observations.take(stage.rows)
             tree, features = features_of(points[stage.rows], of_stage, stage)
             field = local_field(tree, features, of_stage.variances[tree.order] / stage.spacing**2, criterion)
             rows, spacings = stage.rows[tree.order], field.spacings
@@ -157,7 +160,7 @@ def features_of(places: NDArray[np.float64], observations: Observations, stage: 
 
 
 class Scale(NamedTuple):
-    """What the field at a candidate needs to know of all candidates of the stage.
+    """What the field at a candidate needs to know of all candidates of the stage, where it has only some.
 
     Attributes
     ----------
@@ -167,23 +170,28 @@ class Scale(NamedTuple):
         From 1 for a cloud whose places are alike to 0 for flat faces and edges only.
     density : float
         Mean of the wanted density.
-    spacing : float, optional
-        What makes the mean of 1 / spacing^2 equal to 1; measured on the candidates of the field if it is not given.
+    spacing : float
+        What makes the mean of 1 / spacing^2 equal to 1.
     """
 
     mean: float
     deviation: float
     roundness: float
     density: float
-    spacing: float | None = None
+    spacing: float = 1.0
 
     @classmethod
     def of(cls, variation: NDArray[np.float64], criterion: Criterion) -> Scale:
         """Measure candidates, given their surface variation, (n,)."""
         roughness = np.sqrt(variation)
-        roundness = (1.0 - segregation(roughness) ** 2) ** 4
+        roundness = roundness_of(roughness)
         density = density_of(roughness, criterion.density_power * roundness)
         return cls(float(np.mean(variation)), float(np.std(variation)), roundness, float(np.mean(density)))
+
+
+def roundness_of(roughness: NDArray[np.float64]) -> float:
+    """Return from 1 for a cloud whose places are alike to 0 for flat faces and edges only, given roughness, (n,)."""
+    return (1.0 - segregation(roughness) ** 2) ** 4
 
 
 def local_field(
@@ -198,16 +206,21 @@ def local_field(
     Shapes: noise (n,), the variance of the observation at each candidate, in units of the prior's.
     """
     variation = features.surface_variation
-    scale = scale or Scale.of(variation, criterion)
-    density = density_of(np.sqrt(variation), criterion.density_power * scale.roundness)
-    spacings = graded(tree, np.sqrt(scale.density / density), GRADATION)
-    predicts = criterion.error_weight > 0.0 and scale.deviation > ROUNDING
+    roughness = np.sqrt(variation)
+    roundness = scale.roundness if scale else roundness_of(roughness)
+    density = density_of(roughness, criterion.density_power * roundness)
+    spacings = graded(tree, np.sqrt((scale.density if scale else np.mean(density)) / density), GRADATION)
+    spacings *= scale.spacing if scale else np.sqrt(np.mean(spacings**-2.0))
+    y = np.zeros(len(noise))
+    if criterion.error_weight > 0.0:  # otherwise nothing asks for it
+        mean, deviation = (scale.mean, scale.deviation) if scale else (np.mean(variation), np.std(variation))
+        y = (variation - mean) / deviation if deviation > ROUNDING else y
     return LocalField(
         positions=tree.points,
         normals=np.ascontiguousarray(features.normals.T),
-        spacings=spacings * (scale.spacing or np.sqrt(np.mean(spacings**-2.0))),
-        y=(variation - scale.mean) / scale.deviation if predicts else np.zeros(len(noise)),
+        spacings=spacings,
+        y=y,
         noise=NUGGET + noise,
         lengthscale=criterion.lengthscale,
-        normal_weight=criterion.normal_weight * scale.roundness,
+        normal_weight=criterion.normal_weight * roundness,
     )

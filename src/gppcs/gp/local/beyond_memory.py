@@ -300,7 +300,7 @@ def _in_memory(
         target = min(stage.target, len(records))
         candidates = nested_candidates(places, sharpness, target, stage.area, stage.density, len(fixed))
     weighing = Weighing(records["weight"]) if "weight" in (records.dtype.names or ()) else None
-    observations = _observations(records).take(candidates[-1].rows)
+    observations = _observations(records)
     ranking = rank(places, candidates, observations, stage.criterion, stages, len(fixed), weighing)
     power = weighing.power if weighing else 1.0
     return ranking._replace(rows=records["row"][ranking.rows]), places[ranking.rows], power
@@ -360,7 +360,7 @@ def _measure(stage: _Stage, part: Part) -> NDArray[np.float64]:
 def _scaled(stage: _Stage, variation: NDArray[np.float64], parts: list[Part], each: Each) -> _Stage:
     """Return the stage with the scale of the field."""
     scale = Scale.of(variation, stage.criterion)
-    raw = replace(stage, scale=scale._replace(spacing=1.0))
+    raw = replace(stage, scale=scale)
     squares = np.concatenate(list(each(partial(_squared, raw), _some(parts))))
     return replace(stage, scale=scale._replace(spacing=math.sqrt(float(np.mean(squares)))))
 

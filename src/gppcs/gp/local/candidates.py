@@ -121,7 +121,7 @@ def numbers_of_lone(gaps: NDArray[np.float64], spacing: float) -> NDArray[np.int
 
     Shapes: gaps (n,); returns (4,).
     """
-    return np.count_nonzero(gaps[:, None] > spacing * np.array(DISTANCES), axis=0)
+    return np.count_nonzero(gaps[gaps > 0.0, None] > spacing * np.array(DISTANCES), axis=0)
 
 
 def largest_gap(lone: NDArray[np.int64], n: int, n_points: int, spacing: float) -> float:

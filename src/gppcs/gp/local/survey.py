@@ -86,7 +86,7 @@ def sharpness_of(tree: KdTree, edge: float, most: int) -> NDArray[np.float64]:
     """
     some = slice(None, None, max(1, len(tree.order) // most))
     measured = KdTree.over(np.ascontiguousarray(tree.points[:, some]))
-    variation = features_in_radius(measured, edge).surface_variation
+    variation = features_in_radius(measured, edge, with_normals=False).surface_variation
     sharpness = np.zeros(len(tree.order))
     sharpness[tree.order[some]] = np.where(variation > ROUNDING, variation, 0.0)
     return sharpness

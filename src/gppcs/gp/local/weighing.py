@@ -23,11 +23,6 @@ class Weighing:
     def __init__(self, weights: NDArray[np.float64]) -> None:
         self._weights, self.power = weights, 1.0
 
-    @property
-    def refinement(self) -> float:
-        """How many times as many candidates are needed as without weights."""
-        return min(float(self._weights.max() / self._weights.mean()), FINEST)
-
     def weighted(self, spacings: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return desired spacings of candidates of which the density is multiplied by weights, (n,).
 
@@ -53,3 +48,8 @@ class Weighing:
         slope = np.polyfit(means, np.log(found[known] / wanted[known]), 1, w=np.sqrt(found[known]))[0]
         lacking = self.power / max(1.0 + slope, 0.1)
         self.power = float(np.clip(lacking**SMALLER, 1.0, GREATEST_POWER))
+
+
+def refinement(weights: NDArray[np.float64]) -> float:
+    """Return how many times as many candidates are needed as without weights, (N,)."""
+    return min(float(weights.max() / weights.mean()), FINEST)
