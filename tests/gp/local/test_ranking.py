@@ -28,7 +28,7 @@ def clean(places):
 def ranked(points, n_points, seen=None, stages=None, candidates=8.0, **changes):
     area = surface_area(KdTree.build(points))
     nested = nested_candidates(points, np.zeros(len(points), dtype=np.float32), n_points, area, candidates)
-    observations = Observations(*(seen or clean)(points))
+    observations = Observations(*(seen or clean)(points[nested[-1].rows]))
     return rank(points, nested, observations, criterion(**changes), stages or Stages())
 
 

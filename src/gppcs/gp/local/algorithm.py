@@ -107,13 +107,11 @@ def choose(
     del sharpness  # to free its memory
     with stages("noise"):
         rows = candidates[-1].rows  # those of all stages are among them
-        places = points if len(rows) == len(points) else points[rows]
-        candidates = [stage._replace(rows=np.searchsorted(rows, stage.rows)) for stage in candidates]
-        observations = noise.observe(places)
+        observations = Observations(None, np.zeros(len(rows))) if noise.quiet else noise.observe(points[rows])
     level = noise.level / noise.spacing if noise.spacing > 0.0 else 0.0
-    weighing = None if weights is None else Weighing(weights[rows])
-    ranking = rank(places, candidates, observations, criterion, stages, fixed, weighing)
-    return ranking._replace(rows=rows[ranking.rows], noise_in_spacings=level)
+    weighing = None if weights is None else Weighing(weights)
+    ranking = rank(points, candidates, observations, criterion, stages, fixed, weighing)
+    return ranking._replace(noise_in_spacings=level)
 
 
 def rank(
@@ -125,11 +123,13 @@ def rank(
     fixed: int = 0,
     weighing: Weighing | None = None,
 ) -> Ranking:
-    """Choose among the candidates, stage by stage; observations and weights are those at all points, (n, 3)."""
+    """Choose among the candidates, stage by stage; `observations` are those at the candidates of the last stage."""
     ranking = Ranking(np.arange(fixed), np.zeros(fixed), np.zeros(fixed))
     for stage in candidates:
         with stages("features"):
-            of_stage = observations.take(stage.rows)
+            of_stage = observations
+            if stage is not candidates[-1]:
+                of_stage = observations.take(np.searchsorted(candidates[-1].rows, stage.rows))
             tree, features = features_of(points[stage.rows], of_stage, stage)
             field = local_field(tree, features, of_stage.variances[tree.order] / stage.spacing**2, criterion)
             rows, spacings = stage.rows[tree.order], field.spacings

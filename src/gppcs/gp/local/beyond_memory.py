@@ -300,7 +300,7 @@ def _in_memory(
         target = min(stage.target, len(records))
         candidates = nested_candidates(places, sharpness, target, stage.area, stage.density, len(fixed))
     weighing = Weighing(records["weight"]) if "weight" in (records.dtype.names or ()) else None
-    observations = _observations(records)
+    observations = _observations(records).take(candidates[-1].rows)
     ranking = rank(places, candidates, observations, stage.criterion, stages, len(fixed), weighing)
     power = weighing.power if weighing else 1.0
     return ranking._replace(rows=records["row"][ranking.rows]), places[ranking.rows], power
