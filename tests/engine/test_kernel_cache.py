@@ -42,10 +42,10 @@ from gppcs.engine.kernels import kernel
 class Pair(NamedTuple):
     a: int; b: int
 @kernel
-def first(pair):
-    return pair.a
+def first(pairs):
+    return pairs[0].a
 """
-CALL_PAIRS = "from gppcs.pairs import Pair, first; print(first(Pair(a=1, b=2)))"
+CALL_PAIRS = "from gppcs.pairs import Pair, first; print(first((Pair(a=1, b=2), 3)))"
 COMPILED, LOADED = "17 11.5 4\n", "17 11.5 0\n"
 
 

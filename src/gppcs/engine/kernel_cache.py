@@ -77,6 +77,7 @@ def _is_only_ours(folder: Path) -> bool:
     """Tell whether only this user and the administrator can write into a folder or put another in its place."""
     if not hasattr(os, "geteuid"):
         return True
+    folder = folder.resolve()
     for place in (folder, *folder.parents):
         try:
             status = place.stat()
