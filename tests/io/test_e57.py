@@ -229,7 +229,8 @@ def test_files_without_a_name_are_read(tmp_path):
     write(tmp_path / "cloud.e57", PointCloud(POINTS))
     descriptor = (tmp_path / "cloud.e57").open("rb").detach()
     with open(descriptor.fileno(), "rb", closefd=False) as file:
-        assert np.array_equal(read_e57(file).points, POINTS)
+        [cloud] = read_e57(file, 100, True)
+        assert np.array_equal(cloud.points, POINTS)
     descriptor.close()
 
 

@@ -9,7 +9,8 @@ import pytest
 import gppcs
 from copc_file import write_copc
 from gppcs.errors import GppcsError
-from gppcs.io.cloud_files import CloudFiles, JointColumns
+from gppcs.io.cloud_files import CloudFiles
+from gppcs.io.joining import JointColumns
 
 N = 60
 AT_MOST = 5.0  # seconds for one read, on a busy machine: a header that lies must not cost time or memory

@@ -55,3 +55,13 @@ def check_coordinate(axis: str, values: Column) -> None:
         raise InputError(f"expected one {axis} for each point, found shape {values.shape}")
     if values.dtype.kind in "iu" and (np.abs(values.astype(np.float64)) >= EXACT).any():
         raise InputError(f"expected coordinates below 2^53, found larger ones in {axis}; subtract an offset first")
+
+
+def exact_as_double(values: Column) -> bool:
+    """Return whether float64 represents all values exactly."""
+    with np.errstate(over="ignore"):
+        wide = values.astype(np.float64)
+    if values.dtype.kind == "f":
+        return bool(np.array_equal(wide, values, equal_nan=True))
+    beyond = float(np.iinfo(values.dtype).max)  # rounds up to a power of two
+    return bool((wide < beyond).all() and (wide.astype(values.dtype) == values).all())

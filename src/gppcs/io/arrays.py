@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -16,9 +15,9 @@ from numpy.lib import format as npy
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.errors import FileFormatError
-from gppcs.io.columns import check_name, coordinate_type, default_names
-from gppcs.io.format import Format, without_attributes
-from gppcs.io.rows import bytes_left, ends_early
+from gppcs.io.columns import check_name, columns_of, coordinate_type, default_names
+from gppcs.io.format import Format, keeping
+from gppcs.io.rows import read_records
 
 _POINTS = "points"
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
@@ -28,25 +27,21 @@ _DAMAGED_ARRAY = (ValueError, TypeError, SyntaxError, OverflowError, TokenError,
 _DAMAGED_ZIP = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, OSError, UnicodeDecodeError)
 
 
-def read_npy(file: BufferedReader) -> PointCloud:
-    """Read an NPY file: an array of at least three columns, or a structured array with fields x, y and z."""
-    return cloud_of_columns(_columns(_array(file)))
+def read_npy(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
+    """Read an NPY file: an array of at least three columns, or a structured array with fields x, y and z.
 
-
-def read_npy_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
-    """Read an NPY file as `read_npy` does, in chunks. An array that is stored column by column comes as one."""
+    An array that is stored column by column comes as one.
+    """
     layout = _layout_by_rows(file)
     if layout is None:
-        yield _cloud(_array(file), attributes)
+        columns = _columns(_array(file))
+        yield cloud_of_columns({n: columns[n] for n in (columns if attributes else coordinate_names(columns))})
         return
-    shape, dtype = layout
-    whole = bytes_left(file) // max(1, math.prod(shape[1:]) * dtype.itemsize)
-    if whole < shape[0]:
-        raise ends_early("point", whole, shape[0])
-    for start in range(0, max(shape[0], 1), rows):
-        part = np.empty((min(rows, shape[0] - start), *shape[1:]), dtype)
-        file.readinto(part.reshape(-1).view(np.uint8).data)
-        yield _cloud(part, attributes)
+    (count, *width), dtype = layout
+    if dtype.names is None or width:
+        names = _columns(np.broadcast_to(np.empty((), dtype), layout[0]))
+        dtype = np.dtype([(name, dtype) for name in names])
+    yield from read_records(file, dtype, count, rows, "point", dtype.names or () if attributes else ())
 
 
 def _layout_by_rows(file: BufferedReader) -> tuple[tuple[int, ...], np.dtype[Any]] | None:
@@ -66,13 +61,7 @@ def _layout_by_rows(file: BufferedReader) -> tuple[tuple[int, ...], np.dtype[Any
     return shape, dtype
 
 
-def _cloud(array: Column, attributes: bool) -> PointCloud:
-    columns = _columns(array)
-    kept = list(columns) if attributes else coordinate_names(columns)
-    return cloud_of_columns({name: columns[name] for name in kept})
-
-
-def read_npz(file: BufferedReader) -> PointCloud:
+def read_npz(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
     """Read an NPZ file: the array `points`, as `read_npy` reads it, and all other arrays as attributes."""
     try:
         with zipfile.ZipFile(file) as archive:
@@ -94,7 +83,7 @@ def read_npz(file: BufferedReader) -> PointCloud:
             raise FileFormatError(f"expected arrays of different names, found {name!r} twice; rename one")
         if values.ndim == 0:
             raise FileFormatError(f"expected one value for each point in {name!r}, found a single value; remove it")
-    return cloud_of_columns({**columns, **arrays})
+    yield cloud_of_columns({**columns, **arrays})
 
 
 def count_npz(file: BufferedReader) -> int:
@@ -140,17 +129,12 @@ def _columns(array: Column) -> dict[str, Column]:
 
 def write_npy(file: BinaryIO, cloud: PointCloud) -> None:
     """Write an NPY file: an (N, 3) array or, for a cloud with attributes, a structured array."""
-    kept = coordinate_type(cloud)
+    columns = columns_of(cloud, flat=False, named=str)
     if not cloud.attributes:
-        npy.write_array(file, cloud.points.astype(kept, copy=False), allow_pickle=False)
+        npy.write_array(file, np.stack(list(columns.values()), axis=1), allow_pickle=False)
         return
-    for name in cloud.attributes:
-        check_name(name, ())
-    fields = [(name, values.dtype, values.shape[1:]) for name, values in cloud.attributes.items()]
-    table = np.empty(len(cloud), [("x", kept), ("y", kept), ("z", kept), *fields])
-    for i, axis in enumerate("xyz"):
-        table[axis] = cloud.points[:, i]
-    for name, values in cloud.attributes.items():
+    table = np.empty(len(cloud), [(name, values.dtype, values.shape[1:]) for name, values in columns.items()])
+    for name, values in columns.items():
         table[name] = values
     npy.write_array(file, table, allow_pickle=False)
 
@@ -168,21 +152,27 @@ def write_npz(file: BinaryIO, cloud: PointCloud) -> None:
 
 def _without_objects(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     """Return a cloud without attributes of Python objects, and in words what that leaves out."""
-    objects = [name for name, values in cloud.attributes.items() if values.dtype.hasobject]
-    return without_attributes(cloud, objects)
-
-
-def _is_npy(head: bytes, size: int) -> bool:
-    return head.startswith(b"\x93NUMPY")
-
-
-def _is_npz(head: bytes, size: int) -> bool:
-    return head.startswith(b"PK\x03\x04")
+    return keeping(cloud, lambda name, values: not values.dtype.hasobject)
 
 
 FORMATS = (
     Format(
-        "NPY", (".npy",), read_npy, write_npy, _is_npy, fitted=_without_objects, chunks=read_npy_chunks, count=count_npy
+        "NPY",
+        (".npy",),
+        read_npy,
+        write_npy,
+        lambda head, size: head.startswith(b"\x93NUMPY"),
+        fitted=_without_objects,
+        count=count_npy,
     ),
-    Format("NPZ", (".npz",), read_npz, write_npz, _is_npz, fitted=_without_objects, count=count_npz),
+    Format(
+        "NPZ",
+        (".npz",),
+        read_npz,
+        write_npz,
+        lambda head, size: head.startswith(b"PK\x03\x04"),
+        fitted=_without_objects,
+        count=count_npz,
+        whole=True,
+    ),
 )

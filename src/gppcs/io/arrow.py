@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from io import BufferedReader
@@ -11,13 +11,13 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import Column, check_coordinate, cloud_of_columns, coordinate_names
+from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.clouds.header import Header
 from gppcs.engine.extras import require_pyarrow
 from gppcs.errors import FileFormatError, GppcsError
-from gppcs.io.columns import check_name, coordinate_type
-from gppcs.io.format import Format, without_attributes
-from gppcs.io.rows import ends_early
+from gppcs.io.columns import columns_of
+from gppcs.io.format import Format, keeping
+from gppcs.io.rows import at_most, ends_early
 
 _ROWS = 1 << 20  # of a block: what Parquet usually has in a row group
 _ABOUT_COLUMNS = b"pandas"  # metadata that describe the columns, so that nothing is lost without them
@@ -42,38 +42,23 @@ class ArrowHeader(Header):
         return [f"metadata {key.decode('utf-8', 'replace')}" for key in self.metadata if key != _ABOUT_COLUMNS]
 
 
-def read_parquet(file: BufferedReader) -> PointCloud:
-    """Read a Parquet file."""
-    require_pyarrow()
-    import pyarrow.parquet
-
-    with _errors_of_file():
-        table = pyarrow.parquet.ParquetFile(file)
-        cloud = _cloud(table.schema_arrow, lambda: table.iter_batches(_ROWS))
-    if len(cloud) != (count := table.metadata.num_rows):
-        raise ends_early("row", len(cloud), count)
-    return cloud
-
-
-def read_parquet_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
-    """Read a Parquet file as `read_parquet` does, in chunks."""
+def read_parquet(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
+    """Read a Parquet file in chunks."""
     require_pyarrow()
     import pyarrow.parquet
 
     with _errors_of_file():
         table = pyarrow.parquet.ParquetFile(file)
         schema, count = table.schema_arrow, table.metadata.num_rows
-        _check_schema(schema)
-        kept = schema.names if attributes else list(coordinate_names(schema.names))
+        kept = _kept(schema, attributes)
         done = 0
-        for batch in table.iter_batches(rows, columns=kept):
-            cloud = _cloud_of([batch], batch.schema, schema.metadata)
-            done += len(cloud)
-            yield cloud
-    if done != count:
-        raise ends_early("row", done, count)
-    if not count:
-        yield _cloud_of([], schema, schema.metadata)
+        for batch in table.iter_batches(min(rows, _ROWS), columns=kept):
+            done += batch.num_rows
+            yield _cloud(batch, schema)
+        if done != count:
+            raise ends_early("row", done, count)
+        if not count:
+            yield _cloud(_no_rows(schema).select(kept), schema)
 
 
 def count_parquet(file: BufferedReader) -> int:
@@ -83,14 +68,6 @@ def count_parquet(file: BufferedReader) -> int:
 
     with _errors_of_file():
         return int(pyarrow.parquet.ParquetFile(file).metadata.num_rows)
-
-
-def read_feather(file: BufferedReader) -> PointCloud:
-    """Read a Feather file of version 2, which is an Arrow file, in the manner of `read_parquet`."""
-    pyarrow = require_pyarrow()
-    with _errors_of_file():
-        table = pyarrow.ipc.open_file(file)
-        return _cloud(table.schema, lambda: map(table.get_batch, range(table.num_record_batches)))
 
 
 @contextmanager
@@ -106,50 +83,40 @@ def _errors_of_file() -> Iterator[None]:
         raise FileFormatError(f"expected a whole table, but pyarrow reports: {reason}; get the file again") from error
 
 
-def read_feather_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
-    """Read a Feather file as `read_feather` does, in chunks."""
+def read_feather(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
+    """Read a Feather file of version 2, which is an Arrow file, in chunks."""
     pyarrow = require_pyarrow()
     with _errors_of_file():
         table = pyarrow.ipc.open_file(file)
-        schema, count = table.schema, table.num_record_batches
-        _check_schema(schema)
-        kept = schema.names if attributes else list(coordinate_names(schema.names))
-        for batch in (table.get_batch(i).select(kept) for i in range(count)):
-            for start in range(0, max(batch.num_rows, 1), rows):
-                yield _cloud_of([batch.slice(start, rows)], batch.schema, schema.metadata)
-    if not count:
-        yield _cloud_of([], schema, schema.metadata)
+        kept = _kept(table.schema, attributes)
+        for i in range(table.num_record_batches):
+            yield from at_most(rows, [_cloud(table.get_batch(i).select(kept), table.schema)])
+        if not table.num_record_batches:
+            yield _cloud(_no_rows(table.schema).select(kept), table.schema)
 
 
-def _cloud(schema: Any, batches: Callable[[], Iterable[Any]]) -> PointCloud:
-    """Return the cloud of a table that comes in batches."""
-    _check_schema(schema)
-    return _cloud_of(batches(), schema, schema.metadata)
+def _no_rows(schema: Any) -> Any:
+    pyarrow = require_pyarrow()
+    return pyarrow.record_batch([pyarrow.array([], kind) for kind in schema.types], schema=schema)
 
 
-def _check_schema(schema: Any) -> None:
-    """Raise an error if a cloud does not hold such columns."""
+def _kept(schema: Any, attributes: bool) -> list[str]:
+    """Return the columns to read; raise an error if a cloud does not hold the columns."""
     names = list(schema.names)
     for i, name in enumerate(names):
         if name in names[:i]:
             raise FileFormatError(f"expected columns of different names, found {name!r} twice; rename one")
         _check_type(name, schema.field(i).type)
-    coordinate_names(names)
-
-
-def _cloud_of(batches: Iterable[Any], schema: Any, metadata: Mapping[bytes, bytes] | None) -> PointCloud:
-    """Return the cloud of batches of a table whose schema has been checked."""
-    names = list(schema.names)
     axes = coordinate_names(names)
-    parts: dict[str, list[Column]] = {name: [] for name in names}
-    for batch in batches:
-        batch.validate(full=True)  # damaged texts would crash what reads them
-        for name, column in zip(names, batch.columns, strict=True):
-            parts[name].append(_values(name, column))
-    columns = {name: np.concatenate(parts[name] or [_nothing(schema.field(i).type)]) for i, name in enumerate(names)}
-    for axis in axes:
-        check_coordinate(axis, columns[axis])
-    return replace(cloud_of_columns(columns), header=ArrowHeader(dict(metadata or {})))
+    return names if attributes else list(axes)
+
+
+def _cloud(batch: Any, schema: Any) -> PointCloud:
+    """Return the cloud of a batch of a table whose schema has been checked."""
+    batch.validate(full=True)  # damaged texts would crash what reads them
+    names = batch.schema.names
+    columns = {name: _values(name, column) for name, column in zip(names, batch.columns, strict=True)}
+    return replace(cloud_of_columns(columns), header=ArrowHeader(dict(schema.metadata or {})))
 
 
 def _check_type(name: str, kind: Any) -> None:
@@ -172,11 +139,6 @@ def _check_type(name: str, kind: Any) -> None:
 def _is_number(kind: Any) -> bool:
     types = require_pyarrow().types
     return types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind)
-
-
-def _nothing(kind: Any) -> Column:
-    """Return a column of a type without any row."""
-    return _values("", require_pyarrow().array([], kind))
 
 
 def _values(name: str, column: Any) -> Column:
@@ -244,13 +206,11 @@ def write_feather(file: BinaryIO, cloud: PointCloud) -> None:
 
 
 def _columns(cloud: PointCloud) -> dict[str, Column]:
-    kept = coordinate_type(cloud)
-    kept = np.dtype(np.float64) if kept.itemsize > 8 else kept
-    columns: dict[str, Column] = {axis: values.astype(kept) for axis, values in zip("xyz", cloud.points.T, strict=True)}
-    for name, values in cloud.attributes.items():
-        check_name(name, columns)
-        columns[name] = values.astype(values.dtype.newbyteorder("="), copy=False)
-    return columns
+    columns = columns_of(cloud, flat=False, named=str)
+    for axis in "xyz":
+        if columns[axis].dtype.itemsize > 8:
+            columns[axis] = columns[axis].astype(np.float64)
+    return {name: values.astype(values.dtype.newbyteorder("="), copy=False) for name, values in columns.items()}
 
 
 def _schema(cloud: PointCloud, columns: Mapping[str, Column]) -> Any:
@@ -279,8 +239,7 @@ def _batches(columns: Mapping[str, Column], schema: Any) -> Iterator[Any]:
 def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     """Return what a table can store of a cloud, and in words what it cannot."""
     require_pyarrow()  # before long work, not at its end
-    lost = [name for name, values in cloud.attributes.items() if not _is_storable(values)]
-    return without_attributes(cloud, lost)
+    return keeping(cloud, lambda name, values: _is_storable(values))
 
 
 def _is_storable(values: Column) -> bool:
@@ -297,7 +256,6 @@ FORMATS = (
         write_parquet,
         lambda head, size: head.startswith(b"PAR1"),
         fitted=_fitted,
-        chunks=read_parquet_chunks,
         count=count_parquet,
         header=ArrowHeader,
     ),
@@ -308,7 +266,6 @@ FORMATS = (
         write_feather,
         lambda head, size: head.startswith(b"ARROW1\0\0"),
         fitted=_fitted,
-        chunks=read_feather_chunks,
         header=ArrowHeader,
     ),
 )

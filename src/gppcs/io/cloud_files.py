@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -11,14 +11,13 @@ from types import TracebackType
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.header import Header
-from gppcs.errors import FileFormatError, file_path, flag
-from gppcs.io.columns import exact_as_double
-from gppcs.io.files import check_input, check_suffix, checked_columns, format_of, left_out, naming, read_as
+from gppcs.errors import file_path, flag
+from gppcs.io.files import check_input, check_suffix, checked_columns, format_of, left_out, naming
 from gppcs.io.format import Format, Span
+from gppcs.io.joining import JointColumns
 from gppcs.io.query import Query
 from gppcs.io.rows import BLOCK
 from gppcs.io.streams import is_plain, plain_input
@@ -152,7 +151,7 @@ class CloudFiles:
 
     def _columns_of(self, known: Format) -> list[str] | None:
         """Return the names of the columns of a file of a format; None for those in the file."""
-        return None if self._if_needed and known.read_named is None else self._columns
+        return None if self._if_needed and not known.is_table else self._columns
 
     def read(self) -> PointCloud:
         """Read all points with their attributes."""
@@ -168,7 +167,7 @@ class CloudFiles:
         if path in self._whole:
             return self._whole.pop(path)
         with self._opened(path) as (file, known):
-            return read_as(known, file, self._columns_of(known))
+            return known.read(file, self._columns_of(known))
 
     def chunks(self, attributes: bool, rows: int = ROWS) -> Iterator[PointCloud]:
         """Read all points once, in chunks."""
@@ -187,11 +186,10 @@ class CloudFiles:
             whole, points, density, exact = None, 0.0, 0.0, True
             for path in self.paths:
                 with self._opened(path) as (file, known):
-                    in_chunks = self._in_chunks(known)
-                    if first is None or not len(first) or (in_chunks and not known.count):
+                    if first is None or not len(first) or not (known.whole or known.count):
                         cloud = next(self._chunks(file, known, BLOCK, True))
                         density = len(cloud) / max(1, file.tell() if len(cloud) == BLOCK else _size(file))
-                        if not in_chunks or len(cloud) > BLOCK:
+                        if known.whole or len(cloud) > BLOCK:
                             whole = known.name
                             self._whole[path] = cloud
                         first = first if first is not None and len(first) else cloud
@@ -210,14 +208,10 @@ class CloudFiles:
         name, size = None, 0
         for path in self.paths:
             with self._opened(path) as (file, known):
-                if not self._in_chunks(known):
+                if known.whole:
                     name = known.name
                     size += 24 * known.count(file) if known.count else _size(file)
         return name, size
-
-    def _in_chunks(self, known: Format) -> bool:
-        """Return whether files of a format are read in chunks."""
-        return known.chunks is not None and self._columns_of(known) is None
 
     def left_out(self) -> tuple[int, list[str]]:
         """Return what is left out of the files."""
@@ -230,11 +224,12 @@ class CloudFiles:
 
     def _chunks(self, file: Any, known: Format, rows: int, attributes: bool) -> Iterator[PointCloud]:
         """Read an open file in chunks, or as a whole if that is the only way."""
-        if self._in_chunks(known):
-            assert known.chunks
-            yield from known.chunks(file, rows, attributes, **({"span": self._span} if self._span else {}))
+        columns = self._columns_of(known)
+        if known.whole or (columns is not None and not known.is_table):
+            yield known.read(file, columns)
         else:
-            yield read_as(known, file, self._columns_of(known))
+            more = {"span": self._span, "columns": columns}
+            yield from known.chunks(file, rows, attributes, **{name: each for name, each in more.items() if each})
 
     def _in_one_system(self, cloud: PointCloud) -> PointCloud:
         """Return a cloud with the header of the first file, if its coordinate system counts for all files.
@@ -261,97 +256,3 @@ class CloudFiles:
 
 def _size(file: Any) -> int:
     return os.fstat(file.fileno()).st_size
-
-
-class JointColumns:
-    """The attributes and types that the parts of a cloud have in common."""
-
-    def __init__(self) -> None:
-        self._first: PointCloud | None = None
-        self._types: dict[str, set[np.dtype[Any]]] = {}
-        self._coordinates: set[np.dtype[Any]] = set()
-        self._signed: set[str] = set()  # attributes with a negative number
-
-    def add(self, cloud: PointCloud) -> None:
-        """Take note of a part."""
-        if self._first is None:
-            self._first = cloud.take(np.empty(0, dtype=np.int64))  # which tells names and header, and holds no points
-        first = self._first
-        if set(cloud.attributes) != set(first.attributes):
-            differing = ", ".join(sorted(set(cloud.attributes) ^ set(first.attributes)))
-            raise FileFormatError(
-                f"expected the same attributes in all files of a cloud, found {differing} in some only; "
-                "write them anew with the same attributes, or simplify each file for itself"
-            )
-        conventions = [each.header.conventions if each.header else {} for each in (first, cloud)]
-        for name in cloud.attributes:
-            one, other = (each.get(name, "no scale") for each in conventions)
-            if one != other:
-                raise FileFormatError(
-                    f"expected values of {name} of one kind in all files of a cloud, found {one} and {other}; "
-                    "simplify each file for itself"
-                )
-        crs = [each.header.crs if each.header else None for each in (first, cloud)]
-        if None not in crs and crs[0] != crs[1]:
-            found = (
-                f"expected one coordinate system in all files of a cloud, found {crs[0]} and {crs[1]}; "
-                "bring them to one first"
-            )
-            same = f"{found}, or take them for the same with "
-            raise FileFormatError(f"{same}assume_same_crs=True", command=f"{same}--assume-same-crs of gppcs convert")
-        self._coordinates.add(cloud.coordinate_dtype)
-        for name, values in cloud.attributes.items():
-            if values.shape[1:] != first.attributes[name].shape[1:]:
-                raise FileFormatError(
-                    f"expected values of {name} of one shape in all files of a cloud, found "
-                    f"{first.attributes[name].shape[1:]} and {values.shape[1:]}; simplify each file for itself"
-                )
-            self._types.setdefault(name, set()).add(values.dtype)
-            if values.dtype == np.int64 and name not in self._signed and values.size and values.min() < 0:
-                self._signed.add(name)
-
-    @property
-    def header(self) -> Header | None:
-        """The header of the first part."""
-        return None if self._first is None else self._first.header
-
-    def merge(self, other: JointColumns) -> None:
-        """Take note of the parts that another has noted."""
-        if other._first is not None:
-            self.add(other._first)
-        self._coordinates |= other._coordinates
-        self._signed |= other._signed
-        for name, types in other._types.items():
-            self._types[name] |= types
-
-    def joined(self, clouds: Iterable[PointCloud]) -> PointCloud:
-        """Return several clouds as one, in the types of all parts."""
-        clouds = list(clouds)
-        assert self._first is not None
-        attributes = {
-            name: self._column(name, [cloud.attributes[name] for cloud in clouds]) for name in self._first.attributes
-        }
-        points = np.concatenate([cloud.points for cloud in clouds])
-        return PointCloud(points, attributes, np.result_type(*self._coordinates), self._first.header)
-
-    def _column(self, name: str, parts: list[NDArray[Any]]) -> NDArray[Any]:
-        common = self._common_type(name)
-        if common.kind == "f" and not all(part.dtype == common or exact_as_double(part) for part in parts):
-            raise FileFormatError(
-                f"expected values of {name} that one type holds exactly, found whole numbers beyond 2^53 "
-                "beside others; simplify each file for itself"
-            )
-        return np.concatenate([part.astype(common, copy=False) for part in parts])
-
-    def _common_type(self, name: str) -> np.dtype[Any]:
-        types = self._types[name]
-        if len(types) == 1:
-            return next(iter(types))
-        if types <= {np.dtype(np.int64), np.dtype(np.uint64)} and name not in self._signed:
-            return np.dtype(np.uint64)
-        if len({"number" if each.kind in "biuf" else each.kind for each in types}) > 1:
-            raise FileFormatError(
-                f"expected values of {name} of one kind in all files of a cloud, found "
-                f"{' and '.join(sorted(map(str, types)))}; simplify each file for itself"
-            )
-        return np.result_type(*types)

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Collection, Iterable
 from typing import Any
 
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import Column
+from gppcs.clouds.columns import Column, exact_as_double
 from gppcs.errors import OutputError
-from gppcs.io.format import without_attributes
 
 _LONGEST_NAME = 1000
 _UNWRITABLE = re.compile("[\0\ud800-\udfff]")  # zip files cut names at the first, UTF-8 has no bytes for the others
@@ -37,17 +36,19 @@ def coordinate_type(cloud: PointCloud) -> np.dtype[Any]:
     return kept
 
 
-def attribute_columns(cloud: PointCloud) -> dict[str, Column]:
-    """Return the attributes as columns of one number, or one text, per point.
-
-    Shapes: returns (N,).
-    """
-    columns: dict[str, Column] = {}
+def columns_of(cloud: PointCloud, flat: bool = True, named: Callable[[str], str] | None = None) -> dict[str, Column]:
+    """Return coordinates and attributes by name; those of `flat` columns are one number or text for each point."""
+    kept = coordinate_type(cloud)
+    columns: dict[str, Column] = {
+        a: values.astype(kept, copy=False) for a, values in zip("xyz", cloud.points.T, strict=True)
+    }
     for attribute, values in cloud.attributes.items():
-        name = column_name(attribute)
-        flat = values.reshape(len(values), math.prod(values.shape[1:]))
-        names = [name] if values.ndim == 1 else [f"{name}_{i}" for i in range(flat.shape[1])]
-        for column, part in zip(names, flat.T, strict=True):
+        name = (named or column_name)(attribute)
+        parts = {name: values}
+        if flat and values.ndim > 1:
+            table = values.reshape(len(values), math.prod(values.shape[1:]))
+            parts = {f"{name}_{i}": part for i, part in enumerate(table.T)}
+        for column, part in parts.items():
             check_name(column, columns)
             columns[column] = part
     return columns
@@ -58,12 +59,21 @@ def column_name(attribute: str) -> str:
     return re.sub(r"[\s,;\"']+", "_", attribute) or "_"
 
 
-def held_by_columns(cloud: PointCloud, kinds: str) -> tuple[PointCloud, list[str]]:
-    """Return what a table can hold of a cloud, by the kinds of NumPy types, and in words what it cannot."""
-    others = [
-        name for name, values in cloud.attributes.items() if values.dtype.kind not in kinds or 0 in values.shape[1:]
-    ]
-    return without_attributes(cloud, others)
+def exact_type(values: Column, types: Collection[np.dtype[Any]]) -> np.dtype[Any] | None:
+    """Return which of a format's types holds all values exactly: their own, or else a wider one; None if none does."""
+    dtype = values.dtype.newbyteorder("=")
+    if dtype in types:
+        return dtype
+    if dtype.kind == "b" or dtype == np.float16:
+        return np.dtype("u1" if dtype.kind == "b" else "f4")
+    if dtype.kind not in "iuf":
+        return None
+    if dtype.kind in "iu":
+        low, high = (int(values.min()), int(values.max())) if values.size else (0, 0)
+        for narrow in map(np.dtype, ("i4", "u4")):
+            if np.iinfo(narrow).min <= low and high <= np.iinfo(narrow).max:
+                return narrow
+    return np.dtype("f8") if exact_as_double(values) else None
 
 
 def check_name(name: str, taken: Iterable[str]) -> None:
@@ -75,13 +85,3 @@ def check_name(name: str, taken: Iterable[str]) -> None:
             f"expected a name of 1 to {_LONGEST_NAME:,} characters of Unicode for each attribute, "
             f"found {name[:20]!a} of {len(name):,}; rename the attribute"
         )
-
-
-def exact_as_double(values: Column) -> bool:
-    """Return whether float64 represents all values exactly."""
-    with np.errstate(over="ignore"):
-        wide = values.astype(np.float64)
-    if values.dtype.kind == "f":
-        return bool(np.array_equal(wide, values, equal_nan=True))
-    beyond = float(np.iinfo(values.dtype).max)  # rounds up to a power of two
-    return bool((wide < beyond).all() and (wide.astype(values.dtype) == values).all())

@@ -9,8 +9,8 @@ import shutil
 import struct
 import tempfile
 import uuid
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from io import BufferedReader
 from pathlib import Path
@@ -24,8 +24,8 @@ from gppcs.clouds.columns import Column, cloud_of_columns
 from gppcs.clouds.header import Header
 from gppcs.engine.extras import require_libe57
 from gppcs.errors import FileFormatError, GppcsError, OutputError
-from gppcs.io.columns import attribute_columns, column_name, coordinate_type, exact_as_double
-from gppcs.io.format import Format, without_attributes
+from gppcs.io.columns import column_name, columns_of, exact_type
+from gppcs.io.format import Format, keeping
 from gppcs.io.rows import BLOCK, ends_early
 
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
@@ -50,6 +50,7 @@ _FIELDS = {**{name: each for each, name in _NAMES.items()}, "intensity": "intens
 _TOGETHER = (("red", "green", "blue"), ("nx", "ny", "nz"))  # E57 allows all of these or none
 _ELEMENT = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")
 _INTEGERS = {kind: [np.dtype(f"{kind}{size}") for size in (1, 2, 4, 8)] for kind in "iu"}
+_STORED = {*_INTEGERS["i"], *_INTEGERS["u"], np.dtype("f4"), np.dtype("f8")}
 _LARGEST = 2**63 - 1  # whole number in an E57 file
 _SIGNATURE = b"ASTM-E57"
 _HEADER = struct.Struct("<8sIIQQQQ")  # signature, version, and of the XML part offset and length, then size of a page
@@ -135,17 +136,18 @@ class E57Header(Header):
         return [*words, *(["the coordinate system"] if self.coordinate_metadata else [])]
 
 
-def read_e57(file: BufferedReader) -> PointCloud:
-    """Read all scans of a file as one cloud, each moved by its pose, without points that have no valid position."""
+def read_e57(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
+    """Read all scans of a file in chunks, each moved by its pose, without points that have no valid position."""
     with _scans(file) as (root, scans):
-        read = [scan.columns(_shared(scans)) for scan in scans]
         crs = root["coordinateMetadata"].value() if root.isDefined("coordinateMetadata") else ""
-        sources = tuple(source for scan in scans for source in scan.sources)
-    lengths = [len(columns["x"]) for columns in read]
-    columns = {name: _joined([each.pop(name) for each in read]) for name in list(read[0])}
-    if len(scans) > 1:
-        columns["scan"] = np.repeat(np.arange(len(scans), dtype=np.int32), lengths)
-    return replace(cloud_of_columns(columns), header=E57Header(sources, crs))
+        header = E57Header(tuple(source for scan in scans for source in scan.sources), crs)
+        kept = _shared(scans) if attributes else {}
+        for number, scan in enumerate(scans):
+            with closing(scan.tables(kept, rows)) as tables:  # before the file is closed
+                for columns in tables:
+                    if attributes and len(scans) > 1:
+                        columns["scan"] = np.full(len(columns["x"]), number, np.int32)
+                    yield replace(cloud_of_columns(columns), header=header)
 
 
 def unread_e57(file: BufferedReader) -> list[str]:
@@ -153,7 +155,7 @@ def unread_e57(file: BufferedReader) -> list[str]:
     with _scans(file) as (root, scans):
         shared = _shared(scans)
         fields = {name for scan in scans for name in scan.names} - {*shared, *_CARTESIAN, *_SPHERICAL, *_STATES}
-        invalid = sum(int((~scan.is_valid()).sum()) for scan in scans)
+        invalid = sum(scan.count_invalid() for scan in scans)
         images = len(root["images2D"]) if root.isDefined("images2D") else 0
     return [
         *([f"points without a valid position ({invalid:,})"] if invalid else []),
@@ -259,20 +261,30 @@ class _Scan:
         nodes = self._node[_SOURCES]
         return [_source_of(nodes[i]) for i in range(len(nodes))]
 
-    def is_valid(self) -> NDArray[np.bool_]:
-        """Return whether each point has a position."""
-        state = _STATES[self._axes is _SPHERICAL]
-        return self._read([state])[state] == 0 if state in self.dtypes else np.ones(self.count, bool)
+    @property
+    def _state(self) -> list[str]:
+        """The field that tells whether a point has a position, if there is one."""
+        return [name for name in [_STATES[self._axes is _SPHERICAL]] if name in self.dtypes]
 
-    def columns(self, fields: list[str]) -> dict[str, Column]:
-        """Return coordinates and some of the fields of all valid points."""
+    def count_invalid(self) -> int:
+        """Return how many points have no position."""
+        return sum(
+            int(np.count_nonzero(values)) for block in self._blocks(self._state, BLOCK) for values in block.values()
+        )
+
+    def tables(self, fields: Mapping[str, np.dtype[Any]], rows: int) -> Generator[dict[str, Column], None, None]:
+        """Yield coordinates and some of the fields, of certain types, of valid points."""
         assert self._axes is not None
-        valid = self.is_valid()
-        found = {
-            name: values if valid.all() else values[valid]
-            for name, values in self._read([*self._axes, *fields]).items()
-        }
-        coordinates = [found.pop(axis) for axis in self._axes]
+        with closing(self._blocks([*self._state, *self._axes, *fields], rows)) as blocks:
+            for block in blocks:
+                yield self._table(block, fields)
+
+    def _table(self, block: dict[str, Column], fields: Mapping[str, np.dtype[Any]]) -> dict[str, Column]:
+        assert self._axes is not None
+        for state in self._state:
+            valid = block.pop(state) == 0
+            block = {name: values[valid] for name, values in block.items()}
+        coordinates = [block.pop(axis) for axis in self._axes]
         if self._axes is _SPHERICAL:
             distance, azimuth, elevation = coordinates
             level = distance * np.cos(elevation)
@@ -280,35 +292,34 @@ class _Scan:
         if self._source.is_moved:
             coordinates = list(self._source.moved(np.stack(coordinates, axis=1).astype(np.float64)).T)
         columns = dict(zip("xyz", coordinates, strict=True))
-        for name, values in found.items():
+        for name, values in block.items():
             attribute = _attribute(name)
             if attribute in columns:
                 raise FileFormatError(f"expected fields of different names, found {attribute!r} twice")
-            columns[attribute] = values
+            columns[attribute] = values.astype(fields[name], copy=False)
         return columns
 
-    def _read(self, names: list[str]) -> dict[str, Column]:
-        """Return fields of all points."""
+    def _blocks(self, names: list[str], rows: int) -> Generator[dict[str, Column], None, None]:
+        """Read fields of all points, block by block."""
         libe57 = require_libe57()
-        columns = {name: np.empty(self.count, self.dtypes[name]) for name in names}
-        if not self.count:  # of which libE57Format makes no reader
-            return columns
-        blocks = {name: np.empty(BLOCK, _type_of_buffer(self.dtypes[name])) for name in names}
+        if not (self.count and names):  # of which libE57Format makes no reader
+            yield {name: np.empty(0, self.dtypes[name]) for name in names}
+            return
+        size = min(rows, BLOCK)
+        blocks = {name: np.empty(size, _type_of_buffer(self.dtypes[name])) for name in names}
         buffers = libe57.VectorSourceDestBuffer()
         for name, block in blocks.items():
-            buffers.append(libe57.SourceDestBuffer(self._image, name, block, BLOCK, True, True))
+            buffers.append(libe57.SourceDestBuffer(self._image, name, block, size, True, True))
         reader = self._points.reader(buffers)
         try:
             done = 0
             while done < self.count and (length := reader.read()):
-                for name, values in columns.items():
-                    values[done : done + length] = blocks[name][:length]
+                yield {name: block[:length].astype(self.dtypes[name]) for name, block in blocks.items()}
                 done += length
         finally:
             reader.close()
         if done < self.count:
             raise ends_early("point", done, self.count)
-        return columns
 
 
 def _names_in(node: Any) -> list[str]:
@@ -355,24 +366,20 @@ def _source_of(node: Any) -> E57Scan:
     return E57Scan(text("guid"), text("name"), rotation, translation)
 
 
-def _shared(scans: list[_Scan]) -> list[str]:
-    """Return the fields of numbers that all scans have, besides coordinates."""
-    return [
-        name
-        for name in scans[0].dtypes
-        if name not in (*_CARTESIAN, *_SPHERICAL, *_STATES) and all(name in scan.dtypes for scan in scans)
-    ]
+def _shared(scans: list[_Scan]) -> dict[str, np.dtype[Any]]:
+    """Return the fields of numbers that all scans have, besides coordinates, with a type that holds those of all."""
+    shared = {}
+    for name in scans[0].dtypes:
+        if name not in (*_CARTESIAN, *_SPHERICAL, *_STATES) and all(name in scan.dtypes for scan in scans):
+            types = [scan.dtypes[name] for scan in scans]
+            common = np.result_type(*types)
+            whole = all(each.kind in "iu" for each in types)
+            shared[name] = np.dtype(np.int64) if whole and common.kind == "f" else common  # E57 has no larger integers
+    return shared
 
 
 def _attribute(field: str) -> str:
     return _NAMES.get(field, field.removeprefix(_PREFIX).replace(":", "_"))
-
-
-def _joined(parts: list[Column]) -> Column:
-    joined = np.concatenate(parts)
-    if joined.dtype.kind == "f" and all(part.dtype.kind in "iu" for part in parts):
-        return np.concatenate([part.astype(np.int64) for part in parts])  # E57 has no larger integers
-    return joined
 
 
 def write_e57(file: BinaryIO, cloud: PointCloud) -> None:
@@ -494,14 +501,11 @@ def _write_points(image: Any, scan: Any, columns: dict[str, Column]) -> None:
 
 def _columns(cloud: PointCloud) -> dict[str, Column]:
     """Return what is written of each point, by the name of its field."""
-    kept = coordinate_type(cloud)
-    columns: dict[str, Column] = {
-        axis: _storable(values.astype(kept)) for axis, values in zip(_CARTESIAN, cloud.points.T, strict=True)
-    }
-    attributes = {name: _storable(values) for name, values in attribute_columns(cloud).items()}
-    for name, values in attributes.items():
-        columns[_field_of(name, attributes)] = values
-    return columns
+    found = columns_of(cloud)
+    stored = {name: values.astype(exact_type(values, _STORED) or "f8", copy=False) for name, values in found.items()}
+    attributes = {name: values for name, values in stored.items() if name not in "xyz"}
+    coordinates = {field: stored[axis] for axis, field in zip("xyz", _CARTESIAN, strict=True)}
+    return coordinates | {_field_of(name, attributes): values for name, values in attributes.items()}
 
 
 def _field_of(name: str, attributes: dict[str, Column]) -> str:
@@ -514,31 +518,18 @@ def _field_of(name: str, attributes: dict[str, Column]) -> str:
     return _PREFIX + name
 
 
-def _storable(values: Column) -> Column:
-    """Return values in a type that E57 has; they are such that there is one."""
-    if values.dtype.kind == "b":
-        return values.astype(np.uint8)
-    if values.dtype.kind == "f":
-        return values.astype(np.float32 if values.dtype.itemsize <= 4 else np.float64, copy=False)
-    return values.astype(values.dtype.newbyteorder("="), copy=False)
-
-
 def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     """Return what `write_e57` can store of a cloud, and in words what it cannot."""
     require_libe57()  # before long work, not at its end
-    lost = [
-        name
-        for name, values in cloud.attributes.items()
-        if 0 in values.shape[1:] or not (_is_exact(values) and _ELEMENT.fullmatch(column_name(name)))
-    ]
-    return without_attributes(cloud, lost)
-
-
-def _is_exact(values: Column) -> bool:
-    """Return whether E57 has a type that represents all values of an attribute exactly."""
-    if values.dtype.kind == "f":
-        return exact_as_double(values)
-    return values.dtype.kind in "biu" and not (values.size and int(values.max()) > _LARGEST)
+    return keeping(
+        cloud,
+        lambda name, values: (
+            0 not in values.shape[1:]
+            and exact_type(values, _STORED)
+            and not (values.dtype.kind == "u" and values.size and values.max() > _LARGEST)
+            and _ELEMENT.fullmatch(column_name(name))
+        ),
+    )
 
 
 FORMAT = Format(

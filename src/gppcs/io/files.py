@@ -76,15 +76,6 @@ def checked_columns(columns: Sequence[str]) -> list[str]:
     return names
 
 
-def read_as(chosen: Format, file: BufferedReader, columns: list[str] | None) -> PointCloud:
-    """Read a file of a format."""
-    if columns is None:
-        return chosen.read(file)
-    if chosen.read_named is None:
-        raise FileFormatError(f"expected a text table, whose columns can be named, found {chosen.name}")
-    return chosen.read_named(file, columns)
-
-
 def losses(path: str | os.PathLike[str], cloud: PointCloud, format: str | None = None) -> list[str]:  # noqa: A002
     """Return in words what a file cannot hold of a cloud. `write` leaves out values only if `lossy` is True."""
     fit = format_to_write(path, format).fit(cloud)

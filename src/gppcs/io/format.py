@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from io import BufferedReader
@@ -11,7 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.columns import Column
 from gppcs.clouds.header import Header
+from gppcs.errors import FileFormatError
+from gppcs.io.joining import joined
 
 LAST_DIGITS = 2.0  # Units in the last place of the largest coordinate: 41 times 0.01 differs so from 0.41.
 LARGEST_SHIFT = 1e-6  # Of the diagonal, by which rounding may move a point without being asked to.
@@ -35,6 +39,11 @@ def without_attributes(cloud: PointCloud, names: Iterable[str]) -> tuple[PointCl
         for name, values in cloud.attributes.items()
         if name in lost
     ]
+
+
+def keeping(cloud: PointCloud, held: Callable[[str, Column], object]) -> tuple[PointCloud, list[str]]:
+    """Return a cloud with the attributes that a format holds, and the others in words."""
+    return without_attributes(cloud, [name for name, values in cloud.attributes.items() if not held(name, values)])
 
 
 def without_foreign_header(cloud: PointCloud, own: type[Header] | None) -> tuple[PointCloud, list[str]]:
@@ -81,20 +90,26 @@ class Format:
 
     name: str
     suffixes: tuple[str, ...]
-    read: Callable[..., PointCloud]
+    chunks: Callable[..., Iterator[PointCloud]]  # of a file, at most so many rows, and with attributes or without
     write: Callable[[BinaryIO, PointCloud], None] | None = None
     recognises: Callable[[bytes, int], bool] = _never
     unread: Callable[[BufferedReader], list[str]] = _nothing
     fitted: Callable[[PointCloud], tuple[PointCloud, list[str]]] = _all
     faces: Callable[[BufferedReader], int] = _none
     write_encoded: Callable[..., None] | None = None
-    read_named: Callable[[BufferedReader, list[str]], PointCloud] | None = None
-    chunks: Callable[..., Iterator[PointCloud]] | None = None
+    is_table: bool = False  # `chunks` takes names of columns
+    whole: bool = False  # `chunks` reads all of a file before it yields
     count: Callable[[BufferedReader], int] | None = None
     takes_query: bool = False
     spans: Callable[[BufferedReader, int], list[Span]] | None = None
     header: type[Header] | None = None
     named: Callable[[str], str] = str
+
+    def read(self, file: BufferedReader, columns: list[str] | None = None) -> PointCloud:
+        """Read all points with their attributes; `columns` name the columns of a table."""
+        if columns is not None and not self.is_table:
+            raise FileFormatError(f"expected a text table, whose columns can be named, found {self.name}")
+        return joined(self.chunks(file, sys.maxsize, True, **({"columns": columns} if columns else {})))
 
     def fit(self, cloud: PointCloud) -> Fit:
         """Tell what `write` can store of a cloud and what it cannot."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from io import BufferedReader
 
 import numpy as np
@@ -31,9 +32,9 @@ def _loaded(file: BufferedReader) -> tuple[Mesh, PointCloud]:
     return mesh, PointCloud(mesh.vertices, attributes, np.dtype(np.float32))
 
 
-def read_gltf(file: BufferedReader) -> PointCloud:
+def read_gltf(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
     """Read the vertices of a glTF file with their colours."""
-    return _loaded(file)[1]
+    yield _loaded(file)[1]
 
 
 def mesh_in_gltf(file: BufferedReader) -> Mesh:
@@ -45,4 +46,6 @@ def _count_faces(file: BufferedReader) -> int:
     return len(mesh_in_gltf(file).faces)
 
 
-FORMAT = Format("glTF", (".glb",), read_gltf, None, lambda head, size: head.startswith(b"glTF"), faces=_count_faces)
+FORMAT = Format(
+    "glTF", (".glb",), read_gltf, None, lambda head, size: head.startswith(b"glTF"), faces=_count_faces, whole=True
+)

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import Column
+from gppcs.clouds.columns import Column, exact_as_double
 from gppcs.errors import FileFormatError, InputError, OutputError
-from gppcs.io.columns import check_name, exact_as_double
+from gppcs.io.columns import check_name
 from gppcs.io.copc import chunks_of
 from gppcs.io.format import Format, Span, without_attributes
 from gppcs.io.las_header import (
@@ -35,7 +35,7 @@ from gppcs.io.las_header import (
 )
 from gppcs.io.laz import chunks_of_points, decompressed, decompressed_chunks, fewest_points
 from gppcs.io.query import Query, not_empty, without_levels
-from gppcs.io.rows import BLOCK, ends_early
+from gppcs.io.rows import BLOCK, at_most, ends_early
 
 _AXES = ("X", "Y", "Z")
 _UNDESCRIBED = "ExtraBytes"  # laspy's name for bytes of each point that no record describes
@@ -158,26 +158,11 @@ def _type_of_extra(description: NDArray[Any]) -> tuple[np.dtype[Any], tuple[int,
     return TYPES[kind], (several + 1,) if several else ()
 
 
-def read_las(file: BufferedReader, query: Query | None = None) -> PointCloud:
-    """Read a LAS, LAZ or COPC file."""
-    parts = list(_blocks_as_clouds(file, attributes=True, query=query, span=None))
-    header = parts[0].header
-    points = np.concatenate([part.points for part in parts])
-    columns = {name: [part.attributes[name] for part in parts] for name in parts[0].attributes}
-    parts.clear()
-    # Each attribute frees its blocks.
-    return PointCloud(points, {name: np.concatenate(columns.pop(name)) for name in list(columns)}, header=header)
-
-
 def read_las_chunks(
     file: BufferedReader, rows: int, attributes: bool, query: Query | None = None, span: Span | None = None
 ) -> Iterator[PointCloud]:
-    """Read a LAS, LAZ or COPC file as `read_las` does, in chunks."""
-    for block in not_empty(_blocks_as_clouds(file, attributes, query, span)):
-        if len(block) <= rows:
-            yield block
-        else:
-            yield from (block[start : start + rows] for start in range(0, len(block), rows))
+    """Read a LAS, LAZ or COPC file in chunks."""
+    yield from at_most(rows, not_empty(_blocks_as_clouds(file, attributes, query, span)))
 
 
 def count_las_points(file: BufferedReader) -> int:
@@ -602,8 +587,8 @@ def _format(name: str, suffix: str, compressed: bool) -> Format:
     write: Callable[[BinaryIO, PointCloud], None] = partial(write_las, compressed=compressed)
     recognises = partial(_is_las, compressed=compressed)
     return Format(
-        name, (suffix,), read_las, write, recognises, fitted=_fitted, header=LasHeader, chunks=read_las_chunks,
-        count=count_las_points, unread=uncounted_las_points, takes_query=True, spans=spans_of_las,
+        name, (suffix,), read_las_chunks, write, recognises, fitted=_fitted, header=LasHeader, count=count_las_points,
+        unread=uncounted_las_points, takes_query=True, spans=spans_of_las,
     )  # fmt: skip
 
 

@@ -24,7 +24,6 @@ from gppcs.io.rows import (
     as_count,
     as_found,
     ends_early,
-    joined,
     lines_of,
     number_blocks,
     typed_columns,
@@ -40,16 +39,16 @@ STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("extra"
 _STL_START = 84  # a comment of 80 bytes, then the number of facets
 
 
-def read_off(file: BufferedReader) -> PointCloud:
+def read_off(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
     """Read the vertices of an OFF file; normals, colours and texture coordinates (NOFF, COFF, STOFF) too."""
     lines = lines_of(file)
     numbered = ((i, text) for i, text in enumerate(map(_off_numbers, lines), 1) if text)
     header, number, (count, *_) = _off_header(numbered)
     blocks = number_blocks(lines, number + 1, _off_numbers, count=count, what="vertex")
-    table = _table(blocks)
     flags = {"texture": bool(header[1]), "colour": bool(header[2]), "normal": bool(header[3])}
-    names = _off_names(len(table), **flags) if count else default_names(3)
-    return cloud_of_columns(dict(zip(names, table, strict=True)))
+    for table in _tables(blocks):
+        names = _off_names(len(table), **flags) if count else default_names(3)
+        yield cloud_of_columns(dict(zip(names, table, strict=True)))
 
 
 def _off_header(numbered: Iterator[tuple[int, str]]) -> tuple[re.Match[str], int, list[int]]:
@@ -127,13 +126,13 @@ def _off_names(width: int, *, texture: bool, colour: bool, normal: bool) -> list
     return [*names, *default_names(width)[len(names) :]]
 
 
-def read_obj(file: BufferedReader) -> PointCloud:
+def read_obj(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
     """Read the `v` lines of an OBJ file: x y z, then w, or red green blue, or both."""
-    table = _table(_prefixed(file, "v"))
-    extras = {3: [], 4: ["w"], 6: COLOURS, 7: ["w", *COLOURS]}.get(len(table))
-    if extras is None:
-        raise FileFormatError(f"expected 3, 4, 6 or 7 numbers in each v line, found {len(table)}")
-    return cloud_of_columns(dict(zip([*default_names(3), *extras], table, strict=True)))
+    for table in _tables(_prefixed(file, "v")):
+        extras = {3: [], 4: ["w"], 6: COLOURS, 7: ["w", *COLOURS]}.get(len(table))
+        if extras is None:
+            raise FileFormatError(f"expected 3, 4, 6 or 7 numbers in each v line, found {len(table)}")
+        yield cloud_of_columns(dict(zip([*default_names(3), *extras], table, strict=True)))
 
 
 def _prefixed(file: BufferedReader, keyword: str, width: int | None = None) -> Iterator[Block]:
@@ -146,28 +145,25 @@ def _prefixed(file: BufferedReader, keyword: str, width: int | None = None) -> I
     return number_blocks(lines_of(file), 1, numbers, width=width)
 
 
-def _table(blocks: Iterator[Block]) -> list[Column]:
-    """Join blocks to columns: float64 coordinates, and others of the type that `typed_columns` finds.
-
-    Without any row there are only three empty columns.
-    """
-    parts = [(values, typed_columns(texts, values, None)) for texts, values in blocks]
-    if not parts:
-        return [np.empty(0)] * 3
-    table = [joined(column) for column in zip(*(typed for _, typed in parts), strict=True)]
-    if len(table) < 3:
-        raise FileFormatError(f"expected three coordinates for each vertex, found {len(table)}")
-    for i, axis in enumerate("xyz"):
-        check_coordinate(axis, table[i])
-        table[i] = np.concatenate([values[:, i] for values, _ in parts])
-    return table
+def _tables(blocks: Iterator[Block]) -> Iterator[list[Column]]:
+    """Yield blocks as columns: float64 coordinates, and others of the type that `typed_columns` finds."""
+    found = False
+    for texts, values in blocks:
+        found, table = True, typed_columns(texts, values, None)
+        if len(table) < 3:
+            raise FileFormatError(f"expected three coordinates for each vertex, found {len(table)}")
+        for i, axis in enumerate("xyz"):
+            check_coordinate(axis, table[i])
+        yield [*values.T[:3], *table[3:]]
+    if not found:
+        yield [np.empty(0)] * 3
 
 
-def read_stl(file: BufferedReader) -> PointCloud:
+def read_stl(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
     """Read the distinct corners of the facets of an STL file, text or binary, in order of first appearance."""
     corners = _corners(file)
     points = corners[_first_of_equal(corners)]
-    return PointCloud(points, coordinate_dtype=corners.dtype.newbyteorder("="))
+    yield PointCloud(points, coordinate_dtype=corners.dtype.newbyteorder("="))
 
 
 def _corners(file: BufferedReader) -> Column:
@@ -296,6 +292,7 @@ FORMATS = (
         lambda head, size: _OFF_LOOK.match(head) is not None,
         fitted=partial(held, groups=(NORMALS, COLOURS)),
         faces=_count_off_faces,
+        whole=True,
     ),
     Format(
         "OBJ",
@@ -305,6 +302,7 @@ FORMATS = (
         unread=unread_obj,
         fitted=partial(held, groups=(COLOURS,)),  # normals would not be read again
         faces=_count_obj_faces,
+        whole=True,
     ),
-    Format("STL", (".stl",), read_stl, None, _looks_like_stl, faces=_count_stl_faces),
+    Format("STL", (".stl",), read_stl, None, _looks_like_stl, faces=_count_stl_faces, whole=True),
 )

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 import re
 import struct
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from io import BufferedReader
+from itertools import tee
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -16,16 +18,18 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import EXACT, Column, cloud_of_columns, coordinate_names
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError, OutputError
-from gppcs.io.columns import check_name, column_name, coordinate_type, exact_as_double
-from gppcs.io.format import Format, without_attributes
+from gppcs.io.columns import check_name, column_name, columns_of, exact_type
+from gppcs.io.format import Format, keeping
+from gppcs.io.joining import joined
 from gppcs.io.rows import (
-    BLOCK,
     as_count,
     as_found,
+    at_most,
     bytes_left,
     ends_early,
     lines_of,
     number_blocks,
+    read_records,
     write_records,
     write_rows,
 )
@@ -145,15 +149,54 @@ class _Layout:
         )
 
 
-def read_pcd(file: BufferedReader) -> PointCloud:
-    """Read a PCD file."""
-    layout = _read_header(file)
+def read_pcd(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
+    """Read a PCD file in chunks, a compressed one as one."""
+    layout, start = _read_header(file), file.tell()
     coordinate_names(each.name for each in layout.kept)
-    columns = {"ascii": _read_text, "binary": _read_records, "binary_compressed": _read_compressed}[layout.encoding](
-        file, layout
-    )
-    columns, colour = _unpacked(columns, layout)
-    return replace(cloud_of_columns(columns), header=replace(layout.header, colour=colour))
+    colour, has_alpha = _packed_colour(layout), True
+    clouds = _clouds(file, layout, rows, {each.name for each in layout.kept} if attributes else set())
+    if colour and attributes and colour.name == "rgb":
+        parts: Iterable[PointCloud]
+        clouds, parts = tee(clouds) if rows >= layout.count else (clouds, _clouds(file, layout, rows, {colour.name}))
+        fourths = {byte for each in parts for byte in np.unique(_bytes(each.attributes[colour.name], colour)[:, 3])}
+        file.seek(start)
+        has_alpha = len(fourths) > 1
+        colour = replace(colour, fourth=0 if has_alpha else int(min(fourths, default=0)))
+    for cloud in clouds:
+        columns = cloud.attributes
+        if colour and attributes:
+            parts_of = _bytes(columns[colour.name], colour)
+            names = [name for name in _BYTES if has_alpha or name != "alpha"]
+            channels = {name: np.ascontiguousarray(parts_of[:, _BYTES[name]]) for name in names}
+            columns = {
+                name: values
+                for field, found in columns.items()
+                for name, values in (channels if field == colour.name else {field: found}).items()
+            }
+        yield replace(cloud, attributes=columns, header=replace(layout.header, colour=colour))
+
+
+def _packed_colour(layout: _Layout) -> PackedColour | None:
+    """Return the field that holds red, green and blue; None if there are two, or one of the other names is taken."""
+    packed = [each for each in layout.kept if each.may_be_colour]
+    if len(packed) != 1 or not _BYTES.keys().isdisjoint(each.name for each in layout.kept):
+        return None
+    return PackedColour(packed[0].name, packed[0].dtype)
+
+
+def _bytes(values: Column, colour: PackedColour) -> NDArray[np.uint8]:
+    """Return the four bytes of each packed colour."""
+    return np.ascontiguousarray(values, colour.dtype.newbyteorder("<")).view(np.uint8).reshape(-1, 4)
+
+
+def _clouds(file: BufferedReader, layout: _Layout, rows: int, kept: Collection[str]) -> Iterator[PointCloud]:
+    """Read the points with some of their fields, in chunks."""
+    axes = coordinate_names(each.name for each in layout.kept)
+    if layout.encoding == "binary":
+        return read_records(file, layout.record(), layout.count, rows, "point", kept)
+    tables = iter([_read_compressed(file, layout)]) if layout.encoding != "ascii" else _read_text(file, layout)
+    clouds = (cloud_of_columns({n: v for n, v in each.items() if n in kept or n in axes}) for each in tables)
+    return at_most(rows, clouds) if rows < layout.count else iter([joined(clouds)])
 
 
 def unread_pcd(file: BufferedReader) -> list[str]:
@@ -263,25 +306,6 @@ def _viewpoint(entries: dict[str, list[str]]) -> tuple[float, ...]:
         raise FileFormatError(f"expected 7 numbers as VIEWPOINT, found {as_found(' '.join(words))}") from None
 
 
-def _empty(layout: _Layout) -> dict[str, Column]:
-    return {each.name: np.empty((layout.count, *each.shape), each.dtype) for each in layout.kept}
-
-
-def _read_records(file: BufferedReader, layout: _Layout) -> dict[str, Column]:
-    record, count = layout.record(), layout.count
-    whole = bytes_left(file) // record.itemsize
-    if whole < count:
-        raise ends_early("point", whole, count)
-    columns = _empty(layout)
-    block = np.empty(min(count, BLOCK), record)
-    for start in range(0, count, BLOCK):
-        part = block[: count - start]
-        file.readinto(part.view(np.uint8).data)
-        for name, values in columns.items():
-            values[start : start + BLOCK] = part[name]
-    return columns
-
-
 def _read_compressed(file: BufferedReader, layout: _Layout) -> dict[str, Column]:
     """Read points that are compressed field by field."""
     start = file.read(8)
@@ -336,19 +360,21 @@ def _decompressed(data: bytes, size: int) -> bytearray:
     raise FileFormatError(f"expected {size} bytes of points in LZF compression, found damaged data; get the file again")
 
 
-def _read_text(file: BufferedReader, layout: _Layout) -> dict[str, Column]:
+def _read_text(file: BufferedReader, layout: _Layout) -> Iterator[dict[str, Column]]:
+    """Yield the points of a text file as blocks of columns."""
     width = sum(each.count for each in layout.fields)
-    parts = {each.name: [np.empty((0, *each.shape), each.dtype)] for each in layout.kept}
+    none = ([""], np.empty((0, width)))
     done = 0
-    for texts, numbers in number_blocks(lines_of(file), layout.lines + 1, str.strip, width=width, count=layout.count):
-        first = 0
+    blocks = number_blocks(lines_of(file), layout.lines + 1, str.strip, width=width, count=layout.count)
+    for texts, numbers in blocks if layout.count else [none]:
+        columns, first = {}, 0
         for each in layout.fields:
             if each.name != _PADDING:
                 values = _cast(numbers[:, first : first + each.count], texts, first, done, each)
-                parts[each.name].append(values.reshape(len(texts), *each.shape))
+                columns[each.name] = values.reshape(len(numbers), *each.shape)
             first += each.count
-        done += len(texts)
-    return {name: np.concatenate(blocks) for name, blocks in parts.items()}
+        yield columns
+        done += len(numbers)
 
 
 def _cast(values: NDArray[np.float64], texts: list[str], first: int, done: int, to: _Field) -> Column:
@@ -378,27 +404,6 @@ def _cast(values: NDArray[np.float64], texts: list[str], first: int, done: int, 
 
 def _wrong_number(word: str, index: int, to: _Field) -> FileFormatError:
     return FileFormatError(f"expected {to.dtype} as {to.name} of point {index + 1}, found {as_found(word)}")
-
-
-def _unpacked(columns: dict[str, Column], layout: _Layout) -> tuple[dict[str, Column], PackedColour | None]:
-    """Return columns with red, green, blue and alpha in place of a packed colour, and how that was packed.
-
-    A packed field stays as it is if there are two, or one of the other names is taken.
-    """
-    packed = [each for each in layout.kept if each.may_be_colour]
-    if len(packed) != 1 or not columns.keys().isdisjoint(_BYTES):
-        return columns, None
-    (colour,) = packed
-    parts = np.ascontiguousarray(columns[colour.name], colour.dtype.newbyteorder("<")).view(np.uint8).reshape(-1, 4)
-    channels = {name: np.ascontiguousarray(parts[:, _BYTES[name]]) for name in _BYTES}
-    fourth = 0
-    if colour.name == "rgb" and (channels["alpha"] == channels["alpha"][:1]).all():
-        fourth = int(channels["alpha"][0]) if len(parts) else 0
-        del channels["alpha"]
-    unpacked: dict[str, Column] = {}
-    for name, values in columns.items():
-        unpacked |= channels if name == colour.name else {name: values}
-    return unpacked, PackedColour(colour.name, colour.dtype, fourth)
 
 
 def write_pcd(file: BinaryIO, cloud: PointCloud, ascii: bool | None = None) -> None:  # noqa: A002
@@ -440,17 +445,13 @@ def write_pcd(file: BinaryIO, cloud: PointCloud, ascii: bool | None = None) -> N
 
 def _columns(cloud: PointCloud, colour: PackedColour | None) -> dict[str, Column]:
     """Return what is written of each point, by the name of its field."""
-    kept = coordinate_type(cloud)
-    columns: dict[str, Column] = {axis: values.astype(kept) for axis, values in zip("xyz", cloud.points.T, strict=True)}
-    columns = {axis: values.astype(_type_of(values), copy=False) for axis, values in columns.items()}
-    pairs = [(name, values) for name, values in cloud.attributes.items() if math.prod(values.shape[1:])]
-    for attribute, values in _packed(pairs, colour) if colour and _has_colours(cloud) else pairs:
-        name = column_name(attribute)
-        check_name(name, columns)
-        if name == _PADDING:
-            raise OutputError("expected a name other than '_', which PCD files give to padding; rename the attribute")
-        columns[name] = values.astype(_type_of(values), copy=False)
-    return columns
+    if colour and _has_colours(cloud):
+        check_name(colour.name, cloud.attributes)
+        cloud = replace(cloud, attributes=dict(_packed(list(cloud.attributes.items()), colour)))
+    columns = columns_of(cloud, flat=False)
+    if _PADDING in columns:
+        raise OutputError("expected a name other than '_', which PCD files give to padding; rename the attribute")
+    return {name: values.astype(exact_type(values, _LETTERS) or "f8", copy=False) for name, values in columns.items()}
 
 
 def _packed(attributes: list[tuple[str, Column]], colour: PackedColour) -> list[tuple[str, Column]]:
@@ -488,27 +489,12 @@ def _usual_colour(cloud: PointCloud) -> PackedColour:
 
 def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     """Return what `write_pcd` can store of a cloud, and in words what it cannot."""
-    lost = [
-        name
-        for name, values in cloud.attributes.items()
-        if not _is_exact(values) or _looks_packed(name, values) or 0 in values.shape[1:]
-    ]
-    return without_attributes(cloud, lost)
-
-
-def _is_exact(values: Column) -> bool:
-    """Return whether PCD has a type that represents all values of an attribute exactly."""
-    return values.dtype.kind in "biu" or (values.dtype.kind == "f" and exact_as_double(values))
-
-
-def _type_of(values: Column) -> np.dtype[Any]:
-    """Return the type of PCD that represents all values exactly; the values are such that there is one."""
-    dtype = values.dtype.newbyteorder("=")
-    if dtype in _LETTERS:
-        return dtype
-    if dtype.kind == "b":
-        return np.dtype("u1")
-    return np.dtype("f4") if dtype == np.float16 else np.dtype("f8")
+    return keeping(
+        cloud,
+        lambda name, values: (
+            exact_type(values, _LETTERS) and not _looks_packed(name, values) and 0 not in values.shape[1:]
+        ),
+    )
 
 
 FORMAT = Format(

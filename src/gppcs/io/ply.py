@@ -18,16 +18,18 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
-from gppcs.io.columns import attribute_columns, check_name, column_name, coordinate_type, exact_as_double
-from gppcs.io.format import Format, without_attributes
+from gppcs.io.columns import check_name, column_name, columns_of, exact_type
+from gppcs.io.format import Format, keeping, without_attributes
 from gppcs.io.rows import (
     BLOCK,
     as_count,
     as_found,
+    at_most,
     bytes_left,
     ends_early,
     lines_of,
     number_blocks,
+    read_records,
     texts_of,
     write_records,
     write_rows,
@@ -109,57 +111,28 @@ class _Header:
         return PlyHeader(tuple(self.remarks), lists) if self.remarks or lists else None
 
 
-def read_ply(file: BufferedReader) -> PointCloud:
-    """Read the vertices of a PLY file with their properties. Other elements are skipped."""
-    [cloud] = _read_clouds(file, None, True)
-    return cloud
-
-
-def read_ply_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
-    """Read the vertices of a PLY file as `read_ply` does, in chunks. Vertices with lists come as one."""
-    yield from _read_clouds(file, rows, attributes)
-
-
-def _read_clouds(file: BufferedReader, rows: int | None, attributes: bool) -> Iterator[PointCloud]:
-    """Yield the vertices as clouds of at most `rows` points; None stands for all in one."""
+def read_ply(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
+    """Read the vertices of a PLY file in chunks, those with lists as one. Other elements are skipped."""
     header = _read_header(file)
-    before: list[_Element] = []
-    for element in header.elements:
-        if element.name == "vertex":
-            break
-        before.append(element)
-    else:
-        found = ", ".join(repr(each.name) for each in header.elements) or "none"
-        raise FileFormatError(f"expected an element named vertex, found {found}")
-    coordinate_names(each.name for each in element.scalars)
-    for cloud in _read_vertices(file, header, before, element, rows, attributes):
-        yield replace(cloud, header=header.kept(element))
-
-
-def _read_vertices(
-    file: BufferedReader,
-    header: _Header,
-    before: list[_Element],
-    vertices: _Element,
-    rows: int | None,
-    attributes: bool,
-) -> Iterator[PointCloud]:
-    """Yield the vertices, which stand behind the elements `before`."""
+    names = [each.name for each in header.elements]
+    if "vertex" not in names:
+        raise FileFormatError(f"expected an element named vertex, found {', '.join(map(repr, names)) or 'none'}")
+    vertices = header.elements[names.index("vertex")]
+    axes = coordinate_names(each.name for each in vertices.scalars)
+    clouds: Iterator[PointCloud]
+    _skip_to(file, header, vertices)
     if header.encoding == "ascii":
-        yield from _read_text(file, header.lines, before, vertices, rows)
-        return
-    order = _ORDERS[header.encoding]
-    for each in before:
-        _skip(file, each, order)
-    if vertices.has_lists:
-        yield _read_with_lists(file, vertices, order)
-        return
-    whole = bytes_left(file) // vertices.record(order).itemsize
-    if whole < vertices.count:
-        raise ends_early("vertex", whole, vertices.count)
-    at_once = vertices.count if rows is None else rows
-    for start in range(0, max(vertices.count, 1), max(at_once, 1)):
-        yield _read_records(file, vertices, order, min(at_once, vertices.count - start), attributes)
+        tables = _text_tables(file, header, vertices)
+        kept = [each.name for each in vertices.properties if attributes or each.name in axes]
+        parts = (cloud_of_columns({name: table[name] for name in kept}) for table in tables)
+        clouds = parts if vertices.has_lists else at_most(rows, parts)
+    elif vertices.has_lists:
+        clouds = iter([cloud_of_columns(_with_lists(file, vertices, _ORDERS[header.encoding]))])
+    else:
+        kept = [each.name for each in vertices.properties if attributes]
+        clouds = read_records(file, vertices.record(_ORDERS[header.encoding]), vertices.count, rows, "vertex", kept)
+    for cloud in clouds:
+        yield replace(cloud, header=header.kept(vertices))
 
 
 def unread_ply(file: BufferedReader) -> list[str]:
@@ -223,24 +196,16 @@ def _add_property(header: _Header, new: _Property) -> None:
     element.properties.append(new)
 
 
-def _read_records(
-    file: BufferedReader, element: _Element, order: _Order, count: int, with_attributes: bool
-) -> PointCloud:
-    """Read vertices of fixed size, block by block, so that each block stays in the processor's cache."""
-    record = element.record(order)
-    axes = coordinate_names(record.names or ())
-    points = np.empty((count, 3))
-    others = [each for each in element.properties if each.name not in axes] if with_attributes else []
-    attributes = {each.name: np.empty(count, each.dtype) for each in others}
-    targets = [*zip(axes, points.T, strict=True), *attributes.items()]
-    block = np.empty(min(count, BLOCK), record)
-    for start in range(0, count, BLOCK):
-        part = block[: count - start]
-        file.readinto(part.view(np.uint8).data)
-        for name, values in targets:
-            values[start : start + BLOCK] = part[name]
-    kept = np.result_type(*(record[axis] for axis in axes)).newbyteorder("=")
-    return PointCloud(points, attributes, kept)
+def _skip_to(file: BufferedReader, header: _Header, element: _Element) -> None:
+    """Move the position in the file to the beginning of an element."""
+    for each in header.elements[: header.elements.index(element)]:
+        if header.encoding != "ascii":
+            _skip(file, each, _ORDERS[header.encoding])
+            continue
+        for i in range(each.count):
+            header.lines += 1
+            if not file.readline():
+                raise ends_early(each.name, i, each.count)
 
 
 def _skip(file: BufferedReader, element: _Element, order: _Order) -> None:
@@ -282,7 +247,8 @@ def _walk(data: bytes, element: _Element, order: _Order) -> NDArray[np.int64]:
     return np.array([*starts, position])
 
 
-def _read_with_lists(file: BufferedReader, element: _Element, order: _Order) -> PointCloud:
+def _with_lists(file: BufferedReader, element: _Element, order: _Order) -> dict[str, Column]:
+    """Read an element with lists."""
     data = file.read()
     lists = len(element.properties) - len(element.scalars)
     starts = _walk(data, element, order)[:-1].reshape(element.count, lists + 1)
@@ -305,7 +271,7 @@ def _read_with_lists(file: BufferedReader, element: _Element, order: _Order) -> 
             places = _consecutive(first + each.length.itemsize, lengths, each.dtype.itemsize)
             columns[each.name] = _lists(values(places, each.dtype), lengths)
             stretch, offset = stretch + 1, 0
-    return cloud_of_columns(columns)
+    return columns
 
 
 def _consecutive(first: NDArray[np.int64], lengths: NDArray[np.int64], step: int) -> NDArray[np.int64]:
@@ -323,35 +289,25 @@ def _lists(items: Column, lengths: NDArray[np.int64]) -> Column:
     return lists
 
 
-def _read_text(
-    file: BufferedReader, first_line: int, before: list[_Element], element: _Element, rows: int | None
-) -> Iterator[PointCloud]:
-    """Yield the vertices of a text file; those with lists as one cloud, whatever `rows` says."""
-    lines = lines_of(file)
-    for each in before:
-        for i in range(each.count):
-            first_line += 1
-            if not next(lines, ""):
-                raise ends_early(each.name, i, each.count)
+def _text_tables(file: BufferedReader, header: _Header, element: _Element) -> Iterator[dict[str, Column]]:
+    """Yield an element of a text file as blocks of columns, one with lists as one block."""
     scalars = element.scalars
     words: dict[str, list[list[str]]] = {each.name: [] for each in element.properties if each.length is not None}
-    numbers_of = _text_without_lists(element, words) if element.has_lists else str.strip
-    blocks = number_blocks(lines, first_line + 1, numbers_of, width=len(scalars), count=element.count, what="vertex")
-    if rows is not None and element.count and not element.has_lists:
-        first = 0
-        for _, values in blocks:
-            for start in range(0, len(values), rows):
-                part = values[start : start + rows]
-                yield cloud_of_columns({each.name: _cast(part[:, i], each, first) for i, each in enumerate(scalars)})
-                first += len(part)
-        return
-    values = np.concatenate([np.empty((0, len(scalars))), *(values for _, values in blocks)])
-    columns = {each.name: _cast(values[:, i], each) for i, each in enumerate(scalars)}
-    ordered = {
-        each.name: columns[each.name] if each.length is None else _text_lists(words[each.name], each)
-        for each in element.properties
-    }
-    yield cloud_of_columns(ordered)
+    numbers_of = _text_without_lists(element, words) if words else str.strip
+    blocks = number_blocks(
+        lines_of(file), header.lines + 1, numbers_of, width=len(scalars), count=element.count, what=element.name
+    )
+    tables: Iterator[Column] = (values for _, values in blocks)
+    if words or not element.count:  # the lengths of all lists tell how they are held
+        tables = iter([np.concatenate([np.empty((0, len(scalars))), *tables])])
+    first = 0
+    for values in tables:
+        numbers = iter(values.T)
+        yield {
+            each.name: _cast(next(numbers), each, first) if each.length is None else _text_lists(words[each.name], each)
+            for each in element.properties
+        }
+        first += len(values)
 
 
 def _text_without_lists(element: _Element, lists: Mapping[str, list[list[str]]]) -> Callable[[str], str]:
@@ -472,12 +428,10 @@ def write_ply(
 
 
 def _fields(cloud: PointCloud, header: PlyHeader) -> list[_Field]:
-    fields = [
-        _Field(axis, values, _type_of_coordinates(cloud)) for axis, values in zip("xyz", cloud.points.T, strict=True)
-    ]
     lists = [name for name, values in cloud.attributes.items() if _is_lists(values) or name in header.lists]
-    numbers = attribute_columns(without_attributes(cloud, lists)[0])
-    fields += [_Field(name, values, _type_of(values)) for name, values in numbers.items()]
+    columns = columns_of(without_attributes(cloud, lists)[0])
+    points = np.stack([columns[axis] for axis in "xyz"])  # of one type
+    fields = [_Field(name, values, _type_of(points if name in "xyz" else values)) for name, values in columns.items()]
     for attribute in lists:
         name, values = column_name(attribute), cloud.attributes[attribute]
         check_name(name, [each.name for each in fields])
@@ -486,6 +440,11 @@ def _fields(cloud: PointCloud, header: PlyHeader) -> list[_Field]:
         length = header.lists.get(attribute, np.min_scalar_type(longest))
         fields.append(_Field(name, values, np.dtype("u1") if items.dtype.hasobject else _type_of(items), length))
     return fields
+
+
+def _type_of(values: Column) -> np.dtype[Any]:
+    """Return the PLY type that represents all values exactly, or else the widest."""
+    return exact_type(values, _NAMES) or np.dtype("f8")
 
 
 def _is_lists(values: Column) -> bool:
@@ -497,40 +456,12 @@ def _is_lists(values: Column) -> bool:
 def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     """Return what `write_ply` can store of a cloud, and in words what it cannot."""
     lists = cloud.header.lists if isinstance(cloud.header, PlyHeader) else {}
-    lost = [
-        name
-        for name, values in cloud.attributes.items()
-        if not (_is_exact(values) or _is_lists(values)) or (0 in values.shape[1:] and name not in lists)
-    ]
-    return without_attributes(cloud, lost)
-
-
-def _is_exact(values: Column) -> bool:
-    """Return whether PLY has a type that represents all values of an attribute exactly."""
-    dtype = values.dtype.newbyteorder("=")
-    return dtype.kind == "b" or dtype in _NAMES or (dtype.kind in "iuf" and exact_as_double(values))
-
-
-def _type_of_coordinates(cloud: PointCloud) -> np.dtype[Any]:
-    kept = coordinate_type(cloud).newbyteorder("=")
-    return kept if kept in _NAMES else _type_of(cloud.points.astype(kept))
-
-
-def _type_of(values: Column) -> np.dtype[Any]:
-    """Return the PLY type that represents all values exactly; the values are such that there is one."""
-    dtype = values.dtype.newbyteorder("=")
-    if dtype in _NAMES:
-        return dtype
-    if dtype.kind == "b":
-        return np.dtype("u1")
-    if dtype == np.float16:
-        return np.dtype("f4")
-    if dtype.kind in "iu":
-        low, high = (int(values.min()), int(values.max())) if values.size else (0, 0)
-        for narrow in (np.dtype("i4"), np.dtype("u4")):
-            if np.iinfo(narrow).min <= low and high <= np.iinfo(narrow).max:
-                return narrow
-    return np.dtype("f8")
+    return keeping(
+        cloud,
+        lambda name, values: (
+            (exact_type(values, _NAMES) or _is_lists(values)) and (0 not in values.shape[1:] or name in lists)
+        ),
+    )
 
 
 FORMAT = Format(
@@ -544,7 +475,6 @@ FORMAT = Format(
     header=PlyHeader,
     named=column_name,
     faces=count_ply_faces,
-    chunks=read_ply_chunks,
     count=count_ply,
     write_encoded=write_ply,
 )

@@ -69,7 +69,7 @@ class PtxHeader(Header):
         return [f"the poses of {count} scans" if count > 1 else "the pose of 1 scan"] if count else []
 
 
-def read_ptx(file: BufferedReader) -> PointCloud:
+def read_ptx(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
     """Read all scans of a PTX file as one cloud, each moved by its pose. Rows without a return, 0 0 0, are left out."""
     scans: list[PtxScan] = []
     parts: list[dict[str, Column]] = []
@@ -86,7 +86,7 @@ def read_ptx(file: BufferedReader) -> PointCloud:
         raise FileFormatError("expected colours in all scans or in none, found them in some; read the scans one by one")
     names = [name for name in (parts[0] if parts else "xyz") if name != "scan" or len(scans) > 1]
     joined = {name: np.concatenate([columns.pop(name) for columns in parts] or [np.empty(0)]) for name in names}
-    return replace(cloud_of_columns(joined), header=PtxHeader(tuple(scans)))
+    yield replace(cloud_of_columns(joined), header=PtxHeader(tuple(scans)))
 
 
 def unread_ptx(file: BufferedReader) -> list[str]:
@@ -157,4 +157,4 @@ def _is_ptx(head: bytes, size: int) -> bool:
     )
 
 
-FORMAT = Format("PTX", (".ptx",), read_ptx, None, _is_ptx, unread_ptx)
+FORMAT = Format("PTX", (".ptx",), read_ptx, None, _is_ptx, unread_ptx, whole=True)

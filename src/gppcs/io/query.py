@@ -115,30 +115,23 @@ def restricted(known: Format, query: Query) -> Format:
     """Return a format that reads only the part of a file that a query asks for."""
     if query.resolution is not None and not known.takes_query:
         raise without_levels(known.name)
-    known = replace(known, spans=None)
-    read, read_named, chunks = known.read, known.read_named, known.chunks
-    if known.takes_query:
-        read, chunks = partial(read, query=query), chunks and partial(chunks, query=query)
+    chunks = partial(known.chunks, query=query) if known.takes_query else known.chunks
     if query.conditions or not known.takes_query:
-        part = replace(
-            known,
-            read=lambda file: query.part(read(file)),
-            read_named=read_named and (lambda file, names: query.part(read_named(file, names))),
-            chunks=chunks and partial(_chunks, query, chunks),
-        )
-    else:
-        part = replace(known, read=read, chunks=chunks)
-    if part.chunks is None:
-        return part
-    some = part.chunks
-    return replace(part, count=lambda file: sum(map(len, some(file, BLOCK, False))))
+        chunks = partial(_chunks, query, chunks)
+    count = None if known.whole else (lambda file: sum(map(len, chunks(file, BLOCK, False))))
+    return replace(known, chunks=chunks, spans=None, count=count or known.count)
 
 
 def _chunks(
-    query: Query, chunks: Callable[..., Iterator[PointCloud]], file: Any, rows: int, attributes: bool
+    query: Query,
+    chunks: Callable[..., Iterator[PointCloud]],
+    file: Any,
+    rows: int,
+    attributes: bool,
+    **names: list[str],
 ) -> Iterator[PointCloud]:
     """Read the wanted points in chunks, as `Format.chunks` says; conditions need attributes."""
-    parts = not_empty(map(query.part, chunks(file, rows, attributes or query.conditions)))
+    parts = not_empty(map(query.part, chunks(file, rows, attributes or query.conditions, **names)))
     return parts if attributes else (replace(part, attributes={}) for part in parts)
 
 

@@ -136,5 +136,5 @@ def _check_needed(found: list[Format], format: str | None, columns: Sequence[str
     names = " and ".join(dict.fromkeys(known.name for known in found))
     if format is not None and not any(known.has_suffix(format) for known in found):
         raise FileFormatError(f"expected a file of the format {format}, found {names}")
-    if columns is not None and not any(known.read_named for known in found):
+    if columns is not None and not any(known.is_table for known in found):
         raise FileFormatError(f"expected a text table, whose columns can be named, found {names}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
 from io import BufferedReader, TextIOWrapper
 from itertools import islice
@@ -13,9 +13,9 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.clouds.columns import EXACT, Column
+from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.columns import EXACT, Column, check_coordinate, coordinate_names
 from gppcs.errors import FileFormatError
-from gppcs.io.columns import exact_as_double
 from gppcs.io.text_fields import quoted
 
 BLOCK = 1 << 16  # rows per block: large enough that NumPy's cost per call does not count, small enough for memory
@@ -141,23 +141,50 @@ def _exact(values: Column, words: Sequence[str], large: NDArray[np.intp]) -> Col
     return values
 
 
-def joined(blocks: Sequence[Column]) -> Column:
-    """Join the blocks of a column that `typed_columns` has typed one by one."""
-    kinds = {block.dtype.kind for block in blocks}
-    if kinds == {"i", "u"} and all(block.min() >= 0 for block in blocks):
-        return np.concatenate([block.astype(np.uint64) for block in blocks])
-    if len(kinds) > 1:
-        for block in blocks:
-            if not exact_as_double(block):
-                raise _rounded(str(block[np.argmax(np.abs(block.astype(np.float64)))]))
-    return np.concatenate(blocks)
-
-
 def _rounded(word: str) -> FileFormatError:
     return FileFormatError(
         "expected columns of whole numbers that int64, uint64 or float64 holds exactly, found one that none does, with "
         f"{as_found(word)}; write this with a decimal point if it may be rounded"
     )
+
+
+def at_most(rows: int, clouds: Iterable[PointCloud]) -> Iterator[PointCloud]:
+    """Yield clouds, cut into chunks of at most so many rows."""
+    for cloud in clouds:
+        for start in range(0, max(len(cloud), 1), rows):
+            yield cloud if len(cloud) <= rows else cloud[start : start + rows]
+
+
+def read_records(
+    file: BufferedReader, record: np.dtype[Any], count: int, rows: int, what: str, kept: Collection[str]
+) -> Iterator[PointCloud]:
+    """Read packed records in chunks, with some of their fields, block by block: a block fits the processor's cache."""
+    whole = bytes_left(file) // max(1, record.itemsize)
+    if whole < count:
+        raise ends_early(what, whole, count)
+    axes = coordinate_names(record.names or ())
+    types = [(name, *_type_and_shape(record[name])) for name in record.names or () if name in kept and name not in axes]
+    for start in range(0, max(count, 1), rows):
+        n = min(rows, count - start)
+        points = np.empty((n, 3))
+        attributes = {name: np.empty((n, *shape), dtype.newbyteorder("=")) for name, dtype, shape in types}
+        block = np.empty(min(n, BLOCK), record)
+        for axis in axes if not n else ():
+            check_coordinate(axis, block[axis])
+        for first in range(0, n, BLOCK):
+            part = block[: n - first]
+            file.readinto(part.view(np.uint8).data)
+            for axis, values in zip(axes, points.T, strict=True):
+                check_coordinate(axis, part[axis])
+                values[first : first + BLOCK] = part[axis]
+            for name, values in attributes.items():
+                values[first : first + BLOCK] = part[name]
+        kind = np.result_type(*(record[axis] for axis in axes)).newbyteorder("=")
+        yield PointCloud(points, attributes, kind)
+
+
+def _type_and_shape(dtype: np.dtype[Any]) -> tuple[np.dtype[Any], tuple[int, ...]]:
+    return dtype.subdtype or (dtype, ())
 
 
 def write_records(file: BinaryIO, columns: Sequence[tuple[Column, np.dtype[Any]]]) -> None:

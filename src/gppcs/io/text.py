@@ -18,6 +18,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from io import BufferedReader
 from itertools import islice
 from typing import BinaryIO
@@ -27,9 +28,9 @@ import numpy as np
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.errors import FileFormatError, InputError
-from gppcs.io.columns import attribute_columns, column_name, coordinate_type, default_names, held_by_columns
-from gppcs.io.format import Format, without_attributes
-from gppcs.io.rows import as_count, as_found, joined, lines_of, number_blocks, typed_columns, write_rows
+from gppcs.io.columns import column_name, columns_of, default_names
+from gppcs.io.format import Format, keeping, without_attributes
+from gppcs.io.rows import as_count, as_found, at_most, lines_of, number_blocks, typed_columns, write_rows
 from gppcs.io.text_fields import MISSING, TextApart, delimiter_of, fields_of, is_number, is_row, text_columns
 
 _OF_NUMBERS = b"0123456789+-.eE,;\t \r\n"  # and what stands between them
@@ -50,52 +51,21 @@ class _Layout:
     width: int = 0
 
 
-def read_xyz(file: BufferedReader) -> PointCloud:
-    """Read a table. Columns without names are x, y, z, column_4 and so on."""
-    return _read(file, default_names)
-
-
-def read_named(file: BufferedReader, names: list[str]) -> PointCloud:
-    """Read a table whose columns have these names, in place of any in the file."""
-    return _read(file, default_names, names)
-
-
-def read_pts(file: BufferedReader) -> PointCloud:
-    """Read a table. Columns without names are those usual in PTS files: x, y, z, intensity, red, green, blue."""
-    return _read(file, _names_in_pts)
-
-
-def read_xyz_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
-    """Read a table as `read_xyz` does, in chunks."""
-    return _chunks(_tables(file, default_names), rows, attributes)
-
-
-def read_pts_chunks(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
-    """Read a table as `read_pts` does, in chunks; see `read_xyz_chunks`."""
-    return _chunks(_tables(file, _names_in_pts), rows, attributes)
-
-
-def _chunks(tables: Iterator[dict[str, Column]], rows: int, attributes: bool) -> Iterator[PointCloud]:
-    for table in map(_with_byte_colours, tables):
+def read_table(
+    names_of_width: Callable[[int], list[str]],
+    file: BufferedReader,
+    rows: int,
+    attributes: bool,
+    columns: list[str] | None = None,
+) -> Iterator[PointCloud]:
+    """Read a table in chunks; `columns` are names in place of any in the file."""
+    for table in map(_with_byte_colours, _tables(file, names_of_width, columns)):
         kept = list(table) if attributes else coordinate_names(table)
-        for start in range(0, max(len(table[kept[0]]), 1), rows):
-            yield cloud_of_columns({name: table[name][start : start + rows] for name in kept})
+        yield from at_most(rows, [cloud_of_columns({name: table[name] for name in kept})])
 
 
 def _names_in_pts(width: int) -> list[str]:
     return [*default_names(3), *_PTS_EXTRAS.get(width, default_names(width)[3:])]
-
-
-def _read(
-    file: BufferedReader, names_of_width: Callable[[int], list[str]], given: list[str] | None = None
-) -> PointCloud:
-    tables = list(_tables(file, names_of_width, given))
-    columns = {name: _joined([table[name] for table in tables]) for name in tables[0]}
-    return cloud_of_columns(_with_byte_colours(columns))
-
-
-def _joined(parts: list[Column]) -> Column:
-    return np.concatenate(parts) if parts[0].dtype.kind == "U" else joined(parts)
 
 
 def _tables(
@@ -273,7 +243,7 @@ def _fields(line: str) -> list[str]:
 
 def write_xyz(file: BinaryIO, cloud: PointCloud) -> None:
     """Write numbers and quoted text separated by spaces, after a comment with the names if the cloud has attributes."""
-    columns = _columns(cloud)
+    columns = columns_of(cloud)
     if cloud.attributes:
         file.write(f"# {' '.join(columns)}\n".encode())
     write_rows(file, list(columns.values()))
@@ -281,64 +251,44 @@ def write_xyz(file: BinaryIO, cloud: PointCloud) -> None:
 
 def write_csv(file: BinaryIO, cloud: PointCloud) -> None:
     """Write a line with the names, then numbers and quoted text separated by commas."""
-    columns = _columns(cloud)
+    columns = columns_of(cloud)
     file.write(f"{','.join(columns)}\n".encode())
     write_rows(file, list(columns.values()), ",")
 
 
 def write_pts(file: BinaryIO, cloud: PointCloud) -> None:
     """Write the number of points, then one row for each point."""
-    columns = _columns(cloud)
+    columns = columns_of(cloud)
     file.write(f"{len(cloud)}\n".encode())
     write_rows(file, list(columns.values()))
 
 
-def _columns(cloud: PointCloud) -> dict[str, Column]:
-    points = cloud.points.astype(coordinate_type(cloud), copy=False)
-    return {"x": points[:, 0], "y": points[:, 1], "z": points[:, 2], **attribute_columns(cloud)}
-
-
 def _numbers_and_text(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
-    return held_by_columns(cloud, "biufU")
+    return keeping(cloud, lambda name, values: values.dtype.kind in "biufU" and 0 not in values.shape[1:])
 
 
 def _usual_in_pts(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     """Return a cloud with those attributes that PTS files may have, and in words what that leaves out."""
-    numbers, others = held_by_columns(cloud, "biuf")
+    numbers, others = keeping(cloud, lambda name, values: values.dtype.kind in "biuf" and 0 not in values.shape[1:])
     columns = {name for name, values in numbers.attributes.items() if values.ndim == 1}
     kept = next((names for names in sorted(_PTS_EXTRAS.values(), key=len, reverse=True) if columns >= set(names)), [])
     fitted, attributes = without_attributes(numbers, set(numbers.attributes) - set(kept))
     return replace(fitted, attributes={name: fitted.attributes[name] for name in kept}), [*attributes, *others]
 
 
+def _format(
+    name: str,
+    suffixes: tuple[str, ...],
+    write: Callable[[BinaryIO, PointCloud], None],
+    names_of_width: Callable[[int], list[str]] = default_names,
+    fitted: Callable[[PointCloud], tuple[PointCloud, list[str]]] = _numbers_and_text,
+) -> Format:
+    read = partial(read_table, names_of_width)
+    return Format(name, suffixes, read, write, fitted=fitted, named=column_name, is_table=True)
+
+
 FORMATS = (
-    Format(
-        "XYZ",
-        (".xyz", ".txt", ".asc"),
-        read_xyz,
-        write_xyz,
-        fitted=_numbers_and_text,
-        named=column_name,
-        read_named=read_named,
-        chunks=read_xyz_chunks,
-    ),
-    Format(
-        "CSV",
-        (".csv",),
-        read_xyz,
-        write_csv,
-        fitted=_numbers_and_text,
-        named=column_name,
-        read_named=read_named,
-        chunks=read_xyz_chunks,
-    ),
-    Format(
-        "PTS",
-        (".pts",),
-        read_pts,
-        write_pts,
-        fitted=_usual_in_pts,
-        read_named=read_named,
-        chunks=read_pts_chunks,
-    ),
+    _format("XYZ", (".xyz", ".txt", ".asc"), write_xyz),
+    _format("CSV", (".csv",), write_csv),
+    _format("PTS", (".pts",), write_pts, _names_in_pts, _usual_in_pts),
 )

@@ -19,7 +19,8 @@ from gppcs.amounts.guide import ChunkGuide, WeightRange
 from gppcs.clouds.cloud import PointCloud
 from gppcs.engine.stages import Stages
 from gppcs.errors import InputError
-from gppcs.io.cloud_files import CloudFiles, JointColumns
+from gppcs.io.cloud_files import CloudFiles
+from gppcs.io.joining import JointColumns
 from gppcs.spatial.boxes import Boxes, Each
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.row_sample import place_hashes
