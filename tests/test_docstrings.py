@@ -15,7 +15,6 @@ import gppcs
 # Names without a docstring of their own are explained by that of the package.
 DOCUMENTED = {name: getattr(gppcs, name) for name in gppcs.__all__ if hasattr(getattr(gppcs, name), "__module__")}
 NEEDED = {
-    "read_mesh": "pymeshlab",
     "Rebuilt": "pymeshlab",
     "MeshReport": "pymeshlab",
     "evaluate_mesh": "pymeshlab",

@@ -33,7 +33,7 @@ Make a mesh of it
     MeshResult               the mesh, the rows of its vertices, and the time it took
     write_mesh               write a mesh file: PLY, OBJ, STL, OFF or glTF
     Mesh                     triangles between vertices
-    read_mesh                read a mesh file; needs PyMeshLab
+    read_mesh                read a mesh file
 
 Measure a cloud
     info                     bounding box, spacing, attributes, repeats and invalid points

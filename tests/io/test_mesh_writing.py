@@ -34,7 +34,6 @@ def vertices():
 @pytest.mark.parametrize("suffix", [".ply", ".obj", ".off", ".stl"])
 @pytest.mark.parametrize("with_attributes", [False, True])
 def test_another_program_reads_the_triangles(tmp_path, mesh, vertices, suffix, with_attributes):
-    pytest.importorskip("pymeshlab")
     path = tmp_path / f"mesh{suffix}"
     lost = gppcs.write_mesh(path, mesh, vertices if with_attributes else None, lossy=with_attributes)
     read = gppcs.read_mesh(path)

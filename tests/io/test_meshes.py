@@ -189,3 +189,31 @@ def test_our_own_gltf_is_read_again(tmp_path):
     (tmp_path / "b.glb").write_bytes((tmp_path / "a.glb").read_bytes()[:200])
     with pytest.raises(gppcs.FileFormatError, match=r"b\.glb: expected a whole mesh"):
         gppcs.read(tmp_path / "b.glb")
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".off", ".obj", ".stl"])
+@pytest.mark.parametrize("ascii", [False, True])
+def test_triangles_are_those_that_trimesh_reads(tmp_path, suffix, ascii):  # noqa: A002
+    trimesh = pytest.importorskip("trimesh")
+    ball = trimesh.creation.icosphere(2)
+    path = tmp_path / f"ball{suffix}"
+    options = {"encoding": "ascii" if ascii else "binary"} if suffix == ".ply" else {}
+    path.write_bytes(
+        content.encode()
+        if isinstance(
+            content := ball.export(file_type="stl_ascii" if suffix == ".stl" and ascii else suffix[1:], **options), str
+        )
+        else content
+    )
+    mesh = gppcs.read_mesh(path)
+    corners = mesh.vertices[mesh.faces]
+    assert corners == pytest.approx(np.asarray(ball.triangles), abs=1e-6)
+    assert len(mesh.vertices) == len(ball.vertices)
+
+
+def test_polygons_of_any_size_become_fans(mesh):
+    faces = "2 0 1\n5 0 1 2 3 4\n3 2 1 0 255 0 0\n4 4 3 2 1\n"
+    found = gppcs.read_mesh(mesh(".off", "OFF\n5 4 0\n0 0 0\n1 0 0\n2 1 0\n1 2 0\n0 1 0\n" + faces)).faces
+    assert found.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4], [2, 1, 0], [4, 3, 2], [4, 2, 1]]
+    with pytest.raises(FileFormatError, match="ends in face 4 of 4"):
+        gppcs.read_mesh(mesh(".off", "OFF\n5 4 0\n" + "0 0 0\n" * 5 + faces[:-10]))

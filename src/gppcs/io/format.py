@@ -96,6 +96,7 @@ class Format:
     unread: Callable[[BufferedReader], list[str]] = _nothing
     fitted: Callable[[PointCloud], tuple[PointCloud, list[str]]] = _all
     faces: Callable[[BufferedReader], int] = _none
+    triangles: Callable[[BufferedReader], NDArray[np.int64]] | None = None
     write_encoded: Callable[..., None] | None = None
     is_table: bool = False  # `chunks` takes names of columns
     whole: bool = False  # `chunks` reads all of a file before it yields

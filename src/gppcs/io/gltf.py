@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from io import BufferedReader
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.mesh import Mesh
@@ -37,15 +38,21 @@ def read_gltf(file: BufferedReader, rows: int, attributes: bool) -> Iterator[Poi
     yield _loaded(file)[1]
 
 
-def mesh_in_gltf(file: BufferedReader) -> Mesh:
-    """Read the triangles of a glTF file."""
-    return _loaded(file)[0]
+def _triangles(file: BufferedReader) -> NDArray[np.int64]:
+    return _loaded(file)[0].faces
 
 
 def _count_faces(file: BufferedReader) -> int:
-    return len(mesh_in_gltf(file).faces)
+    return len(_triangles(file))
 
 
 FORMAT = Format(
-    "glTF", (".glb",), read_gltf, None, lambda head, size: head.startswith(b"glTF"), faces=_count_faces, whole=True
+    "glTF",
+    (".glb",),
+    read_gltf,
+    None,
+    lambda head, size: head.startswith(b"glTF"),
+    faces=_count_faces,
+    triangles=_triangles,
+    whole=True,
 )

@@ -58,9 +58,7 @@ class JointColumns:
                 "bring them to one first"
             )
             same = f"{found}, or take them for the same with "
-            raise FileFormatError(
-                f"{same}assume_same_crs=True", command=f"{same}--assume-same-crs of gppcs convert"
-            )
+            raise FileFormatError(f"{same}assume_same_crs=True", command=f"{same}--assume-same-crs of gppcs convert")
         self._coordinates.add(cloud.coordinate_dtype)
         for name, values in cloud.attributes.items():
             if values.shape[1:] != first.attributes[name].shape[1:]:

@@ -1,8 +1,9 @@
-"""Reads and writes the vertices of OFF and OBJ files, reads those of STL files, and checks the indices of faces."""
+"""Reads OFF, OBJ and STL files: their vertices, and their faces as triangles. Writes OFF and OBJ files."""
 
 from __future__ import annotations
 
 import re
+from array import array
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -74,32 +75,50 @@ def unread_obj(file: BufferedReader) -> list[str]:
     return [f"{others[word]} ({counts[word]:,})" for word in others if counts[word]]
 
 
-def check_off_faces(file: BufferedReader) -> None:
-    """Check that the faces of an OFF file refer to vertices of the file."""
+def off_triangles(file: BufferedReader) -> NDArray[np.int64]:
+    """Read the faces of an OFF file as triangles."""
     numbered = ((i, text) for i, text in enumerate(map(_off_numbers, lines_of(file)), 1) if text)
     _, _, (vertices, *rest) = _off_header(numbered)
+    sizes, found = array("q"), array("q")
     for number, text in islice(numbered, vertices, vertices + sum(rest)):
-        count, *corners = _indices(number, text.split())
-        if count != len(corners[:count]) or not all(0 <= corner < vertices for corner in corners[:count]):
+        count, *corners = _indices(number, text.split()[: int(as_count(text.split()[0]) or 0) + 1])
+        if count != len(corners) or not all(0 <= corner < vertices for corner in corners):
             raise FileFormatError(
                 f"line {number}: expected a number of corners and then as many indices from 0 to {vertices - 1}, "
                 f"found {as_found(text)}"
             )
+        sizes.append(count)
+        found.extend(corners)
+    if rest and len(sizes) < rest[0]:
+        raise ends_early("face", len(sizes), rest[0])
+    return triangles_of(np.array(sizes, np.int64), np.array(found, np.int64))
 
 
-def check_obj_faces(file: BufferedReader) -> None:
-    """Check that the faces of an OBJ file refer to vertices on earlier lines."""
+def obj_triangles(file: BufferedReader) -> NDArray[np.int64]:
+    """Read the faces of an OBJ file, which refer to vertices on earlier lines, as triangles."""
     vertices = 0
+    sizes, found = array("q"), array("q")
     for number, text in enumerate(lines_of(file), 1):
         keyword, *words = text.split() or [""]
         vertices += keyword == "v"
         if keyword == "f":
-            corners = _indices(number, [word.partition("/")[0] for word in words if word != "\\"])
+            corners = _indices(number, [word.partition("/")[0] for word in words])
             if not all(1 <= abs(corner) <= vertices for corner in corners):
                 raise FileFormatError(
                     f"line {number}: expected indices of earlier vertices, 1 to {vertices} or -1 to {-vertices}, "
                     f"found {as_found(text)}"
                 )
+            sizes.append(len(corners))
+            found.extend(corner - 1 if corner > 0 else vertices + corner for corner in corners)
+    return triangles_of(np.array(sizes, np.int64), np.array(found, np.int64))
+
+
+def triangles_of(sizes: NDArray[np.int64], corners: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return polygons, given by their sizes and all their corners, as triangles that share a polygon's first corner."""
+    counts = np.maximum(sizes - 2, 0)
+    first = np.repeat(np.cumsum(sizes) - sizes, counts)
+    second = first + 1 + np.arange(len(first)) - np.repeat(np.cumsum(counts) - counts, counts)
+    return corners[np.stack([first, second, second + 1], axis=1)]
 
 
 def _indices(number: int, words: list[str]) -> list[int]:
@@ -162,7 +181,7 @@ def _tables(blocks: Iterator[Block]) -> Iterator[list[Column]]:
 def read_stl(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
     """Read the distinct corners of the facets of an STL file, text or binary, in order of first appearance."""
     corners = _corners(file)
-    points = corners[_first_of_equal(corners)]
+    points = corners[_distinct(corners)[0]]
     yield PointCloud(points, coordinate_dtype=corners.dtype.newbyteorder("="))
 
 
@@ -194,13 +213,21 @@ def _text_corners(file: BufferedReader, data: bytes) -> Column:
     return corners
 
 
-def _first_of_equal(rows: Column) -> NDArray[np.intp]:
-    """Return the index of the first occurrence of each distinct row, ascending."""
+def stl_triangles(file: BufferedReader) -> NDArray[np.int64]:
+    """Return the facets of an STL file, by the order in which `read_stl` yields their corners."""
+    return _distinct(_corners(file))[1].reshape(-1, 3)
+
+
+def _distinct(rows: Column) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
+    """Return the index of the first occurrence of each distinct row, ascending, and which of these each row equals."""
     order = np.lexsort(rows.T)  # stable, so equal rows keep their order
     ordered = rows[order]
     begins = np.ones(len(rows), dtype=bool)
     begins[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
-    return np.sort(order[begins])
+    first, group = np.unique(order[begins], return_inverse=True)
+    equal = np.empty(len(rows), np.int64)
+    equal[order] = group[np.cumsum(begins) - 1]
+    return first, equal
 
 
 def _is_text_stl(head: bytes, size: int) -> bool:
@@ -280,9 +307,6 @@ def _count_stl_faces(file: BufferedReader) -> int:
     return len(_corners(file)) // 3
 
 
-FACE_CHECKS = {".off": check_off_faces, ".obj": check_obj_faces}
-
-
 FORMATS = (
     Format(
         "OFF",
@@ -292,6 +316,7 @@ FORMATS = (
         lambda head, size: _OFF_LOOK.match(head) is not None,
         fitted=partial(held, groups=(NORMALS, COLOURS)),
         faces=_count_off_faces,
+        triangles=off_triangles,
         whole=True,
     ),
     Format(
@@ -302,7 +327,10 @@ FORMATS = (
         unread=unread_obj,
         fitted=partial(held, groups=(COLOURS,)),  # normals would not be read again
         faces=_count_obj_faces,
+        triangles=obj_triangles,
         whole=True,
     ),
-    Format("STL", (".stl",), read_stl, None, _looks_like_stl, faces=_count_stl_faces, whole=True),
+    Format(
+        "STL", (".stl",), read_stl, None, _looks_like_stl, faces=_count_stl_faces, triangles=stl_triangles, whole=True
+    ),
 )

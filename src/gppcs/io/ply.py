@@ -20,6 +20,7 @@ from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import check_name, column_name, columns_of, exact_type
 from gppcs.io.format import Format, keeping, without_attributes
+from gppcs.io.meshes import triangles_of
 from gppcs.io.rows import (
     BLOCK,
     as_count,
@@ -149,6 +150,23 @@ def count_ply(file: BufferedReader) -> int:
 def count_ply_faces(file: BufferedReader) -> int:
     """Return the number of faces in a PLY file."""
     return sum(element.count for element in _read_header(file).elements if element.name == "face")
+
+
+def ply_triangles(file: BufferedReader) -> NDArray[np.int64]:
+    """Read the faces of a PLY file as triangles."""
+    header = _read_header(file)
+    faces = next((each for each in header.elements if each.name == "face"), None)
+    named = [each.name for each in faces.properties if each.length and each.dtype.kind in "iu"] if faces else []
+    name = next((name for name in named if name in ("vertex_indices", "vertex_index")), None)
+    if faces is None or name is None or not faces.count:
+        return np.empty((0, 3), np.int64)
+    _skip_to(file, header, faces)
+    if header.encoding == "ascii":
+        [table] = _text_tables(file, header, faces)
+    else:
+        table = _with_lists(file, faces, _ORDERS[header.encoding])
+    lists = table[name]
+    return triangles_of(np.array([*map(len, lists)]), np.concatenate([*lists]).astype(np.int64))
 
 
 def _read_header(file: BufferedReader) -> _Header:
@@ -293,13 +311,14 @@ def _text_tables(file: BufferedReader, header: _Header, element: _Element) -> It
     """Yield an element of a text file as blocks of columns, one with lists as one block."""
     scalars = element.scalars
     words: dict[str, list[list[str]]] = {each.name: [] for each in element.properties if each.length is not None}
+    width = len(scalars) or 1
     numbers_of = _text_without_lists(element, words) if words else str.strip
     blocks = number_blocks(
-        lines_of(file), header.lines + 1, numbers_of, width=len(scalars), count=element.count, what=element.name
+        lines_of(file), header.lines + 1, numbers_of, width=width, count=element.count, what=element.name
     )
     tables: Iterator[Column] = (values for _, values in blocks)
     if words or not element.count:  # the lengths of all lists tell how they are held
-        tables = iter([np.concatenate([np.empty((0, len(scalars))), *tables])])
+        tables = iter([np.concatenate([np.empty((0, width)), *tables])])
     first = 0
     for values in tables:
         numbers = iter(values.T)
@@ -315,7 +334,7 @@ def _text_without_lists(element: _Element, lists: Mapping[str, list[list[str]]])
 
     def scalars(line: str) -> str:
         words = iter(line.split())
-        kept = []
+        kept = [] if element.scalars else ["0"]  # so that each line has a number
         for each in element.properties:
             if each.length is not None:
                 length = as_count(next(words, ""))
@@ -475,6 +494,7 @@ FORMAT = Format(
     header=PlyHeader,
     named=column_name,
     faces=count_ply_faces,
+    triangles=ply_triangles,
     count=count_ply,
     write_encoded=write_ply,
 )
