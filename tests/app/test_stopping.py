@@ -29,12 +29,12 @@ def send(number=signal.SIGINT):
 
 def sends_while_writing(number=signal.SIGINT):
     import gppcs.io.ply as ply
-    original = ply._type_of_coordinates
-    def patched(cloud):
+    original = ply.write_records
+    def patched(*arguments):
         (part,) = [name for name in os.listdir() if name.endswith(".part")]
         send(number)
-        return original(cloud)
-    ply._type_of_coordinates = patched
+        return original(*arguments)
+    ply.write_records = patched
 
 sys.argv = {["gppcs", *SAMPLE]!r}
 """
@@ -105,11 +105,11 @@ def test_an_exception_that_c_code_swallows_still_ends_the_program(folder, swallo
     code = f"""
         import ctypes
         import gppcs.io.ply as ply
-        original = ply._type_of_coordinates
-        def patched(cloud):
+        original = ply.write_records
+        def patched(*arguments):
             {swallower}
-            return original(cloud)
-        ply._type_of_coordinates = patched
+            return original(*arguments)
+        ply.write_records = patched
     """
     assert run_python(textwrap.dedent(code) + RUN) == (130, "gppcs: interrupted\n")
     assert files() == []

@@ -5,17 +5,14 @@ from __future__ import annotations
 import tempfile
 import webbrowser
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from gppcs.app.printing import Columns, Force, From, Quiet, Threads, names_of, print_error, progress, say
 from gppcs.app.viewpoint import Up, View, viewpoint_of
 from gppcs.engine.threads import set_threads
-from gppcs.errors import MissingExtraError, file_path
-
-if TYPE_CHECKING:
-    from gppcs.clouds.mesh import Mesh
+from gppcs.errors import file_path
 
 EPILOG = (
     "[bold]Examples[/bold]\n\n"
@@ -59,6 +56,7 @@ def view(
     from gppcs.app.pages import check_page, different_names, how_made
     from gppcs.drawing.web.contents import Named, view_page
     from gppcs.engine.stages import Stages
+    from gppcs.io.mesh_files import mesh_of
 
     set_threads(threads)
     viewpoint = viewpoint_of(view, up, picture=True)
@@ -68,7 +66,7 @@ def view(
     stages = Stages(progress(quiet))
     with stages("reading"):
         read = io.read_each(inputs, input_format, names_of(columns))
-        meshes = [_mesh(path, input_format) for path in inputs]
+        meshes = [mesh_of(path, input_format) for path in inputs]
     clouds = [Named(*each) for each in zip(different_names(inputs), read, meshes, strict=True)]
     page = view_page(clouds, how_made(context.obj, inputs), viewpoint)
     if output is None:
@@ -81,14 +79,3 @@ def view(
         say(str(output))
     if opened and not webbrowser.open(output.absolute().as_uri()):
         print_error(f"note: no browser was found; open {output} yourself")
-
-
-def _mesh(path: Path, input_format: str | None) -> Mesh | None:
-    """Return the mesh of a file, None if it has none or cannot be read without an extra."""
-    from gppcs.io.mesh_files import mesh_of
-
-    try:
-        return mesh_of(path, input_format)
-    except MissingExtraError as error:
-        print_error(f"note: {path}: only the vertices are shown: {error}")
-        return None
