@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from gppcs.meshing.fans import circumradius
-from gppcs.spatial.triangles import area_vector, nearest_in_triangle, quality, squared_distance
+from gppcs.spatial.triangles import area_vector, circumradius, nearest_in_triangle, quality, squared_distance
 
 
 def test_quality_is_one_for_equal_edges_and_falls_to_zero():

@@ -22,12 +22,13 @@ from gppcs.meshing.assembly import assembled, without_scraps
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.draft import MOST_THIN, Draft
-from gppcs.meshing.fans import ON_CIRCLE, fans_of
+from gppcs.meshing.fans import fans_of
 from gppcs.meshing.mending import holes_closed, without_cuts
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
+from gppcs.surface.fans import ON_CIRCLE
 
 FEWEST_VERTICES = 4  # of a mesh: those of a tetrahedron
 LEVEL = 8  # points of the first mesh, in vertices of the result

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from gppcs.engine.kernels import kernel
 
 LEAST_AREA = 1e-9  # twice the area of a triangle, in its sum of squared edges
@@ -54,6 +56,16 @@ def quality(a, b, c):
     ab, bc, ca = minus(b, a), minus(c, b), minus(a, c)
     squared = dot(ab, ab) + dot(bc, bc) + dot(ca, ca)
     return 3.4641016151377544 * dot(normal, normal) ** 0.5 / squared if squared > 0.0 else 0.0
+
+
+@kernel
+def circumradius(a, b, c):
+    """Return the radius of the circle through three points."""
+    ab, bc, ca = minus(b, a), minus(c, b), minus(a, c)
+    normal = area_vector(a, b, c)
+    area = dot(normal, normal) ** 0.5
+    product = (dot(ab, ab) * dot(bc, bc) * dot(ca, ca)) ** 0.5
+    return product / (2.0 * area) if area > 0.0 else math.inf
 
 
 @kernel

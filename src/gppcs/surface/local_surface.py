@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import KdTree, nearest_in_tree
-from gppcs.spatial.triangles import dot, nearest_in_triangle, squared_distance
-from gppcs.surface.moments import tangents
+from gppcs.spatial.triangles import circumradius, nearest_in_triangle, row, squared_distance
+from gppcs.surface.fans import lay_out, wrap
 from gppcs.surface.surface_variation import features_of_nearest
 
 PLANE_NEIGHBOURS = 12  # points that a tangent plane is fitted to, with the point itself
@@ -20,6 +20,7 @@ MAX_TRIANGLES = 16  # most triangles of a fan; the mean is six
 QUERIES_AT_ONCE = 128  # queries that a thread takes at once, at least
 SEARCHED_FANS = 5  # nearest points whose fans are searched for the nearest triangle; fewer leave gaps
 SIN_MAX_SLOPE = np.sin(np.radians(60.0))  # a neighbour steeper above the tangent plane lies on another sheet
+ANY_NORMAL = -2.0  # neighbours are on the same sheet whatever their normals
 
 
 @dataclass(frozen=True)
@@ -78,11 +79,11 @@ class LocalSurface:
 def _build_fans(begin, end, points, low, high, normals, corners):
     """Fill corners (M, MAX_TRIANGLES, 2) for points (3, M), boxes (nodes, 3) and normals (M, 3), in tree order."""
     for i in range(begin, end):
-        _build_fan(points, low, high, i, normals[i], corners[i])
+        _build_fan(points, low, high, normals, i, corners[i])
 
 
 @kernel
-def _build_fan(points, low, high, i, normal, corners):
+def _build_fan(points, low, high, normals, i, corners):
     """Fill the corners (MAX_TRIANGLES, 2) around point i of points (3, M), with as many neighbours as necessary."""
     n = points.shape[1]
     neighbours, most = CORNER_NEIGHBOURS
@@ -93,108 +94,22 @@ def _build_fan(points, low, high, i, normal, corners):
         nearest_in_tree(points, low, high, points[0, i], points[1, i], points[2, i], found, squared)
         inverse = np.empty((k, 2), dtype=np.float64)
         index = np.empty(k, dtype=np.int64)
-        count = _lay_out(points, i, normal, found, squared, inverse, index)
-        widest = _fan(inverse[:count], index[:count], corners)
-        if widest * widest <= squared[-1] or k == n or neighbours >= most:
+        count = lay_out(points.T, normals, i, found, ANY_NORMAL, SIN_MAX_SLOPE, inverse, index)
+        corners[:] = -1
+        closed = wrap(inverse, index, count, i, 0.0, corners)
+        if (closed and _widest(points, i, corners) <= np.sqrt(squared[-1])) or k == n or neighbours >= most:
             return
         neighbours *= 2
 
 
 @kernel
-def _lay_out(points, i, normal, found, squared, inverse, index):
-    """Fill inverse (k, 2) and index (k,) with the layout of k neighbours, and return the number of rows filled.
-
-    The layout is in the tangent plane. Each neighbour is divided by its squared distance.
-    """
-    u, v = tangents(normal[0], normal[1], normal[2])
-    count = 0
-    for slot in range(len(found)):
-        j = found[slot]
-        if j == i or squared[slot] == 0.0:
-            continue
-        away = _from(points, j, points[0, i], points[1, i], points[2, i])
-        a, b = dot(away, u), dot(away, v)
-        in_plane, distance = np.sqrt(a * a + b * b), np.sqrt(squared[slot])
-        if in_plane * in_plane < (1.0 - SIN_MAX_SLOPE * SIN_MAX_SLOPE) * squared[slot]:
-            continue
-        inverse[count, 0], inverse[count, 1] = a / (in_plane * distance), b / (in_plane * distance)
-        index[count] = j
-        count += 1
-    return count
-
-
-@kernel
-def _fan(inverse, index, corners):
-    """Fill corners (MAX_TRIANGLES, 2) with the triangles at the origin; return the diameter of the widest circumcircle.
-
-    The diameter is infinite for an open fan. Input are the inverted neighbours (n, 2) and their indices (n,).
-
-    The bisector between the origin and a neighbour is dual to the neighbour divided by its squared distance. So the
-    Voronoi cell of the origin is dual to the convex hull of the inverted neighbours, and each edge of this hull is a
-    triangle. On a border, the origin itself is a corner of the hull. Inversion maps a circle through the origin to a
-    line whose distance to the origin is the inverse of the diameter.
-    """
-    n = len(inverse)
-    corners[:] = -1
-    if n < 2:
-        return np.inf
-    round_ = _around(inverse)
-    hull = np.empty(len(round_), dtype=np.int64)
-    height = 0
-    for new in round_:
-        while height >= 2 and not _turns_left(inverse, hull[height - 2], hull[height - 1], new):
-            height -= 1
-        hull[height] = new
-        height += 1
-    triangles, widest = 0, 0.0 if hull[0] < n else np.inf
-    for edge in range(height - 1):
-        a, b = hull[edge], hull[edge + 1]
-        if a < n and b < n and triangles < MAX_TRIANGLES and _turns_left(inverse, n, a, b):
-            corners[triangles, 0], corners[triangles, 1] = index[a], index[b]
-            triangles += 1
-            widest = max(widest, _diameter(inverse[a], inverse[b]))
+def _widest(points, i, corners):
+    """Return the largest diameter of the circles through the triangles of a fan."""
+    widest = 0.0
+    for j, m in corners:
+        if j >= 0:
+            widest = max(widest, 2.0 * circumradius(row(points.T, i), row(points.T, j), row(points.T, m)))
     return widest
-
-
-@kernel
-def _diameter(a, b):
-    """Return the diameter of the circle through the origin whose inverse is the line through a and b, both (2,)."""
-    doubled_area = abs(a[0] * b[1] - a[1] * b[0])
-    return np.hypot(b[0] - a[0], b[1] - a[1]) / doubled_area if doubled_area > 0.0 else np.inf
-
-
-@kernel
-def _around(inverse):
-    """Return the inverted neighbours (n, 2) sorted by direction, from a corner of the hull around to the same corner.
-
-    This corner is the origin, with the index n, if half of all directions or more are free. Otherwise it is the
-    nearest neighbour.
-    """
-    n = len(inverse)
-    angles = np.arctan2(inverse[:, 1], inverse[:, 0])
-    order = np.argsort(angles, kind="mergesort")
-    begin, free = 0, False
-    for step in range(n):
-        before = angles[order[step - 1]] - (2.0 * np.pi if step == 0 else 0.0)
-        if angles[order[step]] - before >= np.pi:
-            begin, free = step, True
-        elif order[step] == 0 and not free:
-            begin = step
-    round_ = np.empty(n + 1 + free, dtype=np.int64)
-    for step in range(n + 1):
-        round_[step + free] = order[(begin + step) % n]
-    if free:
-        round_[0] = round_[n + 1] = n
-    return round_
-
-
-@kernel
-def _turns_left(points, a, b, c):
-    """Return whether the path from a via b to c turns left, for indices into points (n, 2); n means the origin."""
-    ax, ay = (points[a, 0], points[a, 1]) if a < len(points) else (0.0, 0.0)
-    bx, by = (points[b, 0], points[b, 1]) if b < len(points) else (0.0, 0.0)
-    cx, cy = (points[c, 0], points[c, 1]) if c < len(points) else (0.0, 0.0)
-    return (bx - ax) * (cy - by) - (by - ay) * (cx - bx) > 0.0
 
 
 @kernel

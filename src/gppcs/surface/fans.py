@@ -1,0 +1,142 @@
+"""The fan of a point: its triangles in the Delaunay triangulation of its neighbours, laid out in its tangent plane."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gppcs.engine.kernels import kernel
+from gppcs.spatial.triangles import dot, minus, row
+from gppcs.surface.moments import tangents
+
+# Largest squared sine of a turn at which points count as lying on one circle: those of flat grids, and of curved ones.
+ON_CIRCLE = 1e-8, 1e-6
+
+
+@kernel(allocates=False)
+def lay_out(points, normals, i, near, agreeing, steepest, inverse, index):
+    """Fill `inverse`, (k, 2), and `index`, (k,), with the neighbours of point i on its sheet; return their number.
+
+    Each is laid out in the tangent plane and divided by its squared distance. A neighbour is on the same sheet if the
+    cosine between the normals is at least `agreeing`, and the sine of its slope above the plane at most `steepest`.
+    """
+    normal = row(normals, i)
+    u, v = tangents(normal[0], normal[1], normal[2])
+    count = 0
+    for j in near:
+        step = minus(row(points, j), row(points, i))
+        squared = dot(step, step)
+        a, b = dot(step, u), dot(step, v)
+        in_plane = a * a + b * b
+        if (
+            squared == 0.0
+            or dot(normal, row(normals, j)) < agreeing
+            or in_plane < (1.0 - steepest * steepest) * squared
+        ):
+            continue
+        scale = 1.0 / np.sqrt(in_plane * squared)
+        inverse[count, 0], inverse[count, 1], index[count] = a * scale, b * scale, j
+        count += 1
+    return count
+
+
+@kernel(allocates=False)
+def wrap(inverse, index, count, i, on_circle, corners):
+    """Fill the fan `corners`, (t, 2), of point i with `count` inverted neighbours, (k, 2); return whether it is closed.
+
+    The bisector between the origin and a neighbour is dual to the inverted neighbour. So the Voronoi cell of the
+    origin is dual to the convex hull of the inverted neighbours, and each edge of the hull that turns left around the
+    origin is a triangle. The hull is wrapped from the nearest neighbour on (Jarvis 1973).
+    """
+    first = 0
+    for slot in range(1, count):
+        if _length(inverse, slot) > _length(inverse, first):
+            first = slot
+    current, triangles, closed = first, 0, count > 2
+    for _ in range(count):
+        best, in_line = -1, False
+        for slot in range(count):
+            if slot == current:
+                continue
+            if best < 0:
+                best = slot
+                continue
+            turn = _turn(inverse, current, best, slot, on_circle)
+            in_line = in_line or turn == 0.0
+            if turn < 0.0 or (turn == 0.0 and _is_farther(inverse, current, best, slot, on_circle)):
+                best = slot
+        if best < 0:
+            return False
+        if in_line and _turns_left(inverse, current, best, on_circle):
+            best = _first_in_line(inverse, index, count, i, current, best, on_circle)
+        if not _turns_left(inverse, current, best, on_circle):
+            closed = False
+        elif triangles < len(corners):
+            corners[triangles, 0], corners[triangles, 1] = index[current], index[best]
+            triangles += 1
+        current = best
+        if current == first:
+            return closed
+    return False
+
+
+@kernel(allocates=False)
+def _length(inverse, slot):
+    """Return the squared length of an inverted neighbour."""
+    return inverse[slot, 0] ** 2 + inverse[slot, 1] ** 2
+
+
+@kernel(allocates=False)
+def _turn(inverse, current, best, slot, on_circle):
+    """Return how far a neighbour is to the left of the line to the best one; 0 if it is hardly off the line."""
+    ax, ay = inverse[best, 0] - inverse[current, 0], inverse[best, 1] - inverse[current, 1]
+    bx, by = inverse[slot, 0] - inverse[current, 0], inverse[slot, 1] - inverse[current, 1]
+    turn = ax * by - ay * bx
+    return 0.0 if turn * turn <= on_circle * (ax * ax + ay * ay) * (bx * bx + by * by) else turn
+
+
+@kernel(allocates=False)
+def _squared(inverse, current, slot):
+    """Return the squared distance between two inverted neighbours."""
+    return (inverse[slot, 0] - inverse[current, 0]) ** 2 + (inverse[slot, 1] - inverse[current, 1]) ** 2
+
+
+@kernel(allocates=False)
+def _turns_left(inverse, current, best, on_circle):
+    """Return whether the way from a neighbour to another turns left around the origin, by more than a little."""
+    turn = inverse[current, 0] * inverse[best, 1] - inverse[current, 1] * inverse[best, 0]
+    return turn > 0.0 and turn * turn > on_circle * _length(inverse, current) * _length(inverse, best)
+
+
+@kernel(allocates=False)
+def _is_farther(inverse, current, best, slot, on_circle):
+    """Return whether a neighbour on the line from the current to the best one is farther on; not if it is behind."""
+    if _is_ahead(inverse, current, best, slot):
+        return _squared(inverse, current, slot) > _squared(inverse, current, best)
+    return _turns_left(inverse, current, slot, on_circle)
+
+
+@kernel(allocates=False)
+def _first_in_line(inverse, index, count, i, current, last, on_circle):
+    """Return the next neighbour on an edge of the hull that several neighbours lie on, from `current` to `last`.
+
+    These lie on a circle with point i. Each of them triangulates it from the one of lowest index, so their fans agree.
+    """
+    nearest = lowest = last
+    for slot in range(count):
+        ahead = slot != current and _turn(inverse, current, last, slot, on_circle) == 0.0
+        if ahead and _is_ahead(inverse, current, last, slot):
+            if index[slot] < index[lowest]:
+                lowest = slot
+            if _squared(inverse, current, slot) < _squared(inverse, current, nearest):
+                nearest = slot
+    if i < min(index[current], index[lowest]):
+        return nearest
+    return lowest if index[lowest] < index[current] else last
+
+
+@kernel(allocates=False)
+def _is_ahead(inverse, current, last, slot):
+    """Return whether an inverted neighbour on the line from the current to the last one lies ahead, not behind."""
+    ax, ay = inverse[last, 0] - inverse[current, 0], inverse[last, 1] - inverse[current, 1]
+    bx, by = inverse[slot, 0] - inverse[current, 0], inverse[slot, 1] - inverse[current, 1]
+    return ax * bx + ay * by > 0.0
