@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from gppcs.engine.stages import Stages
 from gppcs.gp.local.candidates import Candidates, nested_candidates
-from gppcs.gp.local.density import GRADATION, ROUNDING, density_of, graded, segregation
+from gppcs.gp.local.density import GRADATION, ROUNDING, density_of, graded, refinement, segregation, weighted
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.survey import survey
-from gppcs.gp.local.weighing import Weighing, refinement
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.noise import Observations
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
@@ -109,8 +108,7 @@ def choose(
         rows = candidates[-1].rows  # those of all stages are among them
         observations = Observations(None, np.zeros(len(rows))) if noise.quiet else noise.observe(points[rows])
     level = noise.level / noise.spacing if noise.spacing > 0.0 else 0.0
-    weighing = None if weights is None else Weighing(weights)
-    ranking = rank(points, candidates, observations, criterion, stages, fixed, weighing)
+    ranking = rank(points, candidates, observations, criterion, stages, fixed, weights)
     return ranking._replace(noise_in_spacings=level)
 
 
@@ -121,7 +119,7 @@ def rank(
     criterion: Criterion,
     stages: Stages,
     fixed: int = 0,
-    weighing: Weighing | None = None,
+    weights: NDArray[np.float64] | None = None,
 ) -> Ranking:
     """Choose among the candidates, stage by stage; `observations` are those at the candidates of the last stage."""
     ranking = Ranking(np.arange(fixed), np.zeros(fixed), np.zeros(fixed))
@@ -132,16 +130,14 @@ def rank(
                 of_stage = observations.take(np.searchsorted(candidates[-1].rows, stage.rows))
             tree, features = features_of(points[stage.rows], of_stage, stage)
             field = local_field(tree, features, of_stage.variances[tree.order] / stage.spacing**2, criterion)
-            rows, spacings = stage.rows[tree.order], field.spacings
-            if weighing is not None:
-                field = field._replace(spacings=weighing.weighted(spacings, rows))
+            rows = stage.rows[tree.order]
+            if weights is not None:
+                field = field._replace(spacings=weighted(field.spacings, weights[rows]))
         with stages("greedy selection", stage.target - len(ranking.rows)) as advanced:
             before = tree.positions()[np.searchsorted(stage.rows, ranking.rows)]
             chosen, scores, deviations = extend(
                 field, tree, before, stage.target, criterion.neighbours, criterion.error_weight, advanced
             )
-        if weighing is not None:
-            weighing.learn(spacings, rows, chosen)
         ranking = ranking.extended(rows[chosen[len(before) :]], scores, deviations)
     return ranking
 

@@ -38,10 +38,10 @@ from gppcs.gp.local.candidates import (
     numbers_of_lone,
     thinned,
 )
+from gppcs.gp.local.density import FINEST, WEIGHT_POWER
 from gppcs.gp.local.greedy import FALL, SPARE, STEP, extend_down_to
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.survey import PER_POINT, sample_size, sharpness_of
-from gppcs.gp.local.weighing import FINEST, Weighing
 from gppcs.spatial.boxes import Each, Part, classes
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
@@ -85,8 +85,6 @@ class _Stage:
     noise : Noise
         Without a tree: each part has one of its own.
     criterion : Criterion
-    power : float
-        Of the weights.
     largest_gap : float
         Candidates of the last stage that are farther from all others are outliers.
     scale : Scale, optional
@@ -100,7 +98,6 @@ class _Stage:
     thinned: bool
     noise: Noise
     criterion: Criterion
-    power: float = 1.0
     largest_gap: float = math.inf
     scale: Scale | None = None
 
@@ -167,9 +164,9 @@ def choose_stored(
         nested = [stage]
         while nested[-1].target > max(FIRST_STAGE, len(fixed), PART / (CELLS_ON_SLOPES * density)):
             nested.append(_coarser(nested[-1], each))
-    ranking, places, power = _in_memory(nested.pop(), each, stages, fixed)
+    ranking, places = _in_memory(nested.pop(), each, stages, fixed)
     while nested:
-        ranking, places = _in_parts(replace(nested.pop(), power=power), each, stages, ranking, places)
+        ranking, places = _in_parts(nested.pop(), each, stages, ranking, places)
     level = noise.level / noise.spacing if noise.spacing > 0.0 else 0.0
     return ranking._replace(noise_in_spacings=level)
 
@@ -286,8 +283,8 @@ def _thin(stage: _Stage, part: Part) -> tuple[Run, NDArray[np.int64]]:
 
 def _in_memory(
     stage: _Stage, each: Each, stages: Stages, fixed: NDArray[np.int64]
-) -> tuple[Ranking, NDArray[np.float64], float]:
-    """Choose the points of the first stages in memory; return the ranking, its places, and the power of weights."""
+) -> tuple[Ranking, NDArray[np.float64]]:
+    """Choose the points of the first stages in memory; return the ranking and its places."""
     with stages("candidates"):
         found = [near.records for near in each(partial(_candidates, stage, 0.0), stage.stored.parts(PART))]
         records = np.concatenate(found)
@@ -299,11 +296,10 @@ def _in_memory(
         sharpness = np.ascontiguousarray(records["sharpness"])
         target = min(stage.target, len(records))
         candidates = nested_candidates(places, sharpness, target, stage.area, stage.density, len(fixed))
-    weighing = Weighing(records["weight"]) if "weight" in (records.dtype.names or ()) else None
+    weights = records["weight"] if "weight" in (records.dtype.names or ()) else None
     observations = _observations(records).take(candidates[-1].rows)
-    ranking = rank(places, candidates, observations, stage.criterion, stages, len(fixed), weighing)
-    power = weighing.power if weighing else 1.0
-    return ranking._replace(rows=records["row"][ranking.rows]), places[ranking.rows], power
+    ranking = rank(places, candidates, observations, stage.criterion, stages, len(fixed), weights)
+    return ranking._replace(rows=records["row"][ranking.rows]), places[ranking.rows]
 
 
 def _observations(records: NDArray[Any]) -> Observations:
@@ -379,7 +375,7 @@ def _field(stage: _Stage, part: Part) -> tuple[Neighbourhood, LocalField]:
     variances = _observations(records).variances / stage.spacing**2
     field = local_field(tree, features, variances, stage.criterion, stage.scale)
     if "weight" in (records.dtype.names or ()):
-        field = field._replace(spacings=field.spacings * records["weight"] ** (-0.5 * stage.power))
+        field = field._replace(spacings=field.spacings * records["weight"] ** (-0.5 * WEIGHT_POWER))
     return Neighbourhood(records, inside), field
 
 

@@ -19,6 +19,10 @@ GROUP_SIZE = 8  # Points with one limit of the gradation. Limits for each point 
 LEAST_ROUGHNESS = 0.05
 EDGE_ROUGHNESS = 0.29  # Roughness on a right-angled edge: 0.292 at any radius (research/experiments.md).
 GRADATION = 0.1  # Growth of the spacing with distance, at most; 0.05 and 0.2 are worse (research/experiments.md).
+# Near a jump of the weights, and where normals turn much from one point to the next, the choice follows the desired
+# spacings less than it should. With this power of the weights, densities have the wanted ratio (docs/ask.md).
+WEIGHT_POWER = 1.15
+FINEST = 8.0  # Times the usual number of candidates at most, where large weights want many points in few places.
 ROUNDING = 1e-12  # Surface variation, or its standard deviation, below this is only rounding.
 
 
@@ -29,6 +33,20 @@ def density_of(roughness: NDArray[np.float64], power: float) -> NDArray[np.float
     goes as the square root of the curvature.
     """
     return np.maximum(roughness, LEAST_ROUGHNESS) ** power
+
+
+def weighted(spacings: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return spacings of n places of which the density is multiplied by weights, (n,); the mean of their density is 1.
+
+    The weights come after the gradation, so that the density jumps where they do.
+    """
+    density = weights**WEIGHT_POWER * spacings**-2.0
+    return np.sqrt(np.mean(density) / density)
+
+
+def refinement(weights: NDArray[np.float64]) -> float:
+    """Return how many times as many candidates are needed as without weights, (N,)."""
+    return min(float(weights.max() / weights.mean()), FINEST)
 
 
 def segregation(roughness: NDArray[np.float64]) -> float:
