@@ -70,7 +70,7 @@ def no_segregation(roughness: Any) -> float:
     return 0.0
 
 
-def nowhere_sharp(tree: Any, edge: float, most: int) -> Any:
+def nowhere_sharp(tree: Any, edge: float) -> Any:
     """Take no place for sharp, in place of `survey.sharpness_of`."""
     return np.zeros(len(tree.order))
 
@@ -78,7 +78,7 @@ def nowhere_sharp(tree: Any, edge: float, most: int) -> Any:
 def changes() -> dict[str, Change]:
     """Return the changes by their names in the table."""
     gradation_off, segregation_off = (algorithm, "graded", not_graded), (algorithm, "segregation", no_segregation)
-    sharpness_off, noise_off = (survey, "sharpness_of", nowhere_sharp), (noise, "QUIET", np.inf)
+    sharpness_off, noise_off = (survey, "sharpness_of", nowhere_sharp), (noise, "CLEAN", np.inf)
     return {
         DEFAULT: Change(),
         CONTROL: Change(),

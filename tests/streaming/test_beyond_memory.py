@@ -32,8 +32,7 @@ def beyond_memory(monkeypatch):
     monkeypatch.setattr("gppcs.streaming.plan.ROWS", 3_000)
     monkeypatch.setattr("gppcs.streaming.scan.RUN", 5_000)
     monkeypatch.setattr("gppcs.spatial.farthest_in_parts.PART", 4_000)
-    monkeypatch.setattr("gppcs.gp.local.beyond_memory.PART", 4_000)
-    monkeypatch.setattr("gppcs.gp.local.beyond_memory.POINTS", 4_000)
+    monkeypatch.setattr("gppcs.gp.local.beyond_memory.PART", 2_000)
 
 
 def written(tmp_path, cloud, name="cloud.ply"):

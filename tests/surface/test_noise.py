@@ -1,18 +1,14 @@
-from functools import partial
-
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.noise import (
+    CLEAN,
     FEWEST,
     NEIGHBOURS,
-    QUIET,
-    WIDEST,
     Layer,
     Noise,
-    across_noise,
     layer_of,
     projections,
 )
@@ -101,8 +97,8 @@ def test_feet_equal_least_squares():
 def test_noise_counts_where_it_is_large_beside_the_target_spacing():
     tree = KdTree.build(rough_plane(0.002))
     level = Noise.measure(tree, 500, 1.0).level
-    assert Noise.measure(tree, 500, 1.02 * level / QUIET).quiet
-    assert not Noise.measure(tree, 500, 0.98 * level / QUIET).quiet
+    assert Noise.measure(tree, 500, 1.02 * level / CLEAN).quiet
+    assert not Noise.measure(tree, 500, 0.98 * level / CLEAN).quiet
 
 
 def test_noise_is_not_told_from_detail_where_few_points_lie_within_the_target_spacing():
@@ -155,7 +151,6 @@ def test_neighbourhoods_that_lie_across_the_noise_do_not_grow(sigma):
     noise = Noise.measure(KdTree.build(rough_plane(sigma)), 500, 0.045)
     assert not noise.thick
     assert noise.neighbours == NEIGHBOURS
-    assert across_noise(partial(layer_of, KdTree.build(rough_plane(0.1))))[0] == WIDEST
 
 
 def test_detail_as_small_as_the_target_spacing_is_not_smoothed_away():
@@ -164,7 +159,7 @@ def test_detail_as_small_as_the_target_spacing_is_not_smoothed_away():
     flat = rng.random((20_000, 2))
     waves = np.column_stack([flat, 0.006 * np.sin(200 * flat[:, 0])])
     noise = Noise.measure(KdTree.build(waves), 500, 0.045)
-    assert noise.level > QUIET * noise.spacing
+    assert noise.level > CLEAN * noise.spacing
     assert noise.quiet
     assert not noise.clean
     assert not noise.thick
@@ -175,7 +170,7 @@ def test_detail_as_small_as_the_target_spacing_is_not_smoothed_away():
 
 def test_neighbourhoods_do_not_grow_beyond_the_target_spacing():
     tree = KdTree.build(rough_plane(0.03))
-    assert Noise.measure(tree, 1_000, 0.03).neighbours == int(20 * np.pi)
+    assert Noise.measure(tree, 1_500, 0.025).neighbours == int(20 * np.pi / 1.5)
     assert Noise.measure(tree, 3_000, 0.02).neighbours == int(20 * np.pi / 3)
 
 
@@ -204,9 +199,3 @@ def test_the_level_of_gaussian_noise_is_its_standard_deviation():
     level, radius = Layer.of(distances, np.arange(5.0))
     assert level == pytest.approx(3.0, rel=0.01)
     assert radius == 2.0
-
-
-def test_less_noise_hides_sharp_places_than_makes_observations_uncertain():
-    for sigma, quiet, clean in ((0.0, True, True), (0.001, True, False), (0.004, False, False)):
-        noise = Noise.measure(KdTree.build(rough_plane(sigma)), 500, 0.045)
-        assert (noise.quiet, noise.clean) == (quiet, clean)

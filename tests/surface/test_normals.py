@@ -1,5 +1,3 @@
-from functools import partial
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,8 +8,8 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, mini
 import gppcs
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface import normals as module
-from gppcs.surface.noise import NEIGHBOURS, WIDEST, across_noise, layer_of
-from gppcs.surface.normals import estimate_normals
+from gppcs.surface.noise import NEIGHBOURS
+from gppcs.surface.normals import WIDEST, across_noise, estimate_normals
 from gppcs.surface.quadrics import fit_quadrics
 
 
@@ -151,11 +149,11 @@ def test_normals_and_signs_hold_where_the_noise_is_thick(sigma, sphere):
 
 def test_neighbourhoods_grow_with_the_noise_alone(sphere, bracket):
     clouds = [noisy_sphere(sphere, sigma) for sigma in (0, 0.005, 0.012, 0.02, 0.1)]
-    sizes = [across_noise(partial(layer_of, KdTree.build(points)))[0] for points in clouds]
+    sizes = [across_noise(KdTree.build(points))[0] for points in clouds]
     assert sizes == sorted(sizes)
     assert sizes[:2] == [NEIGHBOURS] * 2
     assert sizes[-1] == WIDEST
-    assert across_noise(partial(layer_of, KdTree.build(bracket)))[0] == NEIGHBOURS
+    assert across_noise(KdTree.build(bracket))[0] == NEIGHBOURS
 
 
 def test_two_sheets_of_a_slab_point_apart():

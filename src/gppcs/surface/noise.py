@@ -19,13 +19,11 @@ from gppcs.surface.quadrics import fit_quadrics
 
 FEWEST = 12  # A quadric has six coefficients. Fitted to fewer points than this it follows their noise.
 NEIGHBOURS = 30  # Points of a fit if the noise is thin compared with the neighbourhood: five for each coefficient.
-WIDEST = 120  # Points of a fit at most. Quadrics of more points cut off detail and take long.
 THICK = 0.25  # Noise above this, in neighbourhood radii, is thick. 32 clouds without added noise have at most 0.22.
 # What lies off quadrics is detail if twice as many points lower its ratio to their radius to no less than this share.
 # That of noise falls to 1 / sqrt(2), as its distance stays; that of vegetation and clutter stays about the same.
 DETAIL = 0.85
-QUIET = 0.04  # Noise below this, in target spacings, changes no choice that matters.
-CLEAN = 0.0165  # Noise below this, in target spacings, lets sharp places be told.
+CLEAN = 0.04  # Noise below this, in target spacings, changes no choice that matters, and lets sharp places be told.
 TOLERATED = 0.5  # Noise of this size, in target spacings, makes an observation as uncertain as the prior.
 # Largest variance of an observation, in units of the prior's, so that lone points still count. Without it the covering
 # radius of a desk scan grows from 1.7 to 6.7 times that of fps (research/experiments.md).
@@ -110,7 +108,7 @@ class Noise:
         Whether no noise matters: there is little, it is detail of the surface such as vegetation, or too few points lie
         near each other to measure it.
     clean : bool
-        Whether sharp places can be told from noise.
+        Whether there is little, so that sharp places can be told.
     spacing : float
         Target spacing, in the same unit.
     """
@@ -140,10 +138,11 @@ class Noise:
             return cls(None, within, False, 0.0, True, True, spacing)
         layer_of = cache(layer_of)
         narrow = layer_of(NEIGHBOURS)
-        neighbours, layer = across_noise(layer_of, min(within, WIDEST))
+        neighbours = min(2 * NEIGHBOURS if narrow.thick else NEIGHBOURS, within)
+        layer = layer_of(neighbours)
         detail = not narrow.thick and is_detail(narrow, layer_of(2 * NEIGHBOURS))
-        quiet = detail or layer.level <= QUIET * spacing
-        return cls(None, neighbours, narrow.thick, layer.level, quiet, layer.level <= CLEAN * spacing, spacing)
+        clean = layer.level <= CLEAN * spacing
+        return cls(None, neighbours, narrow.thick, layer.level, clean or detail, clean, spacing)
 
     def observe(self, places: NDArray[np.float64]) -> Observations:
         """Return what observations at some places are worth.
@@ -164,16 +163,6 @@ class Noise:
 def is_detail(fine: Layer, wide: Layer) -> bool:
     """Return whether what lies off quadrics is detail of the surface rather than noise."""
     return wide.level * fine.radius > DETAIL * fine.level * wide.radius
-
-
-def across_noise(layer_of: Callable[[int], Layer], widest: int = WIDEST) -> tuple[int, Layer]:
-    """Double the points of a fit until neighbourhoods lie across the layer of noise, not within it."""
-    neighbours = min(NEIGHBOURS, widest)
-    layer = layer_of(neighbours)
-    while layer.thick and neighbours < widest:
-        neighbours = min(2 * neighbours, widest)
-        layer = layer_of(neighbours)
-    return neighbours, layer
 
 
 def projections(tree: KdTree, places: KdTree, neighbours: int) -> tuple[KdTree, NDArray[np.float64]]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +12,7 @@ from gppcs.errors import InputError, whole_number
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
-from gppcs.surface.noise import NEIGHBOURS, across_noise, is_detail, layer_of, projections
+from gppcs.surface.noise import NEIGHBOURS, Layer, is_detail, layer_of, projections
 from gppcs.surface.quadrics import fit_quadrics
 
 CLOSE = 16  # Points of the fits that find signs: fewer than 30, as thin parts matter more there than noise.
@@ -22,6 +20,7 @@ SHARP = 18  # Points of the fits where there is no noise: fewer keep edges and t
 EDGES = 8  # Nearest neighbours to which a sign is passed. Farther ones lie on the other side of thin parts.
 MOST_GUIDES = 1_000_000  # Points of the cloud that pass signs on, at most: more would only take time and memory.
 FARTHEST = 1e6  # Places farther off, in sizes of the cloud, see no shape of it: rounding hides it.
+WIDEST = 4 * NEIGHBOURS  # Points of a fit at most. Quadrics of more points cut off detail and take long.
 UP = np.array([0.01, 0.03, 0.1])  # Side to which flat pieces point: +z. The tilt also decides upright faces.
 
 
@@ -100,7 +99,7 @@ def normals_of(tree: KdTree, near: NDArray[np.int64], noisy: bool) -> NDArray[np
     Shapes: near (N, k); returns (N, 3).
     """
     near = np.ascontiguousarray(near[:, :EDGES])
-    neighbours = across_noise(partial(layer_of, tree))[0]
+    neighbours = across_noise(tree)[0]
     if neighbours < 2 * NEIGHBOURS and not noisy:
         return _oriented(tree, None, near, SHARP)
     normals = np.ascontiguousarray(fit_quadrics(tree, tree, neighbours).normals.T)
@@ -111,10 +110,20 @@ def normals_of(tree: KdTree, near: NDArray[np.int64], noisy: bool) -> NDArray[np
 
 def _points_of_fits(tree: KdTree) -> int:
     """Return to how many points quadrics are fitted: as few as the noise of the points of a tree allows."""
-    neighbours, layer = across_noise(partial(layer_of, tree))
+    neighbours, layer = across_noise(tree)
     if neighbours == NEIGHBOURS and is_detail(layer, layer_of(tree, 2 * NEIGHBOURS)):
         return SHARP
     return neighbours
+
+
+def across_noise(tree: KdTree) -> tuple[int, Layer]:
+    """Double the points of a fit until neighbourhoods lie across the layer of noise, not within it."""
+    neighbours = NEIGHBOURS
+    layer = layer_of(tree, neighbours)
+    while layer.thick and neighbours < WIDEST:
+        neighbours *= 2
+        layer = layer_of(tree, neighbours)
+    return neighbours, layer
 
 
 def _turned(normals: NDArray[np.float64], signed: NDArray[np.float64]) -> NDArray[np.float64]:

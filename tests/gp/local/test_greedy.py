@@ -90,7 +90,6 @@ def test_in_two_steps_as_in_one():
 def small_parts(monkeypatch):
     """Parts of about a hundred points."""
     monkeypatch.setattr(greedy, "POINTS", 100)
-    monkeypatch.setattr(greedy, "CHOSEN_PER_NEIGHBOUR", 1)
 
 
 def test_any_number_of_threads_gives_the_same_bits(on_threads, small_parts):
@@ -118,7 +117,6 @@ def test_parts_choose_what_one_after_another_would(seed, weight, share, flat):
     expected = extend(field, tree, chosen, n_points, 1, 0.0)
     with pytest.MonkeyPatch.context() as small:
         small.setattr(greedy, "POINTS", 100)
-        small.setattr(greedy, "CHOSEN_PER_NEIGHBOUR", 1)
         assert number_of_parts(2_000, 100, tree.leaves, 1) > 8
         found = extend(field, tree, chosen, n_points, 1, 0.0)
     for array, wanted in zip(found, expected, strict=True):

@@ -39,7 +39,7 @@ from gppcs.gp.local.candidates import (
     thinned,
 )
 from gppcs.gp.local.density import FINEST, WEIGHT_POWER
-from gppcs.gp.local.greedy import FALL, SPARE, STEP, extend_down_to
+from gppcs.gp.local.greedy import extend_down_to, next_step
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.survey import PER_POINT, sample_size, sharpness_of
 from gppcs.spatial.boxes import Each, Part, classes
@@ -48,19 +48,14 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.row_sample import drawn
 from gppcs.spatial.spacing import surface_area
 from gppcs.spatial.stored import Neighbourhood, Run, StoredPoints, within, write_run
-from gppcs.surface.noise import FEWEST, NEIGHBOURS, SAMPLES, WIDEST, Layer, Noise, Observations, projections
+from gppcs.surface.noise import FEWEST, NEIGHBOURS, SAMPLES, Layer, Noise, Observations, projections
 from gppcs.surface.surface_variation import Features
 
 PART = 1 << 17  # Candidates of a part at most. With fewer, halos cost more than the parts themselves.
-POINTS = 1 << 18  # Points of a part at most, of which candidates are taken.
 CELLS_ON_SLOPES = 1.5  # Occupied cells for each that a surface along the grid occupies.
 SURVEYED = 16  # Parts in which the noise, and the scale and the level of a stage, are measured, at most.
 HALO = 6.0  # In target spacings. 3 give the same points as 24, but for one in a hundred (research/experiments.md).
-NOISE_HALO = 3.0  # In target spacings of the last stage: the points of a fit lie within 1.2 of them.
 DIAGONAL = math.sqrt(3.0)  # Of a cell, in edge lengths. A halo this wide holds all points of the cells of a part.
-# The first level, in units of the last score of the stage before. Fields of stages are alike up to a fifth.
-FIRST_LEVEL = 1.15
-VARIATIONS = 4096  # Candidates of a part whose surface variation tells the scale of the field.
 FIXED = -1.0  # Stands for the gap of a point that is chosen from the start, and so is a candidate of every stage.
 LOWEST = 1e-6  # Below this level, all candidates are chosen.
 NO_POINTS = Ranking(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0))
@@ -152,7 +147,7 @@ def choose_stored(
     Shapes: fixed (m,), fixed_places (m, 3) without repeats.
     """
     density *= min(1.0 / stored.mean_weight, FINEST)
-    parts = stored.parts(POINTS)
+    parts = stored.parts(2 * PART)
     with stages("survey"):
         tree = KdTree.build(stored.sample)
         target, alike = max(1, len(stored.sample) // PER_POINT), np.zeros(len(stored.sample), dtype=np.float32)
@@ -228,14 +223,14 @@ def _store_candidates(
     """Store the candidates of a part for the last stage; return their numbers in each box, and those of lone ones."""
     stored, noise = stage.stored, stage.noise
     margin = DIAGONAL * stage.edge + DISTANCES[-1] * stage.spacing
-    near = stored.near(asked.part, max(margin, 0.0 if noise.quiet else NOISE_HALO * noise.spacing), repeats=True)
+    near = stored.near(asked.part, max(margin, 0.0 if noise.quiet else HALO * noise.spacing), repeats=True)
     points = near.points
     some = np.flatnonzero(drawn(near.rows, sample_size(stage.target) / len(stored)))
     some = some[first_occurrences(points[some])]
     tree = KdTree.build(points[some]) if len(some) else None
     sharpness = np.zeros(len(points), dtype=np.float32)
     if noise.clean and tree:  # otherwise noisy points would look sharp
-        sharpness[some] = sharpness_of(tree, stage.edge, len(some))
+        sharpness[some] = sharpness_of(tree, stage.edge)
     kept = greatest_in_cells(points, stage.edge, sharpness) if stage.thinned else np.arange(len(points))
     gaps = gaps_of_lone(points[kept], stage.spacing) if stage.thinned else np.zeros(len(kept))
     own = near.inside[kept]
@@ -322,7 +317,7 @@ def _in_parts(
         stage = _scaled(stage, np.concatenate(variation), parts, each)
     added, added_places = NO_POINTS, np.empty((0, 3))
     with stages("greedy selection", wanted) as advanced:
-        before, level = len(ranking.rows), FIRST_LEVEL * float(ranking.scores[-1]) if len(ranking.rows) else 1.0
+        before, level = len(ranking.rows), float(ranking.scores[-1]) if len(ranking.rows) else 1.0
         while (count := len(added.rows)) < wanted:
             known = np.concatenate([ranking.rows, added.rows]), np.concatenate([places, added_places])
             for of_part, of_places in _round(stage, parts, each, level, *known):
@@ -331,8 +326,7 @@ def _in_parts(
             advanced(min(len(added.rows), wanted) - count)
             if level == 0.0:
                 break
-            fall = ((before + len(added.rows)) / (before + SPARE * wanted)) ** FALL
-            level = level * max(STEP, fall) if level > LOWEST else 0.0
+            level = level * next_step(before + len(added.rows), before + wanted) if level > LOWEST else 0.0
     for part in parts:
         stage.file(part).unlink()
     best = np.lexsort([added.rows, -added.scores])[:wanted]
@@ -350,7 +344,7 @@ def _measure(stage: _Stage, part: Part) -> NDArray[np.float64]:
     np.savez(unfinished, *near, features.surface_variation, features.normals)
     os.replace(unfinished, stage.file(part))
     variation = features.surface_variation[near.inside]
-    return variation[:: max(1, len(variation) // VARIATIONS)]
+    return variation[:: max(1, len(variation) // SAMPLES)]
 
 
 def _scaled(stage: _Stage, variation: NDArray[np.float64], parts: list[Part], each: Each) -> _Stage:
@@ -424,9 +418,9 @@ def _noise(stored: StoredPoints, n_points: int, area: float, parts: list[Part], 
     count = int(np.pi * share * len(stored) / n_points)
     if count < FEWEST:
         return Noise(None, count, False, 0.0, True, True, spacing)
-    fits = sorted({*(NEIGHBOURS << i for i in range((WIDEST // NEIGHBOURS).bit_length())), min(count, WIDEST)})
+    fits = sorted({NEIGHBOURS, 2 * NEIGHBOURS, min(count, NEIGHBOURS), min(count, 2 * NEIGHBOURS)})
     some = _some(parts)
-    measure = partial(_distances, stored, share, NOISE_HALO * spacing, fits, -(-SAMPLES // len(some)))
+    measure = partial(_distances, stored, share, HALO * spacing, fits, -(-SAMPLES // len(some)))
     found = np.concatenate(list(each(measure, some)), axis=2)
     layers = {k: Layer.of(*of_fit) for k, of_fit in zip(fits, found, strict=True)}
     return Noise.from_layers(layers.__getitem__, count, spacing)

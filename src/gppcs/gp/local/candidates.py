@@ -24,9 +24,7 @@ DISTANCES = (0.45, 0.9, 1.8, 3.6)
 # Those alone within a distance are outliers if more than this share of them is alone within twice that distance, too.
 # It is mostly 28 % at most in scans with sparse parts, and 40 % or more of outliers (research/experiments.md).
 OUTLIERS = 0.4
-FEW = 6  # Fewer lone candidates tell nothing.
 HARMLESS = 0.003  # Lone candidates take so few of the points to keep that they may stay, whatever they are.
-MINORITY = 0.2  # Share of the candidates that can be outliers. With more, the cloud is sparse.
 FOLLOWERS = 3  # Points on each side, in tree order, that are looked at first.
 SMALLEST_AREA = 1e-200  # Halving of the area stops here, before it becomes zero.
 
@@ -133,7 +131,7 @@ def largest_gap(lone: NDArray[np.int64], n: int, n_points: int, spacing: float) 
     Shapes: lone (4,).
     """
     for distance, (number, farther) in zip(DISTANCES, pairwise(lone), strict=False):
-        if max(FEW, HARMLESS * n_points) <= number <= MINORITY * n and farther > OUTLIERS * number:
+        if HARMLESS * n_points < number <= n - ENOUGH * n_points and farther > OUTLIERS * number:
             return distance * spacing
     return math.inf
 

@@ -12,6 +12,7 @@ number of threads.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -39,12 +40,9 @@ from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, squared_distanc
 
 STEP = 0.7  # From one level to the next. Larger steps defer more points, smaller ones take more rounds.
 SPARE = 1.01  # Points chosen for each one wanted: the last level is aimed a little too low.
-# Scores fall about as the number of chosen points to this power. A wrong power costs another level, nothing else.
-FALL = 0.7
 LEAST_STEP = 1e-6  # A level below this is the last.
 REPORTED = 4096  # Points chosen one after another between two reports of progress.
 POINTS = 4096  # Points of a part at least: with fewer, most of them are near others.
-CHOSEN_PER_NEIGHBOUR = 16  # Chosen points of a part at least, for each point that a posterior is conditioned on.
 
 
 class Parts(NamedTuple):
@@ -166,14 +164,18 @@ def _choose_in_levels(
     """Choose the `wanted` best points, level by level, after `chosen` others; parts as in `choose_all_above`."""
     level, taken = float(state.best[1]), 0
     while taken < wanted:
-        step = ((chosen + taken) / (chosen + SPARE * wanted)) ** FALL
-        level = min(level, float(state.best[1])) * max(STEP, step)
+        level = min(level, float(state.best[1])) * next_step(chosen + taken, chosen + wanted)
         choose_level(level, field, error_weight, state, parts, rest)
         before, taken = taken, min(int(parts.counts.sum() + rest.counts.sum()), wanted)
         advanced(taken - before)
     added, scores = _joined(parts, rest)
     best = np.argsort(-scores, kind="stable")[:wanted]
     return added[best], scores[best]
+
+
+def next_step(chosen: int, wanted: int) -> float:
+    """Return by what the level is multiplied: scores fall about as the spacing of the chosen points, or faster."""
+    return max(STEP, math.sqrt(chosen / (SPARE * wanted)))
 
 
 def _joined(parts: Parts, rest: Parts) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -185,7 +187,7 @@ def _joined(parts: Parts, rest: Parts) -> tuple[NDArray[np.int64], NDArray[np.fl
 def number_of_parts(n: int, chosen: int, leaves: int, neighbours: int) -> int:
     """Return the number of parts, a power of two."""
     parts = 1
-    while 2 * parts <= leaves and n >= 2 * parts * POINTS and chosen >= 2 * parts * CHOSEN_PER_NEIGHBOUR * neighbours:
+    while 2 * parts <= leaves and n >= 2 * parts * POINTS and chosen >= 2 * parts * neighbours:
         parts *= 2
     return parts
 

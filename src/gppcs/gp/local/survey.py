@@ -19,7 +19,6 @@ from gppcs.surface.surface_variation import features_in_radius
 
 LARGE = 100_000  # A larger cloud is sampled, as a tree over many millions takes longer than the choice.
 PER_POINT = 26  # Sampled points for each point to keep: about as many as measuring the noise needs.
-PER_CELL = 25  # Points of a cell whose sharpness is measured. The cost grows as their square, the gain is small.
 
 
 class Survey(NamedTuple):
@@ -53,8 +52,7 @@ def survey(points: NDArray[np.float64], n_points: int, density: float, stages: S
     sharpness = np.zeros(len(points), dtype=np.float32)
     if noise.clean:  # otherwise noisy points would look sharp
         with stages("candidates"):
-            cells = density * n_points
-            sharpness[rows] = sharpness_of(tree, cell_edge(area, cells), math.ceil(PER_CELL * cells))
+            sharpness[rows] = sharpness_of(tree, cell_edge(area, density * n_points))
     return Survey(area, noise, sharpness)
 
 
@@ -70,23 +68,18 @@ def sample(points: NDArray[np.float64], n_points: int) -> NDArray[np.int64]:
     target spacing: then a sample has too few points for the widest neighbourhoods.
     """
     n = len(points)
-    if n <= 1.5 * sample_size(n_points):
+    if n <= sample_size(n_points):
         return np.arange(n)
     draws = round(-n * math.log1p(-sample_size(n_points) / n))  # with replacement: some rows are drawn twice
     rows = np.unique(np.random.default_rng(0).integers(0, n, draws))
     return rows[first_occurrences(points[rows])]
 
 
-def sharpness_of(tree: KdTree, edge: float, most: int) -> NDArray[np.float64]:
+def sharpness_of(tree: KdTree, edge: float) -> NDArray[np.float64]:
     """Return the surface variation within the edge length of a cell, in the order of the tree's input, (N,).
 
     Of the points in a cell with a crease through it, those on the crease have the most. Rounding counts as none, as it
-    changes with the place of the cloud. Of more than `most` points, only some are measured, evenly spread over the
-    tree; the others have 0.
+    changes with the place of the cloud.
     """
-    some = slice(None, None, max(1, len(tree.order) // most))
-    measured = KdTree.over(np.ascontiguousarray(tree.points[:, some]))
-    variation = features_in_radius(measured, edge, with_normals=False).surface_variation
-    sharpness = np.zeros(len(tree.order))
-    sharpness[tree.order[some]] = np.where(variation > ROUNDING, variation, 0.0)
-    return sharpness
+    variation = features_in_radius(tree, edge, with_normals=False).surface_variation
+    return np.where(variation > ROUNDING, variation, 0.0)
