@@ -54,6 +54,24 @@ def random_mesh(seed):
     return points, normals, HalfEdges.of(faces, len(points))
 
 
+def faults(mesh):
+    """The half-edges and vertices of a mesh whose connections are not those of an oriented manifold."""
+    there = [h for h in range(len(mesh.origin)) if mesh.origin[h] >= 0]
+    edge = {h: (mesh.origin[h], mesh.origin[h - 2 if h % 3 == 2 else h + 1]) for h in there}
+    number = {ends: h for h, ends in edge.items()}
+    found = [h for h, (p, q) in edge.items() if p == q or mesh.opposite[h] != number.get((q, p), -1)]
+    found += [h for h, ends in edge.items() if number[ends] != h]  # a directed edge is there twice
+    leaving = {v: {h for h in there if mesh.origin[h] == v} for v in set(mesh.origin) - {-1}}
+    for v in range(len(mesh.leaving)):
+        h, fan = mesh.leaving[v], set()
+        while h >= 0 and h not in fan:
+            fan.add(h)
+            h = mesh.opposite[h + 2 if h % 3 == 0 else h - 1]
+        if fan != leaving.get(v, set()):  # half-edges of other vertices, or the triangles are not one fan
+            found.append(v)
+    return found
+
+
 def square(n, left=1, seed=0):
     """Random points of a unit square, (n, 3), whose left half is some times as dense."""
     rng = np.random.default_rng(seed)

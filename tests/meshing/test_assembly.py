@@ -18,9 +18,9 @@ from gppcs.meshing.assembly import (
     without_bow_ties,
     without_scraps,
 )
-from gppcs.meshing.halfedges import HalfEdges, faults
+from gppcs.meshing.halfedges import HalfEdges
 from meshing.test_coverage import cover_of
-from shapes import ball, sheet
+from shapes import ball, faults, sheet
 
 
 @given(seed=st.integers(0, 10_000))

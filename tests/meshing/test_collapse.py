@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from gppcs.clouds.topology import topology_of
 from gppcs.meshing.collapse import collapse, is_allowed, move_triangles
-from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, faults, neighbours
+from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, neighbours
 from gppcs.meshing.quadrics import add_borders, dense_quadrics
-from shapes import ball, random_mesh, sheet
+from shapes import ball, faults, random_mesh, sheet
 
 
 def collapsed(points, normals, mesh, target, kept=None, faces=False):

@@ -8,8 +8,8 @@ from gppcs.meshing.cuts import cutting
 from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.draft import MOST_THIN, THIN, Draft
 from gppcs.meshing.flips import qualities
-from gppcs.meshing.halfedges import HalfEdges, faults
-from shapes import ball, hull
+from gppcs.meshing.halfedges import HalfEdges
+from shapes import ball, faults, hull
 
 
 def cube(n, seed=0):

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from gppcs.clouds.topology import topology_of
 from gppcs.meshing.assembly import holes_filled
 from gppcs.meshing.cuts import cutting
-from gppcs.meshing.halfedges import HalfEdges, faults
+from gppcs.meshing.halfedges import HalfEdges
 from gppcs.meshing.mending import cut_out, holes_closed, mend
 from meshing.test_coverage import cover_of
-from shapes import ball, random_mesh, sheet
+from shapes import ball, faults, random_mesh, sheet
 
 
 def crumpled(seed):

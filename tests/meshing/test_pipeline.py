@@ -5,9 +5,9 @@ import pytest
 
 import gppcs
 from gppcs.clouds.topology import topology_of
-from gppcs.meshing.halfedges import HalfEdges, faults
+from gppcs.meshing.halfedges import HalfEdges
 from meshes import faulty_triangles
-from shapes import torus
+from shapes import faults, torus
 
 
 @pytest.fixture(scope="module")

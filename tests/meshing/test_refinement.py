@@ -5,9 +5,9 @@ import pytest
 
 from gppcs.clouds.topology import topology_of
 from gppcs.meshing.assignment import Assignment
-from gppcs.meshing.halfedges import HalfEdges, faults
+from gppcs.meshing.halfedges import HalfEdges
 from gppcs.meshing.refinement import INSIDE, split, worst_places
-from shapes import random_mesh
+from shapes import faults, random_mesh
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])

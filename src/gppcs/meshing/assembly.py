@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.coverage import Cover, are_covered, is_covered, no_search
-from gppcs.meshing.halfedges import MOST_AROUND, EdgeTable, HalfEdges, add_edge, find_edge, following, preceding
+from gppcs.meshing.halfedges import (
+    MOST_AROUND,
+    EdgeTable,
+    Floats,
+    HalfEdges,
+    Ints,
+    add_edge,
+    find_edge,
+    following,
+    preceding,
+)
 from gppcs.spatial.triangles import area_vector, dot, has_area, minus, row
 
 SMALL_GAP = 8  # corners of a gap that is filled before triangles of a single fan are tried
@@ -25,20 +34,12 @@ LENGTH = 0.02  # weight of its squared edges, which keeps its triangles compact
 
 
 def assembled(
-    triangles: NDArray[np.int64],
-    votes: NDArray[np.int64],
-    radii: NDArray[np.float64],
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    reaches: NDArray[np.float64],
-    cover: Cover,
-) -> NDArray[np.int64]:
+    triangles: Ints, votes: Ints, radii: Floats, points: Floats, normals: Floats, reaches: Floats, cover: Cover
+) -> Ints:
     """Choose triangles of the fans that together are an oriented manifold, and fill gaps that dense points cover.
 
     Triangles on which two or three fans agree come first, those with small circumcircles before others. Small gaps
     are filled; then triangles of a single fan are added where there is room; then larger gaps are filled, and pinholes.
-
-    Shapes: points, normals (n, 3), reaches (n,); returns (F, 3).
     """
     kept = are_covered(cover, triangles, points, reaches)
     triangles, votes, radii = triangles[kept], votes[kept], radii[kept]
@@ -59,12 +60,10 @@ def assembled(
     return without_bow_ties(faces, len(points))
 
 
-def taken(triangles: NDArray[np.int64], n: int) -> NDArray[np.int64]:
+def taken(triangles: Ints, n: int) -> Ints:
     """Take triangles one after another, each if all of them stay an oriented manifold.
 
     Bow-ties, vertices at which several fans meet, are allowed here: later triangles may join the fans.
-
-    Shapes: triangles (t, 3); returns (F, 3).
     """
     triangles = np.ascontiguousarray(triangles)
     table, take = EdgeTable.of(n, 3 * len(triangles)), np.zeros(len(triangles), dtype=np.bool_)
@@ -113,11 +112,8 @@ def _walk(triangles, table, p, start, end):
     return True, steps
 
 
-def without_bow_ties(faces: NDArray[np.int64], n: int) -> NDArray[np.int64]:
-    """Leave out triangles so that those at each vertex are one fan: the largest stays, of equal ones the first.
-
-    Shapes: faces (F, 3).
-    """
+def without_bow_ties(faces: Ints, n: int) -> Ints:
+    """Leave out triangles so that those at each vertex are one fan: the largest stays, of equal ones the first."""
     while True:
         mesh = HalfEdges.of(faces, n)
         fan = np.full(len(mesh.origin), -1)
@@ -155,18 +151,8 @@ def _number_fans(mesh, fan):
     return sizes[:count]
 
 
-def filled(
-    faces: NDArray[np.int64],
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    reaches: NDArray[np.float64],
-    cover: Cover,
-    most: int,
-) -> NDArray[np.int64]:
-    """Fill the gaps that have few corners and that the dense points cover.
-
-    Shapes: faces (F, 3).
-    """
+def filled(faces: Ints, points: Floats, normals: Floats, reaches: Floats, cover: Cover, most: int) -> Ints:
+    """Fill the gaps that have few corners and that the dense points cover."""
     mesh = HalfEdges.of(faces, len(points))
     loops, ends = border_loops(mesh)
     return np.concatenate([faces, _fillings(mesh, loops, ends, most, points, normals, reaches, cover, True)])
@@ -174,26 +160,23 @@ def filled(
 
 def _fillings(
     mesh: HalfEdges,
-    loops: NDArray[np.int64],
-    ends: NDArray[np.int64],
+    loops: Ints,
+    ends: Ints,
     most: int,
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    reaches: NDArray[np.float64],
+    points: Floats,
+    normals: Floats,
+    reaches: Floats,
     cover: Cover,
     covered: bool,
-) -> NDArray[np.int64]:
+) -> Ints:
     """Return the triangles, (B, 3), that close borders, as `border_loops` lists them; see `_fill_all`."""
     table = EdgeTable.of(len(mesh.leaving), len(mesh.origin) + 3 * len(loops))
     added = np.empty((len(loops), 3), dtype=np.int64)
     return added[: _fill_all(mesh, loops, ends, most, points, normals, reaches, cover, covered, table, added)]
 
 
-def border_loops(mesh: HalfEdges) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the borders of a mesh, each as its vertices in the order in which a filling would run around it.
-
-    Shapes: returns loops (B,), ends (borders,).
-    """
+def border_loops(mesh: HalfEdges) -> tuple[Ints, Ints]:
+    """Return the borders of a mesh, each as its vertices in the order in which a filling would run around it."""
     loops = np.empty(int(((mesh.opposite < 0) & (mesh.origin >= 0)).sum()), dtype=np.int64)
     ends = np.empty(len(loops), dtype=np.int64)
     return loops, ends[: _list_loops(mesh, loops, ends)]
@@ -292,10 +275,7 @@ def _fill(loop, points, normals, table, triangles):
 
 @kernel
 def trace_filling(loop, middles, triangles):
-    """Fill `triangles`, (L - 2, 3), with those of a filling; return their number.
-
-    Shapes: loop (L,), middles (L, L), triangles (L - 2, 3).
-    """
+    """Fill `triangles`, (L - 2, 3), with those of a filling; return their number."""
     stack = np.empty((len(loop), 2), dtype=np.int64)
     stack[0, 0], stack[0, 1] = 0, len(loop) - 1
     height, count = 1, 0
@@ -315,10 +295,7 @@ def trace_filling(loop, middles, triangles):
 
 @kernel(allocates=False)
 def cost_of_filling(points, normals, a, b, c):
-    """Return the cost of a triangle of a filling.
-
-    Shapes: points, normals (n, 3).
-    """
+    """Return the cost of a triangle of a filling."""
     pa, pb, pc = row(points, a), row(points, b), row(points, c)
     normal = area_vector(pa, pb, pc)
     doubled = np.sqrt(dot(normal, normal))
@@ -332,38 +309,24 @@ def cost_of_filling(points, normals, a, b, c):
     return 0.5 * doubled * (1.0 + BEND * (1.0 - agreement) ** 2) + LENGTH * max(dot(ab, ab), dot(ca, ca))
 
 
-def without_scraps(faces: NDArray[np.int64], n: int, fewest: int = PIECE_TRIANGLES) -> NDArray[np.int64]:
-    """Leave out connected pieces of few triangles.
-
-    Shapes: faces (F, 3).
-    """
+def without_scraps(faces: Ints, n: int, fewest: int = PIECE_TRIANGLES) -> Ints:
+    """Leave out connected pieces of few triangles."""
     pieces = pieces_of(faces, n)
     return faces[np.bincount(pieces, minlength=1)[pieces] >= fewest]
 
 
-def pieces_of(faces: NDArray[np.int64], n: int) -> NDArray[np.int64]:
-    """Return the connected piece of each triangle.
-
-    Shapes: faces (F, 3); returns (F,).
-    """
+def pieces_of(faces: Ints, n: int) -> Ints:
+    """Return the connected piece of each triangle."""
     ends = np.concatenate([faces[:, :2], faces[:, 1:]]).T
     _, pieces = connected_components(coo_array((np.ones(ends.shape[1]), ends), shape=(n, n)), directed=False)
-    found: NDArray[np.int64] = pieces[faces[:, 0]]
+    found: Ints = pieces[faces[:, 0]]
     return found
 
 
 def holes_filled(
-    faces: NDArray[np.int64],
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    size: float,
-    cover: Cover,
-    most: int = MOST_CORNERS,
-) -> NDArray[np.int64]:
-    """Close holes up to a size, whether dense points cover them or not.
-
-    Shapes: faces (F, 3), points, normals (n, 3).
-    """
+    faces: Ints, points: Floats, normals: Floats, size: float, cover: Cover, most: int = MOST_CORNERS
+) -> Ints:
+    """Close holes up to a size, whether dense points cover them or not."""
     mesh = HalfEdges.of(faces, len(points))
     loops, ends = border_loops(mesh)
     runs = [loop for loop in np.split(loops, ends[:-1]) if len(loop)]

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, around
+from gppcs.meshing.halfedges import MOST_AROUND, Floats, HalfEdges, Ints, around
 from gppcs.spatial.triangles import area_vector, cross, dot, minus, nearest_in_triangle, row, squared_distance
 
 POINTS_AT_ONCE = 1024  # dense points that a thread takes at once, at least
@@ -18,35 +17,15 @@ ROUNDING = 1e-12  # of the distance between a point and a plane, at most, as clo
 
 
 class Assignment(NamedTuple):
-    """The nearest triangle of each of N dense points.
+    """The nearest triangle of each of N dense points."""
 
-    Attributes
-    ----------
-    face : (N,) array, int64
-        Its number; -1 if there is none near the point on its sheet.
-    squared : (N,) array, float64
-        The squared distance; 0 without a triangle.
-    weights : (N, 2) array, float64
-        Barycentric coordinates of the nearest place, for the second and the third corner.
-    """
-
-    face: NDArray[np.int64]
-    squared: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    face: Ints  # (N,): its number; -1 if there is none near the point on its sheet
+    squared: Floats  # (N,): the squared distance; 0 without a triangle
+    weights: Floats  # (N, 2): barycentric coordinates of the nearest place, for the second and the third corner
 
     @classmethod
-    def of(
-        cls,
-        mesh: HalfEdges,
-        vertices: NDArray[np.float64],
-        points: NDArray[np.float64],
-        normals: NDArray[np.float64],
-        nearest: NDArray[np.int64],
-    ) -> Self:
-        """Walk from a vertex near each point to its nearest triangle.
-
-        Shapes: vertices (V, 3), points, normals (N, 3), nearest (N,).
-        """
+    def of(cls, mesh: HalfEdges, vertices: Floats, points: Floats, normals: Floats, nearest: Ints) -> Self:
+        """Walk from a vertex near each point to its nearest triangle."""
         count = len(points)
         found = cls(np.full(count, -1), np.zeros(count), np.zeros((count, 2)))
         size = len(mesh.origin) // 3
@@ -154,10 +133,7 @@ def _is_farther(sides, f, point, least):
 
 @kernel(allocates=False)
 def corners_from(mesh, vertices, f, point):
-    """Return the corners of a triangle, relative to a point.
-
-    Shapes: vertices (V, 3).
-    """
+    """Return the corners of a triangle, relative to a point."""
     return (
         minus(row(vertices, mesh.origin[3 * f]), point),
         minus(row(vertices, mesh.origin[3 * f + 1]), point),
@@ -166,16 +142,9 @@ def corners_from(mesh, vertices, f, point):
 
 
 def set_to_nearest_corners(
-    mesh: HalfEdges,
-    vertices: NDArray[np.float64],
-    points: NDArray[np.float64],
-    assigned: Assignment,
-    nearest: NDArray[np.int64],
+    mesh: HalfEdges, vertices: Floats, points: Floats, assigned: Assignment, nearest: Ints
 ) -> None:
-    """Set for each dense point that has a triangle the nearest corner of it.
-
-    Shapes: vertices (V, 3), points (N, 3), nearest (N,).
-    """
+    """Set for each dense point that has a triangle the nearest corner of it."""
     on_ranges(_set_corners, len(points), mesh, vertices, points, assigned, nearest, least=POINTS_AT_ONCE)
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.halfedges import (
     MOST_AROUND,
+    Flags,
+    Floats,
     HalfEdges,
+    Ints,
     around,
     following,
     leave_by,
@@ -28,22 +30,20 @@ AT_ONCE = 16_384  # collapses until progress is reported
 
 def collapse(
     mesh: HalfEdges,
-    vertices: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    quadrics: NDArray[np.float64],
+    vertices: Floats,
+    normals: Floats,
+    quadrics: Floats,
     target: int,
-    kept: NDArray[np.bool_],
+    kept: Flags,
     density: float,
     faces: bool = False,
     advanced: Callable[[int], None] | None = None,
-) -> NDArray[np.int64]:
+) -> Ints:
     """Remove vertices until few enough are left, each by moving its triangles to a neighbour.
 
     The cost of a collapse is the sum of the two quadrics at the neighbour. Only collapses are made that keep the mesh
     an oriented manifold of the same topology (the link condition), and that turn no triangle over. If the target is
     not reached, the limit on turns is relaxed, and at last dropped.
-
-    Shapes: vertices, normals (V, 3), quadrics (V, 10), kept (V,); returns (V,).
     """
     into = np.arange(len(vertices))
     costs = np.full(len(vertices), np.inf)
@@ -65,11 +65,8 @@ def collapse(
     return ends(into)
 
 
-def ends(into: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return where each vertex went in the end.
-
-    Shapes: into (V,); returns (V,).
-    """
+def ends(into: Ints) -> Ints:
+    """Return where each vertex went in the end."""
     while not np.array_equal(further := into[into], into):
         into = further
     return into
@@ -161,10 +158,7 @@ def _best(mesh, vertices, normals, quadrics, extra, limit, v, halves, found, oth
 
 @kernel(allocates=False)
 def is_allowed(mesh, v, slot, count, edges, closed, halves, found, others, beyond):
-    """Return whether a collapse keeps the topology: the link condition, and no triangle or vertex left hanging.
-
-    Shapes: others, beyond (MOST_AROUND,) or (MOST_AROUND + 1,).
-    """
+    """Return whether a collapse keeps the topology: the link condition, and no triangle or vertex left hanging."""
     u = found[slot]
     count_u, edges_u, closed_u = neighbours(mesh, u, others, beyond)
     on_left = slot < edges  # is there a triangle to the left of the edge from v to u
@@ -194,10 +188,7 @@ def _is_ear(mesh, h):
 
 @kernel(allocates=False)
 def thinness_after(mesh, vertices, normals, limit, v, u, edges, halves):
-    """Return how thin the triangles would be that a collapse moves.
-
-    Shapes: vertices, normals (V, 3).
-    """
+    """Return how thin the triangles would be that a collapse moves."""
     total = 0.0
     pu, pv = row(vertices, u), row(vertices, v)
     for slot in range(edges):
@@ -224,10 +215,7 @@ def thinness_after(mesh, vertices, normals, limit, v, u, edges, halves):
 
 @kernel(allocates=False)
 def move_triangles(mesh, v, u, halves):
-    """Move the triangles around v to its neighbour u, and remove those that have both.
-
-    Shapes: halves (MOST_AROUND,).
-    """
+    """Move the triangles around v to its neighbour u, and remove those that have both."""
     edges, _ = around(mesh, v, halves)
     forth = back = -1  # the half-edges from v to u and from u to v
     for slot in range(edges):

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
+from gppcs.meshing.halfedges import Flags, Floats, Ints
 from gppcs.spatial.kdtree import limit_beside, nearest_within
 from gppcs.spatial.triangles import dot, minus, row
 
@@ -21,20 +21,11 @@ TRIANGLES_AT_ONCE = 64  # triangles that a thread takes at once, at least
 
 
 class LastSearch(NamedTuple):
-    """The dense points found near the last place that was looked at, from which the next search starts.
+    """The dense points found near the last place that was looked at, from which the next search starts."""
 
-    Attributes
-    ----------
-    place : (3,) array, float64
-    found : (COVERING_POINTS,) array, int64
-        Positions of the points, nearest first.
-    squared : (COVERING_POINTS,) array, float64
-        Their squared distances.
-    """
-
-    place: NDArray[np.float64]
-    found: NDArray[np.int64]
-    squared: NDArray[np.float64]
+    place: Floats  # (3,)
+    found: Ints  # (COVERING_POINTS,): positions of the points, nearest first
+    squared: Floats  # (COVERING_POINTS,): their squared distances
 
 
 @kernel
@@ -46,35 +37,20 @@ def no_search():
 
 
 class Cover(NamedTuple):
-    """The dense points in the order of a `KdTree`.
+    """The dense points in the order of a `KdTree`."""
 
-    Attributes
-    ----------
-    points : (3, N) array, float64
-    low, high : (nodes, 3) arrays, float64
-        The boxes of the tree.
-    normals : (N, 3) array, float64
-        Unit normals; their signs do not matter.
-    reaches : (N,) array, float64
-        How far each point covers the surface.
-    """
-
-    points: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    normals: NDArray[np.float64]
-    reaches: NDArray[np.float64]
+    points: Floats  # (3, N)
+    low: Floats  # (nodes, 3): the boxes of the tree
+    high: Floats  # (nodes, 3): the boxes of the tree
+    normals: Floats  # (N, 3): unit normals; their signs do not matter
+    reaches: Floats  # (N,): how far each point covers the surface
 
 
-def are_covered(
-    cover: Cover, triangles: NDArray[np.int64], points: NDArray[np.float64], reaches: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def are_covered(cover: Cover, triangles: Ints, points: Floats, reaches: Floats) -> Flags:
     """Tell which triangles the dense points cover.
 
     A place on a triangle is covered if one of the nearest dense points reaches it along its tangent plane. The places
     are those of a lattice, about as dense as the points.
-
-    Shapes: triangles (t, 3), points (n, 3), reaches (n,); returns (t,).
     """
     covered = np.empty(len(triangles), dtype=np.bool_)
     on_ranges(_cover_all, len(triangles), cover, triangles, points, reaches, covered, least=TRIANGLES_AT_ONCE)
@@ -92,10 +68,7 @@ def _cover_all(begin, end, cover, triangles, points, reaches, covered):
 
 @kernel
 def is_covered(cover, points, reaches, a, b, c, last):
-    """Return whether the dense points cover the triangle of three corners.
-
-    Shapes: points (n, 3), reaches (n,).
-    """
+    """Return whether the dense points cover the triangle of three corners."""
     pa, pb, pc = row(points, a), row(points, b), row(points, c)
     ab, bc, ca = minus(pb, pa), minus(pc, pb), minus(pa, pc)
     edge = np.sqrt(max(dot(ab, ab), dot(bc, bc), dot(ca, ca)))

@@ -9,11 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.meshing.halfedges import HalfEdges
+from gppcs.meshing.halfedges import Floats, HalfEdges, Ints
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range
 from gppcs.spatial.triangles import area_vector, cross, dot, has_area, minus, row
 
@@ -23,29 +22,16 @@ DEEPEST = 64  # nodes that wait in a search; a tree of fewer than 2^62 leaves ha
 
 
 class TriangleTree(NamedTuple):
-    """Boxes around triangles, in the nodes of a `KdTree` over their centroids.
+    """Boxes around triangles, in the nodes of a `KdTree` over their centroids."""
 
-    Attributes
-    ----------
-    order : (f,) array, int64
-        The triangles that were there when the tree was built, in tree order.
-    leaf : (F,) array, int64
-        The leaf of each triangle; -1 for one that was not there.
-    low, high : (nodes, 3) arrays, float64
-        Corners of the boxes; row 0 is unused.
-    """
-
-    order: NDArray[np.int64]
-    leaf: NDArray[np.int64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    order: Ints  # (f,): the triangles that were there when the tree was built, in tree order
+    leaf: Ints  # (F,): the leaf of each triangle; -1 for one that was not there
+    low: Floats  # (nodes, 3): corners of the boxes; row 0 is unused
+    high: Floats  # (nodes, 3): corners of the boxes; row 0 is unused
 
     @classmethod
-    def of(cls, mesh: HalfEdges, vertices: NDArray[np.float64]) -> Self:
-        """Build the tree of the triangles of a mesh.
-
-        Shapes: vertices (V, 3).
-        """
+    def of(cls, mesh: HalfEdges, vertices: Floats) -> Self:
+        """Build the tree of the triangles of a mesh."""
         there = np.flatnonzero(mesh.origin[::3] >= 0)
         points = KdTree.build(vertices[mesh.origin.reshape(-1, 3)[there]].mean(axis=1))
         low, high = np.full_like(points.low, np.inf), np.full_like(points.high, -np.inf)
@@ -81,21 +67,15 @@ def _widen(mesh, vertices, tree, f, node):
 
 @kernel(allocates=False)
 def follow(mesh, vertices, tree, f):
-    """Widen the boxes of a tree after the triangle f has changed.
-
-    Shapes: vertices (V, 3).
-    """
+    """Widen the boxes of a tree after the triangle f has changed."""
     node = tree.leaf[f]
     while node > 0:
         _widen(mesh, vertices, tree, f, node)
         node //= 2
 
 
-def cutting(mesh: HalfEdges, vertices: NDArray[np.float64], tree: TriangleTree | None = None) -> NDArray[np.int64]:
-    """Return the triangles that cut another one or have no area.
-
-    Shapes: vertices (V, 3); returns (m,).
-    """
+def cutting(mesh: HalfEdges, vertices: Floats, tree: TriangleTree | None = None) -> Ints:
+    """Return the triangles that cut another one or have no area."""
     found = np.zeros(len(mesh.origin) // 3, dtype=np.bool_)
     if len(mesh.faces()):
         tree = tree or TriangleTree.of(mesh, vertices)
@@ -122,10 +102,7 @@ def is_cut(mesh, vertices, tree, inside, f):
 
 @kernel
 def first_cut(mesh, vertices, tree, inside, a, b, c):
-    """Return a triangle of a mesh that a triangle cuts.
-
-    Shapes: vertices (V, 3), inside (F,).
-    """
+    """Return a triangle of a mesh that a triangle cuts."""
     pa, pb, pc = row(vertices, a), row(vertices, b), row(vertices, c)
     low = min(pa[0], pb[0], pc[0]), min(pa[1], pb[1], pc[1]), min(pa[2], pb[2], pc[2])
     high = max(pa[0], pb[0], pc[0]), max(pa[1], pb[1], pc[1]), max(pa[2], pb[2], pc[2])
@@ -172,10 +149,7 @@ def _overlap(low, high, least, most):
 
 @kernel(allocates=False)
 def are_cut(vertices, f, g):
-    """Return whether two triangles meet in more than common corners, or are too near for rounding to tell.
-
-    Shapes: vertices (V, 3).
-    """
+    """Return whether two triangles meet in more than common corners, or are too near for rounding to tell."""
     shared = at_f = at_g = sum_f = sum_g = 0
     for i in range(3):
         for j in range(3):

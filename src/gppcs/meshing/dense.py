@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.meshing.coverage import RANK, Cover
+from gppcs.meshing.halfedges import Floats, Ints
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.even_sample import even_sample
 from gppcs.spatial.kdtree import KdTree
@@ -26,39 +26,18 @@ STEPS = 2  # such projections
 
 @dataclass(frozen=True)
 class DensePoints:
-    """Points of a cloud, in the order of their tree.
+    """Points of a cloud, in the order of their tree."""
 
-    Attributes
-    ----------
-    rows : (n,) array, int64
-        The row of each in the cloud.
-    raw : (n, 3) array, float64
-        Where the cloud has them.
-    places : (n, 3) array, float64
-        Where they lie on the surface: the same, unless the cloud is noisy.
-    normals : (n, 3) array, float64
-        Unit normals with signs.
-    cover : Cover
-        What the places cover.
-    noise : float
-        Root mean square distance of the points from the surface; 0 if it is too small to count.
-    """
-
-    rows: NDArray[np.int64]
-    raw: NDArray[np.float64]
-    places: NDArray[np.float64]
-    normals: NDArray[np.float64]
-    cover: Cover
-    noise: float
+    rows: Ints  # (n,): the row of each in the cloud
+    raw: Floats  # (n, 3): where the cloud has them
+    places: Floats  # (n, 3): where they lie on the surface: the same, unless the cloud is noisy
+    normals: Floats  # (n, 3): unit normals with signs
+    cover: Cover  # what the places cover
+    noise: float  # root mean square distance of the points from the surface; 0 if it is too small to count
 
     @classmethod
-    def of(
-        cls, points: NDArray[np.float64], n_vertices: int, chosen: NDArray[np.int64], thick: bool = False
-    ) -> DensePoints | None:
-        """Take enough points of a cloud for a mesh, evenly.
-
-        Shapes: points (N, 3), chosen (m,).
-        """
+    def of(cls, points: Floats, n_vertices: int, chosen: Ints, thick: bool = False) -> DensePoints | None:
+        """Take enough points of a cloud for a mesh, evenly."""
         rows = _some_rows(points, n_vertices, chosen)
         tree = KdTree.build(points[rows])
         noise = _thick_noise(tree) if thick else _noise(tree)
@@ -83,7 +62,7 @@ class DensePoints:
         return cls(rows, raw, places, normals, cover, noise)
 
 
-def _some_rows(points: NDArray[np.float64], n_vertices: int, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
+def _some_rows(points: Floats, n_vertices: int, chosen: Ints) -> Ints:
     """Return rows of points without repeats, ascending: all, or about `PER_VERTEX` for each vertex."""
     distinct = first_occurrences(points)
     step = int(np.count_nonzero(distinct)) // (PER_VERTEX * n_vertices)
@@ -92,7 +71,7 @@ def _some_rows(points: NDArray[np.float64], n_vertices: int, chosen: NDArray[np.
     return np.union1d(even_sample(points, distinct, step), chosen)
 
 
-def _reaches(near: NDArray[np.int64], squared: NDArray[np.float64]) -> NDArray[np.float64]:
+def _reaches(near: Ints, squared: Floats) -> Floats:
     """Return how far each point covers the surface: to its last neighbour, but not much farther than neighbours do.
 
     Otherwise a stray point would cover all the way to the surface. Neighbours and squared distances are (N, k).

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.meshing.assignment import Assignment, set_to_nearest_corners
 from gppcs.meshing.collapse import collapse
@@ -14,7 +13,7 @@ from gppcs.meshing.cuts import cutting
 from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.fit import fitted
 from gppcs.meshing.flips import flip, qualities
-from gppcs.meshing.halfedges import HalfEdges
+from gppcs.meshing.halfedges import Flags, Floats, HalfEdges, Ints
 from gppcs.meshing.mending import cut_out, mend
 from gppcs.meshing.quadrics import add_borders, dense_quadrics, nearest_vertices
 from gppcs.meshing.refinement import split, worst_places
@@ -28,48 +27,21 @@ MEND_TRIES = 4  # of mending; before all but the first, vertices are added
 
 @dataclass
 class Draft:
-    """A mesh between dense points.
-
-    Attributes
-    ----------
-    dense : DensePoints
-    moved : bool
-        Whether vertices may leave the points.
-    level : (V,) array, int64
-        The dense point of each vertex.
-    kept : (V,) array, bool
-        Vertices that are never removed.
-    mesh : HalfEdges
-    vertices, normals : (V, 3) arrays, float64
-    start : (n,) array, int64
-        A vertex near each dense point, -1 if there is none on its sheet.
-    extra : float
-        Cost of a triangle without area in flips; 0 before the first flips.
-    """
+    """A mesh between dense points."""
 
     dense: DensePoints
-    moved: bool
-    level: NDArray[np.int64]
-    kept: NDArray[np.bool_]
+    moved: bool  # whether vertices may leave the points
+    level: Ints  # (V,): the dense point of each vertex
+    kept: Flags  # (V,): vertices that are never removed
     mesh: HalfEdges
-    vertices: NDArray[np.float64]
-    normals: NDArray[np.float64]
-    start: NDArray[np.int64]
-    extra: float = 0.0
+    vertices: Floats  # (V, 3)
+    normals: Floats  # (V, 3)
+    start: Ints  # (n,): a vertex near each dense point, -1 if there is none on its sheet
+    extra: float = 0.0  # cost of a triangle without area in flips; 0 before the first flips
 
     @classmethod
-    def of(
-        cls,
-        dense: DensePoints,
-        moved: bool,
-        level: NDArray[np.int64],
-        kept: NDArray[np.bool_],
-        faces: NDArray[np.int64],
-    ) -> Draft:
-        """Begin with a mesh of some dense points.
-
-        Shapes: faces (F, 3).
-        """
+    def of(cls, dense: DensePoints, moved: bool, level: Ints, kept: Flags, faces: Ints) -> Draft:
+        """Begin with a mesh of some dense points."""
         places, normals = dense.places[level], dense.normals[level]
         mesh = HalfEdges.of(faces, len(level))
         start = nearest_vertices(dense.places, dense.normals, places, normals, np.flatnonzero(mesh.leaving >= 0))
@@ -98,7 +70,7 @@ class Draft:
         )  # fmt: skip
         self._go(into)
 
-    def _go(self, into: NDArray[np.int64]) -> None:
+    def _go(self, into: Ints) -> None:
         """Let the starts follow the vertices that went into others."""
         self.start = np.where(self.start >= 0, into[self.start], -1)
 
@@ -129,13 +101,13 @@ class Draft:
         """Let the start of each dense point be the nearest corner of its triangle."""
         set_to_nearest_corners(self.mesh, self.vertices, self.dense.places, assigned, self.start)
 
-    def _unused(self) -> NDArray[np.bool_]:
+    def _unused(self) -> Flags:
         """Return which dense points are not vertices of the mesh."""
         unused = np.ones(len(self.start), dtype=np.bool_)
         unused[self.level[self.mesh.leaving >= 0]] = False
         return unused
 
-    def _insert(self, assigned: Assignment, faces: NDArray[np.int64], points: NDArray[np.int64]) -> None:
+    def _insert(self, assigned: Assignment, faces: Ints, points: Ints) -> None:
         """Split triangles, ascending, each by a dense point."""
         first = len(self.level)
         new = np.full(len(self.mesh.origin) // 3, -1)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
+from gppcs.meshing.halfedges import Floats, Ints
 from gppcs.spatial.triangles import circumradius, row
 from gppcs.surface.fans import ON_CIRCLE, lay_out, wrap
 
@@ -16,18 +16,11 @@ STEEPEST = 0.7  # largest sine of the angle between a step to a neighbour and th
 FANS_AT_ONCE = 128  # fans that a thread takes at once, at least
 
 
-def fans_of(
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    near: NDArray[np.int64],
-    on_circle: float = ON_CIRCLE[0],
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+def fans_of(points: Floats, normals: Floats, near: Ints, on_circle: float = ON_CIRCLE[0]) -> tuple[Ints, Ints, Floats]:
     """Lay the neighbours of each point out in its tangent plane, and return the Delaunay triangles at the point.
 
     A neighbour keeps its direction and its true distance. The fans of neighbouring points need not agree; the votes
     of a triangle tell how many of the fans of its three corners have it.
-
-    Shapes: points (n, 3), normals (n, 3), near (n, k); returns triangles (t, 3), votes (t,), radii (t,).
     """
     n = len(points)
     corners = np.full((n, MOST_TRIANGLES, 2), -1)

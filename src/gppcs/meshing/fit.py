@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, diags_array
 from scipy.sparse.linalg import cg
 
 from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.assignment import Assignment, corners_from
-from gppcs.meshing.halfedges import HalfEdges
+from gppcs.meshing.halfedges import Floats, HalfEdges
 from gppcs.spatial.triangles import area_vector, dot, row
 
 PULL = 0.02  # weight with which a vertex is held where it is, in mean weights of a vertex
@@ -21,19 +20,12 @@ UNDO_ROUNDS = 4  # of undoing moves that turn triangles over
 
 @one_blas_thread()
 def fitted(
-    mesh: HalfEdges,
-    vertices: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    points: NDArray[np.float64],
-    assigned: Assignment,
-    pull: float = PULL,
-) -> NDArray[np.float64]:
+    mesh: HalfEdges, vertices: Floats, normals: Floats, points: Floats, assigned: Assignment, pull: float = PULL
+) -> Floats:
     """Return vertices for which the sum of the squared distances between points and their places is least.
 
     The places of the dense points are fixed by their barycentric coordinates. Vertices whose triangles would turn
     over stay where they are.
-
-    Shapes: vertices, normals (V, 3), points (N, 3); returns (V, 3).
     """
     size = len(mesh.origin) // 3
     products, leavings = np.zeros((size, 3, 3)), np.zeros((size, 3, 3))

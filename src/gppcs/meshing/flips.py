@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.assignment import Assignment
-from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, around, following, leave_by, preceding
+from gppcs.meshing.halfedges import MOST_AROUND, Floats, HalfEdges, around, following, leave_by, preceding
 from gppcs.spatial.triangles import (
     area_vector,
     dot,
@@ -24,20 +23,11 @@ THIN_IN_FLIPS = 0.22  # triangles below this quality cost extra
 LESS = 1.0 - 1e-7  # an energy counts as lower if it is below this share: rounding flips nothing
 
 
-def flip(
-    mesh: HalfEdges,
-    vertices: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    points: NDArray[np.float64],
-    assigned: Assignment,
-    extra: float,
-) -> int:
+def flip(mesh: HalfEdges, vertices: Floats, normals: Floats, points: Floats, assigned: Assignment, extra: float) -> int:
     """Flip edges while the energy falls.
 
     The energy is the sum of the squared distances of the dense points to their triangles, and a cost of thin
     triangles. A point stays with the two triangles of an edge that is flipped.
-
-    Shapes: vertices, normals (V, 3), points (N, 3).
     """
     first = np.full(len(mesh.origin) // 3, -1)
     after = np.full(len(points), -1)
@@ -84,10 +74,7 @@ def _flip_all(mesh, vertices, normals, points, assigned, extra, first, after):
 
 @kernel(allocates=False)
 def is_flippable(mesh, vertices, normals, h, halves):
-    """Return whether an edge can be flipped: the mesh stays a manifold, and no triangle degenerates or turns over.
-
-    Shapes: vertices, normals (V, 3), halves (MOST_AROUND,).
-    """
+    """Return whether an edge can be flipped: the mesh stays a manifold, and no triangle degenerates or turns over."""
     o = mesh.opposite[h]
     if mesh.origin[h] < 0 or o < 0:
         return False
@@ -201,21 +188,9 @@ def _share_out(mesh, vertices, points, assigned, first, after, f, g):
             i = behind
 
 
-def energy(mesh: HalfEdges, vertices: NDArray[np.float64], assigned: Assignment, extra: float) -> float:
-    """Return the energy that flips lower.
-
-    Shapes: vertices (V, 3).
-    """
-    lack = np.maximum(0.0, 1.0 - qualities(mesh, vertices) / THIN_IN_FLIPS)
-    return float(assigned.squared.sum() + extra * lack.sum())
-
-
-def qualities(mesh: HalfEdges, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the qualities of the triangles, as `triangles.quality` defines them.
-
-    Shapes: vertices (V, 3); returns (F,).
-    """
+def qualities(mesh: HalfEdges, vertices: Floats) -> Floats:
+    """Return the qualities of the triangles, as `triangles.quality` defines them."""
     a, b, c = (vertices[corner] for corner in mesh.faces().T)
     squared = sum(((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a)))
-    found: NDArray[np.float64] = 2.0 * np.sqrt(3.0) * np.linalg.norm(np.cross(b - a, c - a), axis=1) / squared
+    found: Floats = 2.0 * np.sqrt(3.0) * np.linalg.norm(np.cross(b - a, c - a), axis=1) / squared
     return found

@@ -12,63 +12,42 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
 MOST_AROUND = 64  # triangles around a vertex at most: buffers have this size, and no operation exceeds it
 
 
 class HalfEdges(NamedTuple):
-    """Triangles of an oriented manifold, perhaps with borders. Kernels change them in place.
+    """Triangles of an oriented manifold, perhaps with borders. Kernels change them in place."""
 
-    Attributes
-    ----------
-    origin : (3 F,) array, int64
-        Vertex at which each half-edge begins; -1 for triangles that were removed.
-    opposite : (3 F,) array, int64
-        The half-edge of the neighbouring triangle that leads the other way; -1 on a border.
-    leaving : (V,) array, int64
-        For each vertex, a half-edge that begins there; on a border, the one from which all others follow
-        counter-clockwise. -1 for a vertex without triangles.
-    """
-
-    origin: NDArray[np.int64]
-    opposite: NDArray[np.int64]
-    leaving: NDArray[np.int64]
+    origin: Ints  # (3 F,): vertex at which each half-edge begins; -1 for triangles that were removed
+    opposite: Ints  # (3 F,): the half-edge of the neighbouring triangle that leads the other way; -1 on a border
+    # (V,): for each vertex, a half-edge that begins there; on a border, the one from which all others follow
+    # counter-clockwise; -1 for a vertex without triangles
+    leaving: Ints
 
     @classmethod
-    def of(cls, faces: NDArray[np.int64], n: int) -> Self:
-        """Connect triangles.
-
-        Shapes: faces (F, 3).
-        """
+    def of(cls, faces: Ints, n: int) -> Self:
+        """Connect triangles."""
         origin = np.ascontiguousarray(faces, dtype=np.int64).ravel().copy()
         mesh = cls(origin, np.full(len(origin), -1), np.full(n, -1))
         _connect(mesh, EdgeTable.of(n, len(origin)))
         return mesh
 
-    def faces(self) -> NDArray[np.int64]:
-        """Return the triangles that are left.
-
-        Shapes: returns (F, 3).
-        """
+    def faces(self) -> Ints:
+        """Return the triangles that are left."""
         faces = self.origin.reshape(-1, 3)
         return faces[faces[:, 0] >= 0]
 
 
 class EdgeTable(NamedTuple):
-    """Directed edges, listed by the vertex at which they begin. Kernels add to them.
+    """Directed edges, listed by the vertex at which they begin. Kernels add to them."""
 
-    Attributes
-    ----------
-    first : (V,) array, int64
-        For each vertex the edge that was added last; -1 if there is none.
-    after : (edges,) array, int64
-        For each edge the one that was added before it at the same vertex; -1 if there is none.
-    target : (edges,) array, int64
-        Vertex at which each edge ends.
-    """
-
-    first: NDArray[np.int64]
-    after: NDArray[np.int64]
-    target: NDArray[np.int64]
+    first: Ints  # (V,): for each vertex the edge that was added last; -1 if there is none
+    after: Ints  # (edges,): for each edge the one that was added before it at the same vertex; -1 if there is none
+    target: Ints  # (edges,): vertex at which each edge ends
 
     @classmethod
     def of(cls, n: int, count: int) -> Self:
@@ -85,7 +64,7 @@ def add_edge(table, p, q, number):
 
 @kernel(allocates=False)
 def find_edge(table, p, q):
-    """Return the number of a directed edge."""
+    """Return the number of a directed edge, -1 if it is not there."""
     number = table.first[p]
     while number >= 0 and table.target[number] != q:
         number = table.after[number]
@@ -119,10 +98,7 @@ def _connect(mesh, table):
 
 @kernel(allocates=False)
 def around(mesh, v, found):
-    """List the half-edges that leave a vertex, counter-clockwise.
-
-    Shapes: found (MOST_AROUND,).
-    """
+    """List the half-edges that leave a vertex, counter-clockwise; return their number, and whether they close."""
     first = mesh.leaving[v]
     if first < 0:
         return 0, False
@@ -139,10 +115,7 @@ def around(mesh, v, found):
 
 @kernel(allocates=False)
 def neighbours(mesh, v, halves, found):
-    """List the vertices around a vertex, counter-clockwise.
-
-    Shapes: halves (MOST_AROUND,), found (MOST_AROUND + 1,).
-    """
+    """List the vertices around a vertex, counter-clockwise; return their number, and what `around` does."""
     edges, closed = around(mesh, v, halves)
     for slot in range(edges):
         found[slot] = mesh.origin[following(halves[slot])]
@@ -164,46 +137,3 @@ def leave_by(mesh, v, h):
         if h == first:
             return
     mesh.leaving[v] = h
-
-
-def faults(mesh: HalfEdges) -> list[str]:
-    """Return in words where the half-edges contradict each other."""
-    origin, opposite, leaving = mesh
-    h = np.flatnonzero(origin >= 0)
-    target = origin[np.where(h % 3 == 2, h - 2, h + 1)]
-    inner = opposite[h] >= 0
-    other = opposite[h[inner]]
-    edges = origin[h] * len(leaving) + target
-    used = np.unique(origin[h])
-    found = {
-        "a half-edge leads nowhere": (origin[h] == target).any() or (target < 0).any(),
-        "opposite half-edges do not agree": (opposite[other] != h[inner]).any(),
-        "opposite half-edges have different ends": (origin[other] != target[inner]).any()
-        or (origin[np.where(other % 3 == 2, other - 2, other + 1)] != origin[h[inner]]).any(),
-        "a directed edge is there twice": len(np.unique(edges)) < len(edges),
-        "an edge on a border has a neighbour": np.isin(
-            edges[~inner], target * len(leaving) + origin[h]
-        ).any(),
-        "a vertex is not left by a half-edge of its own": (leaving[used] < 0).any()
-        or (origin[leaving[used]] != used).any()
-        or (np.delete(leaving, used) >= 0).any(),
-    }  # fmt: skip
-    words = [fault for fault, there in found.items() if there]
-    if not words:
-        reached = np.zeros(len(leaving), dtype=np.int64)
-        _count_reached(mesh, reached)
-        if (reached != np.bincount(origin[h], minlength=len(leaving))).any():
-            words.append("the triangles at a vertex are not one fan")
-    return words
-
-
-@kernel(allocates=False)
-def _count_reached(mesh, reached):
-    """Fill the number of half-edges that `around` would find at each vertex, (V,)."""
-    for v in range(len(reached)):
-        h = first = mesh.leaving[v]
-        while h >= 0 and reached[v] <= len(mesh.origin):
-            reached[v] += 1
-            h = mesh.opposite[preceding(h)]
-            if h == first:
-                break

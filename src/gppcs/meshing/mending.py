@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.assembly import (
@@ -17,7 +16,7 @@ from gppcs.meshing.assembly import (
 from gppcs.meshing.collapse import ends
 from gppcs.meshing.coverage import Cover
 from gppcs.meshing.cuts import TriangleTree, are_cut, cutting, first_cut, follow, is_cut
-from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, around, following, leave_by
+from gppcs.meshing.halfedges import MOST_AROUND, Flags, Floats, HalfEdges, Ints, around, following, leave_by
 from gppcs.spatial.triangles import area_vector, dot, has_area, minus, nearest_in_triangle, row, squared_distance
 
 ROUNDS = 4  # of mending all triangles that cut others
@@ -28,19 +27,11 @@ LOST = 0.5  # farthest a vertex inside may lie from what closes a hole, in usual
 LONGEST_LOOP = 36  # corners of a patch
 
 
-def mend(
-    mesh: HalfEdges,
-    vertices: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    kept: NDArray[np.bool_],
-    rounds: int = ROUNDS,
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def mend(mesh: HalfEdges, vertices: Floats, normals: Floats, kept: Flags, rounds: int = ROUNDS) -> tuple[Ints, Ints]:
     """Replace patches around triangles that cut others by triangles that cut nothing, where that can be done.
 
     The patches are two triangles with a common edge, then those around a vertex or some vertices. A patch is a disc,
     and its border stays, so the topology does, too. The vertices inside are removed.
-
-    Shapes: vertices, normals (V, 3), kept (V,); returns into (V,), cut (m,).
     """
     into, cut = np.arange(len(vertices)), np.empty(0, dtype=np.int64)
     if len(mesh.faces()):
@@ -291,15 +282,11 @@ def _nearest(vertices, v, corners):
     return best
 
 
-def cut_out(
-    mesh: HalfEdges, vertices: NDArray[np.float64], normals: NDArray[np.float64], kept: NDArray[np.bool_]
-) -> tuple[NDArray[np.int64], int]:
+def cut_out(mesh: HalfEdges, vertices: Floats, normals: Floats, kept: Flags) -> tuple[Ints, int]:
     """Leave out triangles until none cuts another, and close the holes by triangles that cut nothing.
 
     This may change the topology: a handle that is no part of the surface often cuts it. If a hole cannot be closed,
     rings of triangles around it are left out as well; unless some vertices are kept.
-
-    Shapes: vertices, normals (V, 3), kept (V,); returns faces (F, 3).
     """
     old = _border_edges(mesh)
     faces, holes = _closed(_without_cuts(mesh, vertices), vertices, normals, old)
@@ -310,13 +297,8 @@ def cut_out(
 
 
 def _closed_wider(
-    faces: NDArray[np.int64],
-    vertices: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    old: NDArray[np.int64],
-    holes: list[NDArray[np.int64]],
-    rings: int,
-) -> tuple[NDArray[np.int64], list[NDArray[np.int64]]]:
+    faces: Ints, vertices: Floats, normals: Floats, old: Ints, holes: list[Ints], rings: int
+) -> tuple[Ints, list[Ints]]:
     """Leave out rings of triangles around holes, then close them; where this fails, all stays as it was.
 
     Arguments and results are as for `_closed`; `holes` are the vertices around each.
@@ -358,15 +340,13 @@ def _distances(vertices, lost, new, label):
     return distances
 
 
-def _first_edges(faces: NDArray[np.int64], n: int) -> NDArray[np.int64]:
+def _first_edges(faces: Ints, n: int) -> Ints:
     """Return a number for each triangle of an oriented manifold of n vertices, (F,), that no other has."""
-    found: NDArray[np.int64] = faces[:, 0] * n + faces[:, 1]
+    found: Ints = faces[:, 0] * n + faces[:, 1]
     return found
 
 
-def _closed(
-    faces: NDArray[np.int64], vertices: NDArray[np.float64], normals: NDArray[np.float64], old: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], list[NDArray[np.int64]]]:
+def _closed(faces: Ints, vertices: Floats, normals: Floats, old: Ints) -> tuple[Ints, list[Ints]]:
     """Close the holes of a mesh, except the borders `old`, by triangles that cut nothing.
 
     Return the triangles, and the vertices around each hole that stays open.
@@ -386,7 +366,7 @@ def _closed(
     return np.concatenate([faces, new[:count]]), open_
 
 
-def _border_edges(mesh: HalfEdges) -> NDArray[np.int64]:
+def _border_edges(mesh: HalfEdges) -> Ints:
     """Return the half-edges on borders, from p to q, as p V + q."""
     h = np.flatnonzero((mesh.origin >= 0) & (mesh.opposite < 0))
     return mesh.origin[h] * len(mesh.leaving) + mesh.origin[np.where(h % 3 == 2, h - 2, h + 1)]
@@ -415,19 +395,14 @@ def _close_all(mesh, vertices, normals, tree, loops, ends, new, closed):
     return total
 
 
-def without_cuts(
-    faces: NDArray[np.int64], vertices: NDArray[np.float64], normals: NDArray[np.float64], kept: NDArray[np.bool_]
-) -> NDArray[np.int64]:
-    """Mend triangles that cut others once, then leave out those that still do: a first mesh has others beside them.
-
-    Shapes: faces (F, 3), vertices, normals (V, 3), kept (V,).
-    """
+def without_cuts(faces: Ints, vertices: Floats, normals: Floats, kept: Flags) -> Ints:
+    """Mend triangles that cut others once, then leave out those that still do: a first mesh has others beside them."""
     mesh = HalfEdges.of(faces, len(vertices))
     _, cut = mend(mesh, vertices, normals, kept, rounds=1)
     return _without_cuts(mesh, vertices) if len(cut) else mesh.faces()
 
 
-def _without_cuts(mesh: HalfEdges, vertices: NDArray[np.float64]) -> NDArray[np.int64]:
+def _without_cuts(mesh: HalfEdges, vertices: Floats) -> Ints:
     """Leave out triangles until none cuts another, large ones first; return the corners of the others, a manifold."""
     tree = TriangleTree.of(mesh, vertices)
     cut = cutting(mesh, vertices, tree)
@@ -446,17 +421,8 @@ def _leave_out(mesh, vertices, tree, faces, left_out):
         left_out[f] = is_cut(mesh, vertices, tree, left_out, f)
 
 
-def holes_closed(
-    faces: NDArray[np.int64],
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    size: float,
-    cover: Cover,
-) -> NDArray[np.int64]:
-    """Close holes up to a size as `holes_filled` does, except those whose filling would cut another triangle.
-
-    Shapes: faces (F, 3).
-    """
+def holes_closed(faces: Ints, points: Floats, normals: Floats, size: float, cover: Cover) -> Ints:
+    """Close holes up to a size as `holes_filled` does, except those whose filling would cut another triangle."""
     closed, n = holes_filled(faces, points, normals, size, cover), len(points)
     cut = cutting(HalfEdges.of(closed, n), points)
     added = closed[len(faces) :]

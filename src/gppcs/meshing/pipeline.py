@@ -23,6 +23,7 @@ from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.draft import MOST_THIN, Draft
 from gppcs.meshing.fans import fans_of
+from gppcs.meshing.halfedges import Floats, Ints
 from gppcs.meshing.mending import holes_closed, without_cuts
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import farthest_points
@@ -242,7 +243,7 @@ class Size:
         return round(self.ratio * n)
 
 
-def _chosen_rows(keep: ArrayLike, rows: NDArray[np.int64], points: NDArray[np.float64], n: int) -> NDArray[np.int64]:
+def _chosen_rows(keep: ArrayLike, rows: Ints, points: Floats, n: int) -> Ints:
     """Return the positions of chosen rows among the usable rows, ascending; of repeats, that of the first."""
     try:
         chosen = np.asarray(keep)
@@ -261,7 +262,7 @@ def _chosen_rows(keep: ArrayLike, rows: NDArray[np.int64], points: NDArray[np.fl
 
 
 @one_blas_thread()
-def _require_surface(points: NDArray[np.float64]) -> None:
+def _require_surface(points: Floats) -> None:
     """Raise an error if the points, (N, 3), are too few or lie on a line."""
     distinct = len(np.unique(points[: 10 * FEWEST_VERTICES], axis=0))
     if len(points) <= 10 * FEWEST_VERTICES and distinct < FEWEST_VERTICES:
@@ -275,38 +276,25 @@ def _require_surface(points: NDArray[np.float64]) -> None:
 class _Made:
     """A mesh in the frame of the points: its triangles, and for each vertex its place, normal and row."""
 
-    faces: NDArray[np.int64]
-    vertices: NDArray[np.float64]
-    normals: NDArray[np.float64]
-    rows: NDArray[np.int64]
+    faces: Ints
+    vertices: Floats
+    normals: Floats
+    rows: Ints
     diagnostics: dict[str, float]
 
 
 @dataclass(frozen=True)
 class _FirstMesh:
-    """The mesh of some dense points, whose vertices are then removed.
-
-    Attributes
-    ----------
-    dense : DensePoints
-    level : (V,) array, int64
-        The dense points that are joined, ascending.
-    faces : (F, 3) array, int64
-        An oriented manifold.
-    agreed : float
-        Of the fans' triangles, the share that another fan has too.
-    left_out : float
-        Share of the points that are not on the mesh.
-    """
+    """The mesh of some dense points, whose vertices are then removed."""
 
     dense: DensePoints
-    level: NDArray[np.int64]
-    faces: NDArray[np.int64]
-    agreed: float
-    left_out: float
+    level: Ints  # (V,): the dense points that are joined, ascending
+    faces: Ints  # (F, 3): an oriented manifold
+    agreed: float  # of the fans' triangles, the share that another fan has too
+    left_out: float  # share of the points that are not on the mesh
 
     @classmethod
-    def of(cls, dense: DensePoints, level: NDArray[np.int64], chosen: NDArray[np.int64], moved: bool) -> _FirstMesh:
+    def of(cls, dense: DensePoints, level: Ints, chosen: Ints, moved: bool) -> _FirstMesh:
         """Join some dense points; raise an error if they lie on no surface."""
         places, normals, reaches = dense.places[level], dense.normals[level], dense.cover.reaches[level]
         tree = KdTree.over(np.ascontiguousarray(places.T))
@@ -335,8 +323,8 @@ class _FirstMesh:
 class _Maker:
     """Makes meshes of points, (N, 3), of about unit size."""
 
-    points: NDArray[np.float64]
-    chosen: NDArray[np.int64] | None
+    points: Floats
+    chosen: Ints | None
     moved: bool
     hole_size: float | None
     stages: Stages
@@ -384,7 +372,7 @@ class _Maker:
             step = too_many if too_many < before else 2 * step  # without gain, larger steps end sooner
             wanted, before = max(FEWEST_VERTICES, wanted - step), too_many
 
-    def _thinned(self, first: _FirstMesh, chosen: NDArray[np.int64], count: int, counts_faces: bool) -> _Made:
+    def _thinned(self, first: _FirstMesh, chosen: Ints, count: int, counts_faces: bool) -> _Made:
         """Return a mesh of that many vertices or triangles, and those that fill holes."""
         stages, dense = self.stages, first.dense
         kept = np.isin(dense.rows[first.level], chosen)
@@ -423,7 +411,7 @@ class _Maker:
             faces.reshape(-1, 3), draft.vertices[used], draft.normals[used], dense.rows[draft.level[used]], diagnostics
         )  # fmt: skip
 
-    def _begin(self, n_vertices: int, chosen: NDArray[np.int64]) -> _FirstMesh:
+    def _begin(self, n_vertices: int, chosen: Ints) -> _FirstMesh:
         """Return the first mesh. Where its triangles hardly agree, try whether thick noise is the reason."""
         best: _FirstMesh | None = None
         errors: list[NoSurfaceError] = []
@@ -441,7 +429,7 @@ class _Maker:
             raise errors[-1]
         return best
 
-    def _first_mesh(self, n_vertices: int, chosen: NDArray[np.int64], thick: bool) -> _FirstMesh | None:
+    def _first_mesh(self, n_vertices: int, chosen: Ints, thick: bool) -> _FirstMesh | None:
         """Return a first mesh; with `thick`, None if there is no thick noise."""
         with self.stages("normals"):
             dense = DensePoints.of(self.points, n_vertices, chosen, thick)
@@ -473,7 +461,7 @@ class _Maker:
                     assigned = draft.flip()
         return assigned
 
-    def _level(self, dense: DensePoints, n_vertices: int, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _level(self, dense: DensePoints, n_vertices: int, chosen: Ints) -> Ints:
         """Return the positions of the points of the first mesh, ascending."""
         n = len(dense.rows)
         wanted = (LEVEL_OF_NOISY if dense.noise else LEVEL) * n_vertices
@@ -487,13 +475,7 @@ class _Maker:
 
 
 def _result(
-    cloud: PointCloud,
-    rows: NDArray[np.int64],
-    made: _Made,
-    moved: bool,
-    corner: NDArray[np.float64],
-    exponent: int,
-    stages: Stages,
+    cloud: PointCloud, rows: Ints, made: _Made, moved: bool, corner: Floats, exponent: int, stages: Stages
 ) -> MeshResult:
     """Return a mesh in the unit of the cloud, with the attributes of its points."""
     indices = rows[made.rows]

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.meshing.halfedges import HalfEdges, following
+from gppcs.meshing.halfedges import Floats, HalfEdges, Ints, following
 from gppcs.spatial.kdtree import KdTree, limit_beside, nearest_within
 from gppcs.spatial.triangles import cross, dot, minus, row
 from gppcs.surface.error_quadrics import NUMBERS, add_plane
@@ -16,17 +15,8 @@ NEAREST_VERTICES = 4  # vertices among which that of a dense point is chosen
 QUERIES_AT_ONCE = 256  # dense points that a thread takes at once, at least
 
 
-def nearest_vertices(
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    vertices: NDArray[np.float64],
-    vertex_normals: NDArray[np.float64],
-    members: NDArray[np.int64],
-) -> NDArray[np.int64]:
-    """Return for each dense point the nearest vertex of its sheet.
-
-    Shapes: points, normals (N, 3), vertices, vertex_normals (V, 3); returns (N,).
-    """
+def nearest_vertices(points: Floats, normals: Floats, vertices: Floats, vertex_normals: Floats, members: Ints) -> Ints:
+    """Return for each dense point the nearest vertex of its sheet."""
     tree = KdTree.build(vertices[members])
     found = np.empty(len(points), dtype=np.int64)
     on_ranges(
@@ -58,16 +48,8 @@ def _find_vertices(begin, end, points, normals, vertices, low, high, vertex_norm
             limit = limit_beside(nearest, step[0], step[1], step[2])
 
 
-def dense_quadrics(
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    vertices: NDArray[np.float64],
-    nearest: NDArray[np.int64],
-) -> NDArray[np.float64]:
-    """Return for each vertex the sum of the squared distances to the tangent planes of the dense points nearest to it.
-
-    Shapes: points, normals (N, 3), vertices (V, 3), nearest (N,); returns (V, 10).
-    """
+def dense_quadrics(points: Floats, normals: Floats, vertices: Floats, nearest: Ints) -> Floats:
+    """Return for each vertex the quadric of the tangent planes of the dense points nearest to it, (V, 10)."""
     quadrics = np.zeros((len(vertices), NUMBERS))
     _add_dense(points, normals, vertices, nearest, quadrics)
     return quadrics
@@ -83,11 +65,8 @@ def _add_dense(points, normals, vertices, nearest, quadrics):
             add_plane(quadrics[v], normal, dot(normal, minus(row(vertices, v), row(points, i))), 1.0)
 
 
-def add_borders(mesh: HalfEdges, vertices: NDArray[np.float64], weight: float, quadrics: NDArray[np.float64]) -> None:
-    """Add to the ends of each edge on a border the plane through it that is upright on its triangle.
-
-    Shapes: vertices (V, 3), quadrics (V, 10).
-    """
+def add_borders(mesh: HalfEdges, vertices: Floats, weight: float, quadrics: Floats) -> None:
+    """Add to the ends of each edge on a border the plane through it that is upright on its triangle."""
     _add_borders(mesh, vertices, weight, quadrics)
 
 

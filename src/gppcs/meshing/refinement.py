@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.assignment import Assignment
-from gppcs.meshing.halfedges import HalfEdges
+from gppcs.meshing.halfedges import Flags, HalfEdges, Ints
 
 INSIDE = 0.05  # least barycentric coordinate of a new vertex in its triangle
 
 
-def worst_places(
-    mesh: HalfEdges, assigned: Assignment, usable: NDArray[np.bool_], count: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the triangles with the largest sums of squared distances, and the farthest dense point of each.
-
-    Shapes: usable (N,); returns faces, points (m,).
-    """
+def worst_places(mesh: HalfEdges, assigned: Assignment, usable: Flags, count: int) -> tuple[Ints, Ints]:
+    """Return the triangles with the largest sums of squared distances, and the farthest dense point of each."""
     there = assigned.face >= 0
     size = len(mesh.origin) // 3
     sums = np.bincount(assigned.face[there], assigned.squared[there], minlength=size)
@@ -40,11 +34,8 @@ def _find_farthest(assigned, inner, farthest):
             farthest[f] = i
 
 
-def split(mesh: HalfEdges, faces: NDArray[np.int64], first: int) -> HalfEdges:
-    """Return a mesh in which some triangles are split in three by a new vertex each.
-
-    Shapes: faces (m,).
-    """
+def split(mesh: HalfEdges, faces: Ints, first: int) -> HalfEdges:
+    """Return a mesh in which some triangles are split in three by a new vertex each."""
     corners = mesh.origin.reshape(-1, 3)
     a, b, c = corners[faces].T
     new = first + np.arange(len(faces))
