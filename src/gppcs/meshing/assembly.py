@@ -116,8 +116,11 @@ def without_bow_ties(faces: Ints, n: int) -> Ints:
     """Leave out triangles so that those at each vertex are one fan: the largest stays, of equal ones the first."""
     while True:
         mesh = HalfEdges.of(faces, n)
-        fan = np.full(len(mesh.origin), -1)
-        sizes = _number_fans(mesh, fan)
+        inner = np.flatnonzero(mesh.opposite >= 0)
+        other = mesh.opposite[inner]
+        ends = inner, np.where(other % 3 == 2, other - 2, other + 1)  # they leave the same vertex
+        _, fan = connected_components(coo_array((np.ones(len(inner)), ends), shape=(len(mesh.origin),) * 2))
+        sizes = np.bincount(fan)
         if len(sizes) == np.count_nonzero(mesh.leaving >= 0):
             return faces
         vertex = np.empty(len(sizes), dtype=np.int64)
@@ -127,28 +130,6 @@ def without_bow_ties(faces: Ints, n: int) -> Ints:
         smaller = np.zeros(len(sizes), dtype=np.bool_)
         smaller[order[1:]] = vertex[order[1:]] == vertex[order[:-1]]
         faces = faces[~smaller[fan].reshape(-1, 3).any(axis=1)]
-
-
-@kernel
-def _number_fans(mesh, fan):
-    """Fill `fan`, (3 F,), with the number of the fan of each half-edge around its origin; return the fans' sizes."""
-    sizes = np.zeros(len(fan), dtype=np.int64)
-    count = 0
-    for first in range(len(fan)):
-        if fan[first] >= 0:
-            continue
-        start = first
-        while mesh.opposite[start] >= 0:
-            start = following(mesh.opposite[start])
-            if start == first:
-                break
-        h = start
-        while h >= 0 and fan[h] < 0:
-            fan[h] = count
-            sizes[count] += 1
-            h = mesh.opposite[preceding(h)]
-        count += 1
-    return sizes[:count]
 
 
 def filled(faces: Ints, points: Floats, normals: Floats, reaches: Floats, cover: Cover, most: int) -> Ints:

@@ -31,10 +31,8 @@ class Assignment(NamedTuple):
         size = len(mesh.origin) // 3
         upright, sides = np.zeros((size, 3)), np.zeros((size, 3, 4))
         on_ranges(_fill_planes, size, mesh, vertices, upright, sides, least=POINTS_AT_ONCE)
-        ends, fans = np.empty(len(vertices), dtype=np.int64), np.empty(3 * size, dtype=np.int64)
-        _list_fans(mesh, np.empty(MOST_AROUND, dtype=np.int64), ends, fans)
         on_ranges(
-            _walk_all, count, mesh, vertices, upright, sides, ends, fans, points, normals, nearest, found,
+            _walk_all, count, mesh, vertices, upright, sides, points, normals, nearest, found,
             least=POINTS_AT_ONCE,
         )  # fmt: skip
         return found
@@ -66,36 +64,19 @@ def _fill_planes(begin, end, mesh, vertices, upright, sides):
             sides[f, k, 3] = max(dot(outward, corners[0]), dot(outward, corners[1]), dot(outward, corners[2]))
 
 
-@kernel(allocates=False)
-def _list_fans(mesh, halves, ends, fans):
-    """Fill `fans`, (3 F,), with the triangles around each vertex, and `ends`, (V,), with where those of each end."""
-    end = 0
-    for v in range(len(ends)):
-        edges, _ = around(mesh, v, halves)
-        for slot in range(edges):
-            fans[end] = halves[slot] // 3
-            end += 1
-        ends[v] = end
-
-
 @kernel
-def _walk_all(begin, end, mesh, vertices, upright, sides, ends, fans, points, normals, nearest, found):
-    """Fill `found` at a range of points; other arrays as in `Assignment.of`, `_fill_planes` and `_list_fans`."""
-    visited = np.empty(MOST_WALKED, dtype=np.int64)
-    _walk(begin, end, mesh, vertices, upright, sides, ends, fans, points, normals, nearest, visited, found)
-
-
-@kernel(allocates=False)
-def _walk(begin, end, mesh, vertices, upright, sides, ends, fans, points, normals, nearest, visited, found):
-    """Look around vertices until all three corners of the nearest triangle have been looked at."""
+def _walk_all(begin, end, mesh, vertices, upright, sides, points, normals, nearest, found):
+    """Fill `found` at a range of points: look around vertices until all corners of the nearest triangle are known."""
+    visited, halves = np.empty(MOST_WALKED, dtype=np.int64), np.empty(MOST_AROUND, dtype=np.int64)
     for i in range(begin, end):
         point, normal, v = row(points, i), row(normals, i), nearest[i]
         least, face, steps, weights = np.inf, -1, 0, (0.0, 0.0)
         while v >= 0 and steps < MOST_WALKED:
             visited[steps] = v
             steps += 1
-            for slot in range(ends[v - 1] if v else 0, ends[v]):
-                f = fans[slot]
+            edges, _ = around(mesh, v, halves)
+            for slot in range(edges):
+                f = halves[slot] // 3
                 if f == face or _is_farther(sides, f, point, least) or dot(row(upright, f), normal) <= 0.0:
                     continue
                 a, b, c = corners_from(mesh, vertices, f, point)
@@ -139,25 +120,6 @@ def corners_from(mesh, vertices, f, point):
         minus(row(vertices, mesh.origin[3 * f + 1]), point),
         minus(row(vertices, mesh.origin[3 * f + 2]), point),
     )
-
-
-def set_to_nearest_corners(
-    mesh: HalfEdges, vertices: Floats, points: Floats, assigned: Assignment, nearest: Ints
-) -> None:
-    """Set for each dense point that has a triangle the nearest corner of it."""
-    on_ranges(_set_corners, len(points), mesh, vertices, points, assigned, nearest, least=POINTS_AT_ONCE)
-
-
-@kernel(allocates=False)
-def _set_corners(begin, end, mesh, vertices, points, assigned, nearest):
-    """See `set_to_nearest_corners`; for a range of points."""
-    for i in range(begin, end):
-        f, least = assigned.face[i], np.inf
-        for h in range(3 * f, 3 * f + 3):
-            if f >= 0:
-                step = minus(row(vertices, mesh.origin[h]), row(points, i))
-                if dot(step, step) < least:
-                    nearest[i], least = mesh.origin[h], dot(step, step)
 
 
 @kernel(allocates=False)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gppcs.meshing.assignment import Assignment, set_to_nearest_corners
+from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.collapse import collapse
 from gppcs.meshing.cuts import cutting
 from gppcs.meshing.dense import DensePoints
@@ -95,11 +95,11 @@ class Draft:
     def refine(self, count: int, assigned: Assignment) -> None:
         """Add vertices where the dense points are farthest off their triangles, in at most so many of these."""
         self._insert(assigned, *worst_places(self.mesh, assigned, self._unused(), count))
-        self._settle(self.flip())
-
-    def _settle(self, assigned: Assignment) -> None:
-        """Let the start of each dense point be the nearest corner of its triangle."""
-        set_to_nearest_corners(self.mesh, self.vertices, self.dense.places, assigned, self.start)
+        assigned = self.flip()
+        there = np.flatnonzero(assigned.face >= 0)
+        corners = self.mesh.origin.reshape(-1, 3)[assigned.face[there]]
+        squared = ((self.vertices[corners] - self.dense.places[there, None]) ** 2).sum(axis=2)
+        self.start[there] = np.take_along_axis(corners, squared.argmin(axis=1)[:, None], axis=1)[:, 0]
 
     def _unused(self) -> Flags:
         """Return which dense points are not vertices of the mesh."""

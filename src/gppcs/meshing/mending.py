@@ -40,7 +40,7 @@ def mend(mesh: HalfEdges, vertices: Floats, normals: Floats, kept: Flags, rounds
         for _ in range(rounds):
             if not len(cut) or _mend_all(mesh, vertices, normals, kept, tree, cut, into) == 0:
                 break
-            cut = cut[_still_cut(mesh, vertices, tree, cut)]  # new triangles cut none
+            cut = cutting(mesh, vertices, tree)
     return ends(into), cut
 
 
@@ -69,16 +69,6 @@ def _mend_all(mesh, vertices, normals, kept, tree, faces, into):
                 changes += 1
                 break
     return changes
-
-
-@kernel
-def _still_cut(mesh, vertices, tree, faces):
-    """Return which of some triangles, (m,), cut others."""
-    inside = np.zeros(len(mesh.origin) // 3, dtype=np.bool_)
-    found = np.zeros(len(faces), dtype=np.bool_)
-    for i in range(len(faces)):
-        found[i] = mesh.origin[3 * faces[i]] >= 0 and is_cut(mesh, vertices, tree, inside, faces[i])
-    return found
 
 
 @kernel(allocates=False)

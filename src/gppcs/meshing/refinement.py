@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from gppcs.engine.kernels import kernel
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.halfedges import Flags, HalfEdges, Ints
 
@@ -19,19 +18,11 @@ def worst_places(mesh: HalfEdges, assigned: Assignment, usable: Flags, count: in
     s, t = assigned.weights.T
     inner = np.flatnonzero(there & usable & (np.minimum(np.minimum(s, t), 1.0 - s - t) > INSIDE))
     farthest = np.full(size, -1)
-    _find_farthest(assigned, inner, farthest)
+    inner = inner[np.argsort(assigned.squared[inner], kind="stable")]
+    farthest[assigned.face[inner]] = inner  # of several points of a triangle, the last one stays
     faces = np.flatnonzero(farthest >= 0)
     faces = np.sort(faces[np.argsort(-sums[faces], kind="stable")][:count])
     return faces, farthest[faces]
-
-
-@kernel(allocates=False)
-def _find_farthest(assigned, inner, farthest):
-    """Fill `farthest`, (F,), with the farthest of the points `inner` in each triangle, of several the last one."""
-    for i in inner:
-        f = assigned.face[i]
-        if farthest[f] < 0 or assigned.squared[i] >= assigned.squared[farthest[f]]:
-            farthest[f] = i
 
 
 def split(mesh: HalfEdges, faces: Ints, first: int) -> HalfEdges:
