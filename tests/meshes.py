@@ -3,17 +3,14 @@
 from fractions import Fraction
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 import gppcs
+from shapes import hull
 
 
 def hull_mesh(points) -> gppcs.Mesh:
     """Return the convex hull of (N, 3) points around the origin, its triangles turned outwards."""
-    faces = ConvexHull(points).simplices
-    a, b, c = points[faces].transpose(1, 0, 2)
-    outwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), a) > 0
-    return gppcs.Mesh(points, np.where(outwards[:, None], faces, faces[:, ::-1]))
+    return gppcs.Mesh(points, hull(points))
 
 
 def faulty_triangles(mesh: gppcs.Mesh) -> set[int]:

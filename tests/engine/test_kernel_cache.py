@@ -159,12 +159,19 @@ def test_code_of_another_numba_is_left_alone(package):
 
 
 @pytest.mark.slow
-def test_code_goes_to_the_users_folder_where_that_of_the_package_cannot_be_written(package, tmp_path):
-    (package / "__pycache__").touch()  # not even root can make this a folder
-    cache = tmp_path / "cache"
-    assert call(package, XDG_CACHE_HOME=str(cache)) == COMPILED
-    assert call(package, XDG_CACHE_HOME=str(cache)) == LOADED
-    assert len(kept(cache / "gppcs")) == 4
+@pytest.mark.parametrize(
+    ("is_blocked", "named", "expected"),
+    [(True, {"XDG_CACHE_HOME": "user"}, "user/gppcs"), (False, {"NUMBA_CACHE_DIR": "named"}, "named"),
+     (True, {"XDG_CACHE_HOME": "file"}, None)],
+)  # fmt: skip
+def test_code_goes_to_the_named_folder_or_to_the_users_or_nowhere(package, tmp_path, is_blocked, named, expected):
+    (tmp_path / "file").touch()
+    if is_blocked:
+        (package / "__pycache__").touch()  # not even root can make this a folder
+    folders = {variable: str(tmp_path / name) for variable, name in named.items()}
+    assert call(package, **folders) == COMPILED
+    assert call(package, **folders) == (LOADED if expected else COMPILED)
+    assert len(kept(tmp_path)) == (len(kept(tmp_path / expected)) if expected else 0) == (4 if expected else 0)
 
 
 @pytest.mark.slow
@@ -179,23 +186,6 @@ kernel_cache.tempfile.TemporaryFile = fail
 """
     assert call(package, not_writable + CALL) == LOADED
     assert kept(tmp_path) == before
-
-
-@pytest.mark.slow
-def test_nothing_is_kept_where_nothing_can_be_written(package, tmp_path):
-    (package / "__pycache__").touch()
-    (tmp_path / "file").touch()
-    for _ in range(2):
-        assert call(package, XDG_CACHE_HOME=str(tmp_path / "file")) == COMPILED
-    assert kept(tmp_path) == []
-
-
-@pytest.mark.slow
-def test_a_named_folder_comes_first(package, tmp_path):
-    named = tmp_path / "named"
-    assert call(package, NUMBA_CACHE_DIR=str(named)) == COMPILED
-    assert call(package, NUMBA_CACHE_DIR=str(named)) == LOADED
-    assert len(kept(named)) == len(kept(tmp_path)) == 4
 
 
 @pytest.mark.slow
@@ -226,18 +216,6 @@ def test_code_that_others_can_have_written_is_not_run(package, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_full_disk_is_no_error(package):
-    full = """
-def fail(source, target):
-    raise OSError(28, "No space left on device")
-import os
-os.replace = fail
-"""
-    assert call(package, full + CALL) == COMPILED
-    assert kept(package) == []
-
-
-@pytest.mark.slow
 def test_kernels_of_others_are_cached_as_before(package, tmp_path):
     (tmp_path / "other.py").write_text("import numba\n@numba.njit(cache=True)\ndef f(x):\n    return x\n")
     code = (
@@ -262,67 +240,32 @@ def test_processes_that_compile_at_once_do_not_mix_up_their_code(package):
     assert call(package) == LOADED
 
 
-KILLED = {
-    "while it compiles": """
-from numba.core import event
-class Listener(event.Listener):
-    def on_start(self, event):
-        os.kill(os.getpid(), signal.SIGKILL)
-    on_end = on_start
-event.register("numba:compile", Listener())
-""",
-    "before a file is whole": """
-os.fchmod = lambda file, mode: os.kill(os.getpid(), signal.SIGKILL)
-""",
-    "before a file has its name": "os.replace = lambda source, target: os.kill(os.getpid(), signal.SIGKILL)",
-}
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("moment", KILLED)
-def test_a_killed_process_leaves_nothing_that_is_taken_for_code(package, moment):
-    code = f"import os, signal; from pathlib import Path\n{KILLED[moment]}\n{CALL}"
-    exit_code, out, _ = run_python(code, PYTHONPATH=str(package.parent))
-    assert (exit_code, out) == (-signal.SIGKILL, "")
+@pytest.mark.parametrize(
+    ("fault", "code"),
+    [
+        ("os.fchmod = lambda *given: os.kill(os.getpid(), signal.SIGKILL)", -signal.SIGKILL),
+        ("os.replace = lambda *given: os.kill(os.getpid(), signal.SIGKILL)", -signal.SIGKILL),
+        ("def full(*given): raise OSError(28, 'No space left')\nos.replace = full", 0),
+    ],
+)
+def test_a_killed_process_a_full_disk_and_half_a_file_leave_nothing_that_is_taken_for_code(package, fault, code):
+    assert run_python(f"import os, signal, pathlib\n{fault}\n{CALL}", PYTHONPATH=str(package.parent))[0] == code
     assert call(package) == COMPILED
     assert call(package) == LOADED
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("size", [0, 10, 2000])
-def test_files_that_a_stopped_machine_left_incomplete_are_compiled_again(package, size):
+    for number, path in enumerate(kept(package)):
+        os.truncate(path, (0, 10, 2000)[number % 3])
     assert call(package) == COMPILED
-    for path in kept(package):
-        os.truncate(path, size)
-    assert call(package) == COMPILED
-    assert call(package) == LOADED
-
-
-IN_TWO_STEPS = "from gppcs.caller import outer; print(outer(3), flush=True); input(); print(outer(0.25))"
-
-
-def in_two_steps(package, between):
-    """Let something happen after a process has compiled a kernel and before it compiles the next."""
-    process = started(IN_TWO_STEPS, PYTHONPATH=str(package.parent))
-    first = process.stdout.readline()
-    between()
-    second, err = process.communicate("go\n")
-    assert (process.returncode, first, second, err) == (0, "17\n", "11.5\n", "")
-
-
-@pytest.mark.slow
-def test_the_folder_may_be_removed_while_a_process_uses_it(package):
-    in_two_steps(package, lambda: shutil.rmtree(package / "__pycache__"))
-    assert call(package) == "17 11.5 2\n"
 
 
 @pytest.mark.slow
 def test_a_process_that_runs_older_sources_keeps_code_of_these(package):
-    def upgrade():
-        change(package, "callee", "2 * x", "3 * x")
-        assert call(package) == "20 11.75 4\n"
-
-    in_two_steps(package, upgrade)
+    code = "from gppcs.caller import outer; print(outer(3), flush=True); input(); print(outer(0.25))"
+    process = started(code, PYTHONPATH=str(package.parent))
+    assert process.stdout.readline() == "17\n"
+    change(package, "callee", "2 * x", "3 * x")
+    assert call(package) == "20 11.75 4\n"
+    assert process.communicate("go\n") == ("11.5\n", "")
     assert call(package) == "20 11.75 0\n"
     change(package, "callee", "3 * x", "2 * x")
     assert call(package) == LOADED

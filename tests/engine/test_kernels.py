@@ -62,14 +62,6 @@ def test_a_constant_needs_no_code_of_its_own(unkept):
     assert len(added.signatures) == 1
 
 
-def test_a_division_by_zero_is_no_error(unkept):
-    @kernel
-    def share(x, y):
-        return x / y
-
-    assert share(1.0, 0.0) == float("inf")
-
-
 def run_python(code, *arguments, **environment):
     """Run code in a new process; return its exit code, stdout and stderr."""
     inherited = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
@@ -113,25 +105,6 @@ def test_kernels_go_to_the_users_folder_where_that_of_the_package_cannot_be_writ
     out, err = simplified(unwritable, "second.ply", XDG_CACHE_HOME=str(cache))
     assert err == ""
     assert "compiling" not in out
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("before", ["", "import numba; "])
-def test_kernels_are_compiled_for_one_run_where_nothing_can_be_written(unwritable, tmp_path, before):
-    temporary = tmp_path / "temporary"
-    temporary.mkdir()
-    folders = {"XDG_CACHE_HOME": str(tmp_path / "scan.ply"), "TMPDIR": str(temporary)}
-    _, err = simplified(unwritable, "out.ply", before + COMMAND, **folders)
-    assert err == f"gppcs: {compiling.PASSING_NOTICE}\n"
-    assert list(temporary.iterdir()) == []
-
-
-@pytest.mark.slow
-def test_a_named_folder_does_where_no_other_can_be_written(unwritable, tmp_path):
-    folders = {"XDG_CACHE_HOME": str(tmp_path / "scan.ply"), "NUMBA_CACHE_DIR": str(tmp_path / "named")}
-    _, err = simplified(unwritable, "out.ply", **folders)
-    assert err == f"gppcs: {compiling.NOTICE}\n"
-    assert list(tmp_path.glob("named/gppcs/*/gppcs.spatial.*.nbc"))
 
 
 def test_warmup_refuses_to_compile_what_cannot_be_kept(unwritable, tmp_path):

@@ -16,26 +16,16 @@ def sphere(sphere):
 
 
 def test_entries_are_what_simplify_and_evaluate_give(bracket):
-    entries = gppcs.compare(bracket, ["fps", gppcs.Random(seed=5)], ratio=0.02)
+    broken = np.concatenate([bracket, [[np.nan, 0, 0]]])
+    entries = gppcs.compare(broken, ["fps", gppcs.Random(seed=5)], n_points=400, invalid="drop")
     assert [entry.result.method for entry in entries] == [gppcs.FarthestPoint(), gppcs.Random(seed=5)]
     for entry in entries:
-        expected = gppcs.simplify(bracket, ratio=0.02, method=entry.result.method)
+        expected = gppcs.simplify(bracket, n_points=400, method=entry.result.method)
         np.testing.assert_array_equal(entry.result.indices, expected.indices)
         assert entry.report == gppcs.evaluate(bracket, expected.cloud)
         assert entry.seconds > 0
         assert entry.failure is None
     assert ["permutation" in entry.result.seconds for entry in entries] == [False, True]  # each has its own
-
-
-def test_points_that_are_not_finite_are_refused_or_dropped_as_by_simplify(sphere):
-    broken = sphere[:500].copy()
-    broken[3, 1] = np.nan
-    with pytest.raises(gppcs.InputError, match=r"1 of 500 points .* the first at index 3"):
-        gppcs.compare(broken, ["fps"], n_points=50)
-    (entry,) = gppcs.compare(broken, ["fps"], n_points=50, invalid="drop")
-    expected = gppcs.simplify(broken, n_points=50, method="fps", invalid="drop")
-    np.testing.assert_array_equal(entry.result.indices, expected.indices)
-    assert entry.report == gppcs.evaluate(np.delete(broken, 3, axis=0), expected.cloud)
 
 
 def test_all_methods_by_default():
@@ -85,13 +75,8 @@ def test_a_mesh_to_look_at_ends_where_the_points_end(sphere):
     gaps, _ = cKDTree(original.points).query(used)
     spacing = np.sqrt(2.0 * np.pi / len(half))
     assert gaps.max() < 6.0 * spacing
-    above = used[used[:, 2] > 4.0 * spacing] - place
-    np.testing.assert_allclose(np.linalg.norm(above, axis=1), 1.0, atol=0.1)
     assert mesh.face_areas().sum() == pytest.approx(2.0 * np.pi, rel=0.2)
-    elsewhere = gppcs.PointCloud(original.points + 100.0)
-    assert trimmed_mesh(mesh, elsewhere) is None
-    untouched = trimmed_mesh(mesh, original)
-    assert len(untouched.faces) == len(mesh.faces)
+    assert trimmed_mesh(mesh, gppcs.PointCloud(original.points + 100.0)) is None
 
 
 @pytest.mark.parametrize(

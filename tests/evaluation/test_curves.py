@@ -15,11 +15,8 @@ def test_errors_are_those_of_evaluate_for_ranking_methods_and_others():
         assert curve.sizes.tolist() == [150, 300]
         assert curve.diagonal == pytest.approx(gppcs.info(CLOUD).diagonal)
         whole = gppcs.simplify(CLOUD, n_points=300, method=curve.method).cloud
-        first = (
-            whole[:150]
-            if "ranking" in curve.method.supports
-            else gppcs.simplify(CLOUD, n_points=150, method=curve.method).cloud
-        )
+        smaller = gppcs.simplify(CLOUD, n_points=150, method=curve.method).cloud
+        first = whole[:150] if "ranking" in curve.method.supports else smaller
         for place, cloud in enumerate((first, whole)):
             report = gppcs.evaluate(CLOUD, cloud)
             for name, values in curve.errors.items():
@@ -30,8 +27,6 @@ def test_the_knee_is_farthest_below_the_line_between_the_ends():
     errors = np.array([1.0, 0.4, 0.1, 0.05, 0.0])
     curve = gppcs.Curve(gppcs.Random(), np.array([0, 25, 50, 75, 100]), {"p95": errors}, 1.0)
     assert curve.knee() == 50
-    flat = gppcs.Curve(gppcs.Random(), np.array([10]), {"p95": np.array([0.5])}, 1.0)
-    assert flat.knee() == 10
     with pytest.raises(gppcs.ParameterError, match="measure to be"):
         curve.knee("p99")
 
@@ -44,18 +39,15 @@ def test_a_result_knows_its_curve_and_its_prefixes():
     assert (half.indices == result.indices[:200]).all()
     assert gppcs.evaluate(CLOUD, half.cloud).surface_mean == pytest.approx(curve.errors["mean"][4], rel=1e-9)
     assert result.curve(CLOUD, sizes=[100]) == result.prefix(100).curve(CLOUD, sizes=[100])
-    copy = pickle.loads(pickle.dumps(result))
-    assert copy == result
-    assert copy.curve(CLOUD).sizes.tolist() == curve.sizes.tolist()
+    assert pickle.loads(pickle.dumps(result)) == result
 
 
 def test_what_is_no_ranking_has_no_prefixes():
     with pytest.raises(gppcs.ParameterError, match="'voxel' does not rank its points; these do: gp, "):
         gppcs.simplify(CLOUD, n_points=50, method="voxel").prefix(10)
-    with pytest.raises(gppcs.ParameterError, match="all points were kept"):
-        gppcs.simplify(CLOUD, ratio=1).prefix(10)
     some = CLOUD.points[:200]
     for points, wanted in (
+        (some, {"ratio": 1}),
         (np.concatenate([some, some]), {"n_points": 300}),
         (np.concatenate([some, [[np.nan] * 3]]), {"n_points": 200, "invalid": "drop"}),
         (some, {"n_points": 100, "weight": np.arange(200) >= 100}),
@@ -66,6 +58,14 @@ def test_what_is_no_ranking_has_no_prefixes():
         gppcs.simplify(CLOUD, n_points=50, method="fps").prefix(51)
 
 
+@pytest.mark.parametrize("sizes", [[], "5", [0], [1.5], [-1], [True], 3])
+def test_sizes_that_are_none_are_refused(sizes):
+    with pytest.raises(gppcs.ParameterError, match="size"):
+        gppcs.curve(CLOUD, ["random"], sizes=sizes)
+    with pytest.raises(gppcs.InputError, match="none of the 2 points"):
+        gppcs.simplify(CLOUD, n_points=20, method="fps").curve(np.full((2, 3), np.nan))
+
+
 def test_sizes_that_take_all_points_but_repeats_change_no_other():
     twice = np.concatenate([CLOUD.points[:200], CLOUD.points[:200]])
     for method in ("fps", "voxel"):
@@ -73,12 +73,6 @@ def test_sizes_that_take_all_points_but_repeats_change_no_other():
         assert long.sizes.tolist() == [50, 100, 300, 400]
         assert (long.errors["mean"][:2] == short.errors["mean"]).all()
         assert (long.errors["mean"][2:] == 0.0).all()
-
-
-@pytest.mark.parametrize("original", [np.empty((0, 3)), np.full((2, 3), np.nan)])
-def test_a_curve_needs_an_original_with_points(original):
-    with pytest.raises(gppcs.InputError, match=r"the cloud is empty|none of the 2 points"):
-        gppcs.simplify(CLOUD, n_points=20, method="fps").curve(original)
 
 
 @pytest.mark.parametrize(
@@ -91,17 +85,3 @@ def test_the_first_points_of_a_ranking_are_those_of_a_smaller_run_or_as_evenly_s
         assert pick[0] < 1.2 * pick[1]
     else:
         assert (long[:100] == short).all()
-
-
-@pytest.mark.parametrize("sizes", [[], "5", [0], [1.5], [-1], [True], None, 3])
-def test_sizes_that_are_none_are_refused(sizes):
-    if sizes is None:
-        assert gppcs.curve(CLOUD, ["random"])[0].sizes[0] == 10
-        return
-    with pytest.raises(gppcs.ParameterError, match="size"):
-        gppcs.curve(CLOUD, ["random"], sizes=sizes)
-
-
-def test_coordinates_as_large_as_numbers_go():
-    large = (CLOUD.points - CLOUD.points.min(axis=0)) * (1.7e308 / np.ptp(CLOUD.points, axis=0).max())
-    assert np.isfinite(gppcs.curve(large, ["fps"], sizes=[50])[0].errors["mean"]).all()

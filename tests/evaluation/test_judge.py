@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import gppcs
 from dense import distances_to_triangles
-from gppcs.evaluation import judge, reconstruction
+from gppcs.evaluation import reconstruction
 from gppcs.surface.local_surface import LocalSurface
 from meshes import hull_mesh
 
@@ -89,16 +89,6 @@ def test_recall_is_the_share_of_rough_points_near_kept_ones():
     assert gppcs.evaluate(original, kept).feature_recall == pytest.approx(0.5, abs=0.03)  # ties at the edge of a tenth
 
 
-def test_ties_of_variation_count_whole():
-    variation = 0.1 * np.ones(100) * (1 + 1e-15 * np.random.default_rng(0).standard_normal(100))
-    variation[:70] = 1e-14
-    assert np.flatnonzero(judge._rough(variation)).tolist() == list(range(70, 100))
-    variation[70:] = 0.0
-    assert judge._rough(variation).all()
-    variation[-5:] = 0.2
-    assert np.flatnonzero(judge._rough(variation)).tolist() == list(range(95, 100))
-
-
 def test_normal_deviation_is_the_angle_of_a_fold():
     """Two halves of a plane, of which one is tilted: the half of the points that keep no neighbour is off by that."""
     tilt = np.radians(30)
@@ -165,26 +155,32 @@ def test_what_cannot_be_compared_is_refused(cloud, message, place):
         gppcs.evaluate(**clouds)
 
 
+POINT = np.array([[0.1, 0.2, 0.3]])
+LATTICE = np.stack(np.meshgrid(np.arange(30.0), np.arange(30.0), [0.0]), axis=-1).reshape(-1, 3)
+DIAGONAL = np.array([0, 0, np.linalg.norm([29, 29])])
+
+
 @pytest.mark.parametrize(
-    ("move", "parts"),
+    ("original", "simplified"),
     [
-        (lambda points: 1000 * points, ["diagonal of 1", "e+05, that of the original 1", "same unit"]),
-        (lambda points: points + np.array([0, 0, 5e5]), ["low corners are (", ") apart", "unit and origin"]),
+        (LATTICE, 1000 * LATTICE[::3]),
+        (LATTICE, LATTICE[::3] + 1e4 * DIAGONAL),
+        (LATTICE, LATTICE[::3] + 0.101 * DIAGONAL),  # a tenth is allowed
+        (POINT, POINT + 1e-3),
     ],
 )
-def test_a_cloud_elsewhere_is_refused_with_how_far(pair, move, parts):
-    with pytest.raises(gppcs.InputError, match="does not lie on the original") as error:
-        gppcs.evaluate(pair[0], move(pair[1]))
-    assert all(part in str(error.value) for part in parts), str(error.value)
+def test_a_cloud_elsewhere_is_refused(original, simplified):
+    gppcs.evaluate(LATTICE, LATTICE[::3] + 0.099 * DIAGONAL)
+    gppcs.evaluate(POINT, POINT.astype(np.float32))
+    with pytest.raises(gppcs.InputError, match="does not lie on the original"):
+        gppcs.evaluate(original, simplified)
 
 
-@pytest.mark.parametrize("factor", [0.1, 0.01, 0.001])
+@pytest.mark.parametrize("factor", [0.1, 0.001])
 def test_a_cloud_too_small_is_refused_though_it_lies_inside(factor):
     """Of two sheets beside each other, the middle is near to both: a small copy there is near to either."""
     rng = np.random.default_rng(0)
-    original = (rng.random((4000, 3)) - 0.5) * [1, 1, 0] + np.where(rng.random(4000) < 0.5, 0.05, -0.05)[:, None] * [
-        0, 0, 1,
-    ]  # fmt: skip
+    original = np.c_[rng.random((4000, 2)) - 0.5, np.where(rng.random(4000) < 0.5, 0.05, -0.05)]
     gppcs.evaluate(original, original[:80])
     with pytest.raises(gppcs.InputError, match="simplified cloud does not lie on the original"):
         gppcs.evaluate(original, factor * original[:80])
@@ -198,15 +194,11 @@ def test_a_cloud_that_crowds_on_the_original_is_not_refused(sphere, size):
     assert gppcs.evaluate(sphere, crowd).covering_radius == pytest.approx(2, rel=0.1)
 
 
-def test_a_single_point_lies_nowhere_else():
-    point = np.array([[0.1, 0.2, 0.3]])
-    gppcs.evaluate(point, point.astype(np.float32))
-    with pytest.raises(gppcs.InputError, match="does not lie on the original"):
-        gppcs.evaluate(point, point + 1e-3)
-
-
-@pytest.mark.parametrize("factor", [1e300, 1.7e308, 1e75, 1e-170, 1e-75])
-def test_sizes_whose_squares_are_no_numbers_are_refused(factor):
+@pytest.mark.parametrize("factor", [1.7e308, 1e75, 1e-75])
+def test_sizes_whose_squares_are_no_numbers_are_refused(pair, factor):
+    allowed = 1e65 if factor > 1 else 1e-65
+    before, after = gppcs.evaluate(*pair), gppcs.evaluate(*(allowed * cloud for cloud in pair))
+    assert after.figures(relative=True) == pytest.approx({**before.figures(relative=True), "diagonal": after.diagonal})
     points = np.random.default_rng(0).random((50, 3)) - 0.5
     points[0] = 1.0  # times 1.7e308 still finite
     for clouds, name in (((factor * points, points), "original"), ((points, factor * points), "simplified")):
@@ -215,12 +207,6 @@ def test_sizes_whose_squares_are_no_numbers_are_refused(factor):
     mesh = gppcs.Mesh(factor * points, [[0, 1, 2]])
     with pytest.raises(gppcs.InputError, match="the mesh to have a size of"):
         gppcs.evaluate(points, points, mesh)
-
-
-@pytest.mark.parametrize("factor", [1e65, 1e-65])
-def test_sizes_that_are_allowed_are_measured(pair, factor):
-    before, after = gppcs.evaluate(*pair), gppcs.evaluate(*(factor * points for points in pair))
-    assert after.figures(relative=True) == pytest.approx({**before.figures(relative=True), "diagonal": after.diagonal})
 
 
 # with a mesh
@@ -235,38 +221,29 @@ def ball(sphere):
 
 
 @pytest.mark.slow
-def test_carried_normals_are_those_of_the_cloud(ball, sphere):
+def test_normals_are_carried_and_points_that_repeat_count_once(ball, sphere):
     mesh, points, report = ball
     assert report.rebuilt != report.rebuilt_carried
     assert gppcs.evaluate(sphere, points, mesh).rebuilt_carried is None
-    assert report.figures()["carried_hausdorff_mean"] == report.rebuilt_carried.hausdorff_mean
-
-
-@pytest.mark.slow
-def test_points_that_repeat_count_once(ball, sphere):
-    mesh, points, report = ball
     double = np.tile(points, (2, 1))
     again = gppcs.evaluate(np.tile(sphere, (2, 1)), with_normals(double, double), mesh)
     assert {**again.figures(), "points_in": 15_000, "points_out": 3000} == report.figures()
 
 
-@pytest.mark.parametrize("offset", [[5e5, 5.2e6, 0], [0, 0, 10]])
-def test_a_mesh_far_away_is_refused_at_once(ball, sphere, offset, monkeypatch):
+def test_meshes_that_cannot_be_compared_are_refused_at_once(ball, sphere, monkeypatch):
     """PyMeshLab would take minutes."""
-    monkeypatch.setattr(reconstruction, "distances_to", None)
-    with pytest.raises(gppcs.InputError, match="the mesh does not lie on the original"):
-        gppcs.evaluate(sphere, ball[1], ball[0].shifted(np.array(offset)))
-
-
-def test_a_mesh_without_area_is_refused(ball, sphere):
-    flat = gppcs.Mesh(sphere[:100], np.arange(99).repeat(3).reshape(-1, 3))
-    with pytest.raises(gppcs.InputError, match="the mesh has no area"):
-        gppcs.evaluate(sphere, ball[1], flat)
-
-
-def test_no_surface_is_an_error_of_its_own(ball, sphere):
+    mesh, points, _ = ball
     with pytest.raises(gppcs.NoSurfaceError, match="of the 3 points gave no surface"):
-        gppcs.evaluate(sphere, sphere[:3], ball[0])
+        gppcs.evaluate(sphere, sphere[:3], mesh)
+    monkeypatch.setattr(reconstruction, "distances_to", None)
+    flat = gppcs.Mesh(sphere[:100], np.arange(99).repeat(3).reshape(-1, 3))
+    for other, message in (
+        (mesh.shifted(np.array([5e5, 5.2e6, 0])), "the mesh does not lie on the original"),
+        (mesh.shifted(np.array([0, 0, 10])), "the mesh does not lie on the original"),
+        (flat, "the mesh has no area"),
+    ):
+        with pytest.raises(gppcs.InputError, match=message):
+            gppcs.evaluate(sphere, points, other)
 
 
 def with_normals(points, normals):
@@ -372,36 +349,11 @@ def test_normals_have_the_sign_of_the_guide_nearest_by(sign):
     np.testing.assert_allclose(normals, guides, atol=1e-6)
 
 
-@pytest.mark.slow
-def test_the_rebuilt_mesh_lies_where_the_clouds_do(bowl):
-    original, simplified, mesh = bowl
-    here = gppcs.evaluate(original, simplified, mesh)
-    offset = np.array([1e6, -2e6, 500])
-    there = gppcs.evaluate(
-        *(3 * points + offset for points in (original, simplified)), gppcs.Mesh(3 * mesh.vertices + offset, mesh.faces)
-    )
-    low, high = there.rebuilt.mesh.vertices.min(axis=0), there.rebuilt.mesh.vertices.max(axis=0)
-    np.testing.assert_allclose(low, 3 * here.rebuilt.mesh.vertices.min(axis=0) + offset, atol=0.02)
-    np.testing.assert_allclose(high, 3 * here.rebuilt.mesh.vertices.max(axis=0) + offset, atol=0.02)
-    assert there.rebuilt.back_mean == pytest.approx(3 * here.rebuilt.back_mean, rel=0.02)
-
-
-def test_clouds_may_be_a_tenth_of_the_diagonal_apart():
-    lattice = np.stack(np.meshgrid(np.arange(30.0), np.arange(30.0), [0.0]), axis=-1).reshape(-1, 3)
-    up = np.array([0, 0, np.linalg.norm([29, 29])])
-    assert gppcs.evaluate(lattice, lattice[::3] + 0.099 * up).mean_distance > 0
-    with pytest.raises(gppcs.InputError, match="does not lie on"):
-        gppcs.evaluate(lattice, lattice[::3] + 0.101 * up)
-
-
-@pytest.mark.parametrize("far", [10, 1e6, 1e12])
+@pytest.mark.parametrize("far", [10, 1e12])
 def test_a_far_point_does_not_blow_up_the_radius(sphere, far):
-    stray = np.array([[far, far, far]])
-    near, with_far = (
-        gppcs.evaluate(sphere, sphere[:4000]),
-        gppcs.evaluate(np.concatenate([sphere, stray]), np.concatenate([sphere[:4000], stray])),
-    )
-    assert with_far.mean_surface_variation == pytest.approx(near.mean_surface_variation, rel=0.05)
+    strayed = (np.concatenate([points, np.full((1, 3), far)]) for points in (sphere, sphere[:4000]))
+    expected = gppcs.evaluate(sphere, sphere[:4000]).mean_surface_variation
+    assert gppcs.evaluate(*strayed).mean_surface_variation == pytest.approx(expected, rel=0.05)
 
 
 @pytest.mark.slow
