@@ -68,7 +68,7 @@ def sample(points: NDArray[np.float64], n_points: int) -> NDArray[np.int64]:
     target spacing: then a sample has too few points for the widest neighbourhoods.
     """
     n = len(points)
-    if n <= sample_size(n_points):
+    if n <= 1.5 * sample_size(n_points):  # to draw most of the points would cost more than it saves
         return np.arange(n)
     draws = round(-n * math.log1p(-sample_size(n_points) / n))  # with replacement: some rows are drawn twice
     rows = np.unique(np.random.default_rng(0).integers(0, n, draws))
