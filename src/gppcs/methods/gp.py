@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
     from gppcs.gp.local.algorithm import Criterion
 
+DENSITY_POWER = 2.0  # Of the roughness, at a feature weight of 1.
+NORMAL_WEIGHT = 2.8  # Distance of two normals at a right angle, in desired spacings, at a feature weight of 1.
 # Memory in bytes, a little more than measured.
 HASHED = 16  # For each point, while cells are looked up.
 MEASURED = 100  # For each point of the sample.
@@ -87,8 +89,8 @@ class LocalGP(Method):
         from gppcs.gp.local.algorithm import Criterion
 
         return Criterion(
-            density_power=2.0 * self.feature_weight,
-            normal_weight=2.8 * self.feature_weight,
+            density_power=DENSITY_POWER * self.feature_weight,
+            normal_weight=NORMAL_WEIGHT * self.feature_weight,
             error_weight=max(0.0, 2.0 * self.feature_weight - 1.0) ** 2,
             lengthscale=self.lengthscale,
             neighbours=self.neighbours,

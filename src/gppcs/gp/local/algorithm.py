@@ -24,6 +24,7 @@ from gppcs.surface.noise import Observations
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
 
 NEAREST = 16  # Points of a neighbourhood if candidates are not thinned: a ball could then hold any number of them.
+ROUNDNESS_POWER = 4.0  # Of 1 - S^2 for a segregation S. The larger, the less flat faces with edges count as round.
 NUGGET = 1e-4  # Variance of an observation without noise, in units of the prior's. Keeps covariances regular.
 
 
@@ -187,7 +188,7 @@ class Scale(NamedTuple):
 
 def roundness_of(roughness: NDArray[np.float64]) -> float:
     """Return from 1 for a cloud whose places are alike to 0 for flat faces and edges only, given roughness, (n,)."""
-    return (1.0 - segregation(roughness) ** 2) ** 4
+    return (1.0 - segregation(roughness) ** 2) ** ROUNDNESS_POWER
 
 
 def local_field(
