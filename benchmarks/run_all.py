@@ -60,7 +60,7 @@ SCRIPTS = (
     Script("why_not_voxels.py", "why_not_voxels", ("pymeshlab", "matplotlib", "pyvista")),
     Script("gallery.py", "gallery", ("matplotlib",)),
     Script("gp_ablation.py", "gp_ablation", ("pymeshlab",)),
-    Script("gp_constants.py", "gp_constants", ()),
+    Script("gp_constants.py", "gp_constants"),
     Script("ask.py", "ask", ("pymeshlab",)),
     Script("gp_prefixes.py", "gp_prefixes", ("pymeshlab",)),
     Script("larger_than_memory.py", "larger_than_memory"),

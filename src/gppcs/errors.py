@@ -138,18 +138,6 @@ def number(value: Any) -> float:
         return math.nan
 
 
-def share(value: Any) -> float:
-    """Return a share of the points as a float, or raise an error if it is none."""
-    found = number(value)
-    if 0 < found <= 1:
-        return found
-    message = f"expected a ratio above 0 and at most 1, found {shown(value)}"
-    if not 2 <= found <= 100:  # such as 3, meant as a percentage
-        raise ParameterError(message)
-    message += f"; for {found:g} percent, write "
-    raise ParameterError(f"{message}{found / 100:g}", command=f"{message}{found:g}%")
-
-
 def file_path(path: Any) -> Path:
     """Return the path of a file, or raise an error if it is none."""
     try:

@@ -365,7 +365,7 @@ def result_of(selection: Selection, kept: PointCloud, method: Method, stages: St
 
 def simplify_cloud(cloud: CloudLike, request: Request, stages: Stages) -> Result:
     """Simplify a cloud in memory."""
-    from gppcs.spatial.scaling import bounds, normalised
+    from gppcs.spatial.scaling import Frame, bounds
 
     outliers, method = None, request.method
     with stages("preparation"):
@@ -383,13 +383,16 @@ def simplify_cloud(cloud: CloudLike, request: Request, stages: Stages) -> Result
         guided = request.keep is not None or request.weight is not None
         guide = Guide.of(cloud, rows, request.keep, request.weight) if guided else None
         metres = metres_of(request.unit, cloud.header)
-        points, corner, exponent = normalised(cloud.points if rows is None else cloud.points[rows])
-        low, high = bounds(points)
-        scale = Scale(float(np.linalg.norm(high - low)), metres, exponent)
+        places = cloud.points if rows is None else cloud.points[rows]
+        low, high = bounds(places)
+        frame = Frame.around(low, high)
+        points = frame.local(places)
+        scale = Scale(float(np.linalg.norm(frame.local(high[np.newaxis]))), metres, frame.exponent)
+        del places
     selection = choose_amount(points, request.amount, scale, guide, method, stages)
     kept = cloud.take(selection.indices if rows is None else rows[selection.indices])
     if selection.points is not None:
-        kept = kept.moved(np.ldexp(selection.points, exponent) + corner)
+        kept = kept.moved(np.ldexp(selection.points, frame.exponent) + frame.corner)
     if request.normals:
         with stages("normals"):
             kept = _with_normals(kept, points, selection)

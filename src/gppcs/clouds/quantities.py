@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 
 from gppcs.clouds.header import Header
-from gppcs.errors import InputError, ParameterError, nearest_name, number, share, shown, whole_number
+from gppcs.errors import InputError, ParameterError, nearest_name, number, shown, whole_number
 
 Measure: TypeAlias = Literal["mean", "rms", "p95", "max"]
 MEASURES: tuple[Measure, ...] = get_args(Measure)
@@ -41,7 +41,15 @@ def count_of(name: str, given: Any, least: int = 1) -> int:
 
 def share_of(name: str, given: Any) -> float:
     """Return the share, above 0 and at most 1, that the value of an argument means: 0.03 or a text such as 3%."""
-    return share(_percentage(name, given) if isinstance(given, str) else given)
+    value = _percentage(name, given) if isinstance(given, str) else given
+    found = number(value)
+    if 0 < found <= 1:
+        return found
+    message = f"expected a ratio above 0 and at most 1, found {shown(value)}"
+    if not 2 <= found <= 100:  # such as 3, meant as a percentage
+        raise ParameterError(message)
+    message += f"; for {found:g} percent, write "
+    raise ParameterError(f"{message}{found / 100:g}", command=f"{message}{found:g}%")
 
 
 def size_of(name: str, given: Any) -> float | int:

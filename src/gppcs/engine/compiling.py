@@ -13,7 +13,7 @@ PASSING_NOTICE = (
 )
 
 
-class _Clock:
+class Timer:
     """Measures the time in which at least one kernel is being compiled, without the garbage collector."""
 
     def __init__(self) -> None:
@@ -41,12 +41,12 @@ class _Clock:
                 gc.enable()
 
     def seconds(self) -> float:
-        """Return the time so far, in seconds."""
+        """Return for how long this process has compiled kernels, in any of its threads."""
         before, start = self._state
         return before if start is None else before + perf_counter() - start
 
 
-_clock = _Clock()
+timer = Timer()
 _told = False
 
 
@@ -58,17 +58,12 @@ def compilation_started() -> None:
     if not _told:
         _told = True
         _tell(NOTICE if folder_to_write() else PASSING_NOTICE)
-    _clock.start()
+    timer.start()
 
 
 def compilation_ended() -> None:
     """Note that the compilation of a kernel has ended."""
-    _clock.stop()
-
-
-def seconds() -> float:
-    """Return for how long this process has compiled kernels, in any of its threads."""
-    return _clock.seconds()
+    timer.stop()
 
 
 def _tell(notice: str) -> None:

@@ -141,11 +141,11 @@ class Stages:
         listener = self._listener
         if listener:
             listener.started(name, total)
-        compiled, start = compiling.seconds(), perf_counter()
+        compiled, start = compiling.timer.seconds(), perf_counter()
         try:
             yield listener.advanced if listener else _ignore
         finally:
-            elapsed, compilation = perf_counter() - start, compiling.seconds() - compiled
+            elapsed, compilation = perf_counter() - start, compiling.timer.seconds() - compiled
             self.seconds[name] = self.seconds.get(name, 0.0) + max(0.0, elapsed - compilation)
             if compilation:
                 self.seconds[COMPILATION] = self.seconds.get(COMPILATION, 0.0) + compilation

@@ -158,12 +158,12 @@ def checked_ways(ways: Iterable[str] | None, ratio: float | str | None, n_points
 def _entry(way: str, wanted: Wanted, mesh: Mesh | None) -> MeshEntry:
     """Return what one way gives."""
     made, report, failure = None, None, None
-    compiled, start = compiling.seconds(), perf_counter()
+    compiled, start = compiling.timer.seconds(), perf_counter()
     try:
         made = MESH_WAYS[way](wanted)
     except NoSurfaceError as error:
         failure = str(error)
-    seconds = perf_counter() - start - (compiling.seconds() - compiled)
+    seconds = perf_counter() - start - (compiling.timer.seconds() - compiled)
     if made is not None:
         try:
             report = evaluate_mesh(wanted.cloud, made, mesh, wanted.stages)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.stages import Stages
-from gppcs.methods.parameters import WIDTH, Parameter, check_parameters, completed, described
+from gppcs.methods.parameters import WIDTH, Parameter, check_parameter, completed, described
 
 if TYPE_CHECKING:
     import numpy as np
@@ -162,7 +162,9 @@ class Method(ABC):
 
     def __post_init__(self) -> None:
         """Check all parameters. Subclasses that check more call this first."""
-        check_parameters(self)
+        for each in dataclasses.fields(self):
+            if getattr(self, each.name) is not each.default:
+                check_parameter(self, each)
 
     @abstractmethod
     def __call__(self, wanted: Wanted) -> Selection:

@@ -97,20 +97,16 @@ def parameter(default: Value, meaning: str, least: float | None = None, most: fl
     return declared
 
 
-def check_parameters(method: Method) -> None:
-    """Check the types and the ranges of all parameters; numbers of NumPy become Python's."""
-    types = _types(type(method))
-    for each in dataclasses.fields(method):
-        value = getattr(method, each.name)
-        if value is each.default:
-            continue
-        alternatives = typing.get_args(types[each.name]) or (types[each.name],)
-        value = _as_one_of(alternatives, value)
-        require(method, value is not _INVALID, each.name, " or ".join(map(_written, alternatives)))
-        object.__setattr__(method, each.name, value)
-        if isinstance(value, int | float):
-            least, most = each.metadata.get(_RANGE, (None, None))
-            require(method, _lies_within(value, least, most), each.name, _range(value, least, most))
+def check_parameter(method: Method, each: dataclasses.Field[Any]) -> None:
+    """Check the type and the range of a parameter; a number of NumPy becomes Python's."""
+    kind = _types(type(method))[each.name]
+    alternatives = typing.get_args(kind) or (kind,)
+    value = _as_one_of(alternatives, getattr(method, each.name))
+    require(method, value is not _INVALID, each.name, " or ".join(map(_written, alternatives)))
+    object.__setattr__(method, each.name, value)
+    if isinstance(value, int | float):
+        least, most = each.metadata.get(_RANGE, (None, None))
+        require(method, _lies_within(value, least, most), each.name, _range(value, least, most))
 
 
 def require(method: Method, condition: bool, parameter: str, expected: str) -> None:
