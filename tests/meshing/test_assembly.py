@@ -8,16 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.clouds.topology import topology_of
-from gppcs.meshing.assembly import (
-    BEND,
-    LENGTH,
-    border_loops,
-    filled,
-    holes_filled,
-    taken,
-    without_bow_ties,
-    without_scraps,
-)
+from gppcs.meshing.assembly import gaps_filled, taken, without_bow_ties, without_scraps
+from gppcs.meshing.filling import BEND, LENGTH, border_loops, holes_filled
 from gppcs.meshing.halfedges import HalfEdges
 from meshing.test_coverage import cover_of
 from shapes import ball, faults, sheet
@@ -49,16 +41,13 @@ def test_at_a_bow_tie_the_larger_fan_stays():
 @pytest.mark.parametrize("hole", [0.0, 0.2])
 def test_borders_run_around_the_mesh_and_its_holes(hole):
     points, _, faces = sheet(300, hole=hole)
-    loops, ends = border_loops(HalfEdges.of(faces, len(points)))
+    loops = border_loops(HalfEdges.of(faces, len(points)))
     edges = {(a, b) for face in faces for a, b in zip(face, np.roll(face, -1), strict=True)}
-    begin = 0
-    for end in ends:
-        loop = loops[begin:end]
-        begin = end
+    for loop in loops:
         for a, b in zip(loop, np.roll(loop, -1), strict=True):
             assert (b, a) in edges
             assert (a, b) not in edges
-    assert len(ends) == topology_of(faces).borders == (2 if hole else 1)
+    assert len(loops) == topology_of(faces).borders == (2 if hole else 1)
 
 
 def triangulations(corners):
@@ -87,10 +76,10 @@ def test_a_gap_is_filled_by_the_cheapest_triangles(seed):
     around = faces[(faces == inner).any(axis=1)]
     left = faces[(faces != inner).all(axis=1)]
     cover, _ = cover_of(points, normals)
-    new = filled(left, points, normals, cover.reaches, cover, 12)[len(left) :]
+    new = gaps_filled(left, points, normals, cover.reaches, cover, 12)[len(left) :]
     assert len(new) == len(around) - 2
-    loops, ends = border_loops(HalfEdges.of(left, len(points)))
-    loop = next(part for part in np.split(loops, ends) if set(part) == set(around.ravel()) - {inner})
+    loops = border_loops(HalfEdges.of(left, len(points)))
+    loop = next(part for part in loops if set(part) == set(around.ravel()) - {inner})
     edges = {frozenset(pair) for face in left for pair in itertools.combinations(face, 2)}
     costs = [
         sum(cost(points, t) for t in triangles)
@@ -108,11 +97,11 @@ def test_a_gap_is_filled_by_the_cheapest_triangles(seed):
 def test_only_covered_gaps_are_filled_unless_the_holes_shall_be():
     points, normals, faces = sheet(2000, hole=0.3)
     cover, _ = cover_of(points, normals)
-    assert np.array_equal(filled(faces, points, normals, cover.reaches, cover, 1000), faces)
-    closed = holes_filled(faces, points, normals, 0.9, cover)
+    assert np.array_equal(gaps_filled(faces, points, normals, cover.reaches, cover, 1000), faces)
+    closed = holes_filled(faces, points, normals, 0.9)
     assert topology_of(closed).borders == 1
     assert faults(HalfEdges.of(closed, len(points))) == []
-    assert np.array_equal(holes_filled(faces, points, normals, 0.5, cover), faces)
+    assert np.array_equal(holes_filled(faces, points, normals, 0.5), faces)
 
 
 def test_scraps_are_left_out():

@@ -6,11 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.clouds.topology import topology_of
-from gppcs.meshing.assembly import holes_filled
 from gppcs.meshing.cuts import cutting
+from gppcs.meshing.filling import border_loops, fillings, holes_filled
 from gppcs.meshing.halfedges import HalfEdges
-from gppcs.meshing.mending import cut_out, holes_closed, mend
-from meshing.test_coverage import cover_of
+from gppcs.meshing.mending import cut_out, mend
 from shapes import ball, faults, random_mesh, sheet
 
 
@@ -66,7 +65,7 @@ def test_planted_cuts_all_go(seed, share, depth):
     points = points + depth * some[:, None] * rng.standard_normal(points.shape)
     mend(mesh, points, normals, no_vertex(points))
     assert faults(mesh) == []
-    faces, holes = cut_out(mesh, points, normals, no_vertex(points))
+    faces, holes = cut_out(mesh, points, normals)
     whole = HalfEdges.of(faces, len(points))
     assert faults(whole) == []
     assert topology_of(faces)[:2] == (0, 0)
@@ -97,7 +96,7 @@ def test_a_spike_through_another_sheet_goes_and_both_stay_whole():
 
 def test_without_cuts_nothing_is_left_out():
     points, normals, faces = ball(200)
-    left, holes = cut_out(HalfEdges.of(faces, 200), points, normals, no_vertex(points))
+    left, holes = cut_out(HalfEdges.of(faces, 200), points, normals)
     assert np.array_equal(left, faces)
     assert holes == 0
 
@@ -110,7 +109,7 @@ def test_borders_stay_open():
     mesh = HalfEdges.of(faces, len(points))
     assert len(cutting(mesh, points)) > 0
     mend(mesh, points, normals, no_vertex(points))
-    faces, holes = cut_out(mesh, points, normals, no_vertex(points))
+    faces, holes = cut_out(mesh, points, normals)
     assert holes == 0
     assert topology_of(faces) == before
 
@@ -118,9 +117,10 @@ def test_borders_stay_open():
 def test_a_hole_is_not_closed_through_another_part():
     points, normals, faces = sheet(2000, hole=0.2)
     flap = np.array([[0.5, 0.5, -0.2], [0.45, 0.55, 0.3], [0.55, 0.55, 0.3]])
-    cover, _ = cover_of(points, normals)
     both = np.concatenate([points, flap]), np.concatenate([normals, np.tile([0.0, -1.0, 0.0], (3, 1))])
-    assert topology_of(holes_closed(faces, points, normals, 0.9, cover)).borders == 1
+    assert topology_of(holes_filled(faces, points, normals, 0.9)).borders == 1
     pierced = np.concatenate([faces, [[len(points), len(points) + 1, len(points) + 2]]])
-    assert len(holes_filled(pierced, *both, 0.9, cover)) > len(pierced)
-    assert np.array_equal(holes_closed(pierced, *both, 0.9, cover), pierced)
+    loops = [loop for loop in border_loops(HalfEdges.of(pierced, len(both[0]))) if len(loop) > 3]
+    assert len(fillings(pierced, *both, loops)[0]) > 0
+    assert np.array_equal(holes_filled(pierced, *both, 0.9)[: len(pierced)], pierced)
+    assert topology_of(holes_filled(pierced, *both, 0.9)).borders == topology_of(pierced).borders

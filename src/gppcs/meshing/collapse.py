@@ -22,7 +22,7 @@ from gppcs.meshing.halfedges import (
 from gppcs.spatial.triangles import area_vector, dot, has_area, minus, quality, row
 from gppcs.surface.error_quadrics import add_moved, value
 
-TURN = 0.2, -0.3  # least cosine between a triangle's normals before and after: in the first pass, and in the second
+TURN = 0.2  # least cosine between a triangle's normals before and after, in the first pass
 THIN_IN_COLLAPSE = 0.3  # triangles below this quality cost extra
 EXTRA = 1e-2  # that cost, in squared edges for each unit of quality and each dense point of a vertex
 AT_ONCE = 16_384  # collapses until progress is reported
@@ -43,12 +43,12 @@ def collapse(
 
     The cost of a collapse is the sum of the two quadrics at the neighbour. Only collapses are made that keep the mesh
     an oriented manifold of the same topology (the link condition), and that turn no triangle over. If the target is
-    not reached, the limit on turns is relaxed, and at last dropped.
+    not reached, a second pass drops the limit on turns.
     """
     into = np.arange(len(vertices))
     costs = np.full(len(vertices), np.inf)
     winner = np.empty(2 * len(vertices), dtype=np.int64)
-    for limit in (*TURN, -2.0):
+    for limit in (TURN, -2.0):
         _start(mesh, vertices, quadrics, kept, costs, winner)
         while True:
             left = mesh.faces().shape[0] if faces else np.count_nonzero(mesh.leaving >= 0)

@@ -74,20 +74,21 @@ def follow(mesh, vertices, tree, f):
         node //= 2
 
 
-def cutting(mesh: HalfEdges, vertices: Floats, tree: TriangleTree | None = None) -> Ints:
-    """Return the triangles that cut another one or have no area."""
+def cutting(mesh: HalfEdges, vertices: Floats, tree: TriangleTree | None = None, first: int = 0) -> Ints:
+    """Return the triangles, from the first one on, that cut another one or have no area."""
     found = np.zeros(len(mesh.origin) // 3, dtype=np.bool_)
     if len(mesh.faces()):
         tree = tree or TriangleTree.of(mesh, vertices)
         inside = np.zeros_like(found)
-        on_ranges(_mark_cutting, len(found), mesh, vertices, tree, inside, found, least=TRIANGLES_AT_ONCE)
+        count = len(found) - first
+        on_ranges(_mark_cutting, count, first, mesh, vertices, tree, inside, found, least=TRIANGLES_AT_ONCE)
     return np.flatnonzero(found)
 
 
 @kernel
-def _mark_cutting(begin, end, mesh, vertices, tree, inside, found):
+def _mark_cutting(begin, end, first, mesh, vertices, tree, inside, found):
     """Mark in `found`, (F,), the triangles of a range that cut others."""
-    for f in range(begin, end):
+    for f in range(first + begin, first + end):
         found[f] = mesh.origin[3 * f] >= 0 and is_cut(mesh, vertices, tree, inside, f)
 
 

@@ -139,7 +139,7 @@ class Draft:
             self._go(into)
             faces = self.mesh.faces()
             if len(cut):
-                faces, opened = cut_out(self.mesh, self.vertices, self.normals, self.kept)
+                faces, opened = cut_out(self.mesh, self.vertices, self.normals)
                 holes += opened
             self.mesh = HalfEdges.of(faces, len(self.level))
             missing = (triangles - len(faces)) // 2 if counts_faces else vertices - self.used()

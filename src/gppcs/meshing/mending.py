@@ -5,25 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from gppcs.engine.kernels import kernel
-from gppcs.meshing.assembly import (
-    border_loops,
-    cost_of_filling,
-    holes_filled,
-    pieces_of,
-    trace_filling,
-    without_bow_ties,
-)
+from gppcs.meshing.assembly import without_bow_ties
 from gppcs.meshing.collapse import ends
-from gppcs.meshing.coverage import Cover
-from gppcs.meshing.cuts import TriangleTree, are_cut, cutting, first_cut, follow, is_cut
+from gppcs.meshing.cuts import TriangleTree, cutting, follow, is_cut
+from gppcs.meshing.filling import border_loops, fill, fillings, without_cutting
 from gppcs.meshing.halfedges import MOST_AROUND, Flags, Floats, HalfEdges, Ints, around, following, leave_by
-from gppcs.spatial.triangles import area_vector, dot, has_area, minus, nearest_in_triangle, row, squared_distance
+from gppcs.spatial.triangles import dot, minus, row
 
 ROUNDS = 4  # of mending all triangles that cut others
-MOST_RINGS = 2  # of triangles by which a hole grows so that it can be closed
 PATCHES = 11  # patches around a triangle that are tried
 MOST_TRIANGLES = 120  # of a patch
-LOST = 0.5  # farthest a vertex inside may lie from what closes a hole, in usual edges
 LONGEST_LOOP = 36  # corners of a patch
 
 
@@ -61,7 +52,7 @@ def _mend_all(mesh, vertices, normals, kept, tree, faces, into):
             length = _border(mesh, patch[:size], inside, kept, loop) if size else 0
             count = 0
             if length:
-                count = _close(mesh, vertices, normals, tree, inside, mesh.origin[loop[:length]], halves, new)
+                count = fill(mesh, vertices, normals, tree, inside, mesh.origin[loop[:length]], halves, True, new)
             for i in range(size):
                 inside[patch[i]] = False
             if count:
@@ -162,75 +153,6 @@ def _count_inner(mesh, patch, loop, kept):
 
 
 @kernel
-def _close(mesh, vertices, normals, tree, inside, corners, halves, new):
-    """Fill `new` with the cheapest triangles that close a loop of vertices, (L,), and cut nothing; count them.
-
-    The count is 0 if there are none. The triangles marked in `inside` do not count. See `assembly` for the cost.
-    """
-    length = len(corners)
-    costs, middles = np.full((length, length), np.inf), np.empty((length, length), dtype=np.int64)
-    for i in range(length - 1):
-        costs[i, i + 1] = 0.0
-    for gap in range(2, length):
-        for i in range(length - gap):
-            k = i + gap
-            p, q = corners[i], corners[k]
-            if gap < length - 1 and _is_joined(mesh, p, q, inside, halves):
-                continue
-            for m in range(i + 1, k):
-                v = corners[m]
-                cost = costs[i, m] + costs[m, k]
-                if cost < costs[i, k] and _is_upright(vertices, normals, p, v, q):
-                    cost += cost_of_filling(vertices, normals, p, v, q)
-                    if cost < costs[i, k] and first_cut(mesh, vertices, tree, inside, p, v, q) < 0:
-                        costs[i, k], middles[i, k] = cost, m
-    if costs[0, length - 1] == np.inf:
-        return 0
-    count = trace_filling(corners, middles, new)
-    for i in range(count):
-        for j in range(i):
-            if are_cut(vertices, new[i], new[j]):
-                return 0
-    return count if _is_light(mesh, corners, inside, new[:count], halves) else 0
-
-
-@kernel(allocates=False)
-def _is_joined(mesh, p, q, inside, halves):
-    """Return whether an edge joins two vertices that a triangle outside the patch has."""
-    for v, w in ((p, q), (q, p)):
-        edges, _ = around(mesh, v, halves)
-        for slot in range(edges):
-            if mesh.origin[following(halves[slot])] == w and not inside[halves[slot] // 3]:
-                return True
-    return False
-
-
-@kernel(allocates=False)
-def _is_upright(vertices, normals, a, b, c):
-    """Return whether a triangle has an area, and lies on the side of the mean of its corners' normals."""
-    pa, pb, pc = row(vertices, a), row(vertices, b), row(vertices, c)
-    normal = area_vector(pa, pb, pc)
-    if not has_area(pa, pb, pc):
-        return False
-    return dot(normal, row(normals, a)) + dot(normal, row(normals, b)) + dot(normal, row(normals, c)) >= 0.0
-
-
-@kernel(allocates=False)
-def _is_light(mesh, corners, inside, new, halves):
-    """Return whether no corner of a patch would have too many triangles."""
-    for v in corners:
-        edges, _ = around(mesh, v, halves)
-        count = 0
-        for slot in range(edges):
-            count += not inside[halves[slot] // 3]
-        for t in range(len(new)):
-            count += new[t, 0] == v or new[t, 1] == v or new[t, 2] == v
-        if count > MOST_AROUND:
-            return False
-    return True
-
-
-@kernel
 def _replace(mesh, vertices, tree, patch, loop, new, into):
     """Put the triangles `new`, (L - 2, 3), in the place of a patch with a border of half-edges, (L,)."""
     outer, corners = mesh.opposite[loop], mesh.origin[loop]
@@ -272,117 +194,23 @@ def _nearest(vertices, v, corners):
     return best
 
 
-def cut_out(mesh: HalfEdges, vertices: Floats, normals: Floats, kept: Flags) -> tuple[Ints, int]:
+def cut_out(mesh: HalfEdges, vertices: Floats, normals: Floats) -> tuple[Ints, int]:
     """Leave out triangles until none cuts another, and close the holes by triangles that cut nothing.
 
-    This may change the topology: a handle that is no part of the surface often cuts it. If a hole cannot be closed,
-    rings of triangles around it are left out as well; unless some vertices are kept.
+    This may change the topology: a handle that is no part of the surface often cuts it. Return the triangles, and the
+    number of holes that stay open.
     """
-    old = _border_edges(mesh)
-    faces, holes = _closed(_without_cuts(mesh, vertices), vertices, normals, old)
-    for rings in range(1, 1 + (0 if kept.any() else MOST_RINGS)):
-        if holes:
-            faces, holes = _closed_wider(faces, vertices, normals, old, holes, rings)
-    return faces, len(holes)
-
-
-def _closed_wider(
-    faces: Ints, vertices: Floats, normals: Floats, old: Ints, holes: list[Ints], rings: int
-) -> tuple[Ints, list[Ints]]:
-    """Leave out rings of triangles around holes, then close them; where this fails, all stays as it was.
-
-    Arguments and results are as for `_closed`; `holes` are the vertices around each.
-    """
-    n = len(vertices)
-    beside = np.concatenate(holes)
-    for _ in range(rings):
-        near = np.isin(faces, beside).any(axis=1)
-        beside = np.unique(faces[near])
-    left = without_bow_ties(faces[~near], n)
-    closed, _ = _closed(left, vertices, normals, old)
-    gone = faces[~np.isin(_first_edges(faces, n), _first_edges(left, n))]
-    piece, label = pieces_of(gone, n), np.full(n, -1)
-    label[gone] = piece[:, None]
-    open_ = np.setdiff1d(_border_edges(HalfEdges.of(closed, n)), old) // n
-    new, lost = closed[len(left) :], np.setdiff1d(gone, closed)
-    edges = np.linalg.norm(vertices[gone] - vertices[np.roll(gone, 1, axis=1)], axis=2).mean(axis=1)
-    usual = np.bincount(piece, edges) / np.maximum(1, np.bincount(piece))
-    far = _distances(vertices, lost, new, label) > LOST * usual[label[lost]]  # a part of the surface would be lost
-    failed = np.union1d(label[open_], label[lost[far]])
-    result = np.concatenate([left, new[~np.isin(label[new[:, 0]], failed)], gone[np.isin(piece, failed)]])
-    if len(cutting(HalfEdges.of(result, n), vertices)):
-        return faces, holes
-    return result, [hole for hole in holes if label[hole[0]] in failed]
-
-
-@kernel
-def _distances(vertices, lost, new, label):
-    """Return the distance of each of some vertices to the nearest new triangle with the same label."""
-    distances = np.full(len(lost), np.inf)
-    for i in range(len(lost)):
-        place = row(vertices, lost[i])
-        for t in range(len(new)):
-            if label[new[t, 0]] == label[lost[i]]:
-                a = minus(row(vertices, new[t, 0]), place)
-                b, c = minus(row(vertices, new[t, 1]), place), minus(row(vertices, new[t, 2]), place)
-                v, w = nearest_in_triangle(a, b, c)
-                distances[i] = min(distances[i], np.sqrt(squared_distance(a, b, c, v, w)))
-    return distances
-
-
-def _first_edges(faces: Ints, n: int) -> Ints:
-    """Return a number for each triangle of an oriented manifold of n vertices, (F,), that no other has."""
-    found: Ints = faces[:, 0] * n + faces[:, 1]
-    return found
-
-
-def _closed(faces: Ints, vertices: Floats, normals: Floats, old: Ints) -> tuple[Ints, list[Ints]]:
-    """Close the holes of a mesh, except the borders `old`, by triangles that cut nothing.
-
-    Return the triangles, and the vertices around each hole that stays open.
-    """
-    n = len(vertices)
-    mesh = HalfEdges.of(faces, n)
-    loops, ends = border_loops(mesh)
-    runs = np.split(loops, ends[:-1]) if len(ends) else []
-    runs = [run for run in runs if not np.isin(np.roll(run, -1) * n + run, old).any()]
-    if not runs:
-        return faces, []
-    ends = np.cumsum([len(run) for run in runs])
-    new, closed = np.empty((ends[-1], 3), dtype=np.int64), np.zeros(len(runs), dtype=np.bool_)
-    tree = TriangleTree.of(mesh, vertices)
-    count = _close_all(mesh, vertices, normals, tree, np.concatenate(runs), ends, new, closed)
-    open_ = [run for run, done in zip(runs, closed, strict=True) if not done]
-    return np.concatenate([faces, new[:count]]), open_
+    old, faces = _border_edges(mesh), _without_cuts(mesh, vertices)
+    loops = border_loops(HalfEdges.of(faces, len(vertices)))
+    loops = [loop for loop in loops if not np.isin(np.roll(loop, -1) * len(vertices) + loop, old).any()]
+    new, hole = without_cutting(faces, vertices, *fillings(faces, vertices, normals, loops, careful=True))
+    return np.concatenate([faces, new]), len(loops) - len(np.unique(hole))
 
 
 def _border_edges(mesh: HalfEdges) -> Ints:
     """Return the half-edges on borders, from p to q, as p V + q."""
     h = np.flatnonzero((mesh.origin >= 0) & (mesh.opposite < 0))
     return mesh.origin[h] * len(mesh.leaving) + mesh.origin[np.where(h % 3 == 2, h - 2, h + 1)]
-
-
-@kernel
-def _close_all(mesh, vertices, normals, tree, loops, ends, new, closed):
-    """Close holes, which `loops` and `ends` list as `border_loops` does, by triangles that cut nothing.
-
-    Fill `new`, (L, 3), with these, and mark in `closed` the holes that are; return the number of triangles.
-    """
-    inside = np.zeros(len(mesh.origin) // 3, dtype=np.bool_)
-    halves = np.empty(MOST_AROUND, dtype=np.int64)
-    begin = total = 0
-    for hole in range(len(ends)):
-        corners = loops[begin : ends[hole]]
-        begin = ends[hole]
-        if len(corners) > LONGEST_LOOP:
-            continue
-        count = _close(mesh, vertices, normals, tree, inside, corners, halves, new[total:])
-        closed[hole] = count > 0
-        for t in range(total, total + count):
-            for s in range(total):
-                closed[hole] = closed[hole] and not are_cut(vertices, new[t], new[s])
-        total += count if closed[hole] else 0
-    return total
 
 
 def without_cuts(faces: Ints, vertices: Floats, normals: Floats, kept: Flags) -> Ints:
@@ -409,13 +237,3 @@ def _leave_out(mesh, vertices, tree, faces, left_out):
     """Mark in `left_out`, (F,), those of some triangles that cut one that is not marked."""
     for f in faces:
         left_out[f] = is_cut(mesh, vertices, tree, left_out, f)
-
-
-def holes_closed(faces: Ints, points: Floats, normals: Floats, size: float, cover: Cover) -> Ints:
-    """Close holes up to a size as `holes_filled` does, except those whose filling would cut another triangle."""
-    closed, n = holes_filled(faces, points, normals, size, cover), len(points)
-    cut = cutting(HalfEdges.of(closed, n), points)
-    added = closed[len(faces) :]
-    hole = pieces_of(added, n)  # the fillings of two holes have no common vertex
-    spoilt = np.isin(hole, hole[cut[cut >= len(faces)] - len(faces)])
-    return np.concatenate([faces, added[~spoilt]])

@@ -23,8 +23,9 @@ from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.draft import MOST_THIN, Draft
 from gppcs.meshing.fans import fans_of
+from gppcs.meshing.filling import holes_filled
 from gppcs.meshing.halfedges import Floats, Ints
-from gppcs.meshing.mending import holes_closed, without_cuts
+from gppcs.meshing.mending import without_cuts
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
@@ -405,7 +406,7 @@ class _Maker:
         faces = draft.mesh.faces()
         if self.hole_size is not None:
             with stages("holes"):
-                faces = holes_closed(faces, draft.vertices, draft.normals, self.hole_size, dense.cover)
+                faces = holes_filled(faces, draft.vertices, draft.normals, self.hole_size)
         used, faces = np.unique(faces, return_inverse=True)
         return _Made(
             faces.reshape(-1, 3), draft.vertices[used], draft.normals[used], dense.rows[draft.level[used]], diagnostics
