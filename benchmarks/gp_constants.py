@@ -139,7 +139,8 @@ def main() -> None:
         (
             "Figures are multiples of those with the usual constants, in the geometric mean over all clouds. Below 1, "
             "the change is an improvement.",
-            "Beyond memory there are three more: parts of 131,072 candidates, halos of 6 target spacings "
+            "The first four are parameters of the method. Beyond memory there are three more constants: parts of "
+            "131,072 candidates, halos of 6 target spacings "
             "(research/experiments.md), and 16 parts on which noise and scale are measured.",
             "Steepest quadric: a slope of 60 degrees; it is compiled into a kernel, so it is not changed here.",
         ),
