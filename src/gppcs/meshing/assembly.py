@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from gppcs.engine.kernels import kernel
@@ -108,10 +108,11 @@ def without_bow_ties(faces: Ints, n: int) -> Ints:
     """Leave out triangles so that those at each vertex are one fan: the largest stays, of equal ones the first."""
     while True:
         mesh = HalfEdges.of(faces, n)
-        inner = np.flatnonzero(mesh.opposite >= 0)
-        other = mesh.opposite[inner]
-        ends = inner, np.where(other % 3 == 2, other - 2, other + 1)  # they leave the same vertex
-        _, fan = connected_components(coo_array((np.ones(len(inner)), ends), shape=(len(mesh.origin),) * 2))
+        other = mesh.opposite[mesh.opposite >= 0]
+        after = np.where(other % 3 == 2, other - 2, other + 1)  # they leave the same vertex
+        begins = np.concatenate([[0], np.cumsum(mesh.opposite >= 0)])
+        size = len(mesh.origin)
+        _, fan = connected_components(csr_array((np.ones(len(after)), after, begins), shape=(size, size)))
         sizes = np.bincount(fan)
         if len(sizes) == np.count_nonzero(mesh.leaving >= 0):
             return faces

@@ -9,7 +9,7 @@ import numpy as np
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.meshing.halfedges import Flags, Floats, Ints
-from gppcs.spatial.kdtree import limit_beside, nearest_within
+from gppcs.spatial.kdtree import nearest_in_tree
 from gppcs.spatial.triangles import dot, minus, row
 
 RANK = 6  # a point covers the surface as far as its neighbour of this rank, times
@@ -18,22 +18,6 @@ COVERING_POINTS = 4  # dense points that may cover a place: the nearest ones
 MOST_STEPS = 8  # steps of the lattice of places along an edge, at most
 RISE = 0.2  # a covering point may lie this far off the triangle, in its longest edges: curved parts are covered too
 TRIANGLES_AT_ONCE = 64  # triangles that a thread takes at once, at least
-
-
-class LastSearch(NamedTuple):
-    """The dense points found near the last place that was looked at, from which the next search starts."""
-
-    place: Floats  # (3,)
-    found: Ints  # (COVERING_POINTS,): positions of the points, nearest first
-    squared: Floats  # (COVERING_POINTS,): their squared distances
-
-
-@kernel
-def no_search():
-    """Return what stands for the last search before the first one."""
-    return LastSearch(
-        np.zeros(3), np.empty(COVERING_POINTS, dtype=np.int64), np.full(COVERING_POINTS, np.inf)
-    )  # fmt: skip
 
 
 class Cover(NamedTuple):
@@ -60,14 +44,14 @@ def are_covered(cover: Cover, triangles: Ints, points: Floats, reaches: Floats) 
 @kernel
 def _cover_all(begin, end, cover, triangles, points, reaches, covered):
     """Fill `covered`, (t,); other arrays as in `are_covered`."""
-    last = no_search()
+    found, squared = np.empty(COVERING_POINTS, dtype=np.int64), np.empty(COVERING_POINTS)
     for t in range(begin, end):
         a, b, c = triangles[t]
-        covered[t] = is_covered(cover, points, reaches, a, b, c, last)
+        covered[t] = _is_covered(cover, points, reaches, a, b, c, found, squared)
 
 
 @kernel
-def is_covered(cover, points, reaches, a, b, c, last):
+def _is_covered(cover, points, reaches, a, b, c, found, squared):
     """Return whether the dense points cover the triangle of three corners."""
     pa, pb, pc = row(points, a), row(points, b), row(points, c)
     ab, bc, ca = minus(pb, pa), minus(pc, pb), minus(pa, pc)
@@ -77,18 +61,19 @@ def is_covered(cover, points, reaches, a, b, c, last):
         return True
     steps = min(MOST_STEPS, max(2, int(np.ceil(edge / reach))))
     corners = pa, pb, pc
-    if not _is_place_covered(cover, corners, reach, 1 / 3, 1 / 3, edge, last):
+    if not _is_place_covered(cover, corners, reach, 1 / 3, 1 / 3, edge, found, squared):
         return False
     for i in range(steps + 1):
         for j in range(steps + 1 - i):
+            v, w = i / steps, j / steps
             corner = i == steps or j == steps or i + j == 0
-            if not corner and not _is_place_covered(cover, corners, reach, i / steps, j / steps, edge, last):
+            if not corner and not _is_place_covered(cover, corners, reach, v, w, edge, found, squared):
                 return False
     return True
 
 
-@kernel
-def _is_place_covered(cover, corners, reach, v, w, edge, last):
+@kernel(allocates=False)
+def _is_place_covered(cover, corners, reach, v, w, edge, found, squared):
     """Return whether a dense point covers the place a + v (b - a) + w (c - a), as a corner does that is in reach."""
     a, b, c = corners
     ab, ac = minus(b, a), minus(c, a)
@@ -97,16 +82,14 @@ def _is_place_covered(cover, corners, reach, v, w, edge, last):
         step = minus(corners[k], (x, y, z))
         if dot(step, step) <= reach * reach:
             return True
-    limit = limit_beside(last.squared[-1], x - last.place[0], y - last.place[1], z - last.place[2])
-    nearest_within(cover.points, cover.low, cover.high, x, y, z, limit, last.found, last.squared)
-    last.place[0], last.place[1], last.place[2] = x, y, z
-    for slot in range(len(last.found)):
-        if last.squared[slot] == np.inf:
+    nearest_in_tree(cover.points, cover.low, cover.high, x, y, z, found, squared)
+    for slot in range(len(found)):
+        if squared[slot] == np.inf:
             return False
-        j = last.found[slot]
+        j = found[slot]
         step = x - cover.points[0, j], y - cover.points[1, j], z - cover.points[2, j]
         rise = dot(step, row(cover.normals, j))
         reach = SPAN * cover.reaches[j]
-        if last.squared[slot] - rise * rise <= reach * reach and abs(rise) <= max(RISE * edge, reach):
+        if squared[slot] - rise * rise <= reach * reach and abs(rise) <= max(RISE * edge, reach):
             return True
     return False

@@ -74,22 +74,22 @@ def follow(mesh, vertices, tree, f):
         node //= 2
 
 
-def cutting(mesh: HalfEdges, vertices: Floats, tree: TriangleTree | None = None, first: int = 0) -> Ints:
-    """Return the triangles, from the first one on, that cut another one or have no area."""
-    found = np.zeros(len(mesh.origin) // 3, dtype=np.bool_)
-    if len(mesh.faces()):
+def cutting(mesh: HalfEdges, vertices: Floats, tree: TriangleTree | None = None, among: Ints | None = None) -> Ints:
+    """Return which triangles cut another one or have no area: of all, or of some."""
+    faces = np.flatnonzero(mesh.origin[::3] >= 0) if among is None else among[mesh.origin[3 * among] >= 0]
+    found = np.zeros(len(faces), dtype=np.bool_)
+    if len(faces):
         tree = tree or TriangleTree.of(mesh, vertices)
-        inside = np.zeros_like(found)
-        count = len(found) - first
-        on_ranges(_mark_cutting, count, first, mesh, vertices, tree, inside, found, least=TRIANGLES_AT_ONCE)
-    return np.flatnonzero(found)
+        inside = np.zeros(len(mesh.origin) // 3, dtype=np.bool_)
+        on_ranges(_mark_cutting, len(faces), mesh, vertices, tree, inside, faces, found, least=TRIANGLES_AT_ONCE)
+    return faces[found]
 
 
 @kernel
-def _mark_cutting(begin, end, first, mesh, vertices, tree, inside, found):
-    """Mark in `found`, (F,), the triangles of a range that cut others."""
-    for f in range(first + begin, first + end):
-        found[f] = mesh.origin[3 * f] >= 0 and is_cut(mesh, vertices, tree, inside, f)
+def _mark_cutting(begin, end, mesh, vertices, tree, inside, faces, found):
+    """Mark in `found`, (m,), which of the triangles `faces`, (m,), cut others; for a range of these."""
+    for i in range(begin, end):
+        found[i] = is_cut(mesh, vertices, tree, inside, faces[i])
 
 
 @kernel

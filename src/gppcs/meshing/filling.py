@@ -44,7 +44,7 @@ def fillings(
 def without_cutting(faces: Ints, vertices: Floats, new: Ints, hole: Ints) -> tuple[Ints, Ints]:
     """Leave out the fillings that have a triangle which cuts another: of the mesh, or of another filling."""
     whole = HalfEdges.of(np.concatenate([faces, new]), len(vertices))  # no two borders have a common vertex
-    cut = cutting(whole, vertices, first=len(faces)) - len(faces)
+    cut = cutting(whole, vertices, among=len(faces) + np.arange(len(new))) - len(faces)
     spoilt = np.isin(hole, hole[cut])
     return new[~spoilt], hole[~spoilt]
 

@@ -5,17 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gppcs.engine.kernels import kernel
-from gppcs.meshing.assignment import Assignment
+from gppcs.meshing.assignment import Assignment, corners_from
 from gppcs.meshing.halfedges import MOST_AROUND, Floats, HalfEdges, around, following, leave_by, preceding
-from gppcs.spatial.triangles import (
-    area_vector,
-    dot,
-    minus,
-    nearest_in_triangle,
-    quality,
-    row,
-    squared_distance,
-)
+from gppcs.spatial.triangles import area_vector, dot, minus, nearest_in_triangle, quality, row, squared_distance
 
 SWEEPS = 8  # tries of each edge at most, on average
 UPRIGHT = 0.1  # least cosine between a new triangle's normal and the mean of its corners'
@@ -174,9 +166,7 @@ def _share_out(mesh, vertices, points, assigned, first, after, f, g):
             point = row(points, i)
             least = np.inf
             for side in (f, g):
-                a = minus(row(vertices, mesh.origin[3 * side]), point)
-                b = minus(row(vertices, mesh.origin[3 * side + 1]), point)
-                c = minus(row(vertices, mesh.origin[3 * side + 2]), point)
+                a, b, c = corners_from(mesh, vertices, side, point)
                 s, t = nearest_in_triangle(a, b, c)
                 squared = squared_distance(a, b, c, s, t)
                 if squared < least:

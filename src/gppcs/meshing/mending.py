@@ -31,7 +31,7 @@ def mend(mesh: HalfEdges, vertices: Floats, normals: Floats, kept: Flags, rounds
         for _ in range(rounds):
             if not len(cut) or _mend_all(mesh, vertices, normals, kept, tree, cut, into) == 0:
                 break
-            cut = cutting(mesh, vertices, tree)
+            cut = cutting(mesh, vertices, tree, cut)  # new triangles cut none
     return ends(into), cut
 
 
@@ -128,28 +128,16 @@ def _border(mesh, patch, inside, kept, loop):
             h = following(mesh.opposite[h])
     if length < outer or (len(patch) - length) % 2:
         return 0
-    return length if _count_inner(mesh, patch, loop[:length], kept) == (len(patch) - length + 2) // 2 else 0
-
-
-@kernel
-def _count_inner(mesh, patch, loop, kept):
-    """Return the number of vertices of a patch that are not on its border; -1 if one of them is kept."""
-    inner = np.empty(3 * len(patch), dtype=np.int64)
-    count = 0
-    for f in patch:
-        for h in range(3 * f, 3 * f + 3):
-            v = mesh.origin[h]
-            known = False
-            for other in loop:
-                known = known or mesh.origin[other] == v
-            for slot in range(count):
-                known = known or inner[slot] == v
-            if not known:
-                if kept[v]:
-                    return -1
-                inner[count] = v
-                count += 1
-    return count
+    inner = 0
+    vertices = np.unique(
+        np.concatenate((mesh.origin[3 * patch], mesh.origin[3 * patch + 1], mesh.origin[3 * patch + 2]))
+    )
+    for v in vertices:
+        if not (mesh.origin[loop[:length]] == v).any():
+            if kept[v]:
+                return 0
+            inner += 1
+    return length if inner == (len(patch) - length + 2) // 2 else 0
 
 
 @kernel
