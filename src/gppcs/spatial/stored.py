@@ -148,7 +148,10 @@ def _in_spans(boxes: NDArray[np.int64]) -> list[tuple[int, int]]:
 
 def within(places: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Tell which places, (n, 3), lie between two corners, (3,)."""
-    return np.asarray(((places >= low) & (places <= high)).all(axis=1))
+    found = np.ones(len(places), dtype=np.bool_)
+    for axis in range(3):  # several times as fast as `all` along the short axis
+        found &= (places[:, axis] >= low[axis]) & (places[:, axis] <= high[axis])
+    return found
 
 
 def boxes_for(sample: NDArray[np.float64], n: int) -> Boxes:

@@ -222,8 +222,8 @@ def _store_candidates(
 ) -> tuple[Run, NDArray[np.int64], NDArray[np.int64]]:
     """Store the candidates of a part for the last stage; return their numbers in each box, and those of lone ones."""
     stored, noise = stage.stored, stage.noise
-    margin = DIAGONAL * stage.edge + DISTANCES[-1] * stage.spacing
-    near = stored.near(asked.part, max(margin, 0.0 if noise.quiet else HALO * noise.spacing), repeats=True)
+    margin = DIAGONAL * stage.edge + DISTANCES[-1] * stage.spacing  # the points of a fit lie within 1.2 spacings
+    near = stored.near(asked.part, margin, repeats=True)
     points = near.points
     some = np.flatnonzero(drawn(near.rows, sample_size(stage.target) / len(stored)))
     some = some[first_occurrences(points[some])]
