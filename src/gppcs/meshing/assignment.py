@@ -49,10 +49,7 @@ def _fill_planes(begin, end, mesh, vertices, upright, sides):
     for f in range(begin, end):
         if mesh.origin[3 * f] < 0:
             continue
-        corners = (
-            row(vertices, mesh.origin[3 * f]), row(vertices, mesh.origin[3 * f + 1]),
-            row(vertices, mesh.origin[3 * f + 2]),
-        )  # fmt: skip
+        corners = corners_from(mesh, vertices, f, (0.0, 0.0, 0.0))
         normal = area_vector(corners[0], corners[1], corners[2])
         upright[f, 0], upright[f, 1], upright[f, 2] = normal
         for k in range(3):

@@ -104,9 +104,7 @@ def is_cut(mesh, vertices, tree, inside, f):
 @kernel
 def first_cut(mesh, vertices, tree, inside, a, b, c):
     """Return a triangle of a mesh that a triangle cuts."""
-    pa, pb, pc = row(vertices, a), row(vertices, b), row(vertices, c)
-    low = min(pa[0], pb[0], pc[0]), min(pa[1], pb[1], pc[1]), min(pa[2], pb[2], pc[2])
-    high = max(pa[0], pb[0], pc[0]), max(pa[1], pb[1], pc[1]), max(pa[2], pb[2], pc[2])
+    low, high = _box(vertices, a, b, c)
     leaves = first_leaf(tree.low)
     waiting = np.empty(DEEPEST, dtype=np.int64)
     waiting[0], height = 1, 1
@@ -122,20 +120,20 @@ def first_cut(mesh, vertices, tree, inside, a, b, c):
         begin, end = leaf_range(len(tree.order), leaves, node)
         for f in tree.order[begin:end]:
             d, e, g = mesh.origin[3 * f], mesh.origin[3 * f + 1], mesh.origin[3 * f + 2]
-            if d < 0 or inside[f] or not _may_meet(vertices, low, high, d, e, g):
+            if d < 0 or inside[f]:
                 continue
-            if are_cut(vertices, (a, b, c), (d, e, g)):
+            least, most = _box(vertices, d, e, g)
+            if _overlap(low, high, least, most) and are_cut(vertices, (a, b, c), (d, e, g)):
                 return f
     return -1
 
 
 @kernel(allocates=False)
-def _may_meet(vertices, low, high, a, b, c):
-    """Return whether the box around a triangle meets another."""
+def _box(vertices, a, b, c):
+    """Return the corners of the box around a triangle."""
     pa, pb, pc = row(vertices, a), row(vertices, b), row(vertices, c)
-    least = min(pa[0], pb[0], pc[0]), min(pa[1], pb[1], pc[1]), min(pa[2], pb[2], pc[2])
-    most = max(pa[0], pb[0], pc[0]), max(pa[1], pb[1], pc[1]), max(pa[2], pb[2], pc[2])
-    return _overlap(low, high, least, most)
+    low = min(pa[0], pb[0], pc[0]), min(pa[1], pb[1], pc[1]), min(pa[2], pb[2], pc[2])
+    return low, (max(pa[0], pb[0], pc[0]), max(pa[1], pb[1], pc[1]), max(pa[2], pb[2], pc[2]))
 
 
 @kernel

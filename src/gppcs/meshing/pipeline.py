@@ -21,7 +21,7 @@ from gppcs.errors import NoSurfaceError, ParameterError, flag, shown
 from gppcs.meshing.assembly import assembled, without_scraps
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.dense import DensePoints
-from gppcs.meshing.draft import MOST_THIN, Draft
+from gppcs.meshing.draft import Draft
 from gppcs.meshing.fans import fans_of
 from gppcs.meshing.filling import holes_filled
 from gppcs.meshing.halfedges import Floats, Ints
@@ -42,7 +42,6 @@ SURELY_AGREED = 0.5  # such a share: noise may be thick below it, as that of sca
 FIRST_STOP = 13, 10  # the collapse stops for flips at 13/10 of the vertices of the result
 REFINEMENTS, REFINED = 2, 0.2  # rounds in which new vertices, this share of all, replace those that matter least
 FIT_ROUNDS = 4  # of fitting and flipping
-LAST_FLIPS = 6  # rounds of flips at most while too many triangles are thin
 LINE_WIDTH = 1e-6  # points whose second widest extent is below this share of the widest lie on a line
 FIRST_TRY = 2_000  # vertices of the first mesh of a search for a tolerance
 NEAR_ENOUGH = 0.9  # a mean distance above this share of the tolerance ends the search
@@ -387,9 +386,6 @@ class _Maker:
                     draft.fit(assigned)
                     assigned = draft.flip()
         with stages("mending"):
-            for _ in range(LAST_FLIPS):
-                if draft.thin() > MOST_THIN:
-                    draft.flip()
             opened = draft.mend(counts_faces)
         with stages("distances"):
             distances = draft.assigned()
@@ -418,26 +414,22 @@ class _Maker:
         errors: list[NoSurfaceError] = []
         for thick in (False, True):
             try:
-                first = self._first_mesh(n_vertices, chosen, thick)
+                with self.stages("normals"):
+                    dense = DensePoints.of(self.points, n_vertices, chosen, thick)
+                if dense is None:  # there is no thick noise
+                    continue
+                with self.stages("first mesh"):
+                    first = _FirstMesh.of(dense, self._level(dense, n_vertices, chosen), chosen, self.moved)
             except NoSurfaceError as error:
                 errors.append(error)
                 continue
-            if first and (best is None or first.left_out < best.left_out):
+            if best is None or first.left_out < best.left_out:
                 best = first
-            if best and best.agreed >= SURELY_AGREED:
+            if best.agreed >= SURELY_AGREED:
                 break
         if best is None:
             raise errors[-1]
         return best
-
-    def _first_mesh(self, n_vertices: int, chosen: Ints, thick: bool) -> _FirstMesh | None:
-        """Return a first mesh; with `thick`, None if there is no thick noise."""
-        with self.stages("normals"):
-            dense = DensePoints.of(self.points, n_vertices, chosen, thick)
-        if dense is None:
-            return None
-        with self.stages("first mesh"):
-            return _FirstMesh.of(dense, self._level(dense, n_vertices, chosen), chosen, self.moved)
 
     def _thin_out(self, draft: Draft, target: int, counts_faces: bool) -> Assignment:
         """Remove vertices until the target is reached; then let others take the place of the least useful ones.
