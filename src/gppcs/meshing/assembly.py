@@ -36,9 +36,8 @@ def assembled(
     faces = without_bow_ties(faces[np.argsort(faces[:, 0], kind="stable")], len(points))  # near ones side by side
     faces = gaps_filled(faces, points, normals, reaches, cover, SMALL_GAP)
     faces = taken(np.concatenate([faces, triangles[order[~agreed]]]), len(points))
-    for _ in range(2):
-        faces = without_bow_ties(faces, len(points))
-        faces = gaps_filled(faces, points, normals, reaches, cover, LARGEST_GAP)
+    faces = without_bow_ties(faces, len(points))
+    faces = gaps_filled(faces, points, normals, reaches, cover, LARGEST_GAP)
     faces = without_bow_ties(faces, len(points))
     corners = points[faces]
     usual = np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1))
