@@ -412,7 +412,8 @@ class PointCloud(ComparedByValue):
         (K,) array, int64
             Ascending.
         """
-        return np.flatnonzero(~np.isfinite(self.points).all(axis=1))
+        x, y, z = np.isfinite(self.points).T  # several times as fast as `all` along the short axis
+        return np.flatnonzero(~(x & y & z))
 
     def finite_rows(self) -> NDArray[np.int64]:
         """Return the indices of the points whose coordinates are all finite.
@@ -422,7 +423,8 @@ class PointCloud(ComparedByValue):
         (N - K,) array, int64
             Ascending.
         """
-        return np.delete(np.arange(len(self)), self.non_finite())
+        rows, bad = np.arange(len(self)), self.non_finite()
+        return np.delete(rows, bad) if len(bad) else rows
 
     def normals(self) -> NDArray[np.float64] | None:
         """Return the normals in the attributes `nx`, `ny` and `nz`.
