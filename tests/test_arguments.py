@@ -17,7 +17,8 @@ HULL = hull_mesh(BALL.points)
 WRONG = [None, 3, 1.5, math.nan, True, "text", "5", b"5", {"a": 1}, {1, 2}, [], [1, [2]], (1, 2), object(), len, 1j]
 WRONG += [np.zeros(2), np.zeros((2, 2)), np.array("a"), np.array([[None] * 3]), np.zeros((2, 3), dtype="M8[s]")]
 WRONG += [[["a", "b", "c"]], 10**400, type]
-FLOATS = (math.inf, -math.inf, math.nan, 1e-310, -1e-310, 1e308, 10**400)
+FLOATS = {str(value): value for value in (math.inf, -math.inf, math.nan, 1e-310, -1e-310, 1e308)} | {"10^400": 10**400}
+WHOLE = {"10^6": 10**6, "2^63-1": 2**63 - 1, "2^63": 2**63, "10^400": 10**400}
 
 
 @pytest.fixture(autouse=True)
@@ -35,7 +36,7 @@ def fields_of_type(kind):
     ]
 
 
-@pytest.mark.parametrize("value", FLOATS, ids=["inf", "-inf", "nan", "1e-310", "-1e-310", "1e308", "10^400"])
+@pytest.mark.parametrize("value", FLOATS.values(), ids=FLOATS)
 @pytest.mark.parametrize(("method", "name"), fields_of_type(float))
 def test_extreme_floats_are_refused_or_valid(method, name, value):
     """Only the heat kernel is infinitely smooth; what is above all ranges is refused, and so is what is denormal."""
@@ -44,7 +45,6 @@ def test_extreme_floats_are_refused_or_valid(method, name, value):
     except gppcs.ParameterError as error:
         text = str(error)
         assert text.startswith(f"method '{method.name}': expected {name} to be ")
-        assert "from " in text or value == 10**400
         assert "\n" not in text
         return
     assert (method, name) == (gppcs.SpectralGP, "nu")
@@ -56,14 +56,14 @@ def test_extreme_floats_are_refused_or_valid(method, name, value):
 @pytest.mark.parametrize(("method", "name"), fields_of_type(float))
 def test_both_ends_of_each_range_are_valid(method, name):
     """As far as the ranges go, all figures are finite and no warning is raised."""
-    least, most = dataclasses.fields(method)[[f.name for f in dataclasses.fields(method)].index(name)].metadata["range"]
-    for value in (least, most):
+    (declared,) = (field for field in dataclasses.fields(method) if field.name == name)
+    for value in declared.metadata["range"]:
         result = gppcs.simplify(CLOUD, n_points=60, method=method(**{name: value}))
         assert len(np.unique(result.indices)) == 60
         assert all(np.isfinite(figure) for key, figure in result.diagnostics.items() if key != "nu")
 
 
-@pytest.mark.parametrize("value", [10**6, 2**63 - 1, 2**63, 10**400], ids=["10^6", "2^63-1", "2^63", "10^400"])
+@pytest.mark.parametrize("value", WHOLE.values(), ids=WHOLE)
 @pytest.mark.parametrize(("method", "name"), fields_of_type(int))
 def test_extreme_whole_numbers_are_refused_or_valid(method, name, value):
     try:
@@ -165,28 +165,17 @@ def test_arguments_of_wrong_types_give_our_errors(name, argument, tmp_path, monk
     if name == "evaluate_mesh":
         pytest.importorskip("pymeshlab")
     function(**usual)
-    refused = 0
-    found = "expected"
+    refused = []
     for value in WRONG:
         try:
             function(**{**usual, argument: value})
         except OURS as error:
-            refused += 1
-            found = str(error)
-        except OSError:
-            assert argument in (
-                "path",
-                "paths",
-                "cloud",
-                "original",
-                "simplified",
-                "at",
-                "polygon",
-            )  # a name of a file that is not there
-        except AssertionError:
-            raise
+            refused.append(str(error))
+        except OSError:  # the name of a file that is not there
+            assert argument in ("path", "paths", "cloud", "original", "simplified", "at", "polygon")
         except Exception as error:
             raise AssertionError(f"{name}({argument}={value!r}) raised {error!r}") from error
-        assert "expected" in found or "there is no method" in found
-        assert "\n" not in found
-    assert refused > len(WRONG) / 2
+    assert len(refused) > len(WRONG) / 2
+    for text in refused:
+        assert "expected" in text or "there is no method" in text
+        assert "\n" not in text

@@ -14,12 +14,6 @@ import gppcs
 HEAVY = ("numba", "scipy", "robust_laplacian", "matplotlib", "pyvista")
 
 
-@pytest.mark.parametrize("name", gppcs.__all__)
-def test_every_public_name_resolves(name):
-    assert getattr(gppcs, name) is not None
-    assert name in dir(gppcs)
-
-
 def test_type_checkers_see_the_names_that_are_there():
     tree = ast.parse(Path(gppcs.__file__).read_text())
     block = next(node for node in tree.body if isinstance(node, ast.If))
@@ -34,11 +28,8 @@ def run_python(code):
 def test_the_docstring_is_an_overview_that_names_everything():
     listed = re.findall(r"^ {4}(\w+) +\S.*", gppcs.__doc__, re.MULTILINE)
     assert sorted([*listed, "__version__"]) == sorted(gppcs.__all__)
-    assert "gppcs.__version__" in gppcs.__doc__
-
-
-def test_tab_completion_offers_every_name():
     assert dir(gppcs) == sorted(gppcs.__all__)
+    assert all(getattr(gppcs, name) is not None for name in gppcs.__all__)
 
 
 def test_the_module_can_be_sent_to_other_processes():
@@ -46,14 +37,6 @@ def test_the_module_can_be_sent_to_other_processes():
     cloudpickle = pytest.importorskip("cloudpickle", reason="comes with Dask")
     assert pickle.loads(cloudpickle.dumps(gppcs)) is gppcs
     assert pickle.loads(cloudpickle.dumps(lambda: gppcs.__version__))() == gppcs.__version__
-
-
-def test_a_public_name_can_be_replaced(monkeypatch):
-    before = gppcs.simplify
-    monkeypatch.setattr(gppcs, "simplify", None)
-    assert gppcs.simplify is None
-    monkeypatch.undo()
-    assert gppcs.simplify is before
 
 
 @pytest.mark.parametrize("used", ["", "gppcs.simplify; "])
@@ -72,14 +55,7 @@ def test_an_unknown_name_is_an_attribute_error():
         gppcs.simplfy  # noqa: B018
 
 
-@pytest.mark.parametrize(
-    "use",
-    [
-        "import gppcs",
-        "import gppcs.app.cli",
-        "import sys; sys.argv = ['gppcs', '--help']; import gppcs.app.cli as c; c.main()",
-    ],
-)
+@pytest.mark.parametrize("use", ["import gppcs", "sys.argv = ['', '--help']; import gppcs.app.cli as c; c.main()"])
 def test_heavy_packages_are_not_loaded_before_they_are_used(use):
     code = f"import atexit, sys\natexit.register(lambda: print('loaded:', *sys.modules))\n{use}"
     loaded = run_python(code).rpartition("loaded:")[2].split()

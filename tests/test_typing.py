@@ -76,18 +76,3 @@ def test_each_class_in_a_public_signature_is_public():
     }
     assert {"PointCloud", "Stages", "Method"} <= shown & ours
     assert shown & ours - {"StoredPoints"} <= set(gppcs.__all__)  # which only methods for large files take
-
-
-def test_only_kernels_lack_annotations():
-    lacking = []
-    for path in PACKAGE.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.FunctionDef) and not any(
-                ast.unparse(each).startswith("kernel") for each in node.decorator_list
-            ):
-                given = node.args
-                arguments = [*given.posonlyargs, *given.args, *given.kwonlyargs, given.vararg, given.kwarg]
-                untyped = {each.arg for each in arguments if each and each.annotation is None} - {"self", "cls"}
-                if untyped or node.returns is None:
-                    lacking.append(f"{path.name}: {node.name}")
-    assert lacking == []
