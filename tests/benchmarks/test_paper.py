@@ -1,9 +1,7 @@
 """Figures of the paper that are reproduced."""
 
-import importlib.util
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,19 +10,14 @@ from scipy.spatial import cKDTree
 import gppcs
 from gppcs.methods.hc.clustering import hierarchical_clusters
 
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks" / "paper"
 
-
-def benchmark(name):
-    specification = importlib.util.spec_from_file_location(name, BENCHMARKS / f"{name}.py")
-    module = importlib.util.module_from_spec(specification)
-    sys.modules[name] = module  # dataclasses look their module up
-    specification.loader.exec_module(module)
-    return module
+@pytest.fixture
+def benchmark(script):
+    return lambda name: script(f"paper/{name}.py")
 
 
 @pytest.mark.slow
-def test_ablation_table_within_two_percent(shared_data):
+def test_ablation_table_within_two_percent(shared_data, benchmark):
     ablation = benchmark("ablation")
     rows = ablation.table(gppcs.read(shared_data / "bunny.ply"), ablation.FPS_VARIATION)
     assert len(rows) == 12
@@ -33,7 +26,7 @@ def test_ablation_table_within_two_percent(shared_data):
 
 
 @pytest.mark.slow
-def test_noise_study_within_five_percent(shared_data):
+def test_noise_study_within_five_percent(shared_data, benchmark):
     noise = benchmark("noise")
     clean = gppcs.read(shared_data / f"{noise.STUDY_CLOUD}.ply").points
     for level, paper in noise.PAPER.items():
@@ -44,7 +37,7 @@ def test_noise_study_within_five_percent(shared_data):
 
 
 @pytest.mark.slow
-def test_surfaces_rebuilt_from_the_dragon_within_five_percent(shared_data):
+def test_surfaces_rebuilt_from_the_dragon_within_five_percent(shared_data, benchmark):
     """One seed each, where the benchmark takes the median of three: now and then MeshLab turns a part inside out."""
     pytest.importorskip("pymeshlab")
     table1 = benchmark("table1")
@@ -72,7 +65,7 @@ def test_all_points_of_the_dragon_take_little_memory(shared_data):
 
 
 @pytest.mark.oracle
-def test_registration_finds_the_motion_between_two_views(shared_data):
+def test_registration_finds_the_motion_between_two_views(shared_data, benchmark):
     pytest.importorskip("open3d")
     registration = benchmark("registration")
     scene = registration.view_scene("room", gppcs.read(shared_data / "3dmatch_room_fragment.ply").points, 0.1, 0)
@@ -82,23 +75,3 @@ def test_registration_finds_the_motion_between_two_views(shared_data):
         assert run.shift < scene.spacing
         assert 0.0 < run.icp_rmse < run.global_rmse < 1.5 * scene.spacing
         assert run.points == (round(0.1 * len(scene.source)) if method == "hc" else len(scene.source))
-
-
-@pytest.mark.oracle
-def test_registration_of_a_copy_is_exact():
-    pytest.importorskip("open3d")
-    registration = benchmark("registration")
-    scene = registration.copy_scene("bracket", gppcs.sample("bracket", n_points=4000).points, 0.2, 0)
-    run = registration.register(scene, "hc", seed=0)
-    assert run.icp_rmse < 1e-6 * scene.spacing
-    assert run.rotation < 1e-4
-
-
-def test_without_open3d_registration_says_in_one_line_what_to_install():
-    path = str(BENCHMARKS / "registration.py")
-    code = "import runpy, sys; sys.modules['open3d'] = None; runpy.run_path(sys.argv[1])"
-    done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True, check=False)
-    assert done.returncode == 1
-    (line,) = done.stderr.splitlines()
-    assert "pip install 'gppcs[registration]'" in line
-    assert "libusb-1.0-0" in line

@@ -1,29 +1,16 @@
 """The stand-in for the eye sees a mesh from all sides, and tells a good copy of it from a bad one."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from meshes import hull_mesh
 
 pytest.importorskip("pyvista")
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
 
 @pytest.fixture(scope="module")
-def perception():
-    specification = importlib.util.spec_from_file_location("perception", BENCHMARKS / "perception.py")
-    module = importlib.util.module_from_spec(specification)
-    sys.path.insert(0, str(BENCHMARKS))  # for the benchmarks' own report
-    try:
-        specification.loader.exec_module(module)
-    finally:
-        sys.path.remove(str(BENCHMARKS))
-        sys.modules.pop("report", None)
-    return module
+def perception(script):
+    return script("perception.py")
 
 
 @pytest.fixture(scope="module")
