@@ -1,24 +1,15 @@
 """What `import gppcs` offers, and what it leaves unloaded."""
 
-import ast
 import pickle
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 import gppcs
 
 HEAVY = ("numba", "scipy", "robust_laplacian", "matplotlib", "pyvista")
-
-
-def test_type_checkers_see_the_names_that_are_there():
-    tree = ast.parse(Path(gppcs.__file__).read_text())
-    block = next(node for node in tree.body if isinstance(node, ast.If))
-    imported = {f"{node.module}.{alias.name}" for node in block.body for alias in node.names}
-    assert imported == {f"gppcs.{home}.{name}" for home, names in gppcs._HOMES.items() for name in names}
 
 
 def run_python(code):

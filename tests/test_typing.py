@@ -55,14 +55,11 @@ def test_a_users_file_passes_mypy_strict(tmp_path, pytestconfig):
 
 def signatures_of(value):
     """Yield the annotations of a function, or of the fields and public methods of a class, as text."""
-    if inspect.isfunction(value):
+    if inspect.isfunction(value) or inspect.isclass(value):
         yield from map(str, inspect.get_annotations(value).values())
-    elif inspect.isclass(value):
-        yield from map(str, inspect.get_annotations(value).values())
-        for name, member in vars(value).items():
-            member = getattr(member, "__func__", member)
-            if inspect.isfunction(member) and (not name.startswith("_") or name in ("__init__", "__call__")):
-                yield from map(str, inspect.get_annotations(member).values())
+    for name, member in vars(value).items() if inspect.isclass(value) else ():
+        if not name.startswith("_") or name in ("__init__", "__call__"):
+            yield from signatures_of(getattr(member, "__func__", member))
 
 
 def test_each_class_in_a_public_signature_is_public():

@@ -23,10 +23,6 @@ def test_neither_the_unit_of_length_nor_repeats_make_a_difference(exponent, time
         np.testing.assert_array_equal(one[::times], other)
 
 
-def test_the_variation_is_unknown_where_fewer_than_four_points_are_near():
-    assert np.isnan(estimates(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]))[0]).all()
-
-
 @pytest.mark.parametrize("turn", [np.eye(3), np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]])
 def test_a_plane_has_no_relief_of_rounding_errors(turn):
     plane = np.random.default_rng(0).random((30, 3)) * [1, 1, 0]

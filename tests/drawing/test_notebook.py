@@ -6,7 +6,6 @@ import re
 import sys
 import webbrowser
 from pathlib import Path
-from unittest.mock import Mock
 from urllib.parse import urlparse
 from urllib.request import url2pathname
 
@@ -51,19 +50,13 @@ def test_a_result_tells_its_method(cloud):
 
 
 @pytest.mark.parametrize("points", [np.zeros((0, 3)), np.full((3, 3), np.nan), [[-1.7e308, 0, 0], [1.7e308, 0, 0]]])
-def test_what_cannot_be_drawn_is_a_table(points):
+def test_what_cannot_be_drawn_is_a_table_and_what_cannot_be_shown_refused(points, notebook):
+    with pytest.raises(gppcs.InputError, match="cloud: expected"):
+        gppcs.PointCloud(points).show()
+    assert notebook == []
     shown = gppcs.PointCloud(points)._repr_html_()
     assert "<img" not in shown
     assert f"{len(points)}</td>" in shown
-
-
-def test_of_a_large_cloud_some_points_are_drawn(monkeypatch):
-    pytest.importorskip("matplotlib")
-    drawn = Mock(wraps=gppcs.drawing.notebook.draw_single)
-    monkeypatch.setattr("gppcs.drawing.notebook.draw_single", drawn)
-    monkeypatch.setattr("gppcs.drawing.notebook.MOST_DRAWN", 100)
-    assert "2,000" in gppcs.sample("sphere", n_points=2000)._repr_html_()
-    assert 50 < len(drawn.call_args.args[1]) <= 100
 
 
 MARKUP = '<img src=x onerror="alert(1)">'
@@ -111,11 +104,3 @@ def test_elsewhere_the_viewer_opens_in_the_browser(cloud, monkeypatch, tmp_path,
     assert WebPage(path.read_text("utf-8")).described["clouds"][0]["points"] == 2000
     told = re.findall(r"no browser was found; open (.*) yourself\n", capsys.readouterr().out)
     assert told == ([] if is_opened else [str(path)])
-
-
-def test_what_cannot_be_shown_is_refused(cloud, notebook):
-    with pytest.raises(gppcs.InputError, match="cloud: expected points with finite coordinates"):
-        gppcs.PointCloud(np.zeros((0, 3))).show()
-    with pytest.raises(gppcs.ParameterError, match="found 'w'"):
-        cloud.show(up="w")
-    assert notebook == []

@@ -36,13 +36,6 @@ def test_both_clouds_are_seen_alike(ball):
     np.testing.assert_allclose(boxes[0], boxes[1], atol=10)
 
 
-@pytest.mark.slow
-def test_the_original_sets_the_colours(ball):
-    few = (ColouredCloud(ball.points[:50], 1.0 + factor * ball.values[:50]) for factor in (1.0, 1000.0))
-    one, other = (panels(ball, each)[0] for each in few)
-    assert (one == other).all()
-
-
 def test_colours_of_the_clouds_are_drawn_with_their_legend(ball):
     original = replace(ball, colours=np.broadcast_to((1.0, 0.1, 0.1), ball.points.shape))
     whole, few, bar = panels(original, original.kept(np.arange(50), ball.points[:50]), Legend("RGB"))

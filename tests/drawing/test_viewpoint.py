@@ -21,12 +21,6 @@ def test_real_scans_stand_upright(shared_data, name, up):
     assert Viewpoint().guessed(gppcs.read(shared_data / f"{name}.ply").points)[0] == up
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["medallion", "bracket", "room", "street", "terrain"])
-def test_samples_stand_upright(name):
-    assert Viewpoint().guessed(gppcs.sample(name, 5_000).points)[0] == "z"
-
-
 def test_a_depth_image_is_seen_from_beside_its_camera():
     v, u = np.mgrid[:60, :80]
     depth = 2.0 + 0.5 * np.sin(u / 9.0) + 0.8 * (v < 30)
@@ -54,14 +48,11 @@ def test_flat_things_lie_and_tall_ones_stand(extents, up):
     ("viewpoint", "message"),
     [
         (("w",), "found 'w'"),
-        (("--x",), "found '--x'"),
-        (("",), "found ''"),
         ((3,), "found 3"),
         ((None, (0.0, 91.0)), r"from -90 to 90, in degrees, found \(0.0, 91.0\)"),
         ((None, (np.nan, 0.0)), r"found \(nan, 0.0\)"),
         ((None, (1.0, 2.0, 3.0)), r"found \(1.0, 2.0, 3.0\)"),
         ((None, "up"), "found 'up'"),
-        ((None, 30.0), "found 30.0"),
     ],
 )
 def test_a_viewpoint_that_is_none_is_refused(viewpoint, message):

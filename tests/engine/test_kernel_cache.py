@@ -175,20 +175,6 @@ def test_code_goes_to_the_named_folder_or_to_the_users_or_nowhere(package, tmp_p
 
 
 @pytest.mark.slow
-def test_code_that_an_installation_has_is_used_where_it_cannot_be_written(package, tmp_path):
-    assert call(package) == COMPILED
-    before = kept(tmp_path)
-    not_writable = """
-from gppcs.engine import kernel_cache
-def fail(dir):
-    raise PermissionError
-kernel_cache.tempfile.TemporaryFile = fail
-"""
-    assert call(package, not_writable + CALL) == LOADED
-    assert kept(tmp_path) == before
-
-
-@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "geteuid"), reason="no owners of files")
 def test_code_that_others_can_have_written_is_not_run(package, tmp_path):
     named = tmp_path / "shared"

@@ -82,13 +82,6 @@ def all_differ(before, after):
     return all(one != other for one, other in zip(digests(before), digests(after), strict=True))
 
 
-def test_what_ci_needs_is_not_skipped(monkeypatch):
-    monkeypatch.setenv("GPPCS_CI_NEEDS", "node,chromium")
-    for need, outcome in (("node", pytest.fail), ("chromium", pytest.fail), ("opengl", pytest.skip)):
-        with pytest.raises(outcome.Exception, match="none here"):
-            lacks(need, "none here")
-
-
 def test_the_built_page_is_that_of_its_sources(node, tmp_path):
     built = tmp_path / "page.html"
     subprocess.run([node, VIEWER / "build.mjs", built], check=True)
