@@ -4,61 +4,14 @@ from __future__ import annotations
 
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from gppcs.app import panels
 from gppcs.errors import ParameterError, shown
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from gppcs.streaming.plan import Plan
-
-Merge = Annotated[
-    bool,
-    typer.Option(
-        "--merge",
-        help="Take all inputs as one cloud, in the order in which they are given.",
-        rich_help_panel=panels.INPUT,
-    ),
-]
-AssumeSameCrs = Annotated[
-    bool,
-    typer.Option(
-        "--assume-same-crs",
-        help="If several files are one cloud, give all of them the coordinate system of the first file. Without this "
-        "option, files with different coordinate systems are an error.",
-        rich_help_panel=panels.INPUT,
-    ),
-]
-Memory = Annotated[
-    str | None,
-    typer.Option(
-        metavar="SIZE",
-        help="How much memory to use, such as 2GB; half of what is free by default. The points of a larger cloud go to "
-        "temporary files, where other points are chosen than in memory, but equally good ones.",
-        rich_help_panel=panels.LARGE,
-    ),
-]
-Workers = Annotated[
-    str | None,
-    typer.Option(
-        metavar="COUNT|ADDRESS",
-        help="Share the work among this many processes of this machine, in place of threads, or among the workers of a "
-        "Dask scheduler, such as tcp://10.0.0.5:8786.",
-        rich_help_panel=panels.LARGE,
-    ),
-]
-DryRun = Annotated[
-    bool,
-    typer.Option(
-        "--dry-run",
-        help="Print what would be done and in how much memory, and do nothing.",
-        rich_help_panel=panels.LARGE,
-    ),
-]
 
 
 def executor_of(workers: str | None) -> AbstractContextManager[Executor | None]:

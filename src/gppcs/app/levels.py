@@ -5,28 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import typer
 from numpy.typing import NDArray
 
-from gppcs.app import panels
 from gppcs.app.outputs import Outputs, outputs_of
 from gppcs.clouds.quantities import size_of
 from gppcs.errors import ParameterError, shown
 
-LevelsOption = Annotated[
-    str | None,
-    typer.Option(
-        "--levels",
-        metavar="SIZE,...",
-        help="Make several sizes at once, such as 10%,3%,1% or 50k,5k, of which each is the start of the next. With "
-        "{level} in the name, each is a file: level 0 is the coarsest. Otherwise OUT is the finest, and its attribute "
-        "level tells to which level each point belongs first. In place of --points.",
-        rich_help_panel=panels.SIZE,
-    ),
-]
 FIELD = "{level}"
 NAME = "level"  # of the attribute
 MOST = 256  # levels that the attribute can tell apart

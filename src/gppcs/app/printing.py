@@ -6,15 +6,14 @@ import logging
 import unicodedata
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import typer
 
-from gppcs.app import panels
 from gppcs.app.tables import FIGURES
 from gppcs.engine.stages import COMPILATION, Listener
 from gppcs.engine.strict_json import strict_json
-from gppcs.errors import GppcsError, InputError, ParameterError, file_path, shown
+from gppcs.errors import GppcsError, InputError, ParameterError, shown
 from gppcs.evaluation.report import MeshReport, Report
 
 BAD_INPUT = 2
@@ -22,121 +21,6 @@ MOST_IN_FULL = 1e15  # of whole numbers; floats hold larger ones without their l
 LONG = 0.1  # the share of the time from which a stage is named
 CONTROLS = {"Cc", "Cf", "Cs", "Zl", "Zp"}  # Unicode categories: controls, marks of direction, what is no text, breaks
 FAILURES = (GppcsError, OSError, MemoryError)  # printed as one line, without a traceback
-
-Json = Annotated[bool, typer.Option("--json", help="Print JSON, one object per line.")]
-Threads = Annotated[
-    int | None,
-    typer.Option(metavar="N", help="Number of threads. By default, as many as this process may use cores."),
-]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files, but never an input.")]
-Lossy = Annotated[
-    bool,
-    typer.Option(
-        "--lossy",
-        help="Leave out values that the output format cannot hold, and round coordinates. Otherwise this is an error.",
-    ),
-]
-
-From = Annotated[
-    str | None,
-    typer.Option(
-        "--from",
-        metavar="SUFFIX",
-        help="Format of the input, such as xyz. By default, the content tells; for text and OBJ, the name.",
-        rich_help_panel=panels.INPUT,
-    ),
-]
-To = Annotated[
-    str | None,
-    typer.Option("--to", metavar="SUFFIX", help="Format of the output, such as ply. By default, the name tells."),
-]
-Ascii = Annotated[
-    bool | None,
-    typer.Option(
-        "--ascii/--binary",
-        help="Write PLY or PCD as text, or as binary data. By default, only PCD that comes from such text is text.",
-        show_default=False,
-    ),
-]
-Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Show no progress and print no table. Errors and notes are still printed.")
-]
-Columns = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME,...",
-        help="Names of the columns of a text table, such as x,y,z,red,green,blue. They replace those in the file.",
-        rich_help_panel=panels.INPUT,
-    ),
-]
-
-Box = Annotated[
-    str | None,
-    typer.Option(
-        metavar="XMIN,YMIN,...",
-        help="Read only the points in this box: xmin,ymin,xmax,ymax or xmin,ymin,zmin,xmax,ymax,zmax.",
-        rich_help_panel=panels.INPUT,
-    ),
-]
-Only = Annotated[
-    str | None,
-    typer.Option(
-        metavar="CONDITION",
-        help="Read only the points that meet a condition on attributes and x, y, z, such as 'classification == 6 and z "
-        "> 2.5'.",
-        rich_help_panel=panels.INPUT,
-    ),
-]
-Inside = Annotated[
-    Path | None,
-    typer.Option(
-        "--polygon",
-        metavar="FILE",
-        parser=file_path,
-        help="Read only the points inside the polygons of a GeoJSON file, in the coordinate system of the input.",
-        rich_help_panel=panels.INPUT,
-    ),
-]
-Keep = Annotated[
-    str | None,
-    typer.Option(
-        metavar="CONDITION",
-        help="Keep all points that meet a condition on attributes and x, y, z, such as 'classification == 6'. They "
-        "count in --points, and the others are chosen where these are not (method gp).",
-        rich_help_panel=panels.CHOICE,
-    ),
-]
-Weight = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME",
-        help="Multiply the density of the kept points by this attribute, from 0 on (method gp).",
-        rich_help_panel=panels.CHOICE,
-    ),
-]
-Seed = Annotated[
-    int | None,
-    typer.Option(
-        help="Seed of random numbers. Methods without random numbers ignore it.", rich_help_panel=panels.METHOD
-    ),
-]
-Resolution = Annotated[
-    float | None,
-    typer.Option(
-        metavar="LENGTH",
-        help="Read a COPC file only down to the level on which neighbours are about that far from each other.",
-        rich_help_panel=panels.INPUT,
-    ),
-]
-
-DropInvalid = Annotated[
-    Literal["invalid"] | None,
-    typer.Option(
-        "--drop",
-        help="Leave out the points with NaN or infinite coordinates, which are otherwise an error.",
-        rich_help_panel=panels.INPUT,
-    ),
-]
 
 
 def visible(text: str) -> str:

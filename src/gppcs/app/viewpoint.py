@@ -2,41 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING
 
-import typer
-
-from gppcs.app import panels
 from gppcs.errors import ParameterError
 
 if TYPE_CHECKING:
     from gppcs.drawing.viewpoint import Viewpoint
-
-View = Annotated[
-    str | None,
-    typer.Option(
-        metavar="AZIMUTH,ELEVATION",
-        help="Direction of the view, in degrees. At 0,0 it is horizontal with x to the right (y with --up x or -x). "
-        "A larger azimuth moves the viewer to the right around the cloud, a larger elevation up. Guessed by default.",
-        rich_help_panel=panels.LOOK,
-    ),
-]
-Up = Annotated[
-    Literal["x", "y", "z", "-x", "-y", "-z"] | None,
-    typer.Option(
-        help="The axis that points up in the picture. Guessed by default.",
-        rich_help_panel=panels.LOOK,
-    ),
-]
-Colour = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME",
-        help="What the colours of the points in the picture show: rgb, variation (surface variation), or an attribute "
-        "of the input. By default surface variation, which shows where a method should keep more points.",
-        rich_help_panel=panels.LOOK,
-    ),
-]
 
 
 def require_picture(colour: str | None, picture: bool) -> None:

@@ -11,26 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gppcs.app import panels
-from gppcs.app.amounts import Points, Ratio
+from gppcs.app import options, panels
 from gppcs.app.mesh_pictures import drawn_meshes, named_meshes
 from gppcs.app.pages import how_made, rebuilt
-from gppcs.app.printing import (
-    Columns,
-    DropInvalid,
-    Force,
-    From,
-    Json,
-    Quiet,
-    Seed,
-    Threads,
-    names_of,
-    print_error,
-    print_json,
-    progress,
-    say,
-)
-from gppcs.app.viewpoint import Colour, Up, View, require_picture, viewpoint_of
+from gppcs.app.printing import names_of, print_error, print_json, progress, say
+from gppcs.app.viewpoint import require_picture, viewpoint_of
 from gppcs.clouds.quantities import count_of, share_of
 from gppcs.engine.threads import set_threads
 from gppcs.errors import OutputError, ParameterError, file_path
@@ -76,8 +61,8 @@ def compare(
             help="The folder for table.csv, table.md, picture.png and report.html. It is created if it does not exist.",
         ),
     ],
-    ratio: Ratio = None,
-    points: Points = None,
+    ratio: options.Ratio = None,
+    points: options.Points = None,
     meshes: Annotated[
         bool,
         typer.Option(
@@ -104,10 +89,10 @@ def compare(
             rich_help_panel=panels.LOOK,
         ),
     ] = None,
-    seed: Seed = None,
-    input_format: From = None,
-    columns: Columns = None,
-    drop: DropInvalid = None,
+    seed: options.Seed = None,
+    input_format: options.From = None,
+    columns: options.Columns = None,
+    drop: options.DropInvalid = None,
     picture: Annotated[
         bool,
         typer.Option(
@@ -115,7 +100,7 @@ def compare(
             rich_help_panel=panels.LOOK,
         ),
     ] = True,
-    colour: Colour = None,
+    colour: options.Colour = None,
     report: Annotated[
         bool,
         typer.Option(
@@ -125,12 +110,12 @@ def compare(
             rich_help_panel=panels.LOOK,
         ),
     ] = False,
-    view: View = None,
-    up: Up = None,
-    threads: Threads = None,
-    force: Force = False,
-    quiet: Quiet = False,
-    as_json: Json = False,
+    view: options.View = None,
+    up: options.Up = None,
+    threads: options.Threads = None,
+    force: options.Force = False,
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
 ) -> None:
     """Simplify a cloud by several methods, evaluate each result, and write tables and a picture.
 

@@ -7,24 +7,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from gppcs.app.large_files import AssumeSameCrs
-from gppcs.app.printing import (
-    Ascii,
-    Box,
-    Columns,
-    Force,
-    From,
-    Inside,
-    Lossy,
-    Only,
-    Quiet,
-    Resolution,
-    To,
-    names_of,
-    note_left_out,
-    numbers_of,
-    progress,
-)
+from gppcs.app import options
+from gppcs.app.printing import names_of, note_left_out, numbers_of, progress
 from gppcs.errors import file_path
 
 EPILOG = (
@@ -48,21 +32,21 @@ def convert(
     target: Annotated[
         Path, typer.Argument(metavar="OUT", parser=file_path, help="The file to write.", show_default=False)
     ],
-    input_format: From = None,
-    output_format: To = None,
-    ascii: Ascii = None,  # noqa: A002
-    columns: Columns = None,
-    box: Box = None,
-    only: Only = None,
-    polygon: Inside = None,
-    resolution: Resolution = None,
+    input_format: options.From = None,
+    output_format: options.To = None,
+    ascii: options.Ascii = None,  # noqa: A002
+    columns: options.Columns = None,
+    box: options.Box = None,
+    only: options.Only = None,
+    polygon: options.Inside = None,
+    resolution: options.Resolution = None,
     drop: Annotated[
         Literal["invalid"] | None, typer.Option(help="Leave out the points with NaN or infinite coordinates.")
     ] = None,
-    assume_same_crs: AssumeSameCrs = False,
-    force: Force = False,
-    lossy: Lossy = False,
-    quiet: Quiet = False,
+    assume_same_crs: options.AssumeSameCrs = False,
+    force: options.Force = False,
+    lossy: options.Lossy = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Write a cloud in another format, with every attribute.
 

@@ -7,24 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gppcs.app import panels
-from gppcs.app.printing import (
-    Box,
-    Columns,
-    DropInvalid,
-    Force,
-    From,
-    Inside,
-    Json,
-    Only,
-    Quiet,
-    Seed,
-    Threads,
-    names_of,
-    numbers_of,
-    print_json,
-    progress,
-)
+from gppcs.app import options, panels
+from gppcs.app.printing import names_of, numbers_of, print_json, progress
 from gppcs.clouds.quantities import Measure, size_of
 from gppcs.engine.threads import set_threads
 from gppcs.errors import OutputError, file_path
@@ -79,17 +63,17 @@ def curve(
             rich_help_panel=panels.LOOK,
         ),
     ] = None,
-    seed: Seed = None,
-    input_format: From = None,
-    columns: Columns = None,
-    box: Box = None,
-    only: Only = None,
-    polygon: Inside = None,
-    drop: DropInvalid = None,
-    threads: Threads = None,
-    force: Force = False,
-    quiet: Quiet = False,
-    as_json: Json = False,
+    seed: options.Seed = None,
+    input_format: options.From = None,
+    columns: options.Columns = None,
+    box: options.Box = None,
+    only: options.Only = None,
+    polygon: options.Inside = None,
+    drop: options.DropInvalid = None,
+    threads: options.Threads = None,
+    force: options.Force = False,
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
 ) -> None:
     """Print the error over the number of points, for one method or several side by side.
 

@@ -8,18 +8,8 @@ from typing import Annotated
 
 import typer
 
-from gppcs.app.printing import (
-    Columns,
-    From,
-    Json,
-    Quiet,
-    Threads,
-    figure_rows,
-    names_of,
-    print_error,
-    print_json,
-    progress,
-)
+from gppcs.app import options
+from gppcs.app.printing import figure_rows, names_of, print_error, print_json, progress
 from gppcs.engine.threads import set_threads
 from gppcs.errors import ParameterError, file_path
 from gppcs.evaluation.report import MeshReport, Rebuilt, Report, figures_of
@@ -68,11 +58,11 @@ def evaluate(
             metavar="FILE", help="A mesh of ORIGINAL to judge, such as one of gppcs mesh, without SIMPLIFIED."
         ),
     ] = None,
-    input_format: From = None,
-    columns: Columns = None,
-    threads: Threads = None,
-    quiet: Quiet = False,
-    as_json: Json = False,
+    input_format: options.From = None,
+    columns: options.Columns = None,
+    threads: options.Threads = None,
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
 ) -> None:
     """Measure how good a simplified cloud or mesh is. Points with NaN or infinite coordinates are left out."""
     from gppcs import io

@@ -9,22 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gppcs.app import options
 from gppcs.app.outputs import sources_of
-from gppcs.app.printing import (
-    BAD_INPUT,
-    FAILURES,
-    Box,
-    Columns,
-    From,
-    Inside,
-    Json,
-    Only,
-    Resolution,
-    names_of,
-    numbers_of,
-    print_json,
-    tell,
-)
+from gppcs.app.printing import BAD_INPUT, FAILURES, names_of, numbers_of, print_json, tell
 from gppcs.errors import file_path
 
 if TYPE_CHECKING:
@@ -44,13 +31,13 @@ def info(
             show_default=False,
         ),
     ],
-    input_format: From = None,
-    columns: Columns = None,
-    box: Box = None,
-    only: Only = None,
-    polygon: Inside = None,
-    resolution: Resolution = None,
-    as_json: Json = False,
+    input_format: options.From = None,
+    columns: options.Columns = None,
+    box: options.Box = None,
+    only: options.Only = None,
+    polygon: options.Inside = None,
+    resolution: options.Resolution = None,
+    as_json: options.Json = False,
 ) -> None:
     """Print the number of points, bounding box, unit, spacing, repeats, invalid points, and each attribute's range.
 

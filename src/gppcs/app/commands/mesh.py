@@ -8,17 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gppcs import __version__
-from gppcs.app import panels
-from gppcs.app.amounts import Ratio, Unit
+from gppcs.app import options, panels
 from gppcs.app.printing import (
-    Columns,
-    DropInvalid,
-    Force,
-    From,
-    Json,
-    Lossy,
-    Quiet,
-    Threads,
     names_of,
     note_left_out,
     number_in_words,
@@ -81,7 +72,7 @@ def mesh(
             rich_help_panel=panels.SIZE,
         ),
     ] = None,
-    ratio: Ratio = None,
+    ratio: options.Ratio = None,
     faces: Annotated[
         str | None,
         typer.Option(
@@ -110,7 +101,7 @@ def mesh(
     moved: Annotated[
         bool, typer.Option("--moved", help="Let the vertices leave the points, so that the mesh fits these better.")
     ] = False,
-    unit: Unit = None,
+    unit: options.Unit = None,
     fill_holes: Annotated[
         str | None,
         typer.Option(
@@ -118,14 +109,14 @@ def mesh(
             help="Also close holes up to this size: the diagonal of the box around the border.",
         ),
     ] = None,
-    input_format: From = None,
-    columns: Columns = None,
-    drop: DropInvalid = None,
-    threads: Threads = None,
-    force: Force = False,
-    lossy: Lossy = False,
-    quiet: Quiet = False,
-    as_json: Json = False,
+    input_format: options.From = None,
+    columns: options.Columns = None,
+    drop: options.DropInvalid = None,
+    threads: options.Threads = None,
+    force: options.Force = False,
+    lossy: options.Lossy = False,
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
 ) -> None:
     """Make a light mesh straight from a dense cloud.
 

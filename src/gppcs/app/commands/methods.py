@@ -7,7 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from gppcs.app.printing import Json, print_json, say
+from gppcs.app import options
+from gppcs.app.printing import print_json, say
 from gppcs.methods import METHODS, Method, method_named
 
 EPILOG = "[bold]Examples[/bold]\n\ngppcs methods\n\ngppcs methods wlop"
@@ -23,7 +24,7 @@ def methods(
             autocompletion=lambda: list(METHODS),
         ),
     ] = None,
-    as_json: Json = False,
+    as_json: options.Json = False,
 ) -> None:
     """List all methods with their sources and parameters, or explain one method and each of its parameters."""
     chosen = list(METHODS.values()) if name is None else [type(method_named(name))]

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, BinaryIO
 
 import typer
 
-from gppcs.app import panels
+from gppcs.app import options, panels
 from gppcs.app.pages import different_names
-from gppcs.app.printing import Columns, Force, From, Quiet, Threads, names_of, note_left_out, print_error, say
-from gppcs.app.viewpoint import Up, View, viewpoint_of
+from gppcs.app.printing import names_of, note_left_out, print_error, say
+from gppcs.app.viewpoint import viewpoint_of
 from gppcs.engine.threads import set_threads
 from gppcs.errors import OutputError, ParameterError, file_path, shown
 
@@ -63,13 +63,13 @@ def render(
             rich_help_panel=panels.LOOK,
         ),
     ] = "1280x960",
-    view: View = None,
-    up: Up = None,
-    input_format: From = None,
-    columns: Columns = None,
-    threads: Threads = None,
-    force: Force = False,
-    quiet: Quiet = False,
+    view: options.View = None,
+    up: options.Up = None,
+    input_format: options.From = None,
+    columns: options.Columns = None,
+    threads: options.Threads = None,
+    force: options.Force = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Draw a picture of a cloud or a mesh. It needs no display.
 

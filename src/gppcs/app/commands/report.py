@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
-from gppcs.app.printing import Columns, Force, From, Quiet, Threads, names_of, print_error, progress, say
-from gppcs.app.viewpoint import Up, View, viewpoint_of
+from gppcs.app import options
+from gppcs.app.printing import names_of, print_error, progress, say
+from gppcs.app.viewpoint import viewpoint_of
 from gppcs.engine.threads import set_threads
 from gppcs.errors import file_path
 
@@ -51,13 +52,13 @@ def report(
             "extra evaluate.",
         ),
     ] = False,
-    input_format: From = None,
-    columns: Columns = None,
-    view: View = None,
-    up: Up = None,
-    threads: Threads = None,
-    force: Force = False,
-    quiet: Quiet = False,
+    input_format: options.From = None,
+    columns: options.Columns = None,
+    view: options.View = None,
+    up: options.Up = None,
+    threads: options.Threads = None,
+    force: options.Force = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Write a page that shows simplified clouds beside their original, to turn in the browser.
 

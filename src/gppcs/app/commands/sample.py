@@ -8,7 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from gppcs import __version__
-from gppcs.app.printing import Ascii, Force, Json, Lossy, Quiet, To, note_left_out, print_json, progress
+from gppcs.app import options
+from gppcs.app.printing import note_left_out, print_json, progress
 from gppcs.clouds.quantities import count_of
 from gppcs.errors import file_path
 
@@ -46,12 +47,12 @@ def sample(
         typer.Option(help="Share of the density that is lost from one end of an object to the other, from 0 to 0.999."),
     ] = 0.0,
     seed: Annotated[int, typer.Option(help="Seed of random numbers. The same seed gives the same scan.")] = 0,
-    output_format: To = None,
-    ascii: Ascii = None,  # noqa: A002
-    force: Force = False,
-    lossy: Lossy = False,
-    quiet: Quiet = False,
-    as_json: Json = False,
+    output_format: options.To = None,
+    ascii: options.Ascii = None,  # noqa: A002
+    force: options.Force = False,
+    lossy: options.Lossy = False,
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
 ) -> None:
     """Make a synthetic scan of a surface that is known exactly, with its normals.
 

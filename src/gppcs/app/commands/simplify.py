@@ -11,44 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gppcs import __version__
-from gppcs.app import panels
-from gppcs.app.amounts import (
-    MaxGap,
-    Points,
-    Ratio,
-    Spacing,
-    Tolerance,
-    Unit,
-)
-from gppcs.app.large_files import (
-    DryRun,
-    Memory,
-    Merge,
-    Workers,
-    executor_of,
-    plan_record,
-    print_plan,
-    titled,
-)
+from gppcs.app import options, panels
+from gppcs.app.large_files import executor_of, plan_record, print_plan, titled
 from gppcs.app.levels import NAME as LEVEL
-from gppcs.app.levels import Levels, LevelsOption, level_of_each
+from gppcs.app.levels import Levels, level_of_each
 from gppcs.app.outputs import Outputs, outputs_of, sources_of
 from gppcs.app.pages import different_names, how_made
 from gppcs.app.printing import (
     BAD_INPUT,
     FAILURES,
-    Box,
-    Force,
-    From,
-    Inside,
-    Json,
-    Keep,
-    Lossy,
-    Only,
-    Quiet,
-    Threads,
-    To,
-    Weight,
     note_left_out,
     number_in_words,
     numbers_of,
@@ -129,15 +100,15 @@ def simplify(
             "name of a new one with a slash.",
         ),
     ],
-    ratio: Ratio = None,
-    points: Points = None,
-    tolerance: Tolerance = None,
-    spacing: Spacing = None,
-    max_gap: MaxGap = None,
-    levels: LevelsOption = None,
-    unit: Unit = None,
-    keep: Keep = None,
-    weight: Weight = None,
+    ratio: options.Ratio = None,
+    points: options.Points = None,
+    tolerance: options.Tolerance = None,
+    spacing: options.Spacing = None,
+    max_gap: options.MaxGap = None,
+    levels: options.Levels = None,
+    unit: options.Unit = None,
+    keep: options.Keep = None,
+    weight: options.Weight = None,
     method: Annotated[
         str,
         typer.Option(
@@ -156,11 +127,11 @@ def simplify(
             rich_help_panel=panels.METHOD,
         ),
     ] = None,
-    input_format: From = None,
-    output_format: To = None,
-    box: Box = None,
-    only: Only = None,
-    polygon: Inside = None,
+    input_format: options.From = None,
+    output_format: options.To = None,
+    box: options.Box = None,
+    only: options.Only = None,
+    polygon: options.Inside = None,
     drop: Annotated[
         str | None,
         typer.Option(
@@ -196,15 +167,15 @@ def simplify(
             rich_help_panel=panels.LOOK,
         ),
     ] = None,
-    threads: Threads = None,
-    merge: Merge = False,
-    memory: Memory = None,
-    workers: Workers = None,
-    dry_run: DryRun = False,
-    force: Force = False,
-    lossy: Lossy = False,
-    quiet: Quiet = False,
-    as_json: Json = False,
+    threads: options.Threads = None,
+    merge: options.Merge = False,
+    memory: options.Memory = None,
+    workers: options.Workers = None,
+    dry_run: options.DryRun = False,
+    force: options.Force = False,
+    lossy: options.Lossy = False,
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
 ) -> None:
     """Keep exactly the number of points asked for, each with all its attributes.
 

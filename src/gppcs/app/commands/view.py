@@ -9,8 +9,9 @@ from typing import Annotated
 
 import typer
 
-from gppcs.app.printing import Columns, Force, From, Quiet, Threads, names_of, print_error, progress, say
-from gppcs.app.viewpoint import Up, View, viewpoint_of
+from gppcs.app import options
+from gppcs.app.printing import names_of, print_error, progress, say
+from gppcs.app.viewpoint import viewpoint_of
 from gppcs.engine.threads import set_threads
 from gppcs.errors import file_path
 
@@ -39,13 +40,13 @@ def view(
         ),
     ] = None,
     opened: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")] = True,
-    input_format: From = None,
-    columns: Columns = None,
-    view: View = None,
-    up: Up = None,
-    threads: Threads = None,
-    force: Force = False,
-    quiet: Quiet = False,
+    input_format: options.From = None,
+    columns: options.Columns = None,
+    view: options.View = None,
+    up: options.Up = None,
+    threads: options.Threads = None,
+    force: options.Force = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Show point clouds side by side in the browser, in views that turn together.
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from time import perf_counter
 
 from gppcs import __version__
-from gppcs.app.printing import Json, Quiet, print_json, progress, say
+from gppcs.app import options
+from gppcs.app.printing import print_json, progress, say
 from gppcs.errors import OutputError
 
 EPILOG = "[bold]Example[/bold]\n\ngppcs warmup"
 
 
-def warmup(quiet: Quiet = False, as_json: Json = False) -> None:
+def warmup(quiet: options.Quiet = False, as_json: options.Json = False) -> None:
     """Compile all kernels now, in a minute or two. Later runs then start at once.
 
     Compiled kernels are stored in the first of these folders that can be written: the one that NUMBA_CACHE_DIR names,
