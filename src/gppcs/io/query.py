@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -55,7 +55,10 @@ class Query:
             return None
         if resolution is not None and not 0 < number(resolution) < math.inf:
             raise ParameterError(f"expected a resolution above 0, found {shown(resolution)}")
-        limits = [number(value) for value in box] if isinstance(box, Iterable) and np.ndim(box) else []
+        try:
+            limits = [] if box is None else [number(value) for value in box]
+        except TypeError:  # it is no sequence
+            limits = []
         low, high = limits[: len(limits) // 2], limits[len(limits) // 2 :]
         if box is not None and not (
             len(limits) in (4, 6) and all(least <= most for least, most in zip(low, high, strict=True))
