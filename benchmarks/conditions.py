@@ -27,8 +27,8 @@ from scipy.spatial.transform import Rotation
 import gppcs
 import report
 from gppcs.clouds.cloud import NORMALS
-from gppcs.engine.stages import Stages
 from gppcs.engine.threads import number_of_threads
+from gppcs.engine.timer import Timer
 from gppcs.errors import NoSurfaceError
 from gppcs.evaluation.judge import judged
 from gppcs.evaluation.reconstruction import distances_to, estimated_normals, reconstruct
@@ -340,7 +340,7 @@ def figures(condition: Condition, kept: gppcs.PointCloud) -> dict[str, float]:
 
     If the points carry normals, the surface is rebuilt with these.
     """
-    found, failure = judged(condition.original, kept, condition.mesh, Stages())
+    found, failure = judged(condition.original, kept, condition.mesh, Timer())
     values, wanted = found.figures(), {}
     carried = kept.normals()
     for name, known in KNOWN.items():

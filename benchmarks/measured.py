@@ -16,14 +16,14 @@ class Run:
     ----------
     seconds : float
         In total.
-    stages : mapping of name to float
+    timer : mapping of name to float
         Seconds of each stage.
     memory : float
         Peak memory above the input, in bytes for each point.
     """
 
     seconds: float
-    stages: Mapping[str, float]
+    timer: Mapping[str, float]
     memory: float
 
 

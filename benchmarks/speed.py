@@ -130,19 +130,19 @@ def exponent(series: Sequence[Measured], seconds: Callable[[Run], float]) -> flo
 
 def stage_table(all_measured: Sequence[Measured]) -> report.Section:
     """Return the table of the seconds of each stage of gp, with exponents."""
-    stages = list(dict.fromkeys(stage for each in all_measured for stage in each.runs[GP].stages))
+    timer = list(dict.fromkeys(stage for each in all_measured for stage in each.runs[GP].timer))
     rows = [
-        [*each.names, f"{run.seconds:.3f}", *(f"{run.stages.get(stage, 0):.3f}" for stage in stages)]
+        [*each.names, f"{run.seconds:.3f}", *(f"{run.stages.get(stage, 0):.3f}" for stage in timer)]
         for each in all_measured
         if (run := each.runs[GP])
     ]
     series = series_of(all_measured)
     if len(series) > 1:
-        slopes = [exponent(series, lambda run, stage=stage: run.stages[stage]) for stage in stages]
+        slopes = [exponent(series, lambda run, stage=stage: run.timer[stage]) for stage in timer]
         span = f"{series[0].cloud.size:,} to {series[-1].cloud.size:,}"
         values = [exponent(series, lambda run: run.seconds), *slopes]
         rows.append(["**exponent**, Dragon", span, f"{clouds.KEPT:,}", *(f"{value:.2f}" for value in values)])
-    return report.Section("gp, seconds of its stages", ["cloud", "points", "kept", "in all", *stages], rows)
+    return report.Section("gp, seconds of its stages", ["cloud", "points", "kept", "in all", *timer], rows)
 
 
 def series_of(all_measured: Sequence[Measured]) -> list[Measured]:

@@ -122,7 +122,7 @@ CALLS = {  # a public function, and arguments with which it works
     "write": {"path": "new.ply", "cloud": CLOUD, "force": True},
     "PointCloud": {"points": CLOUD.points},
     "Mesh": {"vertices": np.eye(3), "faces": [[0, 1, 2]]},
-    "Stages": {},
+    "Timer": {},
     "set_threads": {"count": None},
 }
 PLAIN = {

@@ -249,7 +249,7 @@ def test_listeners_hear_of_every_step_and_progress_is_told_in_small_ones(method)
 
     points = gppcs.sample("medallion", 60_000 if method == "gp" else 1200)
     number = len(points) // 4
-    gppcs.simplify(points, n_points=number, method=method, stages=gppcs.Stages(Listener()))
+    gppcs.simplify(points, n_points=number, method=method, timer=gppcs.Timer(Listener()))
     parts = [(total, steps) for stage, total, steps in heard if stage == "greedy selection"]
     assert all(total == sum(steps) for total, steps in parts)
     assert all(stage == "" for stage, _, _ in heard[1::2])

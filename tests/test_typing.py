@@ -26,9 +26,9 @@ class Bar:
     def finished(self) -> None: ...
 
 listener: gppcs.Listener = Bar()
-stages = gppcs.Stages(listener)
+timer = gppcs.Timer(listener)
 cloud: gppcs.PointCloud = gppcs.sample("bracket", n_points=2000)
-result: gppcs.Result = gppcs.simplify(cloud, ratio=0.1, method=gppcs.LocalGP(neighbours=5), stages=stages)
+result: gppcs.Result = gppcs.simplify(cloud, ratio=0.1, method=gppcs.LocalGP(neighbours=5), timer=timer)
 parameter: gppcs.Parameter = result.method.parameters()["neighbours"]
 part: gppcs.PointCloud = cloud[::2]
 gppcs.evaluate(pathlib.Path("scan.ply"), "kept.ply")
@@ -71,5 +71,5 @@ def test_each_class_in_a_public_signature_is_public():
         for annotation in signatures_of(getattr(gppcs, public))
         for name in re.findall(r"\w+", annotation)
     }
-    assert {"PointCloud", "Stages", "Method"} <= shown & ours
+    assert {"PointCloud", "Timer", "Method"} <= shown & ours
     assert shown & ours - {"StoredPoints"} <= set(gppcs.__all__)  # which only methods for large files take

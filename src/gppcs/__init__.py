@@ -80,7 +80,7 @@ Write a method, follow a run
     parameter                declare a parameter of a method of your own
     Wanted                   what is wanted of a method
     Selection                what a method returns
-    Stages                   the stages of a run and the time that each took
+    Timer                   the stages of a run and the time that each took
     ProgressBar              draws a progress bar, in a terminal or a notebook
     Listener                 hears of each stage, for instance to draw a progress bar of your own
     set_threads              set the number of threads
@@ -115,8 +115,8 @@ if TYPE_CHECKING:
     from gppcs.clouds.mesh import Mesh
     from gppcs.clouds.summary import Summary, info
     from gppcs.engine.progress import ProgressBar
-    from gppcs.engine.stages import Listener, Stages
     from gppcs.engine.threads import set_threads
+    from gppcs.engine.timer import Listener, Timer
     from gppcs.errors import (
         ClusterError,
         FileFormatError,
@@ -173,7 +173,7 @@ _HOMES = {  # the module that defines each public name
     "clouds.mesh": ("Mesh",),
     "clouds.summary": ("Summary", "info"),
     "engine.progress": ("ProgressBar",),
-    "engine.stages": ("Listener", "Stages"),
+    "engine.timer": ("Listener", "Timer"),
     "engine.threads": ("set_threads",),
     "errors": (
         "ClusterError",
@@ -261,8 +261,8 @@ __all__ = [
     "SampleElimination",
     "Selection",
     "SpectralGP",
-    "Stages",
     "Summary",
+    "Timer",
     "TopVariation",
     "Voxel",
     "Wanted",

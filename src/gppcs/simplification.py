@@ -19,7 +19,7 @@ from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.clouds.expressions import Expression
 from gppcs.clouds.quantities import Scale, count_of, metres_of
 from gppcs.engine.equality import ComparedByValue
-from gppcs.engine.stages import Stages, in_words
+from gppcs.engine.timer import Timer, in_words
 from gppcs.errors import InputError, ParameterError, flag, one_of, shown, whole_number
 from gppcs.methods import DEFAULT, METHODS, Method, Selection, method_named
 
@@ -210,7 +210,7 @@ class Result(ComparedByValue):
         wanted = halves(count) if sizes is None else checked_sizes(sizes, count)
         rows = rows_without(self.outliers, _usable_rows(whole, "drop"), len(whole))
         finite = whole if rows is None else whole.take(rows)
-        return measured_curve(finite, self.method, wanted, lambda m: self.cloud.take(np.arange(m)), Stages())
+        return measured_curve(finite, self.method, wanted, lambda m: self.cloud.take(np.arange(m)), Timer())
 
     def _require_ranking(self) -> None:
         """Raise an error if the first points are no simplification."""
@@ -264,7 +264,7 @@ def simplify(
     normals: bool = False,
     scores: bool = False,
     drop_outliers: bool = False,
-    stages: Stages | None = None,
+    timer: Timer | None = None,
 ) -> Result:
     """Choose M points of a cloud: a number, or as many as an accuracy, a spacing or a largest gap takes.
 
@@ -318,7 +318,7 @@ def simplify(
     drop_outliers : bool
         Whether to leave out, before all else, the points that `gppcs.find_outliers` finds, also if they are in `keep`.
         They do not count in N. The result has their rows.
-    stages : Stages, optional
+    timer : Timer, optional
         Measures the time of each stage, and reports progress to its listener.
 
     Returns
@@ -354,21 +354,21 @@ def simplify(
         unit=unit, keep=keep, weight=weight, method=method, seed=seed, invalid=invalid, normals=normals,
         scores=scores, drop_outliers=drop_outliers,
     )  # fmt: skip
-    return simplify_cloud(cloud, request, Stages.of(stages))
+    return simplify_cloud(cloud, request, Timer.of(timer))
 
 
-def result_of(selection: Selection, kept: PointCloud, method: Method, stages: Stages) -> Result:
+def result_of(selection: Selection, kept: PointCloud, method: Method, timer: Timer) -> Result:
     """Return the result of a run that kept some points."""
     ranked = "ranking" in method.supports and selection.ranked
-    return Result(selection.indices, kept, method, stages.seconds, selection.diagnostics, ranked=ranked)
+    return Result(selection.indices, kept, method, timer.seconds, selection.diagnostics, ranked=ranked)
 
 
-def simplify_cloud(cloud: CloudLike, request: Request, stages: Stages) -> Result:
+def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
     """Simplify a cloud in memory."""
     from gppcs.spatial.scaling import Frame, bounds
 
     outliers, method = None, request.method
-    with stages("preparation"):
+    with timer("preparation"):
         cloud = PointCloud.of(cloud)
         if request.scores:
             check_scores(method, cloud)
@@ -376,10 +376,10 @@ def simplify_cloud(cloud: CloudLike, request: Request, stages: Stages) -> Result
     if request.drop_outliers:
         from gppcs.surface.outliers import find_outliers
 
-        with stages("outliers"):
+        with timer("outliers"):
             outliers = np.flatnonzero(find_outliers(cloud))
             rows = rows_without(outliers, rows, len(cloud))
-    with stages("preparation"):
+    with timer("preparation"):
         guided = request.keep is not None or request.weight is not None
         guide = Guide.of(cloud, rows, request.keep, request.weight) if guided else None
         metres = metres_of(request.unit, cloud.header)
@@ -389,18 +389,18 @@ def simplify_cloud(cloud: CloudLike, request: Request, stages: Stages) -> Result
         points = frame.local(places)
         scale = Scale(float(np.linalg.norm(frame.local(high[np.newaxis]))), metres, frame.exponent)
         del places
-    selection = choose_amount(points, request.amount, scale, guide, method, stages)
+    selection = choose_amount(points, request.amount, scale, guide, method, timer)
     kept = cloud.take(selection.indices if rows is None else rows[selection.indices])
     if selection.points is not None:
         kept = kept.moved(np.ldexp(selection.points, frame.exponent) + frame.corner)
     if request.normals:
-        with stages("normals"):
+        with timer("normals"):
             kept = _with_normals(kept, points, selection)
     if request.scores:
         kept = with_scores(kept, method, selection)
     if rows is not None:
         selection = replace(selection, indices=rows[selection.indices])
-    result = result_of(selection, kept, method, stages)
+    result = result_of(selection, kept, method, timer)
     return result if outliers is None else result.with_outliers(outliers)
 
 

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from gppcs.engine import progress
-from gppcs.engine.stages import Stages
+from gppcs.engine.timer import Timer
 
 
 def in_terminal(code, term="xterm"):
@@ -31,9 +31,9 @@ def in_terminal(code, term="xterm"):
 STAGE = """
 import time
 from gppcs.engine import progress
-from gppcs.engine.stages import Stages
+from gppcs.engine.timer import Timer
 progress.PATIENCE = 0.2
-with Stages(progress.ProgressBar())("slow stage", 4) as advanced:
+with Timer(progress.ProgressBar())("slow stage", 4) as advanced:
     for _ in range(4):
         time.sleep({seconds})
         advanced(1)
@@ -69,12 +69,12 @@ def test_no_bar_where_stderr_is_no_terminal(capsys, monkeypatch):
 
 
 def test_a_bar_in_a_notebook_is_updated_and_goes_away(notebook, monkeypatch):
-    with Stages(progress.ProgressBar())("quick stage", 4) as advanced:
+    with Timer(progress.ProgressBar())("quick stage", 4) as advanced:
         advanced(4)
     assert notebook == []
     monkeypatch.setattr(progress, "PATIENCE", 0.0)
     monkeypatch.setattr(progress, "INTERVAL", 0.0)
-    with Stages(progress.ProgressBar())("slow <stage>", 4) as advanced:
+    with Timer(progress.ProgressBar())("slow <stage>", 4) as advanced:
         for _ in range(4):
             advanced(1)
     assert len(notebook) == 5

@@ -9,7 +9,7 @@ import pytest
 
 import gppcs
 from copc_file import write_copc
-from gppcs.engine.stages import Stages
+from gppcs.engine.timer import Timer
 from gppcs.errors import FileFormatError
 from gppcs.io import FORMATS, cloud_files, files
 from gppcs.io.cloud_files import CloudFiles
@@ -363,7 +363,7 @@ def test_files_are_read_as_often_as_the_plan_says(tmp_path, monkeypatch, query, 
     monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
     monkeypatch.setattr(cloud_files, "BLOCK", 16)
     request = Request.of(n_points=100)
-    work = Work(10**9, None, None, Stages())
+    work = Work(10**9, None, None, Timer())
     with CloudFiles.of(
         [path], query=Query.of(**{"resolution": None, "polygon": None, "box": None, "only": None, **query})
     ) as both:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.quantities import MEASURES, Measure
-from gppcs.engine.stages import Stages
+from gppcs.engine.timer import Timer
 from gppcs.methods import Selection
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def fewest_points(
     choose: Callable[[int], Selection],
     ranks: bool,
     least: int,
-    stages: Stages,
+    timer: Timer,
 ) -> tuple[Selection, Errors]:
     """Choose the fewest of at least `least` points, (N, 3), without repeats, whose local surface is near enough.
 
@@ -134,17 +134,17 @@ def fewest_points(
 
     aside = np.zeros(len(points), dtype=np.bool_)
     if measure is None:
-        with stages("outliers"):
+        with timer("outliers"):
             aside = outliers_among(points)
     counted = Original.of(points[~aside] if aside.any() else points)
-    judge = _Judge(points, counted, tolerance, measure or "max", stages)
-    search = _Search(judge, counted.some(), len(points), tolerance, measure or "max", choose, least, stages)
+    judge = _Judge(points, counted, tolerance, measure or "max", timer)
+    search = _Search(judge, counted.some(), len(points), tolerance, measure or "max", choose, least, timer)
     selection, errors = search.ranked() if ranks else search.unranked()
     if measure is not None:
         return selection, Errors(errors)
     largest, count = errors["max"], int(np.count_nonzero(aside))
     if count and largest:
-        with stages("accuracy"):
+        with timer("accuracy"):
             errors = Original.of(points).errors(judge.places(selection))
     return selection, Errors(errors, largest, count)
 
@@ -152,9 +152,9 @@ def fewest_points(
 class _Judge:
     """Judges by points in memory."""
 
-    def __init__(self, points: Points, whole: Original, tolerance: float, measure: Measure, stages: Stages) -> None:
+    def __init__(self, points: Points, whole: Original, tolerance: float, measure: Measure, timer: Timer) -> None:
         self._points, self._whole, self._tolerance, self._measure = points, whole, tolerance, measure
-        self._stages = stages
+        self._timer = timer
         self._farthest: Original | None = None  # points of the whole that may tell that a tolerance is missed
 
     def places(self, selection: Selection) -> Points:
@@ -162,7 +162,7 @@ class _Judge:
 
     def judged(self, kept: Points) -> dict[Measure, float]:
         """Judge first by the points that were farthest from other places: they are mostly so again."""
-        with self._stages("accuracy"):
+        with self._timer("accuracy"):
             surface = surface_of(kept)
             if self._farthest is not None:
                 error = _error_at_least(self._farthest.distances(surface), len(self._whole.points), self._measure)
@@ -186,10 +186,10 @@ class _Search:
         measure: Measure,
         choose: Callable[[int], Selection],
         least: int,
-        stages: Stages,
+        timer: Timer,
     ) -> None:
         self.judge, self.some, self.n, self.tolerance, self.measure = judge, some, n, tolerance, measure
-        self.choose, self.least, self.stages = choose, least, stages
+        self.choose, self.least, self.timer = choose, least, timer
 
     def ranked(self) -> tuple[Selection, dict[Measure, float]]:
         """Search among the first points of a ranking that is long enough."""
@@ -282,7 +282,7 @@ class _Search:
         """Return about how large the error of some places is."""
         if not len(kept):
             return math.inf
-        with self.stages("accuracy"):
+        with self.timer("accuracy"):
             return self.some.errors(kept)[self.measure]
 
 

@@ -12,7 +12,7 @@ from gppcs.amounts.accuracy import Errors, fewest_points
 from gppcs.amounts.amount import Amount
 from gppcs.amounts.guide import Guide
 from gppcs.clouds.quantities import Scale
-from gppcs.engine.stages import Stages
+from gppcs.engine.timer import Timer
 from gppcs.errors import InputError, ParameterError
 from gppcs.methods import METHODS, Method, Selection, Wanted
 from gppcs.spatial.cells import first_occurrences
@@ -42,13 +42,13 @@ def check_supported(method: Method, spacing: object, keep: object, weight: objec
 
 
 def choose_amount(
-    points: Points, amount: Amount, scale: Scale, guide: Guide | None, method: Method, stages: Stages
+    points: Points, amount: Amount, scale: Scale, guide: Guide | None, method: Method, timer: Timer
 ) -> Selection:
     """Let the method choose as many of some points, (N, 3), as an amount means."""
     count = amount.known_count(len(points))
     if count is not None and count >= len(points) and guide is None and amount.max_gap is None:
         return Selection(np.arange(len(points)), ranked=False)
-    with stages("repeats"):
+    with timer("repeats"):
         among = _Places.of(points, guide)
     if count is not None:
         check_count(count, among.fixed + len(among.again), len(points if guide is None else guide.rows(len(points))))
@@ -56,17 +56,17 @@ def choose_amount(
     def chosen(wanted: int) -> Selection:
         if wanted >= len(among.points):
             return Selection(np.arange(len(among.points)), ranked=False)
-        return method(Wanted(among.points, wanted, None, among.fixed, among.weights, stages))
+        return method(Wanted(among.points, wanted, None, among.fixed, among.weights, timer))
 
     gap = None if amount.max_gap is None else scale.inside(amount.max_gap)
     if amount.tolerance is not None:
         selection, errors = fewest_points(
             among.points, scale.inside(amount.tolerance.length), amount.tolerance.measure, chosen,
-            "ranking" in method.supports, max(among.fixed, 1), stages,
+            "ranking" in method.supports, max(among.fixed, 1), timer,
         )  # fmt: skip
         selection = _with_errors(selection, errors, scale)
     elif amount.spacing is not None:
-        selection = method(Wanted(among.points, len(among.points), scale.inside(amount.spacing), stages=stages))
+        selection = method(Wanted(among.points, len(among.points), scale.inside(amount.spacing), timer=timer))
     elif count is not None:
         selection = chosen(count - len(among.again))
     else:
@@ -78,7 +78,7 @@ def choose_amount(
         selection = with_repeats(selection, among.again, among.fixed)
     if (lacking := (count or 0) - len(selection.indices)) > 0:
         selection = with_others(selection, np.setdiff1d(_usable(points, guide), selection.indices)[:lacking])
-    return selection if gap is None else _without_gaps(points, _usable(points, guide), selection, gap, scale, stages)
+    return selection if gap is None else _without_gaps(points, _usable(points, guide), selection, gap, scale, timer)
 
 
 def _usable(points: Points, guide: Guide | None) -> NDArray[np.int64]:
@@ -155,11 +155,11 @@ def _with_errors(selection: Selection, errors: Errors, scale: Scale) -> Selectio
 
 
 def _without_gaps(
-    points: Points, usable: NDArray[np.int64], selection: Selection, gap: float, scale: Scale, stages: Stages
+    points: Points, usable: NDArray[np.int64], selection: Selection, gap: float, scale: Scale, timer: Timer
 ) -> Selection:
     """Add usable points, each the farthest from all others, until none is farther from one than a length."""
     kept = points[selection.indices] if selection.points is None else selection.points
-    with stages("gaps"):
+    with timer("gaps"):
         added, reached = fill_gaps(points[usable], kept, gap)
     found = {"added_in_gaps": float(len(added)), "largest_gap": scale.outside(reached)}
     extended = with_others(selection, usable[added])

@@ -13,7 +13,7 @@ from gppcs.amounts.accuracy import Original
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.quantities import MEASURES, Measure, size_of
 from gppcs.engine.equality import ComparedByValue
-from gppcs.engine.stages import Stages
+from gppcs.engine.timer import Timer
 from gppcs.errors import ParameterError, one_of, shown
 from gppcs.methods import Method
 
@@ -90,7 +90,7 @@ def _scaled(values: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def measured_curve(
-    original: PointCloud, method: Method, sizes: NDArray[np.int64], kept: Callable[[int], PointCloud], stages: Stages
+    original: PointCloud, method: Method, sizes: NDArray[np.int64], kept: Callable[[int], PointCloud], timer: Timer
 ) -> Curve:
     """Measure simplifications of a cloud.
 
@@ -106,7 +106,7 @@ def measured_curve(
     found = []
     for size in sizes[::-1].tolist():
         simplified = kept(size).points
-        with stages("accuracy"):
+        with timer("accuracy"):
             found.append(measured.errors(np.ldexp(simplified - frame.corner, -frame.exponent)))
     with np.errstate(over="ignore", under="ignore"):
         errors = {name: np.ldexp([each[name] for each in found[::-1]], frame.exponent) for name in MEASURES}

@@ -54,7 +54,7 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
 
 def _beyond_memory(cloud: PointCloud) -> None:
     """Compile what only clouds beyond memory need: simplify one as if it were."""
-    from gppcs.engine.stages import Stages
+    from gppcs.engine.timer import Timer
     from gppcs.io.cloud_files import CloudFiles
     from gppcs.io.files import write
     from gppcs.simplification import Request
@@ -63,7 +63,7 @@ def _beyond_memory(cloud: PointCloud) -> None:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "scan.las"
         write(path, cloud, lossy=True)
-        work = Work(None, None, None, Stages())
+        work = Work(None, None, None, Timer())
         for method in ("gp", "fps", "voxel", "random"):
             with CloudFiles([path]) as files:
                 request = Request.of(n_points=len(cloud) // 50, method=method, drop_outliers=True)

@@ -11,8 +11,8 @@ from typing import Any
 import typer
 
 from gppcs.app.tables import FIGURES
-from gppcs.engine.stages import COMPILATION, Listener
 from gppcs.engine.strict_json import strict_json
+from gppcs.engine.timer import COMPILATION, Listener
 from gppcs.errors import GppcsError, InputError, ParameterError, shown
 from gppcs.evaluation.report import MeshReport, Report
 

@@ -16,7 +16,7 @@ from gppcs.drawing.single import draw_single
 from gppcs.drawing.viewpoint import Viewpoint
 from gppcs.drawing.web.contents import Named, report_page, view_page
 from gppcs.engine.progress import in_notebook
-from gppcs.engine.stages import in_words
+from gppcs.engine.timer import in_words
 from gppcs.errors import InputError, MissingExtraError
 from gppcs.simplification import Result
 

@@ -13,7 +13,7 @@ PASSING_NOTICE = (
 )
 
 
-class Timer:
+class CompileTimer:
     """Measures the time in which at least one kernel is being compiled, without the garbage collector."""
 
     def __init__(self) -> None:
@@ -46,7 +46,7 @@ class Timer:
         return before if start is None else before + perf_counter() - start
 
 
-timer = Timer()
+timer = CompileTimer()
 _told = False
 
 

@@ -30,8 +30,8 @@ class ProgressBar:
     Examples
     --------
     >>> import gppcs
-    >>> stages = gppcs.Stages(gppcs.ProgressBar())
-    >>> len(gppcs.simplify(gppcs.sample("sphere", n_points=1000), n_points=100, method="fps", stages=stages).cloud)
+    >>> timer = gppcs.Timer(gppcs.ProgressBar())
+    >>> len(gppcs.simplify(gppcs.sample("sphere", n_points=1000), n_points=100, method="fps", timer=timer).cloud)
     100
     """
 

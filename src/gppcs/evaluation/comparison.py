@@ -9,7 +9,7 @@ from typing import Literal
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
-from gppcs.engine.stages import COMPILATION, Stages
+from gppcs.engine.timer import COMPILATION, Timer
 from gppcs.errors import NoSurfaceError, ParameterError, shown
 from gppcs.evaluation.judge import judged, require_mesh
 from gppcs.evaluation.report import Report
@@ -59,7 +59,7 @@ def compare(
     mesh: Mesh | None = None,
     seed: int | None = None,
     invalid: Literal["error", "drop"] = "error",
-    stages: Stages | None = None,
+    timer: Timer | None = None,
 ) -> list[Entry]:
     """Simplify a cloud by several methods and evaluate each result.
 
@@ -79,7 +79,7 @@ def compare(
         Replaces the seed of each method that has one.
     invalid : "error" or "drop"
         Whether NaN and infinite coordinates raise an error, or their points are dropped.
-    stages : Stages, optional
+    timer : Timer, optional
         Its listener hears of the progress. The times of each run are in its own result.
 
     Returns
@@ -105,7 +105,7 @@ def compare(
     True
     """
     chosen = checked_methods(methods, ratio, n_points, seed)
-    cloud, stages = PointCloud.of(cloud), Stages.of(stages)
+    cloud, timer = PointCloud.of(cloud), Timer.of(timer)
     if mesh is not None:
         require_mesh(mesh)
     original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without dropped points
@@ -114,10 +114,10 @@ def compare(
         # A run on a part of the cloud compiles the kernels before the method is timed.
         simplify(original.points[:: max(1, len(original) // PREPARATION_POINTS)], ratio=0.1, method=method)
         start = perf_counter()
-        run = stages.anew()
-        result = simplify(cloud, ratio=ratio, n_points=n_points, method=method, invalid=invalid, stages=run)
+        run = timer.anew()
+        result = simplify(cloud, ratio=ratio, n_points=n_points, method=method, invalid=invalid, timer=run)
         seconds = perf_counter() - start - result.seconds.get(COMPILATION, 0.0)
-        report, failure = judged(original, result.cloud, mesh, stages)
+        report, failure = judged(original, result.cloud, mesh, timer)
         entries.append(Entry(result, report, seconds, str(failure) if failure else None))
     return entries
 

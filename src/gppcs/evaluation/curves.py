@@ -8,7 +8,7 @@ from typing import Literal
 
 from gppcs.amounts.curve import Curve, checked_sizes, measured_curve, usual_sizes
 from gppcs.clouds.cloud import CloudLike, PointCloud
-from gppcs.engine.stages import Stages
+from gppcs.engine.timer import Timer
 from gppcs.evaluation.comparison import checked_methods
 from gppcs.methods import DEFAULT, Method
 from gppcs.simplification import Result, simplify
@@ -23,7 +23,7 @@ def curve(
     sizes: Sequence[float] | None = None,
     seed: int | None = None,
     invalid: Literal["error", "drop"] = "error",
-    stages: Stages | None = None,
+    timer: Timer | None = None,
 ) -> list[Curve]:
     """Measure the error of methods over the number of points that they keep.
 
@@ -42,7 +42,7 @@ def curve(
         Replaces the seed of each method that has one.
     invalid : "error" or "drop"
         Whether NaN and infinite coordinates raise an error, or their points are dropped.
-    stages : Stages, optional
+    timer : Timer, optional
         Measures the time of each stage, and reports progress to its listener.
 
     Returns
@@ -65,12 +65,12 @@ def curve(
     np.True_
     """
     chosen = checked_methods(methods, None, 1, seed)
-    stages = Stages.of(stages)
+    timer = Timer.of(timer)
     original = simplify(PointCloud.of(cloud), ratio=1, invalid=invalid).cloud  # without dropped points
     wanted = usual_sizes(len(original)) if sizes is None else checked_sizes(sizes, len(original))
     made = []
     for method in chosen:
-        run = partial(simplify, original, method=method, stages=stages)
+        run = partial(simplify, original, method=method, timer=timer)
         rankings: list[Result] = []  # none, where all points but repeats are kept
 
         def kept(m: int, run: Run = run, rankings: list[Result] = rankings) -> PointCloud:
@@ -79,5 +79,5 @@ def curve(
                 rankings.append(result)
             return result.cloud
 
-        made.append(measured_curve(original, method, wanted, kept, stages))
+        made.append(measured_curve(original, method, wanted, kept, timer))
     return made

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
-from gppcs.engine.stages import Stages
+from gppcs.engine.timer import Timer
 from gppcs.errors import InputError, NoSurfaceError, shown
 from gppcs.evaluation.report import MeshReport, Rebuilt, Report, figures_of
 
@@ -39,7 +39,7 @@ def evaluate(
     original: CloudLike,
     simplified: CloudLike,
     mesh: Mesh | None = None,
-    stages: Stages | None = None,
+    timer: Timer | None = None,
 ) -> Report:
     """Compare a simplified cloud with the original.
 
@@ -54,7 +54,7 @@ def evaluate(
     mesh : Mesh, optional
         The surface that the original was sampled from. With it, a surface is rebuilt from the simplified cloud and
         compared with `mesh`, which needs PyMeshLab.
-    stages : Stages, optional
+    timer : Timer, optional
         Records the time of each stage. Its listener, if any, hears of the progress.
 
     Returns
@@ -88,7 +88,7 @@ def evaluate(
     >>> gppcs.evaluate(cloud, cloud).covering_radius
     0.0
     """
-    report, failure = judged(original, simplified, mesh, Stages.of(stages))
+    report, failure = judged(original, simplified, mesh, Timer.of(timer))
     if failure:
         raise failure
     if report.points_out > report.points_in:
@@ -100,7 +100,7 @@ def evaluate_mesh(
     original: CloudLike,
     simplified: Mesh,
     mesh: Mesh | None = None,
-    stages: Stages | None = None,
+    timer: Timer | None = None,
 ) -> MeshReport:
     """Compare a simplified mesh with the original.
 
@@ -112,7 +112,7 @@ def evaluate_mesh(
         In the unit and frame of the original.
     mesh : Mesh, optional
         The surface that the original was sampled from. With it, distances are measured from its vertices, and to it.
-    stages : Stages, optional
+    timer : Timer, optional
         Records the time of each stage. Its listener, if any, hears of the progress.
 
     Returns
@@ -147,7 +147,7 @@ def evaluate_mesh(
     frame = _Frame.of(before)
     before = frame.inside(before[first_occurrences(before)])
     simplified, mesh = frame.mesh_inside(simplified), mesh and frame.mesh_inside(mesh)
-    with Stages.of(stages)("distances"):
+    with Timer.of(timer)("distances"):
         _require_mesh_near(simplified, before, before, frame)
         used = simplified.vertices[np.unique(simplified.faces)]
         if mesh is None:
@@ -193,7 +193,7 @@ def _qualities(mesh: Mesh) -> Points:
 
 
 def judged(
-    original: CloudLike, simplified: CloudLike, mesh: Mesh | None, stages: Stages
+    original: CloudLike, simplified: CloudLike, mesh: Mesh | None, timer: Timer
 ) -> tuple[Report, NoSurfaceError | None]:
     """Return the report of `evaluate`, (N, 3) and (M, 3), and why no surface could be rebuilt, if none could."""
     from gppcs.spatial.cells import first_occurrences
@@ -209,12 +209,12 @@ def judged(
     frame = _Frame.of(before)
     counts, first = (len(before), len(after)), first_occurrences(after)
     before, after = (frame.inside(points) for points in (before[first_occurrences(before)], after[first]))
-    with stages("distances"):
+    with timer("distances"):
         report = frame.outside(_without_mesh(before, after, frame, counts))
     if mesh is None:
         return report, None
     mesh, failure = frame.mesh_inside(mesh), None
-    with stages("rebuilding"):
+    with timer("rebuilding"):
         _require_mesh_near(mesh, before, after, frame)
         try:
             report = dataclasses.replace(report, rebuilt=_rebuilt(after, None, mesh, frame))
@@ -222,7 +222,7 @@ def judged(
             failure = error
     if normals is None:
         return report, failure
-    with stages("rebuilding with carried normals"), contextlib.suppress(NoSurfaceError):
+    with timer("rebuilding with carried normals"), contextlib.suppress(NoSurfaceError):
         report = dataclasses.replace(report, rebuilt_carried=_rebuilt(after, normals[first], mesh, frame))
     return report, failure
 

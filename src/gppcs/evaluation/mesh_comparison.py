@@ -14,7 +14,7 @@ from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.quantities import count_of
 from gppcs.engine import compiling
 from gppcs.engine.extras import require_pymeshlab
-from gppcs.engine.stages import Stages
+from gppcs.engine.timer import Timer
 from gppcs.errors import InputError, NoSurfaceError, ParameterError, nearest_name, shown
 from gppcs.evaluation.judge import evaluate_mesh, require_original
 from gppcs.evaluation.mesh_ways import MESH_WAYS, Wanted, installed_ways, require_way
@@ -69,7 +69,7 @@ def compare_meshes(
     ways: Iterable[str] | None = None,
     mesh: Mesh | None = None,
     invalid: Literal["error", "drop"] = "error",
-    stages: Stages | None = None,
+    timer: Timer | None = None,
 ) -> list[MeshEntry]:
     """Make a light mesh of a cloud in several ways and evaluate each.
 
@@ -97,7 +97,7 @@ def compare_meshes(
         The true surface of the cloud. Distances are then measured from its vertices, and to it.
     invalid : "error" or "drop"
         Whether NaN and infinite coordinates raise an error, or their points are dropped.
-    stages : Stages, optional
+    timer : Timer, optional
         Its listener receives the progress.
 
     Returns
@@ -123,7 +123,7 @@ def compare_meshes(
     >>> entries[1].report.mesh_mean < entries[0].report.mesh_mean
     True
     """
-    chosen, stages = checked_ways(ways, ratio, n_points), Stages.of(stages)
+    chosen, timer = checked_ways(ways, ratio, n_points), Timer.of(timer)
     original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without dropped points
     require_original(original, mesh)
     count = Amount.of(ratio, n_points).known_count(len(original))
@@ -133,7 +133,7 @@ def compare_meshes(
             f"expected a mesh of at least {FEWEST_VERTICES} vertices, found {count} of {len(original)} points"
         )
     _load_kernels()
-    return [_entry(way, Wanted(original, count, stages.anew()), mesh) for way in chosen]
+    return [_entry(way, Wanted(original, count, timer.anew()), mesh) for way in chosen]
 
 
 def checked_ways(ways: Iterable[str] | None, ratio: float | str | None, n_points: int | str | None) -> list[str]:
@@ -166,7 +166,7 @@ def _entry(way: str, wanted: Wanted, mesh: Mesh | None) -> MeshEntry:
     seconds = perf_counter() - start - (compiling.timer.seconds() - compiled)
     if made is not None:
         try:
-            report = evaluate_mesh(wanted.cloud, made, mesh, wanted.stages)
+            report = evaluate_mesh(wanted.cloud, made, mesh, wanted.timer)
         except InputError as error:  # of this mesh, as cloud and surface have been checked
             failure = str(error)
     return MeshEntry(way, made, report, seconds, failure)

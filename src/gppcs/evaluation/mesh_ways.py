@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.engine.extras import require_cgal
-from gppcs.engine.stages import Stages
+from gppcs.engine.timer import Timer
 from gppcs.errors import MissingExtraError, NoSurfaceError
 from gppcs.evaluation.reconstruction import ball_pivoted, decimated, oriented_alike, reconstruct, without_membranes
 from gppcs.meshing.pipeline import mesh as meshed
@@ -28,20 +28,20 @@ class Wanted:
 
     cloud: PointCloud
     n_vertices: int
-    stages: Stages
+    timer: Timer
 
     def kept(self) -> NDArray[np.int64]:
         """Return the rows of the points that `gp` keeps, (M,)."""
-        return simplify(self.cloud, n_points=self.n_vertices, stages=self.stages).indices
+        return simplify(self.cloud, n_points=self.n_vertices, timer=self.timer).indices
 
     def poisson(self, points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
         """Return the screened Poisson mesh of points, (M, 3), without the parts that lie far from all of them."""
-        with self.stages("Poisson reconstruction"):
+        with self.timer("Poisson reconstruction"):
             return without_membranes(reconstruct(points, normals), points)
 
 
 def _ours(wanted: Wanted, moved: bool) -> Mesh:
-    return meshed(wanted.cloud, n_points=wanted.n_vertices, moved=moved, stages=wanted.stages).mesh
+    return meshed(wanted.cloud, n_points=wanted.n_vertices, moved=moved, timer=wanted.timer).mesh
 
 
 def _with_normals(
@@ -50,7 +50,7 @@ def _with_normals(
     """Join points, those that `gp` keeps or all, with normals of the surface of all."""
     points, corner, exponent = normalised(wanted.cloud.points)
     places = points[wanted.kept()] if kept else points
-    with wanted.stages("normals"):
+    with wanted.timer("normals"):
         normals = estimate_normals(points, places if kept else None)
     made = join(wanted, places, normals)
     return Mesh(np.ldexp(made.vertices, exponent) + corner, made.faces)
@@ -58,12 +58,12 @@ def _with_normals(
 
 def _decimated(wanted: Wanted, points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
     rebuilt = wanted.poisson(points, normals)
-    with wanted.stages("decimation"):
+    with wanted.timer("decimation"):
         return decimated(rebuilt, 2 * wanted.n_vertices)
 
 
 def _pivoted(wanted: Wanted, points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
-    with wanted.stages("ball pivoting"):
+    with wanted.timer("ball pivoting"):
         return ball_pivoted(points, normals)
 
 
@@ -74,7 +74,7 @@ def _advancing_front(wanted: Wanted) -> Mesh:
     kept = wanted.cloud.points[wanted.kept()]
     places, _, _ = normalised(kept)
     corners: list[int] = []
-    with wanted.stages("advancing front"):
+    with wanted.timer("advancing front"):
         given = point_set()
         for place in places.tolist():
             given.insert(point(*place))

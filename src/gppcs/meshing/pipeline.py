@@ -16,7 +16,7 @@ from gppcs.clouds.quantities import Length, Scale, count_of, metres_of, option, 
 from gppcs.clouds.topology import topology_of
 from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.equality import ComparedByValue
-from gppcs.engine.stages import Stages, in_words
+from gppcs.engine.timer import Timer, in_words
 from gppcs.errors import NoSurfaceError, ParameterError, flag, shown
 from gppcs.meshing.assembly import assembled, without_scraps
 from gppcs.meshing.assignment import Assignment
@@ -104,7 +104,7 @@ def mesh(
     moved: bool = False,
     fill_holes: float | str | None = None,
     invalid: Literal["error", "drop"] = "error",
-    stages: Stages | None = None,
+    timer: Timer | None = None,
 ) -> MeshResult:
     """Make a light mesh straight from a dense cloud.
 
@@ -139,7 +139,7 @@ def mesh(
         Also close holes up to this size, the diagonal of the box around their border.
     invalid : "error" or "drop"
         What to do with points whose coordinates are NaN or infinite: raise an error, or leave them out.
-    stages : Stages, optional
+    timer : Timer, optional
         Measures the time of each stage, and reports progress to its listener.
 
     Returns
@@ -165,12 +165,12 @@ def mesh(
     """
     from gppcs.simplification import check_usable
 
-    stages, moved = Stages.of(stages), flag("moved", moved)
+    timer, moved = Timer.of(timer), flag("moved", moved)
     size = Size.of(
         n_points=n_points, ratio=ratio, n_faces=n_faces, tolerance=tolerance, unit=unit, keep=keep,
         fill_holes=fill_holes,
     )  # fmt: skip
-    with stages("preparation"):
+    with timer("preparation"):
         cloud = PointCloud.of(cloud)
         rows = cloud.finite_rows()
         bad = cloud.non_finite()
@@ -181,14 +181,14 @@ def mesh(
         _require_surface(points)
     metres = metres_of(unit, cloud.header)
     scale = Scale(float(np.linalg.norm(np.ptp(points, axis=0))), metres, exponent)
-    maker = _Maker(points, chosen, moved, scale.inside(size.fill_holes) if size.fill_holes else None, stages)
+    maker = _Maker(points, chosen, moved, scale.inside(size.fill_holes) if size.fill_holes else None, timer)
     if size.tolerance is not None:
         made = maker.search(scale.inside(size.tolerance), 2.0**exponent)
     elif size.n_faces is not None:
         made = maker.make(size.n_faces, counts_faces=True)
     else:
         made = maker.make(count if chosen is None else len(chosen))
-    return _result(cloud, rows, made, moved, corner, exponent, stages)
+    return _result(cloud, rows, made, moved, corner, exponent, timer)
 
 
 @dataclass(frozen=True)
@@ -327,7 +327,7 @@ class _Maker:
     chosen: Ints | None
     moved: bool
     hole_size: float | None
-    stages: Stages
+    timer: Timer
 
     def search(self, tolerance: float, unit: float) -> _Made:
         """Return a mesh of about as few vertices as a mean distance of the points allows."""
@@ -374,20 +374,20 @@ class _Maker:
 
     def _thinned(self, first: _FirstMesh, chosen: Ints, count: int, counts_faces: bool) -> _Made:
         """Return a mesh of that many vertices or triangles, and those that fill holes."""
-        stages, dense = self.stages, first.dense
+        timer, dense = self.timer, first.dense
         kept = np.isin(dense.rows[first.level], chosen)
-        with stages("quadrics"):
+        with timer("quadrics"):
             draft = Draft.of(dense, self.moved, first.level, kept, first.faces)
         target = count if self.chosen is None else draft.used_and_kept()
         assigned = self._thin_out(draft, target, counts_faces)
         if self.moved:
-            with stages("fit"):
+            with timer("fit"):
                 for _ in range(FIT_ROUNDS):
                     draft.fit(assigned)
                     assigned = draft.flip()
-        with stages("mending"):
+        with timer("mending"):
             opened = draft.mend(counts_faces)
-        with stages("distances"):
+        with timer("distances"):
             distances = draft.assigned()
             there_too = distances.face >= 0
             diagnostics = {
@@ -401,7 +401,7 @@ class _Maker:
                 diagnostics["missing"] = float(len(chosen) - draft.used_and_kept())
         faces = draft.mesh.faces()
         if self.hole_size is not None:
-            with stages("holes"):
+            with timer("holes"):
                 faces = holes_filled(faces, draft.vertices, draft.normals, self.hole_size)
         used, faces = np.unique(faces, return_inverse=True)
         return _Made(
@@ -414,11 +414,11 @@ class _Maker:
         errors: list[NoSurfaceError] = []
         for thick in (False, True):
             try:
-                with self.stages("normals"):
+                with self.timer("normals"):
                     dense = DensePoints.of(self.points, n_vertices, chosen, thick)
                 if dense is None:  # there is no thick noise
                     continue
-                with self.stages("first mesh"):
+                with self.timer("first mesh"):
                     first = _FirstMesh.of(dense, self._level(dense, n_vertices, chosen), chosen, self.moved)
             except NoSurfaceError as error:
                 errors.append(error)
@@ -438,12 +438,12 @@ class _Maker:
         """
         vertices = -(-target // 2) if counts_faces else target
         too_many = draft.used() - vertices
-        with self.stages("collapse", max(0, too_many)) as advanced:
+        with self.timer("collapse", max(0, too_many)) as advanced:
             draft.collapse(target * FIRST_STOP[0] // FIRST_STOP[1], counts_faces, advanced)
-        with self.stages("flips"):
+        with self.timer("flips"):
             draft.compact()
             draft.flip()
-        with self.stages("refinement"):
+        with self.timer("refinement"):
             draft.collapse(target, counts_faces)
             assigned = draft.flip()
             if self.chosen is None and too_many > 0:
@@ -468,7 +468,7 @@ class _Maker:
 
 
 def _result(
-    cloud: PointCloud, rows: Ints, made: _Made, moved: bool, corner: Floats, exponent: int, stages: Stages
+    cloud: PointCloud, rows: Ints, made: _Made, moved: bool, corner: Floats, exponent: int, timer: Timer
 ) -> MeshResult:
     """Return a mesh in the unit of the cloud, with the attributes of its points."""
     indices = rows[made.rows]
@@ -482,4 +482,4 @@ def _result(
     topology = topology_of(made.faces)
     counts = {name: float(getattr(topology, name)) for name in ("borders", "pieces", "genus")}
     diagnostics = {**made.diagnostics, **scaled, **counts}
-    return MeshResult(Mesh(kept.points, made.faces), indices, kept, stages.seconds, diagnostics)
+    return MeshResult(Mesh(kept.points, made.faces), indices, kept, timer.seconds, diagnostics)

@@ -42,8 +42,8 @@ class FarthestPoint(Method):
 
         if wanted.stored is not None:
             least = wanted.spacing or 0.0
-            return Selection(farthest_in_parts(wanted.stored, wanted.n_points, wanted.stages, wanted.each, least))
+            return Selection(farthest_in_parts(wanted.stored, wanted.n_points, wanted.timer, wanted.each, least))
         total = wanted.n_points if wanted.spacing is None else None
-        with wanted.stages("farthest points", total) as advanced:
+        with wanted.timer("farthest points", total) as advanced:
             indices, _ = farthest_points(wanted.points, wanted.n_points, advanced=advanced, least=wanted.spacing or 0.0)
         return Selection(indices)

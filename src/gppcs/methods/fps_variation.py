@@ -49,13 +49,13 @@ class FarthestPointVariation(Method):
         from gppcs.spatial.farthest_points import farthest_points
         from gppcs.surface.surface_variation import estimate_features
 
-        points, n_points, stages = wanted.points, wanted.n_points, wanted.stages
-        with stages("surface variation"):
+        points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
+        with timer("surface variation"):
             variation = estimate_features(points, self.neighbours).surface_variation
         subset = random_candidates(len(points), self.candidates, n_points, self.seed)
         points, variation = points[subset], variation[subset]
         k_init = min(self.k_init or max(1, n_points // 3), n_points)
-        with stages("farthest points", k_init) as advanced:
+        with timer("farthest points", k_init) as advanced:
             initial, _ = farthest_points(points, k_init, advanced=advanced)
         variation[initial] = -np.inf
         indices = np.concatenate([initial, largest(variation, n_points - k_init)])

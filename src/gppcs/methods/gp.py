@@ -103,19 +103,17 @@ class LocalGP(Method):
         from gppcs.gp.local.algorithm import choose
         from gppcs.gp.local.beyond_memory import choose_stored
 
-        stages, stored, count = wanted.stages, wanted.stored, wanted.n_points
+        timer, stored, count = wanted.timer, wanted.stored, wanted.n_points
         if wanted.spacing is not None:
-            with stages("tree"):
+            with timer("tree"):
                 count = _number_at(wanted.points if stored is None else stored.sample, wanted)
         if stored is not None:
             rows = np.empty(0, dtype=np.int64) if wanted.rows is None else wanted.rows
             ranking = choose_stored(
-                stored, count, self.criterion, self.candidates, stages, wanted.each, rows, wanted.points
+                stored, count, self.criterion, self.candidates, timer, wanted.each, rows, wanted.points
             )
         elif count < len(wanted.points):
-            ranking = choose(
-                wanted.points, count, self.criterion, self.candidates, stages, wanted.fixed, wanted.weights
-            )
+            ranking = choose(wanted.points, count, self.criterion, self.candidates, timer, wanted.fixed, wanted.weights)
         else:
             return Selection(np.arange(len(wanted.points)), ranked=False)
         attributes = {"score": ranking.scores, "deviation": ranking.deviations}

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from gppcs.engine.stages import Stages
+    from gppcs.engine.timer import Timer
     from gppcs.gp.spectral.kernel import Hyperparameters
     from gppcs.spatial.kdtree import KdTree
 
@@ -95,26 +95,26 @@ class SpectralGP(Method):
         from gppcs.spatial.farthest_points import farthest_points
         from gppcs.spatial.kdtree import KdTree
 
-        points, n_points, stages = wanted.points, wanted.n_points, wanted.stages
-        with stages("tree"):
+        points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
+        with timer("tree"):
             tree = KdTree.build(points)
-        phi, y, theta = self._fitted_field(points, tree, stages)
+        phi, y, theta = self._fitted_field(points, tree, timer)
         subset = random_candidates(len(points), self.candidates, n_points, self.seed)
         if len(subset) < len(points):
             points, phi, y, tree = points[subset], phi[subset], y[subset], KdTree.build(points[subset])
         k_init = min(self.k_init or max(1, n_points // 3), n_points)
-        with stages("farthest points", k_init) as advanced:
+        with timer("farthest points", k_init) as advanced:
             initial, _ = farthest_points(points, k_init, tree, advanced)
-        with stages("greedy selection", n_points - k_init) as advanced:
+        with timer("greedy selection", n_points - k_init) as advanced:
             k_add = self.k_add or max(1, -(-(n_points - k_init) // UPDATES))
             indices = greedy.select(phi, y, theta.noise, initial, n_points, k_add, tree.order, advanced)
-        with stages("explained share"):
+        with timer("explained share"):
             mean, _ = Posterior.given(phi[indices], y[indices], theta.noise).predict(phi)
             explained = 1 - float(np.mean((mean - y) ** 2) / (np.var(y) or 1.0))
         return Selection(subset[indices], {**asdict(theta), "explained": explained})
 
     def _fitted_field(
-        self, points: NDArray[np.float64], tree: KdTree, stages: Stages
+        self, points: NDArray[np.float64], tree: KdTree, timer: Timer
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], Hyperparameters]:
         """Return the kernel's features, (N, L), the surface variation, (N,), and the fitted hyperparameters."""
         import numpy as np
@@ -123,12 +123,12 @@ class SpectralGP(Method):
         from gppcs.gp.spectral.laplacian import eigenpairs
         from gppcs.surface.surface_variation import features_around
 
-        with stages("surface variation"):
+        with timer("surface variation"):
             y = features_around(points, tree, self.neighbours).surface_variation
-        with stages("eigenfunctions"):
+        with timer("eigenfunctions"):
             pairs = eigenpairs(points, self.eigenfunctions, self.landmarks, tree)
         values, functions = pairs.eigenvalues, pairs.eigenfunctions
-        with stages("hyperparameters"):
+        with timer("hyperparameters"):
             mean_squares = np.einsum("nl,nl->l", functions, functions) / len(points)
             some = np.random.default_rng(self.seed).permutation(len(points))[: self.k_opt]
             theta = hyperparameters.fit(

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
 from gppcs.engine.equality import ComparedByValue
-from gppcs.engine.stages import Stages
+from gppcs.engine.timer import Timer
 from gppcs.methods.parameters import WIDTH, Parameter, check_parameter, completed, described
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class Wanted:
         The first so many points, at most M, are chosen first, for methods whose `supports` has "keep".
     weights : (N,) array, float64, optional
         Multiplies the density of the chosen points, for methods whose `supports` has "weight". Above 0.
-    stages : Stages
+    timer : Timer
         Measures the time of each stage, and reports progress.
     stored : StoredPoints, optional
         Points on disk, where they do not fit into memory, for methods whose `supports` has "files". They may repeat
@@ -62,7 +62,7 @@ class Wanted:
     spacing: float | None = None
     fixed: int = 0
     weights: NDArray[np.float64] | None = None
-    stages: Stages = field(default_factory=Stages)
+    timer: Timer = field(default_factory=Timer)
     stored: StoredPoints | None = None
     rows: NDArray[np.int64] | None = None
     each: Each = map

@@ -44,7 +44,7 @@ class Random(Method):
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
-        with wanted.stages("permutation"):
+        with wanted.timer("permutation"):
             if wanted.stored is not None:
                 return Selection(self._of_stored(wanted))
             return Selection(np.random.default_rng(self.seed).permutation(len(wanted.points))[: wanted.n_points])

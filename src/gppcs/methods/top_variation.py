@@ -35,7 +35,7 @@ class TopVariation(Method):
         """Choose the points; see `Method.__call__`."""
         from gppcs.surface.surface_variation import estimate_features
 
-        points, n_points, stages = wanted.points, wanted.n_points, wanted.stages
-        with stages("surface variation"):
+        points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
+        with timer("surface variation"):
             variation = estimate_features(points, self.neighbours).surface_variation
         return Selection(largest(variation, n_points))

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.engine.stages import Stages
+from gppcs.engine.timer import Timer
 from gppcs.spatial.boxes import Each, Part, classes
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.stored import StoredPoints
@@ -44,7 +44,7 @@ class Farthest(NamedTuple):
 
 
 def farthest_in_parts(
-    stored: StoredPoints, n_points: int, stages: Stages, each: Each, least: float = 0.0
+    stored: StoredPoints, n_points: int, timer: Timer, each: Each, least: float = 0.0
 ) -> NDArray[np.int64]:
     """Choose points that are at least some distance from each other, and return their rows, (M,).
 
@@ -55,7 +55,7 @@ def farthest_in_parts(
     level = max(float(farthest_points(sample, first)[1][-1]) if first > 1 else math.inf, least)
     chosen = Farthest(np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty(0))
     parts = stored.parts(PART)
-    with stages("farthest points", n_points) as advanced:
+    with timer("farthest points", n_points) as advanced:
         while len(chosen.rows) < n_points:
             before = len(chosen.rows)
             for added in _round(stored, parts, chosen, level, each):

@@ -13,7 +13,7 @@ from gppcs.amounts.guide import ChunkGuide, nothing_to_keep
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
 from gppcs.clouds.quantities import Scale, metres_of
-from gppcs.engine.stages import Stages
+from gppcs.engine.timer import Timer
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import Selection, Wanted
 from gppcs.simplification import Request, Result, check_scores, check_usable, result_of, with_scores
@@ -43,28 +43,28 @@ class Run(NamedTuple):
     cloud: PointCloud | None = None
 
 
-def simplify_stored(files: CloudFiles, request: Request, plan: Plan, folder: Path, each: Each, stages: Stages) -> Run:
+def simplify_stored(files: CloudFiles, request: Request, plan: Plan, folder: Path, each: Each, timer: Timer) -> Run:
     """Simplify the cloud in some files, with temporary files in a folder."""
     if request.scores:
         check_scores(request.method, files.head().cloud)
     sources = sources_of(files, plan.part)
     guide = ChunkGuide(None if request.keep is None else Expression.of(request.keep), request.weight)
-    seen = read_all(sources, folder, plan.rows, plan.points, guide, each, stages)
+    seen = read_all(sources, folder, plan.rows, plan.points, guide, each, timer)
     _check_seen(seen, request)
     frame = Frame.around(seen.low, seen.high)
-    stored = sorted_by_boxes(seen, folder, frame, each, stages)
+    stored = sorted_by_boxes(seen, folder, frame, each, timer)
     outliers = None
     if request.drop_outliers:
-        with stages("outliers", len(stored)) as advanced:
+        with timer("outliers", len(stored)) as advanced:
             outliers = outliers_in_parts(stored, each, advanced)
         stored = without(stored, outliers, each)
-    selection = _chosen(stored, seen, request, plan, frame, each, stages, outliers)
-    kept = take(sources, seen, selection.indices, plan.rows, each, stages)
+    selection = _chosen(stored, seen, request, plan, frame, each, timer, outliers)
+    kept = take(sources, seen, selection.indices, plan.rows, each, timer)
     if selection.points is not None:
         kept = kept.moved(np.ldexp(selection.points, frame.exponent) + frame.corner)
     if request.scores:
         kept = with_scores(kept, request.method, selection)
-    result = result_of(selection, kept, request.method, stages)
+    result = result_of(selection, kept, request.method, timer)
     return Run(result if outliers is None else result.with_outliers(outliers), len(stored))
 
 
@@ -84,7 +84,7 @@ def _chosen(
     plan: Plan,
     frame: Frame,
     each: Each,
-    stages: Stages,
+    timer: Timer,
     outliers: NDArray[np.int64] | None,
 ) -> Selection:
     """Let the method choose; the rows of the selection are those of the cloud."""
@@ -104,7 +104,7 @@ def _chosen(
         return Selection(stored.others(np.empty(0, dtype=np.int64), count), ranked=False)
     first = first_occurrences(places)
     fixed, again = keep[first], keep[~first]
-    wanted = Wanted(places[first], count - len(again), spacing, len(fixed), None, stages, stored, fixed, each)
+    wanted = Wanted(places[first], count - len(again), spacing, len(fixed), None, timer, stored, fixed, each)
     selection = request.method(wanted)
     if len(fixed):
         selection = with_repeats(selection, again, len(fixed))

@@ -11,7 +11,7 @@ from typing import Literal
 
 from numpy.typing import ArrayLike
 
-from gppcs.engine.stages import Stages
+from gppcs.engine.timer import Timer
 from gppcs.errors import ParameterError, file_path, shown
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.query import Query
@@ -51,7 +51,7 @@ def simplify_files(
     memory: int | str | None = None,
     scratch: str | os.PathLike[str] | None = None,
     executor: Executor | None = None,
-    stages: Stages | None = None,
+    timer: Timer | None = None,
 ) -> Result:
     """Choose M points of a cloud in files, which may be larger than memory.
 
@@ -66,7 +66,7 @@ def simplify_files(
         One file or several, in any format that `gppcs.read` reads. Several files are one cloud: its points are those of
         the first, then those of the second and so on. They must have the same attributes. A virtual point cloud (.vpc)
         stands for the files that it lists.
-    ratio, n_points, method, seed, invalid, normals, scores, drop_outliers, stages
+    ratio, n_points, method, seed, invalid, normals, scores, drop_outliers, timer
         As for `gppcs.simplify`. Normals need all points in memory.
     tolerance, spacing, max_gap, unit, keep, weight
         As for `gppcs.simplify`. All points must be in memory for `tolerance` and `max_gap`, for `keep` that is no
@@ -130,7 +130,7 @@ def simplify_files(
     )  # fmt: skip
     work = Work(
         None if memory is None else bytes_of(memory), None if scratch is None else file_path(scratch), executor,
-        Stages.of(stages),
+        Timer.of(timer),
     )  # fmt: skip
     query = Query.of(box, resolution, only, polygon)
     with CloudFiles.of(paths, format, columns, query, assume_same_crs) as files:
@@ -149,13 +149,13 @@ class Work:
         The folder for temporary files.
     executor : Executor, optional
         Who works on parts of the cloud.
-    stages : Stages
+    timer : Timer
     """
 
     memory: int | None
     scratch: Path | None
     executor: Executor | None
-    stages: Stages
+    timer: Timer
 
     def planned(self, files: CloudFiles, request: Request, whole: str | None = None) -> Plan:
         """Return how a cloud is going to be simplified; `whole` is what takes all points at once."""
@@ -166,10 +166,10 @@ def run(files: CloudFiles, request: Request, work: Work, planned: Plan | None = 
     """Simplify the cloud in some files."""
     planned = planned or work.planned(files, request)
     if planned.in_memory:
-        with work.stages("reading"):
+        with work.timer("reading"):
             cloud = files.read()
-        result = simplify_cloud(cloud, request, work.stages)
+        result = simplify_cloud(cloud, request, work.timer)
         left_out = 0 if result.outliers is None else len(result.outliers)
         return Run(result, len(cloud) - left_out, cloud)
     with scratch_folder(work.scratch, planned.disk) as folder, each_by(work.executor, planned.threads) as each:
-        return simplify_stored(files, request, planned, folder, each, work.stages)
+        return simplify_stored(files, request, planned, folder, each, work.timer)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gppcs.amounts.guide import ChunkGuide, WeightRange
 from gppcs.clouds.cloud import PointCloud
-from gppcs.engine.stages import Stages
+from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.joining import JointColumns
@@ -126,11 +126,11 @@ def sources_of(files: CloudFiles, rows: int) -> list[Source]:
 
 
 def read_all(
-    sources: Sequence[Source], folder: Path, rows: int, about: int, guide: ChunkGuide, each: Each, stages: Stages
+    sources: Sequence[Source], folder: Path, rows: int, about: int, guide: ChunkGuide, each: Each, timer: Timer
 ) -> Overview:
     """Read all points once, in chunks of so many rows, and store those that are usable in a folder, as they come."""
     seen, share = Overview(), min(1.0, SPARE * SAMPLED / max(1, about))
-    with stages("reading", about) as advanced:
+    with timer("reading", about) as advanced:
         for found in each(partial(_read, folder, rows, share, guide), sources):
             seen.add(found)
             advanced(found.count)
@@ -171,14 +171,14 @@ def _look(cloud: PointCloud, path: Path, share: float, guide: ChunkGuide) -> Ove
     return seen
 
 
-def sorted_by_boxes(seen: Overview, folder: Path, frame: Frame, each: Each, stages: Stages) -> StoredPoints:
+def sorted_by_boxes(seen: Overview, folder: Path, frame: Frame, each: Each, timer: Timer) -> StoredPoints:
     """Sort the stored points by boxes, in the coordinates of a frame."""
     sample = frame.local(seen.sample[np.argsort(seen.hashes, kind="stable")][: round(SPARE * SAMPLED)])
     sample = sample[first_occurrences(sample)][:SAMPLED]
     boxes = boxes_for(sample, seen.stored)
     weighted, counts = seen.weights.n > 0, np.zeros(len(boxes), dtype=np.int64)
     groups, runs = _grouped(seen.chunks), []
-    with stages("boxes", seen.stored) as advanced:
+    with timer("boxes", seen.stored) as advanced:
         sort = partial(_sort, folder, boxes, frame, seen.weights if weighted else None)
         for group, (run, of_group) in zip(groups, each(sort, groups), strict=True):
             runs.append(run)
@@ -220,7 +220,7 @@ def _sort(
 
 
 def take(
-    sources: Sequence[Source], seen: Overview, rows: NDArray[np.int64], chunk: int, each: Each, stages: Stages
+    sources: Sequence[Source], seen: Overview, rows: NDArray[np.int64], chunk: int, each: Each, timer: Timer
 ) -> PointCloud:
     """Read some points, (n,), with all their attributes, in the order of their rows given."""
     order = np.argsort(rows)
@@ -229,7 +229,7 @@ def take(
     for source, first, count in zip(sources, firsts.tolist(), seen.counts, strict=False):
         some = slice(*np.searchsorted(rows[order], [first, first + count]))
         asked.append(_Taken(source._replace(first=first, points=count), rows[order][some], chunk))
-    with stages("kept points", seen.count) as advanced:
+    with timer("kept points", seen.count) as advanced:
         clouds = []
         for part, cloud in zip(asked, each(_take, asked), strict=True):
             clouds += [cloud] if cloud is not None else []

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gppcs.engine.stages import COMPILATION, Stages
+from gppcs.engine.timer import COMPILATION, Timer
 from gppcs.gp.local.algorithm import NUGGET, Criterion, local_field, rank
 from gppcs.gp.local.candidates import nested_candidates
 from gppcs.gp.local.density import graded
@@ -25,11 +25,11 @@ def clean(places):
     return None, np.zeros(len(places))
 
 
-def ranked(points, n_points, seen=None, stages=None, candidates=8.0, **changes):
+def ranked(points, n_points, seen=None, timer=None, candidates=8.0, **changes):
     area = surface_area(KdTree.build(points))
     nested = nested_candidates(points, np.zeros(len(points), dtype=np.float32), n_points, area, candidates)
     observations = Observations(*(seen or clean)(points[nested[-1].rows]))
-    return rank(points, nested, observations, criterion(**changes), stages or Stages())
+    return rank(points, nested, observations, criterion(**changes), timer or Timer())
 
 
 class Heard:
@@ -108,9 +108,9 @@ def test_half_as_many_are_the_first_half_where_every_point_is_a_candidate(bracke
 @pytest.mark.parametrize("n_points", [1, 64, 65, 500, 900])
 def test_a_ranking_has_each_point_once_and_tells_of_its_progress(bracket, n_points):
     heard = Heard()
-    stages = Stages(heard)
-    ranking = ranked(bracket[:900], n_points, stages=stages)
-    assert [name for name in stages.seconds if name != COMPILATION] == ["features", "greedy selection"]
+    timer = Timer(heard)
+    ranking = ranked(bracket[:900], n_points, timer=timer)
+    assert [name for name in timer.seconds if name != COMPILATION] == ["features", "greedy selection"]
     assert len(np.unique(ranking.rows)) == len(ranking.rows) == n_points
     assert len(ranking.scores) == len(ranking.deviations) == n_points == sum(heard.totals) == sum(heard.steps)
     assert ranking.deviations[0] == 1

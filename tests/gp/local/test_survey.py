@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gppcs.engine.stages import Stages
+from gppcs.engine.timer import Timer
 from gppcs.gp.local.candidates import nested_candidates
 from gppcs.gp.local.survey import sample, sharpness_of, survey
 from gppcs.spatial.cells import greatest_in_cells
@@ -12,12 +12,12 @@ from gppcs.surface.noise import Noise
 
 def test_a_survey_measures_sharpness_or_noise(sphere):
     """Noisy points would pass for sharp ones."""
-    area, noise, sharpness = survey(sphere, 1_000, 8.0, Stages())
+    area, noise, sharpness = survey(sphere, 1_000, 8.0, Timer())
     assert area == pytest.approx(4 * np.pi, rel=0.1)
     assert noise.quiet
     assert (sharpness > 0).all()
     noisy = sphere + 0.01 * np.random.default_rng(9).standard_normal(sphere.shape)
-    _, noise, sharpness = survey(noisy, 1_000, 8.0, Stages())
+    _, noise, sharpness = survey(noisy, 1_000, 8.0, Timer())
     assert not noise.quiet
     assert noise.level == pytest.approx(0.01, rel=0.3)
     assert (sharpness == 0).all()
@@ -32,7 +32,7 @@ def tiny_ball(n):
 def test_noise_and_stages_share_one_area():
     """The number of occupied cells corrects the area of this cloud."""
     places, m = tiny_ball(30_000), 500
-    area, noise, sharpness = survey(places, m, 8.0, Stages())
+    area, noise, sharpness = survey(places, m, 8.0, Timer())
     assert area != pytest.approx(surface_area(KdTree.build(places)), rel=0.5)
     assert noise.spacing == np.sqrt(area / m)
     assert nested_candidates(places, sharpness, m, area, 8.0)[-1].area == area

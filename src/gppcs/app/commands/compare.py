@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from gppcs.clouds.mesh import Mesh
     from gppcs.drawing.viewpoint import Viewpoint
     from gppcs.drawing.web.contents import Named
-    from gppcs.engine.stages import Stages
+    from gppcs.engine.timer import Timer
     from gppcs.evaluation.comparison import Entry
 
-Work = Callable[..., Any]  # takes a cloud, mesh, invalid and stages, and returns the entries of a comparison
+Work = Callable[..., Any]  # takes a cloud, mesh, invalid and timer, and returns the entries of a comparison
 EPILOG = (
     "[bold]Examples[/bold]\n\n"
     "gppcs compare scan.ply --ratio 3% -o comparison\n\n"
@@ -126,7 +126,7 @@ def compare(
     from gppcs.app.tables import Row, as_csv, as_markdown
     from gppcs.drawing.attributes import Colourable
     from gppcs.drawing.web.contents import Named
-    from gppcs.engine.stages import Stages
+    from gppcs.engine.timer import Timer
     from gppcs.io.mesh_files import read_mesh
 
     set_threads(threads)
@@ -141,13 +141,13 @@ def compare(
     names = ["table.csv", "table.md", *(["picture.png"] if picture else []), *(["report.html"] if report else [])]
     targets = _targets([cloud, mesh] if mesh else [cloud], output, names, force)
     surface = read_mesh(mesh) if mesh else None
-    stages = Stages(progress(quiet))
+    timer = Timer(progress(quiet))
     original = io.read(cloud, input_format, names_of(columns))
     if colour is not None:
         Colourable.of(original).require(colour)
-    entries = work(original, mesh=surface, invalid="drop" if drop else "error", stages=stages)
+    entries = work(original, mesh=surface, invalid="drop" if drop else "error", timer=timer)
     rows = [Row.of(entry) for entry in entries]
-    with stages("tables and picture"):
+    with timer("tables and picture"):
         contents = {"table.csv": as_csv(rows).encode(), "table.md": as_markdown(rows).encode()}
         surfaces = [surface] if meshes else _surfaces(original, entries, surface, picture)
         if picture and meshes:
@@ -157,7 +157,7 @@ def compare(
     results = named_meshes(entries) if meshes else _named(entries, surfaces)
     if report and results:  # without results no way has found a surface, and the notes say so
         made = how_made(context.obj, [cloud, *([mesh] if mesh else [])])
-        contents["report.html"] = _page(Named(cloud.name, original, surfaces[0]), results, made, viewpoint, stages)
+        contents["report.html"] = _page(Named(cloud.name, original, surfaces[0]), results, made, viewpoint, timer)
     output.mkdir(exist_ok=True)
     for name, content in contents.items():
         with io.whole_file(targets[name], force) as file:
@@ -215,13 +215,13 @@ def _named(entries: Sequence[Entry], surfaces: Sequence[Mesh | None]) -> list[Na
 
 
 def _page(
-    original: Named, results: Sequence[Named], made: list[tuple[str, str]], viewpoint: Viewpoint, stages: Stages
+    original: Named, results: Sequence[Named], made: list[tuple[str, str]], viewpoint: Viewpoint, timer: Timer
 ) -> bytes:
     """Return an HTML page of the original and each result."""
     from gppcs.drawing.web.contents import report_page
 
     page = BytesIO()
-    report_page(original, results, made, viewpoint, stages).write(page)
+    report_page(original, results, made, viewpoint, timer).write(page)
     return page.getvalue()
 
 

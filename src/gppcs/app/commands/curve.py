@@ -84,7 +84,7 @@ def curve(
     from gppcs.app.console import print_curves
     from gppcs.drawing.curves import draw_curves
     from gppcs.engine.extras import require_matplotlib
-    from gppcs.engine.stages import Stages
+    from gppcs.engine.timer import Timer
     from gppcs.evaluation.comparison import checked_methods
     from gppcs.evaluation.curves import curve as measured
     from gppcs.io.files import naming
@@ -106,7 +106,7 @@ def curve(
         if asked and not len(original):
             raise asked.nothing_found()
         curves = measured(
-            original, chosen, sizes=wanted, invalid="drop" if drop else "error", stages=Stages(progress(quiet))
+            original, chosen, sizes=wanted, invalid="drop" if drop else "error", timer=Timer(progress(quiet))
         )
     if plot is not None:
         with io.whole_output(plot, force) as file:

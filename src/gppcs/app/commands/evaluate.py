@@ -68,7 +68,7 @@ def evaluate(
     from gppcs import io
     from gppcs.app.console import print_table
     from gppcs.clouds.quantities import unit_of
-    from gppcs.engine.stages import Stages
+    from gppcs.engine.timer import Timer
     from gppcs.evaluation.judge import evaluate as measured
     from gppcs.evaluation.judge import evaluate_mesh
     from gppcs.io.mesh_files import read_mesh
@@ -78,18 +78,18 @@ def evaluate(
         found = "neither" if simplified is None else "both"
         raise ParameterError(f"expected either SIMPLIFIED or --simplified-mesh, found {found}")
     surface = read_mesh(mesh) if mesh else None
-    stages = Stages(progress(quiet))
+    timer = Timer(progress(quiet))
     judged = read_mesh(simplified_mesh) if simplified_mesh else None
-    with stages("reading"):
+    with timer("reading"):
         inputs = [original, *([simplified] if simplified else [])]
         read = io.read_each(inputs, input_format, names_of(columns))
     clouds = [cloud.take(cloud.finite_rows()) for cloud in read]
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always", UserWarning)
         report = (
-            evaluate_mesh(clouds[0], judged, surface, stages)
+            evaluate_mesh(clouds[0], judged, surface, timer)
             if judged
-            else measured(clouds[0], clouds[1], surface, stages)
+            else measured(clouds[0], clouds[1], surface, timer)
         )
     for warning in told:
         print_error(f"note: {warning.message}")

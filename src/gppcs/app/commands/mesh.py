@@ -19,8 +19,8 @@ from gppcs.app.printing import (
     time_in_words,
 )
 from gppcs.engine.memory import peak_memory
-from gppcs.engine.stages import COMPILATION
 from gppcs.engine.threads import set_threads
+from gppcs.engine.timer import COMPILATION
 from gppcs.errors import InputError, file_path
 
 WORDS = {
@@ -124,7 +124,7 @@ def mesh(
     all their attributes. Where the points leave holes, the mesh is open.
     """
     from gppcs import io
-    from gppcs.engine.stages import Stages
+    from gppcs.engine.timer import Timer
     from gppcs.io.files import naming
     from gppcs.io.mesh_writing import check_mesh_format, check_mesh_storable, write_mesh
     from gppcs.meshing.pipeline import Size
@@ -143,15 +143,15 @@ def mesh(
     check_mesh_format(output)
     io.check_distinct([output], [cloud, *([keep_points] if keep_points else [])])
     io.check_writable(output, force)
-    stages = Stages(progress(quiet))
-    with stages("reading"):
+    timer = Timer(progress(quiet))
+    with timer("reading"):
         files = [cloud, *([keep_points] if keep_points else [])]
         original, *others = io.read_each(files, input_format, names_of(columns))
         kept = _rows_of(original, others[0], keep_points) if keep_points else None
     check_mesh_storable(output, original, lossy)
     with naming(cloud):
-        result = meshed(original, **size, keep=kept, moved=moved, invalid="drop" if drop else "error", stages=stages)
-    with stages("writing"):
+        result = meshed(original, **size, keep=kept, moved=moved, invalid="drop" if drop else "error", timer=timer)
+    with timer("writing"):
         lost = write_mesh(output, result.mesh, result.cloud, force, lossy=True)
     note_left_out(output, lost)
     _note_fewer(cloud, result, asked.n_points)

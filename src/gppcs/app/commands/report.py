@@ -69,7 +69,7 @@ def report(
     from gppcs.app.pages import check_page, different_names, how_made, rebuilt
     from gppcs.drawing.web.contents import Named, report_page
     from gppcs.engine.extras import require_pymeshlab
-    from gppcs.engine.stages import Stages
+    from gppcs.engine.timer import Timer
 
     set_threads(threads)
     viewpoint = viewpoint_of(view, up, picture=True)
@@ -78,17 +78,17 @@ def report(
     check_page(output, force)
     if meshes:
         require_pymeshlab()
-    stages = Stages(progress(quiet))
-    with stages("reading"):
+    timer = Timer(progress(quiet))
+    with timer("reading"):
         read = io.read_each(inputs, input_format, names_of(columns))
         clouds = [Named(name, cloud) for name, cloud in zip(different_names(inputs), read, strict=True)]
     if meshes:
-        with stages("meshes", len(clouds)) as advanced:
+        with timer("meshes", len(clouds)) as advanced:
             finite = [each.cloud.take(each.cloud.finite_rows()) for each in clouds]
             for number, cloud in enumerate(finite if all(map(len, finite)) else []):  # the page refuses empty clouds
                 clouds[number] = replace(clouds[number], mesh=rebuilt(clouds[number].name, cloud, finite[0]))
                 advanced(1)
-    page = report_page(clouds[0], clouds[1:], how_made(context.obj, inputs), viewpoint, stages)
+    page = report_page(clouds[0], clouds[1:], how_made(context.obj, inputs), viewpoint, timer)
     with io.whole_output(output, force) as file:
         page.write(file)
     for note in page.described["notes"]:

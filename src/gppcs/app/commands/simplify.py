@@ -33,8 +33,8 @@ from gppcs.app.printing import (
 )
 from gppcs.clouds.quantities import METRES, metres_of, option, unit_of
 from gppcs.engine.memory import peak_memory
-from gppcs.engine.stages import COMPILATION
 from gppcs.engine.threads import set_threads
+from gppcs.engine.timer import COMPILATION
 from gppcs.errors import InputError, OutputError, ParameterError, file_path, shown
 from gppcs.methods import DEFAULT, METHODS, Method, method_named
 
@@ -182,7 +182,7 @@ def simplify(
     If one of several inputs cannot be used, the others are still simplified, and the exit code is 2. The name - stands
     for standard input, or for standard output with --to.
     """
-    from gppcs.engine.stages import Stages
+    from gppcs.engine.timer import Timer
     from gppcs.io import check_distinct
     from gppcs.io.query import Query
     from gppcs.simplification import Request
@@ -225,7 +225,7 @@ def simplify(
     read = [*inputs, *(merged or sources), *filter(None, [polygon])]
     check_distinct([*written, *filter(None, [report])], read)
     with executor_of(workers) as executor:
-        work = Work(limit, None, executor, Stages(progress(quiet)))
+        work = Work(limit, None, executor, Timer(progress(quiet)))
         job = _Job(
             outputs, by_level, wanted, merged, request, work, input_format, query, "index" in added, mark, report,
             context.obj, dry_run, force, lossy, quiet,
@@ -330,7 +330,7 @@ class _Job:
                 each.stat()  # a missing input is told before its name is taken for that of the output
         for level in self.by_level:
             level.check(level.targets[source], self.force)
-        work = replace(self.work, stages=self.work.stages.anew())
+        work = replace(self.work, timer=self.work.timer.anew())
         with CloudFiles(sources, self.input_format, query=self.query) as files:
             planned = work.planned(files, self.request, self._whole())
             if self.dry_run:
@@ -346,7 +346,7 @@ class _Job:
             result = _marked(done, self.mark)
         elif self.with_index:
             result = replace(result, cloud=_with_attribute(result.cloud, INDEX, result.indices))
-        with work.stages("writing"):
+        with work.timer("writing"):
             written, lost = self._store(source, result, done.points)
             if self.report is not None and page is not None:
                 with io.whole_file(self.report, self.force) as file:

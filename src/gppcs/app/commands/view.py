@@ -56,7 +56,7 @@ def view(
     from gppcs import io
     from gppcs.app.pages import check_page, different_names, how_made
     from gppcs.drawing.web.contents import Named, view_page
-    from gppcs.engine.stages import Stages
+    from gppcs.engine.timer import Timer
     from gppcs.io.mesh_files import mesh_of
 
     set_threads(threads)
@@ -64,8 +64,8 @@ def view(
     if output:
         io.check_distinct([output], inputs)
         check_page(output, force)
-    stages = Stages(progress(quiet))
-    with stages("reading"):
+    timer = Timer(progress(quiet))
+    with timer("reading"):
         read = io.read_each(inputs, input_format, names_of(columns))
         meshes = [mesh_of(path, input_format) for path in inputs]
     clouds = [Named(*each) for each in zip(different_names(inputs), read, meshes, strict=True)]

@@ -21,7 +21,7 @@ def warmup(quiet: options.Quiet = False, as_json: options.Json = False) -> None:
     """
     from gppcs.app.compilation import compile_all
     from gppcs.engine.kernel_cache import folder_to_write
-    from gppcs.engine.stages import Stages
+    from gppcs.engine.timer import Timer
     from gppcs.methods import METHODS
 
     if not folder_to_write():
@@ -30,7 +30,7 @@ def warmup(quiet: options.Quiet = False, as_json: options.Json = False) -> None:
             "be written; set NUMBA_CACHE_DIR to a folder that can"
         )
     start = perf_counter()
-    with Stages(progress(quiet))("compiling kernels", len(METHODS)) as advanced:
+    with Timer(progress(quiet))("compiling kernels", len(METHODS)) as advanced:
         compiled, folders = compile_all(advanced)
     seconds = perf_counter() - start
     if as_json:

@@ -20,8 +20,8 @@ from gppcs.drawing.viewpoint import GUESSED, Viewpoint
 from gppcs.drawing.web.layers import Layer, Surface
 from gppcs.drawing.web.layers import Named as Named
 from gppcs.drawing.web.packing import Blocks
-from gppcs.engine.stages import Stages
 from gppcs.engine.strict_json import strict_json
+from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.evaluation.judge import evaluate
 from gppcs.evaluation.report import Report, figures_of
@@ -74,24 +74,24 @@ def report_page(
     results: Sequence[Named],
     made: Sequence[tuple[str, str]],
     viewpoint: Viewpoint = GUESSED,
-    stages: Stages | None = None,
+    timer: Timer | None = None,
 ) -> Page:
     """Return a page of simplified clouds beside their original, with figures."""
-    stages, blocks = Stages.of(stages), Blocks()
-    with stages("original"):
+    timer, blocks = Timer.of(timer), Blocks()
+    with timer("original"):
         surface = Surface.of(original)
         first = Layer(blocks, original, "original", surface)
     layers = [first]
     lengths = unit_of(original.cloud.header) or "the unit of the coordinates"
     for number, result in enumerate(results, start=1):
-        with stages(f"views of {result.name}"):
+        with timer(f"views of {result.name}"):
             kept, rows = _on_original(Surface.of(result), surface)
             layer = Layer(blocks, result, "result", kept)
             layer.described["blocks"]["originals"] = blocks.add(rows[layer.shown])
             distances = _distances(first.cloud.points, kept.cloud.points)
         layers.append(layer)
         try:
-            with stages(f"figures of {result.name}"):
+            with timer(f"figures of {result.name}"):
                 layer.described["prefixes"] = _prefixes(surface.cloud, kept.cloud)
         except InputError as error:
             layer.note(f"there are no figures: {error}.")

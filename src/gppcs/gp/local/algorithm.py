@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.engine.stages import Stages
+from gppcs.engine.timer import Timer
 from gppcs.gp.local.candidates import Candidates, nested_candidates
 from gppcs.gp.local.density import GRADATION, ROUNDING, density_of, graded, refinement, segregation, weighted
 from gppcs.gp.local.greedy import extend
@@ -89,7 +89,7 @@ def choose(
     n_points: int,
     criterion: Criterion,
     density: float,
-    stages: Stages,
+    timer: Timer,
     fixed: int = 0,
     weights: NDArray[np.float64] | None = None,
 ) -> Ranking:
@@ -101,15 +101,15 @@ def choose(
     Shapes: points (N, 3) without repeats, weights (N,) above 0.
     """
     density *= 1.0 if weights is None else refinement(weights)
-    area, noise, sharpness = survey(points, n_points, density, stages)
-    with stages("candidates"):
+    area, noise, sharpness = survey(points, n_points, density, timer)
+    with timer("candidates"):
         candidates = nested_candidates(points, sharpness, n_points, area, density, fixed)
     del sharpness  # to free its memory
-    with stages("noise"):
+    with timer("noise"):
         rows = candidates[-1].rows  # those of all stages are among them
         observations = Observations(None, np.zeros(len(rows))) if noise.quiet else noise.observe(points[rows])
     level = noise.level / noise.spacing if noise.spacing > 0.0 else 0.0
-    ranking = rank(points, candidates, observations, criterion, stages, fixed, weights)
+    ranking = rank(points, candidates, observations, criterion, timer, fixed, weights)
     return ranking._replace(noise_in_spacings=level)
 
 
@@ -118,14 +118,14 @@ def rank(
     candidates: list[Candidates],
     observations: Observations,
     criterion: Criterion,
-    stages: Stages,
+    timer: Timer,
     fixed: int = 0,
     weights: NDArray[np.float64] | None = None,
 ) -> Ranking:
     """Choose among the candidates, stage by stage; `observations` are those at the candidates of the last stage."""
     ranking = Ranking(np.arange(fixed), np.zeros(fixed), np.zeros(fixed))
     for stage in candidates:
-        with stages("features"):
+        with timer("features"):
             of_stage = observations
             if stage is not candidates[-1]:
                 of_stage = observations.take(np.searchsorted(candidates[-1].rows, stage.rows))
@@ -134,7 +134,7 @@ def rank(
             rows = stage.rows[tree.order]
             if weights is not None:
                 field = field._replace(spacings=weighted(field.spacings, weights[rows]))
-        with stages("greedy selection", stage.target - len(ranking.rows)) as advanced:
+        with timer("greedy selection", stage.target - len(ranking.rows)) as advanced:
             before = tree.positions()[np.searchsorted(stage.rows, ranking.rows)]
             chosen, scores, deviations = extend(
                 field, tree, before, stage.target, criterion.neighbours, criterion.error_weight, advanced

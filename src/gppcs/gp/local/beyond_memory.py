@@ -22,7 +22,7 @@ from uuid import uuid4
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.engine.stages import Stages
+from gppcs.engine.timer import Timer
 from gppcs.gp.local.algorithm import Criterion, Ranking, Scale, features_of, local_field, rank
 from gppcs.gp.local.candidates import (
     DISTANCES,
@@ -135,7 +135,7 @@ def choose_stored(
     n_points: int,
     criterion: Criterion,
     density: float,
-    stages: Stages,
+    timer: Timer,
     each: Each,
     fixed: NDArray[np.int64],
     fixed_places: NDArray[np.float64],
@@ -148,20 +148,20 @@ def choose_stored(
     """
     density *= min(1.0 / stored.mean_weight, FINEST)
     parts = stored.parts(2 * PART)
-    with stages("survey"):
+    with timer("survey"):
         tree = KdTree.build(stored.sample)
         target, alike = max(1, len(stored.sample) // PER_POINT), np.zeros(len(stored.sample), dtype=np.float32)
         area, _ = thinned(stored.sample, alike, target, surface_area(tree), density)
         noise = _noise(stored, n_points, area, parts, each)
     stage = _Stage(stored, n_points, area, density, True, noise, criterion)
-    with stages("candidates", len(stored)) as advanced:
+    with timer("candidates", len(stored)) as advanced:
         stage = _with_candidates(stage, parts, each, advanced, fixed, fixed_places)
         nested = [stage]
         while nested[-1].target > max(FIRST_STAGE, len(fixed), PART / (CELLS_ON_SLOPES * density)):
             nested.append(_coarser(nested[-1], each))
-    ranking, places = _in_memory(nested.pop(), each, stages, fixed)
+    ranking, places = _in_memory(nested.pop(), each, timer, fixed)
     while nested:
-        ranking, places = _in_parts(nested.pop(), each, stages, ranking, places)
+        ranking, places = _in_parts(nested.pop(), each, timer, ranking, places)
     level = noise.level / noise.spacing if noise.spacing > 0.0 else 0.0
     return ranking._replace(noise_in_spacings=level)
 
@@ -277,10 +277,10 @@ def _thin(stage: _Stage, part: Part) -> tuple[Run, NDArray[np.int64]]:
 
 
 def _in_memory(
-    stage: _Stage, each: Each, stages: Stages, fixed: NDArray[np.int64]
+    stage: _Stage, each: Each, timer: Timer, fixed: NDArray[np.int64]
 ) -> tuple[Ranking, NDArray[np.float64]]:
     """Choose the points of the first stages in memory; return the ranking and its places."""
-    with stages("candidates"):
+    with timer("candidates"):
         found = [near.records for near in each(partial(_candidates, stage, 0.0), stage.stored.parts(PART))]
         records = np.concatenate(found)
         order = np.argsort(records["row"])
@@ -293,7 +293,7 @@ def _in_memory(
         candidates = nested_candidates(places, sharpness, target, stage.area, stage.density, len(fixed))
     weights = records["weight"] if "weight" in (records.dtype.names or ()) else None
     observations = _observations(records).take(candidates[-1].rows)
-    ranking = rank(places, candidates, observations, stage.criterion, stages, len(fixed), weights)
+    ranking = rank(places, candidates, observations, stage.criterion, timer, len(fixed), weights)
     return ranking._replace(rows=records["row"][ranking.rows]), places[ranking.rows]
 
 
@@ -305,18 +305,18 @@ def _observations(records: NDArray[Any]) -> Observations:
 
 
 def _in_parts(
-    stage: _Stage, each: Each, stages: Stages, ranking: Ranking, places: NDArray[np.float64]
+    stage: _Stage, each: Each, timer: Timer, ranking: Ranking, places: NDArray[np.float64]
 ) -> tuple[Ranking, NDArray[np.float64]]:
     """Choose the points of a further stage part by part; return the extended ranking, and its places."""
     wanted, parts = stage.target - len(ranking.rows), stage.stored.parts(PART)
-    with stages("features", len(stage.stored)) as advanced:
+    with timer("features", len(stage.stored)) as advanced:
         variation = []
         for part, of_part in zip(parts, each(partial(_measure, stage), parts), strict=True):
             variation.append(of_part)
             advanced(int(stage.stored.counts[part.first : part.last].sum()))
         stage = _scaled(stage, np.concatenate(variation), parts, each)
     added, added_places = NO_POINTS, np.empty((0, 3))
-    with stages("greedy selection", wanted) as advanced:
+    with timer("greedy selection", wanted) as advanced:
         before, level = len(ranking.rows), float(ranking.scores[-1]) if len(ranking.rows) else 1.0
         while (count := len(added.rows)) < wanted:
             known = np.concatenate([ranking.rows, added.rows]), np.concatenate([places, added_places])

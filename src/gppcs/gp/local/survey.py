@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.engine.stages import Stages
+from gppcs.engine.timer import Timer
 from gppcs.gp.local.candidates import cell_edge, thinned
 from gppcs.gp.local.density import ROUNDING
 from gppcs.spatial.cells import first_occurrences
@@ -39,19 +39,19 @@ class Survey(NamedTuple):
     sharpness: NDArray[np.float32]
 
 
-def survey(points: NDArray[np.float64], n_points: int, density: float, stages: Stages) -> Survey:
+def survey(points: NDArray[np.float64], n_points: int, density: float, timer: Timer) -> Survey:
     """Measure a cloud, (N, 3), with `density` candidate cells in a square whose side is the target spacing."""
-    with stages("sample"):
+    with timer("sample"):
         rows = sample(points, n_points)
         places = points if len(rows) == len(points) else points[rows]
-    with stages("tree"):
+    with timer("tree"):
         tree = KdTree.build(places)
         area, _ = thinned(places, np.zeros(len(places), dtype=np.float32), n_points, surface_area(tree), density)
-    with stages("noise"):
+    with timer("noise"):
         noise = Noise.measure(tree, n_points, math.sqrt(area / n_points))
     sharpness = np.zeros(len(points), dtype=np.float32)
     if noise.clean:  # otherwise noisy points would look sharp
-        with stages("candidates"):
+        with timer("candidates"):
             sharpness[rows] = sharpness_of(tree, cell_edge(area, density * n_points))
     return Survey(area, noise, sharpness)
 

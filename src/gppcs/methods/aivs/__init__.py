@@ -34,6 +34,6 @@ class AIVS(Method):
         """Choose the points; see `Method.__call__`."""
         from gppcs.methods.aivs.voxels import CLASSES, points_of_voxels
 
-        points, n_points, stages = wanted.points, wanted.n_points, wanted.stages
-        with stages("voxels", CLASSES) as advanced:
+        points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
+        with timer("voxels", CLASSES) as advanced:
             return Selection(points_of_voxels(points, n_points, advanced))

@@ -36,6 +36,6 @@ class HierarchicalClustering(Method):
         """Choose the points; see `Method.__call__`."""
         from gppcs.methods.hc.clustering import clusters_by_variation
 
-        points, n_points, stages = wanted.points, wanted.n_points, wanted.stages
-        with stages("clusters"):
+        points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
+        with timer("clusters"):
             return Selection(clusters_by_variation(points, n_points))

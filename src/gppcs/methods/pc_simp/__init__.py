@@ -59,14 +59,14 @@ class PCSimp(Method):
         from gppcs.methods.pc_simp.graph_filter import NeighbourGraph, Programme, high_pass_strength, solve
         from gppcs.spatial.kdtree import KdTree
 
-        points, n_points, stages = wanted.points, wanted.n_points, wanted.stages
+        points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
         neighbours = min(self.neighbours, len(points) - 1)
-        with stages("neighbour graph"):
+        with timer("neighbour graph"):
             tree = KdTree.build(points)
             graph = NeighbourGraph.build(tree, neighbours)
-        with stages("feature strength"):
+        with timer("feature strength"):
             strength = high_pass_strength(points[tree.order], graph) / graph.squared_spacing
-        with stages("quadratic programme"):
+        with timer("quadratic programme"):
             programme = Programme(strength, graph.adjacency, neighbours, self.uniformity, n_points)
             solution = solve(programme, self.tolerance, self.iterations)
         selection = np.empty(len(points), dtype=np.float64)

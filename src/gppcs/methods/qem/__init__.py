@@ -41,6 +41,6 @@ class QEM(Method):
         """Choose the points; see `Method.__call__`."""
         from gppcs.methods.qem.contraction import contraction_order
 
-        points, n_points, stages = wanted.points, wanted.n_points, wanted.stages
-        with stages("contraction", len(points) - 1) as advanced:
+        points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
+        with timer("contraction", len(points) - 1) as advanced:
             return Selection(contraction_order(points, self.neighbours, advanced=advanced)[:n_points])

@@ -47,7 +47,7 @@ class SampleElimination(Method):
 
         points = wanted.points
         count = wanted.n_points if wanted.spacing is None else _most_at_spacing(points, wanted.spacing)
-        with wanted.stages("elimination", len(points) - count) as advanced:
+        with wanted.timer("elimination", len(points) - count) as advanced:
             order = eliminate(points, count, advanced)
         return Selection(order if wanted.spacing is None else order[: far_apart(points[order], wanted.spacing)])
 

@@ -52,22 +52,22 @@ class Voxel(Method):
         from gppcs.methods.voxel.grid import cell_edge, representatives
         from gppcs.methods.voxel.parts import representatives_in_parts
 
-        points, n_points, stages = wanted.points, wanted.n_points, wanted.stages
+        points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
         edge = None if wanted.spacing is None else max(wanted.spacing, LEAST_EDGE)
         if wanted.stored is not None:
-            indices, places, means = representatives_in_parts(wanted.stored, edge, n_points, stages, wanted.each)
+            indices, places, means = representatives_in_parts(wanted.stored, edge, n_points, timer, wanted.each)
         else:
             corner = points.min(axis=0)
             points = points - corner
             if edge is None:
-                with stages("size of cells"):
+                with timer("size of cells"):
                     edge = cell_edge(points, n_points)
-            with stages("representatives"):
+            with timer("representatives"):
                 indices, means = representatives(points, edge)
                 means += corner
             places = points[indices]
         kept = np.arange(len(indices))
         if wanted.spacing is None and len(indices) > n_points:
-            with stages("elimination"):
+            with timer("elimination"):
                 kept, _ = thin(places, n_points)
         return Selection(indices[kept], {}, means[kept] if self.place == "mean" else None)

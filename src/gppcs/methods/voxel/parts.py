@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.engine.stages import Stages
+from gppcs.engine.timer import Timer
 from gppcs.methods.voxel.grid import representatives, searched_edge
 from gppcs.spatial.boxes import Each, Part
 from gppcs.spatial.row_sample import place_hashes
@@ -34,7 +34,7 @@ class Representatives(NamedTuple):
 
 
 def representatives_in_parts(
-    stored: StoredPoints, edge: float | None, n_points: int, stages: Stages, each: Each
+    stored: StoredPoints, edge: float | None, n_points: int, timer: Timer, each: Each
 ) -> Representatives:
     """Return the points that stand for their cells, by default where at least M cells are occupied, and few more."""
     parts, size = stored.parts(PART), float(stored.sample.max())
@@ -46,10 +46,10 @@ def representatives_in_parts(
         return len(found)
 
     if edge is None:
-        with stages("size of cells"):
+        with timer("size of cells"):
             enough = size > 0.0 and occupied(0.0) > n_points
             edge = searched_edge(size, n_points, occupied) if enough else 0.0
-    with stages("representatives"):
+    with timer("representatives"):
         found = list(each(partial(_representatives, stored, edge), parts))
     rows, places, means = (np.concatenate(columns) for columns in zip(*found, strict=True))
     order = np.argsort(rows)

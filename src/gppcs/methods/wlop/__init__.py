@@ -57,15 +57,15 @@ class WLOP(Method):
         from gppcs.methods.wlop import projection
         from gppcs.spatial.kdtree import KdTree
 
-        points, n_points, stages = wanted.points, wanted.n_points, wanted.stages
-        with stages("tree"):
+        points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
+        with timer("tree"):
             tree = KdTree.build(points)
             radius = self.radius * projection.average_spacing(tree)
         start = points[np.random.default_rng(self.seed).permutation(len(points))[:n_points]]
-        with stages("projection", self.iterations) as advanced:
+        with timer("projection", self.iterations) as advanced:
             samples = projection.project(
                 points, start, radius, self.iterations, self.mu, self.require_uniform, tree, advanced
             )  # fmt: skip
-        with stages("nearest points"):
+        with timer("nearest points"):
             indices = projection.nearest_unused(samples, tree)
         return Selection(indices, {}, None if self.snap else samples)

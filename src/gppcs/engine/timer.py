@@ -35,7 +35,7 @@ class Listener(Protocol):
     ...     def finished(self):
     ...         print("over")
     >>> listener: gppcs.Listener = Printer()
-    >>> with gppcs.Stages(listener)("sum", total=2) as advanced:
+    >>> with gppcs.Timer(listener)("sum", total=2) as advanced:
     ...     advanced(2)
     sum: 2 steps
     2 done
@@ -66,7 +66,7 @@ class Listener(Protocol):
         """Receive the end of the current stage."""
 
 
-class Stages:
+class Timer:
     """Measures the wall time of each stage of one run.
 
     Parameters
@@ -88,10 +88,10 @@ class Stages:
     Examples
     --------
     >>> import gppcs
-    >>> stages = gppcs.Stages()
-    >>> with stages("sum", total=2) as advanced:
+    >>> timer = gppcs.Timer()
+    >>> with timer("sum", total=2) as advanced:
     ...     advanced(2)
-    >>> list(stages.seconds)
+    >>> list(timer.seconds)
     ['sum']
     """
 
@@ -104,36 +104,36 @@ class Stages:
         self._listener = listener
 
     @classmethod
-    def of(cls, stages: Stages | None) -> Stages:
-        """Return the stages that a caller gave, or new ones without a listener.
+    def of(cls, timer: Timer | None) -> Timer:
+        """Return the timer that a caller gave, or a new one without a listener.
 
         Parameters
         ----------
-        stages : Stages or None
+        timer : Timer or None
 
         Returns
         -------
-        Stages
+        Timer
 
         Raises
         ------
         ParameterError
             If it is anything else.
         """
-        if stages is None:
+        if timer is None:
             return cls()
-        if not isinstance(stages, Stages):
-            raise ParameterError(f"expected stages to be a gppcs.Stages or None, found {shown(stages)}")
-        return stages
+        if not isinstance(timer, Timer):
+            raise ParameterError(f"expected timer to be a gppcs.Timer or None, found {shown(timer)}")
+        return timer
 
-    def anew(self) -> Stages:
-        """Return a `Stages` with the same listener and no times.
+    def anew(self) -> Timer:
+        """Return a `Timer` with the same listener and no times.
 
         Returns
         -------
-        Stages
+        Timer
         """
-        return Stages(self._listener)
+        return Timer(self._listener)
 
     @contextmanager
     def __call__(self, name: str, total: int | None = None) -> Iterator[Callable[[int], None]]:
