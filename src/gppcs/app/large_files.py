@@ -1,4 +1,4 @@
-"""The options of files that may be larger than memory, and what `--dry-run` prints."""
+"""Large files: the workers that `--workers` names, and what `--dry-run` prints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Output and options that all commands share: JSON and tables on stdout, an error as one line on stderr."""
+"""Output that all commands share: JSON and tables on stdout, an error as one line on stderr."""
 
 from __future__ import annotations
 

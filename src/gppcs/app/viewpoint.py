@@ -1,4 +1,4 @@
-"""The options of pictures: `--view` and `--up`, which set the viewpoint, and `--colour`."""
+"""What the options of pictures mean: `--view` and `--up`, which set the viewpoint, and `--colour`."""
 
 from __future__ import annotations
 
