@@ -284,9 +284,26 @@ def test_the_parts_of_a_file_are_the_file(divisible, name, rows, begins):
     assert all(chunk.header == whole.header for chunk in chunks)
 
 
+@pytest.mark.parametrize("name", ["a.ply", "a.npy"])
+def test_packed_records_are_read_in_parts(tmp_path, name):
+    gppcs.write(tmp_path / name, cloud())
+    whole = gppcs.read(tmp_path / name)
+    with CloudFiles([tmp_path / name]) as files:
+        parts = [list(part.chunks(True, 30)) for part in files.each(100)]
+    assert len(parts) == len(whole) // 100
+    chunks = [chunk for part in parts for chunk in part]
+    assert np.concatenate([chunk.points for chunk in chunks]).tobytes() == whole.points.tobytes()
+    for key, values in whole.attributes.items():
+        np.testing.assert_array_equal(np.concatenate([chunk.attributes[key] for chunk in chunks]), values)
+    content = (tmp_path / name).read_bytes()
+    (tmp_path / name).write_bytes(content[:-1])
+    with CloudFiles([tmp_path / name]) as files, pytest.raises(FileFormatError, match="the file ends"):
+        list(files.each(100)[0].chunks(True))
+
+
 def test_what_can_only_be_read_from_its_start_is_one_part(divisible, tmp_path):
     (tmp_path / "a.las.gz").write_bytes(gzip.compress((divisible / "a.las").read_bytes(), 1))
-    gppcs.write(tmp_path / "a.ply", cloud())
+    gppcs.write(tmp_path / "a.ply", cloud(), ascii=True)
     box = Query.of([0, 0, 50, 50], None)
     for path, query in ((tmp_path / "a.las.gz", None), (tmp_path / "a.ply", None), (divisible / "a.las", box)):
         with CloudFiles([path], query=query) as files:

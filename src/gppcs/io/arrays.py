@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -16,8 +17,8 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import check_name, columns_of, coordinate_type, default_names
-from gppcs.io.format import Format, keeping
-from gppcs.io.rows import read_records
+from gppcs.io.format import Format, Span, keeping
+from gppcs.io.rows import equal_spans, read_records
 
 _POINTS = "points"
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
@@ -27,7 +28,7 @@ _DAMAGED_ARRAY = (ValueError, TypeError, SyntaxError, OverflowError, TokenError,
 _DAMAGED_ZIP = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, OSError, UnicodeDecodeError)
 
 
-def read_npy(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
+def read_npy(file: BufferedReader, rows: int, attributes: bool, span: Span | None = None) -> Iterator[PointCloud]:
     """Read an NPY file: an array of at least three columns, or a structured array with fields x, y and z.
 
     An array that is stored column by column comes as one.
@@ -41,7 +42,7 @@ def read_npy(file: BufferedReader, rows: int, attributes: bool) -> Iterator[Poin
     if dtype.names is None or width:
         names = _columns(np.broadcast_to(np.empty((), dtype), layout[0]))
         dtype = np.dtype([(name, dtype) for name in names])
-    yield from read_records(file, dtype, count, rows, "point", dtype.names or () if attributes else ())
+    yield from read_records(file, dtype, count, rows, "point", dtype.names or () if attributes else (), span)
 
 
 def _layout_by_rows(file: BufferedReader) -> tuple[tuple[int, ...], np.dtype[Any]] | None:
@@ -93,6 +94,15 @@ def count_npz(file: BufferedReader) -> int:
             return _shape(member)[0]
     except (*_DAMAGED_ZIP, *_DAMAGED_ARRAY):
         return 0
+
+
+def spans_of_npy(file: BufferedReader, rows: int) -> list[Span]:
+    """Divide the points of an NPY file into parts that can be read by themselves, if it is stored row by row."""
+    layout = _layout_by_rows(file)
+    if layout is None:
+        return []
+    (count, *width), dtype = layout
+    return equal_spans(file, dtype.itemsize * math.prod(width), count, rows)
 
 
 def count_npy(file: BufferedReader) -> int:
@@ -164,6 +174,7 @@ FORMATS = (
         lambda head, size: head.startswith(b"\x93NUMPY"),
         fitted=_without_objects,
         count=count_npy,
+        spans=spans_of_npy,
     ),
     Format(
         "NPZ",

@@ -19,7 +19,7 @@ from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import check_name, column_name, columns_of, exact_type
-from gppcs.io.format import Format, keeping, without_attributes
+from gppcs.io.format import Format, Span, keeping, without_attributes
 from gppcs.io.meshes import triangles_of
 from gppcs.io.rows import (
     BLOCK,
@@ -28,6 +28,7 @@ from gppcs.io.rows import (
     at_most,
     bytes_left,
     ends_early,
+    equal_spans,
     lines_of,
     number_blocks,
     read_records,
@@ -112,7 +113,7 @@ class _Header:
         return PlyHeader(tuple(self.remarks), lists) if self.remarks or lists else None
 
 
-def read_ply(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
+def read_ply(file: BufferedReader, rows: int, attributes: bool, span: Span | None = None) -> Iterator[PointCloud]:
     """Read the vertices of a PLY file in chunks, those with lists as one. Other elements are skipped."""
     header = _read_header(file)
     names = [each.name for each in header.elements]
@@ -131,7 +132,8 @@ def read_ply(file: BufferedReader, rows: int, attributes: bool) -> Iterator[Poin
         clouds = iter([cloud_of_columns(_with_lists(file, vertices, _ORDERS[header.encoding]))])
     else:
         kept = [each.name for each in vertices.properties if attributes]
-        clouds = read_records(file, vertices.record(_ORDERS[header.encoding]), vertices.count, rows, "vertex", kept)
+        record = vertices.record(_ORDERS[header.encoding])
+        clouds = read_records(file, record, vertices.count, rows, "vertex", kept, span)
     for cloud in clouds:
         yield replace(cloud, header=header.kept(vertices))
 
@@ -140,6 +142,16 @@ def unread_ply(file: BufferedReader) -> list[str]:
     """Return in words which elements `read_ply` leaves out of a file."""
     others = (each for each in _read_header(file).elements if each.name not in ("vertex", "face"))
     return [f"element {each.name} ({each.count:,})" for each in others if each.count]
+
+
+def spans_of_ply(file: BufferedReader, rows: int) -> list[Span]:
+    """Divide the vertices of a binary file without lists into parts that can be read by themselves."""
+    header = _read_header(file)
+    vertices = next((each for each in header.elements if each.name == "vertex"), None)
+    if vertices is None or vertices.has_lists or header.encoding == "ascii":
+        return []
+    _skip_to(file, header, vertices)
+    return equal_spans(file, vertices.record("<").itemsize, vertices.count, rows)
 
 
 def count_ply(file: BufferedReader) -> int:
@@ -496,5 +508,6 @@ FORMAT = Format(
     faces=count_ply_faces,
     triangles=ply_triangles,
     count=count_ply,
+    spans=spans_of_ply,
     write_encoded=write_ply,
 )

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
 from io import BufferedReader, TextIOWrapper
-from itertools import islice
+from itertools import islice, pairwise
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import EXACT, Column, check_coordinate, coordinate_names
 from gppcs.errors import FileFormatError
+from gppcs.io.format import Span
 from gppcs.io.text_fields import quoted
 
 BLOCK = 1 << 16  # rows per block: large enough that NumPy's cost per call does not count, small enough for memory
@@ -155,13 +156,32 @@ def at_most(rows: int, clouds: Iterable[PointCloud]) -> Iterator[PointCloud]:
             yield cloud if len(cloud) <= rows else cloud[start : start + rows]
 
 
+def equal_spans(file: BufferedReader, record_size: int, count: int, rows: int) -> list[Span]:
+    """Divide the records of a file, which is at the first, into spans of so many; the last may be twice as long.
+
+    A file that ends before its last record is not divided.
+    """
+    if bytes_left(file) < count * record_size:
+        return []
+    return list(pairwise([*range(0, max(1, count - rows + 1), rows), count]))
+
+
 def read_records(
-    file: BufferedReader, record: np.dtype[Any], count: int, rows: int, what: str, kept: Collection[str]
+    file: BufferedReader,
+    record: np.dtype[Any],
+    count: int,
+    rows: int,
+    what: str,
+    kept: Collection[str],
+    span: Span | None = None,
 ) -> Iterator[PointCloud]:
     """Read packed records in chunks, with some of their fields, block by block: a block fits the processor's cache."""
     whole = bytes_left(file) // max(1, record.itemsize)
     if whole < count:
         raise ends_early(what, whole, count)
+    if span:
+        file.seek(span[0] * record.itemsize, os.SEEK_CUR)
+        count = span[1] - span[0]
     axes = coordinate_names(record.names or ())
     types = [(name, *_type_and_shape(record[name])) for name in record.names or () if name in kept and name not in axes]
     for start in range(0, max(count, 1), rows):
