@@ -215,3 +215,12 @@ def test_what_the_library_logs_is_shown_while_a_command_runs(monkeypatch, capsys
     logger.info("another")
     assert capsys.readouterr() == ("", "gppcs: a notice\n")
     assert (logger.handlers, logger.level) == ([], logging.NOTSET)
+
+
+@pytest.mark.parametrize("name", [None, *COMMANDS])
+def test_examples_of_the_help_name_options_that_exist(name):
+    text = (program.app.info.epilog if name is None else COMMANDS[name].epilog) or ""
+    lines = [line.split("#")[0].split() for line in text.replace(" && ", "\n").split("\n") if line.startswith("gppcs ")]
+    for _, command, *words in [line for line in lines if line[1] in COMMANDS]:
+        known = {option for each in COMMANDS[command].params for option in (*each.opts, *each.secondary_opts)}
+        assert {word.split("=")[0] for word in words if word.startswith("--")} <= {*known, "--help"}, command

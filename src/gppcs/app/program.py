@@ -63,7 +63,8 @@ app = typer.Typer(
     help="Thin a point cloud to exactly the number of points asked for, and keep its features.",
     epilog="[bold]Examples[/bold]\n\n"
     "gppcs sample bracket -o scan.ply\n\n"
-    "gppcs simplify scan.ply -o small.ply --ratio 0.03 --picture small.png\n\n"
+    "gppcs simplify scan.ply -o small.ply --ratio 0.03\n\n"
+    "gppcs render scan.ply small.ply -o both.png\n\n"
     "gppcs mesh scan.ply -o mesh.ply --points 5000\n\n"
     "gppcs compare scan.ply --points 5000 --methods gp-spectral,fps,hc -o comparison\n\n"
     "gppcs info small.ply\n\n"
