@@ -420,7 +420,7 @@ def _noise(stored: StoredPoints, n_points: int, area: float, parts: list[Part], 
         return Noise(None, count, False, 0.0, True, True, spacing)
     fits = sorted({NEIGHBOURS, 2 * NEIGHBOURS, min(count, NEIGHBOURS), min(count, 2 * NEIGHBOURS)})
     some = _some(parts)
-    measure = partial(_distances, stored, share, HALO * spacing, fits, -(-SAMPLES // len(some)))
+    measure = partial(_distances, stored, share, 0.5 * HALO * spacing, fits, -(-SAMPLES // len(some)))
     found = np.concatenate(list(each(measure, some)), axis=2)
     layers = {k: Layer.of(*of_fit) for k, of_fit in zip(fits, found, strict=True)}
     return Noise.from_layers(layers.__getitem__, count, spacing)
