@@ -113,7 +113,13 @@ class _Stage:
 
     def file(self, part: Part) -> Path:
         """Return the file of the candidates of a part and its halo."""
-        return self.stored.folder / f"{self.target}-{part.first}.npz"
+        return self.stored.folder / f"{self.target}-{part.first}.features"
+
+    @property
+    def measured(self) -> np.dtype[Any]:
+        """The type of the records in that file."""
+        features: list[Any] = [("inside", np.bool_), ("variation", np.float64), ("normal", np.float64, 3)]
+        return np.dtype([*self.stored.kind.descr, *features])
 
 
 class _Asked(NamedTuple):
@@ -340,8 +346,16 @@ def _measure(stage: _Stage, part: Part) -> NDArray[np.float64]:
     known = Candidates(stage.target, np.arange(len(near.records)), stage.thinned, stage.area)
     tree, features = features_of(near.points, _observations(near.records), known)
     near = near.take(tree.order)
-    unfinished = stage.file(part).with_suffix(f".{uuid4().hex}.npz")
-    np.savez(unfinished, *near, features.surface_variation, features.normals)
+    records = np.empty(len(near.records), stage.measured)
+    for name in near.records.dtype.names or ():
+        records[name] = near.records[name]
+    records["inside"], records["variation"], records["normal"] = (
+        near.inside,
+        features.surface_variation,
+        features.normals,
+    )
+    unfinished = stage.file(part).with_suffix(f".{uuid4().hex}")
+    records.tofile(unfinished)
     os.replace(unfinished, stage.file(part))
     variation = features.surface_variation[near.inside]
     return variation[:: max(1, len(variation) // SAMPLES)]
@@ -362,15 +376,15 @@ def _some(items: list[Any]) -> list[Any]:
 
 def _field(stage: _Stage, part: Part) -> tuple[Neighbourhood, LocalField]:
     """Return the candidates of a part and its halo in the order of a tree, and the field over them."""
-    with np.load(stage.file(part)) as file:
-        records, inside, variation, normals = file.values()
+    records = np.fromfile(stage.file(part), stage.measured)
     tree = KdTree.over(np.ascontiguousarray(records["place"].T) / stage.spacing)
+    variation, normals = (np.ascontiguousarray(records[name]) for name in ("variation", "normal"))
     features = Features(variation, normals, np.zeros(0, dtype=np.int64))
     variances = _observations(records).variances / stage.spacing**2
     field = local_field(tree, features, variances, stage.criterion, stage.scale)
     if "weight" in (records.dtype.names or ()):
         field = field._replace(spacings=field.spacings * records["weight"] ** (-0.5 * WEIGHT_POWER))
-    return Neighbourhood(records, inside), field
+    return Neighbourhood(records, np.ascontiguousarray(records["inside"])), field
 
 
 def _squared(stage: _Stage, part: Part) -> NDArray[np.float64]:
