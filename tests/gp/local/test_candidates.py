@@ -1,5 +1,3 @@
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -13,72 +11,14 @@ from gppcs.gp.local.candidates import (
     largest_gap,
     nested_candidates,
 )
-from gppcs.spatial.cells import greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 
 
-def blunt(points):
-    """All alike."""
-    return np.zeros(len(points), dtype=np.float32)
-
-
-def all_stages(points, n_points, area, density, sharpness):
-    """The candidates of all stages."""
-    return nested_candidates(points, sharpness, n_points, area, density)
-
-
-def test_targets_double_and_candidates_of_a_stage_are_among_those_of_the_next(bracket):
-    stages = all_stages(bracket, 3_001, surface_area(KdTree.build(bracket)), 9.0, blunt(bracket))
-    assert [stage.target for stage in stages] == [47, 94, 188, 376, 751, 1501, 3001]
-    assert stages[0].target <= FIRST_STAGE
-    for coarse, fine in pairwise(stages):
-        assert np.isin(coarse.rows, fine.rows).all()
-    for target, candidates, thinned, _ in stages:
-        assert (np.diff(candidates) > 0).all()
-        assert len(candidates) >= ENOUGH * target
-        assert thinned == (len(candidates) < 20_000)
-
-
-def test_there_are_as_many_candidates_as_asked_for_or_half_as_many_again(sphere):
-    """On a plane along the grid as many as asked for, on a sphere half as many again; found 9.2 and 13.0."""
-    rng = np.random.default_rng(0)
-    plane = np.column_stack([rng.random((40_000, 2)), np.zeros(40_000)])
-    for points, expected in ((plane, 9), (sphere, 13.5)):
-        area = surface_area(KdTree.build(points))
-        target, candidates, thinned, same = all_stages(points, 50, area, 9.0, blunt(points))[0]
-        assert thinned
-        assert same == area
-        assert len(candidates) / target == pytest.approx(expected, rel=0.1)
-
-
-def test_the_sharpest_point_of_a_cell_stays():
-    rng = np.random.default_rng(0)
-    points = np.column_stack([rng.random((40_000, 2)), np.zeros(40_000)])
-    for sharpness in (rng.random(40_000).astype(np.float32), blunt(points)):  # or the first of those alike
-        candidates = all_stages(points, 50, 1.0, 9.0, sharpness)[0].rows
-        np.testing.assert_array_equal(candidates, sharpest_of_cells(points, np.sqrt(1 / 450), sharpness))
-
-
-def test_where_there_is_little_to_choose_from_all_stay():
-    rng = np.random.default_rng(0)
-    points = rng.random((100, 3))
-    for target, candidates, thinned, _ in all_stages(
-        points, 60, surface_area(KdTree.build(points)), 9.0, blunt(points)
-    ):
-        assert target == 60
-        assert not thinned
-        np.testing.assert_array_equal(candidates, np.arange(100))
-
-
-def test_most_points_in_a_dot_do_not_make_all_points_candidates(sphere):
-    points = np.concatenate([sphere[:400], [5, 0, 0] + 1e-3 * sphere[:39_600]])
-    assert all(len(stage.rows) < 40 * stage.target for stage in all_stages(points, 2_000, 1e3, 9.0, blunt(points)))
-
-
 def finest_of(points, n_points):
     """Rows of the finest candidates, where all points are equally sharp."""
-    return all_stages(points, n_points, surface_area(KdTree.build(points)), 8.0, blunt(points))[-1].rows
+    alike = np.zeros(len(points), dtype=np.float32)
+    return nested_candidates(points, alike, n_points, surface_area(KdTree.build(points)), 8.0)[-1].rows
 
 
 def plane_and(*others):
@@ -145,7 +85,7 @@ def sharpest_of_cells(points, edge, sharpness):
     return np.sort(order[np.unique(np.floor(points[order] * (1.0 / edge)), axis=0, return_index=True)[1]])
 
 
-def plain_stages(points, n_points, area, density, sharpness):
+def plain_stages(points, sharpness, n_points, area, density):
     """Double and halve the area a step at a time, each time over all points."""
     stages = []
     target, candidates, grown = n_points, np.arange(len(points)), False
@@ -174,24 +114,7 @@ def test_stages_are_those_of_a_step_at_a_time_over_all_points(sphere, dot, area,
     points[:dot] = 0.5 + 1e-5 * sphere[10_000 : 10_000 + dot]
     points = rng.permutation(points)
     sharpness = rng.integers(0, 5, len(points)).astype(np.float32)
-    stages, plain = (way(points, 300, area, 9.0, sharpness) for way in (all_stages, plain_stages))
+    stages, plain = (way(points, sharpness, 300, area, 9.0) for way in (nested_candidates, plain_stages))
     for found, expected in zip(stages, plain, strict=True):
         np.testing.assert_array_equal(found.rows, expected[1])
         assert (found.target, found.thinned, found.area) == (expected[0], *expected[2:])
-
-
-def test_an_area_that_is_far_off_costs_few_passes_over_all_points(sphere, monkeypatch):
-    """One at a time, doubling and halving would take 40 each."""
-    rng = np.random.default_rng(0)
-    points = sphere + 1
-    points[:39_000] = 0.5 + 1e-7 * sphere[:39_000]
-    points, passes = rng.permutation(points), []
-    monkeypatch.setattr(
-        "gppcs.gp.local.candidates.greatest_in_cells",
-        lambda some, *of_grid: passes.append(len(some)) or greatest_in_cells(some, *of_grid),
-    )
-    for area, n_points in ((1e-14, 30), (1e5, 600)):  # 1,000 points outside the dot are too many, or too few
-        passes.clear()
-        all_stages(points, n_points, area, 9.0, blunt(points))
-        assert passes.count(40_000) < 10
-        assert len(passes) > 20

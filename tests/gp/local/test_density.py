@@ -17,16 +17,6 @@ def test_limits_are_those_of_all_pairs(n, slope, repeated, seed):
     np.testing.assert_allclose(limited(tree, spacings, slope), expected, rtol=1e-12)
 
 
-def test_one_dense_place_is_felt_as_far_as_the_slope_reaches():
-    """Past many leaves of the tree, and not beyond."""
-    points = np.linspace(0, 10, 40 * LEAF_SIZE)[:, None] * [1.0, 0.0, 0.0]
-    tree = KdTree.build(points)
-    x = tree.points[0]
-    expected = np.minimum(1.0, 0.5 + 0.1 * x)
-    assert 0.4 < (expected < 1).mean() < 0.6
-    np.testing.assert_allclose(limited(tree, np.where(x == 0, 0.5, 1.0), 0.1), expected, rtol=1e-12)
-
-
 def groups_of(tree):
     """The points of each leaf, parted evenly."""
     n, leaves = len(tree.order), len(tree.low) // 2
@@ -50,17 +40,6 @@ def test_graded_spacings_are_of_groups_and_no_greater_than_before(n):
     limits = (means + 0.1 * np.linalg.norm(centres[:, None] - centres, axis=2)).min(axis=1)
     for group, limit in zip(groups, limits, strict=True):
         np.testing.assert_allclose(found[group], np.minimum(spacings[group], limit), rtol=1e-9)
-
-
-def test_spacings_that_grow_slowly_stay():
-    tree = KdTree.build(np.random.default_rng(5).random((3_000, 3)))
-    np.testing.assert_allclose(graded(tree, np.full(3_000, 0.7), 0.1), 0.7, rtol=1e-12)
-    np.testing.assert_array_equal(limited(tree, 1 + 0.1 * tree.points[0], 0.1), 1 + 0.1 * tree.points[0])
-
-
-@given(st.lists(st.floats(0, 0.6), min_size=1, max_size=50))
-def test_segregation_is_a_share(roughness):
-    assert 0 <= segregation(np.array(roughness)) <= 1 + 1e-9
 
 
 def test_faces_and_edges_are_segregated_and_round_things_are_not():

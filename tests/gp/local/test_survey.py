@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from gppcs.engine.timer import Timer
-from gppcs.gp.local.candidates import nested_candidates
 from gppcs.gp.local.survey import sample, sharpness_of, survey
 from gppcs.spatial.cells import greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
@@ -21,21 +20,6 @@ def test_a_survey_measures_sharpness_or_noise(sphere):
     assert not noise.quiet
     assert noise.level == pytest.approx(0.01, rel=0.3)
     assert (sharpness == 0).all()
-
-
-def tiny_ball(n):
-    """One of a hundred points lies outside."""
-    points = np.random.default_rng(0).standard_normal((n, 3))
-    return np.where(np.arange(n)[:, None] % 100 == 0, points, 1e-4 * points)
-
-
-def test_noise_and_stages_share_one_area():
-    """The number of occupied cells corrects the area of this cloud."""
-    places, m = tiny_ball(30_000), 500
-    area, noise, sharpness = survey(places, m, 8.0, Timer())
-    assert area != pytest.approx(surface_area(KdTree.build(places)), rel=0.5)
-    assert noise.spacing == np.sqrt(area / m)
-    assert nested_candidates(places, sharpness, m, area, 8.0)[-1].area == area
 
 
 def test_the_sharpest_points_of_cells_are_those_on_the_edge():

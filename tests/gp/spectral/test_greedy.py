@@ -44,19 +44,6 @@ def test_order_on_any_problem(n, features, k_add, noise, seed, data):
     np.testing.assert_array_equal(indices, dense.greedy(phi, y, noise, initial, n_points, k_add))
 
 
-def test_order_on_a_whole_scan(bracket):
-    """Against a full pass over all points at every step, from a start at which the posterior still moves a lot."""
-    phi, y, noise = problem(bracket[:3_000], 20)
-    initial, _ = farthest_points(bracket[:3_000], 5)
-    indices = greedy.select(phi, y, noise, initial, 105)
-    for count in range(5, 105):
-        active = indices[:count]
-        mean, variance = Posterior.given(phi[active], y[active], noise).predict(phi)
-        score = np.sqrt(variance) + np.abs(mean - y)
-        score[active] = -np.inf
-        assert indices[count] == np.argmax(score)
-
-
 def test_ties_go_to_the_smallest_index():
     phi, y = np.ones((50, 1)), np.full(50, 2.0)
     indices = greedy.select(phi, y, 0.5, np.array([30]), 50, order=np.random.default_rng(0).permutation(50))

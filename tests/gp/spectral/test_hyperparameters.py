@@ -67,16 +67,3 @@ def test_more_iterations_never_fit_worse_and_soon_change_nothing(problem):
     assert fits[2] == fits[3]
     of_zeros = fit(eigenvalues, functions, np.zeros_like(y), mean_squares, 2.5)
     assert np.isfinite([of_zeros.variance, of_zeros.lengthscale, of_zeros.noise]).all()
-
-
-def test_finds_what_the_data_were_drawn_from(sphere):
-    pairs = eigenpairs(sphere[:3_000], 60)
-    mean_squares = (pairs.eigenfunctions**2).mean(axis=0)
-    truth = Hyperparameters(4.0, 0.25, 1.5, 0.04)
-    phi = kernel_features(pairs.eigenfunctions, spectral_weights(pairs.eigenvalues, mean_squares, truth))
-    rng = np.random.default_rng(1)
-    y = phi @ rng.standard_normal(60) + 0.2 * rng.standard_normal(3_000)
-    theta = fit(pairs.eigenvalues, pairs.eigenfunctions, y, mean_squares, 1.5)
-    assert theta.noise == pytest.approx(0.04, rel=0.1)
-    assert theta.lengthscale == pytest.approx(0.25, rel=0.4)
-    assert theta.variance == pytest.approx(4.0, rel=0.6)

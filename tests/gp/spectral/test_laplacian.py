@@ -3,7 +3,6 @@ import pytest
 
 import gppcs
 import gppcs.scans
-from gppcs.gp.spectral import laplacian
 from gppcs.gp.spectral.laplacian import eigenpairs, surface_laplacian
 from gppcs.spatial.farthest_points import farthest_points
 
@@ -72,13 +71,6 @@ def test_points_that_are_no_surface_have_eigenpairs(n, shape):
     assert pairs.eigenfunctions.shape == (n, min(n, 20))
     assert np.isfinite(pairs.eigenfunctions).all()
     assert (np.diff(pairs.eigenvalues) >= 0).all()
-
-
-def test_landmarks_that_are_all_equally_far_have_the_same_weight():
-    corners = np.stack(np.meshgrid(*[[0.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
-    lifted = laplacian._lift(corners, corners, np.full((1, 3), 0.5))
-    np.testing.assert_allclose(lifted, 0.5, rtol=1e-9)
-    np.testing.assert_allclose(laplacian._lift(corners, np.ones((8, 1)), corners + 0.1), 1, rtol=1e-14)
 
 
 @pytest.mark.parametrize("distance", [10, 1_000])
