@@ -10,44 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gppcs
+from shapes import odd_clouds
 
 METHODS = list(gppcs.METHODS)
 FAR = np.array([500_000, 5_400_000, 0])  # as in UTM
 
 
-def small_clouds():
-    rng = np.random.default_rng(0)
-    return {
-        "one": np.ones((1, 3)),
-        "two": np.array([[0.0, 0, 0], [1, 2, 3]]),
-        "all equal": np.full((6, 3), 0.1),
-        "collinear": np.outer(np.arange(8.0), [1, 2, 3]),
-        "coplanar": np.c_[rng.random((10, 2)), np.zeros(10)],
-        "mostly repeats": rng.random((3, 3))[rng.integers(0, 3, 12)],
-        "plus and minus zero": np.array([[0.0, 0, 0], [-0.0, 0, 0], [0, -0.0, 0], [1, 0, 0]]),
-        "tiny": 1e-300 * rng.random((5, 3)),
-        "huge": 1e200 * rng.random((5, 3)),
-        "far outlier": np.concatenate([rng.random((9, 3)), [[1e12, 0, 0]]]),
-        **{f"random {n}": rng.random((n, 3)) for n in (3, 4, 5, 8, 12)},
-        **large_clouds(),
-    }
-
-
-def large_clouds():
-    """Of several leaves of a tree."""
-    rng = np.random.default_rng(0)
-    places = rng.random((45, 3))
-    return {
-        "long line": rng.random((90, 1)) * [1, 2, 3],
-        "large plane": np.c_[rng.random((90, 2)), np.zeros(90)],
-        "lattice": rng.permutation(np.indices((5, 5, 4)).reshape(3, -1).T),
-        "far clumps": rng.integers(0, 2, (90, 1)) + 1e-9 * rng.random((90, 3)),
-        "large and far outlier": np.concatenate([rng.random((90, 3)), [[1e9, 0, 0]]]),
-        "coincident to rounding": np.concatenate([places, np.nextafter(places, 1)]),
-    }
-
-
-SMALL = small_clouds()
+SMALL = odd_clouds()
 
 
 def chosen(points, n_points, method, **options):

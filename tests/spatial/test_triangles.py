@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 
-from gppcs.spatial.triangles import area_vector, circumradius, nearest_in_triangle, quality, squared_distance
+from gppcs.spatial.triangles import area_vector, circumradius, quality
 
 
 def test_quality_is_one_for_equal_edges_and_falls_to_zero():
@@ -22,14 +21,3 @@ def test_the_area_vector_is_upright_and_twice_as_long_as_the_area():
 def test_the_circle_through_the_corners():
     assert circumradius((0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (0.0, 4.0, 0.0)) == pytest.approx(2.5)
     assert circumradius((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (2.0, 0.0, 0.0)) == np.inf
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_the_nearest_place_is_that_of_an_optimiser(seed):
-    corners = np.random.default_rng(seed).standard_normal((3, 3)) + np.random.default_rng(seed + 99).normal(size=3)
-    a, b, c = map(tuple, corners)
-    v, w = nearest_in_triangle(a, b, c)
-    bounded = {"type": "ineq", "fun": lambda x: 1 - x[0] - x[1]}
-    best = minimize(lambda x: squared_distance(a, b, c, *x), (0.3, 0.3), bounds=[(0, 1)] * 2, constraints=bounded)
-    assert min(v, w, 1 - v - w) >= -1e-12
-    assert squared_distance(a, b, c, v, w) == pytest.approx(best.fun, abs=1e-6)

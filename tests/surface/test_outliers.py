@@ -68,12 +68,6 @@ def test_the_definition(seed, kind, n, strays):
     np.testing.assert_array_equal(gppcs.find_outliers(points[order]), expected[order])
 
 
-def test_outliers_hide_others_for_several_rounds():
-    """Each is explained by the one before, which is nearer to the surface."""
-    points = cloud_with_strays(3, "plane", 250, 12)
-    assert 2 <= outliers_by_all_pairs(points).sum() == gppcs.find_outliers(points).sum()
-
-
 @pytest.mark.parametrize("name", ["bracket", "fan", "medallion"])
 def test_clean_scans_have_none_also_at_their_borders(name):
     assert not gppcs.find_outliers(gppcs.sample(name, n_points=5000)).any()
@@ -93,13 +87,6 @@ def test_a_sparse_part_of_a_scan_is_no_outlier():
     places = [rng.random((n, 2)) + np.array([left, 0]) for n, left in ((10_000, 0), (100, 1))]
     points = np.column_stack([np.concatenate(places), np.zeros(10_100)])
     assert not gppcs.find_outliers(points).any()
-
-
-def test_a_clump_of_outliers_does_not_explain_itself():
-    rng = np.random.default_rng(0)
-    points = np.column_stack([rng.random((4000, 2)), np.zeros(4000)])
-    clump = [0.5, 0.5, 0.7] + 1e-3 * rng.random((6, 3))
-    assert np.flatnonzero(gppcs.find_outliers(np.concatenate([points, clump]))).tolist() == list(range(4000, 4006))
 
 
 def test_repeats_and_points_that_are_not_finite():

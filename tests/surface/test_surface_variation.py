@@ -1,3 +1,5 @@
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -6,6 +8,7 @@ from hypothesis import strategies as st
 import gppcs
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import paper_radius
+from gppcs.surface.normals import estimate_normals
 from gppcs.surface.surface_variation import estimate_features, features_in_radius, features_of_nearest
 
 
@@ -33,16 +36,9 @@ def assert_same(features, expected):
 @given(st.integers(1, 200), st.floats(0.05, 1.0), st.integers(0, 99))
 def test_radius_equals_plain_numpy(n, radius, seed):
     rng = np.random.default_rng(seed)
-    points = rng.random((n, 3)) * rng.choice([1.0, 1e-3], 3)
+    points = rng.random((n, 3)) * rng.choice([1.0, 1e-3, 1e-6], 3)
     inside = ((points[:, None] - points) ** 2).sum(axis=2) <= radius * radius
     assert_same(features_in_radius(KdTree.build(points), radius), plain_features(points, inside))
-
-
-def test_unused_row_of_the_boxes_is_not_read():
-    tree = KdTree.build(np.random.default_rng(1).random((500, 3)))
-    expected = features_in_radius(tree, 0.3)
-    tree.low[0] = tree.high[0] = np.inf  # nodes are counted from 1
-    np.testing.assert_array_equal(features_in_radius(tree, 0.3).surface_variation, expected.surface_variation)
 
 
 @given(st.integers(3, 200), st.integers(3, 30), st.integers(0, 99))
@@ -82,36 +78,14 @@ def test_known_values():
     np.testing.assert_allclose(straight.normals @ [1.0, 2.0, 3.0], 0.0, atol=1e-6)
 
 
-def test_normals_are_those_of_the_surface():
-    cloud = gppcs.sample("sphere", n_points=20_000)
-    known = np.column_stack([cloud.attributes[name] for name in ("nx", "ny", "nz")])
-    normals = estimate_features(cloud.points).normals
-    assert np.abs((normals * known).sum(axis=1)).min() > 0.995
-
-
-@pytest.mark.parametrize("search", ["radius", "nearest"])
-def test_any_number_of_threads_gives_the_same(bracket, search, on_threads):
-    one, *several = on_threads(lambda: estimate_features(bracket, search=search))
-    for features in several:
-        np.testing.assert_array_equal(features.surface_variation, one.surface_variation)
-        np.testing.assert_array_equal(features.normals, one.normals)
-
-
-def test_rotation_and_scale_leave_the_variation(bracket):
-    rotation, _ = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))
-    plain = estimate_features(bracket, 20, "nearest").surface_variation
-    turned = estimate_features(1000 * bracket @ rotation, 20, "nearest").surface_variation
-    np.testing.assert_allclose(turned, plain, atol=1e-9)
-
-
-@pytest.mark.parametrize("search", ["radius", "nearest"])
-@pytest.mark.parametrize("exponent", [-560, 560])
-def test_any_unit_will_do(bracket, search, exponent):
-    """Coordinates whose squares vanish or overflow."""
-    plain = estimate_features(bracket[::10], search=search)
-    scaled = estimate_features(np.ldexp(bracket[::10], exponent), search=search)
-    np.testing.assert_array_equal(scaled.surface_variation, plain.surface_variation)
-    np.testing.assert_array_equal(scaled.neighbours, plain.neighbours)
+@pytest.mark.parametrize("estimate", [
+    partial(estimate_features, search="radius"), partial(estimate_features, search="nearest"), estimate_normals,
+])  # fmt: skip
+def test_neither_threads_nor_the_unit_change_an_estimate(bracket, estimate, on_threads):
+    """Also where the squares of coordinates vanish or overflow."""
+    one, *others = on_threads(lambda: estimate(bracket))
+    others += [estimate(np.ldexp(bracket, exponent)) for exponent in (-560, 560)]
+    assert all(np.array_equal(other, one) if estimate is estimate_normals else other == one for other in others)
 
 
 def test_repeats_count_as_neighbours_and_leave_the_radius(bracket):
@@ -161,10 +135,7 @@ def test_points_that_crowd_together_are_counted_as_by_brute_force():
     features = features_in_radius(KdTree.build(points), 0.101)
     inside = ((points[:, None] - points) ** 2).sum(axis=2) <= 0.101**2
     np.testing.assert_array_equal(features.neighbours, inside.sum(axis=1))
-    variation, normals, isolated = plain_features(points, inside)
-    np.testing.assert_allclose(features.surface_variation, variation, atol=1e-8)
-    cosines = np.abs((features.normals * normals).sum(axis=1))
-    np.testing.assert_allclose(cosines[isolated], 1.0, atol=1e-6)
+    assert_same(features, plain_features(points, inside))
 
 
 @pytest.mark.slow
