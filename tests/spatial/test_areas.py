@@ -32,10 +32,3 @@ def test_a_few_outliers_stand_for_little():
     points = np.concatenate([square(3000), 20 * np.random.default_rng(1).random((15, 3))])
     areas = areas_of_points(KdTree.build(points))
     assert areas[-15:].sum() < 0.05 * areas.sum()
-
-
-@pytest.mark.parametrize("n", [1, 2, 5])
-def test_few_points_have_areas(n):
-    areas = areas_of_points(KdTree.build(np.cumsum(np.ones((n, 3)), axis=0)))
-    assert len(areas) == n
-    assert (areas > 0).all()

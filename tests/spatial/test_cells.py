@@ -1,11 +1,9 @@
-import tracemalloc
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gppcs.spatial.cells import POINTS_PER_PART, _mixed, first_occurrences, greatest_in_cells
+from gppcs.spatial.cells import POINTS_PER_PART, first_occurrences, greatest_in_cells
 
 
 @given(st.integers(0, 400), st.integers(1, 6), st.integers(0, 99))
@@ -57,30 +55,3 @@ def test_those_of_many_are_the_same_whatever_the_number_of_threads(far):
     _, first = np.unique(points, axis=0, return_index=True)
     np.testing.assert_array_equal(greatest_in_cells(points, 0.07, values), expected)
     np.testing.assert_array_equal(np.flatnonzero(first_occurrences(points)), np.sort(first))
-
-
-def test_all_are_found_where_a_table_has_to_grow():
-    points = np.random.default_rng(0).random((POINTS_PER_PART - 1, 3))
-    assert first_occurrences(points).all()
-    assert len(greatest_in_cells(points, 1e-9, valued(len(points), 1, 0))) == len(points)
-
-
-def test_memory_does_not_grow_with_the_cells_of_the_box():
-    points, values = np.random.default_rng(0).random((6 * POINTS_PER_PART, 3)), valued(6 * POINTS_PER_PART, 5, 0)
-    for far in (1.0, 1e12):
-        points[0] = far
-        tracemalloc.start()
-        greatest_in_cells(points, 0.1, values)
-        _, most = tracemalloc.get_traced_memory()
-        tracemalloc.stop()
-        assert most < 12 * len(points)
-
-
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_hashes_of_whole_numbers_along_an_axis_spread(axis):
-    """Of n numbers thrown at random into n slots, 1 - 1/e find one of their own on average."""
-    n = 1 << 12
-    with np.errstate(over="ignore"):
-        hashes = [_mixed(*(float(i) if a == axis else 0.0 for a in range(3))) for i in range(n)]
-    for shift in (0, 20, 64 - 12):
-        assert len({h >> shift & (n - 1) for h in map(int, hashes)}) > 0.6 * n

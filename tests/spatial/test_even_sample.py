@@ -27,10 +27,3 @@ def test_each_part_of_a_sphere_keeps_its_share(step):
     axes = rng.standard_normal((3, 200))
     inside, wanted = ((p @ axes > 0.96 * np.linalg.norm(axes, axis=0)).sum(axis=0) for p in (chosen, points))
     assert np.std(inside - wanted / step) < 0.8 * np.sqrt(wanted.mean() / step)
-
-
-def test_a_shifted_and_scaled_cloud_gives_the_same_sample():
-    points = np.random.default_rng(1).integers(0, 1000, (5000, 3)) / 1024.0
-    usable = np.ones(len(points), dtype=bool)
-    chosen = even_sample(points, usable, 7)
-    np.testing.assert_array_equal(even_sample(4.0 * points - 16.0, usable, 7), chosen)

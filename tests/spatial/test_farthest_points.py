@@ -26,19 +26,8 @@ def plain_farthest_points(points, n_points, first=None, others=()):
     return np.array(chosen), np.sqrt(distances)
 
 
-@given(st.integers(1, 400), st.booleans(), st.integers(0, 99), st.data())
-def test_equals_the_plain_algorithm(n, on_grid, seed, data):
-    rng = np.random.default_rng(seed)
-    points = rng.integers(0, 5, (n, 3)).astype(float) if on_grid else rng.random((n, 3))
-    n_points = data.draw(st.integers(1, n))
-    indices, distances = farthest_points(points, n_points)
-    expected, expected_distances = plain_farthest_points(points, n_points)
-    np.testing.assert_array_equal(indices, expected)
-    np.testing.assert_array_equal(distances, expected_distances)
-
-
-@given(st.integers(1, 200), st.integers(0, 20), st.booleans(), st.booleans(), st.integers(0, 99), st.data())
-def test_a_start_and_points_elsewhere_are_kept_to(n, n_others, with_first, on_grid, seed, data):
+@given(st.integers(1, 400), st.sampled_from([0, 1, 20]), st.booleans(), st.booleans(), st.integers(0, 99), st.data())
+def test_equals_the_plain_algorithm(n, n_others, with_first, on_grid, seed, data):
     rng = np.random.default_rng(seed)
     everything = rng.integers(0, 5, (n + n_others, 3)).astype(float) if on_grid else rng.random((n + n_others, 3))
     points, others = everything[:n], everything[n:]
@@ -60,10 +49,3 @@ def test_a_tree_at_hand_changes_nothing_and_smaller_choices_are_prefixes(bracket
     again, _ = farthest_points(bracket, 900, KdTree.build(bracket))
     np.testing.assert_array_equal(again, indices[:900])
     assert (np.diff(distances) <= 0).all()
-
-
-def test_progress_adds_up(bracket):
-    steps = []
-    farthest_points(bracket, 5_000, advanced=steps.append)
-    assert len(steps) > 1
-    assert sum(steps) == 5_000

@@ -21,9 +21,3 @@ def test_as_among_all_points(seed, sides, gap):
     np.testing.assert_array_equal(added, expected)
     assert reached <= gap
     assert reached == pytest.approx(cKDTree(np.concatenate([kept, points[expected]])).query(points)[0].max())
-
-
-def test_a_gap_as_large_as_allowed_is_none():
-    points = np.array([[0.0, 0.0, 0.0], [3.0, 4.0, 0.0]])
-    assert fill_gaps(points, points[:1], 5.0)[1] == 5.0
-    assert fill_gaps(points, points[:1], 4.9)[0].tolist() == [1]

@@ -1,7 +1,5 @@
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import neighbourhood_radius, paper_radius, spacing, surface_area
@@ -13,18 +11,6 @@ def test_paper_radius_is_cloudcompares_rule():
     assert paper_radius(points, 25) == pytest.approx(np.sqrt(25 * 24 ** (2 / 3) / 3), rel=1e-14)
 
 
-@given(st.integers(1, 300), st.floats(0.01, 3.0), st.sampled_from(["even", "flat", "far point"]), st.integers(0, 99))
-def test_neighbours_are_counted_as_by_brute_force(n, radius, shape, seed):
-    points = np.random.default_rng(seed).random((n, 3))
-    if shape == "flat":
-        points[:, 1] = 0.25
-    if shape == "far point":
-        points[0] = 1e6
-    features = features_in_radius(KdTree.build(points), radius)
-    squared = ((points[:, None] - points) ** 2).sum(axis=2)
-    np.testing.assert_array_equal(features.neighbours, (squared <= radius * radius).sum(axis=1))
-
-
 def test_the_radius_is_the_papers_unless_its_box_misleads(bracket):
     tree = KdTree.build(bracket)
     assert neighbourhood_radius(bracket, tree) == paper_radius(bracket)
@@ -34,12 +20,6 @@ def test_the_radius_is_the_papers_unless_its_box_misleads(bracket):
         assert radius != paper_radius(misled)
         counts = features_in_radius(tree, radius).neighbours
         assert 15 <= np.median(counts) <= 35
-
-
-def test_spacing_of_a_square_lattice():
-    x, y = np.meshgrid(np.arange(60.0), np.arange(60.0))
-    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(3600)]) * 0.25
-    assert spacing(KdTree.build(points)) == 0.25
 
 
 def test_a_rhythm_of_the_file_does_not_mislead():
@@ -57,9 +37,3 @@ def test_the_area_is_that_of_the_surface_whatever_the_density(density):
     kept = (square[:, 0] < 0.5) | (rng.random(40_000) < 1 / density)
     points = np.concatenate([np.c_[square, np.zeros(len(square))][kept], 50 * rng.random((20, 3))])
     assert surface_area(KdTree.build(points)) == pytest.approx(1, rel=0.1)
-
-
-@pytest.mark.parametrize(("n", "area"), [(1, 0.0), (2, np.pi)])
-def test_the_area_of_few_points(n, area):
-    points = np.eye(3)[:n] / np.sqrt(2)
-    assert surface_area(KdTree.build(points)) == pytest.approx(n * area)
