@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from gppcs.methods.aivs import voxels
 from gppcs.methods.aivs.voxels import Voxels, points_of_voxels, trimmed
-from gppcs.spatial.farthest_points import farthest_points
 
 
 def plain_voxels(points):
@@ -113,17 +112,3 @@ def test_voxels_part_the_points(n, along):
     np.testing.assert_array_equal(np.sort(voxels.order), np.arange(n))
     away = np.abs(voxels.points - (np.repeat(voxels.cells, np.diff(voxels.begins), axis=0).T + 0.5) * voxels.edge)
     assert away.max() <= 0.5 * voxels.edge * (1 + 1e-9)
-
-
-def test_where_no_voxel_has_a_share_all_are_farthest_points(sphere):
-    np.testing.assert_array_equal(points_of_voxels(sphere, 20), farthest_points(sphere, 20)[0])
-
-
-def test_a_far_outlier_costs_no_more_than_a_tree(monkeypatch):
-    """All but one of the points share a voxel, and are chosen by a tree there."""
-    points = np.vstack([np.random.default_rng(0).random((20_000, 3)), [[1e5, 0.0, 0.0]]])
-    filled = []
-    monkeypatch.setattr(voxels, "_fill", lambda *of_voxels: filled.extend(of_voxels[3]))
-    indices = points_of_voxels(points, 2_000)
-    assert len(np.unique(indices)) == 2_000
-    assert filled == []

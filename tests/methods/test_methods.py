@@ -1,9 +1,6 @@
 """The methods' parameters: what they may be, and how they are read from text."""
 
-import dataclasses
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -13,8 +10,7 @@ from hypothesis import strategies as st
 import gppcs
 from gppcs.methods import method_named
 from gppcs.methods.method import largest
-from gppcs.methods.parameters import Parameter, with_settings
-from gppcs.methods.parameters import parameter as declared
+from gppcs.methods.parameters import with_settings
 
 CLOUD = gppcs.sample("bracket", 600).points
 
@@ -70,13 +66,6 @@ def test_numbers_of_numpy_become_pythons():
     assert type(gppcs.SpectralGP(nu=3).nu) is float
 
 
-def test_the_kind_of_a_parameter_is_its_type():
-    assert gppcs.Random.parameters() == {"seed": Parameter("int", 0, "Seed of the permutation.")}
-    kinds = {name: parameter.kind for name, parameter in gppcs.SpectralGP.parameters().items()}
-    assert (kinds["nu"], kinds["fit_nu"], kinds["k_add"]) == ("float", "bool", "int, optional")
-    assert gppcs.Voxel.parameters()["place"].kind == '"representative" or "mean"'
-
-
 @pytest.mark.parametrize("method", gppcs.METHODS.values())
 def test_the_docstring_holds_description_source_and_parameters(method):
     text = " ".join(method.__doc__.split())
@@ -85,43 +74,6 @@ def test_the_docstring_holds_description_source_and_parameters(method):
     for name, parameter in method.parameters().items():
         default = "" if parameter.default is None else f", default {parameter.default!r}"
         assert f" {name} : {parameter.kind}{default} {parameter.meaning}" in text
-
-
-def test_a_method_without_help_can_be_declared():
-    @dataclasses.dataclass(frozen=True)
-    class Few(gppcs.FarthestPoint):
-        """The first paragraph."""
-
-        name = "few"
-        most: int = 3
-
-    assert Few.parameters() == {"most": Parameter("int", 3, "")}
-    assert with_settings(Few(most=2), {"most": "4"}).most == 4
-
-
-def test_parameters_of_a_base_class_are_explained_first():
-    @dataclasses.dataclass(frozen=True)
-    class Shuffled(gppcs.Random):
-        """The first paragraph."""
-
-        turns: int = declared(1, "Number of turns.")
-
-    assert list(Shuffled.parameters()) == ["seed", "turns"]
-    assert Shuffled.__doc__.endswith(
-        "seed : int, default 0\n    Seed of the permutation.\nturns : int, default 1\n    Number of turns."
-    )
-
-
-@pytest.mark.slow
-def test_the_help_needs_no_docstrings():
-    """`python -OO` removes them."""
-    code = "from gppcs.app.program import run\nfor name in __import__('gppcs').METHODS:\n    run(['methods', name])"
-    run = subprocess.run([sys.executable, "-OO", "-c", code], capture_output=True, text=True, check=True)
-    text = " ".join(run.stdout.split())
-    for method in gppcs.METHODS.values():
-        assert method.description in text
-        for parameter in method.parameters().values():
-            assert parameter.meaning in text
 
 
 def test_a_label_names_what_is_not_the_default():
@@ -156,12 +108,6 @@ def test_text_of_another_type_is_refused(parameter, kind, texts):
     for text in texts:
         with pytest.raises(gppcs.ParameterError, match=f"expected {parameter} to be {kind}, found '{text}'"):
             with_settings(gppcs.SpectralGP(), {parameter: text})
-
-
-def test_replacing_leaves_the_rest_and_the_original():
-    method = gppcs.SpectralGP(k_add=5)
-    assert with_settings(method, {"nu": 1.5}) == gppcs.SpectralGP(k_add=5, nu=1.5)
-    assert method == gppcs.SpectralGP(k_add=5)
 
 
 @pytest.mark.parametrize(
@@ -204,6 +150,27 @@ def test_every_parameter_changes_the_choice(name):
 def test_more_start_points_than_asked_for_are_cut(method):
     fps = gppcs.simplify(CLOUD, n_points=20, method="fps")
     assert gppcs.simplify(CLOUD, n_points=20, method=method(k_init=500)).indices.tolist() == fps.indices.tolist()
+
+
+@pytest.mark.parametrize(
+    ("staying", "moving"),
+    [(gppcs.WLOP(), gppcs.WLOP(snap=False)), (gppcs.Voxel(), gppcs.Voxel(place="mean"))],
+    ids=["wlop", "voxel"],
+)
+def test_points_that_move_keep_their_attributes(staying, moving, sphere):
+    """They stay within about their spacing, and take the type of the coordinates unless those are whole numbers."""
+    points = np.concatenate([sphere[:5_000], sphere[:3]]) * 5 + [70, -30, 1000]
+    cloud = gppcs.PointCloud(points, {"row": np.arange(len(points))}, np.dtype(np.float32))
+    original, moved = (gppcs.simplify(cloud, n_points=300, method=method) for method in (staying, moving))
+    np.testing.assert_array_equal(original.cloud.points, points[original.indices])
+    np.testing.assert_array_equal(moved.indices, original.indices)
+    np.testing.assert_array_equal(moved.cloud.attributes["row"], moved.indices)
+    assert moved.cloud.coordinate_dtype == np.float32
+    away = np.linalg.norm(moved.cloud.points - original.cloud.points, axis=1)
+    assert np.median(away) > 0.1
+    assert away.max() < 1.5
+    whole_numbers = gppcs.PointCloud(np.rint(points * 100), coordinate_dtype=np.dtype(np.int32))
+    assert gppcs.simplify(whole_numbers, n_points=300, method=moving).cloud.coordinate_dtype == np.float64
 
 
 def test_fewer_candidates_than_points_asked_for_are_made_to_suffice():

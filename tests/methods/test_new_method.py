@@ -40,14 +40,12 @@ LINE = "from gppcs.methods.every_nth import EveryNth as EveryNth\n"
 LAST = "# isort: on\n"  # the line after the list of methods
 
 
-@pytest.fixture(scope="module")
-def run_command(tmp_path_factory):
-    """Run the command of a copy of the package that has one more method, in a folder that holds a cloud."""
-    folder = tmp_path_factory.mktemp("new")
-    cloud = gppcs.sample("sphere", n_points=600)
-    gppcs.write(folder / "cloud.ply", cloud)
+@pytest.mark.slow
+def test_a_new_method_is_listed_and_simplifies(tmp_path):
+    """In a copy of the package with one more file and line."""
+    gppcs.write(tmp_path / "cloud.ply", cloud := gppcs.sample("sphere", n_points=600))
     gppcs.compare(cloud, ["random"], n_points=60)  # compiles the kernels, unless their cache is there to be copied
-    package = folder / "source" / "gppcs"
+    package = tmp_path / "source" / "gppcs"
     shutil.copytree(Path(gppcs.__file__).parent, package)
     (package / "methods" / "every_nth.py").write_text(METHOD)
     registry = package / "methods" / "__init__.py"
@@ -58,27 +56,13 @@ def run_command(tmp_path_factory):
     def run(*arguments):
         code = f"import sys; sys.path.insert(0, {str(package.parent)!r}); from gppcs.app.cli import main; main()"
         done = subprocess.run(
-            [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False, cwd=folder
+            [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False, cwd=tmp_path
         )
         assert done.returncode == 0, done.stderr
-        return done.stdout
+        return " ".join(done.stdout.split())
 
-    run.folder = folder
-    return run
-
-
-@pytest.mark.slow
-def test_it_is_listed_and_explained(run_command):
-    assert "every-nth: points at equal steps in the order of the file" in run_command("methods")
-    text = " ".join(run_command("methods", "every-nth").split())
-    assert "Chooses points at equal steps in the order of the file." in text
-    assert "start (float, default 0.0) Where to start, in steps." in text
-    assert "every-nth" in run_command("simplify", "--help")
-
-
-def test_it_simplifies(run_command):
-    run_command(
-        "simplify", "cloud.ply", "-o", "few.ply", "--points", "60", "--method", "every-nth", "--set", "start=.5"
-    )
-    cloud, few = gppcs.read(run_command.folder / "cloud.ply"), gppcs.read(run_command.folder / "few.ply")
-    assert few.points.tolist() == cloud.points[5::10].tolist()
+    assert "every-nth: points at equal steps in the order of the file" in run("methods")
+    assert "start (float, default 0.0) Where to start, in steps." in run("methods", "every-nth")
+    assert "every-nth" in run("simplify", "--help")
+    run("simplify", "cloud.ply", "-o", "few.ply", "--points", "60", "--method", "every-nth", "--set", "start=.5")
+    assert gppcs.read(tmp_path / "few.ply").points.tolist() == cloud.points[5::10].tolist()

@@ -8,7 +8,6 @@ from scipy.spatial.distance import cdist
 from gppcs.methods.pc_simp.graph_filter import (
     NeighbourGraph,
     Programme,
-    eigenvalue_bound,
     high_pass_strength,
     share_out,
     solve,
@@ -103,10 +102,3 @@ def test_shares_add_up_and_are_those_of_bisection(n, part, spread, start, seed):
         above = np.clip((numerator - middle) * inverse, 0, 1).sum() > total
         low, high = (middle, high) if above else (low, middle)
     np.testing.assert_allclose(s, np.clip((numerator - low) * inverse, 0, 1), atol=1e-9)
-
-
-@pytest.mark.parametrize("n", [2, 50, 500])
-def test_the_largest_eigenvalue_is_bounded_closely(n):
-    adjacency = programme_of(np.random.default_rng(n).random((n, 3)), 1).adjacency
-    largest_eigenvalue = np.linalg.eigvalsh(adjacency.toarray())[-1]
-    assert largest_eigenvalue * (1 - 1e-12) <= eigenvalue_bound(adjacency) <= 1.1 * largest_eigenvalue

@@ -89,11 +89,3 @@ def test_is_blue_noise_and_so_is_its_beginning(sphere, n_points):
     for some in (chosen, chosen[: n_points // 2]):
         densest = 2.0 * np.sqrt(4.0 * np.pi / (2.0 * np.sqrt(3.0) * len(some)))
         assert spacings(some).min() > 0.6 * densest  # Yuksel reports 0.7 and above for whole sets
-
-
-def test_a_clump_of_most_points_does_not_spoil_the_rest(sphere):
-    clump = 1e-6 * np.random.default_rng(0).random((3_000, 3))
-    points = np.concatenate([sphere[np.argsort(sphere[:2_000, 0])], clump])
-    chosen = points[eliminate(points, 200)]
-    assert (np.linalg.norm(chosen, axis=1) < 0.5).sum() == 1
-    assert spacings(chosen).min() > 0.6 * 2.0 * np.sqrt(4.0 * np.pi / (2.0 * np.sqrt(3.0) * 200))

@@ -37,27 +37,11 @@ def test_representatives_equal_the_plain_algorithm(n, edge, on_lattice, seed):
     assert occupied(points, edge) == len(expected)
 
 
-def test_of_a_pair_the_first_is_kept():
-    """Both are equally near their mean, though rounding may say otherwise."""
-    rng = np.random.default_rng(0)
-    corners = np.indices((10, 10, 10)).reshape(3, -1).T + 0.0
-    pairs = (corners[:, None] + rng.random((1000, 2, 3))).reshape(-1, 3)
-    np.testing.assert_array_equal(representatives(pairs, 1.0)[0], np.arange(0, 2000, 2))
-
-
 @pytest.mark.parametrize("n_points", [1, 10, 500, 7_001, 39_999])
 def test_the_edge_gives_hardly_more_cells_than_asked_for(sphere, n_points):
     points = sphere - sphere.min(axis=0)
     count = occupied(points, cell_edge(points, n_points))
     assert n_points <= count <= 1.01 * n_points + 8
-
-
-def test_points_that_rounding_nearly_joins_get_cells_of_their_own():
-    places = np.linspace(0.496, 0.4999, 100)
-    points = np.concatenate([[0.0], places, np.nextafter(places, 1), [0.99]])[:, None] * [[1.0, 0.0, 0.0]]
-    fine = 0.99 * 2.0**-60
-    assert occupied(points, fine) < 200  # which is why cells so small get a power of two for an edge
-    assert cell_edge(points, 201) > fine
 
 
 @pytest.mark.parametrize("place", ["representative", "mean"])
@@ -70,19 +54,3 @@ def test_each_point_lies_in_a_cell_of_its_own(bracket, place):
     kept = points[selection.indices] if selection.points is None else selection.points
     assert len(set(map(tuple, np.floor(kept / edge)))) == 1_000
     assert occupied(points, edge) > 1_000  # so that some had to go
-
-
-def test_means_come_back_in_place_and_with_attributes(sphere):
-    points = np.concatenate([sphere[:5_000], sphere[:3]]) * 5 + [70, -30, 1000]
-    cloud = gppcs.PointCloud(points, {"row": np.arange(len(points))}, np.dtype(np.float32))
-    originals = gppcs.simplify(cloud, n_points=300, method="voxel")
-    means = gppcs.simplify(cloud, n_points=300, method=gppcs.Voxel(place="mean"))
-    np.testing.assert_array_equal(originals.cloud.points, points[originals.indices])
-    np.testing.assert_array_equal(means.indices, originals.indices)
-    np.testing.assert_array_equal(means.cloud.attributes["row"], means.indices)
-    corner = points.min(axis=0)
-    edge = cell_edge(points[:5_000] - corner, 300)
-    of_representative = dict(zip(*plain_representatives(points[:5_000] - corner, edge), strict=True))
-    expected = np.array([of_representative[index] for index in means.indices]) + corner
-    np.testing.assert_allclose(means.cloud.points, expected, rtol=1e-12)
-    assert means.cloud.coordinate_dtype == np.float32
