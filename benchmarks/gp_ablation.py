@@ -16,7 +16,7 @@ import conditions
 import gppcs
 import report
 from conditions import FOUND_ON, H_MAX, H_MEAN, HELD_OUT, LIDAR, SURFACE, Column, Condition, Figures
-from gppcs.gp.local import algorithm, survey
+from gppcs.gp.local import algorithm, candidates
 from gppcs.gp.local.algorithm import Criterion
 from gppcs.surface import noise
 
@@ -65,20 +65,20 @@ def not_graded(tree: Any, spacings: Any, slope: float) -> Any:
     return spacings
 
 
-def no_segregation(roughness: Any) -> float:
-    """Take every cloud for one that is alike everywhere, in place of `density.segregation`."""
-    return 0.0
+def always_round(roughness: Any) -> float:
+    """Take every cloud for one that is alike everywhere, in place of `density.roundness_of`."""
+    return 1.0
 
 
 def nowhere_sharp(tree: Any, edge: float) -> Any:
-    """Take no place for sharp, in place of `survey.sharpness_of`."""
+    """Take no place for sharp, in place of `candidates.sharpness_of`."""
     return np.zeros(len(tree.order))
 
 
 def changes() -> dict[str, Change]:
     """Return the changes by their names in the table."""
-    gradation_off, segregation_off = (algorithm, "graded", not_graded), (algorithm, "segregation", no_segregation)
-    sharpness_off, noise_off = (survey, "sharpness_of", nowhere_sharp), (noise, "CLEAN", np.inf)
+    gradation_off, segregation_off = (algorithm, "graded", not_graded), (algorithm, "roundness_of", always_round)
+    sharpness_off, noise_off = (candidates, "sharpness_of", nowhere_sharp), (noise, "CLEAN", np.inf)
     return {
         DEFAULT: Change(),
         CONTROL: Change(),

@@ -13,7 +13,7 @@ import conditions
 import gppcs
 import report
 from conditions import FOUND_ON, HELD_OUT, Condition
-from gppcs.gp.local import algorithm, candidates, density, greedy, survey
+from gppcs.gp.local import algorithm, candidates, density, greedy
 from gppcs.methods import gp
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface import noise
@@ -55,7 +55,7 @@ CONSTANTS = (
     Constant(None, "candidates", "cells of the grid in a square of the target spacing", "cells"),
     Constant(gp, "DENSITY_POWER", "power of the roughness that the density goes as", "-"),
     Constant(gp, "NORMAL_WEIGHT", "distance of two normals at a right angle", "desired spacings"),
-    Constant(algorithm, "ROUNDNESS_POWER", "how fast flat faces with edges lower these two", "-"),
+    Constant(density, "ROUNDNESS_POWER", "how fast flat faces with edges lower these two", "-"),
     Constant(algorithm, "NUGGET", "variance of an observation without noise", "prior variances"),
     Constant(algorithm, "NEAREST", "points of a neighbourhood where candidates are all points", "points"),
     Constant(algorithm, "GRADATION", "growth of the desired spacing with distance", "-"),
@@ -73,8 +73,8 @@ CONSTANTS = (
     Constant(greedy, "STEP", "from one level of the scores to the next", "-"),
     Constant(greedy, "SPARE", "points chosen for each one wanted", "-"),
     Constant(greedy, "POINTS", "candidates of a part that chooses at once with others", "candidates"),
-    Constant(survey, "LARGE", "points of the sample that is surveyed, at least", "points"),
-    Constant(survey, "PER_POINT", "points of that sample for each point to keep", "points"),
+    Constant(candidates, "LARGE", "points of the sample that is surveyed, at least", "points"),
+    Constant(candidates, "PER_POINT", "points of that sample for each point to keep", "points"),
     Constant(noise, "NEIGHBOURS", "points of a quadric", "points"),
     Constant(noise, "FEWEST", "points within the target spacing from which on noise is measured", "points"),
     Constant(noise, "THICK", "noise above which quadrics are fitted to twice the points", "radii of the fits"),

@@ -29,7 +29,7 @@ from conditions import (
     SampleScene,
     ThinnedScene,
 )
-from gppcs.methods import method_named
+from gppcs.methods import method_of
 from quality import GP, Made, best_rival, shown
 
 RATIOS = (0.01, 0.03, 0.1)
@@ -100,7 +100,7 @@ def score(
         All figures of `gppcs.evaluate`, lengths in diagonals, and "seconds". `MEASURES` names those of the tables.
     """
     scene = scene_of(cloud)
-    chosen, n_points = method_named(method, params), round(ratio * len(scene.cloud))
+    chosen, n_points = method_of(method, settings=params), round(ratio * len(scene.cloud))
     kept, seconds = conditions.simplified(scene, chosen, seed, n_points)
     return {**conditions.figures(scene, kept), "seconds": seconds}
 

@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import gppcs
 import report
-from gppcs.methods import method_named
+from gppcs.methods import method_of
 from gppcs.methods.pc_simp.graph_filter import NeighbourGraph
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
@@ -109,7 +109,7 @@ def asked(settings: Methods) -> dict[str, gppcs.Method]:
     """Return the methods of the command line, or all. After each come those of `settings` with the same name."""
     methods = {}
     for name in sys.argv[1:] or gppcs.METHODS:
-        methods[name] = method_named(name)
+        methods[name] = method_of(name)
         methods |= {label: method for label, method in settings.items() if method.name == name}
     return methods
 

@@ -10,18 +10,17 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gppcs.amounts.amount import Amount
 from gppcs.amounts.choice import check_supported, choose_amount
 from gppcs.amounts.curve import Curve, checked_sizes, halves, measured_curve
 from gppcs.amounts.guide import Guide
 from gppcs.clouds import display
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.clouds.expressions import Expression
-from gppcs.clouds.quantities import Scale, count_of, metres_of
+from gppcs.clouds.quantities import Amount, Scale, count_of, metres_of
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer, in_words
-from gppcs.errors import InputError, ParameterError, flag, one_of, shown, whole_number
-from gppcs.methods import DEFAULT, METHODS, Method, Selection, method_named
+from gppcs.errors import InputError, ParameterError, flag, one_of
+from gppcs.methods import DEFAULT, METHODS, Method, Selection, method_of
 
 
 @dataclass(frozen=True)
@@ -59,7 +58,7 @@ class Request:
     ) -> Request:
         """Check the arguments of `simplify`, as far as that is possible without the cloud."""
         amount = Amount.of(ratio, n_points, tolerance, spacing, max_gap)
-        chosen = resolved(method, seed)
+        chosen = method_of(method, seed)
         if spacing is not None or keep is not None or weight is not None:
             check_supported(chosen, spacing, keep, weight)
         if unit is not None:
@@ -427,18 +426,6 @@ def require_ranking(method: Method) -> None:
     if "ranking" not in method.supports:
         ranking = ", ".join(name for name, known in METHODS.items() if "ranking" in known.supports)
         raise ParameterError(f"method {method.name!r} does not rank its points; these do: {ranking}")
-
-
-def resolved(method: str | Method, seed: int | None) -> Method:
-    """Return the method of that name, or the method itself, with a seed."""
-    chosen = method_named(method) if isinstance(method, str) else method
-    if not isinstance(chosen, Method):
-        raise ParameterError(f"expected the name of a method or a method such as SpectralGP(), found {shown(method)}")
-    if seed is not None and "seed" in chosen.parameters():
-        return dataclasses.replace(chosen, seed=seed)  # type: ignore[call-arg]
-    if seed is not None:
-        whole_number("the seed", seed, 0)
-    return chosen
 
 
 def check_scores(method: Method, cloud: PointCloud) -> None:

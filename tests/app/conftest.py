@@ -7,7 +7,7 @@ import typer.main
 
 import gppcs
 from gppcs.app import program
-from gppcs.engine import compiling
+from gppcs.engine import timer
 
 
 @pytest.fixture(scope="session")
@@ -49,6 +49,6 @@ def gppcs_command(kernels, parser, folder, capsys):
     def run(*arguments):
         code = program.run(list(map(str, arguments)))
         out, err = capsys.readouterr()
-        return code, out, err.replace(f"gppcs: {compiling.NOTICE}\n", "")
+        return code, out, err.replace(f"gppcs: {timer.NOTICE}\n", "")
 
     return run

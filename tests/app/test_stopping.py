@@ -13,7 +13,7 @@ import pytest
 
 import gppcs
 from command_line import files
-from gppcs.engine import compiling
+from gppcs.engine import timer
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals as on Unix")
 
@@ -165,7 +165,7 @@ def test_ctrl_c_while_kernels_compile(scan, tmp_path, seconds, times):
     command = [sys.executable, "-m", "gppcs", "simplify", "scan.ply", "-o", "out.ply", "--points", "40"]
     restored = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment, **restored) as run:
-        assert run.stderr.readline() == f"gppcs: {compiling.NOTICE}\n"
+        assert run.stderr.readline() == f"gppcs: {timer.NOTICE}\n"
         time.sleep(seconds)
         for _ in range(times):
             run.send_signal(signal.SIGINT)

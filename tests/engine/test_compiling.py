@@ -9,7 +9,7 @@ import time
 import pytest
 
 import gppcs
-from gppcs.engine import compiling
+from gppcs.engine import timer as compiling
 from gppcs.engine.kernels import kernel
 
 COMPILE = """
@@ -18,8 +18,8 @@ import sys, numba
 def of_another_package(x):
     return x + 1
 of_another_package(1)
-from gppcs.engine.compiling import timer
-print(timer.seconds() == 0)
+from gppcs.engine.timer import compile_timer
+print(compile_timer.seconds() == 0)
 from gppcs.engine.kernels import kernel
 import gppcs.engine.kernel_cache as kernels
 kernels.folders = lambda: []
@@ -28,7 +28,7 @@ kernels.folder_to_write = lambda: None
 def f(x):
     return x * 2
 f(1), f(1.5)
-print(timer.seconds() > 0)
+print(compile_timer.seconds() > 0)
 """
 
 
@@ -49,7 +49,7 @@ def test_a_session_is_told_once_of_compilation_and_a_script_only_by_logging(befo
 @pytest.fixture
 def fresh(monkeypatch):
     """No compilation so far."""
-    monkeypatch.setattr(compiling, "timer", compiling.CompileTimer())
+    monkeypatch.setattr(compiling, "compile_timer", compiling.CompileTimer())
     monkeypatch.setattr(compiling, "_told", False)
 
 
@@ -67,7 +67,7 @@ def test_compilation_is_logged_once_and_timed(fresh, caplog):
         compile_for(0.02)
         compile_for(0.02)
     assert caplog.messages == [compiling.NOTICE]
-    assert 0.04 <= compiling.timer.seconds() < 1
+    assert 0.04 <= compiling.compile_timer.seconds() < 1
 
 
 @pytest.mark.parametrize("fails", [False, True])
@@ -89,7 +89,9 @@ def test_stages_report_compilation_apart(fresh, fails):
     elapsed = time.perf_counter() - start
     time.sleep(0.01)
     assert 0.2 <= timer.seconds["compilation"] <= elapsed
-    assert compiling.timer.seconds() == pytest.approx(timer.seconds["compilation"], abs=0.005)  # both have ended
+    assert compiling.compile_timer.seconds() == pytest.approx(
+        timer.seconds["compilation"], abs=0.005
+    )  # both have ended
     assert 0 <= timer.seconds["second"] <= elapsed - 0.2
     assert gc.isenabled()
 

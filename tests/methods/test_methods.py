@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gppcs
-from gppcs.methods import method_named
+from gppcs.methods import method_of
 from gppcs.methods.method import largest
 from gppcs.methods.parameters import with_settings
 
@@ -122,7 +122,7 @@ def test_text_of_another_type_is_refused(parameter, kind, texts):
 )
 def test_unknown_names_come_with_the_nearest(name, settings, message):
     with pytest.raises(gppcs.ParameterError, match=message):
-        method_named(name, settings)
+        method_of(name, settings=settings)
 
 
 SPECTRAL = {"neighbours": 10, "eigenfunctions": 5, "nu": math.inf, "fit_nu": True, "k_opt": 50, "k_init": 5}
@@ -141,7 +141,9 @@ CHANGES = {
 def test_every_parameter_changes_the_choice(name):
     default = gppcs.simplify(CLOUD, n_points=60, method=name).indices.tolist()
     for parameter, value in CHANGES[name].items():
-        changed = gppcs.simplify(CLOUD, n_points=60, method=method_named(name, {parameter: value})).indices.tolist()
+        changed = gppcs.simplify(
+            CLOUD, n_points=60, method=method_of(name, settings={parameter: value})
+        ).indices.tolist()
         assert len(set(changed)) == 60
         assert changed != default, parameter
 

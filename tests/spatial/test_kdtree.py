@@ -71,9 +71,6 @@ def test_a_tree_over_sorted_points_has_their_boxes(n):
     np.testing.assert_array_equal(over.low[1:], built.low[1:])
     np.testing.assert_array_equal(over.high[1:], built.high[1:])
     np.testing.assert_array_equal(KdTree.over(built.points).order, np.arange(n))
-    scaled = built.scaled(3.0)
-    assert (scaled.points >= np.repeat(scaled.low[1], n).reshape(3, n)).all()
-    np.testing.assert_array_equal(scaled.high[1:], built.high[1:] * 3.0)
 
 
 def test_queries_without_a_finite_distance_have_an_infinite_one():

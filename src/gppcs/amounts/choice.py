@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.amounts.accuracy import Errors, fewest_points
-from gppcs.amounts.amount import Amount
 from gppcs.amounts.guide import Guide
-from gppcs.clouds.quantities import Scale
+from gppcs.clouds.quantities import Amount, Scale
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError, ParameterError
 from gppcs.methods import METHODS, Method, Selection, Wanted

@@ -33,7 +33,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 from numba.core.types import unliteral
 
-from gppcs.engine.compiling import compilation_ended, compilation_started
+from gppcs.engine.timer import compilation_ended, compilation_started
 
 # The processor for which shipped code is compiled: of x86-64, any since 2013 with these features.
 X86 = "+avx,+avx2,+bmi,+bmi2,+cmov,+cx16,+f16c,+fma,+lzcnt,+movbe,+popcnt,+sse3,+sse4.1,+sse4.2,+ssse3,+xsave"

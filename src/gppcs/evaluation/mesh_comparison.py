@@ -5,14 +5,11 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterable
 from dataclasses import dataclass
-from time import perf_counter
 from typing import Literal
 
-from gppcs.amounts.amount import Amount
 from gppcs.clouds.cloud import CloudLike
 from gppcs.clouds.mesh import Mesh
-from gppcs.clouds.quantities import count_of
-from gppcs.engine import compiling
+from gppcs.clouds.quantities import Amount, count_of
 from gppcs.engine.extras import require_pymeshlab
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError, NoSurfaceError, ParameterError, nearest_name, shown
@@ -158,18 +155,18 @@ def checked_ways(ways: Iterable[str] | None, ratio: float | str | None, n_points
 def _entry(way: str, wanted: Wanted, mesh: Mesh | None) -> MeshEntry:
     """Return what one way gives."""
     made, report, failure = None, None, None
-    compiled, start = compiling.timer.seconds(), perf_counter()
+    timer = Timer()
     try:
-        made = MESH_WAYS[way](wanted)
+        with timer(way):
+            made = MESH_WAYS[way](wanted)
     except NoSurfaceError as error:
         failure = str(error)
-    seconds = perf_counter() - start - (compiling.timer.seconds() - compiled)
     if made is not None:
         try:
             report = evaluate_mesh(wanted.cloud, made, mesh, wanted.timer)
         except InputError as error:  # of this mesh, as cloud and surface have been checked
             failure = str(error)
-    return MeshEntry(way, made, report, seconds, failure)
+    return MeshEntry(way, made, report, timer.seconds[way], failure)
 
 
 @functools.cache

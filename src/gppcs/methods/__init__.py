@@ -6,10 +6,11 @@ The class is a `Method`, see `methods/method.py`. Its name, parameters and help 
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from gppcs.errors import ParameterError, nearest_name
+from gppcs.errors import ParameterError, nearest_name, shown, whole_number
 from gppcs.methods.method import Method as Method
 from gppcs.methods.method import Selection as Selection
 from gppcs.methods.method import Wanted as Wanted
@@ -42,8 +43,18 @@ METHODS: Mapping[str, type[Method]] = {
 DEFAULT = LocalGP.name
 
 
-def method_named(name: str, settings: Mapping[str, Any] | None = None) -> Method:
-    """Return a method by its name."""
-    if name not in METHODS:
-        raise ParameterError(f"there is no method {name!r}{nearest_name(name, METHODS)}")
-    return with_settings(METHODS[name](), settings) if settings else METHODS[name]()
+def method_of(method: Any, seed: int | None = None, settings: Mapping[str, Any] | None = None) -> Method:
+    """Return the method of that name, or the method itself, with a seed and other parameters."""
+    if isinstance(method, str):
+        if method not in METHODS:
+            raise ParameterError(f"there is no method {method!r}{nearest_name(method, METHODS)}")
+        method = METHODS[method]()
+    if not isinstance(method, Method):
+        raise ParameterError(f"expected the name of a method or a method such as SpectralGP(), found {shown(method)}")
+    if settings:
+        method = with_settings(method, settings)
+    if seed is not None and "seed" in method.parameters():
+        return dataclasses.replace(method, seed=seed)
+    if seed is not None:
+        whole_number("the seed", seed, 0)
+    return method

@@ -134,7 +134,7 @@ class LocalGP(Method):
         int
             Bytes.
         """
-        from gppcs.gp.local.survey import sample_size
+        from gppcs.gp.local.candidates import sample_size
 
         candidates = min(n, round(CELLS_ON_SLOPES * self.candidates * n_points))
         return HASHED * n + MEASURED * min(n, sample_size(n_points)) + RANKED * candidates
@@ -142,7 +142,7 @@ class LocalGP(Method):
 
 def _number_at(points: NDArray[np.float64], wanted: Wanted) -> int:
     """Return how many points have a spacing on the surface, of which a sample, (n, 3), tells the area."""
-    from gppcs.gp.local.survey import sample
+    from gppcs.gp.local.candidates import sample
     from gppcs.spatial.kdtree import KdTree
     from gppcs.spatial.spacing import surface_area
 

@@ -82,10 +82,6 @@ class KdTree:
         """The number of leaves, which is also the node number of the first leaf."""
         return len(self.low) // 2
 
-    def scaled(self, factor: float) -> KdTree:
-        """Return the tree over the points multiplied by a factor."""
-        return KdTree(self.order, self.points * factor, self.low * factor, self.high * factor)
-
     def in_own_order(self) -> KdTree:
         """Return the tree over the points in tree order: what is computed for its input is then in tree order."""
         return KdTree(np.arange(len(self.order)), self.points, self.low, self.high)

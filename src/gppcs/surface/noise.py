@@ -19,7 +19,9 @@ from gppcs.surface.quadrics import fit_quadrics
 
 FEWEST = 12  # A quadric has six coefficients. Fitted to fewer points than this it follows their noise.
 NEIGHBOURS = 30  # Points of a fit if the noise is thin compared with the neighbourhood: five for each coefficient.
-THICK = 0.25  # Noise above this, in neighbourhood radii, is thick. 32 clouds without added noise have at most 0.22.
+# Noise above this, in neighbourhood radii, is thick: neighbourhoods lie within its layer, not across it. 32
+# clouds without added noise have at most 0.22.
+THICK = 0.25
 # What lies off quadrics is detail if twice as many points lower its ratio to their radius to no less than this share.
 # That of noise falls to 1 / sqrt(2), as its distance stays; that of vegetation and clutter stays about the same.
 DETAIL = 0.85
@@ -48,11 +50,6 @@ class Layer(NamedTuple):
 
     level: float
     radius: float
-
-    @property
-    def thick(self) -> bool:
-        """Whether the neighbourhoods lie within the layer instead of across it."""
-        return self.level > THICK * self.radius
 
     @classmethod
     def of(cls, distances: NDArray[np.float64], radii: NDArray[np.float64]) -> Layer:
@@ -138,11 +135,12 @@ class Noise:
             return cls(None, within, False, 0.0, True, True, spacing)
         layer_of = cache(layer_of)
         narrow = layer_of(NEIGHBOURS)
-        neighbours = min(2 * NEIGHBOURS if narrow.thick else NEIGHBOURS, within)
+        thick = narrow.level > THICK * narrow.radius
+        neighbours = min(2 * NEIGHBOURS if thick else NEIGHBOURS, within)
         layer = layer_of(neighbours)
-        detail = not narrow.thick and is_detail(narrow, layer_of(2 * NEIGHBOURS))
         clean = layer.level <= CLEAN * spacing
-        return cls(None, neighbours, narrow.thick, layer.level, clean or detail, clean, spacing)
+        quiet = clean or (not thick and is_detail(narrow, layer_of(2 * NEIGHBOURS)))
+        return cls(None, neighbours, thick, layer.level, quiet, clean, spacing)
 
     def observe(self, places: NDArray[np.float64]) -> Observations:
         """Return what observations at some places are worth.

@@ -12,7 +12,7 @@ from gppcs.errors import InputError, whole_number
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
-from gppcs.surface.noise import NEIGHBOURS, Layer, is_detail, layer_of, projections
+from gppcs.surface.noise import NEIGHBOURS, THICK, Layer, is_detail, layer_of, projections
 from gppcs.surface.quadrics import fit_quadrics
 
 CLOSE = 16  # Points of the fits that find signs: fewer than 30, as thin parts matter more there than noise.
@@ -120,7 +120,7 @@ def across_noise(tree: KdTree) -> tuple[int, Layer]:
     """Double the points of a fit until neighbourhoods lie across the layer of noise, not within it."""
     neighbours = NEIGHBOURS
     layer = layer_of(tree, neighbours)
-    while layer.thick and neighbours < WIDEST:
+    while layer.level > THICK * layer.radius and neighbours < WIDEST:
         neighbours *= 2
         layer = layer_of(tree, neighbours)
     return neighbours, layer

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gppcs.gp.local.density import GROUP_SIZE, graded, limited, segregation
+from gppcs.gp.local.density import GROUP_SIZE, graded, limited, roundness_of
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree
 
 
@@ -42,10 +42,10 @@ def test_graded_spacings_are_of_groups_and_no_greater_than_before(n):
         np.testing.assert_allclose(found[group], np.minimum(spacings[group], limit), rtol=1e-9)
 
 
-def test_faces_and_edges_are_segregated_and_round_things_are_not():
+def test_flat_faces_with_edges_are_not_round():
     for edges in (0.1, 0.5, 0.9):
         of_faces = np.where(np.arange(100) < 100 * edges, 0.29, 0.0)
-        assert segregation(of_faces) == pytest.approx(1)
-        assert segregation(np.where(of_faces > 0, 0.5, 0.0)) == pytest.approx(1)  # what is sharper counts no more
-    assert segregation(np.full(9, 0.29)) == segregation(np.zeros(9)) == 0
-    assert segregation(np.linspace(0, 0.29, 999)) == pytest.approx(1 / 3, rel=0.01)
+        assert roundness_of(of_faces) == pytest.approx(0)
+        assert roundness_of(np.where(of_faces > 0, 0.5, 0.0)) == pytest.approx(0)  # what is sharper counts no more
+    assert roundness_of(np.full(9, 0.29)) == roundness_of(np.zeros(9)) == 1
+    assert roundness_of(np.linspace(0, 0.29, 999)) == pytest.approx((1 - 1 / 9) ** 4, rel=0.01)

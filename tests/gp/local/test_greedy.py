@@ -27,8 +27,9 @@ def random_problem(n, seed, normal_weight, noise, spread):
     )
 
 
-def extend(*given):
-    return greedy.extend(*given, lambda steps: None)
+def extend(field, tree, chosen, n_points, k, w):
+    added, scores, deviations = greedy.extend(field, tree, chosen, n_points - len(chosen), k, w)
+    return np.r_[chosen, added], scores, deviations
 
 
 def assert_greedy(tree, field, chosen, n_points, k, w, extended, scores, deviations):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from gppcs.engine.timer import Timer
-from gppcs.gp.local.survey import sample, sharpness_of, survey
+from gppcs.gp.local.candidates import sample, sharpness_of, survey
 from gppcs.spatial.cells import greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
@@ -49,7 +49,7 @@ def test_faces_have_no_sharp_points():
 def test_area_and_noise_of_millions_are_judged_by_some(monkeypatch):
     rng = np.random.default_rng(0)
     points = np.column_stack([rng.random((200_000, 2)), 0.002 * rng.standard_normal(200_000)])
-    monkeypatch.setattr("gppcs.gp.local.survey.LARGE", 20_000)
+    monkeypatch.setattr("gppcs.gp.local.candidates.LARGE", 20_000)
 
     def sampled(n_points):
         rows = sample(points, n_points)
@@ -66,7 +66,7 @@ def test_area_and_noise_of_millions_are_judged_by_some(monkeypatch):
 
 
 def test_a_sample_holds_no_repeats(monkeypatch):
-    monkeypatch.setattr("gppcs.gp.local.survey.LARGE", 2_000)
+    monkeypatch.setattr("gppcs.gp.local.candidates.LARGE", 2_000)
     rng = np.random.default_rng(0)
     points = rng.permutation(np.repeat(rng.random((1_500, 3)), 20, axis=0))
     places = points[sample(points, 10)]

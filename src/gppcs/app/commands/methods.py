@@ -9,7 +9,7 @@ import typer
 
 from gppcs.app import options
 from gppcs.app.printing import print_json, say
-from gppcs.methods import METHODS, Method, method_named
+from gppcs.methods import METHODS, Method, method_of
 
 EPILOG = "[bold]Examples[/bold]\n\ngppcs methods\n\ngppcs methods wlop"
 
@@ -27,7 +27,7 @@ def methods(
     as_json: options.Json = False,
 ) -> None:
     """List all methods with their sources and parameters, or explain one method and each of its parameters."""
-    chosen = list(METHODS.values()) if name is None else [type(method_named(name))]
+    chosen = list(METHODS.values()) if name is None else [type(method_of(name))]
     if as_json:
         for method in chosen:
             print_json(_record(method))

@@ -36,7 +36,7 @@ from gppcs.engine.memory import peak_memory
 from gppcs.engine.threads import set_threads
 from gppcs.engine.timer import COMPILATION
 from gppcs.errors import InputError, OutputError, ParameterError, file_path, shown
-from gppcs.methods import DEFAULT, METHODS, Method, method_named
+from gppcs.methods import DEFAULT, METHODS, Method, method_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -197,7 +197,7 @@ def simplify(
         "spacing": spacing,
         "max_gap": max_gap,
     }
-    chosen = method_named(method, _parsed(settings or []))
+    chosen = method_of(method, settings=_parsed(settings or []))
     wanted = None if levels is None else _checked_levels(levels, amount, chosen, mark)
     dropped, added = _listed("--drop", drop, KINDS), _listed("--add", add, ADDED)
     request = Request.of(

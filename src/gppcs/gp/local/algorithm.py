@@ -14,17 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.timer import Timer
-from gppcs.gp.local.candidates import Candidates, nested_candidates
-from gppcs.gp.local.density import GRADATION, ROUNDING, density_of, graded, refinement, segregation, weighted
+from gppcs.gp.local.candidates import Candidates, nested_candidates, survey
+from gppcs.gp.local.density import GRADATION, ROUNDING, density_of, graded, refinement, roundness_of, weighted
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
-from gppcs.gp.local.survey import survey
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.noise import Observations
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
 
 NEAREST = 16  # Points of a neighbourhood if candidates are not thinned: a ball could then hold any number of them.
-ROUNDNESS_POWER = 4.0  # Of 1 - S^2 for a segregation S. The larger, the less flat faces with edges count as round.
 NUGGET = 1e-4  # Variance of an observation without noise, in units of the prior's. Keeps covariances regular.
 
 
@@ -135,11 +133,11 @@ def rank(
             if weights is not None:
                 field = field._replace(spacings=weighted(field.spacings, weights[rows]))
         with timer("greedy selection", stage.target - len(ranking.rows)) as advanced:
-            before = tree.positions()[np.searchsorted(stage.rows, ranking.rows)]
-            chosen, scores, deviations = extend(
-                field, tree, before, stage.target, criterion.neighbours, criterion.error_weight, advanced
+            before, wanted = np.flatnonzero(np.isin(rows, ranking.rows)), stage.target - len(ranking.rows)
+            added, scores, deviations = extend(
+                field, tree, before, wanted, criterion.neighbours, criterion.error_weight, advanced=advanced
             )
-        ranking = ranking.extended(rows[chosen[len(before) :]], scores, deviations)
+        ranking = ranking.extended(rows[added], scores, deviations)
     return ranking
 
 
@@ -148,11 +146,10 @@ def features_of(places: NDArray[np.float64], observations: Observations, stage: 
 
     Shapes: places (n, 3).
     """
-    tree = on_surface = KdTree.build(places).scaled(1.0 / stage.spacing)
+    tree = KdTree.build(places / stage.spacing)
+    on_surface = tree.in_own_order()
     if observations.feet is not None:
-        feet = observations.feet[tree.order]
-        on_surface = KdTree.over(np.ascontiguousarray(feet.T) / stage.spacing, tree.order)
-    on_surface = on_surface.in_own_order()
+        on_surface = KdTree.over(np.ascontiguousarray(observations.feet[tree.order].T) / stage.spacing)
     return tree, features_in_radius(on_surface, 1.0) if stage.thinned else features_of_nearest(on_surface, NEAREST)
 
 
@@ -184,11 +181,6 @@ class Scale(NamedTuple):
         roundness = roundness_of(roughness)
         density = density_of(roughness, criterion.density_power * roundness)
         return cls(float(np.mean(variation)), float(np.std(variation)), roundness, float(np.mean(density)))
-
-
-def roundness_of(roughness: NDArray[np.float64]) -> float:
-    """Return from 1 for a cloud whose places are alike to 0 for flat faces and edges only, given roughness, (n,)."""
-    return (1.0 - segregation(roughness) ** 2) ** ROUNDNESS_POWER
 
 
 def local_field(

@@ -28,6 +28,7 @@ from gppcs.gp.local.candidates import (
     DISTANCES,
     ENOUGH,
     FIRST_STAGE,
+    PER_POINT,
     SMALLEST_AREA,
     TOO_MANY,
     Candidates,
@@ -36,12 +37,13 @@ from gppcs.gp.local.candidates import (
     largest_gap,
     nested_candidates,
     numbers_of_lone,
+    sample_size,
+    sharpness_of,
     thinned,
 )
 from gppcs.gp.local.density import FINEST, WEIGHT_POWER
-from gppcs.gp.local.greedy import extend_down_to, next_step
+from gppcs.gp.local.greedy import extend, next_step
 from gppcs.gp.local.kernel import LocalField
-from gppcs.gp.local.survey import PER_POINT, sample_size, sharpness_of
 from gppcs.spatial.boxes import Each, Part, classes
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
@@ -421,7 +423,8 @@ def _choose(
         field.noise[some], field.lengthscale, field.normal_weight,
     )  # fmt: skip
     criterion, before = stage.criterion, np.flatnonzero(chosen[some])
-    added, scores, deviations = extend_down_to(level, field, tree, before, criterion.neighbours, criterion.error_weight)
+    most = len(some) - len(before)
+    added, scores, deviations = extend(field, tree, before, most, criterion.neighbours, criterion.error_weight, level)
     near, own = near.take(some[added]), near.inside[some[added]]
     return Ranking(near.rows[own], scores[own], deviations[own]), near.points[own]
 

@@ -18,6 +18,7 @@ GROUP_SIZE = 8  # Points with one limit of the gradation. Limits for each point 
 # 0.1 is 1 % worse in H mean (research/experiments.md, "floor of the roughness").
 LEAST_ROUGHNESS = 0.05
 EDGE_ROUGHNESS = 0.29  # Roughness on a right-angled edge: 0.292 at any radius (research/experiments.md).
+ROUNDNESS_POWER = 4.0  # Of 1 - S^2 for a segregation S. The larger, the less flat faces with edges count as round.
 GRADATION = 0.1  # Growth of the spacing with distance, at most; 0.05 and 0.2 are worse (research/experiments.md).
 # Near a jump of the weights, and where normals turn much from one point to the next, the choice follows the desired
 # spacings less than it should. With this power of the weights, densities have the wanted ratio (docs/ask.md).
@@ -49,17 +50,18 @@ def refinement(weights: NDArray[np.float64]) -> float:
     return min(float(weights.max() / weights.mean()), FINEST)
 
 
-def segregation(roughness: NDArray[np.float64]) -> float:
-    """Return how much a cloud consists of flat faces and right-angled edges, given the roughness of its places, (n,).
+def roundness_of(roughness: NDArray[np.float64]) -> float:
+    """Return from 1 for a cloud whose places are alike to 0 for flat faces and edges only, given roughness, (n,).
 
-    It is the variance of the roughness, divided by the largest variance that values from 0 to `EDGE_ROUGHNESS` with
-    the same mean can have: the intensity of segregation of a mixture (Danckwerts 1952). It is 1 for flat faces and
-    right-angled edges only, 0 if all places are alike.
+    It depends on the variance of the roughness, divided by the largest variance that values from 0 to `EDGE_ROUGHNESS`
+    with the same mean can have: the intensity of segregation of a mixture (Danckwerts 1952). That is 1 for flat faces
+    and right-angled edges only, and 0 if all places are alike.
     """
     clipped = np.minimum(roughness, EDGE_ROUGHNESS)
     mean = float(np.mean(clipped))
     most = mean * (EDGE_ROUGHNESS - mean)
-    return float(np.var(clipped)) / most if most > ROUNDING else 0.0
+    segregation = float(np.var(clipped)) / most if most > ROUNDING else 0.0
+    return (1.0 - min(segregation, 1.0) ** 2) ** ROUNDNESS_POWER
 
 
 def graded(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArray[np.float64]:

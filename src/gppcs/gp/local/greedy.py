@@ -35,7 +35,6 @@ from gppcs.gp.local.greedy_state import (
     within_reach,
 )
 from gppcs.gp.local.kernel import LocalField, field_distance
-from gppcs.gp.local.posterior import condition, posterior
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, squared_distance_of_boxes
 
 STEP = 0.7  # From one level to the next. Larger steps defer more points, smaller ones take more rounds.
@@ -83,12 +82,13 @@ def extend(
     field: LocalField,
     tree: KdTree,
     chosen: NDArray[np.int64],
-    n_points: int,
+    wanted: int,
     neighbours: int,
     error_weight: float,
-    advanced: Callable[[int], None],
+    level: float = 0.0,
+    advanced: Callable[[int], None] = lambda steps: None,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Choose the point with the largest score, again and again, until `n_points` are chosen.
+    """Choose the point with the largest score, again and again: `wanted` points, or fewer with scores from `level` on.
 
     Let a point have the posterior mean mu and variance sigma^2, and an observation there the variance nu. It has the
     gain g = sigma^2 / (sigma^2 + nu): it lowers the variance by g sigma^2 and moves the mean by g (y - mu). The score
@@ -99,61 +99,27 @@ def extend(
     once, the order is that of falling scores, and the result is not exactly that of one choice after another: a new
     point may raise a score, since posteriors are given only the nearest points.
 
-    Shapes: chosen (m,); returns chosen (n_points,), scores, deviations (n_points - m,).
+    Shapes: chosen (m,), in any order; returns added, scores, deviations (wanted,).
     """
-    state, parts = _begun(field, tree, chosen, neighbours, error_weight)
-    wanted, whole = n_points - len(chosen), divide(state, 1)
-    if parts is None:
+    state = begin_state(field, tree, chosen, neighbours, error_weight)
+    whole, count = divide(state, 1), number_of_parts(len(field.y), len(chosen), tree.leaves, neighbours)
+    if count > 1:
+        parts = divide(state, count)
+        added, scores = _choose_in_levels(
+            wanted, len(chosen), level, field, error_weight, state, parts, whole, advanced
+        )
+    else:
         for taken in range(0, wanted, REPORTED):
-            choose_in_parts(0, 1, TAKEN, min(taken + REPORTED, wanted), field, error_weight, state, whole)
+            choose_in_parts(0, 1, level, min(taken + REPORTED, wanted), field, error_weight, state, whole)
             advanced(min(REPORTED, wanted - taken))
         added, scores = chosen_by(whole)
-    else:
-        added, scores = _choose_in_levels(wanted, len(chosen), field, error_weight, state, parts, whole, advanced)
-    return np.concatenate([chosen, added]), scores, np.sqrt(state.variances[added])
-
-
-def extend_down_to(
-    level: float,
-    field: LocalField,
-    tree: KdTree,
-    chosen: NDArray[np.int64],
-    neighbours: int,
-    error_weight: float,
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Choose the point with the largest score, again and again, as long as that is at least `level`.
-
-    Shapes: returns added (n,), scores, deviations (n,).
-    """
-    state, parts = _begun(field, tree, chosen, neighbours, error_weight)
-    whole = divide(state, 1)
-    if parts is None:
-        choose_in_parts(0, 1, level, len(tree.order), field, error_weight, state, whole)
-        added, scores = chosen_by(whole)
-    else:
-        reached = np.inf
-        while reached > level:
-            reached = STEP * min(reached, float(state.best[1]))
-            reached = reached if reached > max(level, LEAST_STEP) else level
-            choose_level(reached, field, error_weight, state, parts, whole)
-        added, scores = _joined(parts, whole)
-    order = np.argsort(-scores, kind="stable")
-    return added[order], scores[order], np.sqrt(state.variances[added[order]])
-
-
-def _begun(
-    field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighbours: int, error_weight: float
-) -> tuple[GreedyState, Parts | None]:
-    """Return the state after `chosen`, and the parts that choose at once, or None if they would be too small."""
-    conditioning = condition(field, tree, chosen, neighbours)
-    state = begin_state(field, tree, chosen, conditioning, posterior(field, conditioning, error_weight))
-    count = number_of_parts(len(field.y), len(chosen), tree.leaves, neighbours)
-    return state, divide(state, count) if count > 1 else None
+    return added, scores, np.sqrt(state.variances[added])
 
 
 def _choose_in_levels(
     wanted: int,
     chosen: int,
+    last: float,
     field: LocalField,
     error_weight: float,
     state: GreedyState,
@@ -161,14 +127,15 @@ def _choose_in_levels(
     rest: Parts,
     advanced: Callable[[int], None],
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Choose the `wanted` best points, level by level, after `chosen` others; parts as in `choose_all_above`."""
-    level, taken = float(state.best[1]), 0
-    while taken < wanted:
+    """Choose the `wanted` best points, level by level, after `chosen` others; parts as in `choose_level`."""
+    level, taken = np.inf, 0
+    while taken < wanted and level > last:
         level = min(level, float(state.best[1])) * next_step(chosen + taken, chosen + wanted)
+        level = level if level > max(last, LEAST_STEP) else last
         choose_level(level, field, error_weight, state, parts, rest)
         before, taken = taken, min(int(parts.counts.sum() + rest.counts.sum()), wanted)
         advanced(taken - before)
-    added, scores = _joined(parts, rest)
+    added, scores = (np.concatenate(both) for both in zip(chosen_by(parts), chosen_by(rest), strict=True))
     best = np.argsort(-scores, kind="stable")[:wanted]
     return added[best], scores[best]
 
@@ -176,12 +143,6 @@ def _choose_in_levels(
 def next_step(chosen: int, wanted: int) -> float:
     """Return by what the level is multiplied: scores fall about as the spacing of the chosen points, or faster."""
     return max(STEP, math.sqrt(chosen / (SPARE * wanted)))
-
-
-def _joined(parts: Parts, rest: Parts) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return what the parts and the whole have chosen, and the scores."""
-    (added, scores), (others, of_others) = chosen_by(parts), chosen_by(rest)
-    return np.concatenate([added, others]), np.concatenate([scores, of_others])
 
 
 def number_of_parts(n: int, chosen: int, leaves: int, neighbours: int) -> int:

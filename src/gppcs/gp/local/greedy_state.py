@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.kernel import LANES, LocalField, field_distance
-from gppcs.gp.local.posterior import Conditioning, Posterior, Work, posteriors, workspace
+from gppcs.gp.local.posterior import Conditioning, Work, condition, posterior, posteriors, workspace
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range
 
 LEAVES_AT_ONCE = 32  # Leaves that a thread takes at once, at least.
@@ -55,13 +55,14 @@ class GreedyState(NamedTuple):
 
 
 def begin_state(
-    field: LocalField, tree: KdTree, chosen: NDArray[np.int64], conditioning: Conditioning, given: Posterior
+    field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighbours: int, error_weight: float
 ) -> GreedyState:
     """Return the state in which some points are chosen.
 
     Shapes: chosen (m,).
     """
-    count = len(tree.low)
+    conditioning = condition(field, tree, chosen, neighbours)
+    given, count = posterior(field, conditioning, error_weight), len(tree.low)
     state = GreedyState(
         tree.order, conditioning, given.variances, given.scores, conditioning.squared[:, -1].copy(),
         np.concatenate([tree.low, tree.high, np.empty((count, 2))], axis=1),
