@@ -48,9 +48,3 @@ def test_a_triangle_far_above_the_points_is_not_covered(with_hole):
     triangle = np.array([[0, 1, 2]])
     assert are_covered(cover, triangle, low, reaches)[0]
     assert not are_covered(cover, triangle, low + np.array([0, 0, 0.2]), reaches)[0]
-
-
-def test_short_edges_between_points_are_covered_without_a_search(with_hole):
-    points, cover = with_hole
-    near = KdTree.build(points).nearest_of(points[:100], 3)[0]
-    assert are_covered(cover, near, points, cover.reaches).all()

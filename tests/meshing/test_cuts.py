@@ -30,15 +30,6 @@ def test_triangles_that_cut_are_those_that_pymeshlab_finds(seed, shared):
     assert np.array_equal(cutting(loose(vertices, faces), vertices), expected)
 
 
-@pytest.mark.parametrize(
-    ("tip", "found"),
-    [((0.3, 0.3, -1.0), [0, 1]), ((0.3, 0.3, 0.01), []), ((0.9, 0.9, -1.0), [])],
-)
-def test_a_tip_cuts_if_it_goes_through(tip, found):
-    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], tip, [0.3, 0.2, 1], [0.2, 0.4, 1]], dtype=float)
-    assert cutting(loose(vertices, [[0, 1, 2], [3, 4, 5]]), vertices).tolist() == found
-
-
 @pytest.mark.parametrize("corners", [3, 6, 12])
 @pytest.mark.parametrize("axes", [2, 3])
 def test_on_a_lattice_the_triangles_found_are_exactly_those_that_meet_or_have_no_area(corners, axes):

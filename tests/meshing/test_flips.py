@@ -5,7 +5,7 @@ import pytest
 
 from gppcs.clouds.topology import topology_of
 from gppcs.meshing.assignment import Assignment
-from gppcs.meshing.flips import THIN_IN_FLIPS, flip, flip_edge, is_flippable, qualities, thinness
+from gppcs.meshing.flips import THIN_IN_FLIPS, flip, flip_edge, is_flippable, qualities
 from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges
 from shapes import ball, faults, random_mesh, sheet
 
@@ -64,10 +64,3 @@ def test_a_fold_across_a_ridge_is_flipped():
     assigned = Assignment.of(mesh, points, ridge, np.tile([0.0, 0.0, 1.0], (9, 1)), np.zeros(9, dtype=np.int64))
     assert flip(mesh, points, normals, ridge, assigned, 0.0) == 1
     assert assigned.squared == pytest.approx(np.zeros(9), abs=1e-12)
-
-
-def test_thin_triangles_cost_and_others_do_not():
-    assert thinness((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.5, 0.9, 0.0)) == 0
-    assert thinness((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (2.0, 0.0, 0.0)) == 1
-    thin = thinness((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.5, 0.04, 0.0))
-    assert thin == pytest.approx(1 - 4 * np.sqrt(3) * 0.02 / (1 + 2 * (0.25 + 0.0016)) / THIN_IN_FLIPS)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, around, following, neighbours, preceding
-from shapes import ball, faults, random_mesh, sheet
+from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, around, neighbours
+from shapes import ball, faults, random_mesh
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -19,11 +19,6 @@ def test_triangles_come_back():
     assert np.array_equal(mesh.faces(), faces)
     mesh.origin[3:6] = -1
     assert np.array_equal(mesh.faces(), np.delete(faces, 1, axis=0))
-
-
-def test_the_edges_of_a_triangle_follow_each_other():
-    assert [following(h) for h in range(6)] == [1, 2, 0, 4, 5, 3]
-    assert [preceding(following(h)) for h in range(6)] == list(range(6))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -41,20 +36,3 @@ def test_neighbours_are_those_of_the_triangles_in_order(seed):
             corners = [v, found[slot], found[(slot + 1) % count]]
             assert any(np.array_equal(np.roll(corners, k), face) for k in range(3) for face in at)
         assert around(mesh, v, halves) == (edges, closed)
-
-
-def test_a_vertex_without_triangles_has_no_neighbours():
-    mesh = HalfEdges.of(np.array([[0, 1, 2]]), 4)
-    assert neighbours(mesh, 3, np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_AROUND + 1, dtype=np.int64))[0] == 0
-
-
-@pytest.mark.parametrize("array", ["opposite", "leaving", "origin"])
-def test_faults_are_found(array):
-    points, _, faces = sheet(40)
-    mesh = HalfEdges.of(faces, len(points))
-    getattr(mesh, array)[0] = mesh.origin[1]
-    assert faults(mesh) != []
-
-
-def test_a_bow_tie_is_a_fault():
-    assert len(faults(HalfEdges.of(np.array([[0, 1, 2], [0, 3, 4]]), 5))) == 1

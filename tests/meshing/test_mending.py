@@ -13,6 +13,10 @@ from gppcs.meshing.mending import cut_out, mend
 from shapes import ball, faults, random_mesh, sheet
 
 
+def no_vertex(points):
+    return np.zeros(len(points), dtype=bool)
+
+
 def crumpled(seed):
     """A ball some of whose points lie so far inside that their triangles cut others."""
     points, normals, faces = ball(300, seed)
@@ -26,7 +30,7 @@ def test_mending_keeps_the_topology_and_leaves_no_cut(seed):
     points, normals, faces = crumpled(seed)
     mesh = HalfEdges.of(faces, len(points))
     assert len(cutting(mesh, points)) > 0
-    into, _ = mend(mesh, points, normals, np.zeros(len(points), dtype=bool))
+    into, _ = mend(mesh, points, normals, no_vertex(points))
     used = np.unique(mesh.faces())
     assert faults(mesh) == []
     assert topology_of(mesh.faces()) == (0, 0, 0, 1, 0)
@@ -48,12 +52,11 @@ def test_kept_vertices_stay_while_edges_flip():
 def test_a_mesh_without_cuts_is_not_changed():
     points, normals, faces = ball(200)
     mesh = HalfEdges.of(faces, 200)
-    mend(mesh, points, normals, np.zeros(200, dtype=bool))
+    mend(mesh, points, normals, no_vertex(points))
+    left, holes = cut_out(mesh, points, normals)
     assert np.array_equal(mesh.faces(), faces)
-
-
-def no_vertex(points):
-    return np.zeros(len(points), dtype=bool)
+    assert np.array_equal(left, faces)
+    assert holes == 0
 
 
 @given(seed=st.integers(0, 10_000), share=st.floats(0.01, 0.5), depth=st.floats(-2.0, 2.0))
@@ -92,13 +95,6 @@ def test_a_spike_through_another_sheet_goes_and_both_stay_whole():
     assert len(cutting(mesh, points)) == 0
     assert topology_of(mesh.faces()) == before
     assert len(np.unique(mesh.faces())) == len(points) - 1
-
-
-def test_without_cuts_nothing_is_left_out():
-    points, normals, faces = ball(200)
-    left, holes = cut_out(HalfEdges.of(faces, 200), points, normals)
-    assert np.array_equal(left, faces)
-    assert holes == 0
 
 
 def test_borders_stay_open():
