@@ -103,3 +103,8 @@ def odd_clouds():
         "large and far outlier": np.concatenate([rng.random((90, 3)), [[1e9, 0, 0]]]),
         "coincident to rounding": np.concatenate([places, np.nextafter(places, 1)]),
     }
+
+
+def rotation(seed):
+    """A random orthogonal matrix."""
+    return np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0]

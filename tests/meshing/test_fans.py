@@ -40,17 +40,6 @@ def test_fans_in_a_plane_are_the_delaunay_triangulation(tilt):
     assert radii == pytest.approx(sides / (4 * areas))
 
 
-def test_every_triangle_comes_once_with_its_votes():
-    points = np.random.default_rng(2).standard_normal((300, 3))
-    points /= np.linalg.norm(points, axis=1)[:, None]
-    triangles, votes, _ = fans_of(points, points, neighbours(points, 24))
-    assert len(canonical(triangles)) == len(triangles)
-    assert votes.min() >= 1
-    assert votes.max() == 3
-    assert np.mean(votes == 3) > 0.8
-    assert (np.linalg.det(points[triangles]) > 0).all()  # counter-clockwise as seen from outside
-
-
 def test_neighbours_on_another_sheet_are_left_out():
     rng = np.random.default_rng(3)
     upper = np.column_stack([rng.random((200, 2)), np.full(200, 0.02)])

@@ -53,14 +53,3 @@ def test_flips_lower_the_energy_that_they_say(shape, extra):
     assert energy(mesh, points, again, extra) <= after * (1 + 1e-9)  # each point at its nearest triangle: no more
     flip(mesh, points, normals, dense, again, extra)
     assert energy(mesh, points, again, extra) <= after * (1 + 1e-9)
-
-
-def test_a_fold_across_a_ridge_is_flipped():
-    """Two triangles join the points across the ridge of a roof; the dense points say that they should not."""
-    points = np.array([[0.0, 0, 0], [1, 0, 0.5], [2, 0, 0], [1, 1, 0.5]])
-    normals = np.tile([0.0, 0.0, 1.0], (4, 1))
-    mesh = HalfEdges.of(np.array([[0, 1, 2], [0, 2, 3]]), 4)
-    ridge = np.column_stack([np.ones(9), np.linspace(0.1, 0.9, 9), np.full(9, 0.5)])
-    assigned = Assignment.of(mesh, points, ridge, np.tile([0.0, 0.0, 1.0], (9, 1)), np.zeros(9, dtype=np.int64))
-    assert flip(mesh, points, normals, ridge, assigned, 0.0) == 1
-    assert assigned.squared == pytest.approx(np.zeros(9), abs=1e-12)

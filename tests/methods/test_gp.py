@@ -4,6 +4,7 @@ from scipy.spatial import cKDTree
 
 import gppcs
 from gppcs.methods import LocalGP
+from shapes import rotation, square
 
 SAMPLES = ("bracket", "medallion")
 
@@ -63,9 +64,8 @@ def test_noise_is_left_out(sphere, sigma, at_most):
 
 
 def test_half_of_the_points_in_a_dot_get_no_more_than_their_share():
-    rng = np.random.default_rng(0)
-    plane = np.column_stack([rng.random((5_000, 2)), np.zeros(5_000)])
-    points = np.concatenate([[0.3, 0.3, 0.0] + 1e-7 * rng.random((5_000, 3)), plane])
+    dot = [0.3, 0.3, 0.0] + 1e-7 * np.random.default_rng(1).random((5_000, 3))
+    points = np.concatenate([dot, square(5_000)])
     kept = chosen(points, 500)
     assert len(np.unique(kept)) == 500
     assert (kept < 5_000).sum() <= 5
@@ -75,9 +75,7 @@ def test_half_of_the_points_in_a_dot_get_no_more_than_their_share():
 @pytest.mark.parametrize("turned", [False, True])
 def test_features_above_all_still_cover_a_plane(turned):
     """The surface variation is nothing but rounding there, and no reason to choose."""
-    rng = np.random.default_rng(0)
-    turn = np.linalg.qr(rng.standard_normal((3, 3)))[0] if turned else np.eye(3)
-    points = np.column_stack([rng.random((5_000, 2)), np.zeros(5_000)]) @ turn
+    points = square(5_000) @ (rotation(0) if turned else np.eye(3))
     kept = chosen(points, 400, LocalGP(feature_weight=1.0))
     assert covering_radius(points, kept) < 1.3 * covering_radius(points, chosen(points, 400, "fps"))
 

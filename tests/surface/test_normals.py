@@ -9,7 +9,7 @@ from gppcs.surface import normals as module
 from gppcs.surface.noise import NEIGHBOURS
 from gppcs.surface.normals import estimate_normals
 from gppcs.surface.quadrics import fit_quadrics
-from shapes import odd_clouds
+from shapes import odd_clouds, rotation, torus
 
 
 def plain_signs(points, normals, near):
@@ -83,11 +83,8 @@ def test_open_pieces_point_to_the_side_that_bulges(sphere):
 
 
 def test_a_torus_and_edges_have_the_signs_of_the_surface():
-    rng = np.random.default_rng(0)
-    around, across = 2 * np.pi * rng.random((2, 8000))
-    exact = np.column_stack([np.cos(across) * np.cos(around), np.cos(across) * np.sin(around), np.sin(across)])
-    torus = exact + 3 * np.column_stack([np.cos(around), np.sin(around), np.zeros(8000)])
-    assert ((estimate_normals(torus) * exact).sum(axis=1) > 0.99).all()
+    points, exact = torus(8_000, radius=1 / 3)
+    assert ((estimate_normals(points) * exact).sum(axis=1) > 0.99).all()
     part = gppcs.sample("bracket", n_points=50_000)
     assert ((estimate_normals(part) * part.normals()).sum(axis=1) > 0).mean() > 0.999
 
@@ -128,12 +125,11 @@ def test_places_between_the_points_and_large_clouds(sphere, monkeypatch):
 
 
 def test_shift_scale_rotation_and_order_turn_the_normals_only(bracket):
-    rotation, _ = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))
-    plain = estimate_normals(bracket)
+    turn, plain = rotation(3), estimate_normals(bracket)
     np.testing.assert_allclose(estimate_normals(bracket + np.array([5e5, 5e6, 0])), plain, atol=1e-6)
     np.testing.assert_allclose(estimate_normals(1024 * bracket), plain, atol=1e-9)
     np.testing.assert_allclose(estimate_normals(bracket[::-1])[::-1], plain, atol=1e-6)
-    assert ((estimate_normals(bracket @ rotation) * (plain @ rotation)).sum(axis=1) > 1 - 1e-6).mean() > 0.999
+    assert ((estimate_normals(bracket @ turn) * (plain @ turn)).sum(axis=1) > 1 - 1e-6).mean() > 0.999
 
 
 @pytest.mark.parametrize("points", odd_clouds().values(), ids=odd_clouds())

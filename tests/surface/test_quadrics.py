@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.quadrics import fit_quadrics
+from shapes import rotation
 
 LATTICE = np.stack(np.meshgrid(*[np.linspace(-1, 1, 7)] * 2), axis=-1).reshape(-1, 2)
 
@@ -16,10 +17,6 @@ def fitted(points, place, k=None):
     (height,), ((x,), (y,), (z,)), (reach,) = fit_quadrics(KdTree.build(points), KdTree.build(place[None]), k)
     assert reach == pytest.approx(np.sort(np.linalg.norm(points - place, axis=1))[k - 1], abs=1e-300) or reach == 1
     return height, np.array([x, y, z])
-
-
-def rotation(seed):
-    return np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0]
 
 
 @given(

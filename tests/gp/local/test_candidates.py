@@ -13,17 +13,13 @@ from gppcs.gp.local.candidates import (
 )
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
+from shapes import square
 
 
 def finest_of(points, n_points):
     """Rows of the finest candidates, where all points are equally sharp."""
     alike = np.zeros(len(points), dtype=np.float32)
     return nested_candidates(points, alike, n_points, surface_area(KdTree.build(points)), 8.0)[-1].rows
-
-
-def plane_and(*others):
-    rng = np.random.default_rng(0)
-    return np.concatenate([np.column_stack([rng.random((40_000, 2)), np.zeros(40_000)]), *others])
 
 
 def test_gaps_are_the_distances_to_the_nearest_others(sphere):
@@ -51,17 +47,16 @@ def test_largest_gap_lies_where_the_numbers_fall_slowly():
 def test_scattered_outliers_are_no_candidates():
     """Only those near the plane are; found 3 %."""
     outliers = np.random.default_rng(1).uniform([0, 0, -0.5], [1, 1, 0.5], (400, 3))
-    rows = finest_of(plane_and(outliers), 1_000)
+    rows = finest_of(np.concatenate([square(40_000), outliers]), 1_000)
     assert 0 < (rows >= 40_000).sum() < 0.05 * 400
     assert (rows < 40_000).sum() > 7_500
 
 
 def test_a_few_outliers_are_no_candidates_where_others_are_lone_by_chance():
     """10 of 20,000, and every tenth point is kept: before, all of them were candidates."""
-    rng = np.random.default_rng(0)
-    plane = np.column_stack([rng.random((20_000, 2)), np.zeros(20_000)])
+    rng = np.random.default_rng(1)
     outliers = np.column_stack([rng.random((10, 2)), rng.uniform(0.1, 0.5, 10)])
-    rows = finest_of(np.concatenate([plane, outliers]), 2_000)
+    rows = finest_of(np.concatenate([square(20_000), outliers]), 2_000)
     assert (rows >= 20_000).sum() <= 1
 
 
@@ -70,7 +65,7 @@ def test_wires_and_sparse_parts_stay():
     wire = np.column_stack([np.linspace(0, 1, 120), np.full(120, 0.5), np.full(120, 0.3)])
     gaps = np.repeat(0.01 * 1.1 ** np.arange(12), 30)
     rows = np.column_stack([np.tile(np.arange(30.0), 12) * gaps, 1 + 8 * gaps, np.zeros(360)])
-    points = plane_and(wire, rows)
+    points = np.concatenate([square(40_000), wire, rows])
     kept = finest_of(points, 1_000)
     gaps = gaps_of_lone(points[kept], np.sqrt(1.0 / 1_000))
     assert (gaps > 0).sum() > 5

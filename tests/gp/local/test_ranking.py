@@ -11,6 +11,7 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Observations
 from gppcs.surface.surface_variation import Features
+from shapes import square
 
 
 def criterion(**changes):
@@ -77,8 +78,7 @@ def test_a_cloud_alike_everywhere_has_one_spacing_and_no_error(variation):
 
 
 def test_points_of_great_variance_are_chosen_late():
-    rng = np.random.default_rng(0)
-    points = np.column_stack([rng.random((3_000, 2)), np.zeros(3_000)])
+    points = square(3_000)
     left = points[:, 0] < 0.5
     chosen = ranked(points, 100, lambda places: (places, np.where(places[:, 0] < 0.5, 0.0, 1.0))).rows
     assert left[chosen].mean() > 0.7
@@ -87,8 +87,7 @@ def test_points_of_great_variance_are_chosen_late():
 
 def test_features_are_those_of_where_points_belong():
     """One half is rough; told where its points came from, the choice has fewer there. Candidates lie denser there."""
-    rng = np.random.default_rng(0)
-    points = np.column_stack([rng.random((20_000, 2)), np.zeros(20_000)])
+    rng, points = np.random.default_rng(1), square(20_000)
     rough = points + np.where(points[:, [0]] < 0.5, [0.0, 0.0, 0.005], 0.0) * rng.standard_normal((20_000, 1))
 
     def seen(places):

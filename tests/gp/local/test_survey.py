@@ -7,6 +7,7 @@ from gppcs.spatial.cells import greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
+from shapes import rotation, square
 
 
 def test_a_survey_measures_sharpness_or_noise(sphere):
@@ -40,9 +41,7 @@ def test_the_sharpest_points_of_cells_are_those_on_the_edge():
 
 def test_faces_have_no_sharp_points():
     """Rounding, which changes with where the cloud lies, would tell points on a face that is along no axis apart."""
-    rng = np.random.default_rng(0)
-    turn, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))
-    points = rng.random((20_000, 3)) * [1.0, 1.0, 0.0] @ turn
+    points = square(20_000) @ rotation(0)
     np.testing.assert_array_equal(sharpness_of(KdTree.build(points), 0.016), 0.0)
 
 

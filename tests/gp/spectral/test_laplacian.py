@@ -59,20 +59,6 @@ def test_lifting_from_landmarks_stays_near_the_full_solution():
     assert np.linalg.norm(lifted - full) < 0.1 * np.linalg.norm(full)
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 10, 50])
-@pytest.mark.parametrize("shape", ["line", "plane", "anywhere"])
-def test_points_that_are_no_surface_have_eigenpairs(n, shape):
-    points = np.random.default_rng(n).random((n, 3))
-    if shape == "line":
-        points = points[:, :1] * [[1.0, 2.0, 3.0]]
-    if shape == "plane":
-        points[:, 2] = 1.0
-    pairs = eigenpairs(points, 20)
-    assert pairs.eigenfunctions.shape == (n, min(n, 20))
-    assert np.isfinite(pairs.eigenfunctions).all()
-    assert (np.diff(pairs.eigenvalues) >= 0).all()
-
-
 @pytest.mark.parametrize("distance", [10, 1_000])
 def test_a_far_point_does_not_cost_the_landmarks(bracket, distance):
     points = bracket.copy()
