@@ -1,7 +1,5 @@
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.optimize import minimize
 from scipy.spatial.distance import cdist
 
@@ -9,7 +7,6 @@ from gppcs.methods.pc_simp.graph_filter import (
     NeighbourGraph,
     Programme,
     high_pass_strength,
-    share_out,
     solve,
 )
 from gppcs.spatial.kdtree import KdTree
@@ -85,20 +82,3 @@ def test_a_far_point_does_not_spoil_the_solution():
     assert solution.gap <= 1e-4
     assert solution.selection[np.argmax(programme.strength)] == 1
     assert ((solution.selection > 0) & (solution.selection < 1)).sum() > 10
-
-
-@given(st.integers(1, 200), st.floats(0, 1), st.floats(0.1, 1e6), st.floats(-1e3, 1e3), st.integers(0, 99))
-def test_shares_add_up_and_are_those_of_bisection(n, part, spread, start, seed):
-    rng = np.random.default_rng(seed)
-    inverse = 1 / (1 + spread * rng.random(n) ** 4)
-    numerator = rng.standard_normal(n) / inverse
-    total = part * n
-    s, multiplier = share_out(numerator, inverse, total, start)
-    assert s.sum() == pytest.approx(total, rel=1e-11, abs=1e-12 * n)
-    np.testing.assert_allclose(s, np.clip((numerator - multiplier) * inverse, 0, 1), rtol=0, atol=1e-12)
-    low, high = (numerator - 1 / inverse).min(), numerator.max()
-    for _ in range(200):
-        middle = (low + high) / 2
-        above = np.clip((numerator - middle) * inverse, 0, 1).sum() > total
-        low, high = (middle, high) if above else (low, middle)
-    np.testing.assert_allclose(s, np.clip((numerator - low) * inverse, 0, 1), atol=1e-9)

@@ -98,21 +98,6 @@ def test_in_a_plane_nothing_costs_and_the_shortest_go_first(shape, n):
     assert contraction_order(points, 6).tolist() == plain_order(points, 6, costless=True)
 
 
-@pytest.mark.parametrize(("noise", "most"), [(0.0, 0.95), (1e-3, 0.5)])
-def test_edges_and_corners_of_a_cube_stay(noise, most):
-    """18 % of the points lie within a twentieth of an edge; of a tenth that is kept, many times that."""
-    rng = np.random.default_rng(0)
-    points = rng.random((6_000, 3))
-    points[np.arange(6_000), rng.integers(0, 3, 6_000)] = rng.integers(0, 2, 6_000)
-    near_edge = (np.minimum(points, 1 - points) < 0.05).sum(axis=1) >= 2
-    kept = contraction_order(points + noise * rng.standard_normal(points.shape))[:600]
-    assert 0.17 < near_edge.mean() < 0.2
-    assert near_edge[kept].mean() > most
-    corners = np.stack(np.unravel_index(np.arange(8), (2, 2, 2)), axis=1)
-    nearest_kept = np.linalg.norm(points[kept] - corners[:, None], axis=2).min(axis=1)
-    assert nearest_kept.max() < 0.06
-
-
 def test_a_smaller_choice_starts_a_larger_one(bracket):
     small, large = (gppcs.simplify(bracket[:3_000], n_points=n, method="qem").indices for n in (50, 700))
     assert len(np.unique(large)) == 700

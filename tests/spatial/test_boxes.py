@@ -53,21 +53,6 @@ def test_parts_divide_the_boxes(seed, most):
         assert (high[part.first : part.last].max(axis=0) == part.high).all()
 
 
-@given(SEEDS, st.sampled_from([0.0, 0.01, 0.2]))
-def test_boxes_around_a_part_hold_all_that_is_near(seed, width):
-    points = np.random.default_rng(seed).random((2_000, 3))
-    boxes = Boxes.of(points, 64)
-    own = boxes.box_of(points)
-    for part in boxes.parts(np.bincount(own, minlength=64), 300):
-        near = ((points >= part.low - width) & (points <= part.high + width)).all(axis=1)
-        outside = (own < part.first) | (own >= part.last)
-        assert (
-            set(own[near & outside])
-            <= set(boxes.around(part, width))
-            <= set(range(64)) - set(range(part.first, part.last))
-        )
-
-
 @pytest.mark.parametrize("width", [0.0, 0.05, 3.0])
 def test_parts_of_a_class_are_far_apart(width):
     points = np.random.default_rng(0).random((2_000, 3))
