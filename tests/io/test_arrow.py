@@ -78,7 +78,8 @@ def test_every_type_comes_back_bit_for_bit(folder, suffix, cloud):
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_tables_of_pandas_and_pyarrow_are_read(folder, suffix):
-    pandas = pytest.importorskip("pandas")
+    import pandas
+
     frame = pandas.DataFrame(
         {
             "label": pandas.Categorical(["tree", "house", "tree"]),

@@ -319,7 +319,7 @@ def test_malformed_headers_tell_what_is_wrong(pcd, changes, message):
         ("1 2 3 0.5 0", "uint8 as a of point 2, found '0.5'"),
         ("1 2 3 nan 0", "uint8 as a of point 2, found 'nan'"),
         ("1 2 3 0 9223372036854775808", "int64 as b of point 2, found '9223372036854775808'"),
-        ("1 2 3 0 -1e30", "int64 as b of point 2, found '-1e30'"),
+        ("1 2 3 0 -1e30", "int64 as b of point 2, found '-1e.30'"),
         ("1 2 3 0 0 5", "line 13: expected 5 numbers"),
         ("1 2 three 0 0", "line 13: .*'1 2 three 0 0'"),
     ],

@@ -180,7 +180,8 @@ def trimesh_of(cloud: PointCloud) -> Any:
 
 def pandas_of(cloud: PointCloud) -> Any:
     """Make a table of pandas, as `PointCloud.to_pandas` describes it."""
-    pandas = require_library("pandas", "pandas")
+    import pandas
+
     columns = dict(zip("xyz", _as_kept(cloud).T, strict=True))
     for attribute, values in cloud.attributes.items():
         names = [attribute] if values.ndim == 1 else [f"{attribute}_{i}" for i in range(_matrix(values).shape[1])]

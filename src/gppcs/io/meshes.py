@@ -21,13 +21,11 @@ from gppcs.errors import FileFormatError
 from gppcs.io.columns import coordinate_type, default_names
 from gppcs.io.format import Format, without_attributes
 from gppcs.io.rows import (
-    Block,
     as_count,
     as_found,
     ends_early,
     lines_of,
     number_blocks,
-    typed_columns,
     write_rows,
 )
 
@@ -154,7 +152,7 @@ def read_obj(file: BufferedReader, rows: int, attributes: bool) -> Iterator[Poin
         yield cloud_of_columns(dict(zip([*default_names(3), *extras], table, strict=True)))
 
 
-def _prefixed(file: BufferedReader, keyword: str, width: int | None = None) -> Iterator[Block]:
+def _prefixed(file: BufferedReader, keyword: str, width: int | None = None) -> Iterator[list[Column]]:
     """Yield blocks of the numbers in lines that start with a keyword."""
 
     def numbers(line: str) -> str:
@@ -164,16 +162,16 @@ def _prefixed(file: BufferedReader, keyword: str, width: int | None = None) -> I
     return number_blocks(lines_of(file), 1, numbers, width=width)
 
 
-def _tables(blocks: Iterator[Block]) -> Iterator[list[Column]]:
-    """Yield blocks as columns: float64 coordinates, and others of the type that `typed_columns` finds."""
+def _tables(blocks: Iterator[list[Column]]) -> Iterator[list[Column]]:
+    """Yield blocks with coordinates as float64; of a file without vertices, an empty one."""
     found = False
-    for texts, values in blocks:
-        found, table = True, typed_columns(texts, values, None)
+    for table in blocks:
+        found = True
         if len(table) < 3:
             raise FileFormatError(f"expected three coordinates for each vertex, found {len(table)}")
         for i, axis in enumerate("xyz"):
             check_coordinate(axis, table[i])
-        yield [*values.T[:3], *table[3:]]
+        yield [*(values.astype(np.float64) for values in table[:3]), *table[3:]]
     if not found:
         yield [np.empty(0)] * 3
 
@@ -206,7 +204,7 @@ def _binary_corners(data: bytes) -> Column:
 
 
 def _text_corners(file: BufferedReader, data: bytes) -> Column:
-    blocks = [values for _, values in _prefixed(file, "vertex", 3)]
+    blocks = [np.stack(columns, axis=1) for columns in _prefixed(file, "vertex", 3)]
     corners = np.concatenate([np.empty((0, 3)), *blocks])
     if len(corners) % 3 or not data.rstrip().rpartition(b"\n")[2].lstrip().startswith(b"endsolid"):
         raise FileFormatError(f"the file ends in facet {len(corners) // 3 + 1}; get the whole file again")

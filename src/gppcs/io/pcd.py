@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import EXACT, Column, cloud_of_columns, coordinate_names
+from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.columns import check_name, column_name, columns_of, exact_type
@@ -363,47 +363,31 @@ def _decompressed(data: bytes, size: int) -> bytearray:
 def _read_text(file: BufferedReader, layout: _Layout) -> Iterator[dict[str, Column]]:
     """Yield the points of a text file as blocks of columns."""
     width = sum(each.count for each in layout.fields)
-    none = ([""], np.empty((0, width)))
-    done = 0
     blocks = number_blocks(lines_of(file), layout.lines + 1, str.strip, width=width, count=layout.count)
-    for texts, numbers in blocks if layout.count else [none]:
+    done = 0
+    for found in blocks if layout.count else [[np.empty(0)] * width]:
         columns, first = {}, 0
         for each in layout.fields:
             if each.name != _PADDING:
-                values = _cast(numbers[:, first : first + each.count], texts, first, done, each)
-                columns[each.name] = values.reshape(len(numbers), *each.shape)
+                values = [_cast(values, done, each) for values in found[first : first + each.count]]
+                columns[each.name] = np.stack(values, axis=1).reshape(-1, *each.shape)
             first += each.count
         yield columns
-        done += len(numbers)
+        done += len(found[0])
 
 
-def _cast(values: NDArray[np.float64], texts: list[str], first: int, done: int, to: _Field) -> Column:
-    """Return numbers of a block in the type of a field, or raise an error if that does not represent them.
-
-    `first` is the column of the text in which the field begins, and `done` the number of points before the block.
-    """
-    if to.dtype.kind == "f":
-        with np.errstate(over="ignore"):  # values beyond the range of float32 become infinite
-            return values.astype(to.dtype)
-    bounds = np.iinfo(to.dtype)
-    fits = (values == np.rint(values)) & (values >= bounds.min) & (values <= float(bounds.max))
-    if not fits.all():
-        row, column = np.argwhere(~fits)[0]
-        raise _wrong_number(texts[row].split()[first + column], done + row, to)
-    if to.dtype.itemsize < 8 or not (np.abs(values) >= EXACT).any():
+def _cast(values: Column, done: int, to: _Field) -> Column:
+    """Return numbers of a block, which `done` points precede, in the type of a field, which must represent them."""
+    if to.dtype.kind in "iu":
+        bounds = np.iinfo(to.dtype)
+        fits = (values == np.rint(values)) & (values >= bounds.min) & (values <= bounds.max)
+        if not fits.all():
+            row = int(np.argmin(fits))
+            raise FileFormatError(
+                f"expected {to.dtype} as {to.name} of point {done + row + 1}, found {as_found(str(values[row]))}"
+            )
+    with np.errstate(over="ignore"):  # values beyond the range of float32 become infinite
         return values.astype(to.dtype)
-    whole = np.empty(values.shape, to.dtype)
-    for row, text in enumerate(texts):  # float64 may have rounded these, so read the digits again
-        for column, word in enumerate(text.split()[first : first + to.count]):
-            try:
-                whole[row, column] = int(word)
-            except (ValueError, OverflowError):
-                raise _wrong_number(word, done + row, to) from None
-    return whole
-
-
-def _wrong_number(word: str, index: int, to: _Field) -> FileFormatError:
-    return FileFormatError(f"expected {to.dtype} as {to.name} of point {index + 1}, found {as_found(word)}")
 
 
 def write_pcd(file: BinaryIO, cloud: PointCloud, ascii: bool | None = None) -> None:  # noqa: A002

@@ -328,17 +328,17 @@ def _text_tables(file: BufferedReader, header: _Header, element: _Element) -> It
     blocks = number_blocks(
         lines_of(file), header.lines + 1, numbers_of, width=width, count=element.count, what=element.name
     )
-    tables: Iterator[Column] = (values for _, values in blocks)
     if words or not element.count:  # the lengths of all lists tell how they are held
-        tables = iter([np.concatenate([np.empty((0, width)), *tables])])
+        found = [[np.empty(0, np.int64)] * width, *blocks]
+        blocks = iter([[np.concatenate(columns) for columns in zip(*found, strict=True)]])
     first = 0
-    for values in tables:
-        numbers = iter(values.T)
+    for table in blocks:
+        numbers = iter(table)
         yield {
             each.name: _cast(next(numbers), each, first) if each.length is None else _text_lists(words[each.name], each)
             for each in element.properties
         }
-        first += len(values)
+        first += len(table[0])
 
 
 def _text_without_lists(element: _Element, lists: Mapping[str, list[list[str]]]) -> Callable[[str], str]:

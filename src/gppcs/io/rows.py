@@ -6,22 +6,20 @@ import os
 import re
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
-from io import BufferedReader, TextIOWrapper
+from csv import QUOTE_NONE
+from io import BufferedReader, StringIO, TextIOWrapper
 from itertools import islice, pairwise
 from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import EXACT, Column, check_coordinate, coordinate_names
 from gppcs.errors import FileFormatError
 from gppcs.io.format import Span
-from gppcs.io.text_fields import quoted
+from gppcs.io.text_fields import is_number, quoted
 
 BLOCK = 1 << 16  # rows per block: large enough that NumPy's cost per call does not count, small enough for memory
-
-Block = tuple[list[str], NDArray[np.float64]]
 
 _MOST_DIGITS = 400  # more than any float64 has, and fewer than Python refuses to read
 _WHOLE = re.compile(r"\s*[+-]?\d+\s*")
@@ -69,26 +67,20 @@ def number_blocks(
     width: int | None = None,
     count: int | None = None,
     what: str = "point",
-) -> Iterator[Block]:
-    """Read lines of numbers, block by block.
-
-    Shapes: returns values (n, width).
-    """
+) -> Iterator[list[Column]]:
+    """Read lines of numbers, block by block, as columns of type int64, uint64 or float64."""
     done = 0
     while batch := list(islice(lines, BLOCK if count is None else min(BLOCK, count - done))):
         texts = [text for text in map(numbers_of, batch) if text]
         if texts:
-            try:
-                values = np.loadtxt(texts, delimiter=delimiter, comments=None, ndmin=2)
-            except ValueError:
-                values = np.empty((0, 0))
-            width = width or values.shape[1]
-            if len(values) != len(texts) or values.shape[1] != width:
+            columns = _columns(texts, delimiter)
+            if columns is None or len(columns) != (width or len(columns)):
                 bad, row, expected = _first_bad_line(batch, numbers_of, delimiter, width)
                 if count is not None and not batch[bad].endswith("\n"):
                     raise ends_early(what, done + row, count)
                 raise FileFormatError(f"line {first_line + bad}: expected {expected}, found {as_found(batch[bad])}")
-            yield texts, values
+            width = len(columns)
+            yield columns
         done += len(texts)
         first_line += len(batch)
     if count is not None and done < count:
@@ -96,57 +88,68 @@ def number_blocks(
 
 
 def _first_bad_line(
-    batch: list[str], numbers_of: Callable[[str], str], delimiter: str | None, width: int
+    batch: list[str], numbers_of: Callable[[str], str], delimiter: str | None, width: int | None
 ) -> tuple[int, int, str]:
     """Return the first malformed line of a batch, its row, and a description of what was expected there."""
     row = 0
     for i, text in enumerate(map(numbers_of, batch)):
         if text:
-            try:
-                found = np.loadtxt([text], delimiter=delimiter, comments=None, ndmin=2).shape[1]
-            except ValueError:
-                found = 0
-            width = width or found
-            if not found or found != width:
+            words = text.split(delimiter)
+            if not all(map(_is_number, words)) or len(words) != (width or len(words)):
                 return i, row, f"{width} numbers" if width else "numbers"
-            row += 1
-    raise AssertionError("NumPy refused a batch of lines but accepted each of them")
+            width, row = len(words), row + 1
+    raise AssertionError("a batch of lines was refused, but each of them is good")
 
 
-def typed_columns(texts: Sequence[str], values: Column, delimiter: str | None) -> list[Column]:
-    """Split a block of `number_blocks` into columns of whole numbers and of floating-point numbers.
+def _columns(texts: Sequence[str], delimiter: str | None) -> list[Column] | None:
+    """Return the columns of lines of numbers, None if a line is malformed."""
+    import pandas  # only here, as it is slow to load
 
-    Shapes: values (n, width); returns (n,).
-    """
-    first = texts[0].split(delimiter)
-    return [
-        _typed(values[:, i], texts, i, delimiter, _WHOLE.fullmatch(first[i]) is not None) for i in range(len(first))
-    ]
+    # The parser of later versions reads every number to its last digit anyway.
+    exact: Any = {} if pandas.__version__ >= "3.1" else {"float_precision": "round_trip"}
+    try:
+        table = pandas.read_csv(
+            StringIO("\n".join(texts)), sep=delimiter or r"\s+", header=None, quoting=QUOTE_NONE,
+            na_values=["nan", "NaN"], keep_default_na=False, low_memory=False, **exact,
+        )  # fmt: skip
+    except ValueError:  # a line has more numbers than the first one
+        return None
+    columns = [table[i].to_numpy() for i in table]
+    # What lacks at the end of a line is NaN, too.
+    lacking = np.flatnonzero(np.isnan(columns[-1])).tolist() if columns[-1].dtype.kind == "f" else []
+    if len(table) != len(texts) or any(len(texts[i].split(delimiter)) != len(columns) for i in lacking):
+        return None
+    if all(values.dtype.kind in "iu" or _is_exact(values) for values in columns):
+        return columns
+    words = [text.split(delimiter) for text in texts]
+    if not all(len(row) == len(columns) and all(map(_is_number, row)) for row in words):
+        return None
+    return [_typed([row[i] for row in words]) for i in range(len(columns))]
 
 
-def _typed(values: Column, texts: Sequence[str], index: int, delimiter: str | None, begins_whole: bool) -> Column:
-    large = np.abs(values) >= EXACT
-    if large.any():  # float64 may have rounded these, so read the digits again
-        return _exact(values, [text.split(delimiter)[index] for text in texts], np.flatnonzero(large))
-    return values.astype(np.int64) if begins_whole and np.array_equal(values, np.rint(values)) else values
+def _is_exact(values: Column) -> bool:
+    """Return whether a column is of numbers so small that reading them as float64 rounds no whole number."""
+    return values.dtype.kind == "f" and not (np.abs(values) >= EXACT).any()
 
 
-def _exact(values: Column, words: Sequence[str], large: NDArray[np.intp]) -> Column:
-    """Return a column as integers if all words are, else as float64 if that rounds none of the large integers."""
+def _is_number(word: str) -> bool:
+    """Return whether a word is a number as files have them: Python's may also have underscores."""
+    return is_number(word) and "_" not in word
+
+
+def _typed(words: Sequence[str]) -> Column:
+    """Return numbers as integers if all are, else as float64 if that rounds none of the whole numbers."""
     for dtype in (np.int64, np.uint64):
         with suppress(ValueError, OverflowError):
             return np.array([int(word) for word in words], dtype)
-    for i in large:
+    values = np.array(words, dtype=np.float64)
+    for i in np.flatnonzero(np.abs(values) >= EXACT).tolist():
         if _WHOLE.fullmatch(words[i]) and (len(words[i]) > _MOST_DIGITS or int(words[i]) != float(values[i])):
-            raise _rounded(words[i].strip())
+            raise FileFormatError(
+                "expected columns of whole numbers that int64, uint64 or float64 holds exactly, found one that none "
+                f"does, with {as_found(words[i])}; write this with a decimal point if it may be rounded"
+            )
     return values
-
-
-def _rounded(word: str) -> FileFormatError:
-    return FileFormatError(
-        "expected columns of whole numbers that int64, uint64 or float64 holds exactly, found one that none does, with "
-        f"{as_found(word)}; write this with a decimal point if it may be rounded"
-    )
 
 
 def at_most(rows: int, clouds: Iterable[PointCloud]) -> Iterator[PointCloud]:

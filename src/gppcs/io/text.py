@@ -30,7 +30,7 @@ from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.errors import FileFormatError, InputError
 from gppcs.io.columns import column_name, columns_of, default_names
 from gppcs.io.format import Format, keeping, without_attributes
-from gppcs.io.rows import as_count, as_found, at_most, lines_of, number_blocks, typed_columns, write_rows
+from gppcs.io.rows import as_count, as_found, at_most, lines_of, number_blocks, write_rows
 from gppcs.io.text_fields import MISSING, TextApart, delimiter_of, fields_of, is_number, is_row, text_columns
 
 _OF_NUMBERS = b"0123456789+-.eE,;\t \r\n"  # and what stands between them
@@ -81,7 +81,8 @@ def _tables(
         yield {name: np.empty(0) for name in names}
         return
     lines.close()
-    apart = _text_apart(file, layout, names)
+    plain = not _has_words(file, layout)
+    apart = None if plain else _text_apart(file, layout, names)
     file.seek(0)
     lines = lines_of(file)
     rows = islice(lines, layout.first_line - 1, None)
@@ -90,14 +91,14 @@ def _tables(
     blocks = number_blocks(
         apart.numbers(rows, layout.first_line) if apart else rows,
         layout.first_line,
-        _numbers,
+        str.strip if plain else _numbers,
         delimiter=layout.delimiter,
         width=layout.width - len(apart.taken() if apart else ()),
         count=layout.count,
     )
-    for words, values in blocks:
+    for columns in blocks:
         texts = apart.taken() if apart else {}
-        numbers = iter(typed_columns(words, values, layout.delimiter))
+        numbers = iter(columns)
         yield {name: texts[i] if i in texts else next(numbers) for i, name in enumerate(names)}
     if any(map(is_row, rows)):
         raise FileFormatError(f"expected {layout.count} points, as the file says, found more")
@@ -105,8 +106,6 @@ def _tables(
 
 def _text_apart(file: BufferedReader, layout: _Layout, names: list[str]) -> TextApart | None:
     """Return what takes text and missing numbers out of the rows, or None if numpy can read the rows as they are."""
-    if not _has_words(file, layout):
-        return None
     file.seek(0)
     lines = lines_of(file)
     rows = (fields_of(line, layout.delimiter) for line in islice(lines, layout.first_line - 1, None) if is_row(line))
