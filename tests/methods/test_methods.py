@@ -82,30 +82,20 @@ def test_a_label_names_what_is_not_the_default():
     assert str(gppcs.SpectralGP(nu=math.inf, k_add=5)) == "gp-spectral (nu=inf, k_add=5)"
 
 
-def test_text_is_read_as_the_type_of_the_parameter():
-    for parameter, values in {
-        "neighbours": {"12": 12},
-        "nu": {"1.5": 1.5, "3": 3.0, "inf": math.inf, "1e2": 100.0},
-        "fit_nu": {"true": True, "False": False},
-        "k_init": {"7": 7, "none": None, "None": None},
-    }.items():
-        for text, value in values.items():
-            read = getattr(with_settings(gppcs.SpectralGP(), {parameter: text}), parameter)
-            assert read == value
-            assert type(read) is type(value)
-
-
 @pytest.mark.parametrize(
-    ("parameter", "kind", "texts"),
+    ("parameter", "kind", "values", "others"),
     [
-        ("neighbours", "int", ("many", "2.5", "none", "")),
-        ("nu", "float", ("smooth",)),
-        ("fit_nu", "bool", ("1",)),
-        ("k_init", "int or none", ("third",)),
+        ("neighbours", "int", {"12": 12}, ("many", "2.5", "none", "")),
+        ("nu", "float", {"1.5": 1.5, "3": 3.0, "inf": math.inf, "1e2": 100.0}, ("smooth",)),
+        ("fit_nu", "bool", {"true": True, "False": False}, ("1",)),
+        ("k_init", "int or none", {"7": 7, "none": None, "None": None}, ("third",)),
     ],
 )
-def test_text_of_another_type_is_refused(parameter, kind, texts):
-    for text in texts:
+def test_text_is_read_as_the_type_of_the_parameter_or_refused(parameter, kind, values, others):
+    for text, value in values.items():
+        read = getattr(with_settings(gppcs.SpectralGP(), {parameter: text}), parameter)
+        assert (read, type(read)) == (value, type(value))
+    for text in others:
         with pytest.raises(gppcs.ParameterError, match=f"expected {parameter} to be {kind}, found '{text}'"):
             with_settings(gppcs.SpectralGP(), {parameter: text})
 

@@ -121,22 +121,20 @@ def test_points_to_keep_and_weights(tmp_path):
     assert share[0] / (1 - share[0]) > 5 * share[1] / (1 - share[1])
 
 
-def test_a_spacing_tells_the_number(tmp_path, monkeypatch):
-    cloud = gppcs.sample("bracket", 20_000)
-    found = gppcs.simplify_files(written(tmp_path, cloud), spacing=4.0, memory=MEMORY)
-    monkeypatch.undo()
-    assert len(found.indices) == pytest.approx(len(gppcs.simplify(cloud, spacing=4.0).indices), rel=0.05)
-
-
-def test_the_spacing_of_fps_and_voxel_is_kept(tmp_path, monkeypatch):
+def test_a_spacing_tells_the_number_and_fps_keeps_to_it(tmp_path, monkeypatch):
     cloud = gppcs.sample("bracket", 20_000)
     path = written(tmp_path, cloud)
-    kept = gppcs.simplify_files(path, spacing=4.0, method="fps", memory=MEMORY).cloud.points
+    found = {
+        method: gppcs.simplify_files(path, spacing=4.0, method=method, memory=MEMORY)
+        for method in ("gp", "fps", "voxel")
+    }
+    kept = found["fps"].cloud.points
     assert cKDTree(kept).query(kept, k=2)[0][:, 1].min() >= 4.0
     assert cKDTree(kept).query(cloud.points)[0].max() <= 4.0
-    cells = gppcs.simplify_files(path, spacing=4.0, method="voxel", memory=MEMORY).indices
     monkeypatch.undo()
-    assert len(cells) == pytest.approx(len(gppcs.simplify(cloud, spacing=4.0, method="voxel").indices), rel=0.05)
+    for method in ("gp", "voxel"):
+        number = len(gppcs.simplify(cloud, spacing=4.0, method=method).indices)
+        assert len(found[method].indices) == pytest.approx(number, rel=0.05)
 
 
 def test_outliers_are_those_in_memory(tmp_path, monkeypatch):
