@@ -108,3 +108,21 @@ def odd_clouds():
 def rotation(seed):
     """A random orthogonal matrix."""
     return np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0]
+
+
+# Clouds of n points of some kind, by a random generator and n.
+KINDS = {
+    "solid": lambda rng, n: rng.random((n, 3)),
+    "sphere": lambda rng, n: (v := rng.standard_normal((n, 3))) / np.linalg.norm(v, axis=1, keepdims=True),
+    "grid, with ties and repeats": lambda rng, n: rng.integers(0, 4, (n, 3)).astype(float),
+    "lattice": lambda rng, n: rng.permutation(np.indices((8, 8, 8)).reshape(3, -1).T)[:n] / 8,
+    "lattice in a plane": lambda rng, n: rng.permutation(np.indices((12, 12, 1)).reshape(3, -1).T)[:n] + 0.0,
+    "tilted plane": lambda rng, n: rng.random((n, 2)) @ [[1.0, 0.0, 0.3], [0.0, 1.0, 0.7]],
+    "line": lambda rng, n: rng.random((n, 1)) * [[1.0, 2.0, 3.0]],
+    "one place": lambda rng, n: np.ones((n, 3)),
+    "uneven": lambda rng, n: rng.random((n, 3)) ** 6,
+    "far outlier": lambda rng, n: np.vstack([[[1e6, 0.0, 0.0]], rng.random((n - 1, 3))]),
+    "far clumps": lambda rng, n: rng.integers(0, 4, (n, 1)) * [[1.0, 3.0, 9.0]] + 0.1 * rng.random((n, 3)),
+    "clump": lambda rng, n: np.where(np.arange(n)[:, None] % 3 == 0, 1.0, 1e-9) * rng.random((n, 3)),
+    "dot": lambda rng, n: np.where(rng.random((n, 1)) < 0.5, 1.0, 0.05) * rng.random((n, 3)),
+}

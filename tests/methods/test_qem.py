@@ -7,18 +7,7 @@ import gppcs
 from gppcs.methods.qem.contraction import contraction_order
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.surface_variation import features_of_nearest
-
-SHAPES = {
-    "solid": lambda rng, n: rng.random((n, 3)),
-    "sphere": lambda rng, n: (v := rng.standard_normal((n, 3))) / np.linalg.norm(v, axis=1, keepdims=True),
-    "line": lambda rng, n: rng.random((n, 1)) * [[1.0, 2.0, 3.0]],
-    "tilted plane": lambda rng, n: rng.random((n, 2)) @ [[1.0, 0.0, 0.3], [0.0, 1.0, 0.7]],
-    "far clumps": lambda rng, n: rng.integers(0, 4, (n, 1)) * [[1.0, 3.0, 9.0]] + 0.1 * rng.random((n, 3)),
-    "lattice in a plane": lambda rng, n: rng.permutation(
-        np.stack(np.unravel_index(np.arange(n), (12, 12, 1)), axis=1).astype(float)
-    ),
-    "nearly coincident": lambda rng, n: 1 + np.spacing(1.0) * np.stack(np.unravel_index(np.arange(n), (9, 9, 9)), 1),
-}
+from shapes import KINDS
 
 
 def nearest(points, members, k):
@@ -86,7 +75,7 @@ def plain_order(points, k, costless=False):
 @given(st.sampled_from(["solid", "sphere", "far clumps"]), st.integers(5, 40), st.integers(3, 9), st.integers(0, 99))
 def test_order_is_that_of_the_plain_algorithm(shape, n, k, seed):
     """With three neighbours and more nothing is flat, where rounding would decide."""
-    points = SHAPES[shape](np.random.default_rng(seed), n)
+    points = KINDS[shape](np.random.default_rng(seed), n)
     assert contraction_order(points, k).tolist() == plain_order(points, k)
 
 
@@ -94,7 +83,7 @@ def test_order_is_that_of_the_plain_algorithm(shape, n, k, seed):
 @pytest.mark.parametrize("n", [12, 80])
 def test_in_a_plane_nothing_costs_and_the_shortest_go_first(shape, n):
     """So the order is that of lengths alone, and on a lattice, where most are equal, of indices."""
-    points = SHAPES[shape](np.random.default_rng(0), n)
+    points = KINDS[shape](np.random.default_rng(0), n)
     assert contraction_order(points, 6).tolist() == plain_order(points, 6, costless=True)
 
 

@@ -16,6 +16,7 @@ from gppcs.methods.sample_elimination.elimination import (
 )
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
+from shapes import KINDS
 
 
 def plain_stage(points, n_points, area):
@@ -61,13 +62,7 @@ def spacings(points):
 @pytest.mark.slow
 @given(st.integers(1, 250), st.sampled_from(["solid", "lattice", "clump", "dot"]), st.integers(0, 99), st.data())
 def test_equals_the_plain_algorithm(n, shape, seed, data):
-    rng = np.random.default_rng(seed)
-    points = {
-        "solid": rng.random((n, 3)),
-        "lattice": rng.permutation(np.indices((7, 7, 7)).reshape(3, -1).T / 8)[:n],
-        "dot": np.where(rng.random((n, 1)) < 0.5, 1.0, 0.05) * rng.random((n, 3)),
-        "clump": np.where(np.arange(n)[:, None] % 3 == 0, 1.0, 1e-9) * rng.random((n, 3)),
-    }[shape]
+    points = KINDS[shape](np.random.default_rng(seed), n)
     n_points = data.draw(st.integers(1, n))
     expected = plain_elimination(points, n_points)
     np.testing.assert_array_equal(eliminate(points, n_points), expected)

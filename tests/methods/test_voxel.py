@@ -54,3 +54,11 @@ def test_each_point_lies_in_a_cell_of_its_own(bracket, place):
     kept = points[selection.indices] if selection.points is None else selection.points
     assert len(set(map(tuple, np.floor(kept / edge)))) == 1_000
     assert occupied(points, edge) > 1_000  # so that some had to go
+
+
+def test_points_that_rounding_nearly_joins_get_cells_of_their_own():
+    places = np.linspace(0.496, 0.4999, 100)
+    points = np.concatenate([[0.0], places, np.nextafter(places, 1), [0.99]])[:, None] * [[1.0, 0.0, 0.0]]
+    fine = 0.99 * 2.0**-60
+    assert occupied(points, fine) < 200  # which is why cells so small get a power of two for an edge
+    assert cell_edge(points, 201) > fine

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from gppcs.engine.timer import Timer
-from gppcs.gp.local.candidates import sample, sharpness_of, survey
+from gppcs.gp.local.candidates import nested_candidates, sample, sharpness_of, survey
 from gppcs.spatial.cells import greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
@@ -21,6 +21,15 @@ def test_a_survey_measures_sharpness_or_noise(sphere):
     assert not noise.quiet
     assert noise.level == pytest.approx(0.01, rel=0.3)
     assert (sharpness == 0).all()
+
+
+def test_noise_and_stages_share_one_area(sphere):
+    """The number of occupied cells corrects it where most of the points lie in a dot."""
+    points = np.concatenate([sphere[:300], 1e-4 * sphere[300:30_000]])
+    area, noise, sharpness = survey(points, 500, 8.0, Timer())
+    assert area != pytest.approx(surface_area(KdTree.build(points)), rel=0.5)
+    assert noise.spacing == np.sqrt(area / 500)
+    assert nested_candidates(points, sharpness, 500, area, 8.0)[-1].area == area
 
 
 def test_the_sharpest_points_of_cells_are_those_on_the_edge():

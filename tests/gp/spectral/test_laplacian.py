@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import gppcs
-import gppcs.scans
+from gppcs.gp.spectral import laplacian
 from gppcs.gp.spectral.laplacian import eigenpairs, surface_laplacian
 from gppcs.spatial.farthest_points import farthest_points
 
@@ -65,3 +65,8 @@ def test_a_far_point_does_not_cost_the_landmarks(bracket, distance):
     points[0] = points.max() * distance
     chosen, _ = farthest_points(points, 4_000)
     assert surface_laplacian(points[chosen])[2]
+
+
+def test_landmarks_that_are_all_equally_far_have_the_same_weight():
+    corners = np.indices((2, 2, 2)).reshape(3, -1).T + 0.0
+    np.testing.assert_allclose(laplacian._lift(corners, corners, np.full((1, 3), 0.5)), 0.5, rtol=1e-9)
