@@ -561,7 +561,6 @@ def test_objects_are_recognised_without_importing_a_library():
     code = """
 import sys
 import numpy as np
-import pandas
 from gppcs import PointCloud
 made = type("PointCloud", (), {"__module__": "open3d.geometry", "points": np.eye(3)})()
 made.colors = made.normals = made.covariances = ()
