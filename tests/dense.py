@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from gppcs.gp.local.kernel import LocalField
+
 
 def posterior(phi, y, noise, active):
     """Mean and variance everywhere, given the active points (Eqs. 3 and 4)."""
@@ -29,6 +31,15 @@ def greedy(phi, y, noise, initial, n_points, k_add):
         score[active] = -np.inf
         active += np.argsort(-score, kind="stable")[: min(k_add, n_points - len(active))].tolist()
     return np.array(active)
+
+
+def local_field(rng, positions, spread, normal_weight):
+    """A field of random values at (3, n) positions; spacings differ by up to exp(2 spread)."""
+    n = positions.shape[1]
+    normals = rng.standard_normal((3, n))
+    normals /= np.linalg.norm(normals, axis=0)
+    spacings = np.exp(rng.uniform(-spread, spread, n))
+    return LocalField(positions, normals, spacings, rng.standard_normal(n), rng.random(n), 1.5, normal_weight)
 
 
 def local_squared_distances(field):

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import ConvexHull, Delaunay
 
-from gppcs.meshing.halfedges import HalfEdges
+from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges
 
 
 def ball(n, seed=0):
@@ -126,3 +126,8 @@ KINDS = {
     "clump": lambda rng, n: np.where(np.arange(n)[:, None] % 3 == 0, 1.0, 1e-9) * rng.random((n, 3)),
     "dot": lambda rng, n: np.where(rng.random((n, 1)) < 0.5, 1.0, 0.05) * rng.random((n, 3)),
 }
+
+
+def room_around():
+    """Room for the half-edges that leave a vertex, and for its neighbours."""
+    return np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_AROUND + 1, dtype=np.int64)

@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 
 from gppcs.clouds.topology import topology_of
 from gppcs.meshing.collapse import collapse, is_allowed, move_triangles
-from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, neighbours
+from gppcs.meshing.halfedges import HalfEdges, neighbours
 from gppcs.meshing.quadrics import add_borders, dense_quadrics
-from shapes import faults, random_mesh
+from shapes import faults, random_mesh, room_around
 
 
 @given(seed=st.integers(0, 10_000), choice=st.integers(0, 2**32))
@@ -17,8 +17,8 @@ def test_allowed_collapses_keep_the_topology(seed, choice):
     _, _, mesh = random_mesh(seed)
     before = topology_of(mesh.faces())
     rng = np.random.default_rng(choice)
-    halves, found = np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_AROUND + 1, dtype=np.int64)
-    others, beyond = halves.copy(), found.copy()
+    halves, found = room_around()
+    others, beyond = room_around()
     made = 0
     for v in rng.integers(0, len(mesh.leaving), 150):
         count, edges, closed = neighbours(mesh, v, halves, found)
@@ -41,7 +41,7 @@ def test_collapses_that_change_the_topology_are_not_allowed():
     strip = np.array([[0, 1, 2], [1, 3, 2], [2, 3, 4]])
     for faces, n in ((tetrahedron, 4), (strip, 5), (np.array([[0, 1, 2]]), 3)):
         mesh = HalfEdges.of(faces, n)
-        halves, found = np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_AROUND + 1, dtype=np.int64)
+        halves, found = room_around()
         for v in range(n):
             count, edges, closed = neighbours(mesh, v, halves, found)
             for slot in range(count):
@@ -51,7 +51,7 @@ def test_collapses_that_change_the_topology_are_not_allowed():
                 same = len(left) > 0 and topology_of(left) == topology_of(faces)
                 same = same and len(np.unique(left)) == n - 1
                 same = same and len(np.unique(np.sort(left), axis=0)) == len(left)
-                others, beyond = np.empty_like(halves), np.empty_like(found)
+                others, beyond = room_around()
                 assert is_allowed(mesh, v, slot, count, edges, closed, halves, found, others, beyond) == same, (v, u)
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges, around, neighbours
-from shapes import ball, faults, random_mesh
+from gppcs.meshing.halfedges import HalfEdges, around, neighbours
+from shapes import ball, faults, random_mesh, room_around
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -25,7 +25,7 @@ def test_triangles_come_back():
 def test_neighbours_are_those_of_the_triangles_in_order(seed):
     _, _, mesh = random_mesh(seed)
     faces = mesh.faces()
-    halves, found = np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_AROUND + 1, dtype=np.int64)
+    halves, found = room_around()
     for v in range(len(mesh.leaving)):
         count, edges, closed = neighbours(mesh, v, halves, found)
         at = faces[(faces == v).any(axis=1)]

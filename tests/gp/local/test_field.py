@@ -17,16 +17,8 @@ from gppcs.spatial.kdtree import KdTree
 def random_field(n, seed, normal_weight=1.0, lengthscale=1.5):
     """A field at random points of a box, with spacings from a fifth to five."""
     rng = np.random.default_rng(seed)
-    normals = rng.standard_normal((3, n))
-    return LocalField(
-        positions=rng.random((3, n)) * 4,
-        normals=normals / np.linalg.norm(normals, axis=0),
-        spacings=np.exp(rng.uniform(-1.6, 1.6, n)),
-        y=rng.standard_normal(n),
-        noise=10 ** rng.uniform(-4, 0, n),
-        lengthscale=lengthscale,
-        normal_weight=normal_weight,
-    )
+    field = dense.local_field(rng, rng.random((3, n)) * 4, 1.6, normal_weight)
+    return field._replace(noise=10 ** (-4 * field.noise), lengthscale=lengthscale)
 
 
 def flat_field(points, lengthscale=1.5):

@@ -15,16 +15,8 @@ def random_problem(n, seed, normal_weight, noise, spread):
     """A tree over random points and a field over it; spacings differ by up to exp(2 spread)."""
     rng = np.random.default_rng(seed)
     tree = KdTree.build(rng.random((n, 3)) * [6, 6, 1])
-    normals = rng.standard_normal((3, n))
-    return tree, LocalField(
-        positions=tree.points,
-        normals=normals / np.linalg.norm(normals, axis=0),
-        spacings=np.exp(rng.uniform(-spread, spread, n)),
-        y=rng.standard_normal(n),
-        noise=1e-4 + noise * rng.random(n),
-        lengthscale=1.5,
-        normal_weight=normal_weight,
-    )
+    field = dense.local_field(rng, tree.points, spread, normal_weight)
+    return tree, field._replace(noise=1e-4 + noise * field.noise)
 
 
 def extend(field, tree, chosen, n_points, k, w):
