@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 import dense
@@ -9,19 +9,22 @@ from gppcs.gp.spectral.posterior import Posterior
 
 
 @given(
-    st.integers(2, 120),
+    st.integers(2, 80),
     st.integers(1, 20),
     st.sampled_from([1, 3, 40]),
-    st.floats(1e-3, 10),
+    st.sampled_from([1e-3, 0.1, 10.0]),
     st.sampled_from([1, 7, 200]),
+    st.sampled_from([1.0, 10.0]),
+    st.floats(0, 0.99),
+    st.floats(0, 1),
     st.integers(0, 999),
-    st.data(),
 )
-def test_order_is_that_of_a_dense_algorithm_1(n, features, k_add, noise, buckets, seed, data):
+@example(80, 20, 1, 1e-3, 200, 10.0, 0.05, 0.6, 0)  # where each bucket is one point, its bound is the tightest
+def test_order_is_that_of_a_dense_algorithm_1(n, features, k_add, noise, buckets, largest, start, more, seed):
     rng = np.random.default_rng(seed)
-    phi, y = rng.standard_normal((n, features)), rng.standard_normal(n)
-    k_init = data.draw(st.integers(1, n - 1))
-    n_points = data.draw(st.integers(k_init, n))
+    phi, y = rng.standard_normal((n, features)), largest * rng.standard_normal(n)
+    k_init = 1 + int(start * (n - 1))
+    n_points = k_init + int(more * (n - k_init))
     initial = rng.permutation(n)[:k_init]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(greedy, "BUCKETS", buckets)
