@@ -141,18 +141,13 @@ def test_a_tolerance_below_the_noise_is_an_error_that_tells_what_all_points_give
 
 
 def test_chosen_points_become_the_vertices(ball):
+    """Of a repeat, its first occurrence does."""
     chosen = gppcs.simplify(ball, n_points=300).indices
-    result = gppcs.mesh(ball, keep=chosen)
-    assert np.array_equal(np.sort(result.indices), np.sort(chosen))
-    assert result.diagnostics["missing"] == 0
-    assert is_sound(result.mesh)
-
-
-def test_a_chosen_repeat_stands_for_its_first_occurrence(ball):
-    chosen = gppcs.simplify(ball, n_points=100, method="fps").indices
-    twice = np.concatenate([ball.points, ball.points])
-    result = gppcs.mesh(twice, keep=chosen + len(ball))
-    assert np.array_equal(np.sort(result.indices), np.sort(chosen))
+    for cloud, keep in ((ball, chosen), (np.tile(ball.points, (2, 1)), chosen + len(ball))):
+        result = gppcs.mesh(cloud, keep=keep)
+        assert np.array_equal(np.sort(result.indices), np.sort(chosen))
+        assert result.diagnostics["missing"] == 0
+        assert is_sound(result.mesh)
 
 
 def test_repeats_change_nothing(ball):
