@@ -21,20 +21,6 @@ def random_field(n, seed, normal_weight=1.0, lengthscale=1.5):
     return field._replace(noise=10 ** (-4 * field.noise), lengthscale=lengthscale)
 
 
-def flat_field(points, lengthscale=1.5):
-    """A field on a plane, (n, 2) points, where spacings are all one."""
-    n = len(points)
-    return LocalField(
-        positions=np.vstack([points.T, np.zeros(n)]),
-        normals=np.tile([[0.0], [0.0], [1.0]], n),
-        spacings=np.ones(n),
-        y=np.sin(points[:, 0]) * np.cos(0.7 * points[:, 1]),
-        noise=np.full(n, 1e-4),
-        lengthscale=lengthscale,
-        normal_weight=1.6,
-    )
-
-
 def conditioned(field, chosen, k):
     """What each point is conditioned on, of a field in any order."""
     tree = KdTree.build(field.positions.T)
@@ -164,7 +150,9 @@ def beside_the_equation(alpha, neighbours):
     """
     side, step, lengthscale = 61, 0.15, 1.5
     places = np.stack(np.meshgrid(np.arange(side), np.arange(side), indexing="ij"), axis=-1).reshape(-1, 2) * step
-    field = flat_field(places, lengthscale)
+    n, flat = side**2, np.vstack([places.T, np.zeros(side**2)])
+    y = np.sin(places[:, 0]) * np.cos(0.7 * places[:, 1])
+    field = LocalField(flat, np.tile([[0.0], [0], [1]], n), np.ones(n), y, np.full(n, 1e-4), lengthscale, 1.6)
     chosen, _ = farthest_points(np.ascontiguousarray(field.positions.T), 80)
     kappa = np.sqrt(2 * (alpha - 1)) / lengthscale  # so that the ranges sqrt(8 nu) / kappa are the same
     precision = stochastic_equation(side, step, alpha, kappa)
