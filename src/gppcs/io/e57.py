@@ -90,15 +90,10 @@ class E57Scan:
         """
         if not self.is_moved:
             return points
-        w, x, y, z = np.array(self.rotation) / np.linalg.norm(self.rotation)
-        rotation = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        )
-        moved: NDArray[np.float64] = points @ rotation.T + np.array(self.translation)
+        from scipy.spatial.transform import Rotation
+
+        w, *axis = self.rotation
+        moved: NDArray[np.float64] = Rotation.from_quat([*axis, w]).apply(points) + np.array(self.translation)
         return moved
 
 

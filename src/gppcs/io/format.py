@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from io import BufferedReader
-from typing import BinaryIO, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +91,7 @@ class Format:
     name: str
     suffixes: tuple[str, ...]
     chunks: Callable[..., Iterator[PointCloud]]  # of a file, at most so many rows, and with attributes or without
-    write: Callable[[BinaryIO, PointCloud], None] | None = None
+    write: Callable[..., None] | None = None  # to a file, a cloud; of some formats also its faces
     recognises: Callable[[bytes, int], bool] = _never
     unread: Callable[[BufferedReader], list[str]] = _nothing
     fitted: Callable[[PointCloud], tuple[PointCloud, list[str]]] = _all

@@ -42,17 +42,13 @@ def _triangles(file: BufferedReader) -> NDArray[np.int64]:
     return _loaded(file)[0].faces
 
 
-def _count_faces(file: BufferedReader) -> int:
-    return len(_triangles(file))
-
-
 FORMAT = Format(
     "glTF",
     (".glb",),
     read_gltf,
     None,
     lambda head, size: head.startswith(b"glTF"),
-    faces=_count_faces,
+    faces=lambda file: len(_triangles(file)),
     triangles=_triangles,
     whole=True,
 )

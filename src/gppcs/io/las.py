@@ -35,7 +35,7 @@ from gppcs.io.las_header import (
 )
 from gppcs.io.laz import chunks_of_points, decompressed, decompressed_chunks, fewest_points
 from gppcs.io.query import Query, not_empty, without_levels
-from gppcs.io.rows import BLOCK, at_most, ends_early
+from gppcs.io.rows import BLOCK, at_most, ends_early, type_and_shape
 
 _AXES = ("X", "Y", "Z")
 _UNDESCRIBED = "ExtraBytes"  # laspy's name for bytes of each point that no record describes
@@ -107,13 +107,9 @@ class _Layout:
     ) -> _Layout:
         """Return a layout with another attribute in extra bytes."""
         place = f"extra {name}"  # no name of a standard field
-        record = np.dtype([*((each, *_type_and_shape(self.record[each])) for each in self.record.names or ()),
+        record = np.dtype([*((each, *type_and_shape(self.record[each])) for each in self.record.names or ()),
                            (place, dtype, shape)])  # fmt: skip
         return _Layout(record, {**self.dimensions, name: _Dimension(place, dtype, scaling=scaling)})
-
-
-def _type_and_shape(dtype: np.dtype[Any]) -> tuple[np.dtype[Any], tuple[int, ...]]:
-    return dtype.subdtype or (dtype, ())
 
 
 def _standard_layout(point_format: int) -> _Layout:

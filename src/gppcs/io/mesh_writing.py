@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +17,10 @@ from gppcs.clouds.mesh import Mesh
 from gppcs.engine.extras import require_trimesh
 from gppcs.errors import FileFormatError, InputError, file_path, flag, shown
 from gppcs.io.files import refuse_losses
-from gppcs.io.format import rounding, without_foreign_header
-from gppcs.io.meshes import COLOURS, STL_FACET, colours_of, held, write_obj, write_off
+from gppcs.io.format import Format
+from gppcs.io.gltf import FORMAT as GLTF
+from gppcs.io.meshes import COLOURS, OBJ, OFF, STL, STL_FACET, colours_of, held
 from gppcs.io.ply import FORMAT as PLY
-from gppcs.io.ply import write_ply
 from gppcs.io.streams import inner_name, whole_output
 
 STL_COMMENT = b"gppcs".ljust(80)
@@ -86,30 +87,22 @@ def write_mesh(
     if not isinstance(cloud, PointCloud) or not np.array_equal(cloud.points, mesh.vertices):
         raise InputError("expected the vertices of the mesh as a PointCloud, found other points")
     force = flag("force", force)
-    check_mesh_storable(path, cloud, lossy)
     chosen = _format_of(path)
+    fit = chosen.fit(cloud)
+    if not flag("lossy", lossy):
+        refuse_losses(path, chosen.name, fit.values)
     with whole_output(path, force) as file:
-        chosen.write(file, chosen.fitted(cloud)[0], mesh.faces)
-    values, remarks = _losses(chosen, cloud)
-    return [*values, *remarks]
+        assert chosen.write is not None
+        # Normals of triangles come from the coordinates before they are rounded.
+        chosen.write(file, replace(fit.cloud, points=cloud.points), faces=mesh.faces)
+    return [*fit.values, *fit.remarks]
 
 
 def check_mesh_storable(path: str | os.PathLike[str], cloud: PointCloud, lossy: bool = False) -> None:
     """Check that `write_mesh` can write a mesh whose vertices are points of a cloud. Call it before long work."""
     chosen = _format_of(path)
     if not flag("lossy", lossy):
-        refuse_losses(path, chosen.name, _losses(chosen, cloud)[0])
-
-
-def _losses(chosen: _MeshFormat, cloud: PointCloud) -> tuple[list[str], list[str]]:
-    """Return in words the values of a cloud of vertices that a format cannot hold, and the remarks."""
-    cloud, remarks = without_foreign_header(cloud, PLY.header if chosen.fitted is PLY.fitted else None)
-    lost = chosen.fitted(cloud)[1]
-    if chosen.single:
-        with np.errstate(over="ignore"):
-            digits, tolerated = rounding(cloud.points, cloud.points.astype(np.float32).astype(np.float64))
-        (remarks if tolerated else lost).extend(digits)
-    return lost, remarks
+        refuse_losses(path, chosen.name, chosen.fit(cloud).values)
 
 
 def check_mesh_format(path: str | os.PathLike[str]) -> None:
@@ -118,17 +111,13 @@ def check_mesh_format(path: str | os.PathLike[str]) -> None:
         require_trimesh()
 
 
-def _format_of(path: str | os.PathLike[str]) -> _MeshFormat:
+def _format_of(path: str | os.PathLike[str]) -> Format:
     suffix = inner_name(Path(file_path(path))).suffix.lower()
     if suffix not in _FORMATS:
         raise FileFormatError(
             f"{path}: expected one of the formats of meshes {' '.join(_FORMATS)}, found {suffix or 'no suffix'!r}"
         )
     return _FORMATS[suffix]
-
-
-def _write_ply(file: BinaryIO, cloud: PointCloud, faces: NDArray[np.int64]) -> None:
-    write_ply(file, cloud, faces=faces)
 
 
 def _write_stl(file: BinaryIO, cloud: PointCloud, faces: NDArray[np.int64]) -> None:
@@ -150,19 +139,18 @@ def _write_gltf(file: BinaryIO, cloud: PointCloud, faces: NDArray[np.int64]) -> 
     file.write(made.export(file_type="glb", include_normals=cloud.normals() is not None))
 
 
-class _MeshFormat(NamedTuple):
-    """How meshes are written in a format, which vertices it can hold, and whether only in single precision."""
-
-    name: str
-    write: Callable[[BinaryIO, PointCloud, NDArray[np.int64]], None]
-    fitted: Callable[[PointCloud], tuple[PointCloud, list[str]]]
-    single: bool = False
+def _single(cloud: PointCloud, groups: Sequence[Sequence[str]]) -> tuple[PointCloud, list[str]]:
+    """Return a cloud as `held` does, with coordinates in single precision."""
+    fitted, lost = held(cloud, groups)
+    with np.errstate(over="ignore"):
+        return replace(fitted, points=cloud.points.astype(np.float32).astype(np.float64)), lost
 
 
+_BOTH = (NORMALS, COLOURS)
 _FORMATS = {
-    ".ply": _MeshFormat("PLY", _write_ply, PLY.fitted),
-    ".obj": _MeshFormat("OBJ", write_obj, partial(held, groups=(NORMALS, COLOURS))),
-    ".stl": _MeshFormat("STL", _write_stl, partial(held, groups=(NORMALS,)), single=True),
-    ".off": _MeshFormat("OFF", write_off, partial(held, groups=(NORMALS, COLOURS))),
-    ".glb": _MeshFormat("glTF", _write_gltf, partial(held, groups=(NORMALS, COLOURS)), single=True),
+    ".ply": PLY,
+    ".obj": replace(OBJ, fitted=partial(held, groups=_BOTH)),  # meshes are written with the normals of their vertices
+    ".stl": replace(STL, write=_write_stl, fitted=partial(_single, groups=(NORMALS,))),
+    ".off": OFF,
+    ".glb": replace(GLTF, write=_write_gltf, fitted=partial(_single, groups=_BOTH)),
 }  # by suffix

@@ -305,7 +305,7 @@ def _count_stl_faces(file: BufferedReader) -> int:
     return len(_corners(file)) // 3
 
 
-FORMATS = (
+OFF, OBJ, STL = FORMATS = (
     Format(
         "OFF",
         (".off",),

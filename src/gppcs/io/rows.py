@@ -186,7 +186,7 @@ def read_records(
         file.seek(span[0] * record.itemsize, os.SEEK_CUR)
         count = span[1] - span[0]
     axes = coordinate_names(record.names or ())
-    types = [(name, *_type_and_shape(record[name])) for name in record.names or () if name in kept and name not in axes]
+    types = [(name, *type_and_shape(record[name])) for name in record.names or () if name in kept and name not in axes]
     for start in range(0, max(count, 1), rows):
         n = min(rows, count - start)
         points = np.empty((n, 3))
@@ -206,7 +206,8 @@ def read_records(
         yield PointCloud(points, attributes, kind)
 
 
-def _type_and_shape(dtype: np.dtype[Any]) -> tuple[np.dtype[Any], tuple[int, ...]]:
+def type_and_shape(dtype: np.dtype[Any]) -> tuple[np.dtype[Any], tuple[int, ...]]:
+    """Return the type and the shape of a field of a structured type."""
     return dtype.subdtype or (dtype, ())
 
 
