@@ -215,9 +215,9 @@ def test_what_is_no_whole_header_is_refused(tmp_path, content, message):
 @pytest.mark.parametrize(
     ("row", "message"),
     [
-        ("1 2 3 256", "uchar as red of vertex 2, found 256"),
-        ("1 2 3 0.5", "uchar as red of vertex 2, found 0.5"),
-        ("1 2 3 nan", "uchar as red of vertex 2, found nan"),
+        ("1 2 3 256", "uchar as red of vertex 2, found '256'"),
+        ("1 2 3 0.5", "uchar as red of vertex 2, found '0.5'"),
+        ("1 2 3 nan", "uchar as red of vertex 2, found 'nan'"),
         ("1 2 3", "line 10: expected 4 numbers, found '1 2 3'"),
         ("1 2 3 4 5", "line 10"),
         ("1 2 three 4", "line 10: .*'1 2 three 4'"),

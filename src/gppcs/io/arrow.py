@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from io import BufferedReader
@@ -187,20 +187,20 @@ def write_parquet(file: BinaryIO, cloud: PointCloud) -> None:
     require_pyarrow()
     import pyarrow.parquet
 
-    columns = _columns(cloud)
-    schema = _schema(cloud, columns)
-    with pyarrow.parquet.ParquetWriter(file, schema) as writer:
-        for batch in _batches(columns, schema):
-            writer.write_batch(batch)
+    _write(cloud, lambda schema: pyarrow.parquet.ParquetWriter(file, schema))
 
 
 def write_feather(file: BinaryIO, cloud: PointCloud) -> None:
     """Write a Feather file of version 2, compressed by LZ4, in the manner of `write_parquet`."""
     pyarrow = require_pyarrow()
+    options = pyarrow.ipc.IpcWriteOptions(compression="lz4")
+    _write(cloud, lambda schema: pyarrow.ipc.new_file(file, schema, options=options))
+
+
+def _write(cloud: PointCloud, writer_of: Callable[[Any], Any]) -> None:
     columns = _columns(cloud)
     schema = _schema(cloud, columns)
-    options = pyarrow.ipc.IpcWriteOptions(compression="lz4")
-    with pyarrow.ipc.new_file(file, schema, options=options) as writer:
+    with writer_of(schema) as writer:
         for batch in _batches(columns, schema):
             writer.write_batch(batch)
 

@@ -26,6 +26,7 @@ from gppcs.io.rows import (
     as_found,
     at_most,
     bytes_left,
+    cast,
     ends_early,
     lines_of,
     number_blocks,
@@ -369,25 +370,12 @@ def _read_text(file: BufferedReader, layout: _Layout) -> Iterator[dict[str, Colu
         columns, first = {}, 0
         for each in layout.fields:
             if each.name != _PADDING:
-                values = [_cast(values, done, each) for values in found[first : first + each.count]]
+                what = f"{each.dtype} as {each.name} of point"
+                values = [cast(values, each.dtype, what, done) for values in found[first : first + each.count]]
                 columns[each.name] = np.stack(values, axis=1).reshape(-1, *each.shape)
             first += each.count
         yield columns
         done += len(found[0])
-
-
-def _cast(values: Column, done: int, to: _Field) -> Column:
-    """Return numbers of a block, which `done` points precede, in the type of a field, which must represent them."""
-    if to.dtype.kind in "iu":
-        bounds = np.iinfo(to.dtype)
-        fits = (values == np.rint(values)) & (values >= bounds.min) & (values <= bounds.max)
-        if not fits.all():
-            row = int(np.argmin(fits))
-            raise FileFormatError(
-                f"expected {to.dtype} as {to.name} of point {done + row + 1}, found {as_found(str(values[row]))}"
-            )
-    with np.errstate(over="ignore"):  # values beyond the range of float32 become infinite
-        return values.astype(to.dtype)
 
 
 def write_pcd(file: BinaryIO, cloud: PointCloud, ascii: bool | None = None) -> None:  # noqa: A002

@@ -27,6 +27,7 @@ from gppcs.io.rows import (
     as_found,
     at_most,
     bytes_left,
+    cast,
     ends_early,
     equal_spans,
     lines_of,
@@ -79,6 +80,10 @@ class _Property:
     name: str
     dtype: np.dtype[Any]
     length: np.dtype[Any] | None = None  # for a list, the type of the count before its items
+
+    @property
+    def label(self) -> str:
+        return f"a {_NAMES[self.dtype]} as {self.name}"
 
 
 @dataclass(frozen=True)
@@ -335,7 +340,9 @@ def _text_tables(file: BufferedReader, header: _Header, element: _Element) -> It
     for table in blocks:
         numbers = iter(table)
         yield {
-            each.name: _cast(next(numbers), each, first) if each.length is None else _text_lists(words[each.name], each)
+            each.name: cast(next(numbers), each.dtype, f"{each.label} of vertex", first)
+            if each.length is None
+            else _text_lists(words[each.name], each)
             for each in element.properties
         }
         first += len(table[0])
@@ -367,22 +374,10 @@ def _text_lists(lists: list[list[str]], to: _Property) -> Column:
         items = np.array([float(word) for words in lists for word in words])
     except ValueError as error:
         raise FileFormatError(f"expected numbers in the list {to.name}, but {error}") from error
-    return _lists(_cast(items, to), np.array([len(words) for words in lists], dtype=np.int64))
-
-
-def _cast(values: Column, to: _Property, first: int = 0) -> Column:
-    """Return values, of which the first is number `first` of the file, in the type of a property."""
-    if to.dtype.kind in "iu":
-        bounds = np.iinfo(to.dtype)
-        fits = (values >= bounds.min) & (values <= bounds.max) & (values == np.rint(values))
-        if not fits.all():
-            wrong = int(np.argmin(fits))
-            raise FileFormatError(
-                f"expected a {_NAMES[to.dtype]} as {to.name} of "
-                f"{'vertex' if to.length is None else 'all lists, item'} {first + wrong + 1}, found {values[wrong]:g}"
-            )
-    with np.errstate(over="ignore"):  # values beyond the range of float32 become infinite
-        return values.astype(to.dtype)
+    return _lists(
+        cast(items, to.dtype, f"{to.label} of all lists, item"),
+        np.array([len(words) for words in lists], dtype=np.int64),
+    )
 
 
 @dataclass(frozen=True)

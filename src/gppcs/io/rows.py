@@ -152,6 +152,18 @@ def _typed(words: Sequence[str]) -> Column:
     return values
 
 
+def cast(values: Column, to: np.dtype[Any], what: str, done: int = 0) -> Column:
+    """Return numbers, which `done` others precede, in a type that must represent whole ones; `what` says which."""
+    if to.kind in "iu":
+        bounds = np.iinfo(to)
+        fits = (values == np.rint(values)) & (values >= bounds.min) & (values <= bounds.max)
+        if not fits.all():
+            row = int(np.argmin(fits))
+            raise FileFormatError(f"expected {what} {done + row + 1}, found {as_found(str(values[row]))}")
+    with np.errstate(over="ignore"):  # values beyond the range of float32 become infinite
+        return values.astype(to)
+
+
 def at_most(rows: int, clouds: Iterable[PointCloud]) -> Iterator[PointCloud]:
     """Yield clouds, cut into chunks of at most so many rows."""
     for cloud in clouds:

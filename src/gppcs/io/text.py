@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from io import BufferedReader
@@ -240,26 +240,11 @@ def _fields(line: str) -> list[str]:
     return [field.strip("\"'") for field in fields_of(line, delimiter_of(line))]
 
 
-def write_xyz(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write numbers and quoted text separated by spaces, after a comment with the names if the cloud has attributes."""
+def _write(head: Callable[[PointCloud, Iterable[str]], str], separator: str, file: BinaryIO, cloud: PointCloud) -> None:
+    """Write what `head` returns for the names of the columns, then numbers and quoted text."""
     columns = columns_of(cloud)
-    if cloud.attributes:
-        file.write(f"# {' '.join(columns)}\n".encode())
-    write_rows(file, list(columns.values()))
-
-
-def write_csv(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write a line with the names, then numbers and quoted text separated by commas."""
-    columns = columns_of(cloud)
-    file.write(f"{','.join(columns)}\n".encode())
-    write_rows(file, list(columns.values()), ",")
-
-
-def write_pts(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write the number of points, then one row for each point."""
-    columns = columns_of(cloud)
-    file.write(f"{len(cloud)}\n".encode())
-    write_rows(file, list(columns.values()))
+    file.write(head(cloud, columns).encode())
+    write_rows(file, list(columns.values()), separator)
 
 
 def _numbers_and_text(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
@@ -278,16 +263,21 @@ def _usual_in_pts(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
 def _format(
     name: str,
     suffixes: tuple[str, ...],
-    write: Callable[[BinaryIO, PointCloud], None],
+    head: Callable[[PointCloud, Iterable[str]], str],
+    separator: str = " ",
     names_of_width: Callable[[int], list[str]] = default_names,
     fitted: Callable[[PointCloud], tuple[PointCloud, list[str]]] = _numbers_and_text,
 ) -> Format:
-    read = partial(read_table, names_of_width)
+    read, write = partial(read_table, names_of_width), partial(_write, head, separator)
     return Format(name, suffixes, read, write, fitted=fitted, named=column_name, is_table=True)
 
 
 FORMATS = (
-    _format("XYZ", (".xyz", ".txt", ".asc"), write_xyz),
-    _format("CSV", (".csv",), write_csv),
-    _format("PTS", (".pts",), write_pts, _names_in_pts, _usual_in_pts),
+    _format(
+        "XYZ",
+        (".xyz", ".txt", ".asc"),
+        lambda cloud, names: f"# {' '.join(names)}\n" if cloud.attributes else "",
+    ),
+    _format("CSV", (".csv",), lambda cloud, names: f"{','.join(names)}\n", ","),
+    _format("PTS", (".pts",), lambda cloud, names: f"{len(cloud)}\n", " ", _names_in_pts, _usual_in_pts),
 )
