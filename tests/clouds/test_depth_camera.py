@@ -63,23 +63,6 @@ def test_known_rays():
     assert skewed[2, 2].tolist() == [-0.125, 0.25, 2.0]  # (2 - 2 - 2 / 8) / 4 of its depth
 
 
-def test_four_numbers_are_the_matrix_without_skew():
-    depth = np.random.default_rng(0).uniform(1.0, 2.0, (6, 7))
-    given_as = [(50.0, 60.0, 3.0, 2.5), np.array([50.0, 60.0, 3.0, 2.5]), matrix(50.0, 60.0, 3.0, 2.5)]
-    first, *others = (from_depth(depth, intrinsics).points for intrinsics in given_as)
-    for other in others:
-        np.testing.assert_array_equal(other, first)
-
-
-def test_a_rendered_plane_is_recovered():
-    K = matrix(80.0, 75.0, 31.0, 22.5)
-    normal, offset = np.array([0.3, -0.2, 0.9]), 2.0
-    depth = offset / (rays((48, 64), K) @ normal)  # z with normal . (z ray) = offset
-    points = from_depth(depth, K).points
-    assert len(points) == 48 * 64
-    np.testing.assert_allclose(points @ normal, offset, rtol=1e-12)
-
-
 def test_a_rendered_sphere_is_recovered():
     K = matrix(80.0, 80.0, 31.5, 23.5)
     centre, radius = np.array([0.2, -0.1, 5.0]), 1.2
@@ -170,19 +153,14 @@ def test_a_real_frame_comes_back_from_its_own_depth_image(shared_data, name):
 @pytest.mark.parametrize(
     ("depth", "colour", "message"),
     [
-        (np.ones(4), None, r"shape \(H, W\), found \(4,\)"),
         (np.ones((3, 4, 1)), None, r"shape \(H, W\), found \(3, 4, 1\)"),
         (ONE * 1j, None, "real numbers in the depth image, found complex128"),
         (ONE > 0, None, "found bool"),
-        ([["a"]], None, "real numbers"),
         (ONE, np.zeros((3, 4), np.uint8), r"shape \(3, 4, 3\), as the depth image, found \(3, 4\)"),
-        (ONE, np.zeros((4, 3, 3), np.uint8), r"found \(4, 3, 3\)"),
         (ONE, np.zeros((3, 4, 4), np.uint8), r"found \(3, 4, 4\); leave out alpha"),
         (ONE, np.zeros((3, 4, 3)), "colours of type uint8, 0 to 255, found float64"),
         (np.zeros((3, 4)), None, "found none in an image of 4 x 3"),
-        (-ONE, None, "found none"),
-        (np.full((3, 4), np.nan), None, "found none"),
-        (np.full((3, 4), np.inf), None, "found none"),
+        ([[1.0, 2.0], [1.0]], None, "rows of different lengths"),
         (np.empty((0, 4)), None, "found none in an image of 4 x 0"),
     ],
 )
@@ -191,20 +169,13 @@ def test_images_that_are_none_are_refused(depth, colour, message):
         from_depth(depth, KINECT, colour)
 
 
-def test_a_range_without_pixels_is_told():
-    with pytest.raises(InputError, match=r"from 2\.0 to 3\.0, found none in an image of 4 x 3; check scale"):
-        from_depth(ONE, KINECT, nearest=2.0, farthest=3.0)
-
-
 @pytest.mark.parametrize(
     ("intrinsics", "message"),
     [
         (525.0, r"shape \(3, 3\), or \(fx, fy, cx, cy\), found shape \(\)"),
         (KINECT[:3], r"found shape \(3,\)"),
-        (np.eye(4), r"found shape \(4, 4\)"),
         ("kinect", "expected numbers as intrinsics"),
         ([[1.0], [1.0, 2.0]], "expected numbers as intrinsics"),
-        (np.zeros((3, 3)), "focal lengths above 0"),
         ((525.0, 0.0, 319.5, 239.5), "focal lengths above 0"),
         ((525.0, -525.0, 319.5, 239.5), "focal lengths above 0"),
         ((525.0, 525.0, np.nan, 239.5), "finite intrinsics"),
@@ -212,7 +183,6 @@ def test_a_range_without_pixels_is_told():
         (matrix(*KINECT).T, "transpose it"),
         ([[525.0, 0.0, 319.5], [1e-3, 525.0, 239.5], [0.0, 0.0, 1.0]], "matrix of a pinhole camera"),
         (2.0 * matrix(*KINECT), "matrix of a pinhole camera"),
-        (np.ones((3, 3)), "matrix of a pinhole camera"),
     ],
 )
 def test_a_matrix_of_no_pinhole_camera_is_refused(intrinsics, message):
@@ -224,28 +194,19 @@ def test_a_matrix_of_no_pinhole_camera_is_refused(intrinsics, message):
     ("options", "message"),
     [
         ({"scale": 0.0}, "finite scale above 0, found 0.0"),
-        ({"scale": -1.0}, "finite scale above 0"),
         ({"scale": np.inf}, "finite scale above 0"),
         ({"scale": np.nan}, "finite scale above 0"),
         ({"nearest": 2.0, "farthest": 1.0}, "at most farthest, found 2.0 and 1.0"),
         ({"nearest": np.nan}, "at most farthest"),
+        ({"nearest": 2.0, "farthest": 3.0}, r"from 2\.0 to 3\.0, found none in an image of 4 x 3; check scale"),
+        ({"scale": 1e308, "farthest": np.inf}, "found some that overflow"),
     ],
 )
 def test_options_out_of_range_are_refused(options, message):
-    with pytest.raises(ParameterError, match=message):
-        from_depth(ONE, KINECT, **options)
-
-
-def test_coordinates_that_overflow_are_refused():
-    with pytest.raises(InputError, match="found some that overflow"):
-        gppcs.from_depth(np.ones((3, 4), dtype=np.float32), (525, 525, 1, 1), scale=1e39)
+    with pytest.raises((InputError, ParameterError), match=message):
+        from_depth(ONE.astype(np.float32), KINECT, **options)
 
 
 def test_masked_pixels_were_not_measured():
     depth = np.ma.masked_array(np.ones((3, 4)), mask=np.arange(12).reshape(3, 4) < 5)
     assert len(gppcs.from_depth(depth, (525, 525, 1, 1))) == 7
-
-
-def test_ragged_rows_are_refused():
-    with pytest.raises(InputError, match="rows of different lengths"):
-        gppcs.from_depth([[1.0, 2.0], [1.0]], (525, 525, 1, 1))
