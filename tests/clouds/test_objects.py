@@ -1,5 +1,6 @@
 """Objects of other libraries become clouds with all that they hold, and clouds become such objects again."""
 
+import re
 import subprocess
 import sys
 
@@ -159,25 +160,17 @@ def test_text_in_pyvista_is_named():
 # trimesh
 
 
-def test_point_clouds_of_trimesh_come_in_with_their_colours():
-    trimesh = pytest.importorskip("trimesh")
-    expected = PointCloud(POINTS, dict(zip(("red", "green", "blue", "alpha"), COLOURS.T, strict=True)))
-    assert_same(PointCloud.of(trimesh.PointCloud(POINTS, COLOURS)), expected)
-    assert_same(PointCloud.of(trimesh.PointCloud(POINTS)), PointCloud(POINTS))
-
-
 def test_colours_of_trimesh_are_the_same_after_a_round_trip():
     trimesh = pytest.importorskip("trimesh")
-    made = PointCloud.of(trimesh.PointCloud(POINTS, COLOURS)).to_trimesh()
+    cloud = PointCloud.of(trimesh.PointCloud(POINTS, COLOURS))
+    assert_same(cloud, PointCloud(POINTS, dict(zip(("red", "green", "blue", "alpha"), COLOURS.T, strict=True))))
+    assert_same(PointCloud.of(trimesh.PointCloud(POINTS)), PointCloud(POINTS))
+    made = cloud.to_trimesh()
     assert made.colors.dtype == np.uint8
     np.testing.assert_array_equal(made.colors, COLOURS)
-    np.testing.assert_array_equal(made.vertices, POINTS)
     assert "vertex_attributes" not in made.metadata
-
-
-def test_colours_without_alpha_are_opaque_in_trimesh():
-    pytest.importorskip("trimesh")
-    np.testing.assert_array_equal(CLOUD.to_trimesh().colors, np.column_stack([COLOURS[:, :3], np.full(N, 255)]))
+    opaque = np.column_stack([COLOURS[:, :3], np.full(N, 255)])
+    np.testing.assert_array_equal(CLOUD.to_trimesh().colors, opaque)
 
 
 def test_meshes_of_trimesh_come_in_with_stored_normals_only():
@@ -191,12 +184,8 @@ def test_meshes_of_trimesh_come_in_with_stored_normals_only():
     np.testing.assert_array_equal(cloud.points, POINTS)
     np.testing.assert_array_equal(cloud.normals(), mesh.vertex_normals)
     np.testing.assert_array_equal(cloud.attributes["alpha"], COLOURS[:, 3])
-
-
-def test_colours_of_faces_are_no_colours_of_vertices():
-    trimesh = pytest.importorskip("trimesh")
-    mesh = trimesh.Trimesh(POINTS, [[0, 1, 2], [2, 3, 4]], process=False, face_colors=COLOURS[:2])
-    assert not PointCloud.of(mesh).attributes
+    mesh = trimesh.Trimesh(POINTS, faces[:2], process=False, face_colors=COLOURS[:2])
+    assert not PointCloud.of(mesh).attributes  # colours of faces are none of vertices
 
 
 # pandas and structured arrays
@@ -233,27 +222,19 @@ def test_attributes_of_several_numbers_become_columns_of_a_table():
     np.testing.assert_array_equal(made["offset_1"], VALUES["offset"][:, 1])
 
 
-def test_columns_of_pandas_own_types_come_in_as_those_of_numpy():
-    columns = {axis: [0.0, 1.0] for axis in "xyz"}
-    columns["count"] = pandas.array([1, 2], dtype="Int16")
-    columns["kind"] = pandas.Categorical([3, 4])
-    attributes = PointCloud.of(pandas.DataFrame(columns)).attributes
-    assert attributes["count"].dtype == np.int16
-    assert attributes["kind"].tolist() == [3, 4]
-
-
-def test_columns_of_text_become_attributes():
-    table = pandas.DataFrame({axis: [0.0, 1.0] for axis in "xyz"} | {"kind": ["roof", "tree"]})
-    table["same"] = pandas.Categorical(table["kind"])
-    table["again"] = pandas.array(table["kind"], dtype="string")
-    cloud = PointCloud.of(table)
-    for name in ("kind", "same", "again"):
-        assert cloud.attributes[name].tolist() == ["roof", "tree"]
-
-
-def test_the_index_of_a_table_does_not_matter():
-    table = table_of({axis: [0.0, 1.0, 2.0] for axis in "xyz"}).iloc[::-1]
-    assert PointCloud.of(table).points[:, 0].tolist() == [2, 1, 0]
+def test_columns_of_pandas_own_types_come_in_as_those_of_numpy_whatever_the_index():
+    pandas = pytest.importorskip("pandas")
+    table = pandas.DataFrame({axis: [0.0, 1.0] for axis in "xyz"} | {"text": ["roof", "tree"]})
+    table["count"] = pandas.array([1, 2], dtype="Int16")
+    table["kind"] = pandas.Categorical([3, 4])
+    table["same"] = pandas.Categorical(table["text"])
+    table["again"] = pandas.array(table["text"], dtype="string")
+    cloud = PointCloud.of(table.iloc[::-1])
+    assert cloud.points[:, 0].tolist() == [1, 0]
+    assert cloud.attributes["count"].dtype == np.int16
+    assert cloud.attributes["kind"].tolist() == [4, 3]
+    for name in ("text", "same", "again"):
+        assert cloud.attributes[name].tolist() == ["tree", "roof"]
 
 
 @pytest.mark.parametrize(
@@ -280,11 +261,6 @@ def test_tables_with_missing_values_or_coordinates_or_repeated_names_are_refused
         PointCloud.of(table[["x", "y", "z", "x"]])
     with pytest.raises(InputError, match="a number for each point in column 'count', found missing values"):
         PointCloud.of(table.assign(count=pandas.array([1, None], dtype="Int16")))
-
-
-def test_attributes_that_would_share_a_column_are_refused():
-    with pytest.raises(InputError, match="found 'x' twice; rename the attribute"):
-        PointCloud(POINTS, {"x": np.zeros(N)}).to_pandas()
 
 
 def test_structured_arrays_come_in_as_npy_files_do(tmp_path):
@@ -351,14 +327,6 @@ def test_any_cloud_becomes_data_of_laspy():
     made = exact.to_laspy()
     assert made.xyz.tolist() == exact.points.tolist()
     assert (made.intensity.dtype, made["label"].tolist()) == (np.uint16, [-1, 2**40])
-
-
-def test_what_laspy_cannot_hold_is_refused():
-    pytest.importorskip("laspy")
-    with pytest.raises(InputError, match=r"what LAS can hold, found attribute name \(text\); convert or drop it"):
-        PointCloud(np.zeros((1, 3)), {"name": np.array(["a"])}).to_laspy()
-    with pytest.raises(OutputError, match="expected finite coordinates"):
-        PointCloud([[np.nan, 0, 0]]).to_laspy()
 
 
 # Open3D, and something that looks like it
@@ -461,22 +429,32 @@ def test_a_cloud_does_not_depend_on_an_open3d_cloud_that_changes():
     np.testing.assert_array_equal(cloud.points, POINTS)
 
 
-def test_attributes_that_open3d_would_take_for_the_points_are_refused():
-    pytest.importorskip("open3d")
-    with pytest.raises(InputError, match="other names than 'positions'"):
-        PointCloud(POINTS, {"positions": POINTS}).to_open3d()
-
-
 # Errors
 
 
-@pytest.mark.parametrize("library", ["open3d", "pyvista"])
-@pytest.mark.parametrize("dtype", ["f2", "M8[s]", "U3"])
-def test_types_that_a_library_lacks_are_named(library, dtype):
+@pytest.mark.parametrize(
+    ("library", "name", "values", "message"),
+    [
+        *(
+            (library, "odd", np.zeros(N, dtype), re.escape(f"found {np.dtype(dtype)} in attribute 'odd'"))
+            for library in ("open3d", "pyvista")
+            for dtype in ("f2", "M8[s]", "U3")
+        ),
+        ("open3d", "positions", POINTS, "other names than 'positions'"),
+        ("pandas", "x", np.zeros(N), "found 'x' twice; rename the attribute"),
+        ("laspy", "name", np.full(N, "a"), r"what LAS can hold, found attribute name \(text\); convert or drop it"),
+    ],
+)
+def test_attributes_that_a_library_cannot_hold_are_named(library, name, values, message):
     pytest.importorskip(library)
-    cloud = PointCloud(POINTS, {"odd": np.zeros(N, dtype)})
-    with pytest.raises(InputError, match=rf"found {np.dtype(dtype)} in attribute 'odd'".replace("[", r"\[")):
-        getattr(cloud, METHODS[library])()
+    with pytest.raises(InputError, match=message):
+        getattr(PointCloud(POINTS, {name: values}), f"to_{library}")()
+
+
+def test_points_that_laspy_cannot_hold_are_refused():
+    pytest.importorskip("laspy")
+    with pytest.raises(OutputError, match="expected finite coordinates"):
+        PointCloud([[np.nan, 0, 0]]).to_laspy()
 
 
 @pytest.mark.parametrize("library", ["open3d", "pyvista", "trimesh"])

@@ -68,12 +68,9 @@ def _column(series: Any, name: Any) -> Column:
 
 def _require_numbers(values: Column, what: str) -> None:
     if values.dtype.kind in "OUST":
-        found = "Python objects" if values.dtype.kind == "O" and not _is_text(values) else "text"
+        is_text = values.dtype.kind != "O" or any(isinstance(value, str) for value in values.flat)
+        found = "text" if is_text else "Python objects"
         raise InputError(f"expected numbers in {what}, found {found}; drop it, or turn it into numbers")
-
-
-def _is_text(values: Column) -> bool:
-    return any(isinstance(value, str) for value in values.flat)
 
 
 def _of_open3d(cloud: Any) -> PointCloud:
