@@ -133,8 +133,7 @@ if TYPE_CHECKING:
     from gppcs.evaluation.mesh_comparison import MeshEntry, compare_meshes
     from gppcs.evaluation.report import Figure, MeshReport, Rebuilt, Report, figures_of
     from gppcs.io import read, write
-    from gppcs.io.mesh_files import read_mesh
-    from gppcs.io.mesh_writing import write_mesh
+    from gppcs.io.mesh_files import read_mesh, write_mesh
     from gppcs.meshing.pipeline import MeshResult, mesh
     from gppcs.methods import (
         AIVS,
@@ -191,8 +190,7 @@ _HOMES = {  # the module that defines each public name
     "evaluation.mesh_comparison": ("MeshEntry", "compare_meshes"),
     "evaluation.report": ("Figure", "MeshReport", "Rebuilt", "Report", "figures_of"),
     "io": ("read", "write"),
-    "io.mesh_files": ("read_mesh",),
-    "io.mesh_writing": ("write_mesh",),
+    "io.mesh_files": ("read_mesh", "write_mesh"),
     "meshing.pipeline": ("MeshResult", "mesh"),
     "methods": (
         "AIVS",

@@ -418,10 +418,9 @@ def _new_header(cloud: PointCloud) -> LasHeader:
         )
 
     best = max(layouts, key=held)
-    size = SIZES[_VERSIONS[best] if len(cloud) < 2**32 else 4]
-    return LasHeader(
-        bytes(size)[:25] + bytes([next(n for n in (2, 4) if SIZES[n] == size)]) + bytes(size - 26)
-    ).with_fields(
+    minor = _VERSIONS[best] if len(cloud) < 2**32 else 4
+    size = SIZES[minor]
+    return LasHeader(bytes(25) + bytes([minor]) + bytes(size - 26)).with_fields(
         signature=b"LASF",
         major=1,
         size=size,

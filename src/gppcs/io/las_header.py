@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from io import BufferedReader
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +59,7 @@ _LINEAR_UNITS = 3076  # key of GeoTIFF
 _METRES = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}  # its values: metre, foot, foot of the US survey
 # Bits of the global encoding.
 _USES_WKT, _HOLDS_WAVEFORMS, _STANDARD_TIME = 0b10000, 0b10, 0b1
+_Value = TypeVar("_Value", str, float)
 
 
 @dataclass(frozen=True)
@@ -160,15 +161,16 @@ class LasHeader(Header):
     def crs(self) -> str | None:
         """The coordinate reference system, by its name and code; None if it is not known."""
         found = {each.kind: each.data for each in self.records}
-        by_wkt, by_keys = _crs_of_wkt(found.get(_WKT, b"")), _crs_of_keys(found)
-        uses_wkt = int(self.fields()["global_encoding"][0]) & _USES_WKT
-        return (by_wkt or by_keys) if uses_wkt else (by_keys or by_wkt)
+        return self._first_of(_crs_of_wkt(found.get(_WKT, b"")), _crs_of_keys(found))
 
     @property
     def metres(self) -> float | None:
         """The unit of x and y in metres; None if it is not known, or if they are angles."""
         found = {each.kind: each.data for each in self.records}
-        by_wkt, by_keys = _metres_of_wkt(found.get(_WKT, b"")), _metres_of_keys(found)
+        return self._first_of(_metres_of_wkt(found.get(_WKT, b"")), _metres_of_keys(found))
+
+    def _first_of(self, by_wkt: _Value | None, by_keys: _Value | None) -> _Value | None:
+        """Return what the header says by WKT or by keys; if by both, in the way that its global encoding tells."""
         uses_wkt = int(self.fields()["global_encoding"][0]) & _USES_WKT
         return (by_wkt or by_keys) if uses_wkt else (by_keys or by_wkt)
 

@@ -1,15 +1,30 @@
-"""Reads mesh files with their triangles."""
+"""Reads and writes mesh files: PLY, OBJ, STL and OFF, and glTF by trimesh."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import BinaryIO
 
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.mesh import Mesh
-from gppcs.errors import FileFormatError, file_path
+from gppcs.engine.extras import require_trimesh
+from gppcs.errors import FileFormatError, InputError, file_path, flag, shown
 from gppcs.io.cloud_files import CloudFiles
-from gppcs.io.files import FORMATS, check_input, format_of, naming
-from gppcs.io.streams import inner_name, plain_input
+from gppcs.io.files import FORMATS, check_input, format_of, naming, refuse_losses
+from gppcs.io.format import Format
+from gppcs.io.gltf import FORMAT as GLTF
+from gppcs.io.meshes import COLOURS, OBJ, OFF, STL, STL_FACET, colours_of, held
+from gppcs.io.ply import FORMAT as PLY
+from gppcs.io.streams import inner_name, plain_input, whole_output
+
+STL_COMMENT = b"gppcs".ljust(80)
 
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
@@ -67,3 +82,133 @@ def mesh_of(path: Path, format: str | None = None) -> Mesh | None:  # noqa: A002
     with CloudFiles.of([path], format, if_needed=True) as files:
         faces, _ = files.left_out()
     return read_mesh(path) if faces else None
+
+
+def write_mesh(
+    path: str | os.PathLike[str],
+    mesh: Mesh,
+    vertices: PointCloud | None = None,
+    force: bool = False,
+    lossy: bool = False,
+) -> list[str]:
+    """Write a mesh file: PLY, OBJ, STL, OFF or glTF.
+
+    PLY holds all attributes of the vertices. OBJ, OFF and glTF hold normals and colours of 8 bits. STL holds none; its
+    triangles have normals of their own. The file appears under its name only when it is complete.
+
+    Parameters
+    ----------
+    path : str or path
+        The file. Its suffix selects the format: .ply, .obj, .stl, .off or .glb (binary glTF). A further suffix .gz or
+        .zst compresses it.
+    mesh : Mesh
+        The triangles.
+    vertices : PointCloud, optional
+        The vertices of the mesh with their attributes, such as the `cloud` of a `MeshResult`. By default, the
+        vertices have none.
+    force : bool
+        Whether to overwrite an existing file.
+    lossy : bool
+        Whether to leave out attributes that the format cannot hold, and to round coordinates and colours.
+
+    Returns
+    -------
+    list of str
+        In words what the file does not hold of the vertices: attributes, what their header says, such as a coordinate
+        system, and the precision of coordinates and colours. Unless `lossy` is True, only what the header says.
+
+    Raises
+    ------
+    FileFormatError
+        If the format is unknown, or gppcs does not write meshes in it.
+    OutputError
+        If the file exists and `force` is False, the folder is missing or not writable, or the format cannot hold all
+        values of the vertices and `lossy` is False.
+    InputError
+        If `vertices` are not those of the mesh.
+    MissingExtraError
+        If the format is glTF and trimesh is not installed.
+    ParameterError
+        If an argument has a wrong type.
+
+    Examples
+    --------
+    >>> result = gppcs.mesh(gppcs.sample("sphere", n_points=3000), n_points=100)
+    >>> gppcs.write_mesh("ball.ply", result.mesh, result.cloud)
+    []
+    >>> gppcs.write_mesh("ball.obj", result.mesh, result.cloud, lossy=True)
+    ['attribute curvature (float32)']
+    """
+    if not isinstance(mesh, Mesh):
+        raise InputError(f"expected a gppcs.Mesh, found {shown(mesh)}")
+    cloud = PointCloud(mesh.vertices) if vertices is None else vertices
+    if not isinstance(cloud, PointCloud) or not np.array_equal(cloud.points, mesh.vertices):
+        raise InputError("expected the vertices of the mesh as a PointCloud, found other points")
+    force = flag("force", force)
+    chosen = _format_of(path)
+    fit = chosen.fit(cloud)
+    if not flag("lossy", lossy):
+        refuse_losses(path, chosen.name, fit.values)
+    with whole_output(path, force) as file:
+        assert chosen.write is not None
+        # Normals of triangles come from the coordinates before they are rounded.
+        chosen.write(file, replace(fit.cloud, points=cloud.points), faces=mesh.faces)
+    return [*fit.values, *fit.remarks]
+
+
+def check_mesh_storable(path: str | os.PathLike[str], cloud: PointCloud, lossy: bool = False) -> None:
+    """Check that `write_mesh` can write a mesh whose vertices are points of a cloud. Call it before long work."""
+    chosen = _format_of(path)
+    if not flag("lossy", lossy):
+        refuse_losses(path, chosen.name, chosen.fit(cloud).values)
+
+
+def check_mesh_format(path: str | os.PathLike[str]) -> None:
+    """Check that gppcs can write meshes in the format of a file. Call it before long work."""
+    if _format_of(path).write is _write_gltf:
+        require_trimesh()
+
+
+def _format_of(path: str | os.PathLike[str]) -> Format:
+    suffix = inner_name(Path(file_path(path))).suffix.lower()
+    if suffix not in _FORMATS:
+        raise FileFormatError(
+            f"{path}: expected one of the formats of meshes {' '.join(_FORMATS)}, found {suffix or 'no suffix'!r}"
+        )
+    return _FORMATS[suffix]
+
+
+def _write_stl(file: BinaryIO, cloud: PointCloud, faces: NDArray[np.int64]) -> None:
+    """Write a binary file of triangles with their normals."""
+    facets = np.zeros(len(faces), STL_FACET)
+    corners = cloud.points[faces]
+    facets["corners"] = corners
+    products = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(products, axis=1, keepdims=True)
+    facets["normal"] = np.divide(products, lengths, out=np.zeros_like(products), where=lengths > 0)
+    file.write(STL_COMMENT + np.uint32(len(faces)).tobytes() + facets.tobytes())
+
+
+def _write_gltf(file: BinaryIO, cloud: PointCloud, faces: NDArray[np.int64]) -> None:
+    """Write a binary glTF file."""
+    made = require_trimesh().Trimesh(
+        cloud.points, faces, vertex_normals=cloud.normals(), vertex_colors=colours_of(cloud), process=False
+    )
+    file.write(made.export(file_type="glb", include_normals=cloud.normals() is not None))
+
+
+def _single(cloud: PointCloud, groups: Sequence[Sequence[str]]) -> tuple[PointCloud, list[str]]:
+    """Return a cloud as `held` does, with coordinates in single precision."""
+    fitted, lost = held(cloud, groups)
+    with np.errstate(over="ignore"):
+        return replace(fitted, points=cloud.points.astype(np.float32).astype(np.float64)), lost
+
+
+_BOTH = (NORMALS, COLOURS)
+_FORMATS = {
+    ".ply": PLY,
+    ".obj": replace(OBJ, fitted=partial(held, groups=_BOTH)),  # meshes are written with the normals of their vertices
+    ".stl": replace(STL, write=_write_stl, fitted=partial(_single, groups=(NORMALS,))),
+    ".off": OFF,
+    ".glb": replace(GLTF, write=_write_gltf, fitted=partial(_single, groups=_BOTH)),
+}  # by suffix

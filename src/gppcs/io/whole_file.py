@@ -94,20 +94,15 @@ def _rename_to_new(temporary: Path, target: Path) -> None:
     except FileExistsError as error:
         raise _exists(target) from error
     except OSError:  # the file system has no hard links
-        _claim(target)
+        try:
+            open(target, "xb").close()
+        except FileExistsError as error:
+            raise _exists(target) from error
         try:
             os.replace(temporary, target)
         except BaseException:
             target.unlink()
             raise
-
-
-def _claim(target: Path) -> None:
-    """Create an empty file, or raise an error if there is one of that name."""
-    try:
-        open(target, "xb").close()
-    except FileExistsError as error:
-        raise _exists(target) from error
 
 
 def _exists(target: Path) -> OutputError:

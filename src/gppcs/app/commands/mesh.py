@@ -126,7 +126,7 @@ def mesh(
     from gppcs import io
     from gppcs.engine.timer import Timer
     from gppcs.io.files import naming
-    from gppcs.io.mesh_writing import check_mesh_format, check_mesh_storable, write_mesh
+    from gppcs.io.mesh_files import check_mesh_format, check_mesh_storable, write_mesh
     from gppcs.meshing.pipeline import Size
     from gppcs.meshing.pipeline import mesh as meshed
 

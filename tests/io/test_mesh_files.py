@@ -7,7 +7,7 @@ import pytest
 
 import gppcs
 from gppcs.engine import extras
-from gppcs.io.mesh_writing import check_mesh_format
+from gppcs.io.mesh_files import check_mesh_format
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.1]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
