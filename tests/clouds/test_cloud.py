@@ -12,7 +12,6 @@ POINTS = np.arange(12.0).reshape(4, 3)
     ("points", "message"),
     [
         (POINTS[:, :2], r"shape \(N, 3\), found \(4, 2\)"),
-        (POINTS[0], r"shape \(N, 3\), found \(3,\)"),
         (POINTS[None], r"shape \(N, 3\), found \(1, 4, 3\)"),
         ([], r"shape \(N, 3\), found \(0,\)"),
         (None, r"expected a PointCloud, .* or an \(N, 3\) array of coordinates, found None"),
@@ -79,12 +78,7 @@ def test_a_cloud_is_an_array_of_its_points():
     assert np.asarray(CLOUD, dtype=np.float32).dtype == np.float32
     assert len(CLOUD) == 4
     np.testing.assert_array_equal(np.mean(CLOUD, axis=0), POINTS.mean(axis=0))
-
-
-def test_a_copy_of_a_cloud_as_an_array_is_one():
-    copied = np.array(CLOUD)
-    copied[:] = 0
-    np.testing.assert_array_equal(CLOUD.points, POINTS)
+    assert not np.shares_memory(np.array(CLOUD), CLOUD.points)
 
 
 @pytest.mark.skipif(np.lib.NumpyVersion(np.__version__) < "2.0.0", reason="before NumPy 2, copy=False may copy")
