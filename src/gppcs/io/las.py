@@ -35,7 +35,7 @@ from gppcs.io.las_header import (
 )
 from gppcs.io.laz import chunks_of_points, decompressed, decompressed_chunks, fewest_points
 from gppcs.io.query import Query, not_empty, without_levels
-from gppcs.io.rows import BLOCK, at_most, ends_early, type_and_shape
+from gppcs.io.rows import BLOCK, at_most, check_length, type_and_shape
 
 _AXES = ("X", "Y", "Z")
 _UNDESCRIBED = "ExtraBytes"  # laspy's name for bytes of each point that no record describes
@@ -190,7 +190,7 @@ def spans_of_las(file: BufferedReader, rows: int) -> list[Span]:
         chunks = chunks_of_points(file, layout.record, count, own.get(LASZIP))
         ends = np.cumsum([points for _, _, points in chunks]).tolist()
     else:
-        _check_length(file, layout, count)
+        check_length(file, layout.record.itemsize, count)
         ends = range(rows, count, rows)
     begins = [0]
     for end in ends:
@@ -246,20 +246,11 @@ def _blocks_as_clouds(
 
 def _uncompressed(file: BufferedReader, layout: _Layout, begin: int, end: int) -> Iterator[NDArray[Any]]:
     size = layout.record.itemsize
-    _check_length(file, layout, end)
+    check_length(file, size, end)
     file.seek(begin * size, 1)
     for first in range(begin, end, BLOCK):
         n = min(BLOCK, end - first)
         yield np.frombuffer(file.read(n * size), layout.record, n)
-
-
-def _check_length(file: BufferedReader, layout: _Layout, count: int) -> None:
-    """Check that a file, which is at its first point before and after, has so many points."""
-    start = file.tell()
-    whole = (file.seek(0, 2) - start) // layout.record.itemsize
-    file.seek(start)
-    if whole < count:
-        raise ends_early("point", whole, count)
 
 
 def _coordinates(

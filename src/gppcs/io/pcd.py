@@ -444,11 +444,6 @@ def _is_channel(values: Column) -> bool:
     return values.dtype == np.uint8 and values.ndim == 1
 
 
-def _looks_packed(name: str, values: Column) -> bool:
-    """Return whether readers would take an attribute for packed colours."""
-    return name in ("rgb", "rgba") and values.dtype.itemsize == 4 and values.ndim == 1
-
-
 def _has_colours(cloud: PointCloud) -> bool:
     return all(name in cloud.attributes and _is_channel(cloud.attributes[name]) for name in _CHANNELS)
 
@@ -464,7 +459,9 @@ def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     return keeping(
         cloud,
         lambda name, values: (
-            exact_type(values, _LETTERS) and not _looks_packed(name, values) and 0 not in values.shape[1:]
+            exact_type(values, _LETTERS)
+            and 0 not in values.shape[1:]
+            and not (_Field(name, values.dtype, math.prod(values.shape[1:])).may_be_colour and values.ndim == 1)
         ),
     )
 

@@ -26,8 +26,8 @@ from gppcs.io.rows import (
     as_count,
     as_found,
     at_most,
-    bytes_left,
     cast,
+    check_length,
     ends_early,
     equal_spans,
     lines_of,
@@ -250,9 +250,7 @@ def _skip(file: BufferedReader, element: _Element, order: _Order) -> None:
         file.seek(start + _walk(file.read(), element, order)[-1])
         return
     size = element.record(order).itemsize
-    whole = bytes_left(file) // size if size else element.count
-    if whole < element.count:
-        raise ends_early(element.name, whole, element.count)
+    check_length(file, size, element.count, element.name)
     file.seek(element.count * size, os.SEEK_CUR)
 
 

@@ -58,6 +58,13 @@ def ends_early(what: str, index: int, count: int) -> FileFormatError:
     return FileFormatError(f"the file ends in {what} {index + 1} of {count}; get the whole file again")
 
 
+def check_length(file: BufferedReader, record_size: int, count: int, what: str = "point") -> None:
+    """Raise an error if a file, which is at the first of its records, does not have so many."""
+    whole = bytes_left(file) // record_size if record_size else count
+    if whole < count:
+        raise ends_early(what, whole, count)
+
+
 def number_blocks(
     lines: Iterator[str],
     first_line: int,
@@ -191,9 +198,7 @@ def read_records(
     span: Span | None = None,
 ) -> Iterator[PointCloud]:
     """Read packed records in chunks, with some of their fields, block by block: a block fits the processor's cache."""
-    whole = bytes_left(file) // max(1, record.itemsize)
-    if whole < count:
-        raise ends_early(what, whole, count)
+    check_length(file, record.itemsize, count, what)
     if span:
         file.seek(span[0] * record.itemsize, os.SEEK_CUR)
         count = span[1] - span[0]
