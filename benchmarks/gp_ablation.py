@@ -75,6 +75,11 @@ def nowhere_sharp(tree: Any, edge: float) -> Any:
     return np.zeros(len(tree.order))
 
 
+def not_placed(points: Any, chosen: Any, fixed: int, area: float, noise: Any) -> Any:
+    """Leave chosen points where they are, in place of `placement.placed`."""
+    return chosen
+
+
 def changes() -> dict[str, Change]:
     """Return the changes by their names in the table."""
     gradation_off, segregation_off = (algorithm, "graded", not_graded), (algorithm, "roundness_of", always_round)
@@ -91,6 +96,7 @@ def changes() -> dict[str, Change]:
         "gradation off": Change(replaced=[gradation_off]),
         "segregation off": Change(replaced=[segregation_off]),
         "sharpness off": Change(replaced=[sharpness_off]),
+        "placement off": Change(replaced=[(algorithm, "placed", not_placed)]),
         "noise off": Change(replaced=[noise_off]),
         "wide neighbourhoods off": Change(replaced=[(noise, "THICK", np.inf)]),
         "largest variance off": Change(replaced=[(noise, "LARGEST", np.inf)]),

@@ -13,7 +13,7 @@ import conditions
 import gppcs
 import report
 from conditions import FOUND_ON, HELD_OUT, Condition
-from gppcs.gp.local import algorithm, candidates, density, greedy
+from gppcs.gp.local import algorithm, candidates, density, greedy, placement
 from gppcs.methods import gp
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface import noise
@@ -73,6 +73,14 @@ CONSTANTS = (
     Constant(greedy, "STEP", "from one level of the scores to the next", "-"),
     Constant(greedy, "SPARE", "points chosen for each one wanted", "-"),
     Constant(greedy, "POINTS", "candidates of a part that chooses at once with others", "candidates"),
+    Constant(placement, "PASSES", "of the placement", "-"),
+    Constant(placement, "MOST", "points of a cell", "points"),
+    Constant(placement, "PROJECTED", "points of a cell where noise matters", "points"),
+    Constant(placement, "IN_BALL", "points that the tangent plane of the placement is fitted to", "points"),
+    Constant(placement, "REACH", "how far a point goes at once", "distances to three nearest chosen points"),
+    Constant(placement, "PULL", "weight of the middle of the cell", "-"),
+    Constant(placement, "WIDER", "by which the largest gap may grow", "-"),
+    Constant(placement, "JUDGED", "points of a cell whose distance from the triangles is measured", "points"),
     Constant(candidates, "LARGE", "points of the sample that is surveyed, at least", "points"),
     Constant(candidates, "PER_POINT", "points of that sample for each point to keep", "points"),
     Constant(noise, "NEIGHBOURS", "points of a quadric", "points"),

@@ -17,7 +17,7 @@ def feet_of(tree, places, neighbours):
     """The feet of places, (m, 3), in their order."""
     of_places = KdTree.build(places)
     feet = np.empty_like(places)
-    feet[of_places.order] = projections(tree, of_places, neighbours)[0].points.T
+    feet[of_places.order] = projections(tree, of_places, neighbours)[0].T
     return feet
 
 

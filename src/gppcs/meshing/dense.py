@@ -51,7 +51,7 @@ class DensePoints:
             fitted = FITTED_TO_THICK if thick else FITS[1]
             for _ in range(STEPS):
                 feet, _ = projections(tree, KdTree.over(np.ascontiguousarray(places.T)), fitted)
-                places = np.ascontiguousarray(feet.points.T)
+                places = np.ascontiguousarray(feet.T)
             tree = KdTree.build(places)
             rows, raw, places, normals = (
                 rows[tree.order], raw[tree.order], places[tree.order], normals[tree.order]

@@ -21,6 +21,7 @@ NORMAL_WEIGHT = 2.8  # Distance of two normals at a right angle, in desired spac
 HASHED = 16  # For each point, while cells are looked up.
 MEASURED = 100  # For each point of the sample.
 RANKED = 300  # For each candidate.
+PLACED = 130  # For each point of the cells, after the choice.
 CELLS_ON_SLOPES = 1.5  # Occupied cells for each that a surface along the grid occupies.
 
 
@@ -42,7 +43,8 @@ class LocalGP(Method):
     description = (
         "Chooses, one after another, the points where a local, full-rank Gaussian process is most uncertain. Its "
         "lengthscale is small where the surface is rough, and a change of the normal counts as distance, so points are "
-        "dense on features. Above a feature weight of 0.5, the error of the predicted surface variation counts, too. "
+        "dense on features. At last each point is exchanged for the point near it that lowers the distance of the "
+        "cloud from the surface most. Above a feature weight of 0.5, the error of the predicted surface variation counts, too. "
         "The order is a ranking: its first points are a simplification of their number. The attributes of "
         'a point are "score", and "deviation": the standard deviation of the field when the point was chosen, relative '
         'to the prior one. The diagnostic "noise_in_spacings" is the distance of points from the surface, in '
@@ -135,9 +137,11 @@ class LocalGP(Method):
             Bytes.
         """
         from gppcs.gp.local.candidates import sample_size
+        from gppcs.gp.local.placement import MOST
 
         candidates = min(n, round(CELLS_ON_SLOPES * self.candidates * n_points))
-        return HASHED * n + MEASURED * min(n, sample_size(n_points)) + RANKED * candidates
+        chosen = MEASURED * min(n, sample_size(n_points)) + RANKED * candidates
+        return HASHED * n + max(chosen, PLACED * min(n, MOST * n_points))
 
 
 def _number_at(points: NDArray[np.float64], wanted: Wanted) -> int:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.spatial.kdtree import KdTree
-from gppcs.surface.quadrics import fit_quadrics
+from gppcs.surface.quadrics import Quadrics, fit_quadrics
 
 FEWEST = 12  # A quadric has six coefficients. Fitted to fewer points than this it follows their noise.
 NEIGHBOURS = 30  # Points of a fit if the noise is thin compared with the neighbourhood: five for each coefficient.
@@ -147,15 +147,18 @@ class Noise:
 
         Shapes: places (n, 3).
         """
-        if self.tree is None:
-            return Observations(None, np.zeros(len(places)))
         tree = KdTree.build(places)
-        projected, _ = projections(self.tree, tree, self.neighbours)
+        projected, _ = self.projected(tree)
         feet = np.empty_like(places)
-        feet[tree.order] = projected.points.T
+        feet[tree.order] = projected.T
         squared = ((feet - places) ** 2).sum(axis=1)
         variances = np.minimum(squared / TOLERATED**2, LARGEST * self.spacing**2)
         return Observations(feet if self.thick else None, variances)
+
+    def projected(self, places: KdTree) -> tuple[NDArray[np.float64], Quadrics]:
+        """Return the feet of places, (3, m) in tree order, on the quadrics across the noise; only where it matters."""
+        assert self.tree is not None
+        return projections(self.tree, places, self.neighbours)
 
 
 def is_detail(fine: Layer, wide: Layer) -> bool:
@@ -163,18 +166,17 @@ def is_detail(fine: Layer, wide: Layer) -> bool:
     return wide.level * fine.radius > DETAIL * fine.level * wide.radius
 
 
-def projections(tree: KdTree, places: KdTree, neighbours: int) -> tuple[KdTree, NDArray[np.float64]]:
+def projections(tree: KdTree, places: KdTree, neighbours: int) -> tuple[NDArray[np.float64], Quadrics]:
     """Project places onto the quadrics fitted to the points around them.
 
-    Shapes: returns radii (m,).
+    Shapes: returns feet (3, m) in the order of the places' tree.
     """
-    quadrics = fit_quadrics(tree, places, neighbours)
-    rise = np.clip(quadrics.heights, -quadrics.reaches, quadrics.reaches)
-    return KdTree.over(places.points + rise * quadrics.normals, places.order), quadrics.reaches
+    fitted = fit_quadrics(tree, places, neighbours)
+    return places.points + np.clip(fitted.heights, -fitted.reaches, fitted.reaches) * fitted.normals, fitted
 
 
 def layer_of(tree: KdTree, neighbours: int) -> Layer:
     """Measure the layer of noise on at most `SAMPLES` points, evenly spread over the tree."""
     some = KdTree.over(np.ascontiguousarray(tree.points[:, :: -(-len(tree.order) // SAMPLES)]))
-    feet, radii = projections(tree, some, neighbours)
-    return Layer.of(np.sqrt(((feet.points - some.points) ** 2).sum(axis=0)), radii)
+    feet, fitted = projections(tree, some, neighbours)
+    return Layer.of(np.sqrt(((feet - some.points) ** 2).sum(axis=0)), fitted.reaches)

@@ -158,9 +158,10 @@ def _near(places: NDArray[np.float64], corner: NDArray[np.float64], exponent: in
 
 def _feet(tree: KdTree, places: NDArray[np.float64], neighbours: int) -> NDArray[np.float64]:
     """Return the projections, (m, 3), of places, (m, 3), onto quadrics fitted to the nearest points of a tree."""
-    projected, _ = projections(tree, KdTree.build(places), neighbours)
+    of_places = KdTree.build(places)
+    projected, _ = projections(tree, of_places, neighbours)
     feet = np.empty_like(places)
-    feet[projected.order] = projected.points.T
+    feet[of_places.order] = projected.T
     return feet
 
 

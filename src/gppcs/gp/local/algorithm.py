@@ -1,8 +1,8 @@
 """The method `gp`, in the order of the paper's Algorithm 1.
 
 Survey the cloud; find the candidates; then, for each doubling of the number of points, make a field over the
-candidates at its own target spacing and choose greedily. The first points are placed as if no more were to come, so
-every prefix of the result is a simplification of its size.
+candidates at its own target spacing and choose greedily. The first points are chosen as if no more were to come, so
+every prefix of the result is a simplification of its size. At last each point goes to the place near it that is best.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from gppcs.gp.local.candidates import Candidates, nested_candidates, survey
 from gppcs.gp.local.density import GRADATION, ROUNDING, density_of, graded, refinement, roundness_of, weighted
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
+from gppcs.gp.local.placement import placed
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.noise import Observations
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
@@ -108,7 +109,11 @@ def choose(
         observations = Observations(None, np.zeros(len(rows))) if noise.quiet else noise.observe(points[rows])
     level = noise.level / noise.spacing if noise.spacing > 0.0 else 0.0
     ranking = rank(points, candidates, observations, criterion, timer, fixed, weights)
-    return ranking._replace(noise_in_spacings=level)
+    area = candidates[-1].area
+    del candidates, observations  # to free their memory
+    with timer("placement"):
+        chosen = placed(points, ranking.rows, fixed, area, noise)
+    return ranking._replace(rows=chosen, noise_in_spacings=level)
 
 
 def rank(

@@ -44,6 +44,7 @@ from gppcs.gp.local.candidates import (
 from gppcs.gp.local.density import FINEST, WEIGHT_POWER
 from gppcs.gp.local.greedy import extend, next_step
 from gppcs.gp.local.kernel import LocalField
+from gppcs.gp.local.placement import exchanged, share_in_cells
 from gppcs.spatial.boxes import Each, Part, classes
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
@@ -170,6 +171,8 @@ def choose_stored(
     ranking, places = _in_memory(nested.pop(), each, timer, fixed)
     while nested:
         ranking, places = _in_parts(nested.pop(), each, timer, ranking, places)
+    with timer("placement", len(stored)) as advanced:
+        ranking = _placed(replace(stage, stored=stored), parts, each, advanced, ranking, places, fixed)
     level = noise.level / noise.spacing if noise.spacing > 0.0 else 0.0
     return ranking._replace(noise_in_spacings=level)
 
@@ -429,6 +432,42 @@ def _choose(
     return Ranking(near.rows[own], scores[own], deviations[own]), near.points[own]
 
 
+def _placed(
+    stage: _Stage,
+    parts: list[Part],
+    each: Each,
+    advanced: Callable[[int], None],
+    ranking: Ranking,
+    places: NDArray[np.float64],
+    fixed: NDArray[np.int64],
+) -> Ranking:
+    """Place the chosen points part by part, as `gppcs.gp.local.placement` does."""
+    new, order = ranking.rows.copy(), np.argsort(ranking.rows)
+    asked = [_Asked.of(part, 0.5 * stage.halo, ranking.rows, places) for part in parts]
+    for one, (old, other) in zip(asked, each(partial(_place, stage, fixed), asked), strict=True):
+        new[order[np.searchsorted(ranking.rows[order], old)]] = other
+        advanced(int(stage.stored.counts[one.part.first : one.part.last].sum()))
+    return ranking._replace(rows=new)
+
+
+def _place(stage: _Stage, fixed: NDArray[np.int64], asked: _Asked) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the chosen rows of a part that give their places to others, and those others."""
+    stored, noise, part, halo = stage.stored, stage.noise, asked.part, 0.5 * stage.halo
+    of_place = stored.boxes.box_of(asked.places)
+    stays = (of_place < part.first) | (of_place >= part.last) | np.isin(asked.rows, fixed)
+    near = stored.near(part, halo)
+    if stays.all():
+        return asked.rows[:0], asked.rows[:0]
+    if not noise.quiet:
+        some = drawn(near.rows, sample_size(stage.target) / len(stored))
+        noise = replace(noise, tree=KdTree.build(near.points[some]))
+    share = share_in_cells(noise, stage.target, len(stored))
+    near = near.take(np.flatnonzero(drawn(near.rows, share)))
+    new = exchanged(asked.places, stays, near.points, stage.area / (share * len(stored)), noise, 0.5 * halo)
+    moved = np.flatnonzero(new >= 0)
+    return asked.rows[moved], near.rows[new[moved]]
+
+
 def _noise(stored: StoredPoints, n_points: int, area: float, parts: list[Part], each: Each) -> Noise:
     """Measure the noise as `Noise.measure` does, in some parts."""
     share, spacing = min(1.0, sample_size(n_points) / len(stored)), math.sqrt(area / n_points)
@@ -459,6 +498,6 @@ def _distances(
     places = KdTree.over(np.ascontiguousarray(tree.points[:, inside[:: max(1, len(inside) // most)]]))
     found = []
     for count in fits:
-        feet, radii = projections(tree, places, count)
-        found.append([np.sqrt(((feet.points - places.points) ** 2).sum(axis=0)), radii])
+        feet, fitted = projections(tree, places, count)
+        found.append([np.sqrt(((feet - places.points) ** 2).sum(axis=0)), fitted.reaches])
     return np.array(found)

@@ -1,0 +1,191 @@
+"""Placement: each chosen point gives its place to the point near it that stands best for its cell.
+
+The cell of a chosen point holds the points that are nearer to it than to the other chosen points. Of these, the step
+takes the one with the least quadric error: the summed squared distance from the tangent planes of all points of the
+cell (Garland and Heckbert 1997). It does so only where the cell then lies nearer to the triangles around the point. On
+convex parts, the new place is mostly a little outside the surface through its neighbours, so the error of the triangles
+falls; at ridges and corners it is on these. The order of choice stays, so every prefix gains as well.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.engine.kernels import kernel
+from gppcs.engine.threads import on_ranges
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest import nearest_each
+from gppcs.spatial.row_sample import drawn
+from gppcs.spatial.triangles import dot, minus, nearest_in_triangle, row, squared_distance
+from gppcs.surface.error_quadrics import NUMBERS, add_plane, value
+from gppcs.surface.local_surface import LocalSurface
+from gppcs.surface.noise import Noise
+from gppcs.surface.surface_variation import features_in_radius
+
+PASSES = 2  # After the first, each point belongs to the nearest of its chosen point and that one's neighbours.
+MOST, PROJECTED = 36, 16  # Points of a cell on average, without noise and with it; of more, a sample is drawn.
+IN_BALL = 12  # Points, on average, to which a tangent plane is fitted.
+REACH = 0.7  # A point goes no farther at once, in mean distances to its three nearest chosen points.
+PULL = 0.01  # Weight of the squared distance from the middle of the cell, beside that from the planes.
+WIDER = 1.05  # By which the largest gap may grow.
+JUDGED = 10  # Points of a cell, at most, whose distance from the triangles is measured.
+ROUNDING = 1e-9  # Of the reach: a gain below this is only rounding.
+POINTS_AT_ONCE = 1024  # Points that a thread hands over at once, at least.
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def placed(points: Floats, chosen: Ints, fixed: int, area: float, noise: Noise) -> Ints:
+    """Return the rows of the points in whose places the chosen ones go; the first `fixed` stay.
+
+    Shapes: points (N, 3), chosen (m,); returns (m,).
+    """
+    if (share := share_in_cells(noise, len(chosen), len(points))) < 1.0:
+        rows = np.flatnonzero(drawn(np.arange(len(points)), share))
+        new = exchanged(points[chosen], np.arange(len(chosen)) < fixed, points[rows], area / len(rows), noise)
+        return np.where(new < 0, chosen, rows[new])
+    new = exchanged(points[chosen], np.arange(len(chosen)) < fixed, points, area / len(points), noise)
+    return np.where(new < 0, chosen, new)
+
+
+def share_in_cells(noise: Noise, n_points: int, n: int) -> float:
+    """Return the share of n points of which cells consist."""
+    return min(1.0, (MOST if noise.quiet else PROJECTED) * n_points / n)
+
+
+def exchanged(
+    places: Floats, stays: NDArray[np.bool_], points: Floats, area: float, noise: Noise, farthest: float = math.inf
+) -> Ints:
+    """Return which point each chosen place is exchanged for, -1 where it stays.
+
+    `area` is that for each point. No place goes farther than `farthest` at once.
+
+    Shapes: places (m, 3), stays (m,), points (n, 3); returns (m,).
+    """
+    cells = KdTree.build(points)
+    of_point, cells = cells.order, cells.in_own_order()
+    if noise.quiet:
+        feet, normals = cells.points, features_in_radius(cells, math.sqrt(IN_BALL * area / math.pi)).normals
+    else:
+        feet, fitted = noise.projected(cells)
+        normals = np.ascontiguousarray(fitted.normals.T)
+    surface = LocalSurface.of(places)
+    tree, order = surface.tree.in_own_order(), surface.tree.order
+    points, places, stays = cells.points, np.ascontiguousarray(tree.points.T), stays[order]
+    new = np.full(len(order), -1)
+    gaps = np.sqrt(tree.nearest_of(places, min(4, len(order)))[1])[:, 1:].mean(axis=1) if len(order) > 1 else places[0]
+    first, squared = nearest_each(tree, cells)
+    widest = WIDER**2 * float(squared[~stays[first]].max(initial=0.0))
+    del squared  # to free its memory
+    owners, members = first.copy(), np.empty_like(first)
+    for later in range(PASSES):
+        if later:
+            on_ranges(_hand_over, len(owners), points, places, surface.corners, owners, least=POINTS_AT_ONCE)
+        starts = np.concatenate([[0], np.cumsum(np.bincount(owners, minlength=len(order)))])
+        _gather(owners, starts[:-1].copy(), members)
+        on_ranges(
+            _exchange, len(order), points, feet, normals, places, surface.corners, first, members, starts,
+            np.minimum(REACH * gaps, farthest), stays, widest, new,
+        )  # fmt: skip
+        places = np.where(new[:, np.newaxis] < 0, places, points.T[new])
+    result = np.empty(len(order), dtype=np.int64)
+    result[order] = np.where(new < 0, -1, of_point[new])
+    return result
+
+
+@kernel(allocates=False)
+def _hand_over(begin, end, points, places, corners, owners):
+    """Give a range of points, (3, n), to the nearest of their owner and of the corners of its fan."""
+    for q in range(begin, end):
+        here, owner = row(points.T, q), owners[q]
+        step = minus(row(places, owner), here)
+        least = dot(step, step)
+        for j, _ in corners[owners[q]]:
+            if j < 0:
+                break
+            step = minus(row(places, j), here)
+            if dot(step, step) < least:
+                least, owner = dot(step, step), j
+        owners[q] = owner
+
+
+@kernel(allocates=False)
+def _gather(owners, ends, members):
+    """Fill `members`, (n,), with the points of each owner, (n,), from its end so far, (m,), on."""
+    for q in range(len(owners)):
+        members[ends[owners[q]]] = q
+        ends[owners[q]] += 1
+
+
+@kernel
+def _exchange(begin, end, points, feet, normals, places, corners, first, members, starts, reach, stays, widest, new):
+    """Fill `new`, (m,), for a range of places, whose cells are `members`, (n,), from `starts`, (m + 1,), on.
+
+    A place is exchanged only for points of its cell in the first pass, so no two take the same.
+    """
+    quadric = np.empty(NUMBERS, dtype=np.float64)
+    for v in range(begin, end):
+        cell = members[starts[v] : starts[v + 1]]
+        if not stays[v] and len(cell) > 1:
+            x = _of_least_error(v, points, feet, normals, places, cell, first, reach[v], widest, quadric)
+            if x >= 0 and _gain(feet, places, corners[v], row(places, v), row(points.T, x), cell) > ROUNDING * reach[v]:
+                new[v] = x
+
+
+@kernel(allocates=False)
+def _of_least_error(v, points, feet, normals, places, cell, first, reach, widest, quadric):
+    """Return the point of a cell with the least quadric error, within reach of the place and of the whole cell."""
+    place = row(places, v)
+    quadric[:] = 0.0
+    x = y = z = 0.0
+    for q in cell:
+        step, normal = minus(row(feet.T, q), place), row(normals, q)
+        add_plane(quadric, normal, -dot(normal, step), 1.0)
+        x, y, z = x + step[0], y + step[1], z + step[2]
+    n = len(cell)
+    best, least = -1, np.inf
+    for q in cell:
+        step = minus(row(points.T, q), place)
+        if first[q] == v and dot(step, step) <= reach * reach:
+            off = minus(step, (x / n, y / n, z / n))
+            error = value(quadric, step) + PULL * n * dot(off, off)
+            if error < least and _covers(points, row(points.T, q), cell, widest):
+                best, least = q, error
+    return best
+
+
+@kernel(allocates=False)
+def _covers(points, place, cell, widest):
+    """Return whether no point of a cell is farther from a place than so much, squared."""
+    for q in cell:
+        step = minus(row(points.T, q), place)
+        if dot(step, step) > widest:
+            return False
+    return True
+
+
+@kernel(allocates=False)
+def _gain(feet, places, corners, old, new, cell):
+    """Return by how much a new place lowers the summed distance of a cell from the fan of triangles."""
+    gain = 0.0
+    for slot in range(0, len(cell), -(-len(cell) // JUDGED)):
+        q = row(feet.T, cell[slot])
+        gain += _to_fan(places, corners, old, q) - _to_fan(places, corners, new, q)
+    return gain
+
+
+@kernel(allocates=False)
+def _to_fan(places, corners, apex, q):
+    """Return the distance of a point from a fan of triangles with a common apex; 0 if there are none."""
+    least, a = np.inf, minus(apex, q)
+    for j, m in corners:
+        if j < 0:
+            break
+        b, c = minus(row(places, j), q), minus(row(places, m), q)
+        s, t = nearest_in_triangle(a, b, c)
+        least = min(least, squared_distance(a, b, c, s, t))
+    return np.sqrt(least) if least < np.inf else 0.0

@@ -1,0 +1,119 @@
+"""Placement, against a plain version and by what it promises."""
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.gp.local import algorithm, placement
+from gppcs.gp.local.placement import exchanged
+from gppcs.spatial.kdtree import KdTree
+from gppcs.surface.local_surface import LocalSurface
+from gppcs.surface.noise import Noise
+
+QUIET = Noise(None, 12, False, 0.0, True, True, 1.0)
+
+
+def sphere_cap(n=4_000, seed=0):
+    """A cap of the unit sphere."""
+    rng = np.random.default_rng(seed)
+    points = rng.standard_normal((4 * n, 3))
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    return points[points[:, 2] > 0.5][:n]
+
+
+def mean_distance(points, places):
+    return LocalSurface.of(places).nearest_to(points)[0].mean()
+
+
+def placed(points, chosen, fixed=0, noise=QUIET):
+    area = 2 * np.pi * 0.5
+    new = exchanged(points[chosen], np.arange(len(chosen)) < fixed, points, area / len(points), noise)
+    return np.where(new < 0, chosen, new)
+
+
+def test_each_place_goes_to_the_point_of_its_cell_with_the_least_quadric_error(monkeypatch):
+    """One pass without a judge, in NumPy."""
+    monkeypatch.setattr(placement, "PASSES", 1)
+    points = sphere_cap()
+    chosen = np.random.default_rng(1).choice(len(points), 200, replace=False)
+    found = placed(points, chosen)
+    nearest, squared = KdTree.build(points[chosen]).nearest_of(points, 1)
+    gaps = np.sqrt(KdTree.build(points[chosen]).nearest_of(points[chosen], 4)[1])[:, 1:].mean(axis=1)
+    normals = points  # of the sphere
+    moved = np.flatnonzero(found != chosen)
+    assert len(moved) > 100
+    agree = []
+    for v in moved:
+        cell = np.flatnonzero(nearest[:, 0] == v)
+        steps = points[cell][:, None] - points[cell]
+        errors = (np.einsum("ijk,ik->ij", steps, normals[cell]) ** 2).sum(axis=0)
+        errors += placement.PULL * len(cell) * ((points[cell] - points[cell].mean(axis=0)) ** 2).sum(axis=1)
+        farthest = (steps**2).sum(axis=2).max(axis=0)
+        near = ((points[cell] - points[chosen[v]]) ** 2).sum(axis=1) <= (placement.REACH * gaps[v]) ** 2
+        errors[~near | (farthest > placement.WIDER**2 * squared.max())] = np.inf
+        assert found[v] in cell
+        agree.append(errors[cell == found[v]][0] <= errors.min() * 1.05)
+    assert np.mean(agree) > 0.95  # normals of the planes are not quite those of the sphere
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_surface_comes_nearer_and_gaps_hardly_grow(seed):
+    points = sphere_cap(seed=seed)
+    chosen = np.random.default_rng(seed).choice(len(points), 150, replace=False)
+    found = placed(points, chosen)
+    assert len(np.unique(found)) == len(found)
+    assert mean_distance(points, points[found]) < 0.9 * mean_distance(points, points[chosen])
+    before, after = (np.sqrt(KdTree.build(points[rows]).nearest_of(points, 1)[1].max()) for rows in (chosen, found))
+    assert after <= placement.WIDER * before * (1 + 1e-12)
+
+
+def test_points_to_keep_stay():
+    points = sphere_cap()
+    chosen = np.random.default_rng(2).choice(len(points), 150, replace=False)
+    np.testing.assert_array_equal(placed(points, chosen, fixed=60)[:60], chosen[:60])
+    kept = np.arange(0, 4_000, 100)
+    assert set(gppcs.simplify(points, n_points=100, keep=kept).indices[:40]) == set(kept)
+
+
+def test_any_number_of_threads_places_alike(on_threads):
+    points = sphere_cap(20_000)
+    chosen = np.random.default_rng(3).choice(len(points), 1_000, replace=False)
+    one, *several = on_threads(lambda: placed(points, chosen))
+    for other in several:
+        np.testing.assert_array_equal(other, one)
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.arange(12.0)[:, None] * [1.0, 0.0, 0.0],  # on a line
+        np.random.default_rng(0).random((40, 3)) * [1.0, 1.0, 0.0],  # in a plane
+        np.random.default_rng(0).random((5, 3)),
+    ],
+)
+@pytest.mark.parametrize("m", [1, 2, 4])
+def test_cells_without_a_surface_keep_their_points_in_the_cloud(points, m):
+    found = placed(points, np.arange(m))
+    assert len(np.unique(found)) == m
+    assert ((found >= 0) & (found < len(points))).all()
+
+
+def test_noise_is_placed_by_the_feet():
+    """Places come nearer to the clean surface, which points off it cannot tell."""
+    points = sphere_cap(12_000)
+    noisy = points + 0.02 * np.random.default_rng(5).standard_normal(points.shape)
+    tree = KdTree.build(noisy)
+    noise = Noise.measure(tree, 300, np.sqrt(np.pi / 300))
+    assert not noise.quiet
+    chosen = np.random.default_rng(6).choice(len(points), 300, replace=False)
+    with_feet, without = placed(noisy, chosen, noise=noise), placed(noisy, chosen)
+    assert mean_distance(points, noisy[with_feet]) < 0.9 * mean_distance(points, noisy[without])
+
+
+def test_every_prefix_gains(monkeypatch):
+    cloud = gppcs.sample("medallion", n_points=30_000).points
+    found = gppcs.simplify(cloud, n_points=1_000).indices
+    monkeypatch.setattr(algorithm, "placed", lambda points, chosen, *_: chosen)
+    before = gppcs.simplify(cloud, n_points=1_000).indices
+    for k in (125, 250, 500, 1_000):
+        assert mean_distance(cloud, cloud[found[:k]]) < mean_distance(cloud, cloud[before[:k]]), k
