@@ -44,8 +44,8 @@ class LocalGP(Method):
         "Chooses, one after another, the points where a local, full-rank Gaussian process is most uncertain. Its "
         "lengthscale is small where the surface is rough, and a change of the normal counts as distance, so points are "
         "dense on features. At last each point is exchanged for the point near it that lowers the distance of the "
-        "cloud from the surface most. Above a feature weight of 0.5, the error of the predicted surface variation counts, too. "
-        "The order is a ranking: its first points are a simplification of their number. The attributes of "
+        "cloud from the surface most. Above a feature weight of 0.5, the error of the predicted surface variation "
+        "counts, too. The order is a ranking: its first points are a simplification of their number. The attributes of "
         'a point are "score", and "deviation": the standard deviation of the field when the point was chosen, relative '
         'to the prior one. The diagnostic "noise_in_spacings" is the distance of points from the surface, in '
         "target spacings: the standard deviation if it is Gaussian noise. It is 0 if too few points lie near each "
