@@ -23,13 +23,17 @@ def covering_radius(points, indices):
     return cKDTree(points[indices]).query(points)[0].max()
 
 
-def test_each_prefix_is_as_good_as_a_choice_of_its_size(scan):
-    """Found for 500 and 250 of 1,000: mean distances 0.985 to 1.011 of the direct ones, to surfaces 0.98 to 1.18."""
+def test_each_prefix_is_as_good_as_a_choice_of_its_size(scan, monkeypatch):
+    """As good as one that is not placed: a prefix gains by the placement of the whole, but less than by its own.
+
+    Found for 500 and 250 of 1,000: mean distances .99 to 1.01 of the direct ones, to surfaces .79 to 1.05.
+    """
     whole = chosen(scan, 1_000)
+    monkeypatch.setattr("gppcs.gp.local.algorithm.placed", lambda points, chosen, *_: chosen)
     for size in (500, 250):
         prefix, direct = (gppcs.evaluate(scan, scan[kept]) for kept in (whole[:size], chosen(scan, size)))
         assert prefix.mean_distance == pytest.approx(direct.mean_distance, rel=0.03)
-        assert prefix.surface_mean < 1.35 * direct.surface_mean
+        assert prefix.surface_mean < 1.15 * direct.surface_mean
 
 
 @pytest.mark.slow

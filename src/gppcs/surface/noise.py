@@ -147,6 +147,8 @@ class Noise:
 
         Shapes: places (n, 3).
         """
+        if self.tree is None:
+            return Observations(None, np.zeros(len(places)))
         tree = KdTree.build(places)
         projected, _ = self.projected(tree)
         feet = np.empty_like(places)

@@ -31,6 +31,10 @@ IN_BALL = 12  # Points, on average, to which a tangent plane is fitted.
 REACH = 0.7  # A point goes no farther at once, in mean distances to its three nearest chosen points.
 PULL = 0.01  # Weight of the squared distance from the middle of the cell, beside that from the planes.
 WIDER = 1.05  # By which the largest gap may grow.
+AGREEING = 0.5  # Mean cosine between the planes of a cell and the fan of its point, at least.
+# A wall is thin if the plane of another point of the cell is parallel, by its cosine, and the squared sine of the slope
+# of the way to it is more than this.
+PARALLEL, STEEP = 0.9, 0.5
 JUDGED = 10  # Points of a cell, at most, whose distance from the triangles is measured.
 ROUNDING = 1e-9  # Of the reach: a gain below this is only rounding.
 POINTS_AT_ONCE = 1024  # Points that a thread hands over at once, at least.
@@ -88,8 +92,8 @@ def exchanged(
         starts = np.concatenate([[0], np.cumsum(np.bincount(owners, minlength=len(order)))])
         _gather(owners, starts[:-1].copy(), members)
         on_ranges(
-            _exchange, len(order), points, feet, normals, places, surface.corners, first, members, starts,
-            np.minimum(REACH * gaps, farthest), stays, widest, new,
+            _exchange, len(order), points, feet, normals, places, surface.corners, surface.normals, first, members,
+            starts, np.minimum(REACH * gaps, farthest), stays, widest, new,
         )  # fmt: skip
         places = np.where(new[:, np.newaxis] < 0, places, points.T[new])
     result = np.empty(len(order), dtype=np.int64)
@@ -122,18 +126,43 @@ def _gather(owners, ends, members):
 
 
 @kernel
-def _exchange(begin, end, points, feet, normals, places, corners, first, members, starts, reach, stays, widest, new):
+def _exchange(
+    begin, end, points, feet, normals, places, corners, upright, first, members, starts, reach, stays, widest, new
+):
     """Fill `new`, (m,), for a range of places, whose cells are `members`, (n,), from `starts`, (m + 1,), on.
 
     A place is exchanged only for points of its cell in the first pass, so no two take the same.
     """
     quadric = np.empty(NUMBERS, dtype=np.float64)
     for v in range(begin, end):
-        cell = members[starts[v] : starts[v + 1]]
-        if not stays[v] and len(cell) > 1:
-            x = _of_least_error(v, points, feet, normals, places, cell, first, reach[v], widest, quadric)
-            if x >= 0 and _gain(feet, places, corners[v], row(places, v), row(points.T, x), cell) > ROUNDING * reach[v]:
-                new[v] = x
+        cell, place = members[starts[v] : starts[v + 1]], row(places, v)
+        if stays[v] or len(cell) < 2 or not _is_one_sheet(feet, normals, cell, place, row(upright, v)):
+            continue
+        x = _of_least_error(v, points, feet, normals, places, cell, first, reach[v], widest, quadric)
+        if x >= 0 and _gain(feet, places, corners[v], place, row(points.T, x), cell) > ROUNDING * reach[v]:
+            new[v] = x
+
+
+@kernel(allocates=False)
+def _is_one_sheet(feet, normals, cell, place, upright):
+    """Return whether the planes of a cell are those of one sheet, given a place and the normal of its fan.
+
+    They are not where the points lie on dense curves, whose planes say nothing of the surface, and where a wall is so
+    thin that the cell reaches through it.
+    """
+    agreement, nearest, own = 0.0, np.inf, cell[0]
+    for q in cell:
+        step = minus(row(feet.T, q), place)
+        agreement += abs(dot(row(normals, q), upright))
+        if dot(step, step) < nearest:
+            nearest, own = dot(step, step), q
+    if agreement < AGREEING * len(cell):
+        return False
+    for q in cell:
+        step, normal = minus(row(feet.T, q), row(feet.T, own)), row(normals, own)
+        if abs(dot(row(normals, q), normal)) > PARALLEL and dot(step, normal) ** 2 > STEEP * dot(step, step):
+            return False
+    return True
 
 
 @kernel(allocates=False)
