@@ -81,6 +81,7 @@ CONSTANTS = (
     Constant(placement, "PULL", "weight of the middle of the cell", "-"),
     Constant(placement, "WIDER", "by which the largest gap may grow", "-"),
     Constant(placement, "AGREEING", "cosine between the planes of a cell and the fan of its point", "-"),
+    Constant(placement, "THROUGH", "share of a cell on the other side of a thin wall", "-"),
     Constant(placement, "PARALLEL", "cosine of planes on both sides of a thin wall", "-"),
     Constant(placement, "STEEP", "squared sine of the slope of a way through it", "-"),
     Constant(placement, "JUDGED", "points of a cell whose distance from the triangles is measured", "points"),

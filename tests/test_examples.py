@@ -19,7 +19,7 @@ def code_of(path):
 
 
 @pytest.mark.parametrize(
-    ("points", "vertices"), [("4_000", "400"), pytest.param("100_000", "4000", marks=pytest.mark.slow)]
+    ("points", "vertices"), [("10_000", "400"), pytest.param("100_000", "4000", marks=pytest.mark.slow)]
 )
 def test_the_tour_runs(points, vertices, monkeypatch, tmp_path):
     plt = pytest.importorskip("matplotlib.pyplot")

@@ -98,6 +98,23 @@ def test_cells_without_a_surface_keep_their_points_in_the_cloud(points, m):
     assert ((found >= 0) & (found < len(points))).all()
 
 
+def test_points_on_dense_curves_stay():
+    """Their planes are those of the curves, not of the cylinder."""
+    angle, height = np.meshgrid(np.linspace(0, 2 * np.pi, 400, endpoint=False), np.linspace(0, 4, 20))
+    points = np.stack([np.cos(angle), np.sin(angle), height], axis=-1).reshape(-1, 3)
+    chosen = np.arange(0, len(points), 13)
+    np.testing.assert_array_equal(placed(points, chosen), chosen)
+
+
+def test_points_on_a_wall_thinner_than_their_cells_stay_in_place(monkeypatch):
+    flat = np.random.default_rng(7).random((6_000, 3)) * [1.0, 1.0, 0.0]
+    points = flat + np.where(np.arange(6_000)[:, None] % 2, 0.02, 0.0) * [0.0, 0.0, 1.0]
+    chosen = np.arange(0, 6_000, 40)
+    stays = (placed(points, chosen) == chosen).mean()
+    monkeypatch.setattr(placement, "THROUGH", 1.0)
+    assert stays > 0.9 > (placed(points, chosen) == chosen).mean()
+
+
 def test_noise_is_placed_by_the_feet():
     """Places come nearer to the clean surface, which points off it cannot tell."""
     points = sphere_cap(12_000)

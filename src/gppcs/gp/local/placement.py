@@ -31,10 +31,10 @@ IN_BALL = 12  # Points, on average, to which a tangent plane is fitted.
 REACH = 0.7  # A point goes no farther at once, in mean distances to its three nearest chosen points.
 PULL = 0.01  # Weight of the squared distance from the middle of the cell, beside that from the planes.
 WIDER = 1.05  # By which the largest gap may grow.
-AGREEING = 0.5  # Mean cosine between the planes of a cell and the fan of its point, at least.
-# A wall is thin if the plane of another point of the cell is parallel, by its cosine, and the squared sine of the slope
-# of the way to it is more than this.
-PARALLEL, STEEP = 0.9, 0.5
+AGREEING = 0.4  # Mean cosine between the planes of a cell and the fan of its point, at least.
+# A wall is thin if more than this share of the cell has planes parallel to that of the point, by their cosine, and lies
+# steep above it, by the squared sine of the slope.
+THROUGH, PARALLEL, STEEP = 0.1, 0.9, 0.5
 JUDGED = 10  # Points of a cell, at most, whose distance from the triangles is measured.
 ROUNDING = 1e-9  # Of the reach: a gain below this is only rounding.
 POINTS_AT_ONCE = 1024  # Points that a thread hands over at once, at least.
@@ -150,7 +150,7 @@ def _is_one_sheet(feet, normals, cell, place, upright):
     They are not where the points lie on dense curves, whose planes say nothing of the surface, and where a wall is so
     thin that the cell reaches through it.
     """
-    agreement, nearest, own = 0.0, np.inf, cell[0]
+    agreement, nearest, own, through = 0.0, np.inf, cell[0], 0
     for q in cell:
         step = minus(row(feet.T, q), place)
         agreement += abs(dot(row(normals, q), upright))
@@ -161,8 +161,8 @@ def _is_one_sheet(feet, normals, cell, place, upright):
     for q in cell:
         step, normal = minus(row(feet.T, q), row(feet.T, own)), row(normals, own)
         if abs(dot(row(normals, q), normal)) > PARALLEL and dot(step, normal) ** 2 > STEEP * dot(step, step):
-            return False
-    return True
+            through += 1
+    return through <= THROUGH * len(cell)
 
 
 @kernel(allocates=False)
