@@ -93,17 +93,6 @@ def test_two_arrays_of_one_name_in_an_archive_are_refused(tmp_path):
         read(path)
 
 
-@pytest.mark.parametrize("suffix", [".npy", ".npz"])
-@pytest.mark.parametrize("part", [0.1, 0.5, 0.99])
-def test_cut_files_are_refused(tmp_path, suffix, part):
-    path = tmp_path / f"cloud{suffix}"
-    write(path, PointCloud(np.zeros((100, 3)), {"a": np.zeros(100)}))
-    whole = path.read_bytes()
-    path.write_bytes(whole[: int(part * len(whole))])
-    with pytest.raises(FileFormatError, match="whole"):
-        read(path)
-
-
 def test_attributes_with_awkward_names(tmp_path):
     path = tmp_path / "cloud.npz"
     names = ["file", "allow_pickle", "a", "a.npy", "with space"]

@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import FileFormatError, OutputError, ParameterError
+from gppcs.errors import FileFormatError, MissingExtraError, OutputError, ParameterError
 from gppcs.io import FORMATS, files, format_to_write, load, losses, read, write
+from gppcs.io.cloud_files import CloudFiles
 
 CLOUD = PointCloud([[1.5, 2.5, 3.5]])
+WRITABLE = [known.suffixes[0] for known in FORMATS if known.write]
 
 
-@pytest.mark.parametrize("suffix", [".ply", ".npy", ".npz", ".off"])
+@pytest.mark.parametrize("suffix", [each for each in WRITABLE if each not in (".xyz", ".csv", ".pts", ".obj")])
 @pytest.mark.parametrize("name", ["cloud", "cloud.xyz", "cloud.unknown"])
 def test_content_decides_before_the_name(tmp_path, suffix, name):
     write(tmp_path / name, CLOUD, format=suffix)
@@ -88,6 +90,27 @@ def test_files_that_cannot_be_opened(tmp_path):
         read(tmp_path / "no.ply")
     with pytest.raises(FileFormatError, match="expected a file, found a folder"):
         read(tmp_path)
+
+
+@pytest.mark.parametrize("suffix", [each for each in WRITABLE if each not in (".xyz", ".csv", ".obj")])
+@pytest.mark.parametrize("ascii", [None, True])
+def test_cut_files_are_refused_as_a_whole_and_in_chunks(tmp_path, suffix, ascii):  # noqa: A002
+    """Each of these formats says how many points it holds; those that tell the first missing one tell the right one."""
+    if ascii and suffix not in (".ply", ".pcd"):
+        return
+    path, is_text = tmp_path / f"cut{suffix}", ascii or suffix in (".off", ".pts")
+    points = np.random.default_rng(0).random((100, 3)).astype(np.float32)
+    write(path, PointCloud(points, coordinate_dtype=points.dtype), lossy=True, ascii=ascii)
+    whole = path.read_bytes()
+    size = 20 if suffix == ".las" else 12
+    for left in np.linspace(4, len(whole) - 40, 23, dtype=int):
+        path.write_bytes(whole[:left])
+        missing = whole[left:].count(b"\n") if is_text else (len(whole) - left - 1) // size + 1
+        for attempt in (lambda: read(path, suffix), lambda: list(CloudFiles([path], suffix).chunks(True, 30))):
+            with pytest.raises(FileFormatError, match=re.escape(f"{path}: ")) as caught:
+                attempt()
+            if ends := re.search(r"ends in (?:vertex|point) (\d+) of 100\b", str(caught.value)):
+                assert 0 <= int(ends[1]) - (101 - min(missing, 100)) <= is_text  # half of a number is a number, too
 
 
 def test_messages_name_the_file_and_take_one_line(tmp_path):
@@ -177,8 +200,22 @@ def test_attributes_without_numbers_are_refused_or_left_out(tmp_path, known):
     assert "thing" not in read(path).attributes
 
 
+@pytest.mark.parametrize(
+    ("suffix", "package", "extra"),
+    [(".e57", "pye57", "e57"), (".parquet", "pyarrow", "arrow"), (".feather", "pyarrow", "arrow")],
+)
+def test_without_its_package_a_format_names_the_extra_before_any_work(tmp_path, monkeypatch, suffix, package, extra):
+    pytest.importorskip(package)
+    path = tmp_path / f"cloud{suffix}"
+    write(path, CLOUD)
+    monkeypatch.setitem(sys.modules, package, None)
+    for attempt in (lambda: read(path), lambda: losses(path, CLOUD)):
+        with pytest.raises(MissingExtraError, match=rf"(?i)needs? {package}.*the extra {extra}.*pip install"):
+            attempt()
+
+
 def test_importing_takes_no_compiler_along():
-    compilers = "{'numba', 'scipy', 'laspy', 'lazrs', 'pyarrow', 'pye57'}"
+    compilers = "{'numba', 'scipy', 'laspy', 'lazrs', 'pandas', 'pyarrow', 'pye57'}"
     check = f"import sys, gppcs.io; sys.exit(bool({compilers} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", check], check=False).returncode == 0
 

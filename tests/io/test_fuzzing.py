@@ -5,6 +5,7 @@ import time
 import laspy
 import numpy as np
 import pytest
+from laspy.vlrs.vlrlist import VLRList
 
 import gppcs
 from copc_file import write_copc
@@ -20,9 +21,10 @@ NUMBERS = (0, 1, 0x7F, 0x80, 0xFF, *b"09-+.e \n,n")  # bytes at which counts and
 def cloud():
     rng = np.random.default_rng(0)
     attributes = {name: rng.integers(0, 256, N).astype(np.uint8) for name in ("red", "green", "blue")}
-    return gppcs.PointCloud(
-        np.float32(rng.uniform(-9, 9, (N, 3))), {"intensity": rng.integers(0, 999, N).astype("u2"), **attributes}
-    )
+    points = np.float32(rng.uniform(-9, 9, (N, 3)))
+    attributes |= {"intensity": rng.integers(0, 999, N).astype("u2"), "pair": np.float32(rng.random((N, 2)))}
+    attributes["kind"] = np.array(["tree", "low plant"] * (N // 2))
+    return gppcs.PointCloud(points, attributes)
 
 
 def written(path, **options):
@@ -43,8 +45,26 @@ def as_pcd(path, encoding):
 
 
 def as_ptx(path, _):
-    rows = "\n".join(f"{x:.4f} {y:.4f} {z:.4f} 0.5 1 2 3" for x, y, z in cloud().points)
-    path.write_text(f"6\n{N // 6}\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n{rows}\n")
+    rows = [f"{x:.4f} {y:.4f} {z:.4f} 0.5 1 2 3\n" for x, y, z in cloud().points]
+    missing = "0 0 0 0.5 0 0 0\n" * 6
+    head = f"6\n{N // 12 + 1}\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
+    poses = ("1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n", "0 1 0 0\n-1 0 0 0\n0 0 1 0\n10 20 30 1\n")
+    halves = rows[: N // 2], rows[N // 2 :]
+    path.write_text("".join(head + pose + missing + "".join(half) for pose, half in zip(poses, halves, strict=True)))
+
+
+def as_rich_las(path, _):
+    """Points with waveforms, random bytes in every dimension, extra bytes and records before and after them."""
+    header = laspy.LasHeader(point_format=10, version="1.4")
+    header.add_extra_dim(laspy.ExtraBytesParams("triple", "3u2"))
+    header.add_extra_dim(laspy.ExtraBytesParams("scaled", "i4", scales=[0.5], offsets=[7.0]))
+    header.vlrs.append(laspy.VLR("somebody", 77, "anything", bytes(range(256))))
+    las = laspy.LasData(header)
+    record = las.points.array = np.zeros(N, header.point_format.dtype())
+    record[:] = np.frombuffer(np.random.default_rng(0).bytes(record.nbytes), record.dtype)
+    las.evlrs = VLRList([laspy.VLR("somebody", 78, "later", bytes(999))])
+    with np.errstate(all="ignore"):  # random floats may be NaN
+        las.write(path)
 
 
 def as_copc(path, _):
@@ -76,6 +96,8 @@ FILES = {
     "ply ascii": (".ply", lambda path, _: written(path, ascii=True), None),
     "las": (".las", plain, None),
     "laz": (".laz", plain, None),
+    "rich las": (".las", as_rich_las, None),
+    "rich laz": (".laz", as_rich_las, None),
     "copc": (".copc.laz", as_copc, None),
     "pcd ascii": (".pcd", as_pcd, "ascii"),
     "pcd binary": (".pcd", as_pcd, "binary"),

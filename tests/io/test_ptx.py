@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from gppcs.errors import FileFormatError, GppcsError
+from gppcs.errors import FileFormatError
 from gppcs.io import load, losses, read
 
 IDENTITY = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1"
@@ -54,13 +52,6 @@ def test_scans_without_points(ptx):
     assert len(read(ptx(scan(["0 0 0 0.5"])))) == 0
 
 
-@pytest.mark.parametrize("count", [65_536, 65_537])
-def test_points_of_several_blocks(ptx, count):
-    cloud = read(ptx(scan([f"{i + 1} 0 0 1" for i in range(count)]) + scan(ROWS)))
-    assert np.array_equal(cloud.points[:count, 0], np.arange(count) + 1)
-    assert len(cloud) == count + 4
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -84,17 +75,8 @@ def test_malformed_files_tell_what_and_where(ptx, text, message):
         read(ptx(text))
 
 
-@settings(max_examples=200)
-@given(data=st.data())
-def test_damage_is_read_or_refused(tmp_path_factory, data):
-    whole = bytearray((scan(ROWS, 2) + scan(ROWS, pose=TURN)).encode())
-    for _ in range(data.draw(st.integers(1, 4))):
-        at = data.draw(st.integers(0, len(whole) - 1))
-        whole[at : at + data.draw(st.integers(0, 3))] = data.draw(st.binary(max_size=3))
-    path = tmp_path_factory.getbasetemp() / "damaged.ptx"
-    path.write_bytes(whole)
-    try:
-        read(path, "ptx")
-    except GppcsError as error:
-        assert str(path) in str(error)  # noqa: PT017 - either outcome is right
-        assert len(str(error).splitlines()) == 1  # noqa: PT017
+def test_points_of_several_blocks(ptx):
+    count = 65_537
+    cloud = read(ptx(scan([f"{i + 1} 0 0 1" for i in range(count)]) + scan(ROWS)))
+    assert np.array_equal(cloud.points[:count, 0], np.arange(count) + 1)
+    assert len(cloud) == count + 4

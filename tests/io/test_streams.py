@@ -77,6 +77,17 @@ def test_existing_compressed_files_are_kept_unless_forced(tmp_path):
     assert read(path) == CLOUD
 
 
+@pytest.mark.parametrize("suffix", WRITABLE)
+def test_standard_input_gives_any_format(tmp_path, monkeypatch, suffix):
+    class Stream:
+        buffer = None
+
+    write(tmp_path / f"a{suffix}", CLOUD, lossy=True)
+    Stream.buffer = io.BufferedReader(io.BytesIO((tmp_path / f"a{suffix}").read_bytes()))
+    monkeypatch.setattr(sys, "stdin", Stream)
+    assert read("-", suffix) == read(tmp_path / f"a{suffix}")
+
+
 @pytest.mark.parametrize("pack", [bytes, *PACK.values()])
 def test_standard_input_is_read(monkeypatch, pack):
     class Stream:
