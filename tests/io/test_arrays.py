@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import FileFormatError, OutputError
+from gppcs.errors import FileFormatError
 from gppcs.io import read, write
 
 
@@ -100,14 +100,3 @@ def test_attributes_with_awkward_names(tmp_path):
     assert list(read(path).attributes) == names
     with zipfile.ZipFile(path) as archive:
         assert archive.namelist()[0] == "points.npy"
-
-
-@pytest.mark.parametrize("suffix", [".npy", ".npz"])
-@pytest.mark.parametrize(
-    ("attributes", "message"),
-    [({"x": np.zeros(1)}, "'x' twice"), ({"a": np.array([None])}, r"cannot hold: attribute a \(object\)")],
-)
-def test_attributes_that_cannot_be_written_are_refused(tmp_path, suffix, attributes, message):
-    with pytest.raises(OutputError, match=message):
-        write(tmp_path / f"cloud{suffix}", PointCloud(np.zeros((1, 3)), attributes))
-    assert not any(tmp_path.iterdir())

@@ -195,14 +195,6 @@ def test_a_missing_file_and_a_folder_are_named(tmp_path):
         files.read()
 
 
-def test_empty_files_hold_nothing(tmp_path):
-    gppcs.write(tmp_path / "empty.ply", cloud(0))
-    (tmp_path / "a.xyz.gz").write_bytes(gzip.compress(b""))
-    with CloudFiles([tmp_path / "empty.ply", tmp_path / "a.xyz.gz"]) as files:
-        assert list(files.chunks(True, 10)) == []
-        assert files.head().points == 0
-
-
 def test_a_header_tells_the_number_of_points(shared_data):
     """Readers of compressed points read ahead, so that sizes would tell too few."""
     with CloudFiles([shared_data / "autzen_airborne.laz"] * 2) as files:

@@ -120,7 +120,9 @@ def test_only_copc_has_a_resolution(copc, tmp_path, suffix):
     assert caught.value.command.endswith("leave out --resolution")
 
 
-@pytest.mark.parametrize("box", [[], [1, 2, 3], [1] * 5, [1, 0, 0, 1], [0, 0, np.nan, 1], "0,0,1,1", [0, 0, "1", 1], 7])
+@pytest.mark.parametrize(
+    "box", [[], [1, 2, 3], [1] * 5, [1, 0, 0, 1], [0, 0, np.nan, 1], "0,0,1,1", [0, 0, "1", 1], 7, np.array(0.1)]
+)
 def test_what_is_no_box_is_refused(box):
     with pytest.raises(ParameterError, match="expected a box xmin, ymin, xmax, ymax or"):
         gppcs.read("a.laz", box=box)

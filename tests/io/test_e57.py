@@ -2,9 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, GppcsError, OutputError
@@ -65,36 +62,6 @@ def by_libe57(tmp_path):
         return path
 
     return make
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("e57")
-
-
-@st.composite
-def clouds(draw):
-    n = draw(st.integers(0, 5))
-    points = draw(hnp.arrays(draw(st.sampled_from(["i4", "f4", "f8"])), (n, 3)))
-    names = draw(st.lists(st.sampled_from(NAMES), unique=True))
-    attributes = {name: draw(hnp.arrays(draw(st.sampled_from(TYPES)), n)) for name in names}
-    return PointCloud(points, attributes, points.dtype)
-
-
-@given(cloud=clouds())
-def test_every_type_comes_back_bit_for_bit(folder, cloud):
-    path = folder / "cloud.e57"
-    write(path, cloud, force=True)
-    found = read(path)
-    assert found.coordinate_dtype == cloud.coordinate_dtype
-    assert found.points.tobytes() == cloud.points.tobytes()
-    assert list(found.attributes) == list(cloud.attributes)
-    for name, values in cloud.attributes.items():
-        assert found.attributes[name].dtype == values.dtype
-        assert found.attributes[name].tobytes() == values.tobytes()
-    first = path.read_bytes()
-    write(path, cloud, force=True)
-    assert path.read_bytes() == first
 
 
 def test_pye57_reads_what_is_written(tmp_path):
@@ -273,20 +240,16 @@ def test_files_without_scans_or_coordinates_are_refused(by_pye57, by_libe57):
         read(by_libe57(fields))
 
 
-@given(data=st.data())
-@pytest.mark.parametrize("is_hostile", [False, True])
-def test_damage_is_read_or_refused(folder, is_hostile, data):
-    path = folder / "whole.e57"
-    if not path.exists():
-        write(path, PointCloud(np.arange(30.0).reshape(10, 3), {"label": np.arange(10)}))
-    whole = bytearray(path.read_bytes())
-    for _ in range(data.draw(st.integers(1, 4))):
-        at = data.draw(st.integers(0, len(whole) - 1))
-        whole[at : at + 1] = data.draw(st.binary(min_size=1, max_size=1))
-    damaged = folder / "damaged.e57"
-    damaged.write_bytes(with_checksums(whole) if is_hostile else whole)
+@pytest.mark.parametrize("seed", range(40))
+def test_damage_under_right_checksums_is_read_or_refused(tmp_path, seed):
+    path, rng = tmp_path / "damaged.e57", np.random.default_rng(seed)
+    write(path, PointCloud(np.arange(30.0).reshape(10, 3), {"label": np.arange(10)}))
+    content = bytearray(path.read_bytes())
+    for at in rng.integers(len(content), size=rng.integers(1, 5)):
+        content[at] = rng.integers(256)
+    path.write_bytes(with_checksums(content))
     try:
-        read(damaged, "e57")
+        read(path, "e57")
     except GppcsError as error:
-        assert str(damaged) in str(error)  # noqa: PT017 - either outcome is right
+        assert str(path) in str(error)  # noqa: PT017 - either outcome is right
         assert len(str(error).splitlines()) == 1  # noqa: PT017

@@ -167,6 +167,22 @@ def test_attributes_of_no_numbers_are_kept_or_named(tmp_path, known):
     assert lost == ([] if "none" in read(path).attributes else ["attribute none (float64)"])
 
 
+@pytest.mark.parametrize("suffix", WRITABLE)
+def test_no_two_columns_of_a_file_have_one_name(tmp_path, suffix):
+    one, two = np.zeros(1), np.zeros((1, 2))
+    path = tmp_path / f"cloud{suffix}"
+    for attributes in ({"x": one}, {"a b": one, "a_b": one}, {"n": two, "n_0": one}):
+        try:
+            write(path, PointCloud(np.zeros((1, 3)), attributes))
+        except OutputError as error:
+            assert re.search("twice|different names|cannot hold", str(error))  # noqa: PT017
+            assert not path.exists()
+        else:
+            assert "x" not in attributes
+            assert set(read(path).attributes) >= set(attributes)
+            path.unlink()
+
+
 @pytest.mark.parametrize("known", [known for known in FORMATS if known.write], ids=lambda known: known.name)
 def test_what_is_said_of_the_whole_cloud_is_no_value(tmp_path, known):
     path = tmp_path / f"cloud{known.suffixes[0]}"

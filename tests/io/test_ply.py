@@ -115,14 +115,6 @@ def test_nothing_is_left_out_of_plain_vertices(ply):
     assert losses("cloud.xyz", read(path)) == []
 
 
-@pytest.mark.parametrize("encoding", ["ascii", *ORDERS])
-@pytest.mark.parametrize("extra", [[], ["property list uchar int friends"]])
-def test_no_vertices_is_an_empty_cloud(ply, encoding, extra):
-    cloud = read(ply(encoding, ["element vertex 0", *XYZ, "property uchar red", *extra]))
-    assert len(cloud) == 0
-    assert cloud.attributes["red"].dtype == np.uint8
-
-
 def test_coordinates_stand_anywhere_and_keep_their_place_among_types(ply):
     header = ["element vertex 1", "property int z", "property uchar a", "property int x", "property int y"]
     cloud = read(ply("binary_big_endian", header, struct.pack(">iBii", 3, 9, 1, 2)))
@@ -239,21 +231,6 @@ def test_whole_numbers_of_64_bit_take_the_narrowest_type_that_is_exact(tmp_path)
     for value, dtype in ((2**53 + 1, np.int64), (2**63 - 1, np.int64), (2**64 - 1, np.uint64)):
         with pytest.raises(OutputError, match=r"attribute id \("):
             written(value, dtype=dtype)
-
-
-def test_attributes_that_cannot_be_columns_are_refused(tmp_path):
-    def writing(**attributes):
-        write(tmp_path / "cloud.ply", PointCloud(np.zeros((1, 3)), attributes))
-
-    with pytest.raises(OutputError, match=r"cannot hold: attribute name \(text\)"):
-        writing(name=np.array(["a"]))
-    with pytest.raises(OutputError, match="'x' twice"):
-        writing(x=np.zeros(1))
-    with pytest.raises(OutputError, match="'a_b' twice"):
-        writing(**{"a b": np.zeros(1), "a_b": np.zeros(1)})
-    with pytest.raises(OutputError, match="'n_0' twice"):
-        writing(n=np.zeros((1, 2)), n_0=np.zeros(1))
-    assert not any(tmp_path.iterdir())
 
 
 def test_fractions_are_not_cut_to_whole_coordinates(tmp_path):

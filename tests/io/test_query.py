@@ -126,8 +126,3 @@ def test_polygons_with_a_common_border_share_its_points_out(seed):
     share = rng.random(999)
     points = np.column_stack([ax + share * (bx - ax), ay + share * (by - ay), np.zeros(999)])
     assert (left.holds(points) ^ right.holds(points)).all()
-
-
-def test_a_box_of_one_number_is_refused(files):
-    with pytest.raises(gppcs.ParameterError, match="box"):
-        gppcs.read(files[0] if isinstance(files, list | tuple) else "scan.ply", box=np.array(0.1))

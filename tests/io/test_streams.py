@@ -37,12 +37,6 @@ def test_compression_is_found_by_content(tmp_path, compression):
     assert read(tmp_path / "cloud.xyz").attributes["label"].tolist() == [7, 8]
 
 
-def test_the_same_cloud_gives_the_same_compressed_bytes(tmp_path):
-    for name in ("one.xyz.gz", "two.xyz.gz"):
-        write(tmp_path / name, CLOUD)
-    assert (tmp_path / "one.xyz.gz").read_bytes() == (tmp_path / "two.xyz.gz").read_bytes()
-
-
 def test_several_compressed_streams_in_one_file_are_read_one_after_another(tmp_path):
     for compression, pack in PACK.items():
         path = tmp_path / f"cloud.xyz{compression}"
@@ -65,16 +59,6 @@ def test_a_cloud_that_breaks_off_leaves_no_compressed_file(tmp_path, compression
     with pytest.raises(OutputError, match="Unicode"):
         write(tmp_path / f"cloud.npz{compression}", PointCloud(CLOUD.points, {"\ud800": np.zeros(2)}))
     assert not any(tmp_path.iterdir())
-
-
-def test_existing_compressed_files_are_kept_unless_forced(tmp_path):
-    path = tmp_path / "cloud.ply.gz"
-    path.write_bytes(b"precious")
-    with pytest.raises(OutputError, match="expected a new file"):
-        write(path, CLOUD)
-    assert path.read_bytes() == b"precious"
-    write(path, CLOUD, force=True)
-    assert read(path) == CLOUD
 
 
 @pytest.mark.parametrize("suffix", WRITABLE)

@@ -34,13 +34,6 @@ def test_nothing_is_left_of_a_failed_write(tmp_path, failure, existing):
     assert [p.read_bytes() for p in tmp_path.iterdir()] == ([existing] if existing else [])
 
 
-def test_a_cloud_that_breaks_off_in_mid_write_leaves_nothing(tmp_path):
-    cloud = PointCloud(CLOUD.points, {"\ud800": np.zeros(1)})  # refused in the middle of the file
-    with pytest.raises(OutputError, match="characters of Unicode"):
-        write(tmp_path / "cloud.npz", cloud)
-    assert not any(tmp_path.iterdir())
-
-
 def test_existing_files_are_kept_unless_forced(tmp_path):
     path = tmp_path / "cloud.xyz"
     path.write_text("precious")
