@@ -6,7 +6,6 @@ Needs the extra `evaluate`. WLOP by CGAL takes part if the extra `cgal` is insta
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
 from time import perf_counter
@@ -33,8 +32,6 @@ from conditions import (
     Figures,
     Work,
 )
-from gppcs.gp.local.candidates import survey
-from gppcs.gp.local.placement import placed
 
 STARTS = range(3)  # turns of the cloud
 GP = "gp"
@@ -52,24 +49,11 @@ RIVALS = {
     "fps-variation": gppcs.FarthestPointVariation(),
     "gp-spectral": gppcs.SpectralGP(),
 }
-
-
-class PlacedFarthestPoint(gppcs.FarthestPoint):
-    """Farthest points with the placement of gp: what the field adds beyond placement is the difference."""
-
-    def __call__(self, wanted: gppcs.Wanted) -> gppcs.Selection:
-        """Choose, then place."""
-        found = super().__call__(wanted)
-        area, noise, _ = survey(wanted.points, wanted.n_points, gppcs.LocalGP().candidates, wanted.timer)
-        return replace(found, indices=placed(wanted.points, found.indices, 0, area, noise))
-
-
 VARIANTS = {  # of gp: method, and whether the points carry normals
     GP: (gppcs.LocalGP(), False),
     "gp, feature_weight=0": (gppcs.LocalGP(feature_weight=0.0), False),
     "gp, feature_weight=0.75": (gppcs.LocalGP(feature_weight=0.75), False),
     "gp, normals carried": (gppcs.LocalGP(), True),
-    "fps, placed as by gp": (PlacedFarthestPoint(), False),
 }
 INTRODUCTION = (
     f"The {len(FOUND_ON)} clouds of the first table took part in finding the rules and constants of gp. They are no "

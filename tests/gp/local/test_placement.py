@@ -106,13 +106,14 @@ def test_points_on_dense_curves_stay():
     np.testing.assert_array_equal(placed(points, chosen), chosen)
 
 
-def test_points_on_a_wall_thinner_than_their_cells_stay_in_place(monkeypatch):
+def test_no_point_goes_through_a_thin_wall():
+    """Cells reach about as far as the wall is thick, so most points stay where they are."""
     flat = np.random.default_rng(7).random((6_000, 3)) * [1.0, 1.0, 0.0]
-    points = flat + np.where(np.arange(6_000)[:, None] % 2, 0.02, 0.0) * [0.0, 0.0, 1.0]
-    chosen = np.arange(0, 6_000, 40)
-    stays = (placed(points, chosen) == chosen).mean()
-    monkeypatch.setattr(placement, "THROUGH", 1.0)
-    assert stays > 0.9 > (placed(points, chosen) == chosen).mean()
+    points = flat + np.where(np.arange(6_000)[:, None] % 2, 0.05, 0.0) * [0.0, 0.0, 1.0]
+    chosen = np.arange(0, 6_000, 41)
+    found = placed(points, chosen)
+    np.testing.assert_array_equal(points[found, 2], points[chosen, 2])
+    assert (found == chosen).mean() > 0.7
 
 
 def test_noise_is_placed_by_the_feet():

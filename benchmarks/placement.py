@@ -1,0 +1,112 @@
+"""What the placement of gp is worth, and what the field adds beyond it.
+
+Needs the extra `evaluate`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import replace
+from functools import partial
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+import conditions
+import gppcs
+import report
+from conditions import COVER, FEATURES, FOUND_ON, H_MAX, H_MEAN, HELD_OUT, SURFACE, Condition, Figures
+from gppcs.gp.local import algorithm
+from gppcs.gp.local.candidates import survey
+from gppcs.gp.local.placement import placed
+
+SHOWN = (H_MEAN, H_MAX, SURFACE, COVER, FEATURES)
+GROUPS = {"the rules were found on these clouds": FOUND_ON, "held-out clouds": HELD_OUT}
+
+
+class PlacedFarthestPoint(gppcs.FarthestPoint):
+    """Farthest points, placed as `gp` does."""
+
+    def __call__(self, wanted: gppcs.Wanted) -> gppcs.Selection:
+        """Choose, then place."""
+        found = super().__call__(wanted)
+        area, noise, _ = survey(wanted.points, wanted.n_points, gppcs.LocalGP().candidates, wanted.timer)
+        return replace(found, indices=placed(wanted.points, found.indices, 0, area, noise))
+
+
+def not_placed(points: Any, chosen: Any, fixed: int, area: float, noise: Any) -> Any:
+    """Leave chosen points where they are, in place of `placement.placed`."""
+    return chosen
+
+
+METHODS: Mapping[str, tuple[gppcs.Method, bool]] = {  # and whether it is placed
+    "gp, not placed": (gppcs.LocalGP(), False),
+    "gp": (gppcs.LocalGP(), True),
+    "fps": (gppcs.FarthestPoint(), True),
+    "fps, placed": (PlacedFarthestPoint(), True),
+}
+PAIRS = (("gp", "gp, not placed"), ("fps, placed", "fps"), ("gp", "fps, placed"))
+
+
+def kept_by(condition: Condition, label: str) -> tuple[gppcs.PointCloud, float]:
+    """Return the points that a method keeps, and the seconds."""
+    method, is_placed = METHODS[label]
+    with nullcontext() if is_placed else patch.object(algorithm, "placed", not_placed):
+        return conditions.simplified(condition, method, 0)
+
+
+def measured(condition: Condition, runs: conditions.Runs) -> dict[str, Figures]:
+    """Return the figures of all methods under a condition."""
+    return {label: runs.of(condition, label, 0, partial(kept_by, condition, label)) for label in METHODS}
+
+
+def section(title: str, made: Mapping[str, Mapping[str, Figures]]) -> report.Section:
+    """Return the ratios of the pairs on each cloud, and their geometric means."""
+    header = ["cloud", "", *(column.title.split(",")[0] for column in SHOWN)]
+    rows, ratios = [], {pair: np.full((len(made), len(SHOWN)), np.nan) for pair in PAIRS}
+    for i, (name, of) in enumerate(made.items()):
+        for one, other in PAIRS:
+            for j, column in enumerate(SHOWN):
+                if column.figure in of[one] and column.figure in of[other]:
+                    ratios[one, other][i, j] = of[one][column.figure] / of[other][column.figure]
+            rows.append([name, f"{one} / {other}", *cells(ratios[one, other][i])])
+    means = [
+        ["**geometric mean**", f"{one} / {other}", *cells(np.exp(np.nanmean(np.log(ratios[one, other]), axis=0)))]
+        for one, other in PAIRS
+    ]
+    return report.Section(title, header, [*means, *rows])
+
+
+def cells(ratios: Sequence[float]) -> list[str]:
+    """Return ratios as cells, empty where there is none."""
+    return [f"{value:.3f}" if np.isfinite(value) else "" for value in ratios]
+
+
+def main() -> None:
+    """Print the tables, and write them if they are of all conditions."""
+    every = [each for group in GROUPS.values() for each in group]
+    chosen, runs = conditions.asked(every, __doc__)
+    made = {each.name: found for each, found in zip(chosen, runs.over(chosen, measured), strict=True)}
+    sections = [
+        section(title, {each.name: made[each.name] for each in group if each.name in made})
+        for title, group in GROUPS.items()
+        if any(each.name in made for each in group)
+    ]
+    conditions.keep(
+        "placement",
+        "What the placement of gp is worth",
+        sections,
+        chosen,
+        (
+            "Each row divides the figures of one method by those of another; below 1, the first one is better. One run "
+            "on each cloud as it is. quality.md explains the figures.",
+            "fps, placed: farthest points with the placement of gp. What gp has beyond it is due to the field.",
+        ),
+        whole=len(chosen) == len(every),
+    )
+
+
+if __name__ == "__main__":
+    main()
