@@ -81,7 +81,8 @@ def exchanged(
     tree, order = surface.tree.in_own_order(), surface.tree.order
     points, places, stays = cells.points, np.ascontiguousarray(tree.points.T), stays[order]
     new = np.full(len(order), -1)
-    gaps = np.sqrt(tree.nearest_of(places, min(4, len(order)))[1])[:, 1:].mean(axis=1) if len(order) > 1 else places[0]
+    k = min(4, len(order))
+    gaps = np.sqrt(tree.nearest_of(places, k)[1]).sum(axis=1) / max(1, k - 1)
     first, squared = nearest_each(tree, cells)
     widest = WIDER**2 * float(squared[~stays[first]].max(initial=0.0))
     del squared  # to free its memory
