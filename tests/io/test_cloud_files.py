@@ -14,6 +14,8 @@ from gppcs.errors import FileFormatError
 from gppcs.io import FORMATS, cloud_files, files
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.format import Format
+from gppcs.io.las_header import LASZIP, read_header
+from gppcs.io.laz import chunks_of_points
 from gppcs.io.query import Query
 from gppcs.simplification import Request
 from gppcs.streaming.files import Work, run
@@ -305,6 +307,21 @@ def test_a_damaged_file_has_no_parts(divisible, tmp_path, name, place, value, me
     (tmp_path / name).write_bytes(content)
     with CloudFiles([tmp_path / name]) as files, pytest.raises(FileFormatError, match=message):
         list(files.each(1_000)[0].chunks(True))
+
+
+def test_damage_behind_the_counted_points_is_refused_in_parts_too(divisible, tmp_path):
+    """A third chunk whose first layer is larger than it, in a file that counts the points of the first two only."""
+    content = bytearray((divisible / "a.laz").read_bytes())
+    content[247:255] = (90_000).to_bytes(8, "little")
+    with open(divisible / "a.laz", "rb") as file:
+        laszip = read_header(file)[2][LASZIP]
+        *_, (behind, _, _) = chunks_of_points(file, np.dtype("V30"), LARGE, laszip)
+    layers = behind + 30 + 4
+    content[layers : layers + 4] = b"\xf0\xff\xff\xff"
+    (tmp_path / "a.laz").write_bytes(content)
+    for attempt in (CloudFiles.read, lambda files: files.each(1)):
+        with CloudFiles([tmp_path / "a.laz"]) as files, pytest.raises(FileFormatError, match="all compressed points"):
+            attempt(files)
 
 
 def test_each_file_tells_its_number_of_points(tmp_path):

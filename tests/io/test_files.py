@@ -44,7 +44,7 @@ def test_a_given_format_decides_over_content_and_name(tmp_path):
 def test_unknown_formats_are_listed(tmp_path, name):
     path = tmp_path / name
     path.write_text("1 2 3\n")
-    formats = r"\.ply \.las \.laz \.xyz \.txt \.asc \.csv \.pts \.npy \.npz \.off \.obj \.stl"
+    formats = r"\.ply \.copc\.laz \.las \.laz \.xyz \.txt \.asc \.csv \.pts \.npy \.npz \.off \.obj \.stl"
     for attempt in (lambda: read(path), lambda: write(path, CLOUD), lambda: read(path, format="las2")):
         with pytest.raises(FileFormatError, match=formats):
             attempt()

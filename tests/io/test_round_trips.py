@@ -10,7 +10,9 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.io import FORMATS, read, write
 
 WRITABLE = [known.suffixes[0] for known in FORMATS if known.write is not None]
-FLOATING = [suffix for suffix in WRITABLE if suffix not in (".las", ".laz")]  # these hold multiples of a scale
+FLOATING = [
+    suffix for suffix in WRITABLE if suffix not in (".copc.laz", ".las", ".laz")
+]  # these hold multiples of a scale
 PLY_TYPES = ["i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8"]
 NAMES = st.text("abcXYZ_09é", min_size=1, max_size=8).filter(lambda name: name not in "xyz")
 

@@ -18,7 +18,7 @@ from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import check_name, columns_of, coordinate_type, default_names
 from gppcs.io.format import Format, Span, keeping
-from gppcs.io.rows import equal_spans, read_records
+from gppcs.io.rows import equal_spans, read_records, reported
 
 _POINTS = "points"
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
@@ -119,11 +119,8 @@ def _shape(file: IO[bytes]) -> tuple[int, ...]:
 
 
 def _array(file: IO[bytes]) -> Column:
-    try:
+    with reported("numpy", "a whole array of numbers", _DAMAGED_ARRAY):
         array: Column = npy.read_array(file, allow_pickle=False)
-    except _DAMAGED_ARRAY as error:
-        reason = str(error).partition("\n")[0]
-        raise FileFormatError(f"expected a whole array of numbers, but numpy reports: {reason}") from error
     return array
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from io import BufferedReader
 from typing import Any, BinaryIO
@@ -14,10 +14,10 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.clouds.header import Header
 from gppcs.engine.extras import require_pyarrow
-from gppcs.errors import FileFormatError, GppcsError
+from gppcs.errors import FileFormatError
 from gppcs.io.columns import columns_of
 from gppcs.io.format import Format, keeping
-from gppcs.io.rows import at_most, ends_early
+from gppcs.io.rows import at_most, ends_early, reported
 
 _ROWS = 1 << 20  # of a block: what Parquet usually has in a row group
 _ABOUT_COLUMNS = b"pandas"  # metadata that describe the columns, so that nothing is lost without them
@@ -70,17 +70,10 @@ def count_parquet(file: BufferedReader) -> int:
         return int(pyarrow.parquet.ParquetFile(file).metadata.num_rows)
 
 
-@contextmanager
-def _errors_of_file() -> Iterator[None]:
+def _errors_of_file() -> AbstractContextManager[None]:
     """Turn the errors that PyArrow raises for damaged files into ours."""
-    pyarrow = require_pyarrow()
-    try:
-        yield
-    except GppcsError:
-        raise
-    except (pyarrow.ArrowException, OSError, ValueError, KeyError, TypeError, OverflowError, MemoryError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise FileFormatError(f"expected a whole table, but pyarrow reports: {reason}; get the file again") from error
+    errors = (OSError, ValueError, KeyError, TypeError, OverflowError, MemoryError)
+    return reported("pyarrow", "a whole table", (require_pyarrow().ArrowException, *errors))
 
 
 def read_feather(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:

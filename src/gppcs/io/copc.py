@@ -18,10 +18,13 @@ from gppcs.errors import FileFormatError
 from gppcs.io.query import Query
 
 # As the COPC specification names and places them. The chunk of an entry holds the points of one cell of the octree.
-_INFO = np.dtype(
-    [("center", "<f8", 3), ("halfsize", "<f8"), ("spacing", "<f8"), ("root_offset", "<u8"), ("root_size", "<u8")]
-)
-_ENTRY = np.dtype([("level", "<i4"), ("cell", "<i4", 3), ("offset", "<u8"), ("size", "<i4"), ("count", "<i4")])
+INFO = np.dtype(
+    [
+        ("center", "<f8", 3), ("halfsize", "<f8"), ("spacing", "<f8"), ("root_offset", "<u8"), ("root_size", "<u8"),
+        ("gps_time", "<f8", 2), ("reserved", "V88"),
+    ]
+)  # fmt: skip
+ENTRY = np.dtype([("level", "<i4"), ("cell", "<i4", 3), ("offset", "<u8"), ("size", "<i4"), ("count", "<i4")])
 _PAGE = -1  # the count of an entry that stands for a page with more entries
 
 
@@ -32,9 +35,9 @@ def chunks_of(
 
     Shapes: scales (3,).
     """
-    if len(info) < _INFO.itemsize:
-        raise FileFormatError(f"expected at least {_INFO.itemsize} bytes about the COPC index, found {len(info)}")
-    fields = np.frombuffer(info, _INFO, 1)[0]
+    if len(info) < INFO.itemsize:
+        raise FileFormatError(f"expected at least {INFO.itemsize} bytes about the COPC index, found {len(info)}")
+    fields = np.frombuffer(info, INFO, 1)[0]
     if not (0 < fields["spacing"] < math.inf and 0 < fields["halfsize"] < math.inf):
         raise FileFormatError(
             "expected a COPC index with a spacing and a size above 0, found "
@@ -65,7 +68,7 @@ def _pages(
         if not 0 <= length <= size - offset or left < 0:  # pages that lead to each other would be read for ever
             raise FileFormatError("expected a COPC index within the file, found another; get the whole file again")
         file.seek(offset)
-        page = np.frombuffer(file.read(length // _ENTRY.itemsize * _ENTRY.itemsize), _ENTRY)
+        page = np.frombuffer(file.read(length // ENTRY.itemsize * ENTRY.itemsize), ENTRY)
         page = page[(page["level"] <= deepest) & _meets(page, info, query, scales)]
         further = page[page["count"] == _PAGE]
         places += zip(further["offset"].tolist(), further["size"].tolist(), strict=True)

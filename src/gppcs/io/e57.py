@@ -23,10 +23,10 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, cloud_of_columns
 from gppcs.clouds.header import Header
 from gppcs.engine.extras import require_libe57
-from gppcs.errors import FileFormatError, GppcsError, OutputError
+from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.columns import column_name, columns_of, exact_type
 from gppcs.io.format import Format, keeping
-from gppcs.io.rows import BLOCK, ends_early
+from gppcs.io.rows import BLOCK, ends_early, reported
 
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
@@ -171,23 +171,18 @@ def _scans(file: BufferedReader) -> Iterator[tuple[Any, list[_Scan]]]:
     libe57 = require_libe57()
     _refuse_entities(file)
     size = os.fstat(file.fileno()).st_size
-    try:
-        with _named(file) as path:
-            image = libe57.ImageFile(path, "r")
-            try:
-                root = image.root()
-                nodes = root["data3D"] if root.isDefined("data3D") else []
-                scans = [_Scan(image, nodes[i], size) for i in range(len(nodes))]
-                if not scans:
-                    raise FileFormatError("expected at least one scan, found none")
-                yield root, scans
-            finally:
-                image.close()
-    except GppcsError:
-        raise
-    except (libe57.E57Exception, RuntimeError, ValueError, TypeError, AttributeError, LookupError) as error:
-        reason = str(error).partition("\n")[0][:200]
-        raise FileFormatError(f"expected a whole E57 file, but libE57Format reports: {reason}; get it again") from error
+    errors = (libe57.E57Exception, RuntimeError, ValueError, TypeError, AttributeError, LookupError)
+    with reported("libE57Format", "a whole E57 file", errors), _named(file) as path:
+        image = libe57.ImageFile(path, "r")
+        try:
+            root = image.root()
+            nodes = root["data3D"] if root.isDefined("data3D") else []
+            scans = [_Scan(image, nodes[i], size) for i in range(len(nodes))]
+            if not scans:
+                raise FileFormatError("expected at least one scan, found none")
+            yield root, scans
+        finally:
+            image.close()
 
 
 def _refuse_entities(file: BufferedReader) -> None:

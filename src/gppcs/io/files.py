@@ -15,8 +15,8 @@ from io import BufferedReader
 from pathlib import Path
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
-from gppcs.errors import FileFormatError, InputError, OutputError, ParameterError, file_path, flag, shown
-from gppcs.io import arrays, arrow, e57, gltf, las, meshes, pcd, ply, ptx, text
+from gppcs.errors import FileFormatError, InputError, OutputError, ParameterError, file_path, flag, one_of, shown
+from gppcs.io import arrays, arrow, copc_writing, e57, gltf, las, meshes, pcd, ply, ptx, text
 from gppcs.io.format import Format
 from gppcs.io.query import Query, restricted
 from gppcs.io.streams import inner_name, whole_output
@@ -26,6 +26,7 @@ _HEAD = 1024
 
 FORMATS: tuple[Format, ...] = (
     ply.FORMAT,
+    copc_writing.FORMAT,  # before LAZ, of which it is a kind
     *las.FORMATS,
     *text.FORMATS,
     *arrays.FORMATS,
@@ -114,8 +115,9 @@ def write(
     force: bool = False,
     lossy: bool = False,
     ascii: bool | None = None,  # noqa: A002
+    levels_by: str | None = None,
 ) -> None:
-    """Write a cloud: PLY, LAS, LAZ, XYZ, CSV, PTS, NPY, NPZ, OFF, OBJ, PCD, E57, Parquet or Feather.
+    """Write a cloud: PLY, LAS, LAZ, COPC, XYZ, CSV, PTS, NPY, NPZ, OFF, OBJ, PCD, E57, Parquet or Feather.
 
     The file appears under its name only when it is complete. Coordinates are written in the cloud's
     `coordinate_dtype`, attributes in their own types if the format has these.
@@ -136,11 +138,16 @@ def write(
     ascii : bool, optional
         Whether to write PLY and PCD as text, or else as binary data. By default, a cloud that was read from PCD as text
         is written as such again; all others are binary. Other formats have no such choice.
+    levels_by : str, optional
+        By what the points of the coarse levels of a COPC file are chosen: "gp", the default, "fps", "random" or
+        "order", which takes the points in the order of the cloud. The first choices are on the first level. The
+        methods choose a quarter of the points, up to a million; the others follow at random.
 
     Raises
     ------
     FileFormatError
-        If the format is unknown, gppcs only reads it (STL, PTX), or it leaves no choice and `ascii` is given.
+        If the format is unknown, gppcs only reads it (STL, PTX), or it leaves no choice and `ascii` or `levels_by` is
+        given.
     OutputError
         If the file exists and `force` is False, the folder is missing or not writable, the format cannot hold all
         values of the cloud and `lossy` is False, or it cannot hold its points.
@@ -156,7 +163,7 @@ def write(
     >>> len(gppcs.read("sphere.ply"))
     100
     """
-    store(path, cloud, format, force, lossy, ascii)
+    store(path, cloud, format, force, lossy, ascii, levels_by)
 
 
 def store(
@@ -166,10 +173,11 @@ def store(
     force: bool = False,
     lossy: bool = False,
     ascii: bool | None = None,  # noqa: A002
+    levels_by: str | None = None,
 ) -> list[str]:
     """Write a point cloud file as `write` does, and return in words what the file does not hold of the cloud."""
     cloud, force = PointCloud.of(cloud), flag("force", force)
-    chosen = format_to_write(path, format, ascii)
+    chosen = format_to_write(path, format, ascii, levels_by)
     fit = chosen.fit(cloud)
     if not flag("lossy", lossy):
         refuse_losses(path, chosen.name, fit.values)
@@ -183,6 +191,7 @@ def format_to_write(
     path: str | os.PathLike[str],
     format: str | None = None,  # noqa: A002
     ascii: bool | None = None,  # noqa: A002
+    levels_by: str | None = None,
 ) -> Format:
     """Return the format that `write` would use. Call it before long work, to find a bad choice early."""
     check_suffix(format)
@@ -191,7 +200,7 @@ def format_to_write(
         expected = "expected the format of standard output, found none; give it with "
         raise FileFormatError(f"{expected}format='ply'", command=f"{expected}--to ply")
     try:
-        chosen = _of_suffix(format or inner_name(target).suffix)
+        chosen = _of_suffix(format or _suffix_of(inner_name(target)))
     except FileFormatError as error:
         raise FileFormatError(f"{path}: {error}") from error
     if chosen.write is None:
@@ -199,7 +208,20 @@ def format_to_write(
             f"{path}: expected a format that gppcs writes, found {chosen.name}, which it only reads; choose one of "
             f"{_listed(writable=True)}"
         )
+    if levels_by is not None:
+        chosen = _with_levels(path, chosen, one_of("levels_by", levels_by, copc_writing.ORDERS))
     return chosen if ascii is None else _encoded(path, chosen, flag("ascii", ascii))
+
+
+def _with_levels(path: str | os.PathLike[str], chosen: Format, levels_by: str) -> Format:
+    """Return a format that chooses its levels so."""
+    if not chosen.has_levels:
+        found = (
+            f"{path}: expected a name that ends in .copc.laz, as only COPC has levels, found {chosen.name}; leave out "
+        )
+        raise FileFormatError(f"{found}levels_by=", command=f"{found}--levels-by")
+    assert chosen.write is not None
+    return replace(chosen, write=partial(chosen.write, levels_by=levels_by))
 
 
 def _encoded(path: str | os.PathLike[str], chosen: Format, ascii: bool) -> Format:  # noqa: A002
@@ -237,6 +259,12 @@ def _of_suffix(suffix: str) -> Format:
         if known.has_suffix(suffix):
             return known
     raise FileFormatError(f"expected one of the formats {_listed()}, found {suffix or 'no suffix'!r}")
+
+
+def _suffix_of(path: Path) -> str:
+    """Return the suffix of a name, or the last two if together they name a format."""
+    both = "".join(path.suffixes[-2:])
+    return both if any(known.has_suffix(both) for known in FORMATS) else path.suffix
 
 
 def _listed(writable: bool = False) -> str:

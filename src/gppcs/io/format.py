@@ -22,14 +22,6 @@ LARGEST_SHIFT = 1e-6  # Of the diagonal, by which rounding may move a point with
 Span = tuple[int, int]  # the row of the first point of a part of a file, and the row behind its last
 
 
-def _never(head: bytes, size: int) -> bool:
-    return False
-
-
-def _nothing(file: BufferedReader) -> list[str]:
-    return []
-
-
 def without_attributes(cloud: PointCloud, names: Iterable[str]) -> tuple[PointCloud, list[str]]:
     """Return a cloud without some of its attributes, and these attributes and their types in words."""
     lost = set(names)
@@ -68,20 +60,12 @@ def rounding(points: NDArray[np.float64], rounded: NDArray[np.float64]) -> tuple
     return words, shift <= LARGEST_SHIFT * diagonal
 
 
-def _all(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
-    return cloud, []
-
-
 class Fit(NamedTuple):
     """What a format can hold of a cloud, and in words the values and the remarks that it cannot."""
 
     cloud: PointCloud
     values: list[str]
     remarks: list[str]
-
-
-def _none(file: BufferedReader) -> int:
-    return 0
 
 
 @dataclass(frozen=True)
@@ -92,10 +76,12 @@ class Format:
     suffixes: tuple[str, ...]
     chunks: Callable[..., Iterator[PointCloud]]  # of a file, at most so many rows, and with attributes or without
     write: Callable[..., None] | None = None  # to a file, a cloud; of some formats also its faces
-    recognises: Callable[[bytes, int], bool] = _never
-    unread: Callable[[BufferedReader], list[str]] = _nothing
-    fitted: Callable[[PointCloud], tuple[PointCloud, list[str]]] = _all
-    faces: Callable[[BufferedReader], int] = _none
+    recognises: Callable[[bytes, int], bool] = lambda head, size: False
+    unread: Callable[[BufferedReader], list[str]] = lambda file: []
+    fitted: Callable[[PointCloud], tuple[PointCloud, list[str]]] = lambda cloud: (cloud, [])
+    remarks: Callable[[PointCloud], list[str]] = lambda cloud: []  # what else a file says otherwise than the cloud
+    has_levels: bool = False  # `write` takes by what the levels are chosen
+    faces: Callable[[BufferedReader], int] = lambda file: 0
     triangles: Callable[[BufferedReader], NDArray[np.int64]] | None = None
     write_encoded: Callable[..., None] | None = None
     is_table: bool = False  # `chunks` takes names of columns
@@ -115,6 +101,7 @@ class Format:
     def fit(self, cloud: PointCloud) -> Fit:
         """Tell what `write` can store of a cloud and what it cannot."""
         cloud, remarks = without_foreign_header(cloud, self.header)
+        remarks += self.remarks(cloud)
         fitted, values = self.fitted(cloud)
         if fitted.points is not cloud.points:
             digits, tolerated = rounding(cloud.points, fitted.points)

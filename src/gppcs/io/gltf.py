@@ -11,24 +11,19 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.engine.extras import require_trimesh
-from gppcs.errors import FileFormatError, InputError
 from gppcs.io.format import Format
 from gppcs.io.meshes import COLOURS
+from gppcs.io.rows import reported
 
 
 def _loaded(file: BufferedReader) -> tuple[Mesh, PointCloud]:
     """Return all triangles of a file as one mesh, and its vertices with their colours."""
     trimesh = require_trimesh()
-    try:
+    with reported("trimesh", "a whole mesh"):  # it checks little of a damaged file
         found = trimesh.load(file, file_type="glb", force="mesh", process=False)
         mesh = Mesh(np.asarray(found.vertices), np.asarray(found.faces))
         coloured = found.visual.kind == "vertex"
         colours = np.asarray(found.visual.vertex_colors)[:, :3].T if coloured else ()
-    except InputError as error:
-        raise FileFormatError(str(error)) from error
-    except Exception as error:  # trimesh checks little of a damaged file
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
-        raise FileFormatError(f"expected a whole mesh, but trimesh reports: {reason}; get the file again") from error
     attributes = dict(zip(COLOURS, map(np.ascontiguousarray, colours), strict=False))
     return mesh, PointCloud(mesh.vertices, attributes, np.dtype(np.float32))
 

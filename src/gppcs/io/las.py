@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from io import BufferedReader, BytesIO
@@ -23,17 +24,19 @@ from gppcs.io.las_header import (
     COPC,
     EXTRA_BYTES,
     LASZIP,
-    SIZES,
     TYPES,
+    WITH_WKT,
     LasHeader,
+    Record,
     Scaling,
+    empty_header,
     extra_name,
     read_header,
     record_of,
     scaling_of,
     waveforms_at,
 )
-from gppcs.io.laz import chunks_of_points, decompressed, decompressed_chunks, fewest_points
+from gppcs.io.laz import check_chunks, chunks_of_points, decompressed, decompressed_chunks, fewest_points
 from gppcs.io.query import Query, not_empty, without_levels
 from gppcs.io.rows import BLOCK, at_most, check_length, type_and_shape
 
@@ -48,7 +51,6 @@ _SAMPLE = 1000  # coordinates by which a scale is tried first
 _FINEST = -300  # the smallest power of ten of a scale
 # Point formats for clouds of other sources, in the order of preference, and the versions that have them.
 _VERSIONS = {0: 2, 1: 2, 2: 2, 3: 2, 6: 4, 7: 4, 8: 4}
-_WITH_WKT = 6  # from this point format on, a coordinate system is given as WKT
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,7 @@ class _Dimension:
 
 
 @dataclass(frozen=True)
-class _Layout:
+class Layout:
     """How points are stored: the type of a point's record, and the attributes in it by name."""
 
     record: np.dtype[Any]
@@ -104,15 +106,15 @@ class _Layout:
 
     def with_extra(
         self, name: str, dtype: np.dtype[Any], shape: tuple[int, ...] = (), scaling: Scaling | None = None
-    ) -> _Layout:
+    ) -> Layout:
         """Return a layout with another attribute in extra bytes."""
         place = f"extra {name}"  # no name of a standard field
         record = np.dtype([*((each, *type_and_shape(self.record[each])) for each in self.record.names or ()),
                            (place, dtype, shape)])  # fmt: skip
-        return _Layout(record, {**self.dimensions, name: _Dimension(place, dtype, scaling=scaling)})
+        return Layout(record, {**self.dimensions, name: _Dimension(place, dtype, scaling=scaling)})
 
 
-def _standard_layout(point_format: int) -> _Layout:
+def _standard_layout(point_format: int) -> Layout:
     from laspy.point.dims import ALL_POINT_FORMATS_DTYPE, COMPOSED_FIELDS
 
     record = ALL_POINT_FORMATS_DTYPE[point_format]
@@ -123,10 +125,10 @@ def _standard_layout(point_format: int) -> _Layout:
             dimensions[part.name] = _Dimension(name, record[name], part.mask)
         if name not in parts and name not in _AXES:
             dimensions[name] = _Dimension(name, record[name])
-    return _Layout(record, dimensions)
+    return Layout(record, dimensions)
 
 
-def _layout(header: LasHeader, size: int) -> _Layout:
+def _layout(header: LasHeader, size: int) -> Layout:
     """Return how the points of a file are stored, given the bytes of each."""
     number = header.point_format
     if number > 10:
@@ -187,6 +189,7 @@ def spans_of_las(file: BufferedReader, rows: int) -> list[Span]:
     if not count:
         return []
     if _is_compressed(fields):
+        check_chunks(file, layout.record, own.get(LASZIP))  # as whoever reads the whole file does
         chunks = chunks_of_points(file, layout.record, count, own.get(LASZIP))
         ends = np.cumsum([points for _, _, points in chunks]).tolist()
     else:
@@ -231,7 +234,7 @@ def _blocks_as_clouds(
         blocks = _uncompressed(file, layout, *(span or (0, count)))
     wanted = layout.dimensions if attributes else {}
     for block in chain([np.empty(0, layout.record)], blocks):
-        points = _coordinates(block, scales, offsets)
+        points = coordinates_of(block, scales, offsets)
         if query:
             inside = query.holds(points)
             points, block = points[inside], block[inside]
@@ -244,7 +247,7 @@ def _blocks_as_clouds(
         yield PointCloud(points, columns, header=header)
 
 
-def _uncompressed(file: BufferedReader, layout: _Layout, begin: int, end: int) -> Iterator[NDArray[Any]]:
+def _uncompressed(file: BufferedReader, layout: Layout, begin: int, end: int) -> Iterator[NDArray[Any]]:
     size = layout.record.itemsize
     check_length(file, size, end)
     file.seek(begin * size, 1)
@@ -253,9 +256,10 @@ def _uncompressed(file: BufferedReader, layout: _Layout, begin: int, end: int) -
         yield np.frombuffer(file.read(n * size), layout.record, n)
 
 
-def _coordinates(
+def coordinates_of(
     points: NDArray[Any], scales: NDArray[np.float64], offsets: NDArray[np.float64]
 ) -> NDArray[np.float64]:
+    """Return the coordinates of points as they are stored, with a scale and an offset of each axis."""
     result = np.empty((len(points), 3))
     with np.errstate(all="ignore"):
         for i, axis in enumerate(_AXES):
@@ -270,12 +274,31 @@ def _coordinates(
 
 def write_las(file: BinaryIO, cloud: PointCloud, compressed: bool) -> None:
     """Write a LAS or LAZ file."""
-    header = cloud.header
-    assert isinstance(header, LasHeader)
+    import lazrs
+
+    header, layout = header_of(cloud), layout_to_write(cloud)
     if header.minor_version < 4 and len(cloud) >= 2**32:
         raise OutputError(f"expected fewer than 2^32 points in LAS 1.{header.minor_version}, found {len(cloud):,}")
-    layout = _standard_layout(header.point_format)
-    described = header.extra_bytes
+    kind = compression_of(header, layout) if compressed else None
+    header = write_header(file, header, layout, kind, counts_of(cloud))
+    blocks = (records_of(cloud[start : start + BLOCK], layout) for start in range(0, len(cloud), BLOCK))
+    if kind:
+        with reported_compression():
+            compressor = lazrs.ParLasZipCompressor(file, kind)
+            for block in blocks:
+                compressor.compress_many(block.view(np.uint8))
+            compressor.done()
+        file.seek(0, 2)
+    else:
+        for block in blocks:
+            file.write(block.view(np.uint8).data)
+    write_extended(file, header)
+
+
+def layout_to_write(cloud: PointCloud) -> Layout:
+    """Return how the points of a cloud are stored, which `fitted` has made fit."""
+    header = header_of(cloud)
+    layout, described = _standard_layout(header.point_format), header.extra_bytes
     for name, values in cloud.attributes.items():
         if name not in layout.dimensions:
             if name in described:
@@ -283,45 +306,55 @@ def write_las(file: BinaryIO, cloud: PointCloud, compressed: bool) -> None:
             else:
                 assert name == _UNDESCRIBED
                 layout = layout.with_extra(name, values.dtype.newbyteorder("<"), values.shape[1:])
-    _write_file(file, cloud, header, layout, compressed)
+    return layout
 
 
-def _write_file(file: BinaryIO, cloud: PointCloud, header: LasHeader, layout: _Layout, compressed: bool) -> None:
+def header_of(cloud: PointCloud) -> LasHeader:
+    """Return the header of a cloud that `fitted` has made fit."""
+    assert isinstance(cloud.header, LasHeader)
+    return cloud.header
+
+
+def compression_of(header: LasHeader, layout: Layout, by_nodes: bool = False) -> Any:
+    """Return lazrs' description of the compression; `by_nodes` lets chunks have any number of points."""
     import lazrs
 
-    records = [each for each in header.records if not each.extended]
-    extra = layout.record.itemsize - _standard_layout(header.point_format).record.itemsize
-    kind = lazrs.LazVlr.new_for_compression(header.point_format, extra) if compressed else None
+    number = header.point_format
+    extra = layout.record.itemsize - _standard_layout(number).record.itemsize
+    return lazrs.LazVlr.new_for_compression(number, extra, use_variable_size_chunks=by_nodes)
+
+
+def write_header(
+    file: BinaryIO, header: LasHeader, layout: Layout, kind: Any, counts: dict[str, Any], first: Sequence[Record] = ()
+) -> LasHeader:
+    """Write what stands before the points, and return it; `first` are the first records."""
+    records = [*first, *(each for each in header.records if not each.extended)]
     if kind:
         records.append(record_of(LASZIP, b"lazrs", bytes(kind.record_data())))
     before = b"".join(each.content for each in records) + header.padding
-    start = len(header.block) + len(before)
     header = header.with_fields(
-        offset_to_points=start,
+        offset_to_points=len(header.block) + len(before),
         n_records=len(records),
-        point_format=header.point_format | (0b10000000 if compressed else 0),
+        point_format=header.point_format | (0b10000000 if kind else 0),
         point_size=layout.record.itemsize,
-        **_counts(cloud, header),
+        **counts,
     )
     file.write(header.block + before)
-    if kind:
-        try:
-            compressor = lazrs.ParLasZipCompressor(file, kind)
-            for block in _blocks(cloud, header, layout):
-                compressor.compress_many(block.view(np.uint8))
-            compressor.done()
-        except lazrs.LazrsError as error:  # it hides why the file could not be written
-            raise OutputError(
-                f"expected to write LAZ, but {error}; the disk may be full, or its quota used up"
-            ) from error
-        file.seek(0, 2)
-    else:
-        for block in _blocks(cloud, header, layout):
-            file.write(block.view(np.uint8).data)
-    _write_extended(file, header)
+    return header
 
 
-def _write_extended(file: BinaryIO, header: LasHeader) -> None:
+@contextmanager
+def reported_compression() -> Iterator[None]:
+    """Raise an error of lazrs, which hides why the file could not be written, as an OutputError."""
+    import lazrs
+
+    try:
+        yield
+    except lazrs.LazrsError as error:
+        raise OutputError(f"expected to write LAZ, but {error}; the disk may be full, or its quota used up") from error
+
+
+def write_extended(file: BinaryIO, header: LasHeader) -> None:
     """Write the records behind the points, and where they are."""
     position = file.tell()
     waveforms, content = waveforms_at(header.records, position)
@@ -334,8 +367,9 @@ def _write_extended(file: BinaryIO, header: LasHeader) -> None:
         file.write(header.with_fields(**fields).block)
 
 
-def _counts(cloud: PointCloud, header: LasHeader) -> dict[str, Any]:
+def counts_of(cloud: PointCloud) -> dict[str, Any]:
     """Return what the public header block says of the points: how many, how many of each return, and bounds."""
+    header = header_of(cloud)
     returns = np.bincount(cloud.attributes.get("return_number", np.empty(0, np.uint8)), minlength=16)[1:16]
     bounds = np.zeros((3, 2))
     if len(cloud):
@@ -343,22 +377,20 @@ def _counts(cloud: PointCloud, header: LasHeader) -> dict[str, Any]:
     fields: dict[str, Any] = {"bounds": bounds}
     if header.minor_version >= 4:
         fields |= {"count": len(cloud), "returns": returns}
-    if header.point_format < _WITH_WKT and len(cloud) < 2**32:
+    if header.point_format < WITH_WKT and len(cloud) < 2**32:
         fields |= {"legacy_count": len(cloud), "legacy_returns": returns[:5]}
     return fields
 
 
-def _blocks(cloud: PointCloud, header: LasHeader, layout: _Layout) -> Iterator[NDArray[Any]]:
-    fields = header.fields()
-    for start in range(0, len(cloud), BLOCK):
-        rows = slice(start, start + BLOCK)
-        points = cloud.points[rows]
-        block = np.zeros(len(points), layout.record)
-        for i, axis in enumerate(_AXES):
-            block[axis] = np.rint((points[:, i] - fields["offsets"][0, i]) / fields["scales"][0, i])
-        for name, values in cloud.attributes.items():
-            layout.dimensions[name].store(block, values[rows])
-        yield block
+def records_of(cloud: PointCloud, layout: Layout) -> NDArray[Any]:
+    """Return the points of a cloud as they are stored."""
+    fields = header_of(cloud).fields()
+    block = np.zeros(len(cloud), layout.record)
+    for i, axis in enumerate(_AXES):
+        block[axis] = np.rint((cloud.points[:, i] - fields["offsets"][0, i]) / fields["scales"][0, i])
+    for name, values in cloud.attributes.items():
+        layout.dimensions[name].store(block, values)
+    return block
 
 
 def laspy_of(cloud: PointCloud) -> Any:
@@ -374,10 +406,10 @@ def laspy_of(cloud: PointCloud) -> Any:
         return laspy.read(file)
 
 
-def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
+def fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     """Return a cloud as `write_las` writes it, with a `LasHeader`, and in words the attributes that it leaves out."""
     _check_coordinates(cloud)
-    header = cloud.header if isinstance(cloud.header, LasHeader) else _new_header(cloud)
+    header = cloud.header if isinstance(cloud.header, LasHeader) else new_header(cloud, _VERSIONS)
     cloud, header, attributes = _fit_attributes(cloud, header)
     points, header = _fit_points(cloud.points, header)
     return replace(cloud, points=points, coordinate_dtype=np.dtype(np.float64), header=header), attributes
@@ -399,9 +431,9 @@ def _check_coordinates(cloud: PointCloud) -> None:
         )
 
 
-def _new_header(cloud: PointCloud) -> LasHeader:
+def new_header(cloud: PointCloud, formats: Mapping[int, int]) -> LasHeader:
     """Return a header with the first point format that holds the most attributes as standard dimensions."""
-    layouts = {number: _standard_layout(number).dimensions for number in _VERSIONS}
+    layouts = {number: _standard_layout(number).dimensions for number in formats}
 
     def held(number: int) -> int:
         return sum(
@@ -409,17 +441,8 @@ def _new_header(cloud: PointCloud) -> LasHeader:
         )
 
     best = max(layouts, key=held)
-    minor = _VERSIONS[best] if len(cloud) < 2**32 else 4
-    size = SIZES[minor]
-    return LasHeader(bytes(25) + bytes([minor]) + bytes(size - 26)).with_fields(
-        signature=b"LASF",
-        major=1,
-        size=size,
-        point_format=best,
-        system_identifier=b"OTHER",
-        generating_software=b"gppcs",
-        global_encoding=0b10000 if best >= _WITH_WKT else 0,
-    )
+    minor = formats[best] if len(cloud) < 2**32 else 4
+    return empty_header(minor, best).with_fields(system_identifier=b"OTHER", generating_software=b"gppcs")
 
 
 def _fit_attributes(cloud: PointCloud, header: LasHeader) -> tuple[PointCloud, LasHeader, list[str]]:
@@ -573,7 +596,7 @@ def _format(name: str, suffix: str, compressed: bool) -> Format:
     write: Callable[[BinaryIO, PointCloud], None] = partial(write_las, compressed=compressed)
     recognises = partial(_is_las, compressed=compressed)
     return Format(
-        name, (suffix,), read_las_chunks, write, recognises, fitted=_fitted, header=LasHeader, count=count_las_points,
+        name, (suffix,), read_las_chunks, write, recognises, fitted=fitted, header=LasHeader, count=count_las_points,
         unread=uncounted_las_points, takes_query=True, spans=spans_of_las,
     )  # fmt: skip
 

@@ -48,15 +48,16 @@ TYPES = tuple(np.dtype(name) for name in ("<u1", "<i1", "<u2", "<i2", "<u4", "<i
 _MIN_AND_MAX, _SCALE, _OFFSET = 0b00110, 0b01000, 0b10000  # options of extra bytes
 
 _EXTRA_BYTES_RECORD = (b"LASF_Spec", 4)
-_WAVEFORMS = (b"LASF_Spec", 65535)
+WAVEFORMS = (b"LASF_Spec", 65535)
 LASZIP = (b"laszip encoded", 22204)
-COPC = (b"copc", 1)
-_WKT, _GEO_KEYS, _GEO_TEXTS = ((b"LASF_Projection", number) for number in (2112, 34735, 34737))
+COPC, COPC_HIERARCHY = (b"copc", 1), (b"copc", 1000)
+WKT, _GEO_KEYS, _GEO_TEXTS = ((b"LASF_Projection", number) for number in (2112, 34735, 34737))
 # Compression and indices of the points are right for one file only.
-_OF_ONE_FILE = {LASZIP, COPC, (b"copc", 1000), (b"LAStools", 30)}
+_OF_ONE_FILE = {LASZIP, COPC, COPC_HIERARCHY, (b"LAStools", 30)}
 _PROJECTED, _GEOGRAPHIC, _CITATIONS = 3072, 2048, (3073, 1026, 2049)  # keys of GeoTIFF
 _LINEAR_UNITS = 3076  # key of GeoTIFF
 _METRES = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}  # its values: metre, foot, foot of the US survey
+WITH_WKT = 6  # from this point format on, a coordinate system is given as WKT
 # Bits of the global encoding.
 _USES_WKT, _HOLDS_WAVEFORMS, _STANDARD_TIME = 0b10000, 0b10, 0b1
 _Value = TypeVar("_Value", str, float)
@@ -89,9 +90,10 @@ class Record:
         return self.content[(EXTENDED if self.extended else RECORD).itemsize :]
 
 
-def record_of(kind: tuple[bytes, int], description: bytes, data: bytes) -> Record:
-    """Return a record that stands before the points."""
-    return Record(np.array((0, *kind, len(data), description), RECORD).tobytes() + data)
+def record_of(kind: tuple[bytes, int], description: bytes, data: bytes, extended: bool = False) -> Record:
+    """Return a record that stands before the points, or behind them."""
+    head = np.array((0, *kind, len(data), description), EXTENDED if extended else RECORD)
+    return Record(head.tobytes() + data, extended)
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,13 +163,13 @@ class LasHeader(Header):
     def crs(self) -> str | None:
         """The coordinate reference system, by its name and code; None if it is not known."""
         found = {each.kind: each.data for each in self.records}
-        return self._first_of(_crs_of_wkt(found.get(_WKT, b"")), _crs_of_keys(found))
+        return self._first_of(_crs_of_wkt(found.get(WKT, b"")), _crs_of_keys(found))
 
     @property
     def metres(self) -> float | None:
         """The unit of x and y in metres; None if it is not known, or if they are angles."""
         found = {each.kind: each.data for each in self.records}
-        return self._first_of(_metres_of_wkt(found.get(_WKT, b"")), _metres_of_keys(found))
+        return self._first_of(_metres_of_wkt(found.get(WKT, b"")), _metres_of_keys(found))
 
     def _first_of(self, by_wkt: _Value | None, by_keys: _Value | None) -> _Value | None:
         """Return what the header says by WKT or by keys; if by both, in the way that its global encoding tells."""
@@ -191,6 +193,15 @@ class LasHeader(Header):
             *([f"coordinate system {crs}"] if crs else []),
             *([f"{others} variable-length record{'s' * (others > 1)}"] if others else []),
         ]
+
+
+def empty_header(minor: int, point_format: int) -> LasHeader:
+    """Return the header of a new file of a version and a point format."""
+    size = SIZES[minor]
+    return LasHeader(bytes(_MINOR) + bytes([minor]) + bytes(size - _MINOR - 1)).with_fields(
+        signature=b"LASF", major=1, size=size, point_format=point_format,
+        global_encoding=_USES_WKT if point_format >= WITH_WKT else 0,
+    )  # fmt: skip
 
 
 def extra_name(description: NDArray[Any]) -> str:
@@ -384,6 +395,6 @@ def waveforms_at(records: Iterable[Record], start: int) -> tuple[int, bytes]:
     found, content = 0, b""
     for each in records:
         if each.extended:
-            found = start + len(content) if each.kind == _WAVEFORMS else found
+            found = start + len(content) if each.kind == WAVEFORMS else found
             content += each.content
     return found, content

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from io import BufferedReader
 from typing import Any
 
@@ -12,8 +11,9 @@ from numpy.typing import NDArray
 
 from gppcs.errors import FileFormatError
 from gppcs.io.las_header import Record
-from gppcs.io.rows import BLOCK
+from gppcs.io.rows import BLOCK, reported
 
+_LAZRS = ("lazrs", "whole compressed points")
 _MOST_IN_CHUNK = 10_000_000  # points; of chunks up to this size, all cores decompress one each, which takes memory
 
 
@@ -28,14 +28,14 @@ def decompressed(
 
     if not count:
         return
-    with _reported():
+    largest = check_chunks(file, record, laszip)
+    with reported(*_LAZRS):
         laszip = _checked(laszip, record)
-        largest = _check_chunks(file, laszip, record.itemsize)
         reader = lazrs.ParLasZipDecompressor if largest <= _MOST_IN_CHUNK else lazrs.LasZipDecompressor
         decompressor = reader(file, laszip.data, lazrs.DecompressionSelection(lazrs.SELECTIVE_DECOMPRESS_ALL))
     for first in range(0, count, BLOCK):
         block = np.empty(min(BLOCK, count - first), record)
-        with _reported():
+        with reported(*_LAZRS):
             decompressor.decompress_many(block.view(np.uint8))
         yield block
 
@@ -49,7 +49,7 @@ def decompressed_chunks(
     """
     import lazrs
 
-    with _reported():
+    with reported(*_LAZRS):
         laszip = _checked(laszip, record)
         layers, file_size = _layers(laszip), file.seek(0, 2)
     content, table, n = bytearray(), [], 0
@@ -65,7 +65,7 @@ def decompressed_chunks(
         n += count
         if n >= BLOCK or i == len(chunks) - 1:
             block = np.empty(n, record)
-            with _reported():
+            with reported(*_LAZRS):
                 lazrs.decompress_points_with_chunk_table(
                     content, laszip.data, block.view(np.uint8), table,
                     lazrs.DecompressionSelection(lazrs.SELECTIVE_DECOMPRESS_ALL),
@@ -79,7 +79,7 @@ def chunks_of_points(
 ) -> list[tuple[int, int, int]]:
     """Return all chunks of a file, for `decompressed_chunks`."""
     position, left, found = file.tell() + 8, count, []
-    with _reported():
+    with reported(*_LAZRS):
         table = _chunk_table(file, _checked(laszip, record))
     for points, size in table:
         if min(points, left):
@@ -92,7 +92,7 @@ def chunks_of_points(
 
 def fewest_points(file: BufferedReader, record: np.dtype[Any], laszip: Record | None) -> int:
     """Return how many points all chunks of a file hold at least: the last may have fewer than the table says."""
-    with _reported():
+    with reported(*_LAZRS):
         table = _chunk_table(file, _checked(laszip, record))
     return sum(points for points, _ in table[:-1]) + 1
 
@@ -109,18 +109,17 @@ def _checked(laszip: Record | None, record: np.dtype[Any]) -> Record:
     return laszip
 
 
-def _check_chunks(file: BufferedReader, laszip: Record, point_size: int) -> int:
-    """Check the sizes by which lazrs takes memory: those of chunks and of layers in them. Return the largest chunk.
-
-    The file is at its first point before and after. The largest chunk is in points.
-    """
+def check_chunks(file: BufferedReader, record: np.dtype[Any], laszip: Record | None) -> int:
+    """Check all chunks of a file, which is at its first point, also those behind the count; return the most points."""
     start = file.tell()
-    chunks = _chunk_table(file, laszip)
-    size, n_layers, position = file.seek(0, 2), _layers(laszip), start + 8
+    with reported(*_LAZRS):
+        laszip = _checked(laszip, record)
+        chunks, n_layers = _chunk_table(file, laszip), _layers(laszip)
+    size, position = file.seek(0, 2), start + 8
     for _, length in chunks:
         if length > size - position:
             raise _ends_early()
-        _check_chunk(file, position, length, point_size, n_layers)
+        _check_chunk(file, position, length, record.itemsize, n_layers)
         position += length
     file.seek(start)
     return max(points for points, _ in chunks)
@@ -182,18 +181,3 @@ def _layers(laszip: Record) -> int:
 def _whole_number(file: BufferedReader, position: int, length: int) -> int:
     file.seek(max(position, 0))
     return int.from_bytes(file.read(length), "little", signed=True)
-
-
-@contextmanager
-def _reported() -> Iterator[None]:
-    """Raise errors of lazrs, and a panic in it, as a FileFormatError."""
-    try:
-        yield
-    except BaseException as error:
-        # A panic of Rust is no Exception, and its class cannot be imported.
-        if isinstance(error, FileFormatError) or not (
-            isinstance(error, Exception) or type(error).__name__ == "PanicException"
-        ):
-            raise
-        reason = " ".join(str(error).split())
-        raise FileFormatError(f"expected whole compressed points, but lazrs reports: {reason}") from error

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from csv import QUOTE_NONE
 from io import BufferedReader, StringIO, TextIOWrapper
 from itertools import islice, pairwise
@@ -15,7 +15,7 @@ import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import EXACT, Column, check_coordinate, coordinate_names
-from gppcs.errors import FileFormatError
+from gppcs.errors import FileFormatError, GppcsError
 from gppcs.io.format import Span
 from gppcs.io.text_fields import is_number, quoted
 
@@ -56,6 +56,21 @@ def bytes_left(file: BufferedReader) -> int:
 def ends_early(what: str, index: int, count: int) -> FileFormatError:
     """Return the error for a file that ends early."""
     return FileFormatError(f"the file ends in {what} {index + 1} of {count}; get the whole file again")
+
+
+@contextmanager
+def reported(library: str, expected: str, errors: tuple[type[Exception], ...] = (Exception,)) -> Iterator[None]:
+    """Raise the errors that a library raises for damaged files, and panics of Rust, as a FileFormatError."""
+    try:
+        yield
+    except GppcsError:
+        raise
+    except BaseException as error:
+        # A panic is no Exception, and its class cannot be imported.
+        if not isinstance(error, errors) and type(error).__name__ != "PanicException":
+            raise
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        raise FileFormatError(f"expected {expected}, but {library} reports: {reason}; get the file again") from error
 
 
 def check_length(file: BufferedReader, record_size: int, count: int, what: str = "point") -> None:

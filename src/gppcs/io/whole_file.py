@@ -77,7 +77,7 @@ def whole_file(path: str | os.PathLike[str], force: bool = False) -> Iterator[Bi
     target = Path(os.path.realpath(path))  # so that a symbolic link stays one
     temporary = target.with_name(f".gppcs-{secrets.token_hex(8)}.part")
     with unfinished(str(temporary)):
-        with open(temporary, "xb") as file:  # permissions follow the umask, unlike those of tempfile
+        with open(temporary, "x+b") as file:  # permissions follow the umask, unlike those of tempfile
             with suppress(OSError):  # there is no file to replace, or its file system stores no permissions
                 shutil.copymode(target, temporary)
             yield file

@@ -104,7 +104,9 @@ def _chosen(
         return Selection(stored.others(np.empty(0, dtype=np.int64), count), ranked=False)
     first = first_occurrences(places)
     fixed, again = keep[first], keep[~first]
-    wanted = Wanted(places[first], count - len(again), spacing, len(fixed), None, timer, stored, fixed, each)
+    wanted = Wanted(
+        places[first], count - len(again), spacing, len(fixed), timer=timer, stored=stored, rows=fixed, each=each
+    )
     selection = request.method(wanted)
     if len(fixed):
         selection = with_repeats(selection, again, len(fixed))

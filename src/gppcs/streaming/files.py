@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +35,7 @@ def simplify_files(
     unit: str | None = None,
     keep: str | ArrayLike | None = None,
     weight: str | ArrayLike | None = None,
+    detail: str | Mapping[str, float] | None = None,
     method: str | Method = DEFAULT,
     seed: int | None = None,
     invalid: Literal["error", "drop"] = "error",
@@ -68,9 +69,9 @@ def simplify_files(
         stands for the files that it lists.
     ratio, n_points, method, seed, invalid, normals, scores, drop_outliers, timer
         As for `gppcs.simplify`. Normals need all points in memory.
-    tolerance, spacing, max_gap, unit, keep, weight
-        As for `gppcs.simplify`. All points must be in memory for `tolerance` and `max_gap`, for `keep` that is no
-        condition, and for `weight` that is no name.
+    tolerance, spacing, max_gap, unit, keep, weight, detail
+        As for `gppcs.simplify`. All points must be in memory for `tolerance`, `max_gap` and `detail`, for `keep` that
+        is no condition, and for `weight` that is no name.
     format, columns
         As for `gppcs.read`, for all files. A text table whose columns are named so is read as a whole.
     box, resolution, only, polygon
@@ -125,7 +126,7 @@ def simplify_files(
         raise ParameterError(f"expected a file or a list of files, found {shown(paths)}")
     request = Request.of(
         ratio=ratio, n_points=n_points, tolerance=tolerance, spacing=spacing, max_gap=max_gap,
-        unit=unit, keep=keep, weight=weight, method=method, seed=seed, invalid=invalid, normals=normals,
+        unit=unit, keep=keep, weight=weight, detail=detail, method=method, seed=seed, invalid=invalid, normals=normals,
         scores=scores, drop_outliers=drop_outliers,
     )  # fmt: skip
     work = Work(

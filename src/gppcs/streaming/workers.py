@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from multiprocessing import get_context
 from typing import Any
@@ -34,6 +34,20 @@ def each_by(executor: Executor | None, threads: int) -> Iterator[Each]:
         raise ParameterError(f"expected an executor with `map`, such as client.get_executor(), found {shown(executor)}")
     with _told_of_lost_workers():
         yield partial(_each_alone, executor)
+
+
+def executor_of(workers: str | None) -> AbstractContextManager[Executor | None]:
+    """Start so many processes, or find the workers of the scheduler at an address; None stands for no workers."""
+    if workers is None:
+        return nullcontext()
+    if "://" in workers:
+        return scheduler_at(workers)
+    if not workers.isascii() or not workers.isdigit() or not int(workers):
+        raise ParameterError(
+            "expected --workers as a number from 1 on, or as the address of a Dask scheduler such as "
+            f"tcp://10.0.0.5:8786, found {shown(workers)}"
+        )
+    return processes(int(workers))
 
 
 @contextmanager
