@@ -37,6 +37,10 @@ class Assignment(NamedTuple):
         )  # fmt: skip
         return found
 
+    def mean_square(self) -> float:
+        """Return the mean of the squared distances."""
+        return float(self.squared.sum() / max(1, np.count_nonzero(self.face >= 0)))
+
 
 @kernel(allocates=False)
 def _fill_planes(begin, end, mesh, vertices, upright, sides):

@@ -74,9 +74,9 @@ class Draft:
         """Let the starts follow the vertices that went into others."""
         self.start = np.where(self.start >= 0, into[self.start], -1)
 
-    def flip(self) -> Assignment:
+    def flip(self, assigned: Assignment | None = None) -> Assignment:
         """Flip edges, and return the triangles of the dense points; while many are thin, these cost more next time."""
-        assigned = self.assigned()
+        assigned = assigned or self.assigned()
         if self.extra == 0.0:
             self.extra = THIN_COST * float(assigned.squared.sum()) / len(self.mesh.faces())
         flip(self.mesh, self.vertices, self.normals, self.dense.places, assigned, self.extra)
@@ -88,9 +88,15 @@ class Draft:
         """Return the share of triangles that are thin."""
         return float((qualities(self.mesh, self.vertices) < THIN).mean())
 
-    def fit(self, assigned: Assignment) -> None:
-        """Move the vertices so that the mesh fits the dense points, whose triangles are given."""
-        self.vertices = fitted(self.mesh, self.vertices, self.normals, self.dense.raw, assigned)
+    def fit(self, assigned: Assignment) -> Assignment:
+        """Move the vertices so that the mesh fits the dense points better, and return the triangles of these."""
+        before = self.vertices
+        self.vertices = fitted(self.mesh, before, self.normals, self.dense.places, assigned)
+        after = self.assigned()
+        if after.mean_square() <= assigned.mean_square():
+            return after
+        self.vertices = before
+        return assigned
 
     def refine(self, count: int, assigned: Assignment) -> None:
         """Add vertices where the dense points are farthest off their triangles, in at most so many of these."""

@@ -383,8 +383,7 @@ class _Maker:
         if self.moved:
             with timer("fit"):
                 for _ in range(FIT_ROUNDS):
-                    draft.fit(assigned)
-                    assigned = draft.flip()
+                    assigned = draft.flip(draft.fit(assigned))
         with timer("mending"):
             opened = draft.mend(counts_faces)
         with timer("distances"):
