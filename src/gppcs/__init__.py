@@ -46,6 +46,7 @@ Measure a cloud
 Judge a simplification
     evaluate                 compare a simplified cloud with the original
     Report                   what `evaluate` returns: distances, errors and angles
+    DetailErrors             the part of a report that compares an attribute
     Rebuilt                  the part of a report that compares rebuilt meshes
     evaluate_mesh            compare a simplified mesh with the original
     MeshReport               what `evaluate_mesh` returns: distances, topology and thin triangles
@@ -131,7 +132,7 @@ if TYPE_CHECKING:
     from gppcs.evaluation.curves import curve
     from gppcs.evaluation.judge import evaluate, evaluate_mesh
     from gppcs.evaluation.mesh_comparison import MeshEntry, compare_meshes
-    from gppcs.evaluation.report import Figure, MeshReport, Rebuilt, Report, figures_of
+    from gppcs.evaluation.report import DetailErrors, Figure, MeshReport, Rebuilt, Report, figures_of
     from gppcs.io import read, write
     from gppcs.io.mesh_files import read_mesh, write_mesh
     from gppcs.meshing.pipeline import MeshResult, mesh
@@ -188,7 +189,7 @@ _HOMES = {  # the module that defines each public name
     "evaluation.curves": ("curve",),
     "evaluation.judge": ("evaluate", "evaluate_mesh"),
     "evaluation.mesh_comparison": ("MeshEntry", "compare_meshes"),
-    "evaluation.report": ("Figure", "MeshReport", "Rebuilt", "Report", "figures_of"),
+    "evaluation.report": ("DetailErrors", "Figure", "MeshReport", "Rebuilt", "Report", "figures_of"),
     "io": ("read", "write"),
     "io.mesh_files": ("read_mesh", "write_mesh"),
     "meshing.pipeline": ("MeshResult", "mesh"),
@@ -227,6 +228,7 @@ __all__ = [
     "WLOP",
     "ClusterError",
     "Curve",
+    "DetailErrors",
     "Entry",
     "FarthestPoint",
     "FarthestPointVariation",
@@ -309,6 +311,8 @@ def __dir__() -> list[str]:
 # Clouds are below the files that hold them, so this is where a path given as a cloud finds its reader.
 reading.read = lambda path: importlib.import_module("gppcs.io").read(path)
 reading.laspy_of = lambda cloud: importlib.import_module("gppcs.io.las").laspy_of(cloud)
+# What ranks the points of a COPC file is above what writes it.
+reading.rank = lambda *given: importlib.import_module("gppcs.simplification").first_rows(*given)
 # Clouds and results are also below what draws them.
 display.html_of = lambda shown: importlib.import_module("gppcs.drawing.notebook").html_of(shown)
 display.show = lambda *given, **options: importlib.import_module("gppcs.drawing.notebook").show(*given, **options)

@@ -10,13 +10,14 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gppcs.amounts.choice import check_supported, choose_amount
+from gppcs.amounts.choice import check_supported, choose_amount, require
 from gppcs.amounts.curve import Curve, checked_sizes, halves, measured_curve
 from gppcs.amounts.guide import Guide
 from gppcs.clouds import display
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.clouds.expressions import Expression
 from gppcs.clouds.quantities import Amount, Scale, count_of, metres_of
+from gppcs.clouds.ranges import weights_of_detail
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer, in_words
 from gppcs.errors import InputError, ParameterError, flag, one_of
@@ -32,6 +33,7 @@ class Request:
     unit: str | None
     keep: Any
     weight: Any
+    detail: Mapping[str, float]
     invalid: str
     normals: bool
     scores: bool
@@ -49,6 +51,7 @@ class Request:
         unit: str | None = None,
         keep: Any = None,
         weight: Any = None,
+        detail: Any = None,
         method: str | Method = DEFAULT,
         seed: int | None = None,
         invalid: str = "error",
@@ -59,16 +62,18 @@ class Request:
         """Check the arguments of `simplify`, as far as that is possible without the cloud."""
         amount = Amount.of(ratio, n_points, tolerance, spacing, max_gap)
         chosen = method_of(method, seed)
-        if spacing is not None or keep is not None or weight is not None:
-            check_supported(chosen, spacing, keep, weight)
+        counted = weights_of_detail(detail)
+        if spacing is not None or keep is not None or weight is not None or counted:
+            check_supported(chosen, spacing, keep, weight, counted)
         if unit is not None:
             metres_of(unit, None)
         if isinstance(keep, str):
             Expression.of(keep)
         if flag("scores", scores) and not chosen.attributes:
-            raise ParameterError(f"method {chosen.name!r} gives its points no scores")
+            scored = " or ".join(repr(name) for name, known in METHODS.items() if known.attributes)
+            raise ParameterError(f"expected a method that scores its points, found {chosen.name!r}; use {scored}")
         return cls(
-            chosen, amount, unit, keep, weight, one_of("invalid", invalid, ("error", "drop")),
+            chosen, amount, unit, keep, weight, counted, one_of("invalid", invalid, ("error", "drop")),
             flag("normals", normals), scores, flag("drop_outliers", drop_outliers),
         )  # fmt: skip
 
@@ -80,6 +85,7 @@ class Request:
             "tolerance": self.amount.tolerance is not None,
             "max_gap": self.amount.max_gap is not None,
             "normals": self.normals,
+            "detail": bool(self.detail),
             **{name: value is not None and not isinstance(value, str) for name, value in arrays.items()},
         }
         return next((name for name, given in reasons.items() if given), None)
@@ -213,7 +219,7 @@ class Result(ComparedByValue):
 
     def _require_ranking(self) -> None:
         """Raise an error if the first points are no simplification."""
-        require_ranking(self.method)
+        require(self.method, "ranking")
         if not self.ranked:
             raise ParameterError("all points were kept, in the order of the cloud, which is no ranking; ask for fewer")
 
@@ -257,6 +263,7 @@ def simplify(
     unit: str | None = None,
     keep: str | ArrayLike | None = None,
     weight: str | ArrayLike | None = None,
+    detail: str | Mapping[str, float] | None = None,
     method: str | Method = DEFAULT,
     seed: int | None = None,
     invalid: Literal["error", "drop"] = "error",
@@ -301,6 +308,10 @@ def simplify(
     weight : str or (N,) array-like, optional
         Multiplies the density of the kept points: an attribute or a number for each point, finite and not negative. No
         point of weight 0 is kept, but those in `keep` (method "gp").
+    detail : str or mapping of str to float, optional
+        Attributes that count beside the shape, with their weights, such as {"rgb": 1, "intensity": 0.5}; a name alone
+        has the weight 1. "rgb" stands for red, green and blue. A change by the whole range counts as much as a sharp
+        edge; noise of an attribute counts for nothing (method "gp").
     method : str or Method
         A name from `gppcs.METHODS`, or an instance of a method with your own parameters.
     seed : int, optional
@@ -344,16 +355,22 @@ def simplify(
     (200,)
     >>> gppcs.simplify(cloud, n_points=50, method=gppcs.Random(seed=7)).cloud.points.shape
     (50, 3)
+    >>> painted = gppcs.simplify(cloud, n_points=50, detail="rgb")
     >>> fine = gppcs.simplify(cloud, tolerance="1%")
     >>> gppcs.evaluate(cloud, fine.cloud).surface_max <= 0.01 * gppcs.info(cloud).diagonal
     True
     """
     request = Request.of(
         ratio=ratio, n_points=n_points, tolerance=tolerance, spacing=spacing, max_gap=max_gap,
-        unit=unit, keep=keep, weight=weight, method=method, seed=seed, invalid=invalid, normals=normals,
+        unit=unit, keep=keep, weight=weight, detail=detail, method=method, seed=seed, invalid=invalid, normals=normals,
         scores=scores, drop_outliers=drop_outliers,
     )  # fmt: skip
     return simplify_cloud(cloud, request, Timer.of(timer))
+
+
+def first_rows(cloud: PointCloud, method: str, n_points: int) -> NDArray[np.int64]:
+    """Return the rows that a method chooses first, in the order chosen, for the levels of a file."""
+    return simplify(cloud, n_points=n_points, method=method).indices
 
 
 def result_of(selection: Selection, kept: PointCloud, method: Method, timer: Timer) -> Result:
@@ -379,8 +396,8 @@ def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
             outliers = np.flatnonzero(find_outliers(cloud))
             rows = rows_without(outliers, rows, len(cloud))
     with timer("preparation"):
-        guided = request.keep is not None or request.weight is not None
-        guide = Guide.of(cloud, rows, request.keep, request.weight) if guided else None
+        guided = request.keep is not None or request.weight is not None or request.detail
+        guide = Guide.of(cloud, rows, request.keep, request.weight, request.detail) if guided else None
         metres = metres_of(request.unit, cloud.header)
         places = cloud.points if rows is None else cloud.points[rows]
         low, high = bounds(places)
@@ -419,13 +436,6 @@ def with_scores(kept: PointCloud, method: Method, selection: Selection) -> Point
     for name, values in selection.attributes.items():
         carried[name][:] = values
     return dataclasses.replace(kept, attributes={**kept.attributes, **carried})
-
-
-def require_ranking(method: Method) -> None:
-    """Raise an error if the first points that a method chooses are no simplification."""
-    if "ranking" not in method.supports:
-        ranking = ", ".join(name for name, known in METHODS.items() if "ranking" in known.supports)
-        raise ParameterError(f"method {method.name!r} does not rank its points; these do: {ranking}")
 
 
 def check_scores(method: Method, cloud: PointCloud) -> None:

@@ -43,7 +43,7 @@ def test_a_result_knows_its_curve_and_its_prefixes():
 
 
 def test_what_is_no_ranking_has_no_prefixes():
-    with pytest.raises(gppcs.ParameterError, match="'voxel' does not rank its points; these do: gp, "):
+    with pytest.raises(gppcs.ParameterError, match="a method that ranks its points, found 'voxel'; use 'gp' or "):
         gppcs.simplify(CLOUD, n_points=50, method="voxel").prefix(10)
     some = CLOUD.points[:200]
     for points, wanted in (

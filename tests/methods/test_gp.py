@@ -116,7 +116,7 @@ def test_points_that_had_not_to_be_chosen_have_no_score(n_points):
 
 
 def test_a_method_without_scores_is_refused():
-    with pytest.raises(gppcs.ParameterError, match="method 'fps' gives its points no scores"):
+    with pytest.raises(gppcs.ParameterError, match="expected a method that scores its points, found 'fps'; use 'gp'"):
         gppcs.simplify(np.eye(3), n_points=2, method="fps", scores=True)
 
 

@@ -103,6 +103,7 @@ def test_a_scan_has_its_attributes_and_its_box(name):
     assert {key: values.dtype.name for key, values in cloud.attributes.items()} == {
         **dict.fromkeys(("nx", "ny", "nz", "curvature"), "float32"),
         **dict.fromkeys(("red", "green", "blue"), "uint8"),
+        **({"intensity": "uint16", "marking": "uint8"} if name == "road" else {}),
     }
     assert cloud.coordinate_dtype == np.float32
     np.testing.assert_array_equal(cloud.points, cloud.points.astype(np.float32))
@@ -159,7 +160,7 @@ def test_uneven_density_falls_with_the_square_of_the_distance():
     ("arguments", "message"),
     [
         ({"name": "braket"}, "found 'braket'; did you mean 'bracket'"),
-        ({"name": "teapot"}, "medallion, bracket, fan, statue, sphere, room, street, terrain"),
+        ({"name": "teapot"}, "medallion, bracket, fan, statue, sphere, painted, fresco, road, room, street, terrain"),
         ({"n_points": 0}, "number of points to be a whole number from 1 on, found 0"),
         ({"n_points": 2.5}, "number of points to be a whole number from 1 on, found 2.5"),
         ({"noise": -0.1}, "0 or more, found -0.1"),

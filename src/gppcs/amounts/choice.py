@@ -21,19 +21,29 @@ from gppcs.spatial.spacing import surface_area
 
 FEWEST_WITHOUT_GAPS = 2.0 / (3.0 * math.sqrt(3.0))  # Discs of radius 1 for each unit of area, if they cover a plane.
 
+FEATURES = {
+    "spacing": "takes a spacing",
+    "keep": "keeps given points",
+    "weight": "weighs points",
+    "detail": "looks at attributes",
+    "ranking": "ranks its points",
+}  # of a method, in words
+
 Points = NDArray[np.float64]
 
 
-def check_supported(method: Method, spacing: object, keep: object, weight: object) -> None:
+def require(method: Method, feature: str) -> None:
+    """Check that a method can do what one of `FEATURES` says."""
+    if feature not in method.supports:
+        others = " or ".join(repr(name) for name, known in METHODS.items() if feature in known.supports)
+        raise ParameterError(f"expected a method that {FEATURES[feature]}, found {method.name!r}; use {others}")
+
+
+def check_supported(method: Method, spacing: object, keep: object, weight: object, detail: object) -> None:
     """Check that a method can do what is asked for."""
-    for feature, given, words in (
-        ("spacing", spacing, "has no spacing to ask for"),
-        ("keep", keep, "can keep no given points"),
-        ("weight", weight, "can weigh no points"),
-    ):
-        if given is not None and feature not in method.supports:
-            others = " or ".join(repr(name) for name, known in METHODS.items() if feature in known.supports)
-            raise ParameterError(f"method {method.name!r} {words}; use {others}")
+    asked = {"spacing": spacing, "keep": keep, "weight": weight, "detail": detail or None}
+    for feature in (name for name, given in asked.items() if given is not None):
+        require(method, feature)
     if spacing is not None and (keep is not None or weight is not None):
         raise ParameterError(
             "expected a number, a share, a tolerance or a largest gap with points to keep or weights, found a spacing"
@@ -55,7 +65,7 @@ def choose_amount(
     def chosen(wanted: int) -> Selection:
         if wanted >= len(among.points):
             return Selection(np.arange(len(among.points)), ranked=False)
-        return method(Wanted(among.points, wanted, None, among.fixed, among.weights, timer))
+        return method(Wanted(among.points, wanted, None, among.fixed, among.weights, among.detail, timer))
 
     gap = None if amount.max_gap is None else scale.inside(amount.max_gap)
     if amount.tolerance is not None:
@@ -65,7 +75,9 @@ def choose_amount(
         )  # fmt: skip
         selection = _with_errors(selection, errors, scale)
     elif amount.spacing is not None:
-        selection = method(Wanted(among.points, len(among.points), scale.inside(amount.spacing), timer=timer))
+        selection = method(
+            Wanted(among.points, len(among.points), scale.inside(amount.spacing), detail=among.detail, timer=timer)
+        )
     elif count is not None:
         selection = chosen(count - len(among.again))
     else:
@@ -97,6 +109,7 @@ class _Places:
     fixed: int
     again: NDArray[np.int64]
     weights: NDArray[np.float64] | None
+    detail: NDArray[np.float32] | None
 
     @classmethod
     def of(cls, points: Points, guide: Guide | None) -> _Places:
@@ -104,7 +117,7 @@ class _Places:
         if guide is None:
             first = first_occurrences(points)
             rows = None if first.all() else np.flatnonzero(first)
-            return cls(points if rows is None else points[rows], rows, 0, np.empty(0, dtype=np.int64), None)
+            return cls(points if rows is None else points[rows], rows, 0, np.empty(0, dtype=np.int64), None, None)
         keep, usable = guide.keep, guide.rows(len(points))
         rows = np.concatenate([keep, np.setdiff1d(usable, keep)]) if len(keep) else usable
         first = first_occurrences(points[rows])
@@ -113,7 +126,8 @@ class _Places:
         weights = None if guide.weights is None else guide.weights[rows]
         if weights is not None:  # those of points that are kept anyway may be 0
             weights = np.maximum(weights, weights[weights > 0.0].min())
-        return cls(points[rows], rows, int(among.sum()), again, weights)
+        detail = None if guide.detail is None else guide.detail[rows]
+        return cls(points[rows], rows, int(among.sum()), again, weights, detail)
 
     def fewest_without_gaps(self, gap: float) -> int:
         """Return how many points an even cover needs so that no point is farther from it than a length."""

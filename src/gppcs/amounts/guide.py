@@ -1,8 +1,9 @@
-"""The class `Guide`: which points are kept whatever happens, and where more or fewer are wanted."""
+"""The class `Guide`: which points are kept whatever happens, where more or fewer are wanted, and what counts."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
+from gppcs.clouds.ranges import AttributeRange
 from gppcs.errors import InputError, ParameterError, nearest_name, shown
 
 LEAST_WEIGHT = 1e-4  # As a share of the largest. A smaller one counts as this: wider spacings would only take time.
@@ -26,14 +28,19 @@ class Guide:
         Rows that are kept whatever happens, ascending.
     weights : (N,) array or None
         Multiplies the density of the points that are kept. Points of weight 0 are not kept, unless they are in `keep`.
+    detail : (N, k) array or None
+        Attributes that count beside the shape, in their ranges times their weights.
     """
 
     keep: NDArray[np.int64]
     weights: NDArray[np.float64] | None
+    detail: NDArray[np.float32] | None
 
     @classmethod
-    def of(cls, cloud: PointCloud, rows: NDArray[np.int64] | None, keep: Any, weight: Any) -> Guide | None:
-        """Check the arguments `keep` and `weight` of `gppcs.simplify`, of which one is given.
+    def of(
+        cls, cloud: PointCloud, rows: NDArray[np.int64] | None, keep: Any, weight: Any, detail: Mapping[str, float]
+    ) -> Guide | None:
+        """Check the arguments `keep`, `weight` and `detail` of `gppcs.simplify`, of which one is given.
 
         Shapes: rows (N,).
         """
@@ -48,7 +55,9 @@ class Guide:
             known = WeightRange.of(weights)
             known.check()
             weights = known.in_shares(weights)
-        return None if weights is None and not mask.any() else cls(np.flatnonzero(mask), weights)
+        if weights is None and not mask.any() and not detail:
+            return None
+        return cls(np.flatnonzero(mask), weights, detail_of(cloud, rows, detail) if detail else None)
 
     def rows(self, n: int) -> NDArray[np.int64]:
         """Return the rows among which is chosen, ascending.
@@ -169,6 +178,19 @@ class ChunkGuide:
         weights = weights_of(cloud, self.weight)[rows]
         usable = mask | (weights > 0.0)
         return Guided(rows[usable], np.flatnonzero(mask[usable]), weights[usable], WeightRange.of(weights))
+
+
+def detail_of(
+    cloud: PointCloud, rows: NDArray[np.int64] | None, detail: Mapping[str, float]
+) -> NDArray[np.float32] | None:
+    """Return attributes in their ranges times their weights, (n, k), of all or some rows; None if all are constant."""
+    some = cloud if rows is None else cloud.take(rows)
+    columns = []
+    for name, weight in detail.items():
+        known = AttributeRange.of(some, name)
+        if known.span or len(known.classes) > 1:
+            columns.append(np.float32(weight) * known.values(some))
+    return np.concatenate(columns, axis=1) if columns else None
 
 
 def nothing_to_keep(condition: str) -> InputError:

@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import math
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -14,9 +15,10 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
+from gppcs.clouds.ranges import names_of_detail
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError, NoSurfaceError, shown
-from gppcs.evaluation.report import MeshReport, Rebuilt, Report, figures_of
+from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt, Report, figures_of
 
 if TYPE_CHECKING:
     from gppcs.spatial.kdtree import KdTree
@@ -40,6 +42,7 @@ def evaluate(
     simplified: CloudLike,
     mesh: Mesh | None = None,
     timer: Timer | None = None,
+    detail: str | Sequence[str] = (),
 ) -> Report:
     """Compare a simplified cloud with the original.
 
@@ -56,6 +59,8 @@ def evaluate(
         compared with `mesh`, which needs PyMeshLab.
     timer : Timer, optional
         Records the time of each stage. Its listener, if any, hears of the progress.
+    detail : str or sequence of str
+        Attributes of both clouds whose errors are measured, too; "rgb" stands for red, green and blue.
 
     Returns
     -------
@@ -67,7 +72,7 @@ def evaluate(
     InputError
         If a cloud is empty, malformed or not finite, or its size is outside 1e-70 to 1e70. If the simplified cloud or
         the mesh does not lie on the original, or the mesh has no area. If some, but not all, normals of the simplified
-        cloud are zero or not finite.
+        cloud are zero or not finite. If a cloud lacks an attribute of `detail`.
     NoSurfaceError
         If no surface can be rebuilt with estimated normals.
     MissingExtraError
@@ -88,7 +93,7 @@ def evaluate(
     >>> gppcs.evaluate(cloud, cloud).covering_radius
     0.0
     """
-    report, failure = judged(original, simplified, mesh, Timer.of(timer))
+    report, failure = judged(original, simplified, mesh, Timer.of(timer), names_of_detail(detail))
     if failure:
         raise failure
     if report.points_out > report.points_in:
@@ -193,7 +198,7 @@ def _qualities(mesh: Mesh) -> Points:
 
 
 def judged(
-    original: CloudLike, simplified: CloudLike, mesh: Mesh | None, timer: Timer
+    original: CloudLike, simplified: CloudLike, mesh: Mesh | None, timer: Timer, detail: Sequence[str] = ()
 ) -> tuple[Report, NoSurfaceError | None]:
     """Return the report of `evaluate`, (N, 3) and (M, 3), and why no surface could be rebuilt, if none could."""
     from gppcs.spatial.cells import first_occurrences
@@ -211,6 +216,10 @@ def judged(
     before, after = (frame.inside(points) for points in (before[first_occurrences(before)], after[first]))
     with timer("distances"):
         report = frame.outside(_without_mesh(before, after, frame, counts))
+    if detail:
+        with timer("detail"):
+            distinct = original.take(np.flatnonzero(first_occurrences(original.points)))
+            report = dataclasses.replace(report, detail=_detail_errors(distinct, simplified, list(detail)))
     if mesh is None:
         return report, None
     mesh, failure = frame.mesh_inside(mesh), None
@@ -225,6 +234,17 @@ def judged(
     with timer("rebuilding with carried normals"), contextlib.suppress(NoSurfaceError):
         report = dataclasses.replace(report, rebuilt_carried=_rebuilt(after, normals[first], mesh, frame))
     return report, failure
+
+
+def _detail_errors(original: PointCloud, simplified: PointCloud, names: list[str]) -> dict[str, DetailErrors]:
+    """Return the figures of some attributes."""
+    from gppcs.evaluation.detail import attribute_errors
+
+    found = {}
+    for name, errors in attribute_errors(original, simplified, names).items():
+        p95, nearest_p95 = (float(np.quantile(each, 0.95)) for each in errors)
+        found[name] = DetailErrors(float(errors[0].mean()), p95, float(errors[1].mean()), nearest_p95)
+    return found
 
 
 def require_mesh(mesh: Any) -> None:

@@ -77,7 +77,7 @@ def figures_of(report: type) -> Mapping[str, Figure]:
     Parameters
     ----------
     report : type
-        `gppcs.Report`, `gppcs.Rebuilt` or `gppcs.MeshReport`.
+        `gppcs.Report`, `gppcs.DetailErrors`, `gppcs.Rebuilt` or `gppcs.MeshReport`.
 
     Returns
     -------
@@ -94,9 +94,45 @@ def figures_of(report: type) -> Mapping[str, Figure]:
     >>> gppcs.figures_of(gppcs.Report)["covering_radius"].definition
     'largest distance from an original point to the nearest kept point'
     """
-    if not (isinstance(report, type) and issubclass(report, Report | Rebuilt | MeshReport)):
-        raise ParameterError(f"expected gppcs.Report, gppcs.Rebuilt or gppcs.MeshReport, found {shown(report)}")
+    if not (isinstance(report, type) and issubclass(report, Report | DetailErrors | Rebuilt | MeshReport)):
+        raise ParameterError(
+            f"expected gppcs.Report, gppcs.DetailErrors, gppcs.Rebuilt or gppcs.MeshReport, found {shown(report)}"
+        )
     return {field.name: field.metadata["figure"] for field in dataclasses.fields(report) if "figure" in field.metadata}
+
+
+@dataclass(frozen=True)
+class DetailErrors:
+    """How far an attribute of the original is from that of a simplified cloud.
+
+    The unit is the range of the attribute: of numbers from the 2nd to the 98th percentile, of colours the distance of
+    black and white in the space OKLab, of classes the distance of two classes.
+
+    Attributes
+    ----------
+    error_mean, error_p95 : float
+        Mean and 95th percentile of the errors, if the values of the kept points are interpolated linearly in the
+        triangles of the local surface.
+    nearest_error_mean, nearest_error_p95 : float
+        The same, if each original point gets the value of the nearest kept point.
+
+    Examples
+    --------
+    >>> cloud = gppcs.sample("bracket", n_points=2000)
+    >>> kept = gppcs.simplify(cloud, ratio=0.1, detail="curvature").cloud
+    >>> errors = gppcs.evaluate(cloud, kept, detail=["curvature"]).detail["curvature"]
+    >>> isinstance(errors, gppcs.DetailErrors)
+    True
+    """
+
+    error_mean: float = figure(
+        "share", "mean error of the attribute, in ranges, if the values of kept points are interpolated linearly"
+    )
+    error_p95: float = figure("share", "95th percentile of those errors")
+    nearest_error_mean: float = figure(
+        "share", "mean error of the attribute, in ranges, if each original point gets the value of the nearest kept one"
+    )
+    nearest_error_p95: float = figure("share", "95th percentile of those errors")
 
 
 @dataclass(frozen=True)
@@ -257,6 +293,8 @@ class Report:
         Mean angle between the normals at an original point and at the nearest kept point, in degrees.
     mean_surface_variation : float
         Mean surface variation of the simplified cloud.
+    detail : mapping of str to DetailErrors
+        The errors of the attributes that were named.
     rebuilt : Rebuilt or None
         The figures of the mesh rebuilt with normals estimated on the simplified cloud, as in the paper. None if
         `evaluate` got no mesh.
@@ -311,6 +349,7 @@ class Report:
         "degrees", "mean angle between the normals estimated at an original point and at the nearest kept point"
     )
     mean_surface_variation: float = figure("ratio", "mean surface variation of the simplified cloud", "more")
+    detail: Mapping[str, DetailErrors] = dataclasses.field(default_factory=dict)
     rebuilt: Rebuilt | None = None
     rebuilt_carried: Rebuilt | None = None
 
@@ -325,16 +364,29 @@ class Report:
         Returns
         -------
         dict of str to float
-            The figures of this report and of `rebuilt`, and those of `rebuilt_carried` with the prefix "carried_".
+            The figures of this report and of `rebuilt`, those of `rebuilt_carried` with the prefix "carried_", and
+            those of `detail` with the names of the attributes as prefixes.
         """
         values = {}
-        for prefix, part in (("", self), ("", self.rebuilt), ("carried_", self.rebuilt_carried)):
+        parts: list[tuple[str, Report | DetailErrors | Rebuilt | None]] = [("", self)]
+        parts += [(f"{name}_", errors) for name, errors in self.detail.items()]
+        for prefix, part in (*parts, ("", self.rebuilt), ("carried_", self.rebuilt_carried)):
             of_part = _values(part, self.diagonal if relative else None) if part else {}
             values.update({prefix + name: value for name, value in of_part.items()})
         return values
 
 
-def _values(part: Report | Rebuilt | MeshReport, diagonal: float | None) -> dict[str, float]:
+def figure_called(name: str) -> Figure:
+    """Return the figure of a name in `Report.figures` or `MeshReport.figures`."""
+    known = {**figures_of(Report), **figures_of(Rebuilt), **figures_of(MeshReport)}
+    if (bare := name.removeprefix("carried_")) in known:
+        return known[bare]
+    # The longest name of a figure of an attribute that the name ends in.
+    ends = [each for each in figures_of(DetailErrors) if name.endswith(f"_{each}")]
+    return figures_of(DetailErrors)[max(ends, key=len)]
+
+
+def _values(part: Report | DetailErrors | Rebuilt | MeshReport, diagonal: float | None) -> dict[str, float]:
     """Return the figures of a report by name, relative to a diagonal if one is given."""
     values = {}
     for name, known in figures_of(type(part)).items():

@@ -58,6 +58,7 @@ class LocalGP(Method):
         "spacing": "The mean spacing: the number of points is the area of the surface, divided by its square.",
         "keep": "The others are chosen where the points to keep are not.",
         "weight": "The density of the kept points is multiplied by the weight.",
+        "detail": "A jump of an attribute counts as distance, as an edge does, and its variation as roughness.",
         "files": "Other points than in memory, chosen equally well.",
     }
 
@@ -115,7 +116,10 @@ class LocalGP(Method):
                 stored, count, self.criterion, self.candidates, timer, wanted.each, rows, wanted.points
             )
         elif count < len(wanted.points):
-            ranking = choose(wanted.points, count, self.criterion, self.candidates, timer, wanted.fixed, wanted.weights)
+            ranking = choose(
+                wanted.points, count, self.criterion, self.candidates, timer, wanted.fixed, wanted.weights,
+                wanted.detail,
+            )  # fmt: skip
         else:
             return Selection(np.arange(len(wanted.points)), ranked=False)
         attributes = {"score": ranking.scores, "deviation": ranking.deviations}

@@ -39,6 +39,9 @@ class Wanted:
         The first so many points, at most M, are chosen first, for methods whose `supports` has "keep".
     weights : (N,) array, float64, optional
         Multiplies the density of the chosen points, for methods whose `supports` has "weight". Above 0.
+    detail : (N, k) array, float32, optional
+        Attributes that count beside the shape, for methods whose `supports` has "detail". A change by 1 counts as much
+        as a sharp edge.
     timer : Timer
         Measures the time of each stage, and reports progress.
     stored : StoredPoints, optional
@@ -62,6 +65,7 @@ class Wanted:
     spacing: float | None = None
     fixed: int = 0
     weights: NDArray[np.float64] | None = None
+    detail: NDArray[np.float32] | None = None
     timer: Timer = field(default_factory=Timer)
     stored: StoredPoints | None = None
     rows: NDArray[np.int64] | None = None
@@ -124,8 +128,8 @@ class Method(ABC):
         Names of the `Selection.attributes` that the method reports, if any.
     supports : mapping of str to str
         What else the method can do, and what that means for it. "ranking": the first k of the chosen points are a
-        simplification to k points. "spacing": it chooses as many points as have a spacing. "keep", "weight": it keeps
-        given points and weighs points. "files": it takes points on disk.
+        simplification to k points. "spacing": it chooses as many points as have a spacing. "keep", "weight",
+        "detail": it keeps given points, weighs points, and looks at attributes. "files": it takes points on disk.
 
     Examples
     --------

@@ -10,6 +10,7 @@ from gppcs.errors import ParameterError, nearest_name, number, shown, whole_numb
 from gppcs.scans.bracket import BRACKET
 from gppcs.scans.fan import FAN
 from gppcs.scans.medallion import MEDALLION
+from gppcs.scans.painted import FRESCO, PAINTED, ROAD
 from gppcs.scans.patch import Patch, Scan, SurfacePoints
 from gppcs.scans.scenes import SCENES, Scene
 from gppcs.scans.sphere import SPHERE
@@ -17,7 +18,10 @@ from gppcs.scans.statue import STATUE
 
 __all__ = ["SCANS", "SCENES", "Patch", "Scan", "Scene", "SurfacePoints", "sample"]
 
-SCANS: dict[str, Scan] = {"medallion": MEDALLION, "bracket": BRACKET, "fan": FAN, "statue": STATUE, "sphere": SPHERE}
+SCANS: dict[str, Scan] = {
+    "medallion": MEDALLION, "bracket": BRACKET, "fan": FAN, "statue": STATUE, "sphere": SPHERE, "painted": PAINTED,
+    "fresco": FRESCO, "road": ROAD,
+}  # fmt: skip
 
 BATCH = 32_768  # points drawn at once: few enough for their derivatives to stay in the CPU cache
 MOST_POINTS = 10**17  # the size of an array of more is beyond the range of its numbers
@@ -27,6 +31,7 @@ OUTLIER = {  # attributes of outliers: no surface, grey, and noise by the LAS sp
     **dict.fromkeys(("nx", "ny", "nz", "curvature"), 0),
     **dict.fromkeys(("red", "green", "blue"), 128),
     "classification": 7,
+    **dict.fromkeys(("intensity", "marking"), 0),
     "outlier": 1,
 }
 
@@ -41,15 +46,16 @@ def sample(
 ) -> PointCloud:
     """Return a synthetic scan, whose surface is known exactly.
 
-    The objects are about 100 mm long: a medallion, a bracket, a fan, a statue and a sphere. Their points are random on
-    the surface, in random order. The scenes are what a sensor sees from its place, with its noise and with shadows, in
-    the order of its measurements: a room (4 m, by a depth camera), a street (60 m, by a LiDAR on a car) and a terrain
-    (120 m, from the air).
+    The objects are about 100 mm long: a medallion, a bracket, a fan, a statue and a sphere. The detail of three others
+    is no shape: "painted" is the statue with colours, "fresco" a wall of 4 m with a picture, "road" 20 m of a road with
+    markings. Points of objects are random on the surface, in random order. The scenes are what a sensor sees from its
+    place, with its noise and with shadows, in the order of its measurements: a room (4 m, by a depth camera), a street
+    (60 m, by a LiDAR on a car) and a terrain (120 m, from the air).
 
     Parameters
     ----------
     name : str
-        "medallion", "bracket", "fan", "statue", "sphere", "room", "street" or "terrain".
+        "medallion", "bracket", "fan", "statue", "sphere", "painted", "fresco", "road", "room", "street" or "terrain".
     n_points : int
         Number of points, outliers included; at least 1.
     noise : float
@@ -71,7 +77,8 @@ def sample(
         Points in millimetres, of scenes in metres, exact in float32, with these attributes: `nx`, `ny`, `nz`, the unit
         normal (float32), which points outward or to the sensor; `red`, `green`, `blue` (uint8); and, if there are
         outliers, `outlier` (uint8, 0 or 1). Objects have `curvature`, the mean curvature in 1/mm (float32), positive
-        where the surface bulges outward: 1/r on a sphere of radius r. Scenes have `classification`, the code of the LAS
+        where the surface bulges outward: 1/r on a sphere of radius r. The road has noisy `intensity` (uint16), and
+        `marking` (uint8, 0 or 1). Scenes have `classification`, the code of the LAS
         specification (uint8): 2 ground, 5 high vegetation, 6 building, 7 outlier, 11 road, 14 wire, 15 pole or pylon,
         and 64 for everything else. A noisy point keeps the normal and the curvature of its place on the surface. Both
         are zero for outliers. Leaves have no surface: their normal is zero.
@@ -101,6 +108,8 @@ def sample(
         low, high = np.array(scan.box)
     known = dict(zip(("nx", "ny", "nz"), normals.T, strict=True))
     attributes = {**known, **own, **dict(zip(("red", "green", "blue"), colours.T, strict=True))}
+    if isinstance(scan, Scan) and scan.paint:
+        attributes |= scan.paint(points.astype(np.float64), rng)
     if noise > 0.0:
         sigma = noise * float(np.linalg.norm(high - low))
         points += (sigma * rng.standard_normal(points.shape)).astype(np.float32)

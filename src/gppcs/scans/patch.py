@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,8 @@ from gppcs.scans.jets import Jet, Values
 
 Range = tuple[float, float]
 Colour = tuple[int, int, int]
+Attributes = dict[str, NDArray[Any]]
+Paint = Callable[[Values, np.random.Generator], Attributes]
 Trim = Callable[[Values, Values], NDArray[np.bool_]]
 
 
@@ -72,11 +74,15 @@ class Patch:
 
 @dataclass(frozen=True)
 class Scan:
-    """A sample scan: patches that make up its whole surface without overlaps, and the corners of its box, in mm."""
+    """A sample scan: patches that make up its whole surface without overlaps, and the corners of its box, in mm.
+
+    Paint gives points, (N, 3), their attributes.
+    """
 
     description: str
     patches: tuple[Patch, ...]
     box: tuple[tuple[float, float, float], tuple[float, float, float]]
+    paint: Paint | None = None
 
 
 def flat(axis: int, at: float, u: Range, v: Range, side: int, colour: Colour, trim: Trim | None = None) -> Patch:

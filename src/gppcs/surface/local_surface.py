@@ -68,11 +68,34 @@ class LocalSurface:
         Shapes: queries (Q, 3); returns distances (Q,), normals (Q, 3).
         """
         distances, normals = np.empty(len(queries)), np.empty((len(queries), 3))
-        on_ranges(
-            _search, len(queries), self.tree.points, self.tree.low, self.tree.high, self.normals, self.corners, queries,
-            distances, normals, least=QUERIES_AT_ONCE,
-        )  # fmt: skip
+        corners, weights = np.empty((len(queries), 3), dtype=np.int32), np.empty((len(queries), 2))
+        self._find(queries, distances, corners, weights)
+        on_ranges(_interpolate, len(queries), self.normals, corners, weights, normals, least=QUERIES_AT_ONCE)
         return distances, normals
+
+    def values_at(self, queries: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return values of the points, interpolated linearly in the triangle that is nearest to each query point.
+
+        Shapes: queries (Q, 3), values (M, k), in the order of the cloud; returns (Q, k).
+        """
+        corners, weights = np.empty((len(queries), 3), dtype=np.int32), np.empty((len(queries), 2))
+        self._find(queries, np.empty(len(queries)), corners, weights)
+        a, b, c = (values[self.tree.order[corner]] for corner in corners.T)
+        v, w = weights.T[..., np.newaxis]
+        return a + v * (b - a) + w * (c - a)
+
+    def _find(
+        self,
+        queries: NDArray[np.float64],
+        distances: NDArray[np.float64],
+        corners: NDArray[np.int32],
+        weights: NDArray[np.float64],
+    ) -> None:
+        """Fill in the distance of the nearest triangle, its corners, and the weights of the second and third."""
+        on_ranges(
+            _search, len(queries), self.tree.points, self.tree.low, self.tree.high, self.corners, queries,
+            distances, corners, weights, least=QUERIES_AT_ONCE,
+        )  # fmt: skip
 
 
 @kernel
@@ -113,8 +136,8 @@ def _widest(points, i, corners):
 
 
 @kernel
-def _search(begin, end, points, low, high, normals, corners, queries, distances, nearest_normals):
-    """Fill distances (Q,) and nearest_normals (Q, 3) of queries (Q, 3); other arrays are those of `LocalSurface`."""
+def _search(begin, end, points, low, high, corners, queries, distances, found_corners, weights):
+    """Fill distances (Q,), corners (Q, 3) and weights (Q, 2) for queries (Q, 3); others are those of `LocalSurface`."""
     k = min(SEARCHED_FANS, points.shape[1])
     for q in range(begin, end):
         found = np.empty(k, dtype=np.int64)
@@ -134,7 +157,8 @@ def _search(begin, end, points, low, high, normals, corners, queries, distances,
                 if d < least:
                     least, first, second, third, v, w = d, i, j, m, new_v, new_w
         distances[q] = np.sqrt(least)
-        _interpolate(normals, first, second, third, v, w, nearest_normals[q])
+        found_corners[q, 0], found_corners[q, 1], found_corners[q, 2] = first, second, third
+        weights[q, 0], weights[q, 1] = v, w
 
 
 @kernel
@@ -144,17 +168,19 @@ def _from(points, i, x, y, z):
 
 
 @kernel
-def _interpolate(normals, first, second, third, v, w, normal):
-    """Fill normal (3,) with the weighted mean of three rows of normals (M, 3), with the signs that make it longest."""
-    a, b, c = normals[first], normals[second], normals[third]
-    longest = -1.0
-    for turned_v in (v, -v):
-        for turned_w in (w, -w):
-            x, y, z = (
-                (1.0 - v - w) * a[0] + turned_v * b[0] + turned_w * c[0],
-                (1.0 - v - w) * a[1] + turned_v * b[1] + turned_w * c[1],
-                (1.0 - v - w) * a[2] + turned_v * b[2] + turned_w * c[2],
-            )
-            if x * x + y * y + z * z > longest:
-                longest = x * x + y * y + z * z
-                normal[0], normal[1], normal[2] = x, y, z
+def _interpolate(begin, end, normals, corners, weights, found):
+    """Fill `found`, (Q, 3), with weighted means of three rows of normals, with the signs that make each longest."""
+    for q in range(begin, end):
+        a, b, c = normals[corners[q, 0]], normals[corners[q, 1]], normals[corners[q, 2]]
+        v, w = weights[q]
+        longest = -1.0
+        for turned_v in (v, -v):
+            for turned_w in (w, -w):
+                x, y, z = (
+                    (1.0 - v - w) * a[0] + turned_v * b[0] + turned_w * c[0],
+                    (1.0 - v - w) * a[1] + turned_v * b[1] + turned_w * c[1],
+                    (1.0 - v - w) * a[2] + turned_v * b[2] + turned_w * c[2],
+                )
+                if x * x + y * y + z * z > longest:
+                    longest = x * x + y * y + z * z
+                    found[q, 0], found[q, 1], found[q, 2] = x, y, z

@@ -25,8 +25,8 @@ def conditioned(field, chosen, k):
     """What each point is conditioned on, of a field in any order."""
     tree = KdTree.build(field.positions.T)
     place = np.argsort(tree.order)
-    of_point = {name: getattr(field, name)[tree.order] for name in ("spacings", "y", "noise")}
-    sorted_field = field._replace(positions=tree.points, normals=field.normals[:, tree.order], **of_point)
+    of_point = {name: getattr(field, name)[..., tree.order] for name in ("normals", "spacings", "y", "noise", "detail")}
+    sorted_field = field._replace(positions=tree.points, **of_point)
     nearest, squared = condition(sorted_field, tree, place[chosen], k)
     return Conditioning(np.where(nearest < 0, -1, tree.order[nearest]).astype(np.int32)[place], squared[place])
 
@@ -39,7 +39,7 @@ def of_posterior(field, conditioning):
 def kernel_of(field):
     """All pairs by the module's own kernel."""
     n = len(field.y)
-    sites = np.vstack([field.positions, field.normals, field.spacings, field.y, field.noise])
+    sites = np.vstack([field.positions, field.normals, field.spacings, field.y, field.noise, field.detail])
     kernel = np.empty(n * n + LANES)
     i, j = np.divmod(np.arange(len(kernel)) % n**2, n)
     for begin in range(0, n * n, LANES):
@@ -69,7 +69,9 @@ def test_with_one_spacing_and_one_normal_it_is_matern_of_five_halves(spacing):
     from scipy.special import gamma, kv
 
     field = random_field(12, 0)
-    field = field._replace(spacings=np.full(12, spacing), normals=np.tile(field.normals[:, :1], 12))
+    field = field._replace(
+        spacings=np.full(12, spacing), normals=np.tile(field.normals[:, :1], 12), detail=field.detail[:0]
+    )
     a = np.sqrt(5) * cdist(field.positions.T, field.positions.T) / (1.5 * spacing)
     expected = 2 ** (1 - 2.5) / gamma(2.5) * a**2.5 * kv(2.5, np.where(a > 0, a, 1))
     np.fill_diagonal(expected, 1)
@@ -108,7 +110,7 @@ def test_posterior_equals_equations_3_and_4_given_the_nearest(field, k, data):
 def test_a_point_without_noise_that_is_given_twice_is_no_failure():
     """The second pivot vanishes."""
     field = random_field(4, 0)._replace(noise=np.zeros(4))
-    for array in (field.positions, field.normals):
+    for array in (field.positions, field.normals, field.detail):
         array[:, 1] = array[:, 0]
     field.spacings[1], field.y[1] = field.spacings[0], field.y[0]
     mean, variance = of_posterior(field, conditioned(field, np.array([0, 1]), 2))
@@ -152,7 +154,8 @@ def beside_the_equation(alpha, neighbours):
     places = np.stack(np.meshgrid(np.arange(side), np.arange(side), indexing="ij"), axis=-1).reshape(-1, 2) * step
     n, flat = side**2, np.vstack([places.T, np.zeros(side**2)])
     y = np.sin(places[:, 0]) * np.cos(0.7 * places[:, 1])
-    field = LocalField(flat, np.tile([[0.0], [0], [1]], n), np.ones(n), y, np.full(n, 1e-4), lengthscale, 1.6)
+    upright, noise = np.tile([[0.0], [0], [1]], n), np.full(n, 1e-4)
+    field = LocalField(flat, upright, np.ones(n), y, noise, np.empty((0, n)), lengthscale, 1.6)
     chosen, _ = farthest_points(np.ascontiguousarray(field.positions.T), 80)
     kappa = np.sqrt(2 * (alpha - 1)) / lengthscale  # so that the ranges sqrt(8 nu) / kappa are the same
     precision = stochastic_equation(side, step, alpha, kappa)
@@ -196,7 +199,8 @@ def test_leaves_of_chosen_points_do_not_stop_the_search_of_the_next():
     points = np.random.default_rng(0).random((n, 3)) * [1, 1, 0]
     tree = KdTree.build(points)
     leaves = len(tree.low) // 2
-    field = LocalField(tree.points, np.tile([[0.0], [0.0], [1.0]], n), np.ones(n), np.zeros(n), np.ones(n), 1.5, 1.0)
+    upright = np.tile([[0.0], [0.0], [1.0]], n)
+    field = LocalField(tree.points, upright, np.ones(n), np.zeros(n), np.ones(n), np.empty((0, n)), 1.5, 1.0)
     chosen = np.arange(n // leaves)
     found = condition(field, tree, chosen, 1)
     nearest = cKDTree(tree.points[:, chosen].T).query(tree.points.T)[0]

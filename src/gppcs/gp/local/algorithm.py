@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gppcs.engine.timer import Timer
 from gppcs.gp.local.candidates import Candidates, nested_candidates, survey
 from gppcs.gp.local.density import GRADATION, ROUNDING, density_of, graded, refinement, roundness_of, weighted
+from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.placement import placed
@@ -91,16 +92,17 @@ def choose(
     timer: Timer,
     fixed: int = 0,
     weights: NDArray[np.float64] | None = None,
+    attributes: NDArray[np.float32] | None = None,
 ) -> Ranking:
     """Choose `n_points` of a cloud, the most important first.
 
     The first `fixed` points are chosen from the start. `density` is the number of candidate cells in a square whose
-    side is the target spacing; weights multiply the density of the chosen points.
+    side is the target spacing; weights multiply the density of the chosen points; attributes count beside the shape.
 
-    Shapes: points (N, 3) without repeats, weights (N,) above 0.
+    Shapes: points (N, 3) without repeats, weights (N,) above 0, attributes (N, k).
     """
     density *= 1.0 if weights is None else refinement(weights)
-    area, noise, sharpness = survey(points, n_points, density, timer)
+    area, noise, sharpness, detail = survey(points, n_points, density, timer, attributes)
     with timer("candidates"):
         candidates = nested_candidates(points, sharpness, n_points, area, density, fixed)
     del sharpness  # to free its memory
@@ -108,11 +110,11 @@ def choose(
         rows = candidates[-1].rows  # those of all stages are among them
         observations = Observations(None, np.zeros(len(rows))) if noise.quiet else noise.observe(points[rows])
     level = noise.level / noise.spacing if noise.spacing > 0.0 else 0.0
-    ranking = rank(points, candidates, observations, criterion, timer, fixed, weights)
+    ranking = rank(points, candidates, observations, criterion, timer, fixed, weights, detail and detail.take(rows))
     area = candidates[-1].area
     del candidates, observations  # to free their memory
     with timer("placement"):
-        chosen = placed(points, ranking.rows, fixed, area, noise)
+        chosen = placed(points, ranking.rows, fixed, area, noise, detail and detail.values)
     return ranking._replace(rows=chosen, noise_in_spacings=level)
 
 
@@ -124,16 +126,19 @@ def rank(
     timer: Timer,
     fixed: int = 0,
     weights: NDArray[np.float64] | None = None,
+    detail: Detail | None = None,
 ) -> Ranking:
-    """Choose among the candidates, stage by stage; `observations` are those at the candidates of the last stage."""
+    """Choose among the candidates, stage by stage; `observations` and `detail` are at those of the last stage."""
     ranking = Ranking(np.arange(fixed), np.zeros(fixed), np.zeros(fixed))
     for stage in candidates:
         with timer("features"):
-            of_stage = observations
+            of_stage, own = observations, detail
             if stage is not candidates[-1]:
-                of_stage = observations.take(np.searchsorted(candidates[-1].rows, stage.rows))
+                among = np.searchsorted(candidates[-1].rows, stage.rows)
+                of_stage, own = observations.take(among), detail and detail.take(among)
             tree, features = features_of(points[stage.rows], of_stage, stage)
-            field = local_field(tree, features, of_stage.variances[tree.order] / stage.spacing**2, criterion)
+            variances = of_stage.variances[tree.order] / stage.spacing**2
+            field = local_field(tree, features, variances, criterion, own and own.take(tree.order))
             rows = stage.rows[tree.order]
             if weights is not None:
                 field = field._replace(spacings=weighted(field.spacings, weights[rows]))
@@ -180,11 +185,12 @@ class Scale(NamedTuple):
     spacing: float = 1.0
 
     @classmethod
-    def of(cls, variation: NDArray[np.float64], criterion: Criterion) -> Scale:
-        """Measure candidates, given their surface variation, (n,)."""
-        roughness = np.sqrt(variation)
-        roundness = roundness_of(roughness)
-        density = density_of(roughness, criterion.density_power * roundness)
+    def of(
+        cls, variation: NDArray[np.float64], criterion: Criterion, detail: NDArray[np.float64] | float = 0.0
+    ) -> Scale:
+        """Measure candidates, given their surface variation and the roughness of their detail, (n,)."""
+        roundness = roundness_of(np.sqrt(variation))
+        density = density_of(np.sqrt(variation + detail), criterion.density_power * roundness)
         return cls(float(np.mean(variation)), float(np.std(variation)), roundness, float(np.mean(density)))
 
 
@@ -193,6 +199,7 @@ def local_field(
     features: Features,
     noise: NDArray[np.float64],
     criterion: Criterion,
+    detail: Detail | None = None,
     scale: Scale | None = None,
 ) -> LocalField:
     """Return the field over candidates, all in the order of their tree, which is in units of the target spacing.
@@ -200,8 +207,8 @@ def local_field(
     Shapes: noise (n,), the variance of the observation at each candidate, in units of the prior's.
     """
     variation = features.surface_variation
-    roughness = np.sqrt(variation)
-    roundness = scale.roundness if scale else roundness_of(roughness)
+    roundness = scale.roundness if scale else roundness_of(np.sqrt(variation))
+    roughness = np.sqrt(variation if detail is None else variation + detail.variation)
     density = density_of(roughness, criterion.density_power * roundness)
     spacings = graded(tree, np.sqrt((scale.density if scale else np.mean(density)) / density), GRADATION)
     spacings *= scale.spacing if scale else np.sqrt(np.mean(spacings**-2.0))
@@ -215,6 +222,7 @@ def local_field(
         spacings=spacings,
         y=y,
         noise=NUGGET + noise,
+        detail=np.empty((0, len(noise))) if detail is None else detail.distances,
         lengthscale=criterion.lengthscale,
         normal_weight=criterion.normal_weight * roundness,
     )

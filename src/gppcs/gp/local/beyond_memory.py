@@ -386,7 +386,7 @@ def _field(stage: _Stage, part: Part) -> tuple[Neighbourhood, LocalField]:
     variation, normals = (np.ascontiguousarray(records[name]) for name in ("variation", "normal"))
     features = Features(variation, normals, np.zeros(0, dtype=np.int64))
     variances = _observations(records).variances / stage.spacing**2
-    field = local_field(tree, features, variances, stage.criterion, stage.scale)
+    field = local_field(tree, features, variances, stage.criterion, scale=stage.scale)
     if "weight" in (records.dtype.names or ()):
         field = field._replace(spacings=field.spacings * records["weight"] ** (-0.5 * WEIGHT_POWER))
     return Neighbourhood(records, np.ascontiguousarray(records["inside"])), field
@@ -423,7 +423,7 @@ def _choose(
     tree = KdTree.over(np.ascontiguousarray(field.positions[:, some]))
     field = LocalField(
         tree.points, np.ascontiguousarray(field.normals[:, some]), field.spacings[some], field.y[some],
-        field.noise[some], field.lengthscale, field.normal_weight,
+        field.noise[some], np.ascontiguousarray(field.detail[:, some]), field.lengthscale, field.normal_weight,
     )  # fmt: skip
     criterion, before = stage.criterion, np.flatnonzero(chosen[some])
     most = len(some) - len(before)
@@ -463,7 +463,7 @@ def _place(stage: _Stage, fixed: NDArray[np.int64], asked: _Asked) -> tuple[NDAr
         noise = replace(noise, tree=KdTree.build(near.points[some]))
     share = share_in_cells(noise, stage.target, len(stored))
     near = near.take(np.flatnonzero(drawn(near.rows, share)))
-    new = exchanged(asked.places, stays, near.points, stage.area / (share * len(stored)), noise, 0.5 * halo)
+    new = exchanged(asked.places, stays, near.points, stage.area / (share * len(stored)), noise, farthest=0.5 * halo)
     moved = np.flatnonzero(new >= 0)
     return asked.rows[moved], near.rows[new[moved]]
 

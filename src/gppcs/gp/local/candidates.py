@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from gppcs.engine.timer import Timer
 from gppcs.gp.local.density import ROUNDING
+from gppcs.gp.local.detail import Detail
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
@@ -48,16 +49,25 @@ class Survey(NamedTuple):
         Area of the surface, corrected by the number of occupied cells.
     noise : Noise
     sharpness : (N,) array, float32
-        Surface variation within the edge length of a candidate's cell. It is 0 if the cloud is not clean, where it was
-        not measured, and where it is only rounding.
+        Surface variation within the edge length of a candidate's cell, and that of the detail. It is 0 if the cloud is
+        not clean, where it was not measured, and where it is only rounding.
+    detail : Detail or None
+        None if there are no attributes, or only noise.
     """
 
     area: float
     noise: Noise
     sharpness: NDArray[np.float32]
+    detail: Detail | None
 
 
-def survey(points: NDArray[np.float64], n_points: int, density: float, timer: Timer) -> Survey:
+def survey(
+    points: NDArray[np.float64],
+    n_points: int,
+    density: float,
+    timer: Timer,
+    attributes: NDArray[np.float32] | None = None,
+) -> Survey:
     """Measure a cloud, (N, 3), with `density` candidate cells in a square whose side is the target spacing."""
     with timer("sample"):
         rows = sample(points, n_points)
@@ -71,7 +81,12 @@ def survey(points: NDArray[np.float64], n_points: int, density: float, timer: Ti
     if noise.clean:  # otherwise noisy points would look sharp
         with timer("candidates"):
             sharpness[rows] = sharpness_of(tree, cell_edge(area, density * n_points))
-    return Survey(area, noise, sharpness)
+    detail = None
+    if attributes is not None:
+        with timer("detail"):
+            detail = Detail.measure(tree, rows, attributes, cell_edge(area, density * n_points))
+            sharpness += 0.0 if detail is None else detail.variation
+    return Survey(area, noise, sharpness, detail)
 
 
 def sample_size(n_points: int) -> int:

@@ -34,7 +34,7 @@ from gppcs.gp.local.greedy_state import (
     set_score,
     within_reach,
 )
-from gppcs.gp.local.kernel import LocalField, field_distance
+from gppcs.gp.local.kernel import LocalField, detail_apart, field_distance
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, squared_distance_of_boxes
 
 STEP = 0.7  # From one level to the next. Larger steps defer more points, smaller ones take more rounds.
@@ -211,7 +211,7 @@ def _exchange_boundaries(field: LocalField, error_weight: float, state: GreedySt
 @kernel
 def _receive(begin, end, field, error_weight, state, parts):
     """Condition the points of some parts on what their neighbours have chosen; note their own scores."""
-    room = room_below(state, len(parts.counts))
+    room = room_below(field, state, len(parts.counts))
     for part in range(begin, end):
         _receive_in_part(part, field, error_weight, state, parts, room)
 
@@ -244,7 +244,7 @@ def _receive_in_part(part, field, error_weight, state, parts, room):
 def choose_in_parts(begin, end, level, most, field, error_weight, state, parts):
     """Let some parts choose their points with a score of at least `level`. A single part chooses one after another."""
     count = len(parts.counts)
-    room = room_below(state, count)
+    room = room_below(field, state, count)
     deferred = np.empty(len(room.changed), dtype=np.int64)
     scores = np.empty(len(deferred), dtype=np.float64)
     for part in range(begin, end):
@@ -322,4 +322,4 @@ def _gap(field, i, j):
         places[0, i] - places[0, j], places[1, i] - places[1, j], places[2, i] - places[2, j],
         normals[0, i] * normals[0, j] + normals[1, i] * normals[1, j] + normals[2, i] * normals[2, j],
         field.spacings[i], field.spacings[j], field.normal_weight,
-    )  # fmt: skip
+    ) + detail_apart(field.detail, i, j)  # fmt: skip

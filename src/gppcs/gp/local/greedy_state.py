@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.gp.local.kernel import LANES, LocalField, field_distance
+from gppcs.gp.local.kernel import LANES, LocalField, detail_apart, field_distance
 from gppcs.gp.local.posterior import Conditioning, Work, condition, posterior, posteriors, workspace
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range
 
@@ -118,14 +118,14 @@ class Room(NamedTuple):
 
 
 @kernel
-def room_below(state, count):
+def room_below(field, state, count):
     """Return room for the points below one of `count` nodes of a level."""
     return Room(
         np.empty(len(state.best) // count, dtype=np.int64),
         np.empty(len(state.scores) // count + 1, dtype=np.int64),
         np.empty(LEAF_SIZE, dtype=np.float64),
         np.empty(64, dtype=np.int64),
-        workspace(state.conditioning.nearest.shape[1]),
+        workspace(state.conditioning.nearest.shape[1], len(field.detail)),
     )
 
 
@@ -170,7 +170,7 @@ def condition_on(new, root, field, state, room, count):
             room.gaps[i - begin] = field_distance(
                 field.positions[0, i] - x, field.positions[1, i] - y, field.positions[2, i] - z, cosine,
                 field.spacings[i], spacing, field.normal_weight,
-            )  # fmt: skip
+            ) + detail_apart(field.detail, i, new)  # fmt: skip
         for i in range(begin, end):
             if room.gaps[i - begin] < reach[i]:
                 _keep_nearest(state.conditioning, i, new, room.gaps[i - begin])

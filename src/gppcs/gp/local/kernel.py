@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gppcs.engine.kernels import kernel
 
 LANES = 16  # Points whose kernels and posteriors are computed side by side in vector registers.
+SITE = 9  # Numbers of a site before its k details: position (3), normal (3), desired spacing, y, 1 + variance.
 VANISHED = 40.0  # From this t on, see `correlate`, a correlation is less than rounding.
 
 
@@ -32,6 +33,8 @@ class LocalField(NamedTuple):
         The function: surface variation, standardised to mean 0 and variance 1.
     noise : (n,) array
         Variance of the observation at each point, in units of the prior variance; positive.
+    detail : (k, n) array
+        Attributes that count beside the shape, as distances in desired spacings; k is 0 if there are none.
     lengthscale : float
         In desired spacings.
     normal_weight : float
@@ -43,6 +46,7 @@ class LocalField(NamedTuple):
     spacings: NDArray[np.float64]
     y: NDArray[np.float64]
     noise: NDArray[np.float64]
+    detail: NDArray[np.float64]
     lengthscale: float
     normal_weight: float
 
@@ -58,6 +62,15 @@ def field_distance(dx, dy, dz, cosine, s, r, normal_weight):
     return (dx * dx + dy * dy + dz * dz) / (0.5 * (s * s + r * r)) + across
 
 
+@kernel(fastmath=False, allocates=False)
+def detail_apart(detail, i, j):
+    """Return the squared distance between the details, (k, n), of two points. It is added to `field_distance`."""
+    squared = 0.0
+    for c in range(len(detail)):
+        squared += (detail[c, i] - detail[c, j]) ** 2
+    return squared
+
+
 @kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"}, allocates=False)
 def correlate(sites, a, b, lengthscale, normal_weight, out):
     """Compute the kernel between the a-th and the b-th site of each lane, in units of the prior variance.
@@ -66,7 +79,7 @@ def correlate(sites, a, b, lengthscale, normal_weight, out):
     factor keeps the kernel positive definite where s varies. The exponential is the 64th power of its Taylor polynomial
     at -t / 64, with a relative error below 1e-12.
 
-    Shapes: sites (K + 1, 9, LANES), out (LANES,).
+    Shapes: sites (K + 1, SITE + k, LANES), out (LANES,).
     """
     for p in range(LANES):
         s, r = sites[a, 6, p], sites[b, 6, p]
@@ -75,6 +88,8 @@ def correlate(sites, a, b, lengthscale, normal_weight, out):
             sites[a, 3, p] * sites[b, 3, p] + sites[a, 4, p] * sites[b, 4, p] + sites[a, 5, p] * sites[b, 5, p],
             s, r, normal_weight,
         )  # fmt: skip
+        for c in range(SITE, sites.shape[1]):
+            squared += (sites[a, c, p] - sites[b, c, p]) ** 2
         t = np.sqrt(5.0 * squared) / lengthscale
         x = min(t, VANISHED) / -64.0
         e = 1.0 + x * (1.0 / 13.0)

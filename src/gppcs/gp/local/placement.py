@@ -36,6 +36,7 @@ AGREEING = 0.4  # Mean cosine between the planes of a cell and the fan of its po
 # steep above it, by the squared sine of the slope.
 THROUGH, PARALLEL, STEEP = 0.1, 0.9, 0.5
 JUDGED = 10  # Points of a cell, at most, whose distance from the triangles is measured.
+CHANGE = 0.25  # A change of an attribute by its whole range, as a distance, in mean distances to the nearest.
 ROUNDING = 1e-9  # Of the reach: a gain below this is only rounding.
 POINTS_AT_ONCE = 1024  # Points that a thread hands over at once, at least.
 
@@ -43,16 +44,20 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-def placed(points: Floats, chosen: Ints, fixed: int, area: float, noise: Noise) -> Ints:
+def placed(
+    points: Floats, chosen: Ints, fixed: int, area: float, noise: Noise, detail: NDArray[np.float32] | None = None
+) -> Ints:
     """Return the rows of the points in whose places the chosen ones go; the first `fixed` stay.
 
-    Shapes: points (N, 3), chosen (m,); returns (m,).
+    Shapes: points (N, 3), chosen (m,), detail (N, k); returns (m,).
     """
+    stays, old = np.arange(len(chosen)) < fixed, None if detail is None else detail[chosen]
     if (share := share_in_cells(noise, len(chosen), len(points))) < 1.0:
         rows = np.flatnonzero(drawn(np.arange(len(points)), share))
-        new = exchanged(points[chosen], np.arange(len(chosen)) < fixed, points[rows], area / len(rows), noise)
+        detail = None if detail is None else detail[rows]
+        new = exchanged(points[chosen], stays, points[rows], area / len(rows), noise, old, detail)
         return np.where(new < 0, chosen, rows[new])
-    new = exchanged(points[chosen], np.arange(len(chosen)) < fixed, points, area / len(points), noise)
+    new = exchanged(points[chosen], stays, points, area / len(points), noise, old, detail)
     return np.where(new < 0, chosen, new)
 
 
@@ -62,13 +67,21 @@ def share_in_cells(noise: Noise, n_points: int, n: int) -> float:
 
 
 def exchanged(
-    places: Floats, stays: NDArray[np.bool_], points: Floats, area: float, noise: Noise, farthest: float = math.inf
+    places: Floats,
+    stays: NDArray[np.bool_],
+    points: Floats,
+    area: float,
+    noise: Noise,
+    old: NDArray[np.float32] | None = None,
+    detail: NDArray[np.float32] | None = None,
+    farthest: float = math.inf,
 ) -> Ints:
     """Return which point each chosen place is exchanged for, -1 where it stays.
 
-    `area` is that for each point. No place goes farther than `farthest` at once.
+    `area` is that for each point. `old` and `detail` are attributes of the places and of the points that count beside
+    the shape. No place goes farther than `farthest` at once.
 
-    Shapes: places (m, 3), stays (m,), points (n, 3); returns (m,).
+    Shapes: places (m, 3), stays (m,), points (n, 3), old (m, k), detail (n, k); returns (m,).
     """
     cells = KdTree.build(points)
     of_point, cells = cells.order, cells.in_own_order()
@@ -80,6 +93,8 @@ def exchanged(
     surface = LocalSurface.of(places)
     tree, order = surface.tree.in_own_order(), surface.tree.order
     points, places, stays = cells.points, np.ascontiguousarray(tree.points.T), stays[order]
+    before = np.zeros((len(order), 0), dtype=np.float32) if old is None else old[order]
+    after = np.zeros((len(of_point), 0), dtype=np.float32) if detail is None else detail[of_point]
     new = np.full(len(order), -1)
     k = min(4, len(order))
     gaps = np.sqrt(tree.nearest_of(places, k)[1]).sum(axis=1) / max(1, k - 1)
@@ -94,9 +109,10 @@ def exchanged(
         _gather(owners, starts[:-1].copy(), members)
         on_ranges(
             _exchange, len(order), points, feet, normals, places, surface.corners, surface.normals, first, members,
-            starts, np.minimum(REACH * gaps, farthest), stays, widest, new,
+            starts, np.minimum(REACH * gaps, farthest), stays, widest, before, after, CHANGE * gaps, new,
         )  # fmt: skip
-        places = np.where(new[:, np.newaxis] < 0, places, points.T[new])
+        stay = new[:, np.newaxis] < 0
+        places, before = np.where(stay, places, points.T[new]), np.where(stay, before, after[new])
     result = np.empty(len(order), dtype=np.int64)
     result[order] = np.where(new < 0, -1, of_point[new])
     return result
@@ -128,19 +144,41 @@ def _gather(owners, ends, members):
 
 @kernel
 def _exchange(
-    begin, end, points, feet, normals, places, corners, upright, first, members, starts, reach, stays, widest, new
+    begin,
+    end,
+    points,
+    feet,
+    normals,
+    places,
+    corners,
+    upright,
+    first,
+    members,
+    starts,
+    reach,
+    stays,
+    widest,
+    before,
+    after,
+    change,
+    new,
 ):
     """Fill `new`, (m,), for a range of places, whose cells are `members`, (n,), from `starts`, (m + 1,), on.
 
     A place is exchanged only for points of its cell in the first pass, so no two take the same.
     """
-    quadric = np.empty(NUMBERS, dtype=np.float64)
+    quadric, middle = np.empty(NUMBERS, dtype=np.float64), np.empty(after.shape[1], dtype=np.float64)
     for v in range(begin, end):
         cell, place = members[starts[v] : starts[v + 1]], row(places, v)
         if stays[v] or len(cell) < 2 or not _is_one_sheet(feet, normals, cell, place, row(upright, v)):
             continue
-        x = _of_least_error(v, points, feet, normals, places, cell, first, reach[v], widest, quadric)
-        if x >= 0 and _gain(feet, places, corners[v], place, row(points.T, x), cell) > ROUNDING * reach[v]:
+        x = _of_least_error(
+            v, points, feet, normals, places, cell, first, reach[v], widest, after, change[v], quadric, middle
+        )
+        if x < 0:
+            continue
+        gain = _gain(feet, places, corners[v], place, row(points.T, x), cell)
+        if gain + change[v] * _gain_of_detail(before[v], after, x, cell) > ROUNDING * reach[v]:
             new[v] = x
 
 
@@ -167,8 +205,11 @@ def _is_one_sheet(feet, normals, cell, place, upright):
 
 
 @kernel(allocates=False)
-def _of_least_error(v, points, feet, normals, places, cell, first, reach, widest, quadric):
-    """Return the point of a cell with the least quadric error, within reach of the place and of the whole cell."""
+def _of_least_error(v, points, feet, normals, places, cell, first, reach, widest, after, change, quadric, middle):
+    """Return the point of a cell with the least quadric error, within reach of the place and of the whole cell.
+
+    Its attributes are those of the whole cell, as far as that goes.
+    """
     place = row(places, v)
     quadric[:] = 0.0
     x = y = z = 0.0
@@ -177,12 +218,18 @@ def _of_least_error(v, points, feet, normals, places, cell, first, reach, widest
         add_plane(quadric, normal, -dot(normal, step), 1.0)
         x, y, z = x + step[0], y + step[1], z + step[2]
     n = len(cell)
+    middle[:] = 0.0
+    for c in range(len(middle)):
+        for q in cell:
+            middle[c] += after[q, c] / n
     best, least = -1, np.inf
     for q in cell:
         step = minus(row(points.T, q), place)
         if first[q] == v and dot(step, step) <= reach * reach:
             off = minus(step, (x / n, y / n, z / n))
             error = value(quadric, step) + PULL * n * dot(off, off)
+            for c in range(len(middle)):
+                error += n * (change * (after[q, c] - middle[c])) ** 2
             if error < least and _covers(points, row(points.T, q), cell, widest):
                 best, least = q, error
     return best
@@ -205,6 +252,19 @@ def _gain(feet, places, corners, old, new, cell):
     for slot in range(0, len(cell), -(-len(cell) // JUDGED)):
         q = row(feet.T, cell[slot])
         gain += _to_fan(places, corners, old, q) - _to_fan(places, corners, new, q)
+    return gain
+
+
+@kernel(allocates=False)
+def _gain_of_detail(old, after, x, cell):
+    """Return by how much a new point x lowers the summed difference of the attributes of a cell from its own."""
+    gain = 0.0
+    for slot in range(0, len(cell), -(-len(cell) // JUDGED)):
+        from_old = from_new = 0.0
+        for c in range(len(old)):
+            from_old += (after[cell[slot], c] - old[c]) ** 2
+            from_new += (after[cell[slot], c] - after[x, c]) ** 2
+        gain += np.sqrt(from_old) - np.sqrt(from_new)
     return gain
 
 

@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.gp.local.kernel import LANES, LocalField, correlate, field_distance
+from gppcs.gp.local.kernel import LANES, SITE, LocalField, correlate, field_distance
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
 
 TASKS = 64  # Runs of leaves; within a run, each search starts from the radius of the one before.
 POINTS_AT_ONCE = 1024  # Points that a thread takes at once, at least.
-SITE = 9  # Numbers of a site: position (3), normal (3), desired spacing, y, 1 + variance of the observation.
 NEGLIGIBLE = 1e-12  # Least pivot of the factorisation, in units of the prior variance: less is only rounding.
 
 
@@ -82,7 +81,7 @@ class _Chosen(NamedTuple):
 def _condition_leaves(begin, end, tasks, field, low, high, chosen, conditioning):
     """Fill `conditioning`, (n, K), in a range of tasks: leaf by leaf of the field's tree, (nodes, 3)."""
     leaves = first_leaf(low)
-    side = _side_by_side(conditioning.nearest.shape[1])
+    side = _side_by_side(conditioning.nearest.shape[1], len(field.detail))
     near = np.empty(first_leaf(chosen.low), dtype=np.int64)
     found = np.empty(len(near) * LEAF_SIZE, dtype=np.int64)
     for task in range(begin, end):
@@ -123,8 +122,8 @@ class _SideBySide(NamedTuple):
 
     Attributes
     ----------
-    points : (7, LEAF_SIZE) array
-        Rows: position, normal, desired spacing.
+    points : (7 + k, LEAF_SIZE) array
+        Rows: position, normal, desired spacing, details.
     nearest, squared : (K, LEAF_SIZE) arrays
         As in `Conditioning`, transposed.
     new, gaps : (LEAF_SIZE,) arrays
@@ -139,10 +138,10 @@ class _SideBySide(NamedTuple):
 
 
 @kernel
-def _side_by_side(neighbours):
+def _side_by_side(neighbours, details):
     """Return room for one leaf and K `neighbours`."""
     return _SideBySide(
-        np.empty((7, LEAF_SIZE), dtype=np.float64),
+        np.empty((7 + details, LEAF_SIZE), dtype=np.float64),
         np.empty((neighbours, LEAF_SIZE), dtype=np.int64),
         np.empty((neighbours, LEAF_SIZE), dtype=np.float64),
         np.empty(LEAF_SIZE, dtype=np.int64),
@@ -158,6 +157,8 @@ def _take_up(field, begin, end, side):
         for axis in range(3):
             side.points[axis, p], side.points[3 + axis, p] = field.positions[axis, i], field.normals[axis, i]
         side.points[6, p] = field.spacings[i]
+        for c in range(len(field.detail)):
+            side.points[7 + c, p] = field.detail[c, i]
 
 
 @kernel(fastmath=False, allocates=False)
@@ -182,6 +183,9 @@ def _keep_nearest_side_by_side(field, chosen, found, side):
                 field.normal_weight,
             )  # fmt: skip
             side.new[p] = j
+        for c in range(len(field.detail)):
+            for p in range(LEAF_SIZE):
+                side.gaps[p] += (side.points[7 + c, p] - field.detail[c, j]) ** 2
         for rank in range(neighbours):
             for p in range(LEAF_SIZE):
                 gap, squared, new, nearest = side.gaps[p], side.squared[rank, p], side.new[p], side.nearest[rank, p]
@@ -199,7 +203,7 @@ class Work(NamedTuple):
 
     Attributes
     ----------
-    sites : (K + 1, 9, LANES) array
+    sites : (K + 1, SITE + k, LANES) array
         Sites of the K points on which each point is conditioned; the last row is the point itself.
     factor : (K (K + 2), LANES) array
         K rows of the Cholesky factor, with the inverse of its diagonal. Each row ends with two solutions of the
@@ -221,10 +225,10 @@ class Work(NamedTuple):
 
 
 @kernel
-def workspace(neighbours):
+def workspace(neighbours, details):
     """Return memory for posteriors."""
     return Work(
-        np.empty((neighbours + 1, SITE, LANES), dtype=np.float64),
+        np.empty((neighbours + 1, SITE + details, LANES), dtype=np.float64),
         np.empty((neighbours * (neighbours + 2), LANES), dtype=np.float64),
         np.empty(LANES, dtype=np.float64),
         np.empty(LANES, dtype=np.float64),
@@ -280,7 +284,7 @@ def posteriors(field, nearest, which, begin, end, error_weight, work):
 
 @kernel(allocates=False)
 def _gather(field, nearest, which, begin, end, sites):
-    """Copy what the kernel and the observation need of each point into lanes, (K + 1, 9, LANES).
+    """Copy what the kernel and the observation need of each point into lanes, (K + 1, SITE + k, LANES).
 
     The last point fills lanes that are left over. A neighbour that is lacking is placed far away.
     """
@@ -296,6 +300,8 @@ def _gather(field, nearest, which, begin, end, sites):
             for axis in range(3):
                 sites[a, axis, p], sites[a, 3 + axis, p] = field.positions[axis, j], field.normals[axis, j]
             sites[a, 6, p], sites[a, 7, p], sites[a, 8, p] = field.spacings[j], field.y[j], 1.0 + field.noise[j]
+            for c in range(len(field.detail)):
+                sites[a, SITE + c, p] = field.detail[c, j]
 
 
 class Posterior(NamedTuple):
@@ -319,7 +325,7 @@ def posterior(field: LocalField, conditioning: Conditioning, error_weight: float
 @kernel
 def _posterior_everywhere(begin, end, field, nearest, error_weight, means, variances, scores):
     """Fill the entries `begin` to `end` of the results, (n,) each, given nearest, (n, K)."""
-    work = workspace(nearest.shape[1])
+    work = workspace(nearest.shape[1], len(field.detail))
     which = np.arange(begin, end)
     for some in range(0, len(which), LANES):
         count = min(LANES, len(which) - some)

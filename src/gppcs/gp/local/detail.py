@@ -1,0 +1,141 @@
+"""Detail: attributes that count beside the shape, as further outputs of the field over one metric.
+
+A jump of an attribute counts as distance, as a turn of the normal does, and its variation counts as roughness, as that
+of the surface does. What is noise of an attribute counts for nothing (research/local-field.md, "Detail").
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.engine.kernels import kernel
+from gppcs.engine.threads import on_ranges
+from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
+from gppcs.spatial.nearest import pack, room_for
+from gppcs.surface.moments import MOMENTS, moments_in_ball
+
+DISTANCE = 2.8  # Of a change of an attribute by its whole range, in desired spacings.
+ROUGH = 3.0  # Surface variation that counts as rough as a variance of the attributes of 1.
+WITHIN = 1.5  # Radius within which an attribute varies, in edge lengths of the candidates' cells.
+NOISE = 3.0  # Variances below this many of the noise are noise, too: few points measure each.
+LOST = 1.2  # Shares of the noise in the variance of all points at which nothing but noise is left.
+FEWEST = 6  # Values to which a linear function of the place is fitted, at least.
+RIDGE = 1e-3  # Added to the covariance of places, in squared radii, as places are mostly coplanar.
+
+
+class Detail(NamedTuple):
+    """What is known of k attributes of n points.
+
+    Attributes
+    ----------
+    values : (n, k) array, float32
+        The attributes, in ranges, and less where noise is part of them.
+    variation : (n,) array, float32
+        Their variance about linear functions of the place, without noise, as surface variation; 0 where it was not
+        measured.
+    """
+
+    values: NDArray[np.float32]
+    variation: NDArray[np.float32]
+
+    @classmethod
+    def measure(
+        cls, tree: KdTree, rows: NDArray[np.int64], attributes: NDArray[np.float32], edge: float
+    ) -> Detail | None:
+        """Measure attributes, (N, k), of a cloud at the rows, (n,), of which there is a tree; None if all is noise."""
+        known = attributes[rows[tree.order]].astype(np.float64)
+        residual = residuals(tree, known, WITHIN * edge)
+        noise, variance = float(np.median(residual)), float(known.var(axis=0).sum())
+        if LOST * noise >= variance:
+            return None
+        strength = 1.0 - LOST * noise / variance
+        variation = np.zeros(len(attributes), dtype=np.float32)
+        variation[rows[tree.order]] = ROUGH * strength * np.maximum(residual - NOISE * noise, 0.0)
+        return cls(attributes * np.float32(np.sqrt(strength)), variation)
+
+    def take(self, some: NDArray[Any]) -> Detail:
+        """Return that of some of the points."""
+        return Detail(self.values[some], self.variation[some])
+
+    @property
+    def distances(self) -> NDArray[np.float64]:
+        """The attributes as distances in desired spacings, (k, n)."""
+        return DISTANCE * np.ascontiguousarray(self.values.T, dtype=np.float64)
+
+
+def residuals(tree: KdTree, values: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
+    """Return the variance of values about their linear fits to the places within a radius, summed over k attributes.
+
+    Shapes: values (n, k); returns (n,); both in tree order.
+    """
+    found = np.empty(len(values))
+    on_ranges(_residuals, tree.leaves, tree.points, tree.low, tree.high, values, radius * radius, found)
+    return found
+
+
+@kernel
+def _residuals(begin, end, points, low, high, values, squared_radius, found):
+    """Fill `found`, (n,), for a range of leaves."""
+    n, leaves, k = points.shape[1], first_leaf(low), values.shape[1]
+    near, room = np.empty(leaves, dtype=np.int64), room_for(MOMENTS)
+    packed, moments = np.empty((k, len(room.found)), dtype=np.float64), np.empty((MOMENTS, 1), dtype=np.float64)
+    products = np.empty((k, 5), dtype=np.float64)
+    for leaf in range(leaves + begin, leaves + end):
+        count = leaves_near(low, high, low[leaf], high[leaf], squared_radius, near)
+        if count * LEAF_SIZE > len(room.found):
+            room = room_for(2 * count)
+            packed = np.empty((k, len(room.found)), dtype=np.float64)
+        count = points_near(points, low, high, near[:count], low[leaf], high[leaf], squared_radius, room.found)
+        pack(points, room, count)
+        for c in range(k):
+            for slot in range(count):
+                packed[c, slot] = values[room.found[slot], c]
+        for i in range(*leaf_range(n, leaves, leaf)):
+            x, y, z = points[0, i], points[1, i], points[2, i]
+            moments_in_ball(room.packed, count, x, y, z, squared_radius, moments, 0)
+            for c in range(k):
+                _add_products(room.packed, packed[c], values[i, c], count, x, y, z, squared_radius, products[c])
+            found[i] = _left(moments[:, 0], products, RIDGE * squared_radius)
+
+
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
+def _add_products(places, values, value, count, x, y, z, squared_radius, products):
+    """Sum, within a radius of a point, the differences of an attribute from its own, and their products, (5,).
+
+    The products are those with themselves and with the place relative to the point. Shapes: places (3, m), values (m,).
+    """
+    along_x, along_y, along_z, values = places[0][:count], places[1][:count], places[2][:count], values[:count]
+    s = ss = sx = sy = sz = 0.0
+    for j in range(len(along_x)):
+        dx, dy, dz = along_x[j] - x, along_y[j] - y, along_z[j] - z
+        d = values[j] - value if dx * dx + dy * dy + dz * dz <= squared_radius else 0.0
+        s += d
+        ss += d * d
+        sx += d * dx
+        sy += d * dy
+        sz += d * dz
+    products[0], products[1], products[2], products[3], products[4] = s, ss, sx, sy, sz
+
+
+@kernel(allocates=False)
+def _left(moments, products, ridge):
+    """Return the variance that a linear function of the place leaves of the attributes, given moments, (10,)."""
+    m = moments[0]
+    x, y, z = moments[1] / m, moments[2] / m, moments[3] / m
+    xx, xy, xz = moments[4] / m - x * x + ridge, moments[5] / m - x * y, moments[6] / m - x * z
+    yy, yz, zz = moments[7] / m - y * y + ridge, moments[8] / m - y * z, moments[9] / m - z * z + ridge
+    # Cofactors of the covariance of the places.
+    a, b, c = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+    d, e, f = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+    determinant, left = xx * a + xy * b + xz * c, 0.0
+    for k in range(len(products)):
+        value = products[k, 0] / m
+        left += products[k, 1] / m - value * value
+        if m >= FEWEST:
+            p, q, r = products[k, 2] / m - value * x, products[k, 3] / m - value * y, products[k, 4] / m - value * z
+            explained = a * p * p + d * q * q + f * r * r + 2.0 * (b * p * q + c * p * r + e * q * r)
+            left -= explained / determinant
+    return max(left, 0.0) * (m / (m - 4.0) if m >= FEWEST else 1.0)  # a fit has four coefficients

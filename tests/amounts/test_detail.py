@@ -1,0 +1,113 @@
+"""Attributes that count beside the shape: colours, numbers and classes."""
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.clouds.colours import oklab
+from gppcs.clouds.ranges import AttributeRange
+
+RNG = np.random.default_rng(0)
+PLACES = np.c_[RNG.random((20_000, 2)), np.zeros(20_000)]
+DISC = np.hypot(*(PLACES[:, :2] - 0.5).T) < 0.3
+WALL = gppcs.PointCloud(PLACES, {"intensity": np.where(DISC, 180, 60).astype(np.uint16)})
+
+
+def error(cloud, kept, values):
+    """Mean difference of values from those of the nearest kept point."""
+    nearest = np.argmin(((cloud.points[:, None] - kept.points[None]) ** 2).sum(axis=2), axis=1)
+    return np.abs(values(kept)[nearest] - values(cloud)).mean()
+
+
+def kept(cloud=WALL, **arguments):
+    return gppcs.simplify(cloud, n_points=300, **arguments)
+
+
+def test_points_go_where_an_attribute_jumps():
+    plain, drawn = kept().cloud, kept(detail="intensity").cloud
+    some = WALL.take(np.arange(0, 20_000, 20))
+    assert error(some, drawn, lambda c: c.attributes["intensity"] / 120) < 0.6 * error(
+        some, plain, lambda c: c.attributes["intensity"] / 120
+    )
+
+
+def test_a_weight_of_zero_changes_nothing():
+    assert (kept(detail={"intensity": 0}).indices == kept().indices).all()
+
+
+def test_noise_counts_for_nothing():
+    noisy = gppcs.PointCloud(PLACES, {"noise": RNG.normal(size=len(PLACES))})
+    assert (kept(noisy, detail="noise").indices == kept().indices).all()
+
+
+def test_a_constant_attribute_is_told_and_counts_for_nothing():
+    grey = gppcs.PointCloud(PLACES, {"grey": np.full(len(PLACES), 7)})
+    with pytest.warns(UserWarning, match="attribute 'grey' is 7 everywhere: it has no detail"):
+        assert (kept(grey, detail="grey").indices == kept().indices).all()
+
+
+def test_unit_and_type_of_a_number_do_not_matter():
+    scaled = gppcs.PointCloud(PLACES, {"intensity": WALL.attributes["intensity"] * 8.0 - 1024.0})
+    assert (kept(scaled, detail="intensity").indices == kept(detail="intensity").indices).all()
+
+
+@pytest.mark.parametrize(("factor", "kind"), [(257, np.uint16), (1 / 255, np.float64)])
+def test_colours_of_any_scale_are_the_same(factor, kind):
+    colours = np.where(DISC[:, None], [250, 30, 30], [30, 30, 255])
+    first = gppcs.PointCloud(PLACES, dict(zip(("red", "green", "blue"), colours.T.astype(np.uint8), strict=True)))
+    other = gppcs.PointCloud(
+        PLACES, dict(zip(("red", "green", "blue"), (colours * factor).T.astype(kind), strict=True))
+    )
+    assert (kept(first, detail="rgb").indices == kept(other, detail="rgb").indices).all()
+
+
+def test_borders_of_classes_do_not_depend_on_their_names():
+    numbers = gppcs.PointCloud(PLACES, {"classification": np.where(DISC, 2, 6)})
+    names = gppcs.PointCloud(PLACES, {"kind": np.where(DISC, "ground", "roof")})
+    some = kept(numbers, detail="classification")
+    assert (some.indices == kept(names, detail="kind").indices).all()
+    assert not (some.indices == kept().indices).all()
+
+
+def test_detail_works_with_points_to_keep_weights_and_a_spacing():
+    drawn = kept(detail="intensity", keep=[5, 7], weight=np.where(PLACES[:, 0] < 0.5, 1.0, 2.0))
+    assert drawn.indices[:2].tolist() == [5, 7]
+    assert len(np.unique(drawn.indices)) == 300
+    assert len(gppcs.simplify(WALL, spacing=0.06, detail="intensity").indices) == pytest.approx(280, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("attributes", "detail", "error", "text"),
+    [
+        ({}, "rgb", gppcs.InputError, "no attribute 'rgb' to count as detail; it has none at all"),
+        ({"red": PLACES[:, 0]}, "rad", gppcs.InputError, "did you mean 'red'"),
+        ({"a": np.full(len(PLACES), np.nan)}, "a", gppcs.InputError, "20,000 of 20,000 that are NaN"),
+        ({"a": np.arange(len(PLACES)).astype(str)}, "a", gppcs.InputError, "at most 16 different texts"),
+        ({"a": PLACES}, "a", gppcs.InputError, "one number or class for each point"),
+        ({}, {"a": -1}, gppcs.ParameterError, "weights from 0 on, found 'a' with -1"),
+        ({}, ["a"], gppcs.ParameterError, "a mapping of names to weights"),
+    ],
+)
+def test_what_is_no_detail_is_told(attributes, detail, error, text):
+    with pytest.raises(error, match=text):
+        kept(gppcs.PointCloud(PLACES, attributes), detail=detail)
+
+
+def test_a_method_that_sees_the_shape_alone_says_so():
+    with pytest.raises(gppcs.ParameterError, match="expected a method that looks at attributes, found 'fps'; use 'gp'"):
+        kept(detail="intensity", method="fps")
+
+
+def test_oklab_has_its_published_values():
+    """Of white, red and blue (Ottosson 2020)."""
+    found = oklab(np.array([[1.0, 1.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+    expected = [[1.0, 0.0, 0.0], [0.62796, 0.22486, 0.12585], [0.45201, -0.03246, -0.31153]]
+    assert found == pytest.approx(np.array(expected), abs=2e-4)
+
+
+def test_a_range_leaves_out_outliers_and_fills_gaps():
+    values = np.r_[np.linspace(0.0, 1.0, 1000), 1e9, np.nan]
+    cloud = gppcs.PointCloud(np.zeros((1002, 3)), {"a": values})
+    shares = AttributeRange.of(cloud, "a").values(cloud)[:, 0]
+    assert shares[500] == pytest.approx(0.5, abs=0.01)
+    assert shares[1000:].tolist() == [1.5, 0.5]
