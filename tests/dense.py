@@ -34,21 +34,22 @@ def greedy(phi, y, noise, initial, n_points, k_add):
 
 
 def local_field(rng, positions, spread, normal_weight):
-    """A field of random values at (3, n) positions; spacings differ by up to exp(2 spread)."""
+    """A field of random values and details at (3, n) positions; spacings differ by up to exp(2 spread)."""
     n = positions.shape[1]
     normals = rng.standard_normal((3, n))
     normals /= np.linalg.norm(normals, axis=0)
     spacings = np.exp(rng.uniform(-spread, spread, n))
-    return LocalField(positions, normals, spacings, rng.standard_normal(n), rng.random(n), 1.5, normal_weight)
+    y, noise, detail = rng.standard_normal(n), rng.random(n), 0.3 * rng.standard_normal((2, n))
+    return LocalField(positions, normals, spacings, y, noise, detail, 1.5, normal_weight)
 
 
 def local_squared_distances(field):
-    """Of all pairs: positions by the mean of the squared spacings, and normals as projections, in nine dimensions."""
+    """Of all pairs: positions by the mean of the squared spacings, normals as projections, and details."""
     gaps = ((field.positions[:, :, None] - field.positions[:, None, :]) ** 2).sum(axis=0)
     projections = np.einsum("an,bn->nab", field.normals, field.normals).reshape(len(field.y), 9)
     across = ((projections[:, None] - projections) ** 2).sum(axis=2) / 2
-    squares = field.spacings**2
-    return gaps / ((squares[:, None] + squares) / 2) + field.normal_weight**2 * across
+    squares, apart = field.spacings**2, ((field.detail[:, :, None] - field.detail[:, None, :]) ** 2).sum(axis=0)
+    return gaps / ((squares[:, None] + squares) / 2) + field.normal_weight**2 * across + apart
 
 
 def local_kernel(field):

@@ -126,8 +126,8 @@ CALLS = {  # a public function, and arguments with which it works
     "set_threads": {"count": None},
 }
 PLAIN = {
-    "Curve", "Entry", "Features", "Figure", "MeshEntry", "MeshReport", "MeshResult", "Parameter", "Rebuilt", "Report",
-    "Result", "Selection", "Summary",
+    "Curve", "DetailErrors", "Entry", "Features", "Figure", "MeshEntry", "MeshReport", "MeshResult", "Parameter",
+    "Rebuilt", "Report", "Result", "Selection", "Summary",
 }  # fmt: skip
 
 

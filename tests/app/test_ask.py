@@ -153,7 +153,7 @@ def test_a_full_disk_leaves_no_level(gppcs_command, scan, monkeypatch):
         (["--points", 5, "--weight", "red", "--memory", "1MB"], ["MB of memory to choose 5 of"]),
         (["--points", 5, "--keep", "z > 60", "--memory", "1MB"], ["to choose 5 of 400 points, found"]),
         (["--max-gap", "-1"], ["expected --max-gap to be a length above 0"]),
-        (["--spacing", 5, "--method", "hc"], ["'hc' has no spacing"]),
+        (["--spacing", 5, "--method", "hc"], ["a method that takes a spacing, found 'hc'; use"]),
         (
             ["--spacing", 5, "--keep", "z > 60"],
             ["expected a number, a share, a tolerance or a largest gap with points to keep", "found a spacing"],
@@ -162,7 +162,7 @@ def test_a_full_disk_leaves_no_level(gppcs_command, scan, monkeypatch):
         (["--points", 5, "--keep", "nzz > 0"], ["scan.ply: 'nzz > 0', at character 1", "did you mean 'nz'?"]),
         (["--points", 5, "--keep", "nz > 9"], ["scan.ply: expected points with nz > 9 to keep, found none", "--keep"]),
         (["--points", 5, "--keep", "nz > "], ["'nz >', at its end: expected conditions"]),
-        (["--points", 5, "--keep", "z > 0", *FAST], ["'fps' can keep no given points"]),
+        (["--points", 5, "--keep", "z > 0", *FAST], ["a method that keeps given points, found 'fps'; use 'gp'"]),
         (["--points", 5, "--only", "z > 999"], ["scan.ply: expected points with z > 999, found none"]),
         (["--points", 5, "--only", "zz > 9"], ["scan.ply: 'zz > 9', at character 1", "no attribute 'zz'"]),
         (["--points", 5, "--only", "z = 9"], ["at character 3 ('= 9'): expected =="]),
@@ -177,7 +177,7 @@ def test_a_full_disk_leaves_no_level(gppcs_command, scan, monkeypatch):
         (["--levels", "5,10%"], ["with shares or with numbers, found both"]),
         (["--levels", "5,5"], ["different sizes"]),
         (["--levels", "5,10", "--points", 3], ["--levels without --points"]),
-        (["--levels", "5,10", "--method", "voxel"], ["'voxel' does not rank its points"]),
+        (["--levels", "5,10", "--method", "voxel"], ["a method that ranks its points, found 'voxel'; use 'gp'"]),
         (["--levels", ",".join(map(str, range(1, 258)))], ["at most 256 sizes, found 257"]),
         (["--levels", "5,1000", *FAST], ["scan.ply: expected a finest level of less than all 400 points"]),
     ],
@@ -216,7 +216,7 @@ def test_two_sizes_have_no_knee(gppcs_command, scan):
         (["--sizes", "x%"], "--sizes to be a share"),
         (["--methods", "fsp"], "no method 'fsp'"),
         (["--only", "z > 999"], "scan.ply: expected points with z > 999, found none; gppcs info shows"),
-        (["--plot", "curve.jpg"], "a name that ends in .png for the plot"),
+        (["--plot", "curve.jpg"], "a name that ends in .png"),
     ],
 )
 def test_curve_refuses_what_it_cannot_do(gppcs_command, scan, arguments, part):

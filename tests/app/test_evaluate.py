@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from command_line import FAST, write_scan_with
+from command_line import FAST, assert_one_line, write_scan_with
 from meshes import hull_mesh
 
 
@@ -87,9 +87,7 @@ def test_what_evaluate_refuses(gppcs_command, scan, arguments, parts):
         pytest.importorskip("pymeshlab")
     gppcs.write("far.ply", gppcs.PointCloud(scan.points[:9] + 1e5))
     gppcs.write("empty.ply", gppcs.PointCloud(np.empty((0, 3))))
-    code, out, err = gppcs_command("evaluate", *arguments)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert all(part in err for part in parts)
+    assert_one_line(gppcs_command("evaluate", *arguments), *parts)
 
 
 def test_the_help_of_evaluate_defines_every_figure(gppcs_command):
@@ -126,9 +124,8 @@ def test_evaluate_judges_either_a_cloud_or_a_mesh(gppcs_command, scan):
         (["scan.ply"], "neither"),
         (["scan.ply", "scan.ply", "--simplified-mesh", "mesh.ply"], "both"),
     ):
-        code, out, err = gppcs_command("evaluate", *arguments)
-        assert (code, out) == (2, "")
-        assert err == f"gppcs: expected either SIMPLIFIED or --simplified-mesh, found {found}\n"
+        told = f"expected either SIMPLIFIED or --simplified-mesh, found {found}\n"
+        assert_one_line(gppcs_command("evaluate", *arguments), told)
 
 
 def test_the_unit_of_the_file_is_named(gppcs_command, folder):

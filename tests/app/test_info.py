@@ -106,10 +106,6 @@ def test_info_says_that_a_file_is_a_mesh(gppcs_command, folder, name):
     assert json.loads(gppcs_command("info", name, "--json")[1])["faces"] == 2
 
 
-def test_info_of_a_cloud_does_not_speak_of_faces(gppcs_command, scan):
-    assert "faces" not in gppcs_command("info", "scan.ply")[1]
-
-
 def test_info_takes_several_files_and_folders(gppcs_command, scan):
     Path("tiles").mkdir()
     gppcs.write("tiles/b.csv", scan)
@@ -121,13 +117,6 @@ def test_info_takes_several_files_and_folders(gppcs_command, scan):
     assert [line.split(": ")[1] for line in err.splitlines()] == ["broken.ply", "missing.ply"]
     code, out, _ = gppcs_command("info", "scan.ply", "tiles")
     assert code == 0
-    assert [line for line in out.splitlines() if line.endswith((".ply", ".csv"))] == [
-        "scan.ply",
-        "tiles/a.ply",
-        "tiles/b.csv",
-    ]
-
-
-def test_info_names_columns(gppcs_command, folder):
-    Path("table.txt").write_text("1 2 3 4\n5 6 7 8\n")
-    assert json.loads(gppcs_command("info", "table.txt", "--columns", "z,y,x,i", "--json")[1])["low"] == [3, 2, 1]
+    assert [line for line in out.splitlines() if "." in line and " " not in line] == [
+        "scan.ply", "tiles/a.ply", "tiles/b.csv"
+    ]  # fmt: skip

@@ -139,12 +139,6 @@ def test_what_the_first_points_tell_is_told_before_all_else(
         assert_one_line(result, *parts_of_message)
 
 
-def test_what_the_output_cannot_hold_is_told_before_the_passes(gppcs_command, scan, large, monkeypatch):
-    monkeypatch.setattr("gppcs.streaming.files.run", None)
-    result = gppcs_command("simplify", "scan.ply", "-o", "out.obj", "--points", 2, *LARGE)
-    assert_one_line(result, "OBJ cannot hold: attribute")
-
-
 def test_files_that_do_not_fit_each_other(gppcs_command, parts):
     gppcs.write("c.ply", gppcs.PointCloud(parts.points))
     result = gppcs_command("simplify", "a.ply", "c.ply", "--merge", "-o", "out.ply", "--points", 2)

@@ -166,14 +166,6 @@ def test_the_output_is_checked_before_the_work(gppcs_command, ball, name, part):
     assert files() == ["ball.ply"]
 
 
-def test_a_virtual_point_cloud_stands_for_its_files(gppcs_command, ball):
-    feature = {"assets": {"data": {"href": "ball.ply", "roles": ["data"]}}}
-    Path("ball.vpc").write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
-    code, _, err = gppcs_command("mesh", "ball.vpc", "-o", "small.ply", "--points", 100, "-q")
-    assert (code, err) == (0, "")
-    assert len(gppcs.read("small.ply")) == 100
-
-
 @pytest.mark.parametrize("size", [["--points", 100], ["--keep-points", "ball.ply"]])
 def test_an_error_about_the_cloud_names_its_file(gppcs_command, ball, size):
     Path("empty.xyz").write_text("x y z\n")

@@ -1,5 +1,6 @@
 """Which files are read, and where each result goes."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -30,10 +31,7 @@ def test_a_folder_stands_for_the_files_in_it_that_can_be_read(tiles):
 
 def test_a_folder_without_such_files_is_refused(folder):
     Path("empty").mkdir()
-    with pytest.raises(
-        FileFormatError,
-        match=r"empty: expected a folder with files of formats that gppcs reads, such as .ply, found none",
-    ):
+    with pytest.raises(FileFormatError, match=r"empty: expected a folder with files .* such as .ply, found none"):
         sources_of([Path("empty")])
 
 
@@ -75,25 +73,13 @@ def test_results_may_go_beside_their_inputs(folder):
 
 
 @pytest.mark.parametrize(
-    ("pattern", "found"),
-    [
-        ("{steam}.ply", "{steam}"),
-        ("{}.ply", "{}"),
-        ("{0}.ply", "{0}"),
-        ("{stem.real}.ply", "{stem.real}"),
-        ("{stem[0]}.ply", "{stem[0]}"),
-        ("{stem!r}.ply", "{stem!r}"),
-        ("{stem:>99999999}.ply", "{stem:>99999999}"),
-        ("{stem:{name}}.ply", "{stem:{name}}"),
-    ],
+    "found", ["{steam}", "{}", "{0}", "{stem.real}", "{stem[0]}", "{stem!r}", "{stem:>99999999}", "{stem:{name}}"]
 )
-def test_unknown_fields_of_a_pattern_are_refused(folder, pattern, found):
-    with pytest.raises(OutputError) as failure:
+def test_unknown_fields_of_a_pattern_are_refused(folder, found):
+    pattern = f"{found}.ply"
+    expected = f"{pattern}: expected the fields {{stem}}, {{name}}, {{suffix}}, {{parent}}, found {found}"
+    with pytest.raises(OutputError, match=f"^{re.escape(expected)}$"):
         targets(["a.ply"], pattern)
-    assert (
-        str(failure.value)
-        == f"{pattern}: expected the fields {{stem}}, {{name}}, {{suffix}}, {{parent}}, found {found}"
-    )
 
 
 @pytest.mark.parametrize("pattern", ["{stem.ply", "stem}.ply", "{", "{stem}}.ply"])
@@ -110,9 +96,7 @@ def test_two_results_in_one_file_are_refused(folder, output):
 
 @pytest.mark.parametrize("inputs", [["a.ply", "b.ply"], ["tiles"]])
 def test_several_results_do_not_go_to_one_file(tiles, inputs):
-    with pytest.raises(
-        OutputError, match=r"out.ply: expected a folder for the results of 2 inputs, found the name of a"
-    ):
+    with pytest.raises(OutputError, match=r"out.ply: expected a folder for the results of 2 inputs, found the name"):
         targets(inputs, "out.ply")
 
 

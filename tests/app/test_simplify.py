@@ -67,14 +67,6 @@ def test_scores_go_into_the_file(gppcs_command, scan):
         np.testing.assert_array_equal(kept.attributes[name], expected.attributes[name])
 
 
-def test_scores_of_a_method_without_are_refused(gppcs_command, scan):
-    code, out, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 40, "--add", "scores", *FAST)
-    assert code != 0
-    assert out == ""
-    assert "method 'fps' gives its points no scores" in err
-    assert not Path("out.ply").exists()
-
-
 def test_normals_of_the_whole_cloud_are_written(gppcs_command, scan):
     bare = gppcs.PointCloud(scan.points, {"red": scan.attributes["red"]}, scan.coordinate_dtype)
     gppcs.write("scan.ply", bare, force=True)
@@ -84,15 +76,6 @@ def test_normals_of_the_whole_cloud_are_written(gppcs_command, scan):
     assert list(written.attributes) == ["red", "nx", "ny", "nz"]
     assert written.attributes["nx"].dtype == np.float32
     np.testing.assert_allclose(written.normals(), gppcs.estimate_normals(scan, written), atol=1e-5)
-
-
-def test_several_inputs_go_to_a_folder(gppcs_command, scan):
-    gppcs.write("more.ply", gppcs.sample("fan", 200))
-    Path("results").mkdir()
-    code, out, err = gppcs_command("simplify", "scan.ply", "more.ply", "-o", "results", "--ratio", 0.1, "--json", *FAST)
-    assert (code, err) == (0, "")
-    assert [json.loads(line)["points_out"] for line in out.splitlines()] == [40, 20]
-    assert [len(gppcs.read(f"results/{name}.ply")) for name in ("scan", "more")] == [40, 20]
 
 
 def test_force_overwrites(gppcs_command, scan):
@@ -179,13 +162,3 @@ def test_the_table_tells_diagnostics_in_words(gppcs_command, scan):
     rows = [" ".join(line.split()) for line in out.splitlines()]
     assert any(re.fullmatch(r"added in gaps \d+", row) for row in rows)
     assert any(re.fullmatch(r"outliers \d+", row) for row in rows)
-
-
-def test_help_shows_examples_and_each_method_with_its_source(gppcs_command):
-    code, out, err = gppcs_command("simplify", "--help")
-    assert (code, err) == (0, "")
-    text = " ".join(out.split())
-    assert "gppcs simplify scan.ply -o small.ply --ratio 0.03" in text
-    assert "peak_memory, the most bytes that the process has held so far" in text
-    for name, method in gppcs.METHODS.items():
-        assert f"{name}: {method.summary} ({method.source})" in text

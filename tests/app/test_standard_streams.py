@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from command_line import assert_one_line, files
+from command_line import files
 from gppcs.app import program
 from web_page import WebPage
 
@@ -37,11 +37,6 @@ def test_a_sample_goes_to_standard_output(gppcs_command, folder):
     assert gppcs_command(*words, "-o", "fan.csv") == (0, "", "")
     assert out == Path("fan.csv").read_text()
     assert files() == ["fan.csv"]
-
-
-def test_a_sample_on_standard_output_needs_a_format(gppcs_command, folder):
-    assert_one_line(gppcs_command("sample", "fan", "-o", "-"), "expected the format of standard output", "--to ply")
-    assert not files()
 
 
 def test_a_sample_has_the_format_of_the_option(gppcs_command, folder):
@@ -74,12 +69,6 @@ def test_the_page_of_a_result_on_standard_output_is_a_file(gppcs_command, scan, 
     assert (code, err, out.count("\n")) == (0, "", 61)
     described = WebPage(Path("page.html").read_text("utf-8")).described
     assert [each["name"] for each in described["clouds"]] == ["-", "result"]
-
-
-def test_a_comparison_is_no_stream(gppcs_command, scan):
-    result = gppcs_command("compare", "scan.ply", "-o", "-", "--no-picture", *SMALL[:2])
-    assert_one_line(result, "-: expected a folder, found the name of standard output")
-    assert files() == ["scan.ply"]
 
 
 def test_a_file_may_be_called_like_standard_output(gppcs_command, scan, folder):

@@ -29,12 +29,6 @@ def test_warmup_says_how_many_kernels_it_compiled_and_where_they_are(gppcs_comma
     assert all(list(Path(folder).glob("*.nbc")) for folder in record["folders"])
 
 
-def test_the_help_of_warmup_says_where_kernels_are_kept(gppcs_command):
-    code, out, err = gppcs_command("warmup", "--help")
-    assert (code, err) == (0, "")
-    assert "NUMBA_CACHE_DIR" in out
-
-
 @pytest.mark.slow
 def test_nothing_is_left_to_compile_after_warmup(tmp_path):
     """For what people run most, on scans that warmup does not use, by a copy of the package that has no kernels yet."""

@@ -38,7 +38,7 @@ def test_both_clouds_are_seen_alike(ball):
 
 def test_colours_of_the_clouds_are_drawn_with_their_legend(ball):
     original = replace(ball, colours=np.broadcast_to((1.0, 0.1, 0.1), ball.points.shape))
-    whole, few, bar = panels(original, original.kept(np.arange(50), ball.points[:50]), Legend("RGB"))
+    whole, few, bar = panels(original, original.at(ball.points[:50]), Legend("RGB"))
     middle = whole[len(whole) // 2, whole.shape[1] // 2]
     np.testing.assert_allclose(middle / middle.max(), (1.0, 0.1, 0.1), atol=0.02)
     coloured = few[np.ptp(few, axis=2) > 0.3]

@@ -55,7 +55,7 @@ def camera(original):
 
 @pytest.fixture(scope="module")
 def kept(original):
-    some = original.cloud.kept(np.arange(200), original.cloud.points[:200])
+    some = original.cloud.at(original.cloud.points[:200])
     return Column("some", some, "H mean 1\nH max 2", None)
 
 

@@ -16,30 +16,17 @@ FIELDS = ("stem", "name", "suffix", "parent")  # of a pattern, named as in `path
 
 @dataclass(frozen=True)
 class Outputs:
-    """The output file of each input.
-
-    Attributes
-    ----------
-    targets : dict of path to path
-        Output files by input, in the order of the inputs.
-    makes_folders : bool
-        Whether the folders of the output files are made if they are missing.
-    format : str, optional
-        Suffix of the format of all output files. By default, their names tell.
-    ascii : bool, optional
-        Whether they are text, if their format has a choice.
-    """
+    """The output files by input, in the order of the inputs, whose names tell the format unless it is given."""
 
     targets: dict[Path, Path]
     makes_folders: bool
     format: str | None = None
-    ascii: bool | None = None
 
     def check(self, target: Path, force: bool) -> None:
         """Check that an output file can be written, in a format that gppcs writes. Call it before long work."""
         from gppcs import io
 
-        io.format_to_write(target, self.format, self.ascii)
+        io.format_to_write(target, self.format)
         if not io.is_standard(target):
             io.check_writable(target, force, makes_folders=self.makes_folders)
 
@@ -49,15 +36,20 @@ class Outputs:
             target.parent.mkdir(parents=True, exist_ok=True)
 
 
-def outputs_of(
-    inputs: Sequence[Path],
-    output: str,
-    format: str | None = None,  # noqa: A002
-    ascii: bool | None = None,  # noqa: A002
-) -> Outputs:
+def check_output(output: Path, suffixes: Sequence[str], inputs: Sequence[Path], force: bool) -> None:
+    """Check that the one file of a command can be written, has a fitting name and is no input; call it before work."""
+    from gppcs import io
+
+    io.check_distinct([output], inputs)
+    if not io.is_standard(output) and io.inner_name(output).suffix.lower() not in suffixes:
+        raise OutputError(f"{output}: expected a name that ends in {suffixes[0]}; choose another")
+    io.check_output(output, force)
+
+
+def outputs_of(inputs: Sequence[Path], output: str, format: str | None = None) -> Outputs:  # noqa: A002
     """Return the output file of each input."""
     sources = sources_of(inputs)
-    several = len(sources) > 1 or any(path.is_dir() or _is_list(path) for path in inputs)
+    several = sources != list(inputs) or len(sources) > 1
     if "{" in output or "}" in output:
         targets = [_filled(output, source) for source in sources]
     elif _means_folder(output, several):
@@ -68,9 +60,15 @@ def outputs_of(
             "end it with a slash, or write a pattern such as '{stem}_small.ply'"
         )
     else:
-        return Outputs({sources[0]: file_path(output)}, makes_folders=False, format=format, ascii=ascii)
-    _check_different(output, sources, targets)
-    return Outputs(dict(zip(sources, targets, strict=True)), makes_folders=True, format=format, ascii=ascii)
+        return Outputs({sources[0]: file_path(output)}, makes_folders=False, format=format)
+    known: dict[Path, Path] = {}
+    for source, target in zip(sources, targets, strict=True):
+        if (other := known.setdefault(target, source)) is not source:
+            raise OutputError(
+                f"{output}: expected inputs with different names, found that {other} and {source} both go to "
+                f"{target}; rename one, or write a pattern with {{parent}}, {{stem}} and {{suffix}}"
+            )
+    return Outputs(dict(zip(sources, targets, strict=True)), makes_folders=True, format=format)
 
 
 def sources_of(inputs: Sequence[Path]) -> list[Path]:
@@ -102,12 +100,6 @@ def _is_other_text(path: Path) -> bool:
     return False
 
 
-def _is_list(path: Path) -> bool:
-    from gppcs.io import VPC
-
-    return path.suffix.lower() == VPC
-
-
 def _files_in(folder: Path) -> list[Path]:
     from gppcs.io import COMPRESSIONS, FORMATS
 
@@ -135,6 +127,10 @@ def _means_folder(output: str, several: bool) -> bool:
 
 def _filled(pattern: str, source: Path) -> Path:
     """Return a pattern with the names of an input in its fields."""
+    from gppcs.io import inner_name
+
+    stem = inner_name(source).stem  # the suffix of a compression belongs to the suffix
+    names = (stem, source.name, source.name[len(stem) :], str(source.parent))
     try:
         parts = list(Formatter().parse(pattern))
     except ValueError:
@@ -143,34 +139,13 @@ def _filled(pattern: str, source: Path) -> Path:
             "write {{ and }} for braces in a name"
         ) from None
     filled = ""
-    for text, field, details, conversion in parts:
+    for text, name, details, conversion in parts:
         filled += text
-        if field is not None and (field not in FIELDS or details or conversion):
-            raise OutputError(
-                f"{pattern}: expected the fields {', '.join(f'{{{name}}}' for name in FIELDS)}, "
-                f"found {{{field}{f'!{conversion}' if conversion else ''}{f':{details}' if details else ''}}}"
-            )
-        if field is not None:
-            filled += _names(source)[field]
+        if name is None:
+            continue
+        field = name + (f"!{conversion}" if conversion else "") + (f":{details}" if details else "")
+        if field not in FIELDS:
+            known = ", ".join(f"{{{each}}}" for each in FIELDS)
+            raise OutputError(f"{pattern}: expected the fields {known}, found {{{field}}}")
+        filled += names[FIELDS.index(field)]
     return file_path(filled)
-
-
-def _names(source: Path) -> dict[str, str]:
-    """Return what stands for each of `FIELDS`. The suffix of a compression belongs to the suffix of a file."""
-    from gppcs.io import inner_name
-
-    inner = inner_name(source)
-    suffix = source.name[len(inner.stem) :]
-    return {"stem": inner.stem, "name": source.name, "suffix": suffix, "parent": str(source.parent)}
-
-
-def _check_different(output: str, sources: list[Path], targets: list[Path]) -> None:
-    """Raise an error if two inputs have one output file."""
-    known: dict[Path, Path] = {}
-    for source, target in zip(sources, targets, strict=True):
-        if target in known:
-            raise OutputError(
-                f"{output}: expected inputs with different names, found that {known[target]} and {source} both go to "
-                f"{target}; rename one, or write a pattern with {{parent}}, {{stem}} and {{suffix}}"
-            )
-        known[target] = source

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from gppcs import __version__
 from gppcs.app.printing import print_error
-from gppcs.errors import OutputError
 
 if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
@@ -18,15 +17,6 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".html", ".htm")  # of pages
 MOST_TO_REBUILD = 1_000_000  # points; to rebuild a mesh from a larger cloud would take minutes
-
-
-def check_page(path: Path, force: bool) -> None:
-    """Check that a page can be written. Call it before long work."""
-    from gppcs import io
-
-    if not io.is_standard(path) and io.inner_name(path).suffix.lower() not in SUFFIXES:
-        raise OutputError(f"{path}: expected a name that ends in {SUFFIXES[0]} for the page")
-    io.check_output(path, force)
 
 
 def different_names(paths: Sequence[Path]) -> list[str]:

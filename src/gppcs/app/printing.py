@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import logging
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import typer
 
-from gppcs.app.tables import FIGURES
+from gppcs import __version__
+from gppcs.engine.memory import peak_memory
 from gppcs.engine.strict_json import strict_json
-from gppcs.engine.timer import COMPILATION, Listener
+from gppcs.engine.threads import set_threads
+from gppcs.engine.timer import COMPILATION, Timer
 from gppcs.errors import GppcsError, InputError, ParameterError, shown
-from gppcs.evaluation.report import MeshReport, Report
+from gppcs.evaluation.report import MeshReport, Report, figure_called
 
 BAD_INPUT = 2
 MOST_IN_FULL = 1e15  # of whole numbers; floats hold larger ones without their last digits
@@ -42,19 +44,19 @@ def say_aside(text: str) -> None:
     typer.echo(visible(" ".join(text.split())), err=True)
 
 
-def progress(quiet: bool) -> Listener | None:
-    """Return what shows the progress of a run, and the notices of the library. Nothing does if the user wants quiet."""
-    if quiet:
-        logging.getLogger("gppcs").setLevel(logging.WARNING)
-        return None
+def started(quiet: bool, threads: int | None = None) -> Timer:
+    """Return the timer of a run in so many threads, which shows progress and notices unless the user wants quiet."""
     from gppcs.engine.progress import ProgressBar
 
-    return ProgressBar()
+    set_threads(threads)
+    if quiet:
+        logging.getLogger("gppcs").setLevel(logging.WARNING)
+    return Timer(None if quiet else ProgressBar())
 
 
-def names_of(columns: str | None) -> list[str] | None:
-    """Return the names in the option `--columns`."""
-    return None if columns is None else [name.strip() for name in columns.split(",")]
+def names_of(text: str | None) -> list[str] | None:
+    """Return the names in an option that takes several."""
+    return None if text is None else [name.strip() for name in text.split(",")]
 
 
 def numbers_of(box: str | None) -> list[float] | None:
@@ -63,6 +65,40 @@ def numbers_of(box: str | None) -> list[float] | None:
         return None if box is None else [float(limit) for limit in box.split(",")]
     except ValueError:
         raise ParameterError(f"expected --box with numbers, such as 0,0,100,50, found {shown(box)}") from None
+
+
+def for_each(files: Iterable[Path], work: Callable[[Path], None]) -> None:
+    """Work on each file. If that fails for one, the others are still worked on, and the program ends with an error."""
+    failed = False
+    for file in files:
+        try:
+            work(file)
+        except FAILURES as error:
+            tell(error, file)
+            failed = True
+    if failed:
+        raise typer.Exit(BAD_INPUT)
+
+
+def show(record: Mapping[str, Any], title: str, rows: Mapping[str, str], as_json: bool, quiet: bool = False) -> None:
+    """Print a result as JSON, or as a table."""
+    from gppcs.app.console import print_table
+
+    if as_json:
+        print_json(record)
+    elif not quiet:
+        print_table(title, rows)
+
+
+def record_of_run(diagnostics: Mapping[str, float], seconds: Mapping[str, float]) -> dict[str, Any]:
+    """Return what the record of each run ends with."""
+    return {
+        "diagnostics": dict(diagnostics),
+        "seconds": dict(seconds),
+        "seconds_compiling": seconds.get(COMPILATION, 0.0),
+        "peak_memory": peak_memory(),
+        "version": __version__,
+    }
 
 
 def number_in_words(value: float) -> str:
@@ -83,7 +119,7 @@ def time_in_words(seconds: Mapping[str, float]) -> str:
     return text + "".join(f"; {stage} {value:.2f} s" for stage, value in named.items())
 
 
-def print_json(record: dict[str, Any]) -> None:
+def print_json(record: Mapping[str, Any]) -> None:
     """Print a record as one line of strict JSON."""
     say(strict_json(record))
 
@@ -104,7 +140,7 @@ def figure_rows(report: Report | MeshReport, unit: str | None) -> dict[str, str]
             "degrees": f"{value:.4g} degrees",
             "share": f"{100 * value:.4g} %",
             "ratio": f"{value:.4g}",
-        }[FIGURES[name.removeprefix("carried_")].unit]
+        }[figure_called(name).unit]
     return rows if unit else {**rows, "lengths": "in the unit of the coordinates, which the file does not tell"}
 
 

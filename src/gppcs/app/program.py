@@ -6,6 +6,7 @@ import logging
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from io import TextIOWrapper
 from typing import Annotated, Any
 
@@ -13,24 +14,13 @@ import typer
 import typer.core
 
 from gppcs import __version__
-from gppcs.app.commands import (
-    compare,
-    convert,
-    curve,
-    evaluate,
-    info,
-    mesh,
-    methods,
-    render,
-    report,
-    sample,
-    simplify,
-    view,
-    warmup,
-)
 from gppcs.app.printing import BAD_INPUT, FAILURES, print_error, say, tell
 
 NAME = "gppcs"  # also if it runs as `python -m gppcs`
+COMMANDS = (
+    "simplify", "mesh", "evaluate", "compare", "curve", "report", "view", "render", "info", "convert", "sample",
+    "methods", "warmup",
+)  # fmt: skip
 
 
 class _WithoutTypesOfFlags:
@@ -82,19 +72,9 @@ def _root(
         raise typer.Exit
 
 
-app.command(cls=_Command, epilog=simplify.EPILOG)(simplify.simplify)
-app.command(cls=_Command, epilog=mesh.EPILOG)(mesh.mesh)
-app.command(cls=_Command, epilog=evaluate.EPILOG)(evaluate.evaluate)
-app.command(cls=_Command, epilog=compare.EPILOG)(compare.compare)
-app.command(cls=_Command, epilog=curve.EPILOG)(curve.curve)
-app.command(cls=_Command, epilog=report.EPILOG)(report.report)
-app.command(cls=_Command, epilog=view.EPILOG)(view.view)
-app.command(cls=_Command, epilog=render.EPILOG)(render.render)
-app.command(cls=_Command, epilog=info.EPILOG)(info.info)
-app.command(cls=_Command, epilog=convert.EPILOG)(convert.convert)
-app.command(cls=_Command, epilog=sample.EPILOG)(sample.sample)
-app.command(cls=_Command, epilog=methods.EPILOG)(methods.methods)
-app.command(cls=_Command, epilog=warmup.EPILOG)(warmup.warmup)
+for _name in COMMANDS:
+    _module = import_module(f"gppcs.app.commands.{_name}")
+    app.command(cls=_Command, epilog=f"[bold]Examples[/bold]\n\n{_module.EPILOG}")(getattr(_module, _name))
 
 
 def run(arguments: Sequence[str]) -> int:

@@ -9,13 +9,12 @@ from dataclasses import dataclass
 from io import StringIO
 from typing import TYPE_CHECKING, Any, Literal
 
-from gppcs.evaluation.report import MeshReport, Rebuilt, Report, figures_of
+from gppcs.evaluation.report import figure_called
 
 if TYPE_CHECKING:
     from gppcs.evaluation.comparison import Entry
     from gppcs.evaluation.mesh_comparison import MeshEntry
 
-FIGURES = {**figures_of(Report), **figures_of(Rebuilt), **figures_of(MeshReport)}
 FACTORS = {"length": 1e4, "squared length": 1e6}
 UNITS = "Lengths in 1e-4 diagonals of the original's bounding box, Chamfer in 1e-6 squared diagonals, angles in degrees"
 UNITS_OF_MESHES = "Lengths in 1e-4 diagonals of the original's bounding box, slivers as a share of the triangles"
@@ -32,30 +31,14 @@ SHOWN = (
 class Row:
     """What the tables say of one method, or of one way to a mesh.
 
-    Attributes
-    ----------
-    kind : str
-        "method" or "way".
-    name : str
-        Its name.
-    label : str
-        The same with parameters that are not the usual ones.
-    parameters : mapping of str to object, or None
-        All parameters; None for ways, which have none.
-    counts : mapping of str to int
-        The size of the result, by the titles of columns. Empty without a result.
-    seconds : float
-        Wall time.
-    figures, relative : mapping of str to float
-        The figures of the result, also relative to the diagonal.
-    failure : str or None
-        Why figures are missing.
+    `label` is the name with parameters that are not the usual ones, `counts` the size of the result by the titles of
+    columns, `relative` the figures relative to the diagonal, and `failure` why figures are missing.
     """
 
     kind: Literal["method", "way"]
     name: str
     label: str
-    parameters: Mapping[str, Any] | None
+    parameters: Mapping[str, Any]
     counts: Mapping[str, int]
     seconds: float
     figures: Mapping[str, float]
@@ -68,33 +51,19 @@ class Row:
         from gppcs.evaluation.comparison import Entry
 
         report = entry.report
-        known: dict[str, Any] = {
-            "seconds": entry.seconds,
-            "figures": report.figures() if report else {},
-            "relative": report.figures(relative=True) if report else {},
-            "failure": entry.failure,
-        }
+        figures, relative = (report.figures(), report.figures(relative=True)) if report else ({}, {})
+        measured = entry.seconds, figures, relative, entry.failure
         if isinstance(entry, Entry):
             method = entry.result.method
             counts = {"points": entry.report.points_out}
-            return cls("method", method.name, str(method), dataclasses.asdict(method), counts, **known)
+            return cls("method", method.name, str(method), dataclasses.asdict(method), counts, *measured)
         counts = {"vertices": entry.report.vertices, "triangles": entry.report.triangles} if entry.report else {}
-        return cls("way", entry.way, entry.way, None, counts, **known)
+        return cls("way", entry.way, entry.way, {}, counts, *measured)
 
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a table: a figure of each method or way.
-
-    Attributes
-    ----------
-    title : str
-        The name of the figure.
-    values : tuple of (float or None)
-        The value of each row, in the unit that `units_of` gives; None if a row has no such value.
-    better : "less", "more" or None
-        Which values are better; None if neither are.
-    """
+    """A figure of each method or way, in the unit that `units_of` gives, and which values of it are better, if any."""
 
     title: str
     values: tuple[float | None, ...]
@@ -117,7 +86,7 @@ def columns_of(rows: Sequence[Row]) -> list[Column]:
     ]
     for name in SHOWN:
         if any(name in row.relative for row in rows):
-            known = FIGURES[name.removeprefix("carried_")]
+            known = figure_called(name)
             values = (row.relative.get(name) for row in rows)
             scaled = tuple(None if value is None else FACTORS.get(known.unit, 1) * value for value in values)
             columns.append(Column(name.replace("_", " "), scaled, known.better))
@@ -144,11 +113,9 @@ def as_markdown(rows: Sequence[Row]) -> str:
     columns = columns_of(rows)
     lines = [[rows[0].kind, *(column.title for column in columns)], ["---"] * (len(columns) + 1)]
     for number, row in enumerate(rows):
-        cells = (
-            f"**{as_text(column.values[number])}**" if column.is_best(number) else as_text(column.values[number])
-            for column in columns
-        )
-        lines.append([row.label, *cells])
+        marks = ("**" if column.is_best(number) else "" for column in columns)
+        texts = (as_text(column.values[number]) for column in columns)
+        lines.append([row.label, *(f"{mark}{text}{mark}" for mark, text in zip(marks, texts, strict=True))])
     return "".join(f"| {' | '.join(line)} |\n" for line in lines) + f"\n{units_of(rows)}; bold: the best.\n"
 
 
@@ -156,18 +123,17 @@ def as_csv(rows: Sequence[Row]) -> str:
     """Return a comparison as CSV."""
     records: list[dict[str, Any]] = []
     for row in rows:
+        parameters = " ".join(f"{name}={value}" for name, value in row.parameters.items())
         relative = {
             f"{name}_relative": value
             for name, value in row.relative.items()
-            if name != "diagonal" and FIGURES[name.removeprefix("carried_")].unit in FACTORS
+            if name != "diagonal" and figure_called(name).unit in FACTORS
         }
-        named: dict[str, str] = {row.kind: row.name}
-        if row.parameters is not None:
-            named["parameters"] = " ".join(f"{name}={value}" for name, value in row.parameters.items())
-        records.append({**named, "seconds": row.seconds, **row.figures, **relative})
+        known = {"parameters": parameters} if row.kind == "method" else {}
+        records.append({row.kind: row.name, **known, "seconds": row.seconds, **row.figures, **relative})
     names = [*dict.fromkeys(name for record in records for name in record), "failure"]
     for record, row in zip(records, rows, strict=True):
-        record["failure"] = " ".join(row.failure.split()) if row.failure else ""
+        record["failure"] = " ".join((row.failure or "").split())
     file = StringIO()
     writer = csv.DictWriter(file, names, lineterminator="\n")
     writer.writeheader()

@@ -1,4 +1,4 @@
-"""What the options of pictures mean: `--view` and `--up`, which set the viewpoint, and `--colour`."""
+"""What the options of pictures mean: `--view` and `--up`, which set the viewpoint."""
 
 from __future__ import annotations
 
@@ -10,22 +10,10 @@ if TYPE_CHECKING:
     from gppcs.drawing.viewpoint import Viewpoint
 
 
-def require_picture(colour: str | None, picture: bool) -> None:
-    """Raise a ParameterError if a colour is given without a picture."""
-    if colour is not None and not picture:
-        raise ParameterError(
-            "expected a picture to colour by --colour, found none; request a picture or omit the option"
-        )
-
-
-def viewpoint_of(view: str | None, up: str | None, picture: bool) -> Viewpoint:
+def viewpoint_of(view: str | None, up: str | None) -> Viewpoint:
     """Return the viewpoint that the options set."""
     from gppcs.drawing.viewpoint import Viewpoint
 
-    if not picture and (view or up):
-        raise ParameterError(
-            "expected a picture to turn with --view and --up, found none; request a picture or omit these options"
-        )
     if view is None:
         return Viewpoint(up)
     try:

@@ -13,6 +13,7 @@ from gppcs.drawing.camera import Camera, averaged
 from gppcs.drawing.colours import Legend
 from gppcs.drawing.estimates import estimates
 from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
 
 Array = NDArray[np.float64]
@@ -42,8 +43,9 @@ class ColouredCloud:
         variation, normals, _ = estimates(points)
         return cls(points, variation, normals)
 
-    def kept(self, rows: NDArray[np.int64], points: Array) -> ColouredCloud:
-        """Return a simplified cloud: points (M, 3) that stand for some rows (M,)."""
+    def at(self, points: Array) -> ColouredCloud:
+        """Return a simplified cloud: points (M, 3) with the values and colours of the nearest ones."""
+        rows = KdTree.build(self.points).nearest_of(points, 1)[0][:, 0]
         return ColouredCloud(points, self.values[rows], colours=None if self.colours is None else self.colours[rows])
 
     def colours_by(self, legend: Legend) -> Array:

@@ -28,71 +28,42 @@ PROBE = "import pyvista; p = pyvista.Plotter(off_screen=True); p.add_mesh(pyvist
 
 def require_matplotlib() -> None:
     """Check that matplotlib is installed, so that a long run does not fail at its end."""
-    try:
-        importlib.import_module("matplotlib")
-    except ImportError as error:
-        raise _missing("a picture needs matplotlib", "picture", error) from error
+    _imported("matplotlib", "a picture needs matplotlib", "picture")
 
 
 def require_pyarrow() -> Any:
     """Import PyArrow."""
-    try:
-        import pyarrow
-    except ImportError as error:
-        raise _missing("Parquet and Feather files need PyArrow", "arrow", error) from error
-    return pyarrow
+    return _imported("pyarrow", "Parquet and Feather files need PyArrow", "arrow")
 
 
 def require_distributed() -> Any:
     """Import Dask's distributed."""
-    try:
-        import distributed
-    except ImportError as error:
-        raise _missing("work on several processes or machines needs Dask's distributed", "dask", error) from error
-    return distributed
+    return _imported("distributed", "work on several processes or machines needs Dask's distributed", "dask")
 
 
 def require_libe57() -> Any:
     """Import libE57Format, which pye57 brings."""
-    try:
-        from pye57 import libe57
-    except ImportError as error:
-        raise _missing("E57 files need pye57", "e57", error) from error
-    return libe57
+    return _imported("pye57", "E57 files need pye57", "e57").libe57
 
 
 def require_pymeshlab() -> Any:
     """Import PyMeshLab."""
-    try:
-        import pymeshlab
-    except ImportError as error:
-        raise _missing("meshes need PyMeshLab", "evaluate", error) from error
-    return pymeshlab
+    return _imported("pymeshlab", "meshes need PyMeshLab", "evaluate")
 
 
 def require_cgal(module: str) -> Any:
     """Import a part of CGAL's Python package."""
-    try:
-        return importlib.import_module(f"CGAL.CGAL_{module}")
-    except ImportError as error:
-        raise _missing("the advancing front needs CGAL", "cgal", error) from error
+    return _imported(f"CGAL.CGAL_{module}", "the advancing front needs CGAL", "cgal")
 
 
 def require_trimesh() -> Any:
     """Import trimesh."""
-    try:
-        import trimesh
-    except ImportError as error:
-        raise _missing("glTF files need trimesh", "gltf", error) from error
-    return trimesh
+    return _imported("trimesh", "glTF files need trimesh", "gltf")
 
 
 def require_pyvista() -> None:
     """Check that PyVista can draw meshes, so that a long run does not fail at its end."""
-    try:
-        importlib.import_module("pyvista")
-    except ImportError as error:
-        raise _missing("a picture of meshes needs PyVista", "view", error) from error
+    _imported("pyvista", "a picture of meshes needs PyVista", "view")
     if not _opengl_works():
         raise MissingExtraError(
             "a picture of meshes needs OpenGL, and PyVista found none; software rendering suffices, "
@@ -111,14 +82,17 @@ def require_library(name: str, title: str) -> Any:
         ) from error
 
 
-def _missing(need: str, extra: str, error: ImportError) -> MissingExtraError:
-    """Return the error for a missing extra, with the line that installs its packages."""
-    packages = " ".join(f"'{requirement}'" for requirement in EXTRAS[extra])
-    fault = "is not installed"
-    if not isinstance(error, ModuleNotFoundError):  # a library of the system is missing, or versions do not fit
-        reason = str(error).partition("\n")[0]
-        fault = f"cannot be imported ({reason})"
-    return MissingExtraError(f"{need}, which {fault} (the extra {extra}): pip install {packages}")
+def _imported(module: str, need: str, extra: str) -> Any:
+    """Import a module of an extra, or say why this fails, with the line that installs its packages."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        packages = " ".join(f"'{requirement}'" for requirement in EXTRAS[extra])
+        fault = "is not installed"
+        if not isinstance(error, ModuleNotFoundError):  # a library of the system is missing, or versions do not fit
+            reason = str(error).partition("\n")[0]
+            fault = f"cannot be imported ({reason})"
+        raise MissingExtraError(f"{need}, which {fault} (the extra {extra}): pip install {packages}") from error
 
 
 @functools.cache

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from gppcs.app import options, panels
-from gppcs.app.mesh_pictures import drawn_meshes, named_meshes
+from gppcs.app import options
 from gppcs.app.pages import how_made, rebuilt
-from gppcs.app.printing import names_of, print_error, print_json, progress, say
-from gppcs.app.viewpoint import require_picture, viewpoint_of
+from gppcs.app.panels import LOOK, METHOD
+from gppcs.app.printing import names_of, print_error, print_json, say, started
+from gppcs.app.viewpoint import viewpoint_of
 from gppcs.clouds.quantities import count_of, share_of
-from gppcs.engine.threads import set_threads
-from gppcs.errors import OutputError, ParameterError, file_path
+from gppcs.errors import OutputError, ParameterError
 from gppcs.methods import METHODS
 
 if TYPE_CHECKING:
@@ -27,12 +26,11 @@ if TYPE_CHECKING:
     from gppcs.clouds.mesh import Mesh
     from gppcs.drawing.viewpoint import Viewpoint
     from gppcs.drawing.web.contents import Named
-    from gppcs.engine.timer import Timer
     from gppcs.evaluation.comparison import Entry
+    from gppcs.evaluation.mesh_comparison import MeshEntry
 
-Work = Callable[..., Any]  # takes a cloud, mesh, invalid and timer, and returns the entries of a comparison
+ADVICE = "; give a mesh with --mesh"  # where the original is too large to be rebuilt
 EPILOG = (
-    "[bold]Examples[/bold]\n\n"
     "gppcs compare scan.ply --ratio 3% -o comparison\n\n"
     "gppcs compare scan.ply --points 5k --methods fps,hc,wlop --mesh surface.ply -o comparison\n\n"
     "gppcs compare scan.ply --ratio 3% --meshes -o meshes\n\n"
@@ -48,45 +46,40 @@ EPILOG = (
 
 def compare(
     context: typer.Context,
-    cloud: Annotated[
-        Path, typer.Argument(metavar="IN", parser=file_path, help="A point cloud file.", show_default=False)
-    ],
+    cloud: options.Cloud,
     output: Annotated[
         Path,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="DIR",
-            parser=file_path,
-            help="The folder for table.csv, table.md, picture.png and report.html. It is created if it does not exist.",
+        options.output(
+            "DIR",
+            "The folder for table.csv, table.md, picture.png and report.html. It is created if it does not exist.",
         ),
     ],
     ratio: options.Ratio = None,
     points: options.Points = None,
     meshes: Annotated[
         bool,
-        typer.Option(
+        options.flag(
             "--meshes",
-            help="Compare ways to make a light mesh instead of methods. They are listed below. Needs the extra "
-            "evaluate.",
-            rich_help_panel=panels.METHOD,
+            "Compare ways to make a light mesh instead of methods. They are listed below. Needs the extra evaluate.",
+            METHOD,
         ),
     ] = False,
     methods: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME,...",
-            help="Names of the methods, separated by commas, in the order of the table. See gppcs methods. With "
+        options.option(
+            "NAME,...",
+            "Names of the methods, separated by commas, in the order of the table. See gppcs methods. With "
             "--meshes, names of ways to a mesh; by default all ways whose packages are installed.",
+            METHOD,
             show_default="all",
-            rich_help_panel=panels.METHOD,
         ),
     ] = None,
     mesh: Annotated[
         Path | None,
-        typer.Option(
-            help="A mesh file of the true surface of IN. The meshes that are made or rebuilt are compared with it.",
-            rich_help_panel=panels.LOOK,
+        options.option(
+            None,
+            "A mesh file of the true surface of IN. The meshes that are made or rebuilt are compared with it.",
+            LOOK,
         ),
     ] = None,
     seed: options.Seed = None,
@@ -95,19 +88,18 @@ def compare(
     drop: options.DropInvalid = None,
     picture: Annotated[
         bool,
-        typer.Option(
-            help="Draw the clouds and the meshes rebuilt from them. Needs the extras view and evaluate.",
-            rich_help_panel=panels.LOOK,
+        options.option(
+            None, "Draw the clouds and the meshes rebuilt from them. Needs the extras view and evaluate.", LOOK
         ),
     ] = True,
     colour: options.Colour = None,
     report: Annotated[
         bool,
-        typer.Option(
+        options.flag(
             "--report",
-            help="Also write report.html, a page that shows all clouds and the meshes of the picture in the browser; "
+            "Also write report.html, a page that shows all clouds and the meshes of the picture in the browser; "
             "see gppcs report.",
-            rich_help_panel=panels.LOOK,
+            LOOK,
         ),
     ] = False,
     view: options.View = None,
@@ -125,143 +117,125 @@ def compare(
     from gppcs.app.console import print_comparison
     from gppcs.app.tables import Row, as_csv, as_markdown
     from gppcs.drawing.attributes import Colourable
-    from gppcs.drawing.web.contents import Named
-    from gppcs.engine.timer import Timer
+    from gppcs.drawing.web.contents import Named, report_page
+    from gppcs.evaluation.comparison import checked_methods
+    from gppcs.evaluation.comparison import compare as compared
+    from gppcs.evaluation.mesh_comparison import checked_ways, compare_meshes
     from gppcs.io.mesh_files import read_mesh
 
-    set_threads(threads)
+    timer = started(quiet, threads)
     share = None if ratio is None else share_of("ratio", ratio)
     count = None if points is None else count_of("n_points", points)
-    chosen = None if methods is None else [name.strip() for name in methods.split(",")]
     if meshes and seed is not None:
         raise ParameterError("expected --seed without --meshes, whose ways draw no random numbers")
-    work = _of_ways(chosen, share, count) if meshes else _of_methods(chosen, share, count, seed)
-    viewpoint = viewpoint_of(view, up, picture or report)
-    require_picture(colour, picture)
+    work: Any
+    if meshes:
+        work = partial(compare_meshes, ways=checked_ways(names_of(methods), share, count))
+    else:
+        work = partial(compared, methods=checked_methods(names_of(methods) or METHODS, share, count, seed))
+    viewpoint = viewpoint_of(view, up)
+    if (view or up) and not (picture or report):
+        raise ParameterError(
+            "expected a picture or --report to turn with --view and --up, found neither; leave out --no-picture"
+        )
+    if colour is not None and not picture:
+        raise ParameterError("expected a picture to colour by --colour, found none; leave out --no-picture")
     names = ["table.csv", "table.md", *(["picture.png"] if picture else []), *(["report.html"] if report else [])]
     targets = _targets([cloud, mesh] if mesh else [cloud], output, names, force)
     surface = read_mesh(mesh) if mesh else None
-    timer = Timer(progress(quiet))
     original = io.read(cloud, input_format, names_of(columns))
     if colour is not None:
         Colourable.of(original).require(colour)
-    entries = work(original, mesh=surface, invalid="drop" if drop else "error", timer=timer)
+    entries = work(
+        original, ratio=share, n_points=count, mesh=surface, invalid="drop" if drop else "error", timer=timer
+    )
     rows = [Row.of(entry) for entry in entries]
     with timer("tables and picture"):
         contents = {"table.csv": as_csv(rows).encode(), "table.md": as_markdown(rows).encode()}
-        surfaces = [surface] if meshes else _surfaces(original, entries, surface, picture)
-        if picture and meshes:
-            contents["picture.png"] = drawn_meshes(original, entries, surface, viewpoint, colour)
-        elif picture:
-            contents["picture.png"] = _drawn(original, entries, surfaces, viewpoint, colour)
-    results = named_meshes(entries) if meshes else _named(entries, surfaces)
-    if report and results:  # without results no way has found a surface, and the notes say so
+        shown = _meshes(entries) if meshes else _clouds(entries, original, surface, picture)
+        if not meshes and picture and surface is None:
+            surface = rebuilt("the original", finite := original.take(original.finite_rows()), finite, ADVICE)
+        if picture:
+            contents["picture.png"] = _drawn(original, surface, shown, rows, viewpoint, colour)
+    if report and shown:  # without results no way has found a surface, and the notes say so
         made = how_made(context.obj, [cloud, *([mesh] if mesh else [])])
-        contents["report.html"] = _page(Named(cloud.name, original, surfaces[0]), results, made, viewpoint, timer)
+        page = BytesIO()
+        report_page(Named(cloud.name, original, surface), shown, made, viewpoint, timer).write(page)
+        contents["report.html"] = page.getvalue()
     output.mkdir(exist_ok=True)
     for name, content in contents.items():
         with io.whole_file(targets[name], force) as file:
             file.write(content)
-    if as_json:
-        _print_records(rows)
-    elif not quiet:
+    if not (as_json or quiet):
         print_comparison(rows)
         say(f"{output}: {', '.join(contents)}")
     for row in rows:
+        if as_json:
+            parameters = {"parameters": row.parameters} if row.kind == "method" else {}
+            measured = {"seconds": row.seconds, "figures": row.figures, "relative": row.relative}
+            print_json({row.kind: row.name, **parameters, **measured, "failure": row.failure})
         if row.failure:
             print_error(f"note: {row.label}: {row.failure}")
 
 
-def _of_methods(names: list[str] | None, ratio: float | None, n_points: int | None, seed: int | None) -> Work:
-    """Return the comparison of methods, after checking its parameters."""
-    from gppcs.evaluation.comparison import checked_methods
-    from gppcs.evaluation.comparison import compare as compared
-
-    chosen = checked_methods(METHODS if names is None else names, ratio, n_points, seed)
-    return partial(compared, methods=chosen, ratio=ratio, n_points=n_points)
-
-
-def _of_ways(names: list[str] | None, ratio: float | None, n_points: int | None) -> Work:
-    """Return the comparison of ways to a mesh, after checking its parameters."""
-    from gppcs.evaluation.mesh_comparison import checked_ways, compare_meshes
-
-    return partial(compare_meshes, ways=checked_ways(names, ratio, n_points), ratio=ratio, n_points=n_points)
-
-
-def _surfaces(original: PointCloud, entries: Sequence[Entry], surface: Mesh | None, wanted: bool) -> list[Mesh | None]:
-    """Return the surface of the original, if known or wanted, and those rebuilt from the simplified clouds."""
+def _clouds(entries: Sequence[Entry], original: PointCloud, surface: Mesh | None, drawn: bool) -> list[Named]:
+    """Return the simplified clouds, with their surfaces if these were compared or are drawn."""
+    from gppcs.drawing.web.contents import Named
     from gppcs.evaluation.comparison import rebuilt_mesh, trimmed_mesh
 
-    original = original.take(original.finite_rows())
-    if surface:
-        measured = (entry.report.rebuilt for entry in entries)
-        return [surface, *(trimmed_mesh(each.mesh, original) if each else None for each in measured)]
-    if not wanted:
-        return [None] * (1 + len(entries))
-    return [
-        rebuilt("the original", original, original, "; give a mesh with --mesh"),
-        *(rebuilt_mesh(entry.result.cloud, original) for entry in entries),
-    ]
+    finite, shown = original.take(original.finite_rows()), []
+    for entry in entries:
+        result, mesh = entry.result, None
+        if surface:
+            mesh = trimmed_mesh(entry.report.rebuilt.mesh, finite) if entry.report.rebuilt else None
+        elif drawn:
+            mesh = rebuilt_mesh(result.cloud, finite)
+        shown.append(Named(str(result.method), result.cloud, mesh, result.method.summary))
+    return shown
 
 
-def _named(entries: Sequence[Entry], surfaces: Sequence[Mesh | None]) -> list[Named]:
-    """Return the simplified clouds with the names of the methods and their surfaces, for a page."""
+def _meshes(entries: Sequence[MeshEntry]) -> list[Named]:
+    """Return the meshes that were found with the vertices that triangles have."""
+    import numpy as np
+
+    from gppcs.clouds.cloud import PointCloud
     from gppcs.drawing.web.contents import Named
 
     return [
-        Named(str(entry.result.method), entry.result.cloud, mesh, entry.result.method.summary)
-        for entry, mesh in zip(entries, surfaces[1:], strict=True)
+        Named(way, PointCloud(mesh.vertices[np.unique(mesh.faces)]), mesh, f"it is a vertex of the mesh by {way}")
+        for way, mesh in ((entry.way, entry.mesh) for entry in entries if entry.report)
+        if mesh
     ]
-
-
-def _page(
-    original: Named, results: Sequence[Named], made: list[tuple[str, str]], viewpoint: Viewpoint, timer: Timer
-) -> bytes:
-    """Return an HTML page of the original and each result."""
-    from gppcs.drawing.web.contents import report_page
-
-    page = BytesIO()
-    report_page(original, results, made, viewpoint, timer).write(page)
-    return page.getvalue()
 
 
 def _drawn(
     original: PointCloud,
-    entries: Sequence[Entry],
-    meshes: Sequence[Mesh | None],
+    surface: Mesh | None,
+    shown: Sequence[Named],
+    rows: Sequence[Row],
     viewpoint: Viewpoint,
     colour: str | None,
 ) -> bytes:
-    """Return a PNG of the original and each simplified cloud, with the meshes rebuilt from them."""
-    import numpy as np
-
+    """Return a PNG of the original and each result, in the colours of the nearest original points, and their meshes."""
     from gppcs.drawing.paint import painted
     from gppcs.drawing.side_by_side import Column, draw_comparison
 
-    rows = original.finite_rows()
-    everything, legend = painted(original.take(rows), colour)
-    columns = [Column("original", everything, "", meshes[0])]
-    for entry, mesh in zip(entries, meshes[1:], strict=True):
-        kept = everything.kept(np.searchsorted(rows, entry.result.indices), entry.result.cloud.points)
-        columns.append(Column(str(entry.result.method), kept, _caption(entry), mesh))
+    everything, legend = painted(original.take(original.finite_rows()), colour)
+    columns = [Column("original", everything, "", surface)]
+    captions = {row.label: _caption(row.relative) for row in rows if row.relative}
+    counted: Literal["points", "vertices"] = "points" if rows[0].kind == "method" else "vertices"
+    for each in shown:
+        kept = everything.at(each.cloud.points)
+        columns.append(Column(each.name, kept, captions[each.name], each.mesh, counted))
     image = BytesIO()
     draw_comparison(image, columns, viewpoint, legend)
     return image.getvalue()
 
 
-def _caption(entry: Entry) -> str:
-    """Return the mean error of a method, in diagonals of the original's bounding box."""
-    figures = entry.report.figures(relative=True)
-    name = "hausdorff_mean" if "hausdorff_mean" in figures else "surface_mean"
-    return f"{name.replace('_', ' ')}\n{figures[name]:.2e} diagonals"
-
-
-def _print_records(rows: Sequence[Row]) -> None:
-    """Print the comparison as one JSON object for each method or way."""
-    for row in rows:
-        parameters = {} if row.parameters is None else {"parameters": row.parameters}
-        measured = {"seconds": row.seconds, "figures": row.figures, "relative": row.relative}
-        print_json({row.kind: row.name, **parameters, **measured, "failure": row.failure})
+def _caption(relative: Mapping[str, float]) -> str:
+    """Return the mean error of a result, in diagonals of the original's bounding box."""
+    name = next(name for name in ("mesh_mean", "hausdorff_mean", "surface_mean") if name in relative)
+    return f"{name.replace('_', ' ')}\n{relative[name]:.2e} diagonals"
 
 
 def _targets(inputs: list[Path], folder: Path, names: list[str], force: bool) -> dict[str, Path]:

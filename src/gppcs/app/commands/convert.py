@@ -5,16 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-import typer
-
 from gppcs.app import options
-from gppcs.app.printing import names_of, note_left_out, numbers_of, progress
-from gppcs.errors import file_path
+from gppcs.app.printing import names_of, note_left_out, numbers_of, started
+from gppcs.errors import ParameterError
 
 EPILOG = (
-    "[bold]Examples[/bold]\n\n"
     "gppcs convert scan.csv scan.ply\n\n"
     "gppcs convert scan.ply scan.xyz.gz --lossy\n\n"
+    "gppcs convert scan.laz scan.copc.laz\n\n"
     "gppcs convert - - --from xyz --to ply < scan.xyz > scan.ply"
 )
 
@@ -22,16 +20,11 @@ EPILOG = (
 def convert(
     source: Annotated[
         Path,
-        typer.Argument(
-            metavar="IN",
-            parser=file_path,
-            help="A point cloud file, or a virtual point cloud (.vpc): the files that it lists become one cloud.",
-            show_default=False,
+        options.file_argument(
+            "IN", "A point cloud file, or a virtual point cloud (.vpc): the files that it lists become one cloud."
         ),
     ],
-    target: Annotated[
-        Path, typer.Argument(metavar="OUT", parser=file_path, help="The file to write.", show_default=False)
-    ],
+    target: Annotated[Path, options.file_argument("OUT", "The file to write.")],
     input_format: options.From = None,
     output_format: options.To = None,
     ascii: options.Ascii = None,  # noqa: A002
@@ -40,10 +33,20 @@ def convert(
     only: options.Only = None,
     polygon: options.Inside = None,
     resolution: options.Resolution = None,
+    levels_by: Annotated[
+        Literal["gp", "fps", "random", "order"] | None,
+        options.option(
+            None,
+            "By what the points of the coarse levels of a .copc.laz file are chosen: by the method gp, as without this "
+            "option, fps or random, or by the order of the input.",
+        ),
+    ] = None,
     drop: Annotated[
-        Literal["invalid"] | None, typer.Option(help="Leave out the points with NaN or infinite coordinates.")
+        Literal["invalid"] | None, options.option(None, "Leave out the points with NaN or infinite coordinates.")
     ] = None,
     assume_same_crs: options.AssumeSameCrs = False,
+    memory: options.Memory = None,
+    workers: options.Workers = None,
     force: options.Force = False,
     lossy: options.Lossy = False,
     quiet: options.Quiet = False,
@@ -54,15 +57,34 @@ def convert(
     Values that the output format cannot hold are an error, which names them; with --lossy they are left out.
     """
     from gppcs import io
+    from gppcs.io.cloud_files import CloudFiles
+    from gppcs.io.query import Query
+    from gppcs.streaming.copc import write_beyond_memory
+    from gppcs.streaming.files import Work
+    from gppcs.streaming.sizes import bytes_of
+    from gppcs.streaming.workers import executor_of
 
-    progress(quiet)
-    io.format_to_write(target, output_format, ascii)
+    timer = started(quiet)
+    chosen = io.format_to_write(target, output_format, ascii, levels_by)
+    if (memory or workers) and not chosen.has_levels:
+        raise ParameterError("expected --memory and --workers with a name that ends in .copc.laz, found another")
     io.check_output(target, force)
     io.check_distinct([target], [source, *filter(None, [polygon])])
     part = (names_of(columns), numbers_of(box), resolution, only, polygon)
+    if chosen.has_levels and levels_by != "order" and not io.is_standard(source):
+        query = Query.of(*part[1:])
+        with (
+            executor_of(workers) as executor,
+            CloudFiles.of([source], input_format, part[0], query, assume_same_crs) as files,
+        ):
+            work = Work(None if memory is None else bytes_of(memory), None, executor, timer)
+            left_out = write_beyond_memory(target, files, levels_by, bool(drop), work, force, lossy)
+        if left_out is not None:
+            note_left_out(target, left_out)
+            return
     cloud, _, unread = io.load(source, input_format, *part, assume_same_crs)
     if drop and (n := len(cloud.non_finite())):
         cloud = cloud.take(cloud.finite_rows())
         unread = [*unread, f"points with NaN or infinite coordinates ({n:,})"]
-    lost = io.store(target, cloud, output_format, force, lossy, ascii)
+    lost = io.store(target, cloud, output_format, force, lossy, ascii, levels_by)
     note_left_out(target, [*unread, *lost])

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
-import typer
-
-from gppcs.app import options, panels
-from gppcs.app.printing import names_of, numbers_of, print_json, progress
+from gppcs.app import options
+from gppcs.app.outputs import check_output
+from gppcs.app.panels import LOOK, METHOD, SIZE
+from gppcs.app.printing import names_of, numbers_of, print_json, started
 from gppcs.clouds.quantities import Measure, size_of
-from gppcs.engine.threads import set_threads
-from gppcs.errors import OutputError, file_path
+from gppcs.errors import file_path
 from gppcs.methods import DEFAULT
 
-if TYPE_CHECKING:
-    from gppcs.amounts.curve import Curve
-
 EPILOG = (
-    "[bold]Examples[/bold]\n\n"
     "gppcs curve scan.ply\n\n"
     "gppcs curve scan.ply --methods gp,fps,voxel --sizes 1%,2%,5%,10% --measure mean --plot curve.png\n\n"
     "The knee is the size from which on more points gain little: the point that is farthest below the line between "
@@ -27,41 +22,24 @@ EPILOG = (
 
 
 def curve(
-    cloud: Annotated[
-        Path, typer.Argument(metavar="IN", parser=file_path, help="A point cloud file.", show_default=False)
-    ],
+    cloud: options.Cloud,
     methods: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME,...",
-            help="Names of the methods, separated by commas. See gppcs methods.",
-            rich_help_panel=panels.METHOD,
-        ),
+        str, options.option("NAME,...", "Names of the methods, separated by commas. See gppcs methods.", METHOD)
     ] = DEFAULT,
     sizes: Annotated[
         str | None,
-        typer.Option(
-            metavar="SIZE,...",
-            help="Numbers of points and shares, such as 1%,5%,20k.",
-            show_default="0.1% to 20%",
-            rich_help_panel=panels.SIZE,
+        options.option(
+            "SIZE,...", "Numbers of points and shares, such as 1%,5%,20k.", SIZE, show_default="0.1% to 20%"
         ),
     ] = None,
     measure: Annotated[
         Measure,
-        typer.Option(
-            help="Which error: 95 % of the points are as near as that (p95), or the mean, rms or largest.",
-            rich_help_panel=panels.SIZE,
+        options.option(
+            None, "Which error: 95 % of the points are as near as that (p95), or the mean, rms or largest.", SIZE
         ),
     ] = "p95",
     plot: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="PNG",
-            parser=file_path,
-            help="Draw the curves. Needs the extra picture.",
-            rich_help_panel=panels.LOOK,
-        ),
+        Path | None, options.option("PNG", "Draw the curves. Needs the extra picture.", LOOK, parser=file_path)
     ] = None,
     seed: options.Seed = None,
     input_format: options.From = None,
@@ -84,30 +62,24 @@ def curve(
     from gppcs.app.console import print_curves
     from gppcs.drawing.curves import draw_curves
     from gppcs.engine.extras import require_matplotlib
-    from gppcs.engine.timer import Timer
     from gppcs.evaluation.comparison import checked_methods
     from gppcs.evaluation.curves import curve as measured
     from gppcs.io.files import naming
     from gppcs.io.query import Query
 
-    set_threads(threads)
-    chosen = checked_methods([name.strip() for name in methods.split(",")], None, 1, seed)
+    timer = started(quiet, threads)
+    chosen = checked_methods(methods.split(","), None, 1, seed)
     wanted = None if sizes is None else [size_of("sizes", text) for text in sizes.split(",")]
     if plot is not None:
-        if not io.is_standard(plot) and plot.suffix.lower() != ".png":
-            raise OutputError(f"{plot}: expected a name that ends in .png for the plot")
+        check_output(plot, [".png"], [cloud, *filter(None, [polygon])], force)
         require_matplotlib()
-        io.check_distinct([plot], [cloud, *filter(None, [polygon])])
-        io.check_output(plot, force)
     query: dict[str, Any] = {"box": numbers_of(box), "only": only, "polygon": polygon}
     original = io.load(cloud, input_format, names_of(columns), **query).cloud
     with naming(cloud):
         asked = Query.of(resolution=None, **query)
         if asked and not len(original):
             raise asked.nothing_found()
-        curves = measured(
-            original, chosen, sizes=wanted, invalid="drop" if drop else "error", timer=Timer(progress(quiet))
-        )
+        curves = measured(original, chosen, sizes=wanted, invalid="drop" if drop else "error", timer=timer)
     if plot is not None:
         with io.whole_output(plot, force) as file:
             draw_curves(file, curves, measure)
@@ -115,18 +87,15 @@ def curve(
             return
     if as_json:
         for each in curves:
-            print_json({"input": str(cloud), **_record(each, measure)})
+            print_json(
+                {
+                    "input": str(cloud),
+                    "method": each.method.name,
+                    "points": each.sizes.tolist(),
+                    "errors": {name: values.tolist() for name, values in each.errors.items()},
+                    "diagonal": each.diagonal,
+                    "knee": each.knee(measure) if each.has_knee else None,
+                }
+            )
     elif not quiet:
         print_curves(str(cloud), curves, measure, len(original))
-
-
-def _record(curve: Curve, measure: Measure) -> dict[str, object]:
-    """Return a curve as the record that `--json` prints."""
-    errors = {name: values.tolist() for name, values in curve.errors.items()}
-    return {
-        "method": curve.method.name,
-        "points": curve.sizes.tolist(),
-        "errors": errors,
-        "diagonal": curve.diagonal,
-        "knee": curve.knee(measure) if curve.has_knee else None,
-    }

@@ -6,13 +6,10 @@ import warnings
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from gppcs.app import options
-from gppcs.app.printing import figure_rows, names_of, print_error, print_json, progress
-from gppcs.engine.threads import set_threads
-from gppcs.errors import ParameterError, file_path
-from gppcs.evaluation.report import MeshReport, Rebuilt, Report, figures_of
+from gppcs.app.printing import figure_rows, names_of, print_error, show, started
+from gppcs.errors import ParameterError
+from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt, Report, figures_of
 
 
 def _defined(report: type) -> str:
@@ -23,14 +20,16 @@ def _defined(report: type) -> str:
 
 
 EPILOG = (
-    "[bold]Examples[/bold]\n\n"
     "gppcs evaluate scan.ply small.ply\n\n"
     "gppcs evaluate scan.ply small.ply --mesh surface.ply --json\n\n"
+    "gppcs evaluate scan.ply small.ply --detail rgb\n\n"
     "gppcs evaluate scan.ply --simplified-mesh mesh.ply\n\n"
     f"[bold]Figures[/bold] (lengths in the unit of the clouds)\n\n{_defined(Report)}\n\n"
     "The area that a point stands for is an eighth of the disc around it that reaches to its 8th neighbour. The "
     "largest 1 % of the areas are cut to their 99th percentile, so that a few outliers do not count as much as all "
     "other points.\n\n"
+    f"[bold]With --detail NAME[/bold] (the names of the figures start with that of the attribute)\n\n"
+    f"{_defined(DetailErrors)}\n\n"
     f"[bold]With a mesh[/bold] (needs the extra evaluate)\n\n{_defined(Rebuilt)}\n\n"
     "The surface is rebuilt with normals estimated on the simplified cloud. If this cloud carries normals (nx, ny, "
     "nz), the surface is rebuilt a second time with these, and the names of its figures start with carried.\n\n"
@@ -39,24 +38,21 @@ EPILOG = (
 
 
 def evaluate(
-    original: Annotated[
-        Path, typer.Argument(metavar="ORIGINAL", parser=file_path, help="The original cloud.", show_default=False)
-    ],
-    simplified: Annotated[
-        Path | None,
-        typer.Argument(metavar="SIMPLIFIED", parser=file_path, help="The simplified cloud.", show_default=False),
-    ] = None,
+    original: Annotated[Path, options.file_argument("ORIGINAL", "The original cloud.")],
+    simplified: Annotated[Path | None, options.file_argument("SIMPLIFIED", "The simplified cloud.")] = None,
     mesh: Annotated[
         Path | None,
-        typer.Option(
-            help="The surface of ORIGINAL as a mesh file, to compare the surface rebuilt from SIMPLIFIED with."
+        options.option(
+            None, "The surface of ORIGINAL as a mesh file, to compare the surface rebuilt from SIMPLIFIED with."
         ),
     ] = None,
     simplified_mesh: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="A mesh of ORIGINAL to judge, such as one of gppcs mesh, without SIMPLIFIED."
-        ),
+        options.option("FILE", "A mesh of ORIGINAL to judge, such as one of gppcs mesh, without SIMPLIFIED."),
+    ] = None,
+    detail: Annotated[
+        list[str] | None,
+        options.option("NAME", "Measure the error of this attribute, too: rgb, a number or classes. Can be repeated."),
     ] = None,
     input_format: options.From = None,
     columns: options.Columns = None,
@@ -66,19 +62,18 @@ def evaluate(
 ) -> None:
     """Measure how good a simplified cloud or mesh is. Points with NaN or infinite coordinates are left out."""
     from gppcs import io
-    from gppcs.app.console import print_table
     from gppcs.clouds.quantities import unit_of
-    from gppcs.engine.timer import Timer
     from gppcs.evaluation.judge import evaluate as measured
     from gppcs.evaluation.judge import evaluate_mesh
     from gppcs.io.mesh_files import read_mesh
 
-    set_threads(threads)
+    timer = started(quiet, threads)
     if (simplified is None) == (simplified_mesh is None):
         found = "neither" if simplified is None else "both"
         raise ParameterError(f"expected either SIMPLIFIED or --simplified-mesh, found {found}")
+    if detail and simplified_mesh:
+        raise ParameterError("expected --detail with SIMPLIFIED, found --simplified-mesh")
     surface = read_mesh(mesh) if mesh else None
-    timer = Timer(progress(quiet))
     judged = read_mesh(simplified_mesh) if simplified_mesh else None
     with timer("reading"):
         inputs = [original, *([simplified] if simplified else [])]
@@ -89,20 +84,25 @@ def evaluate(
         report = (
             evaluate_mesh(clouds[0], judged, surface, timer)
             if judged
-            else measured(clouds[0], clouds[1], surface, timer)
+            else measured(clouds[0], clouds[1], surface, timer, detail or ())
         )
     for warning in told:
         print_error(f"note: {warning.message}")
-    if as_json:
-        result = {"simplified_mesh": str(simplified_mesh)} if judged else {"simplified": str(simplified)}
-        files = {"original": str(original), **result, "mesh": str(mesh) if mesh else None}
-        print_json({**files, "figures": report.figures(), "relative": report.figures(relative=True)})
-    elif not quiet:
-        counts = {} if judged else {"points": f"{len(clouds[0]):,} in, {len(clouds[1]):,} out"}
-        print_table(
-            f"{original} → {simplified_mesh or simplified}",
-            {**counts, **figure_rows(report, unit_of(clouds[0].header))},
-        )
+    result = {"simplified_mesh": str(simplified_mesh)} if judged else {"simplified": str(simplified)}
+    counts = {} if judged else {"points": f"{len(clouds[0]):,} in, {len(clouds[1]):,} out"}
+    show(
+        {
+            "original": str(original),
+            **result,
+            "mesh": str(mesh) if mesh else None,
+            "figures": report.figures(),
+            "relative": report.figures(relative=True),
+        },
+        f"{original} → {simplified_mesh or simplified}",
+        counts | figure_rows(report, unit_of(clouds[0].header)),
+        as_json,
+        quiet,
+    )
     if isinstance(report, Report):
         _note_strays(report)
 

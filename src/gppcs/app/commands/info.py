@@ -5,32 +5,21 @@ from __future__ import annotations
 import dataclasses
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Annotated
 
 from gppcs.app import options
 from gppcs.app.outputs import sources_of
-from gppcs.app.printing import BAD_INPUT, FAILURES, names_of, numbers_of, print_json, tell
-from gppcs.errors import file_path
+from gppcs.app.printing import for_each, names_of, numbers_of, show
 
 if TYPE_CHECKING:
     from gppcs.clouds.summary import Summary
+    from gppcs.io.reading import Loaded
 
-EPILOG = "[bold]Examples[/bold]\n\ngppcs info scan.ply --json\n\ngppcs info a.ply b.xyz folder"
+EPILOG = "gppcs info scan.ply --json\n\ngppcs info a.ply b.xyz folder"
 
 
 def info(
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="FILE...",
-            parser=file_path,
-            help="Point cloud files. A folder stands for all files in it that gppcs reads, a .vpc file for those that "
-            "it lists.",
-            show_default=False,
-        ),
-    ],
+    files: Annotated[list[Path], options.file_argument("FILE...", options.FILES)],
     input_format: options.From = None,
     columns: options.Columns = None,
     box: options.Box = None,
@@ -44,35 +33,17 @@ def info(
     If the file is a mesh, it also says how many faces there are. If one of several files cannot be read, the others are
     still shown, and the exit code is 2.
     """
-    options: dict[str, Any] = {
-        "format": input_format,
-        "columns": names_of(columns),
-        "box": numbers_of(box),
-        "resolution": resolution,
-    }
-    options |= {"only": only, "polygon": polygon}
-    failed = False
-    for file in sources_of(files):
-        try:
-            _print(file, options, as_json)
-        except FAILURES as error:
-            tell(error, file)
-            failed = True
-    if failed:
-        raise typer.Exit(BAD_INPUT)
-
-
-def _print(file: Path, options: dict[str, Any], as_json: bool) -> None:
-    """Print the facts about one file; `options` are arguments of `gppcs.read`."""
     from gppcs import io
-    from gppcs.app.console import print_table
+
+    part = (input_format, names_of(columns), numbers_of(box), resolution, only, polygon)
+    for_each(sources_of(files), lambda file: _print(file, io.load(file, *part), as_json))
+
+
+def _print(file: Path, loaded: Loaded, as_json: bool) -> None:
+    """Print the facts about one file."""
     from gppcs.clouds.summary import info as summarise
 
-    cloud, faces, _ = io.load(file, **options)
-    summary = summarise(cloud)
-    if as_json:
-        print_json({"file": str(file), **dataclasses.asdict(summary), "faces": faces})
-        return
+    summary, faces = summarise(loaded.cloud), loaded.faces
     unit = f" {summary.unit}" if summary.unit else ""
     rows = {
         "points": f"{summary.points:,}",
@@ -89,7 +60,8 @@ def _print(file: Path, options: dict[str, Any], as_json: bool) -> None:
         rows["coordinate system"] = summary.crs
     if faces:
         rows["faces"] = f"{faces:,} (the file is a mesh; only its vertices are read)"
-    print_table(str(file), {**rows, **_attribute_rows(summary)})
+    record = {"file": str(file), **dataclasses.asdict(summary), "faces": faces}
+    show(record, str(file), rows | _attribute_rows(summary), as_json)
 
 
 def _attribute_rows(summary: Summary) -> dict[str, str]:

@@ -5,23 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from gppcs import __version__
-from gppcs.app import options, panels
+from gppcs.app import options
+from gppcs.app.panels import SIZE
 from gppcs.app.printing import (
     names_of,
     note_left_out,
     number_in_words,
     print_error,
-    print_json,
-    progress,
+    record_of_run,
+    show,
+    started,
     time_in_words,
 )
-from gppcs.engine.memory import peak_memory
-from gppcs.engine.threads import set_threads
-from gppcs.engine.timer import COMPILATION
-from gppcs.errors import InputError, file_path
+from gppcs.errors import InputError
 
 WORDS = {
     "dense_points": "dense points",
@@ -41,7 +37,6 @@ if TYPE_CHECKING:
     from gppcs.meshing.pipeline import MeshResult
 
 EPILOG = (
-    "[bold]Examples[/bold]\n\n"
     "gppcs mesh scan.ply -o small.ply --points 5k\n\n"
     "gppcs mesh scan.ply -o small.glb --faces 20k --moved\n\n"
     "gppcs mesh scan.ply -o small.stl --tolerance 0.5 --fill-holes 20 --lossy\n\n"
@@ -51,63 +46,37 @@ EPILOG = (
 
 
 def mesh(
-    cloud: Annotated[
-        Path, typer.Argument(metavar="IN", parser=file_path, help="A point cloud file.", show_default=False)
-    ],
-    output: Annotated[
-        Path,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="OUT",
-            parser=file_path,
-            help="The mesh file to write: .ply, .obj, .stl, .off or .glb (glTF).",
-        ),
-    ],
+    cloud: options.Cloud,
+    output: Annotated[Path, options.output("OUT", "The mesh file to write: .ply, .obj, .stl, .off or .glb (glTF).")],
     points: Annotated[
-        str | None,
-        typer.Option(
-            metavar="M",
-            help="Number of vertices, such as 5000, 5,000, 5k or 1.5M.",
-            rich_help_panel=panels.SIZE,
-        ),
+        str | None, options.option("M", "Number of vertices, such as 5000, 5,000, 5k or 1.5M.", SIZE)
     ] = None,
     ratio: options.Ratio = None,
     faces: Annotated[
-        str | None,
-        typer.Option(
-            metavar="F",
-            help="Number of triangles at most, with those that fill holes.",
-            rich_help_panel=panels.SIZE,
-        ),
+        str | None, options.option("F", "Number of triangles at most, with those that fill holes.", SIZE)
     ] = None,
     tolerance: Annotated[
         str | None,
-        typer.Option(
-            metavar="LENGTH",
-            help="Mean distance from the points to the mesh at most: 0.5 (in the unit of the coordinates), 0.5mm, or "
+        options.option(
+            "LENGTH",
+            "Mean distance from the points to the mesh at most: 0.5 (in the unit of the coordinates), 0.5mm, or "
             "0.02% of the diagonal.",
-            rich_help_panel=panels.SIZE,
+            SIZE,
         ),
     ] = None,
     keep_points: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="A file of points of IN: they become the vertices. They may come from gppcs simplify.",
-            rich_help_panel=panels.SIZE,
+        options.option(
+            "FILE", "A file of points of IN: they become the vertices. They may come from gppcs simplify.", SIZE
         ),
     ] = None,
     moved: Annotated[
-        bool, typer.Option("--moved", help="Let the vertices leave the points, so that the mesh fits these better.")
+        bool, options.flag("--moved", "Let the vertices leave the points, so that the mesh fits these better.")
     ] = False,
     unit: options.Unit = None,
     fill_holes: Annotated[
         str | None,
-        typer.Option(
-            metavar="LENGTH",
-            help="Also close holes up to this size: the diagonal of the box around the border.",
-        ),
+        options.option("LENGTH", "Also close holes up to this size: the diagonal of the box around the border."),
     ] = None,
     input_format: options.From = None,
     columns: options.Columns = None,
@@ -124,28 +93,20 @@ def mesh(
     all their attributes. Where the points leave holes, the mesh is open.
     """
     from gppcs import io
-    from gppcs.engine.timer import Timer
     from gppcs.io.files import naming
     from gppcs.io.mesh_files import check_mesh_format, check_mesh_storable, write_mesh
     from gppcs.meshing.pipeline import Size
     from gppcs.meshing.pipeline import mesh as meshed
 
-    set_threads(threads)
-    size: dict[str, Any] = {
-        "n_points": points,
-        "ratio": ratio,
-        "n_faces": faces,
-        "tolerance": tolerance,
-        "unit": unit,
-        "fill_holes": fill_holes,
-    }
+    timer = started(quiet, threads)
+    size: dict[str, Any] = {"n_points": points, "ratio": ratio, "n_faces": faces, "tolerance": tolerance}
+    size |= {"unit": unit, "fill_holes": fill_holes}
     asked = Size.of(**size, keep=keep_points)
     check_mesh_format(output)
-    io.check_distinct([output], [cloud, *([keep_points] if keep_points else [])])
+    files = [cloud, *filter(None, [keep_points])]
+    io.check_distinct([output], files)
     io.check_writable(output, force)
-    timer = Timer(progress(quiet))
     with timer("reading"):
-        files = [cloud, *([keep_points] if keep_points else [])]
         original, *others = io.read_each(files, input_format, names_of(columns))
         kept = _rows_of(original, others[0], keep_points) if keep_points else None
     check_mesh_storable(output, original, lossy)
@@ -155,10 +116,23 @@ def mesh(
         lost = write_mesh(output, result.mesh, result.cloud, force, lossy=True)
     note_left_out(output, lost)
     _note_fewer(cloud, result, asked.n_points)
-    if as_json:
-        print_json(_record(cloud, output, len(original), result))
-    elif not quiet:
-        _print(cloud, output, len(original), result)
+    vertices, triangles = len(result.mesh.vertices), len(result.mesh.faces)
+    record = {
+        "input": str(cloud),
+        "output": str(output),
+        "points_in": len(original),
+        "vertices": vertices,
+        "triangles": triangles,
+        **record_of_run(result.diagnostics, result.seconds),
+    }
+    rows = {
+        "points": f"{len(original):,}",
+        "mesh": f"{vertices:,} vertices, {triangles:,} triangles",
+        "shape": _shape(result.diagnostics),
+        **{word: number_in_words(value) for name, word in WORDS.items() if (value := result.diagnostics.get(name))},
+        "time": time_in_words(result.seconds),
+    }
+    show(record, f"{cloud} → {output}", rows, as_json, quiet)
 
 
 def _rows_of(original: PointCloud, kept: PointCloud, path: Path) -> NDArray[Any]:
@@ -193,38 +167,6 @@ def _note_fewer(source: Path, result: MeshResult, asked: int | None) -> None:
         print_error(f"note: {source}: {share:.1%} of the points are on no piece of the surface that is large enough")
     if opened := int(result.diagnostics["opened"]):
         print_error(f"note: {source}: the mesh has small holes in {opened:,} places, where triangles would cut others")
-
-
-def _record(source: Path, output: Path, n: int, result: MeshResult) -> dict[str, Any]:
-    """Return the run as the record that `--json` prints."""
-    return {
-        "input": str(source),
-        "output": str(output),
-        "points_in": n,
-        "vertices": len(result.mesh.vertices),
-        "triangles": len(result.mesh.faces),
-        "diagnostics": dict(result.diagnostics),
-        "seconds": dict(result.seconds),
-        "seconds_compiling": result.seconds.get(COMPILATION, 0.0),
-        "peak_memory": peak_memory(),
-        "version": __version__,
-    }
-
-
-def _print(source: Path, output: Path, n: int, result: MeshResult) -> None:
-    """Print the run as a table."""
-    from gppcs.app.console import print_table
-
-    print_table(
-        f"{source} → {output}",
-        {
-            "points": f"{n:,}",
-            "mesh": f"{len(result.mesh.vertices):,} vertices, {len(result.mesh.faces):,} triangles",
-            "shape": _shape(result.diagnostics),
-            **{word: number_in_words(value) for name, word in WORDS.items() if (value := result.diagnostics.get(name))},
-            "time": time_in_words(result.seconds),
-        },
-    )
 
 
 def _shape(counts: Mapping[str, float]) -> str:

@@ -11,7 +11,7 @@ from gppcs.app import options
 from gppcs.app.printing import print_json, say
 from gppcs.methods import METHODS, Method, method_of
 
-EPILOG = "[bold]Examples[/bold]\n\ngppcs methods\n\ngppcs methods wlop"
+EPILOG = "gppcs methods\n\ngppcs methods wlop"
 
 
 def methods(

@@ -6,21 +6,19 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, BinaryIO
 
-import typer
-
-from gppcs.app import options, panels
+from gppcs.app import options
+from gppcs.app.outputs import check_output
 from gppcs.app.pages import different_names
-from gppcs.app.printing import names_of, note_left_out, print_error, say
+from gppcs.app.panels import LOOK
+from gppcs.app.printing import names_of, note_left_out, print_error, say, started
 from gppcs.app.viewpoint import viewpoint_of
-from gppcs.engine.threads import set_threads
-from gppcs.errors import OutputError, ParameterError, file_path, shown
+from gppcs.errors import ParameterError, shown
 
 if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
     from gppcs.drawing.viewpoint import Viewpoint
 
 EPILOG = (
-    "[bold]Examples[/bold]\n\n"
     "gppcs render scan.ply -o scan.png\n\n"
     "gppcs render scan.las -o classes.png --colour classification --up z --view 30,20\n\n"
     "gppcs render scan.ply small.ply -o both.png\n\n"
@@ -31,38 +29,24 @@ EPILOG = (
 def render(
     sources: Annotated[
         list[Path],
-        typer.Argument(
-            metavar="IN [SIMPLIFIED]",
-            parser=file_path,
-            help="A point cloud file, and a simplified cloud to draw beside it. If there is one PLY, OBJ, OFF or STL "
+        options.file_argument(
+            "IN [SIMPLIFIED]",
+            "A point cloud file, and a simplified cloud to draw beside it. If there is one PLY, OBJ, OFF or STL "
             "file and it holds triangles, the mesh is drawn. That needs the extras view and evaluate.",
-            show_default=False,
         ),
     ],
-    output: Annotated[
-        Path,
-        typer.Option(
-            "--output", "-o", metavar="PNG", parser=file_path, help="The picture to write; - is standard output."
-        ),
-    ],
+    output: Annotated[Path, options.output("PNG", "The picture to write; - is standard output.")],
     colour: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME",
-            help="What the colours show: rgb, variation (surface variation), or the name of an attribute. By default "
+        options.option(
+            "NAME",
+            "What the colours show: rgb, variation (surface variation), or the name of an attribute. By default "
             "rgb if IN has colours. If not, a cloud shows surface variation, and a mesh is white. Two clouds show "
             "surface variation.",
-            rich_help_panel=panels.LOOK,
+            LOOK,
         ),
     ] = None,
-    size: Annotated[
-        str,
-        typer.Option(
-            metavar="WIDTHxHEIGHT",
-            help="Size in pixels, of one cloud or mesh.",
-            rich_help_panel=panels.LOOK,
-        ),
-    ] = "1280x960",
+    size: Annotated[str, options.option("WIDTHxHEIGHT", "Size in pixels, of one cloud or mesh.", LOOK)] = "1280x960",
     view: options.View = None,
     up: options.Up = None,
     input_format: options.From = None,
@@ -82,14 +66,11 @@ def render(
     from gppcs.io.files import naming
     from gppcs.io.mesh_files import mesh_of
 
-    set_threads(threads)
-    viewpoint = viewpoint_of(view, up, picture=True)
+    started(quiet, threads)
+    viewpoint = viewpoint_of(view, up)
     pixels = checked_size(_numbers(size))
-    if not io.is_standard(output) and output.suffix.lower() != ".png":
-        raise OutputError(f"{output}: expected a name that ends in .png for the picture")
+    check_output(output, [".png"], sources, force)
     require_matplotlib()
-    io.check_distinct([output], sources)
-    io.check_output(output, force)
     if len(sources) > 2:
         raise ParameterError(f"expected one cloud, or two to draw beside each other, found {len(sources)}")
     if len(sources) == 2:
@@ -121,12 +102,10 @@ def _draw_beside(
     """Draw a simplified cloud beside its original. Each point has the colour of the nearest original one."""
     from gppcs.drawing.paint import painted
     from gppcs.drawing.pair import draw_pair
-    from gppcs.spatial.kdtree import KdTree
 
     original, legend = painted(cloud.take(cloud.finite_rows()), colour)
-    kept = simplified.points[simplified.finite_rows()]
-    nearest = KdTree.build(original.points).nearest_of(kept, 1)[0][:, 0]
-    draw_pair(file, title, original, original.kept(nearest, kept), viewpoint, legend)
+    kept = original.at(simplified.points[simplified.finite_rows()])
+    draw_pair(file, title, original, kept, viewpoint, legend)
 
 
 def _numbers(size: str) -> tuple[int, int]:

@@ -9,13 +9,11 @@ from typing import Annotated
 import typer
 
 from gppcs.app import options
-from gppcs.app.printing import names_of, print_error, progress, say
+from gppcs.app.outputs import check_output
+from gppcs.app.printing import names_of, print_error, say, started
 from gppcs.app.viewpoint import viewpoint_of
-from gppcs.engine.threads import set_threads
-from gppcs.errors import file_path
 
 EPILOG = (
-    "[bold]Examples[/bold]\n\n"
     "gppcs report scan.ply small.ply -o report.html\n\n"
     "gppcs report scan.ply gp.ply fps.ply voxel.ply -o report.html --up z --view 30,20\n\n"
     "gppcs report scan.ply small.ply -o report.html --meshes\n\n"
@@ -25,30 +23,21 @@ EPILOG = (
 
 def report(
     context: typer.Context,
-    original: Annotated[
-        Path, typer.Argument(metavar="ORIGINAL", parser=file_path, help="The original cloud.", show_default=False)
-    ],
+    original: Annotated[Path, options.file_argument("ORIGINAL", "The original cloud.")],
     simplified: Annotated[
         list[Path],
-        typer.Argument(
-            metavar="SIMPLIFIED...",
-            parser=file_path,
-            help="Simplified clouds. Their points should be in the order of choice, as gppcs simplify writes them "
+        options.file_argument(
+            "SIMPLIFIED...",
+            "Simplified clouds. Their points should be in the order of choice, as gppcs simplify writes them "
             "without --mark.",
-            show_default=False,
         ),
     ],
-    output: Annotated[
-        Path,
-        typer.Option(
-            "--output", "-o", metavar="HTML", parser=file_path, help="The page to write; - is standard output."
-        ),
-    ],
+    output: Annotated[Path, options.output("HTML", "The page to write; - is standard output.")],
     meshes: Annotated[
         bool,
-        typer.Option(
+        options.flag(
             "--meshes",
-            help="Also rebuild a mesh from each cloud. The page can show the meshes in place of the points. Needs the "
+            "Also rebuild a mesh from each cloud. The page can show the meshes in place of the points. Needs the "
             "extra evaluate.",
         ),
     ] = False,
@@ -66,19 +55,16 @@ def report(
     original to each result, by the order of choice, by any attribute or RGB, and holds the figures of gppcs evaluate.
     """
     from gppcs import io
-    from gppcs.app.pages import check_page, different_names, how_made, rebuilt
+    from gppcs.app.pages import SUFFIXES, different_names, how_made, rebuilt
     from gppcs.drawing.web.contents import Named, report_page
     from gppcs.engine.extras import require_pymeshlab
-    from gppcs.engine.timer import Timer
 
-    set_threads(threads)
-    viewpoint = viewpoint_of(view, up, picture=True)
+    timer = started(quiet, threads)
+    viewpoint = viewpoint_of(view, up)
     inputs = [original, *simplified]
-    io.check_distinct([output], inputs)
-    check_page(output, force)
+    check_output(output, SUFFIXES, inputs, force)
     if meshes:
         require_pymeshlab()
-    timer = Timer(progress(quiet))
     with timer("reading"):
         read = io.read_each(inputs, input_format, names_of(columns))
         clouds = [Named(name, cloud) for name, cloud in zip(different_names(inputs), read, strict=True)]

@@ -9,11 +9,10 @@ import typer
 
 from gppcs import __version__
 from gppcs.app import options
-from gppcs.app.printing import note_left_out, print_json, progress
+from gppcs.app.printing import note_left_out, print_json, started
 from gppcs.clouds.quantities import count_of
-from gppcs.errors import file_path
 
-EPILOG = "[bold]Example[/bold]\n\ngppcs sample fan -o fan.ply --points 50k --noise 0.002"
+EPILOG = "gppcs sample fan -o fan.ply --points 50k --noise 0.002"
 
 
 def _names() -> list[str]:
@@ -32,21 +31,23 @@ def sample(
             autocompletion=_names,
         ),
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT", parser=file_path, help="The file to write.")],
+    output: Annotated[Path, options.output("OUT", "The file to write.")],
     points: Annotated[
-        str, typer.Option(metavar="N", help="Number of points, outliers included, such as 50000, 50k or 1.5M.")
+        str, options.option("N", "Number of points, outliers included, such as 50000, 50k or 1.5M.")
     ] = "200k",
     noise: Annotated[
-        float, typer.Option(help="Standard deviation of the noise on each coordinate, as a share of the diagonal.")
+        float, options.option(None, "Standard deviation of the noise on each coordinate, as a share of the diagonal.")
     ] = 0.0,
     outliers: Annotated[
-        float, typer.Option(help="Share of the points that are outliers, anywhere in the enlarged bounding box.")
+        float, options.option(None, "Share of the points that are outliers, anywhere in the enlarged bounding box.")
     ] = 0.0,
     uneven: Annotated[
         float,
-        typer.Option(help="Share of the density that is lost from one end of an object to the other, from 0 to 0.999."),
+        options.option(
+            None, "Share of the density that is lost from one end of an object to the other, from 0 to 0.999."
+        ),
     ] = 0.0,
-    seed: Annotated[int, typer.Option(help="Seed of random numbers. The same seed gives the same scan.")] = 0,
+    seed: Annotated[int, options.option(None, "Seed of random numbers. The same seed gives the same scan.")] = 0,
     output_format: options.To = None,
     ascii: options.Ascii = None,  # noqa: A002
     force: options.Force = False,
@@ -60,11 +61,11 @@ def sample(
     """
     from gppcs import io, scans
 
-    progress(quiet)
+    started(quiet)
     io.format_to_write(output, output_format, ascii)
     io.check_output(output, force)
-    options: dict[str, Any] = {"noise": noise, "outliers": outliers, "uneven": uneven, "seed": seed}
-    cloud = scans.sample(name, count_of("n_points", points), **options)
+    settings: dict[str, Any] = {"noise": noise, "outliers": outliers, "uneven": uneven, "seed": seed}
+    cloud = scans.sample(name, count_of("n_points", points), **settings)
     note_left_out(output, io.store(output, cloud, output_format, force, lossy, ascii))
     if as_json and not io.is_standard(output):  # there the scan goes
-        print_json({"output": str(output), "name": name, "points": len(cloud), **options, "version": __version__})
+        print_json({"output": str(output), "name": name, "points": len(cloud), **settings, "version": __version__})

@@ -10,36 +10,25 @@ from typing import Annotated
 import typer
 
 from gppcs.app import options
-from gppcs.app.printing import names_of, print_error, progress, say
+from gppcs.app.outputs import check_output
+from gppcs.app.printing import names_of, print_error, say, started
 from gppcs.app.viewpoint import viewpoint_of
-from gppcs.engine.threads import set_threads
-from gppcs.errors import file_path
 
-EPILOG = (
-    "[bold]Examples[/bold]\n\n"
-    "gppcs view scan.ply\n\n"
-    "gppcs view before.ply after.ply --up z\n\n"
-    "gppcs view scan.ply -o scan.html --no-open"
-)
+EPILOG = "gppcs view scan.ply\n\ngppcs view before.ply after.ply --up z\n\ngppcs view scan.ply -o scan.html --no-open"
 
 
 def view(
     context: typer.Context,
-    inputs: Annotated[
-        list[Path], typer.Argument(metavar="FILE...", parser=file_path, help="Point cloud files.", show_default=False)
-    ],
+    inputs: Annotated[list[Path], options.file_argument("FILE...", "Point cloud files.")],
     output: Annotated[
         Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="HTML",
-            parser=file_path,
-            help="The page to write. By default, a temporary file. With -, the page goes to standard output and is not "
+        options.output(
+            "HTML",
+            "The page to write. By default, a temporary file. With -, the page goes to standard output and is not "
             "opened.",
         ),
     ] = None,
-    opened: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")] = True,
+    opened: Annotated[bool, options.option(None, "Open the page in the browser.", None, "--open/--no-open")] = True,
     input_format: options.From = None,
     columns: options.Columns = None,
     view: options.View = None,
@@ -54,17 +43,14 @@ def view(
     network.
     """
     from gppcs import io
-    from gppcs.app.pages import check_page, different_names, how_made
+    from gppcs.app.pages import SUFFIXES, different_names, how_made
     from gppcs.drawing.web.contents import Named, view_page
-    from gppcs.engine.timer import Timer
     from gppcs.io.mesh_files import mesh_of
 
-    set_threads(threads)
-    viewpoint = viewpoint_of(view, up, picture=True)
+    timer = started(quiet, threads)
+    viewpoint = viewpoint_of(view, up)
     if output:
-        io.check_distinct([output], inputs)
-        check_page(output, force)
-    timer = Timer(progress(quiet))
+        check_output(output, SUFFIXES, inputs, force)
     with timer("reading"):
         read = io.read_each(inputs, input_format, names_of(columns))
         meshes = [mesh_of(path, input_format) for path in inputs]

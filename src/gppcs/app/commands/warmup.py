@@ -6,10 +6,10 @@ from time import perf_counter
 
 from gppcs import __version__
 from gppcs.app import options
-from gppcs.app.printing import print_json, progress, say
+from gppcs.app.printing import print_json, say, started
 from gppcs.errors import OutputError
 
-EPILOG = "[bold]Example[/bold]\n\ngppcs warmup"
+EPILOG = "gppcs warmup"
 
 
 def warmup(quiet: options.Quiet = False, as_json: options.Json = False) -> None:
@@ -21,7 +21,6 @@ def warmup(quiet: options.Quiet = False, as_json: options.Json = False) -> None:
     """
     from gppcs.app.compilation import compile_all
     from gppcs.engine.kernel_cache import folder_to_write
-    from gppcs.engine.timer import Timer
     from gppcs.methods import METHODS
 
     if not folder_to_write():
@@ -30,7 +29,7 @@ def warmup(quiet: options.Quiet = False, as_json: options.Json = False) -> None:
             "be written; set NUMBA_CACHE_DIR to a folder that can"
         )
     start = perf_counter()
-    with Timer(progress(quiet))("compiling kernels", len(METHODS)) as advanced:
+    with started(quiet)("compiling kernels", len(METHODS)) as advanced:
         compiled, folders = compile_all(advanced)
     seconds = perf_counter() - start
     if as_json:

@@ -1,0 +1,296 @@
+"""What `gppcs simplify` does with each input, and what it tells of that."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gppcs.app.levels import NAME as LEVEL
+from gppcs.app.levels import Levels, level_of_each
+from gppcs.app.outputs import Outputs
+from gppcs.app.pages import different_names, how_made
+from gppcs.app.printing import note_left_out, number_in_words, print_error, record_of_run, time_in_words
+from gppcs.clouds.cloud import NORMALS
+from gppcs.clouds.quantities import metres_of, name_of_unit, option, unit_of
+from gppcs.errors import InputError
+
+if TYPE_CHECKING:
+    from gppcs.clouds.cloud import PointCloud
+    from gppcs.drawing.web.contents import Page
+    from gppcs.io.query import Query
+    from gppcs.simplification import Request, Result
+    from gppcs.streaming.beyond_memory import Run
+    from gppcs.streaming.files import Work
+    from gppcs.streaming.plan import Plan
+
+INDEX = "index"  # the attribute of the row in the input
+NOISES = (
+    (0.04, "little, it changes nothing"),
+    (0.25, "some, kept points favour the surface that is fitted through it"),
+    (math.inf, "much; with fewer points it would matter less"),
+)  # up to which share of the spacing of the kept points, what noise means for the result
+
+
+@dataclass(frozen=True)
+class Told:
+    """What is told of a run: as JSON, in one line, or as a table with a title."""
+
+    target: Path
+    record: dict[str, Any]
+    line: str
+    title: str
+    rows: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Job:
+    """What to do with each input, or with all of `merged`; `by_level` has the outputs of each level."""
+
+    by_level: list[Outputs]
+    levels: Levels | None
+    merged: list[Path]
+    request: Request
+    work: Work
+    input_format: str | None
+    query: Query | None
+    with_index: bool
+    mark: str | None
+    report: Path | None
+    command: list[str]
+    dry_run: bool
+    force: bool
+    lossy: bool
+
+    def run(self, source: Path) -> Told:
+        """Simplify one cloud."""
+        from gppcs import io
+        from gppcs.io.cloud_files import CloudFiles
+        from gppcs.streaming.files import run
+
+        target, sources = self.by_level[-1].targets[source], self.merged or [source]
+        for each in sources:
+            if not io.is_standard(each):
+                each.stat()  # a missing input is told before its name is taken for that of the output
+        for level in self.by_level:
+            level.check(level.targets[source], self.force)
+        work = replace(self.work, timer=self.work.timer.anew())
+        with CloudFiles(sources, self.input_format, query=self.query) as files:
+            planned = work.planned(files, self.request, self._whole())
+            if self.dry_run:
+                return told_of_plan(sources, target, planned)
+            head = files.head().cloud
+            self._note_other_unit(source, head)
+            self._check_storable(target, head)
+            done = run(files, self.request, work, planned)
+            _, unread = files.left_out()
+        page = None if self.report is None else self._page(done, sources, target)
+        with work.timer("writing"):
+            written, lost = self._store(source, self._clouds(done), done.result.ranked and self.mark is None)
+            if self.report is not None and page is not None:
+                with io.whole_file(self.report, self.force) as file:
+                    page.write(file)
+        note_left_out(target, [*unread, *lost])
+        self._note_size(source, len(done.result.indices), done.points)
+        return self._told(sources, written, done, planned.readings, unit_of(head.header, self.request.unit))
+
+    def _whole(self) -> str | None:
+        """Return the option that takes all points at once, if any."""
+        if self.request.whole:
+            return option(self.request.whole)
+        return "--mark" if self.mark is not None else "--report" if self.report else None
+
+    def _check_storable(self, target: Path, cloud: PointCloud) -> None:
+        """Check that the output can hold points of a cloud with the attributes that the options add."""
+        from gppcs import io
+
+        if self.mark is None:
+            cloud = cloud.take(cloud.finite_rows())  # only these are kept
+        zeros = np.zeros(len(cloud), np.float32)
+        names: tuple[str, ...] = NORMALS if self.request.normals else ()
+        names += self.request.method.attributes if self.request.scores else ()
+        cloud = replace(cloud, attributes={**cloud.attributes, **dict.fromkeys(names, zeros)})
+        if self.with_index:
+            cloud = _with_attribute(cloud, INDEX, zeros.astype(np.int64))
+        if self.mark is not None:
+            cloud = _with_attribute(cloud, self.mark, zeros.astype(np.uint8))
+        if self.levels is not None and len(self.by_level) == 1:
+            cloud = _with_attribute(cloud, LEVEL, zeros.astype(np.uint8))
+        io.check_storable(target, cloud, self.by_level[-1].format, self.lossy)
+
+    def _clouds(self, done: Run) -> list[PointCloud]:
+        """Return what goes to the file of each level."""
+        result, cloud = done.result, done.result.cloud
+        if self.mark is not None:
+            assert done.cloud is not None
+            kept = np.zeros(len(done.cloud), dtype=np.uint8)
+            kept[result.indices] = 1
+            return [_with_attribute(done.cloud, self.mark, kept)]
+        if self.with_index:
+            cloud = _with_attribute(cloud, INDEX, result.indices)
+        if self.levels is None:
+            return [cloud]
+        counts = self._counts(result, done.points)
+        if len(self.by_level) > 1:
+            return [cloud.take(np.arange(count)) for count in counts]
+        return [_with_attribute(cloud, LEVEL, level_of_each(counts))]
+
+    def _counts(self, result: Result, points: int) -> list[int]:
+        """Return the number of points of each level, after checking that the result has a ranking to cut."""
+        assert self.levels is not None
+        if not result.ranked:
+            raise InputError(
+                f"expected a finest level of less than all {points:,} points, found all of them, or all without repeats"
+            )
+        counts = self.levels.counts(len(result.indices))
+        if counts[0] < (to_keep := result.diagnostics.get("points_to_keep", 0)):
+            raise InputError(
+                f"{to_keep:,.0f} points are to be kept whatever happens, but the coarsest level has only "
+                f"{counts[0]:,} points; make that level larger, or mark fewer points to keep"
+            )
+        return counts
+
+    def _store(self, source: Path, clouds: list[PointCloud], ranked: bool) -> tuple[dict[Path, int], list[str]]:
+        """Write the files of all levels, or none; return the points in each file, and what is left out."""
+        from gppcs import io
+
+        written: dict[Path, int] = {}
+        try:
+            for to, cloud in zip(self.by_level, clouds, strict=True):
+                target = to.targets[source]
+                to.make_folder(target)
+                levels = "order" if ranked and io.format_to_write(target, to.format).has_levels else None
+                lost = io.store(target, cloud, to.format, self.force, self.lossy, None, levels)
+                written[target] = len(cloud)
+        except BaseException:
+            for target in written:
+                target.unlink(missing_ok=True)
+            raise
+        return written, lost
+
+    def _page(self, done: Run, sources: list[Path], target: Path) -> Page:
+        """Return a page of the result beside its original, both without outliers."""
+        from gppcs.drawing.web.contents import Named, report_page
+        from gppcs.io import is_standard
+
+        assert done.cloud is not None
+        cloud, result = done.cloud, done.result
+        if result.outliers is not None:
+            cloud = cloud.take(np.delete(np.arange(len(cloud)), result.outliers))
+        names = different_names([Path(titled(sources)), Path("result") if is_standard(target) else target])
+        simplified = Named(names[1], result.cloud, reason=result.method.summary)
+        return report_page(Named(names[0], cloud), [simplified], how_made(self.command, sources))
+
+    def _told(self, sources: list[Path], written: dict[Path, int], done: Run, readings: int, unit: str | None) -> Told:
+        """Return what is told of a run that is done; `written` has the points in each file, the finest last."""
+        result, kept, target = done.result, len(done.result.indices), [*written][-1]
+        levels = written if len(written) > 1 else {}
+        listed = {"levels": [{"output": str(file), "points_out": count} for file, count in levels.items()]}
+        record = {
+            "input": _named(sources),
+            "output": str(target),
+            **(listed if levels else {}),
+            "points_in": done.points,
+            "points_out": kept,
+            "method": result.method.name,
+            "parameters": dataclasses.asdict(result.method),
+            "readings": readings,
+            **record_of_run(result.diagnostics, result.seconds),
+        }
+        rows = {
+            "points": f"{done.points:,} in, {kept:,} out ({100 * kept / done.points:.3g} %)",
+            **{f"level {n}": f"{file}: {count:,} points" for n, (file, count) in enumerate(levels.items())},
+            **({"points on disk": f"files read {readings} times"} if readings > 1 else {}),
+            "method": str(result.method),
+            **dict(self._in_words(name, value, unit) for name, value in result.diagnostics.items() if value),
+            "time": time_in_words(result.seconds),
+        }
+        line = f"{titled(sources)} → {', '.join(map(str, written))}: {done.points:,} points in, {kept:,} out, "
+        line += f"{sum(result.seconds.values()):.2f} s"
+        return Told(target, record, line, f"{titled(sources)} → {target}", rows)
+
+    def _in_words(self, name: str, value: float, unit: str | None) -> tuple[str, str]:
+        """Return a diagnostic as a row of the table, with what was asked of it."""
+        if name == "noise_in_spacings":
+            meaning = next(words for most, words in NOISES if value <= most)
+            return "noise", f"{100 * value:.2g} % of the spacing of the kept points: {meaning}"
+        amount, text = self.request.amount, number_in_words(value)
+        asked = {"largest_gap": amount.max_gap}
+        if amount.tolerance is not None:
+            measure = amount.tolerance.measure
+            asked["largest_error" if measure is None else f"surface_{measure}"] = amount.tolerance.length
+        if unit and name.startswith(("surface_", "largest_")):
+            text += f" {unit}"
+        if length := asked.get(name):
+            text += f"  (asked: {length.given})"
+        return name.replace("_", " "), text
+
+    def _note_size(self, source: Path, kept: int, points: int) -> None:
+        """Print a note if fewer points are kept than were asked for, or if a tolerance is too small for the points."""
+        amount = self.request.amount
+        if amount.n_points is not None and kept < amount.n_points:
+            usable = " with finite coordinates" if self.request.invalid == "drop" else ""
+            asked = f"fewer than the {amount.n_points:,} asked for"
+            print_error(f"note: {source}: all of its {kept:,} points{usable} were kept, {asked}")
+        if amount.tolerance is not None and kept > 0.5 * points:
+            share = f"{kept / points:.0%} of the points"
+            print_error(
+                f"note: {source}: this tolerance takes {share}; it is below what their spacing and noise resolve"
+            )
+
+    def _note_other_unit(self, source: Path, cloud: PointCloud) -> None:
+        """Print a note if the unit that is given is not that of the input."""
+        unit = self.request.unit
+        own, given = metres_of(None, cloud.header), metres_of(unit, cloud.header)
+        if own is not None and given is not None and not math.isclose(own, given, rel_tol=1e-9):
+            known = name_of_unit(own)
+            print_error(f"note: {source}: its coordinate system says that the unit is {known}; --unit {unit} is used")
+
+
+def told_of_plan(sources: list[Path], target: Path, plan: Plan) -> Told:
+    """Return what is told of a run that is only planned."""
+    from gppcs.streaming.sizes import size_of
+
+    record = {
+        "input": _named(sources),
+        "output": str(target),
+        "points_in": plan.points,
+        "points_out": plan.kept,
+        "way": plan.way,
+        "in_memory": plan.in_memory,
+        "readings": plan.readings,
+        "memory": plan.memory,
+        "memory_limit": plan.limit,
+        "disk": plan.disk,
+    }
+    limit = "unknown" if plan.limit is None else size_of(plan.limit)
+    rows = {
+        "points": f"{'' if plan.exact else 'about '}{plan.points:,} in, {plan.kept:,} out",
+        "way": plan.way,
+        "memory": f"about {size_of(plan.memory)}, of {limit} allowed",
+        **({"temporary files": f"about {size_of(plan.disk)}"} if plan.disk else {}),
+    }
+    title = f"{titled(sources)} → {target}"
+    return Told(target, record, f"{title}: {plan.way}, about {size_of(plan.memory)}", f"{title}: nothing is done", rows)
+
+
+def titled(sources: list[Path]) -> str:
+    """Return the inputs of a run in a few words."""
+    return str(sources[0]) if len(sources) == 1 else f"{sources[0]} and {len(sources) - 1} more"
+
+
+def _named(sources: list[Path]) -> str | list[str]:
+    """Return the inputs as the record of `--json` names them."""
+    names = [str(source) for source in sources]
+    return names if len(names) > 1 else names[0]
+
+
+def _with_attribute(cloud: PointCloud, name: str, values: np.ndarray[Any, Any]) -> PointCloud:
+    """Return a cloud with one more attribute."""
+    if name in cloud.attributes:
+        raise InputError(f"expected the name of a new attribute, found {name!r}, which the cloud has; choose another")
+    return replace(cloud, attributes={**cloud.attributes, name: values})
