@@ -75,7 +75,7 @@ def nowhere_sharp(tree: Any, edge: float) -> Any:
     return np.zeros(len(tree.order))
 
 
-def not_placed(points: Any, chosen: Any, fixed: int, area: float, noise: Any) -> Any:
+def not_placed(points: Any, chosen: Any, *others: Any) -> Any:
     """Leave chosen points where they are, in place of `placement.placed`."""
     return chosen
 

@@ -32,11 +32,11 @@ class PlacedFarthestPoint(gppcs.FarthestPoint):
     def __call__(self, wanted: gppcs.Wanted) -> gppcs.Selection:
         """Choose, then place."""
         found = super().__call__(wanted)
-        area, noise, _ = survey(wanted.points, wanted.n_points, gppcs.LocalGP().candidates, wanted.timer)
+        area, noise, _, _ = survey(wanted.points, wanted.n_points, gppcs.LocalGP().candidates, wanted.timer)
         return replace(found, indices=placed(wanted.points, found.indices, 0, area, noise))
 
 
-def not_placed(points: Any, chosen: Any, fixed: int, area: float, noise: Any) -> Any:
+def not_placed(points: Any, chosen: Any, *others: Any) -> Any:
     """Leave chosen points where they are, in place of `placement.placed`."""
     return chosen
 
