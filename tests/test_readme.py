@@ -55,13 +55,13 @@ def ratios(heading, name="H mean, times the best rival's"):
 def test_the_margins_in_h_mean_are_those_of_the_table():
     tuned, others = ratios(FOUND_ON), ratios(HELD_OUT)
     ahead = [round(100 * (1 - ratio), 1) for ratio in tuned.values() if ratio < 1]
-    assert_stated_together(len(tuned), len(ahead), min(ahead), max(ahead))
-    assert [ratio for ratio in tuned.values() if ratio >= 1] == [1.0]
+    assert_stated_together(len(tuned), min(ahead), max(ahead))
+    assert len(ahead) == len(tuned)
     behind = {cloud.split(":")[0]: round(100 * (ratio - 1), 1) for cloud, ratio in others.items() if ratio > 1}
     assert_stated_together(
         len(others), len(others) - len(behind), len(behind), min(behind.values()), max(behind.values())
     )
-    assert behind.keys() == {"tum_desk", "lion_takanawa", "turbine", "blade", "fan_40k"}
+    assert behind.keys() == {"tum_desk", "turbine", "blade", "fan_40k"}
 
 
 def test_the_cover_beside_that_of_fps_is_that_of_the_table():
