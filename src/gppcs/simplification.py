@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from gppcs.amounts.choice import check_supported, choose_amount, require
 from gppcs.amounts.curve import Curve, checked_sizes, halves, measured_curve
 from gppcs.amounts.guide import Guide
+from gppcs.amounts.quotas import Quota, quotas_of
 from gppcs.clouds import display
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.clouds.expressions import Expression
@@ -20,7 +21,7 @@ from gppcs.clouds.quantities import Amount, Scale, count_of, metres_of
 from gppcs.clouds.ranges import weights_of_detail
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer, in_words
-from gppcs.errors import InputError, ParameterError, flag, one_of
+from gppcs.errors import InputError, ParameterError, flag, one_of, shown
 from gppcs.methods import DEFAULT, METHODS, Method, Selection, method_of
 
 
@@ -34,6 +35,8 @@ class Request:
     keep: Any
     weight: Any
     detail: Mapping[str, float]
+    quotas: tuple[Quota, ...]
+    group: str | None
     invalid: str
     normals: bool
     scores: bool
@@ -52,6 +55,8 @@ class Request:
         keep: Any = None,
         weight: Any = None,
         detail: Any = None,
+        quota: Any = None,
+        group: str | None = None,
         method: str | Method = DEFAULT,
         seed: int | None = None,
         invalid: str = "error",
@@ -63,8 +68,10 @@ class Request:
         amount = Amount.of(ratio, n_points, tolerance, spacing, max_gap)
         chosen = method_of(method, seed)
         counted = weights_of_detail(detail)
-        if spacing is not None or keep is not None or weight is not None or counted:
-            check_supported(chosen, spacing, keep, weight, counted)
+        quotas = quotas_of(quota)
+        if group is not None and not isinstance(group, str):
+            raise ParameterError(f"expected group to be the name of an attribute, found {shown(group)}")
+        check_supported(chosen, amount, keep, weight, counted, quotas, group)
         if unit is not None:
             metres_of(unit, None)
         if isinstance(keep, str):
@@ -73,7 +80,8 @@ class Request:
             scored = " or ".join(repr(name) for name, known in METHODS.items() if known.attributes)
             raise ParameterError(f"expected a method that scores its points, found {chosen.name!r}; use {scored}")
         return cls(
-            chosen, amount, unit, keep, weight, counted, one_of("invalid", invalid, ("error", "drop")),
+            chosen, amount, unit, keep, weight, counted, quotas, group,
+            one_of("invalid", invalid, ("error", "drop")),
             flag("normals", normals), scores, flag("drop_outliers", drop_outliers),
         )  # fmt: skip
 
@@ -86,6 +94,8 @@ class Request:
             "max_gap": self.amount.max_gap is not None,
             "normals": self.normals,
             "detail": bool(self.detail),
+            "quota": bool(self.quotas),
+            "group": self.group is not None,
             **{name: value is not None and not isinstance(value, str) for name, value in arrays.items()},
         }
         return next((name for name, given in reasons.items() if given), None)
@@ -264,6 +274,8 @@ def simplify(
     keep: str | ArrayLike | None = None,
     weight: str | ArrayLike | None = None,
     detail: str | Mapping[str, float] | None = None,
+    quota: Mapping[str, float | str] | None = None,
+    group: str | None = None,
     method: str | Method = DEFAULT,
     seed: int | None = None,
     invalid: Literal["error", "drop"] = "error",
@@ -312,6 +324,14 @@ def simplify(
         Attributes that count beside the shape, with their weights, such as {"rgb": 1, "intensity": 0.5}; a name alone
         has the weight 1. "rgb" stands for red, green and blue. A change by the whole range counts as much as a sharp
         edge; noise of an attribute counts for nothing (method "gp").
+    quota : mapping of str to int, float or str, optional
+        How many of the kept points meet a condition: exact numbers such as {"classification == 6": 500}, or shares of
+        the M kept points such as {"classification == 6": "10%"}. Points that meet no condition share the rest. No point
+        may meet two (methods that rank their points).
+    group : str, optional
+        An attribute whose equal values make groups that are kept or dropped whole, such as "gps_time", the pulses of a
+        laser; where there is a "scanner_channel", each channel has its own. M is then as near to the number asked for
+        as whole groups allow. The diagnostics tell how many `groups` are kept (methods that rank their points).
     method : str or Method
         A name from `gppcs.METHODS`, or an instance of a method with your own parameters.
     seed : int, optional
@@ -362,8 +382,8 @@ def simplify(
     """
     request = Request.of(
         ratio=ratio, n_points=n_points, tolerance=tolerance, spacing=spacing, max_gap=max_gap,
-        unit=unit, keep=keep, weight=weight, detail=detail, method=method, seed=seed, invalid=invalid, normals=normals,
-        scores=scores, drop_outliers=drop_outliers,
+        unit=unit, keep=keep, weight=weight, detail=detail, quota=quota, group=group, method=method, seed=seed,
+        invalid=invalid, normals=normals, scores=scores, drop_outliers=drop_outliers,
     )  # fmt: skip
     return simplify_cloud(cloud, request, Timer.of(timer))
 
@@ -396,8 +416,7 @@ def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
             outliers = np.flatnonzero(find_outliers(cloud))
             rows = rows_without(outliers, rows, len(cloud))
     with timer("preparation"):
-        guided = request.keep is not None or request.weight is not None or request.detail
-        guide = Guide.of(cloud, rows, request.keep, request.weight, request.detail) if guided else None
+        guide = Guide.of(cloud, rows, request.keep, request.weight, request.detail, request.quotas, request.group)
         metres = metres_of(request.unit, cloud.header)
         places = cloud.points if rows is None else cloud.points[rows]
         low, high = bounds(places)

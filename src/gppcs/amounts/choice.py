@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.amounts.accuracy import Errors, fewest_points
+from gppcs.amounts.groups import choose_groups
 from gppcs.amounts.guide import Guide
+from gppcs.amounts.quotas import Parts, choose_in_parts, lacking, with_whole_parts
 from gppcs.clouds.quantities import Amount, Scale
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError, ParameterError
@@ -39,15 +41,29 @@ def require(method: Method, feature: str) -> None:
         raise ParameterError(f"expected a method that {FEATURES[feature]}, found {method.name!r}; use {others}")
 
 
-def check_supported(method: Method, spacing: object, keep: object, weight: object, detail: object) -> None:
+def check_supported(
+    method: Method, amount: Amount, keep: object, weight: object, detail: object, quotas: object, group: str | None
+) -> None:
     """Check that a method can do what is asked for."""
-    asked = {"spacing": spacing, "keep": keep, "weight": weight, "detail": detail or None}
-    for feature in (name for name, given in asked.items() if given is not None):
+    asked = {
+        "spacing": amount.spacing is not None,
+        "keep": keep is not None,
+        "weight": weight is not None,
+        "detail": detail,
+        "ranking": quotas or group is not None,
+    }
+    for feature in (name for name, given in asked.items() if given):
         require(method, feature)
-    if spacing is not None and (keep is not None or weight is not None):
+    if amount.spacing is not None and (keep is not None or weight is not None):
         raise ParameterError(
             "expected a number, a share, a tolerance or a largest gap with points to keep or weights, found a spacing"
         )
+    if (quotas or group) and (amount.known_count(1) is None or amount.max_gap is not None):
+        raise ParameterError(
+            "expected a number or a share of the points with quotas or groups, and no tolerance, spacing or largest gap"
+        )
+    if quotas and group:
+        raise ParameterError("expected either quotas or a group, found both; ask for one")
 
 
 def choose_amount(
@@ -57,15 +73,17 @@ def choose_amount(
     count = amount.known_count(len(points))
     if count is not None and count >= len(points) and guide is None and amount.max_gap is None:
         return Selection(np.arange(len(points)), ranked=False)
+    if count is not None and guide is not None and (guide.parts is not None or guide.groups is not None):
+        if guide.parts is not None:
+            return _choose_quotas(points, count, guide, guide.parts, method, timer)
+        return _choose_whole(points, count, guide, method, timer)
     with timer("repeats"):
         among = _Places.of(points, guide)
     if count is not None:
-        check_count(count, among.fixed + len(among.again), len(points if guide is None else guide.rows(len(points))))
+        check_count(count, among.fixed + len(among.again), len(_usable(points, guide)))
 
     def chosen(wanted: int) -> Selection:
-        if wanted >= len(among.points):
-            return Selection(np.arange(len(among.points)), ranked=False)
-        return method(Wanted(among.points, wanted, None, among.fixed, among.weights, among.detail, timer))
+        return among.choose(wanted, method, timer)
 
     gap = None if amount.max_gap is None else scale.inside(amount.max_gap)
     if amount.tolerance is not None:
@@ -87,9 +105,38 @@ def choose_amount(
         selection = replace(selection, indices=among.rows[selection.indices])
     if among.fixed:
         selection = with_repeats(selection, among.again, among.fixed)
-    if (lacking := (count or 0) - len(selection.indices)) > 0:
-        selection = with_others(selection, np.setdiff1d(_usable(points, guide), selection.indices)[:lacking])
+    if (missing := (count or 0) - len(selection.indices)) > 0:
+        selection = with_others(selection, np.setdiff1d(_usable(points, guide), selection.indices)[:missing])
     return selection if gap is None else _without_gaps(points, _usable(points, guide), selection, gap, scale, timer)
+
+
+def _choose_quotas(points: Points, count: int, guide: Guide, parts: Parts, method: Method, timer: Timer) -> Selection:
+    """Let the method choose a number of points, of which each quota gets its own."""
+    usable = guide.rows(len(points))
+    numbers = parts.numbers(count, usable, guide.keep)
+    with timer("repeats"):
+        among = _Places.of(points, replace(guide, keep=with_whole_parts(guide.keep, parts, numbers, usable)))
+    assert among.rows is not None
+    again = np.bincount(parts.labels[among.again], minlength=len(numbers))
+    selection = choose_in_parts(
+        parts.labels[among.rows], numbers - again, among.fixed, lambda wanted: among.choose(wanted, method, timer)
+    )
+    selection = replace(selection, indices=among.rows[selection.indices], ranked=False)
+    if among.fixed:
+        selection = with_repeats(selection, among.again, among.fixed)
+    return with_others(selection, lacking(parts, numbers, selection.indices, usable))
+
+
+def _choose_whole(points: Points, count: int, guide: Guide, method: Method, timer: Timer) -> Selection:
+    """Let the method choose whole groups, with about a number of points."""
+    assert guide.groups is not None
+    with timer("repeats"):
+        among = _Places.of(points, guide)
+    assert among.rows is not None
+    return choose_groups(
+        guide.groups, among.rows, among.fixed, count,
+        lambda wanted: among.choose(wanted, method, timer),
+    )  # fmt: skip
 
 
 def _usable(points: Points, guide: Guide | None) -> NDArray[np.int64]:
@@ -128,6 +175,12 @@ class _Places:
             weights = np.maximum(weights, weights[weights > 0.0].min())
         detail = None if guide.detail is None else guide.detail[rows]
         return cls(points[rows], rows, int(among.sum()), again, weights, detail)
+
+    def choose(self, wanted: int, method: Method, timer: Timer) -> Selection:
+        """Let a method choose a number of the places; all of them in their order."""
+        if wanted >= len(self.points):
+            return Selection(np.arange(len(self.points)), ranked=False)
+        return method(Wanted(self.points, wanted, None, self.fixed, self.weights, self.detail, timer))
 
     def fewest_without_gaps(self, gap: float) -> int:
         """Return how many points an even cover needs so that no point is farther from it than a length."""

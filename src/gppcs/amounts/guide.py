@@ -1,4 +1,4 @@
-"""The class `Guide`: which points are kept whatever happens, where more or fewer are wanted, and what counts."""
+"""The class `Guide`: what users ask of single points, such as which are kept whatever happens, and what counts."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.amounts.groups import groups_of
+from gppcs.amounts.quotas import Parts, Quota
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
 from gppcs.clouds.ranges import AttributeRange
@@ -30,19 +32,32 @@ class Guide:
         Multiplies the density of the points that are kept. Points of weight 0 are not kept, unless they are in `keep`.
     detail : (N, k) array or None
         Attributes that count beside the shape, in their ranges times their weights.
+    parts : Parts or None
+        Which quota counts for each of the N points.
+    groups : (N,) array or None
+        Numbers of groups that are kept or dropped whole, from 0.
     """
 
     keep: NDArray[np.int64]
     weights: NDArray[np.float64] | None
     detail: NDArray[np.float32] | None
+    parts: Parts | None
+    groups: NDArray[np.int64] | None
 
     @classmethod
     def of(
-        cls, cloud: PointCloud, rows: NDArray[np.int64] | None, keep: Any, weight: Any, detail: Mapping[str, float]
+        cls,
+        cloud: PointCloud,
+        rows: NDArray[np.int64] | None,
+        keep: Any,
+        weight: Any,
+        detail: Mapping[str, float],
+        quotas: tuple[Quota, ...],
+        group: str | None,
     ) -> Guide | None:
-        """Check the arguments `keep`, `weight` and `detail` of `gppcs.simplify`, of which one is given.
+        """Look up what the arguments of `gppcs.simplify` with these names say of all or some rows of a cloud.
 
-        Shapes: rows (N,).
+        None if they say nothing. Shapes: rows (N,).
         """
         n = len(cloud)
         mask = np.zeros(n, dtype=np.bool_) if keep is None else _mask(cloud, keep)
@@ -55,9 +70,12 @@ class Guide:
             known = WeightRange.of(weights)
             known.check()
             weights = known.in_shares(weights)
-        if weights is None and not mask.any() and not detail:
+        if weights is None and not (mask.any() or detail or quotas or group):
             return None
-        return cls(np.flatnonzero(mask), weights, detail_of(cloud, rows, detail) if detail else None)
+        return cls(
+            np.flatnonzero(mask), weights, detail_of(cloud, rows, detail) if detail else None,
+            Parts.of(cloud, rows, quotas) if quotas else None, groups_of(cloud, rows, group) if group else None,
+        )  # fmt: skip
 
     def rows(self, n: int) -> NDArray[np.int64]:
         """Return the rows among which is chosen, ascending.

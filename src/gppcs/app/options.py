@@ -196,6 +196,27 @@ Weight = Annotated[
     option("NAME", "Multiply the density of the kept points by this attribute, from 0 on (method gp).", CHOICE),
 ]
 
+Quota = Annotated[
+    list[str] | None,
+    option(
+        "'CONDITION: NUMBER'",
+        "Keep exactly this number of points that meet a condition, or this share of the kept points, such as "
+        "'classification == 6: 10%'. The other points share the rest. Can be repeated (methods "
+        "that rank their points).",
+        CHOICE,
+    ),
+]
+
+Group = Annotated[
+    str | None,
+    option(
+        "NAME",
+        "Keep or drop groups whole: points with an equal attribute, such as the pulses of a laser by gps_time. There "
+        "are then as near to --points as whole groups allow (methods that rank their points).",
+        CHOICE,
+    ),
+]
+
 Detail = Annotated[
     list[str] | None,
     option(

@@ -232,7 +232,7 @@ class Job:
     def _note_size(self, source: Path, kept: int, points: int) -> None:
         """Print a note if fewer points are kept than were asked for, or if a tolerance is too small for the points."""
         amount = self.request.amount
-        if amount.n_points is not None and kept < amount.n_points:
+        if amount.n_points is not None and kept < amount.n_points and self.request.group is None:
             usable = " with finite coordinates" if self.request.invalid == "drop" else ""
             asked = f"fewer than the {amount.n_points:,} asked for"
             print_error(f"note: {source}: all of its {kept:,} points{usable} were kept, {asked}")

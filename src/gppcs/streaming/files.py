@@ -36,6 +36,8 @@ def simplify_files(
     keep: str | ArrayLike | None = None,
     weight: str | ArrayLike | None = None,
     detail: str | Mapping[str, float] | None = None,
+    quota: Mapping[str, float | str] | None = None,
+    group: str | None = None,
     method: str | Method = DEFAULT,
     seed: int | None = None,
     invalid: Literal["error", "drop"] = "error",
@@ -69,9 +71,9 @@ def simplify_files(
         stands for the files that it lists.
     ratio, n_points, method, seed, invalid, normals, scores, drop_outliers, timer
         As for `gppcs.simplify`. Normals need all points in memory.
-    tolerance, spacing, max_gap, unit, keep, weight, detail
-        As for `gppcs.simplify`. All points must be in memory for `tolerance`, `max_gap` and `detail`, for `keep` that
-        is no condition, and for `weight` that is no name.
+    tolerance, spacing, max_gap, unit, keep, weight, detail, quota, group
+        As for `gppcs.simplify`. All points must be in memory for `tolerance`, `max_gap`, `detail`, `quota` and `group`,
+        for `keep` that is no condition, and for `weight` that is no name.
     format, columns
         As for `gppcs.read`, for all files. A text table whose columns are named so is read as a whole.
     box, resolution, only, polygon
@@ -126,8 +128,8 @@ def simplify_files(
         raise ParameterError(f"expected a file or a list of files, found {shown(paths)}")
     request = Request.of(
         ratio=ratio, n_points=n_points, tolerance=tolerance, spacing=spacing, max_gap=max_gap,
-        unit=unit, keep=keep, weight=weight, detail=detail, method=method, seed=seed, invalid=invalid, normals=normals,
-        scores=scores, drop_outliers=drop_outliers,
+        unit=unit, keep=keep, weight=weight, detail=detail, quota=quota, group=group, method=method, seed=seed,
+        invalid=invalid, normals=normals, scores=scores, drop_outliers=drop_outliers,
     )  # fmt: skip
     work = Work(
         None if memory is None else bytes_of(memory), None if scratch is None else file_path(scratch), executor,

@@ -70,6 +70,8 @@ def simplify(
     keep: options.Keep = None,
     weight: options.Weight = None,
     detail: options.Detail = None,
+    quota: options.Quota = None,
+    group: options.Group = None,
     method: Annotated[
         str,
         options.option(
@@ -144,11 +146,13 @@ def simplify(
     amount: dict[str, Any] = {"ratio": ratio, "n_points": points, "tolerance": tolerance, "spacing": spacing}
     amount["max_gap"] = max_gap
     chosen = method_of(method, settings=_parsed(settings or []))
-    wanted = None if levels is None else _checked_levels(levels, amount, chosen, mark)
+    excluded = {**amount, "mark": mark, "quota": quota, "group": group}
+    wanted = None if levels is None else _checked_levels(levels, excluded, chosen)
     dropped, added = _listed("--drop", drop, KINDS), _listed("--add", add, ADDED)
     request = Request.of(
         **amount | (wanted.finest if wanted else {}), unit=unit, keep=keep, weight=weight,
-        detail=None if detail is None else dict(map(_weighted, detail)), method=chosen,
+        detail=None if detail is None else dict(map(_weighted, detail)),
+        quota=None if quota is None else dict(map(_numbered, quota)), group=group, method=chosen,
         invalid="drop" if "invalid" in dropped else "error", normals="normals" in added, scores="scores" in added,
         drop_outliers="outliers" in dropped,
     )  # fmt: skip
@@ -192,11 +196,11 @@ def _print(told: Told, dry_run: bool, is_one_of_several: bool, quiet: bool, as_j
         show(told.record, told.title, told.rows, as_json, quiet)
 
 
-def _checked_levels(text: str, amount: dict[str, Any], method: Method, mark: str | None) -> Levels:
+def _checked_levels(text: str, excluded: dict[str, Any], method: Method) -> Levels:
     """Return the levels, after checking that they fit the other options."""
     from gppcs.amounts.choice import require
 
-    given = [option(name) for name, value in {**amount, "mark": mark}.items() if value is not None]
+    given = [option(name) for name, value in excluded.items() if value is not None]
     if given:
         raise ParameterError(f"expected --levels without {given[0]}")
     require(method, "ranking")
@@ -220,6 +224,16 @@ def _weighted(detail: str) -> tuple[str, float | str]:
         return name, float(weight)
     except ValueError:
         raise ParameterError(f"expected --detail NAME or NAME:WEIGHT, found {shown(detail)}") from None
+
+
+def _numbered(quota: str) -> tuple[str, str]:
+    """Return condition and number of a quota, given as CONDITION: NUMBER."""
+    condition, colon, number = quota.rpartition(":")
+    if not colon or not condition.strip() or not number.strip():
+        raise ParameterError(
+            f"expected --quota 'CONDITION: NUMBER', such as 'classification == 6: 10%', found {shown(quota)}"
+        )
+    return condition.strip(), number.strip()
 
 
 def _listed(name: str, given: str | None, known: tuple[str, ...]) -> list[str]:
