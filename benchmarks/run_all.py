@@ -61,6 +61,7 @@ SCRIPTS = (
     Script("gallery.py", "gallery", ("matplotlib",)),
     Script("gp_ablation.py", "gp_ablation", ("pymeshlab",)),
     Script("gp_constants.py", "gp_constants"),
+    Script("detail.py", "detail", ("meshoptimizer",)),
     Script("placement.py", "placement", ("pymeshlab",), ("--jobs", "2")),
     Script("ask.py", "ask", ("pymeshlab",)),
     Script("gp_prefixes.py", "gp_prefixes", ("pymeshlab",)),
