@@ -111,7 +111,7 @@ def test_completion_of_the_shell(shell):
     ("words", "completions"),
     [
         ("gppcs inf", ["info"]),
-        ("gppcs simplify --qu", ["--quiet"]),
+        ("gppcs simplify --qu", ["--quota", "--quiet"]),
         ("gppcs simplify --method gp", ["gp", "gp-spectral"]),
         ("gppcs methods wl", ["wlop"]),
         ("gppcs sample fa", ["fan"]),
