@@ -25,7 +25,7 @@ from gppcs.evaluation.comparison import Entry, rebuilt_mesh
 PICTURE = Path(__file__).parents[1] / "docs" / "why-not-voxels.png"
 POINTS, RATIO, NOISE = 400_000, 0.03, 1e-4  # the scan of `make demo`
 METHODS = (gppcs.Voxel(), gppcs.LocalGP())
-ALL = (*METHODS, gppcs.Voxel(place="mean"), gppcs.FarthestPoint(), gppcs.Random())
+ALL = (*METHODS, gppcs.Voxel(keep="mean"), gppcs.FarthestPoint(), gppcs.Random())
 MICROMETRES = 1000.0  # the scan is in millimetres
 FIGURES = {
     "surface_mean": "mean error",

@@ -96,6 +96,7 @@ class Request:
             "detail": bool(self.detail),
             "quota": bool(self.quotas),
             "group": self.group is not None,
+            "attribute": self.method.values_of is not None,
             **{name: value is not None and not isinstance(value, str) for name, value in arrays.items()},
         }
         return next((name for name, given in reasons.items() if given), None)
@@ -416,7 +417,7 @@ def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
             outliers = np.flatnonzero(find_outliers(cloud))
             rows = rows_without(outliers, rows, len(cloud))
     with timer("preparation"):
-        guide = Guide.of(cloud, rows, request.keep, request.weight, request.detail, request.quotas, request.group)
+        guide = Guide.of(cloud, rows, request)
         metres = metres_of(request.unit, cloud.header)
         places = cloud.points if rows is None else cloud.points[rows]
         low, high = bounds(places)

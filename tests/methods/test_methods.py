@@ -146,7 +146,7 @@ def test_more_start_points_than_asked_for_are_cut(method):
 
 @pytest.mark.parametrize(
     ("staying", "moving"),
-    [(gppcs.WLOP(), gppcs.WLOP(snap=False)), (gppcs.Voxel(), gppcs.Voxel(place="mean"))],
+    [(gppcs.WLOP(), gppcs.WLOP(snap=False)), (gppcs.Voxel(), gppcs.Voxel(keep="mean"))],
     ids=["wlop", "voxel"],
 )
 def test_points_that_move_keep_their_attributes(staying, moving, sphere):

@@ -44,11 +44,11 @@ def test_the_edge_gives_hardly_more_cells_than_asked_for(sphere, n_points):
     assert n_points <= count <= 1.01 * n_points + 8
 
 
-@pytest.mark.parametrize("place", ["representative", "mean"])
-def test_each_point_lies_in_a_cell_of_its_own(bracket, place):
+@pytest.mark.parametrize("keep", ["nearest", "mean"])
+def test_each_point_lies_in_a_cell_of_its_own(bracket, keep):
     points = bracket - bracket.min(axis=0)
     edge = cell_edge(points, 1_000)
-    selection = gppcs.Voxel(place=place)(gppcs.Wanted(points, 1_000))
+    selection = gppcs.Voxel(keep=keep)(gppcs.Wanted(points, 1_000))
     assert set(selection.indices) <= set(representatives(points, edge)[0])
     assert (np.diff(selection.indices) > 0).all()
     kept = points[selection.indices] if selection.points is None else selection.points
@@ -62,3 +62,54 @@ def test_points_that_rounding_nearly_joins_get_cells_of_their_own():
     fine = 0.99 * 2.0**-60
     assert occupied(points, fine) < 200  # which is why cells so small get a power of two for an edge
     assert cell_edge(points, 201) > fine
+
+
+def plain_best(points, edge, worth, axes):
+    chosen = {}
+    for index, point in enumerate(points):
+        cell = tuple(np.floor(point[:axes] / edge))
+        if cell not in chosen or worth[index] > worth[chosen[cell]]:
+            chosen[cell] = index
+    return sorted(chosen.values())
+
+
+@pytest.mark.parametrize(
+    ("keep", "sign", "axes"), [("highest", 1, 2), ("lowest", -1, 2), ("most", 1, 3), ("least", -1, 3)]
+)
+@given(seed=st.integers(0, 99), edge=st.floats(0.05, 1.0))
+def test_the_extreme_point_of_each_cell_is_kept(keep, sign, axes, seed, edge):
+    rng = np.random.default_rng(seed)
+    points = np.concatenate([np.zeros((1, 3)), rng.random((200, 3))])  # so that cells begin at the origin
+    worth = np.where(rng.random(201) < 0.1, np.nan, rng.integers(0, 9, 201))  # with ties, and values that are missing
+    cloud = gppcs.PointCloud(points, {"worth": worth})
+    method = gppcs.Voxel(keep=keep, attribute="worth" if axes == 3 else None)
+    kept = gppcs.simplify(cloud, spacing=edge, method=method).indices
+    expected = sign * np.where(np.isnan(worth), -sign * 99, worth) if axes == 3 else sign * points[:, 2]
+    assert list(kept) == plain_best(points, edge, expected, axes)
+
+
+def test_too_few_columns_are_told():
+    points = np.random.default_rng(0).random((100, 3)) * [1, 0, 1]
+    points[:, 0] = np.floor(10 * points[:, 0])
+    with pytest.raises(gppcs.InputError, match=r"at 20 or more different places in x and y, found 10; ask for fewer$"):
+        gppcs.simplify(points, n_points=20, method=gppcs.Voxel(keep="highest"))
+    assert len(gppcs.simplify(points, n_points=10, method=gppcs.Voxel(keep="highest")).indices) == 10
+
+
+@pytest.mark.parametrize(
+    ("settings", "found"),
+    [
+        ({"keep": "most"}, "attribute to be the name of an attribute, found None"),
+        ({"attribute": "intensity"}, 'attribute to be None unless keep is "most" or "least"'),
+    ],
+)
+def test_an_attribute_belongs_to_most_and_least(settings, found):
+    with pytest.raises(gppcs.ParameterError, match=found):
+        gppcs.Voxel(**settings)
+
+
+def test_an_attribute_that_is_not_there_is_told(sphere):
+    with pytest.raises(
+        gppcs.InputError, match="the cloud has no attribute 'intensity' to choose points by; it has none"
+    ):
+        gppcs.simplify(sphere, n_points=10, method=gppcs.Voxel(keep="most", attribute="intensity"))

@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor
+from itertools import product
 from multiprocessing import get_context
 
 import numpy as np
@@ -33,6 +34,8 @@ def beyond_memory(monkeypatch):
     monkeypatch.setattr("gppcs.streaming.scan.RUN", 5_000)
     monkeypatch.setattr("gppcs.spatial.farthest_in_parts.PART", 4_000)
     monkeypatch.setattr("gppcs.gp.local.beyond_memory.PART", 2_000)
+    monkeypatch.setattr("gppcs.methods.voxel.parts.PART", 4_000)
+    monkeypatch.setattr("gppcs.methods.random.PART", 4_000)
 
 
 def written(tmp_path, cloud, name="cloud.ply"):
@@ -46,7 +49,10 @@ def errors(cloud, kept):
     return np.array([surface_of(kept).nearest_to(cloud.points)[0].mean(), nearest.mean(), nearest.max()])
 
 
-@pytest.mark.parametrize("method", ["gp", "fps", "voxel", "random"])
+METHODS = ["gp", "fps", "voxel", "random", gppcs.Random(even=True)]
+
+
+@pytest.mark.parametrize("method", [*METHODS, gppcs.Voxel(keep="lowest")], ids=str)
 @pytest.mark.parametrize("count", [1, 700, 9_000])
 def test_exactly_as_many_points_with_their_attributes(tmp_path, method, count):
     cloud = gppcs.sample("bracket", 20_000)
@@ -137,6 +143,28 @@ def test_a_spacing_tells_the_number_and_fps_keeps_to_it(tmp_path, monkeypatch):
         assert len(found[method].indices) == pytest.approx(number, rel=0.05)
 
 
+@pytest.mark.parametrize("keep", ["nearest", "highest", "random"])
+def test_cells_keep_the_same_points_as_in_memory(tmp_path, monkeypatch, keep):
+    method = gppcs.Voxel(keep=keep)
+    path = written(tmp_path, gppcs.sample("terrain", 20_000))
+    found = gppcs.simplify_files(path, spacing="2 %", method=method, memory=MEMORY).indices
+    monkeypatch.undo()
+    np.testing.assert_array_equal(found, gppcs.simplify(gppcs.read(path), spacing="2 %", method=method).indices)
+
+
+def test_an_even_density_knows_no_parts(tmp_path):
+    dense = np.random.default_rng(0).random((20_000, 3)) * [1, 1, 0]
+    points = dense[(dense[:, 0] < 0.5) | (np.arange(20_000) % 10 == 0)]
+    path = written(tmp_path, gppcs.PointCloud(points))
+    shares = np.zeros((2, 2))
+    for even, seed in product((0, 1), range(8)):
+        method = gppcs.Random(seed, bool(even))
+        found = gppcs.simplify_files(path, n_points=100, method=method, memory=MEMORY)
+        kept = [found.cloud.points, gppcs.simplify(points, n_points=100, method=method).cloud.points]
+        shares[even] += [(each[:, 0] < 0.5).mean() / 8 for each in kept]
+    np.testing.assert_allclose(shares, [[10 / 11] * 2, [0.5] * 2], atol=0.06)
+
+
 def test_outliers_are_those_in_memory(tmp_path, monkeypatch):
     monkeypatch.setattr("gppcs.surface.outliers.PART", 4_000)
     cloud = gppcs.sample("bracket", 20_000, outliers=0.01)
@@ -147,7 +175,7 @@ def test_outliers_are_those_in_memory(tmp_path, monkeypatch):
     assert not len(np.intersect1d(found.indices, found.outliers))
 
 
-@pytest.mark.parametrize("method", ["gp", "fps", "voxel", "random"])
+@pytest.mark.parametrize("method", METHODS, ids=str)
 def test_repeats_are_chosen_last(tmp_path, method):
     points = np.repeat(np.random.default_rng(0).random((300, 3)), 20, axis=0)
     path = written(tmp_path, gppcs.PointCloud(points))

@@ -177,7 +177,7 @@ def test_simplify_gives_the_normals_of_the_whole_cloud(method):
     assert "normals" not in plain.seconds
 
 
-@pytest.mark.parametrize("method", [gppcs.WLOP(snap=False), gppcs.Voxel(place="mean")], ids=["wlop", "voxel"])
+@pytest.mark.parametrize("method", [gppcs.WLOP(snap=False), gppcs.Voxel(keep="mean")], ids=["wlop", "voxel"])
 def test_points_that_are_moved_have_the_normals_of_their_new_place(method, sphere):
     centre = np.array([1e3, 0, 0])
     cloud = gppcs.simplify(sphere[:5000] + centre, n_points=300, method=method, normals=True).cloud

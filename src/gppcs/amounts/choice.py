@@ -93,9 +93,7 @@ def choose_amount(
         )  # fmt: skip
         selection = _with_errors(selection, errors, scale)
     elif amount.spacing is not None:
-        selection = method(
-            Wanted(among.points, len(among.points), scale.inside(amount.spacing), detail=among.detail, timer=timer)
-        )
+        selection = method(replace(among.wanted(len(among.points), timer), spacing=scale.inside(amount.spacing)))
     elif count is not None:
         selection = chosen(count - len(among.again))
     else:
@@ -157,6 +155,7 @@ class _Places:
     again: NDArray[np.int64]
     weights: NDArray[np.float64] | None
     detail: NDArray[np.float32] | None
+    values: NDArray[np.float64] | None
 
     @classmethod
     def of(cls, points: Points, guide: Guide | None) -> _Places:
@@ -164,7 +163,7 @@ class _Places:
         if guide is None:
             first = first_occurrences(points)
             rows = None if first.all() else np.flatnonzero(first)
-            return cls(points if rows is None else points[rows], rows, 0, np.empty(0, dtype=np.int64), None, None)
+            return cls(points if rows is None else points[rows], rows, 0, np.empty(0, dtype=np.int64), None, None, None)
         keep, usable = guide.keep, guide.rows(len(points))
         rows = np.concatenate([keep, np.setdiff1d(usable, keep)]) if len(keep) else usable
         first = first_occurrences(points[rows])
@@ -174,13 +173,18 @@ class _Places:
         if weights is not None:  # those of points that are kept anyway may be 0
             weights = np.maximum(weights, weights[weights > 0.0].min())
         detail = None if guide.detail is None else guide.detail[rows]
-        return cls(points[rows], rows, int(among.sum()), again, weights, detail)
+        values = None if guide.values is None else guide.values[rows]
+        return cls(points[rows], rows, int(among.sum()), again, weights, detail, values)
 
     def choose(self, wanted: int, method: Method, timer: Timer) -> Selection:
         """Let a method choose a number of the places; all of them in their order."""
         if wanted >= len(self.points):
             return Selection(np.arange(len(self.points)), ranked=False)
-        return method(Wanted(self.points, wanted, None, self.fixed, self.weights, self.detail, timer))
+        return method(self.wanted(wanted, timer))
+
+    def wanted(self, count: int, timer: Timer) -> Wanted:
+        """Return what is wanted of a method that chooses a number of the places."""
+        return Wanted(self.points, count, None, self.fixed, self.weights, self.detail, self.values, timer)
 
     def fewest_without_gaps(self, gap: float) -> int:
         """Return how many points an even cover needs so that no point is farther from it than a length."""

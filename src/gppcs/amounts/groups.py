@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import InputError, nearest_name, shown
+from gppcs.clouds.lookup import check_named
+from gppcs.errors import InputError, shown
 from gppcs.methods import Selection
 
 PULSE, CHANNEL = "gps_time", "scanner_channel"  # each channel of a scanner emits pulses of its own
@@ -24,9 +25,7 @@ def groups_of(cloud: PointCloud, rows: Rows | None, name: str) -> Rows:
 
     Shapes: rows (n,); returns (n,).
     """
-    if name not in cloud.attributes:
-        near = nearest_name(name, cloud.attributes) if cloud.attributes else "; it has none at all"
-        raise InputError(f"the cloud has no attribute {shown(name)} to group its points by{near}")
+    check_named(name, cloud.attributes, "to group its points by")
     values = cloud.attributes[name] if rows is None else cloud.attributes[name][rows]
     if values.ndim > 1 or values.dtype.kind not in "biufUS":
         raise InputError(f"expected attribute {shown(name)} to hold one number or text for each point")

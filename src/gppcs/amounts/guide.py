@@ -5,17 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.amounts.groups import groups_of
-from gppcs.amounts.quotas import Parts, Quota
+from gppcs.amounts.quotas import Parts
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
+from gppcs.clouds.lookup import as_floats, numbers_in
 from gppcs.clouds.ranges import AttributeRange
-from gppcs.errors import InputError, ParameterError, nearest_name, shown
+from gppcs.errors import InputError, ParameterError, shown
+
+if TYPE_CHECKING:
+    from gppcs.simplification import Request
 
 LEAST_WEIGHT = 1e-4  # As a share of the largest. A smaller one counts as this: wider spacings would only take time.
 
@@ -36,6 +40,8 @@ class Guide:
         Which quota counts for each of the N points.
     groups : (N,) array or None
         Numbers of groups that are kept or dropped whole, from 0.
+    values : (N,) array or None
+        Of the attribute at which the method looks.
     """
 
     keep: NDArray[np.int64]
@@ -43,22 +49,15 @@ class Guide:
     detail: NDArray[np.float32] | None
     parts: Parts | None
     groups: NDArray[np.int64] | None
+    values: NDArray[np.float64] | None
 
     @classmethod
-    def of(
-        cls,
-        cloud: PointCloud,
-        rows: NDArray[np.int64] | None,
-        keep: Any,
-        weight: Any,
-        detail: Mapping[str, float],
-        quotas: tuple[Quota, ...],
-        group: str | None,
-    ) -> Guide | None:
-        """Look up what the arguments of `gppcs.simplify` with these names say of all or some rows of a cloud.
+    def of(cls, cloud: PointCloud, rows: NDArray[np.int64] | None, request: Request) -> Guide | None:
+        """Look up what is asked of all or some rows of a cloud; None if nothing is.
 
-        None if they say nothing. Shapes: rows (N,).
+        Shapes: rows (N,).
         """
+        keep, weight, values_of = request.keep, request.weight, request.method.values_of
         n = len(cloud)
         mask = np.zeros(n, dtype=np.bool_) if keep is None else _mask(cloud, keep)
         weights = None if weight is None else weights_of(cloud, weight)
@@ -70,12 +69,18 @@ class Guide:
             known = WeightRange.of(weights)
             known.check()
             weights = known.in_shares(weights)
-        if weights is None and not (mask.any() or detail or quotas or group):
+        values = None if values_of is None else numbers_in(cloud, values_of, "to choose points by")
+        values = values if values is None or rows is None else values[rows]
+        if weights is None and values is None and not (mask.any() or request.detail or request.quotas or request.group):
             return None
         return cls(
-            np.flatnonzero(mask), weights, detail_of(cloud, rows, detail) if detail else None,
-            Parts.of(cloud, rows, quotas) if quotas else None, groups_of(cloud, rows, group) if group else None,
-        )  # fmt: skip
+            np.flatnonzero(mask),
+            weights,
+            detail_of(cloud, rows, request.detail) if request.detail else None,
+            Parts.of(cloud, rows, request.quotas) if request.quotas else None,
+            groups_of(cloud, rows, request.group) if request.group else None,
+            values,
+        )
 
     def rows(self, n: int) -> NDArray[np.int64]:
         """Return the rows among which is chosen, ascending.
@@ -244,10 +249,7 @@ def weights_of(cloud: PointCloud, weight: Any) -> NDArray[np.float64]:
     Shapes: returns (N,).
     """
     if isinstance(weight, str):
-        if weight not in cloud.attributes:
-            near = nearest_name(weight, cloud.attributes) if cloud.attributes else "; it has none at all"
-            raise InputError(f"the cloud has no attribute {shown(weight)} to weigh its points by{near}")
-        return _weights_in(cloud, weight)
+        return numbers_in(cloud, weight, "to weigh its points by")
     expected = f"expected weight to be an attribute, or a number for each of the {len(cloud):,} points"
     try:
         given = np.asarray(weight)
@@ -255,23 +257,4 @@ def weights_of(cloud: PointCloud, weight: Any) -> NDArray[np.float64]:
         raise ParameterError(f"{expected}, found {shown(weight)}") from None
     if given.shape != (len(cloud),) or given.dtype.kind not in "biuf":
         raise ParameterError(f"{expected}, found {shown(weight)}")
-    return _as_weights(given)
-
-
-def _weights_in(cloud: PointCloud, name: str) -> NDArray[np.float64]:
-    """Return the weights in an attribute."""
-    values = cloud.attributes[name]
-    if values.ndim == 1 and values.dtype.kind in "biuf":
-        return _as_weights(values)
-    if values.ndim > 1:
-        found = f"{math.prod(values.shape[1:])}"
-    elif values.dtype.kind in "US" or (values.dtype.kind == "O" and isinstance(values[0], str)):
-        found = "texts"
-    else:
-        found = "lists" if values.dtype.kind == "O" else f"values of type {values.dtype}"
-    raise ParameterError(f"expected attribute {shown(name)} to hold one number for each point, found {found}")
-
-
-def _as_weights(given: NDArray[Any]) -> NDArray[np.float64]:
-    with np.errstate(over="ignore"):  # an infinite weight gets an error of its own
-        return given.astype(np.float64)
+    return as_floats(given)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.colours import full_scale, oklab
+from gppcs.clouds.lookup import check_named
 from gppcs.clouds.objects import COLOUR
-from gppcs.errors import InputError, ParameterError, nearest_name, number, shown
+from gppcs.errors import InputError, ParameterError, number, shown
 
 COLOURS = "rgb"  # stands for the attributes red, green and blue
 CLASSES = ("classification", "label", "class")  # their numbers are names
@@ -72,7 +73,7 @@ class AttributeRange:
     @classmethod
     def of(cls, cloud: PointCloud, name: str) -> AttributeRange:
         """Measure the range of an attribute of a cloud."""
-        _require(cloud, name)
+        _check(cloud, name)
         if name == COLOURS:
             return cls(name, span=full_scale(np.stack([cloud.attributes[each] for each in COLOUR])))
         values = cloud.attributes[name]
@@ -110,7 +111,7 @@ class AttributeRange:
 
     def values(self, cloud: PointCloud) -> NDArray[np.float32]:
         """Return the attribute of a cloud in ranges, (N, k); values that are not finite count as the middle."""
-        _require(cloud, self.name)
+        _check(cloud, self.name)
         if self.name == COLOURS:
             colours = np.stack([cloud.attributes[each] for each in COLOUR], axis=1)
             return oklab(np.clip(np.nan_to_num(colours.astype(np.float64)) / self.span, 0.0, 1.0)).astype(np.float32)
@@ -122,9 +123,7 @@ class AttributeRange:
         return np.clip(np.nan_to_num(shares, nan=0.5), -BEYOND, 1.0 + BEYOND).astype(np.float32)[:, np.newaxis]
 
 
-def _require(cloud: PointCloud, name: str) -> None:
+def _check(cloud: PointCloud, name: str) -> None:
     """Raise an error if a cloud has no attribute of a name, or no colours."""
-    known = [*([COLOURS] if set(COLOUR) <= set(cloud.attributes) else []), *cloud.attributes]
-    if name not in known:
-        near = nearest_name(name, known) if known else "; it has none at all"
-        raise InputError(f"the cloud has no attribute {shown(name)} to count as detail{near}")
+    colours = [COLOURS] if set(COLOUR) <= set(cloud.attributes) else []
+    check_named(name, [*colours, *cloud.attributes], "to count as detail")

@@ -42,6 +42,8 @@ class Wanted:
     detail : (N, k) array, float32, optional
         Attributes that count beside the shape, for methods whose `supports` has "detail". A change by 1 counts as much
         as a sharp edge.
+    values : (N,) array, float64, optional
+        Of the attribute that the method's `values_of` names.
     timer : Timer
         Measures the time of each stage, and reports progress.
     stored : StoredPoints, optional
@@ -66,6 +68,7 @@ class Wanted:
     fixed: int = 0
     weights: NDArray[np.float64] | None = None
     detail: NDArray[np.float32] | None = None
+    values: NDArray[np.float64] | None = None
     timer: Timer = field(default_factory=Timer)
     stored: StoredPoints | None = None
     rows: NDArray[np.int64] | None = None
@@ -169,6 +172,11 @@ class Method(ABC):
         for each in dataclasses.fields(self):
             if getattr(self, each.name) is not each.default:
                 check_parameter(self, each)
+
+    @property
+    def values_of(self) -> str | None:
+        """The attribute whose values the method takes from `Wanted.values`, if any."""
+        return None
 
     @abstractmethod
     def __call__(self, wanted: Wanted) -> Selection:

@@ -30,36 +30,47 @@ class Random(Method):
     """
 
     name = "random"
-    summary = "random points, all equally likely"
+    summary = "random points, all equally likely, or evenly over the surface"
     description = (
-        "Chooses the first points of a random permutation, so a smaller selection is the start of a larger one."
+        "Chooses the first points of a random permutation, so a smaller selection is the start of a larger one. Even "
+        "density comes from exponential random numbers divided by areas (Efraimidis and Spirakis 2006)."
     )
     source = "baseline"
     supports: ClassVar[Mapping[str, str]] = {"ranking": RANKING, "files": "Other points than in memory, as random."}
     _bytes_per_point: ClassVar[int] = 60
 
     seed: int = parameter(0, "Seed of the permutation.", least=0)
+    even: bool = parameter(
+        False,
+        "Whether points are likely in proportion to the area that each stands for, so that the kept points lie equally "
+        "densely. A stray point stands for a large area: drop outliers first.",
+    )
 
     def __call__(self, wanted: Wanted) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
+        from gppcs.spatial.spacing import areas
+
         with wanted.timer("permutation"):
             if wanted.stored is not None:
                 return Selection(self._of_stored(wanted))
-            return Selection(np.random.default_rng(self.seed).permutation(len(wanted.points))[: wanted.n_points])
+            rng, points = np.random.default_rng(self.seed), wanted.points
+            if self.even:
+                return Selection(np.argsort(rng.exponential(size=len(points)) / areas(points))[: wanted.n_points])
+            return Selection(rng.permutation(len(points))[: wanted.n_points])
 
     def _of_stored(self, wanted: Wanted) -> NDArray[np.int64]:
-        """Return the rows of the different places with the smallest hashes."""
+        """Return the rows of the different places with the smallest random numbers."""
         import numpy as np
 
-        from gppcs.spatial.row_sample import smallest_hashes
+        from gppcs.spatial.row_sample import smallest_numbers
 
         assert wanted.stored is not None
-        hashes, rows = np.empty(0, dtype=np.uint64), np.empty(0, dtype=np.int64)
-        choose = partial(smallest_hashes, wanted.stored, wanted.n_points, self.seed)
+        numbers, rows = np.empty(0), np.empty(0, dtype=np.int64)
+        choose = partial(smallest_numbers, wanted.stored, wanted.n_points, self.seed, self.even)
         for of_part in wanted.each(choose, wanted.stored.parts(PART)):
-            hashes, rows = np.concatenate([hashes, of_part[0]]), np.concatenate([rows, of_part[1]])
-            order = np.argsort(hashes)[: wanted.n_points]
-            hashes, rows = hashes[order], rows[order]
+            numbers, rows = np.concatenate([numbers, of_part[0]]), np.concatenate([rows, of_part[1]])
+            order = np.argsort(numbers, kind="stable")[: wanted.n_points]
+            numbers, rows = numbers[order], rows[order]
         return rows

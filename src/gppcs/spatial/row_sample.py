@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.spatial.boxes import Part
+from gppcs.spatial.spacing import areas
 from gppcs.spatial.stored import StoredPoints
 
 HASHES = float(2**64)
+WIDE = 0.99  # the share of the points of a part whose neighbours lie within the width of its halo
 
 
 def row_hashes(rows: NDArray[np.int64]) -> NDArray[np.uint64]:
@@ -45,11 +47,19 @@ def drawn(rows: NDArray[np.int64], share: float) -> NDArray[np.bool_]:
     return row_hashes(rows) < share * HASHES if share < 1.0 else np.ones(len(rows), dtype=np.bool_)
 
 
-def smallest_hashes(
-    stored: StoredPoints, count: int, seed: int, part: Part
-) -> tuple[NDArray[np.uint64], NDArray[np.int64]]:
-    """Return the smallest hashes of the places of a part, at most `count`, and the rows of the points there."""
+def smallest_numbers(
+    stored: StoredPoints, count: int, seed: int, even: bool, part: Part
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return the smallest random numbers of the places of a part, at most `count`, and the rows of the points there.
+
+    The numbers follow an exponential distribution; for an even density they are divided by the areas of the points.
+    """
     near = stored.near(part)
-    hashes = place_hashes(near.points, seed)
-    order = np.argsort(hashes)[:count]
-    return hashes[order], near.rows[order]
+    if even:
+        near = stored.near(part, float(np.sqrt(np.quantile(areas(near.points), WIDE))))
+    numbers = -np.log((place_hashes(near.points, seed) + 0.5) / HASHES)
+    if even:
+        numbers /= areas(near.points)
+    inside = np.flatnonzero(near.inside)
+    order = inside[np.argsort(numbers[inside], kind="stable")[:count]]
+    return numbers[order], near.rows[order]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from gppcs.methods.method import Method, Selection, Wanted
-from gppcs.methods.parameters import parameter
+from gppcs.methods.parameters import parameter, require
 
 LEAST_EDGE = 1e-12  # Of cells, in sizes of the cloud: a finer grid has more cells than whole numbers can count.
 
@@ -20,12 +20,12 @@ class Voxel(Method):
     --------
     >>> import gppcs
     >>> cloud = gppcs.sample("sphere", n_points=1000)
-    >>> len(gppcs.simplify(cloud, n_points=100, method=gppcs.Voxel(place="mean")).cloud)
+    >>> len(gppcs.simplify(cloud, n_points=100, method=gppcs.Voxel(keep="mean")).cloud)
     100
     """
 
     name = "voxel"
-    summary = "one point for each occupied cell of a grid: the point nearest the mean of the cell's points, or the mean"
+    summary = "one point for each occupied cell of a grid: by default the point nearest the mean of the cell's points"
     description = (
         "Keeps one point for each occupied cell of a cubic grid. The edge length of the cells is chosen so that about "
         "the right number of cells is occupied, and not too few; sample elimination then removes the most crowded of "
@@ -38,36 +38,57 @@ class Voxel(Method):
     }
     _bytes_per_point: ClassVar[int] = 170
 
-    place: Literal["representative", "mean"] = parameter(
-        "representative",
-        'What to keep of each cell: with "representative", the point nearest the mean of its points; with "mean", the '
-        "mean itself, with the attributes of that point.",
+    keep: Literal["nearest", "mean", "highest", "lowest", "most", "least", "random"] = parameter(
+        "nearest",
+        'What to keep of each cell. "nearest": the point nearest the mean of its points. "mean": the mean itself, with '
+        'the attributes of that point. "highest", "lowest": the point with the largest or smallest z; the cells are '
+        'then columns, without limits in z. "most", "least": the point with the largest or smallest value of an '
+        'attribute. "random": any point.',
     )
+    attribute: str | None = parameter(None, 'The attribute that counts if keep is "most" or "least".')
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        super().__post_init__()
+        named = (
+            "the name of an attribute" if self.keep in ("most", "least") else 'None unless keep is "most" or "least"'
+        )
+        require(self, (self.attribute is not None) == (self.keep in ("most", "least")), "attribute", named)
+
+    @property
+    def values_of(self) -> str | None:
+        """The attribute that counts, if any."""
+        return self.attribute
 
     def __call__(self, wanted: Wanted) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
         from gppcs.methods.sample_elimination.elimination import thin
-        from gppcs.methods.voxel.grid import cell_edge, representatives
+        from gppcs.methods.voxel.grid import cell_edge, check_columns, in_cells, representatives, worth
         from gppcs.methods.voxel.parts import representatives_in_parts
+        from gppcs.spatial.cells import first_occurrences
 
         points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
         edge = None if wanted.spacing is None else max(wanted.spacing, LEAST_EDGE)
         if wanted.stored is not None:
-            indices, places, means = representatives_in_parts(wanted.stored, edge, n_points, timer, wanted.each)
+            stored = wanted.stored
+            indices, places, means = representatives_in_parts(stored, self.keep, edge, n_points, timer, wanted.each)
         else:
             corner = points.min(axis=0)
             points = points - corner
+            placed = in_cells(points, self.keep)
             if edge is None:
+                if placed is not points:
+                    check_columns(int(first_occurrences(placed).sum()), n_points)
                 with timer("size of cells"):
-                    edge = cell_edge(points, n_points)
+                    edge = cell_edge(placed, n_points)
             with timer("representatives"):
-                indices, means = representatives(points, edge)
+                indices, means = representatives(placed, edge, worth(points, self.keep, wanted.values))
                 means += corner
             places = points[indices]
         kept = np.arange(len(indices))
         if wanted.spacing is None and len(indices) > n_points:
             with timer("elimination"):
                 kept, _ = thin(places, n_points)
-        return Selection(indices[kept], {}, means[kept] if self.place == "mean" else None)
+        return Selection(indices[kept], {}, means[kept] if self.keep == "mean" else None)

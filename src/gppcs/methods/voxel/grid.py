@@ -4,15 +4,48 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.errors import InputError
 from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.row_sample import place_hashes
 
 BISECTIONS = 30  # bisections of the edge length, to a billionth: there, the counts of real clouds no longer change
 SURPLUS = 2.0**-12  # the search stops when the surplus of cells is at most this share of the number wanted
 FINEST = 2.0**-40  # edge length as a share of the cloud's size, below which cells approach the rounding of coordinates
+
+COLUMNS = ("highest", "lowest")  # what is kept of cells without limits in z
+
+
+def in_cells(points: NDArray[np.float64], keep: str) -> NDArray[np.float64]:
+    """Return points as the grid sees them: those of a column have the same z.
+
+    Shapes: points (N, 3); returns (N, 3).
+    """
+    return points * (1.0, 1.0, 0.0) if keep in COLUMNS else points
+
+
+def check_columns(found: int, n_points: int) -> None:
+    """Check that there are enough columns, each with a place of its own in x and y."""
+    if found < n_points:
+        raise InputError(
+            f"expected points at {n_points:,} or more different places in x and y, found {found:,}; ask for fewer"
+        )
+
+
+def worth(points: NDArray[np.float64], keep: str, values: NDArray[np.float64] | None) -> NDArray[Any] | None:
+    """Return of each point the number that is largest for the point to keep of a cell; None for distance to the mean.
+
+    Shapes: points (N, 3), values (N,); returns (N,).
+    """
+    if keep in COLUMNS:
+        values = points[:, 2]
+    if values is None:
+        return place_hashes(points) if keep == "random" else None
+    return np.nan_to_num(values if keep in ("highest", "most") else -values, nan=-np.inf, posinf=np.inf, neginf=-np.inf)
 
 
 def cell_edge(points: NDArray[np.float64], n_points: int) -> float:
@@ -60,19 +93,25 @@ def occupied(points: NDArray[np.float64], edge: float) -> int:
     return int(np.count_nonzero(first_occurrences(np.floor(points / edge))))
 
 
-def representatives(points: NDArray[np.float64], edge: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the mean of the points in each occupied cell, and the point nearest to it.
+def representatives(
+    points: NDArray[np.float64], edge: float, worth: NDArray[Any] | None = None
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return of each occupied cell the point of greatest worth, by default that nearest the mean, and the mean.
 
-    Shapes: points (N, 3); returns indices (cells,), means (cells, 3).
+    Shapes: points (N, 3), worth (N,); returns indices (cells,), means (cells, 3).
     """
     cells = np.floor(points / edge).T
     order = np.lexsort(cells)
     begins = np.flatnonzero(np.append(True, (np.diff(cells[:, order], axis=1) != 0).any(axis=0)))
     sizes = np.diff(np.append(begins, len(points)))
     means = np.add.reduceat(points[order], begins) / sizes[:, None]
-    squared = ((points[order] - np.repeat(means, sizes, axis=0)) ** 2).sum(axis=1)
-    # Two points are equally near their mean; the factor makes up for rounding.
-    nearest = np.flatnonzero(squared <= np.repeat((1 + 1e-9) * np.minimum.reduceat(squared, begins), sizes))
-    indices = order[nearest[np.searchsorted(nearest, begins)]]  # the first in each cell, since the sort is stable
+    if worth is None:
+        squared = ((points[order] - np.repeat(means, sizes, axis=0)) ** 2).sum(axis=1)
+        # Two points are equally near their mean; the factor makes up for rounding.
+        best = squared <= np.repeat((1 + 1e-9) * np.minimum.reduceat(squared, begins), sizes)
+    else:
+        best = worth[order] == np.repeat(np.maximum.reduceat(worth[order], begins), sizes)
+    found = np.flatnonzero(best)
+    indices = order[found[np.searchsorted(found, begins)]]  # the first in each cell, since the sort is stable
     ascending = np.argsort(indices)
     return indices[ascending], means[ascending]

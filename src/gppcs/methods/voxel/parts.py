@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.timer import Timer
-from gppcs.methods.voxel.grid import representatives, searched_edge
+from gppcs.methods.voxel.grid import COLUMNS, check_columns, in_cells, representatives, searched_edge, worth
 from gppcs.spatial.boxes import Each, Part
 from gppcs.spatial.row_sample import place_hashes
 from gppcs.spatial.stored import StoredPoints
@@ -34,38 +34,46 @@ class Representatives(NamedTuple):
 
 
 def representatives_in_parts(
-    stored: StoredPoints, edge: float | None, n_points: int, timer: Timer, each: Each
+    stored: StoredPoints, keep: str, edge: float | None, n_points: int, timer: Timer, each: Each
 ) -> Representatives:
     """Return the points that stand for their cells, by default where at least M cells are occupied, and few more."""
     parts, size = stored.parts(PART), float(stored.sample.max())
 
     def occupied(edge: float) -> int:
         found = np.empty(0, dtype=np.uint64)
-        for some in each(partial(_cells, stored, edge), parts):
+        for some in each(partial(_cells, stored, keep, edge), parts):
             found = np.union1d(found, some)
         return len(found)
 
     if edge is None:
         with timer("size of cells"):
-            enough = size > 0.0 and occupied(0.0) > n_points
+            different = occupied(0.0)
+            if keep in COLUMNS:
+                check_columns(different, n_points)
+            enough = size > 0.0 and (different > n_points or keep in COLUMNS)
             edge = searched_edge(size, n_points, occupied) if enough else 0.0
     with timer("representatives"):
-        found = list(each(partial(_representatives, stored, edge), parts))
+        found = list(each(partial(_representatives, stored, keep, edge), parts))
     rows, places, means = (np.concatenate(columns) for columns in zip(*found, strict=True))
     order = np.argsort(rows)
+    if keep in COLUMNS and edge:  # columns may have points in several parts
+        some, _ = representatives(in_cells(places[order], keep), edge, worth(places[order], keep, None))
+        order = order[some]
     return Representatives(rows[order], places[order], means[order])
 
 
-def _cells(stored: StoredPoints, edge: float, part: Part) -> NDArray[np.uint64]:
+def _cells(stored: StoredPoints, keep: str, edge: float, part: Part) -> NDArray[np.uint64]:
     """Return a number for each occupied cell of a part, or without an edge length for each place."""
-    places = stored.near(part).points
+    places = in_cells(stored.near(part).points, keep)
     return np.unique(place_hashes(np.floor(places / edge) if edge else places))
 
 
-def _representatives(stored: StoredPoints, edge: float, part: Part) -> Representatives:
+def _representatives(stored: StoredPoints, keep: str, edge: float, part: Part) -> Representatives:
     """Return the points of a part that stand for their cells, or all without an edge length."""
-    near = stored.near(part, edge)
-    indices, means = representatives(near.points, edge) if edge else (np.arange(len(near.rows)), near.points)
+    near = stored.near(part, 0.0 if keep in COLUMNS else edge)
+    if not edge:
+        return Representatives(near.rows, near.points, near.points)
+    indices, means = representatives(in_cells(near.points, keep), edge, worth(near.points, keep, None))
     own = near.inside[indices]
     chosen = indices[own]
     return Representatives(near.rows[chosen], near.points[chosen], means[own])

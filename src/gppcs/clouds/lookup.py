@@ -1,0 +1,42 @@
+"""Look up an attribute of a cloud that a user names."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.clouds.cloud import PointCloud
+from gppcs.errors import InputError, ParameterError, nearest_name, shown
+
+
+def check_named(name: str, known: Iterable[str], use: str) -> None:
+    """Raise an error that says for what an attribute was wanted, unless it is among those known."""
+    known = list(known)
+    if name not in known:
+        near = nearest_name(name, known) if known else "; it has none at all"
+        raise InputError(f"the cloud has no attribute {shown(name)} {use}{near}")
+
+
+def numbers_in(cloud: PointCloud, name: str, use: str) -> NDArray[np.float64]:
+    """Return the numbers in an attribute, (N,)."""
+    check_named(name, cloud.attributes, use)
+    values = cloud.attributes[name]
+    if values.ndim == 1 and values.dtype.kind in "biuf":
+        return as_floats(values)
+    if values.ndim > 1:
+        found = f"{math.prod(values.shape[1:])}"
+    elif values.dtype.kind in "US" or (values.dtype.kind == "O" and isinstance(values[0], str)):
+        found = "texts"
+    else:
+        found = "lists" if values.dtype.kind == "O" else f"values of type {values.dtype}"
+    raise ParameterError(f"expected attribute {shown(name)} to hold one number for each point, found {found}")
+
+
+def as_floats(values: NDArray[Any]) -> NDArray[np.float64]:
+    """Return values as numbers of type float64; those that are too large become infinite."""
+    with np.errstate(over="ignore"):
+        return values.astype(np.float64)
