@@ -127,6 +127,39 @@ def test_points_to_keep_and_weights(tmp_path):
     assert share[0] / (1 - share[0]) > 5 * share[1] / (1 - share[1])
 
 
+def test_detail_is_kept_as_well_as_in_memory(tmp_path, monkeypatch):
+    path = written(tmp_path, gppcs.sample("painted", 40_000))
+    cloud, asked = gppcs.read(path), {"n_points": 3_000, "detail": "rgb"}
+    found = [gppcs.simplify(cloud, n_points=3_000), gppcs.simplify_files(path, memory=MEMORY, **asked)]
+    with ProcessPoolExecutor(2, get_context("spawn")) as executor:
+        shared = gppcs.simplify_files(path, memory=MEMORY, executor=executor, **asked)
+    np.testing.assert_array_equal(shared.indices, found[1].indices)
+    monkeypatch.undo()
+    found.append(gppcs.simplify(cloud, **asked))
+    errors = [gppcs.evaluate(cloud, each.cloud, detail="rgb").detail["rgb"].error_mean for each in found]
+    assert errors[1] == pytest.approx(errors[2], rel=0.1)
+    assert errors[1] < 0.75 * errors[0]
+
+
+def test_classes_are_borders(tmp_path):
+    """The middle of a flat face between two classes gets points, and their names do not matter."""
+    points = np.random.default_rng(0).random((20_000, 3)) * [1, 1, 0]
+    found = []
+    for low, high in ((2, 6), (9, 5)):
+        classes = np.where(points[:, 0] < 0.5, low, high).astype(np.uint8)
+        path = written(tmp_path, gppcs.PointCloud(points, {"classification": classes}))
+        found.append(gppcs.simplify_files(path, n_points=500, detail="classification", memory=MEMORY).indices)
+    np.testing.assert_array_equal(*found)
+    assert (np.abs(points[found[0], 0] - 0.5) < 0.05).mean() > 0.2
+
+
+def test_noise_of_an_attribute_draws_no_points(tmp_path):
+    points = gppcs.sample("bracket", 20_000).points
+    path = written(tmp_path, gppcs.PointCloud(points, {"noise": np.random.default_rng(0).random(20_000)}))
+    found = [gppcs.simplify_files(path, n_points=2_000, detail=each, memory=MEMORY) for each in (None, "noise")]
+    np.testing.assert_array_equal(found[0].indices, found[1].indices)
+
+
 def test_a_spacing_tells_the_number_and_fps_keeps_to_it(tmp_path, monkeypatch):
     cloud = gppcs.sample("bracket", 20_000)
     path = written(tmp_path, cloud)
@@ -143,10 +176,12 @@ def test_a_spacing_tells_the_number_and_fps_keeps_to_it(tmp_path, monkeypatch):
         assert len(found[method].indices) == pytest.approx(number, rel=0.05)
 
 
-@pytest.mark.parametrize("keep", ["nearest", "highest", "random"])
+@pytest.mark.parametrize("keep", ["nearest", "highest", "random", "least"])
 def test_cells_keep_the_same_points_as_in_memory(tmp_path, monkeypatch, keep):
-    method = gppcs.Voxel(keep=keep)
-    path = written(tmp_path, gppcs.sample("terrain", 20_000))
+    method = gppcs.Voxel(keep=keep, attribute="time" if keep == "least" else None)
+    points = gppcs.sample("terrain", 20_000).points
+    times = np.random.default_rng(0).permutation(20_000) * 1e9  # a number of type float32 would not do
+    path = written(tmp_path, gppcs.PointCloud(points, {"time": times}))
     found = gppcs.simplify_files(path, spacing="2 %", method=method, memory=MEMORY).indices
     monkeypatch.undo()
     np.testing.assert_array_equal(found, gppcs.simplify(gppcs.read(path), spacing="2 %", method=method).indices)
@@ -203,6 +238,7 @@ def test_invalid_points_are_told_or_dropped(tmp_path):
         ({"n_points": 9, "max_gap": 1.0}, "max_gap takes all points at once"),
         ({"n_points": 9, "method": "hc"}, "method 'hc' takes all points at once"),
         ({"n_points": 9, "normals": True}, "normals takes all points at once"),
+        ({"n_points": 9, "detail": "colour"}, "no attribute 'colour' to count as detail"),
         ({"n_points": 9, "keep": "z > 1e9"}, "expected points with z > 1e9 to keep, found none"),
     ],
 )

@@ -14,8 +14,8 @@ from gppcs.amounts.groups import groups_of
 from gppcs.amounts.quotas import Parts
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
-from gppcs.clouds.lookup import as_floats, numbers_in
-from gppcs.clouds.ranges import AttributeRange
+from gppcs.clouds.lookup import as_floats, check_named, numbers_in
+from gppcs.clouds.ranges import Details, columns_of_detail
 from gppcs.errors import InputError, ParameterError, shown
 
 if TYPE_CHECKING:
@@ -73,10 +73,14 @@ class Guide:
         values = values if values is None or rows is None else values[rows]
         if weights is None and values is None and not (mask.any() or request.detail or request.quotas or request.group):
             return None
+        detail = None
+        if request.detail:
+            some = cloud if rows is None else cloud.take(rows)
+            detail = Details.of(some, request.detail).values(some)
         return cls(
             np.flatnonzero(mask),
             weights,
-            detail_of(cloud, rows, request.detail) if request.detail else None,
+            detail,
             Parts.of(cloud, rows, request.quotas) if request.quotas else None,
             groups_of(cloud, rows, request.group) if request.group else None,
             values,
@@ -167,6 +171,8 @@ class Guided(NamedTuple):
         Which of these are kept whatever happens, ascending.
     weights : (n,) array, float64, or None
         Of these points, as they are given.
+    columns : mapping of str to (n,) array
+        The attributes of these points that the choice needs.
     known : WeightRange
         Of all finite points.
     """
@@ -174,6 +180,7 @@ class Guided(NamedTuple):
     rows: NDArray[np.int64]
     keep: NDArray[np.int64]
     weights: NDArray[np.float64] | None
+    columns: Mapping[str, NDArray[Any]]
     known: WeightRange
 
 
@@ -187,33 +194,43 @@ class ChunkGuide:
         Which points are kept whatever happens.
     weight : str or None
         The attribute that multiplies the density.
+    detail : tuple of str
+        Attributes that count beside the shape.
+    values_of : str or None
+        The attribute at which the method looks.
     """
 
     keep: Expression | None
     weight: str | None
+    detail: tuple[str, ...]
+    values_of: str | None
+
+    @classmethod
+    def of(cls, request: Request) -> ChunkGuide:
+        """Return what is asked by attributes; arrays need all points at once."""
+        keep, weight = (given if isinstance(given, str) else None for given in (request.keep, request.weight))
+        known = None if keep is None else Expression.of(keep)
+        return cls(known, weight, tuple(request.detail), request.method.values_of)
 
     def of_chunk(self, cloud: PointCloud) -> Guided:
         """Return what it says of the points of a chunk."""
         rows = cloud.finite_rows()
         mask = np.zeros(len(rows), dtype=np.bool_) if self.keep is None else self.keep.mask(cloud)[rows]
-        if self.weight is None:
-            return Guided(rows, np.flatnonzero(mask), None, WeightRange())
-        weights = weights_of(cloud, self.weight)[rows]
-        usable = mask | (weights > 0.0)
-        return Guided(rows[usable], np.flatnonzero(mask[usable]), weights[usable], WeightRange.of(weights))
+        weights, known = None, WeightRange()
+        if self.weight is not None:
+            weights = weights_of(cloud, self.weight)[rows]
+            known, usable = WeightRange.of(weights), mask | (weights > 0.0)
+            rows, mask, weights = rows[usable], mask[usable], weights[usable]
+        columns = {name: values[rows] for name, values in self.columns(cloud).items()}
+        return Guided(rows, np.flatnonzero(mask), weights, columns, known)
 
-
-def detail_of(
-    cloud: PointCloud, rows: NDArray[np.int64] | None, detail: Mapping[str, float]
-) -> NDArray[np.float32] | None:
-    """Return attributes in their ranges times their weights, (n, k), of all or some rows; None if all are constant."""
-    some = cloud if rows is None else cloud.take(rows)
-    columns = []
-    for name, weight in detail.items():
-        known = AttributeRange.of(some, name)
-        if known.span or len(known.classes) > 1:
-            columns.append(np.float32(weight) * known.values(some))
-    return np.concatenate(columns, axis=1) if columns else None
+    def columns(self, cloud: PointCloud) -> dict[str, NDArray[Any]]:
+        """Return the attributes that the choice needs, with their own types."""
+        names = columns_of_detail(cloud, self.detail)
+        if self.values_of is not None:
+            check_named(self.values_of, cloud.attributes, "to choose points by")
+            names.append(self.values_of)
+        return {name: cloud.attributes[name] for name in names}
 
 
 def nothing_to_keep(condition: str) -> InputError:

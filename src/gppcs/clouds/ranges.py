@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -121,6 +121,44 @@ class AttributeRange:
             return (values[:, np.newaxis] == known).astype(np.float32) / np.float32(math.sqrt(2.0))
         shares = (values.astype(np.float64) - self.low) / (self.span or 1.0)
         return np.clip(np.nan_to_num(shares, nan=0.5), -BEYOND, 1.0 + BEYOND).astype(np.float32)[:, np.newaxis]
+
+
+@dataclass(frozen=True)
+class Details:
+    """The attributes that count as detail, with their ranges and weights.
+
+    Attributes
+    ----------
+    known : tuple of (AttributeRange, float)
+        Without attributes that are constant.
+    """
+
+    known: tuple[tuple[AttributeRange, float], ...]
+
+    @classmethod
+    def of(cls, cloud: PointCloud, detail: Mapping[str, float]) -> Details:
+        """Measure the ranges of attributes, whose weights are given, of a cloud or a sample of it."""
+        ranges = ((AttributeRange.of(cloud, name), weight) for name, weight in detail.items())
+        return cls(tuple((known, weight) for known, weight in ranges if known.span or len(known.classes) > 1))
+
+    @property
+    def width(self) -> int:
+        """Number k of the columns of `values`."""
+        return sum(len(known.classes) or (3 if known.name == COLOURS else 1) for known, _ in self.known)
+
+    def values(self, cloud: PointCloud) -> NDArray[np.float32] | None:
+        """Return the attributes of a cloud in their ranges times their weights, (N, k); None if all are constant."""
+        columns = [np.float32(weight) * known.values(cloud) for known, weight in self.known]
+        return np.concatenate(columns, axis=1) if columns else None
+
+
+def columns_of_detail(cloud: PointCloud, names: Iterable[str]) -> list[str]:
+    """Return the attributes of a cloud that names of detail stand for; an error if there are none."""
+    columns: list[str] = []
+    for name in names:
+        _check(cloud, name)
+        columns += COLOUR if name == COLOURS else [name]
+    return columns
 
 
 def _check(cloud: PointCloud, name: str) -> None:

@@ -23,7 +23,6 @@ from gppcs.spatial.cells import first_occurrences
 PER_BOX = 16  # Sampled points of a box at least.
 BOX = 1 << 15  # Points of a box, unless there are more boxes than the sample can tell apart.
 RECORD = np.dtype([("row", np.int64), ("place", np.float64, 3)])
-WEIGHTED = np.dtype([*RECORD.descr, ("weight", np.float64)])
 
 
 class Run(NamedTuple):
@@ -57,6 +56,11 @@ class Neighbourhood(NamedTuple):
     def points(self) -> NDArray[np.float64]:
         """The points, (n, 3)."""
         return np.ascontiguousarray(self.records["place"])
+
+    @property
+    def values(self) -> NDArray[np.float64] | None:
+        """What the method asked for of each point, (n,), if anything."""
+        return np.ascontiguousarray(self.records["value"]) if "value" in (self.records.dtype.names or ()) else None
 
     def take(self, some: NDArray[Any]) -> Neighbourhood:
         """Return some of them."""

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from gppcs.amounts.choice import check_count, with_others, with_repeats
 from gppcs.amounts.guide import ChunkGuide, nothing_to_keep
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.expressions import Expression
 from gppcs.clouds.quantities import Scale, metres_of
 from gppcs.engine.timer import Timer
 from gppcs.io.cloud_files import CloudFiles
@@ -48,11 +47,10 @@ def simplify_stored(files: CloudFiles, request: Request, plan: Plan, folder: Pat
     if request.scores:
         check_scores(request.method, files.head().cloud)
     sources = sources_of(files, plan.part)
-    guide = ChunkGuide(None if request.keep is None else Expression.of(request.keep), request.weight)
-    seen = read_all(sources, folder, plan.rows, plan.points, guide, each, timer)
+    seen = read_all(sources, folder, plan.rows, plan.points, ChunkGuide.of(request), each, timer)
     _check_seen(seen, request)
     frame = Frame.around(seen.low, seen.high)
-    stored = sorted_by_boxes(seen, folder, frame, each, timer)
+    stored = sorted_by_boxes(seen, folder, frame, request, each, timer)
     outliers = None
     if request.drop_outliers:
         with timer("outliers", len(stored)) as advanced:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
 
 from gppcs.amounts.guide import ChunkGuide
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.expressions import Expression
 from gppcs.clouds.quantities import metres_of
 from gppcs.engine.memory import available_memory
 from gppcs.engine.threads import number_of_threads
@@ -25,6 +27,7 @@ STORED = 90_000_000  # Bytes for the sample and for what is chosen in memory, if
 PART = 70_000_000  # Bytes for each part that is worked on at once.
 KEPT = 120  # Bytes for each kept point, besides its attributes, which are held twice.
 OUTLIERS = 130  # Bytes for each point, where outliers are looked for in memory.
+VALUE = 8  # Bytes on disk for each point and attribute that the choice needs.
 CANDIDATES = 3000  # Bytes on disk for each point to keep.
 ROWS = 1 << 17  # Points of a chunk. It does not depend on the memory, nor do results.
 SPAN = 1 << 22  # Points of a part of a file that one task reads.
@@ -108,9 +111,13 @@ def plan(
     if limit is not None and on_disk > limit:
         needed = on_disk if shared else min(on_disk, in_memory)
         raise _too_little(f"{size_of(needed)} of memory to choose {kept:,} of {n:,} points", limit, "keep fewer points")
-    return Plan(
-        False, n, kept, head.exact, on_disk, limit, RECORD.itemsize * n + CANDIDATES * kept, threads, READINGS + counted
-    )
+    record = RECORD.itemsize + VALUE * len(_columns(head, request))
+    return Plan(False, n, kept, head.exact, on_disk, limit, record * n + CANDIDATES * kept, threads, READINGS + counted)
+
+
+def _columns(head: Head, request: Request) -> dict[str, NDArray[Any]]:
+    """Return the attributes that the choice needs, of the first points."""
+    return ChunkGuide.of(request).columns(head.cloud) if len(head.cloud) else {}
 
 
 def _too_little(expected: str, limit: int, instead: str = "do without") -> InputError:
@@ -127,9 +134,8 @@ def _check_read_whole(files: CloudFiles, limit: int | None) -> None:
 
 def _check_asked(cloud: PointCloud, request: Request) -> None:
     """Check by the first points that the cloud has the attributes that are named, and the unit that lengths need."""
-    keep, weight = (given if isinstance(given, str) else None for given in (request.keep, request.weight))
     if len(cloud):
-        ChunkGuide(None if keep is None else Expression.of(keep), weight).of_chunk(cloud)
+        ChunkGuide.of(request).of_chunk(cloud)
     metres = metres_of(request.unit, cloud.header)
     for length in request.amount.lengths:
         if length is not None:
@@ -155,4 +161,6 @@ def _reason(head: Head, request: Request, whole: str | None) -> str | None:
         return f"{whole or request.whole} takes all points at once"
     if head.whole:
         return f"{head.whole} files are read as a whole"
+    if any(values.ndim > 1 or values.dtype.kind not in "biuf" for values in _columns(head, request).values()):
+        return "detail that is not a number for each point takes all points at once"
     return None if "files" in request.method.supports else f"method {request.method.name!r} takes all points at once"

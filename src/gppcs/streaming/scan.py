@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +21,13 @@ from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.joining import JointColumns
+from gppcs.simplification import Request
 from gppcs.spatial.boxes import Boxes, Each
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.row_sample import place_hashes
 from gppcs.spatial.scaling import Frame, bounds
-from gppcs.spatial.stored import RECORD, WEIGHTED, Run, StoredPoints, boxes_for, write_run
+from gppcs.spatial.stored import Run, StoredPoints, boxes_for, write_run
+from gppcs.streaming.records import Columns, raw_field, raw_kind
 
 SAMPLED = 1 << 18  # Points of the sample by which space is divided.
 SPARE = 1.1  # Sampled points for each one wanted, so that there are hardly ever too few.
@@ -78,6 +80,8 @@ class Overview:
     chunks : list of Chunk
     hashes, sample : (m,) and (m, 3) arrays
         A random sample of the stored points, with the random numbers by which it was drawn.
+    values : dict of str to (m,) array
+        Attributes of the sample, if the choice needs any.
     counts : list of int
         Number of points of each source.
     """
@@ -94,6 +98,7 @@ class Overview:
     chunks: list[Chunk] = field(default_factory=list)
     hashes: NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, dtype=np.uint64))
     sample: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    values: dict[str, NDArray[Any]] = field(default_factory=dict)
     counts: list[int] = field(default_factory=list)
 
     @property
@@ -113,9 +118,12 @@ class Overview:
         self.chunks += [chunk._replace(first=self.count + chunk.first) for chunk in other.chunks]
         self.hashes = np.concatenate([self.hashes, other.hashes])
         self.sample = np.concatenate([self.sample, other.sample])
+        for name, values in other.values.items():
+            self.values[name] = np.concatenate([self.values[name], values]) if name in self.values else values
         if len(self.hashes) > MOST_SAMPLED:
             some = np.argpartition(self.hashes, MOST_SAMPLED // 2)[: MOST_SAMPLED // 2]
             self.hashes, self.sample = self.hashes[some], self.sample[some]
+            self.values = {name: values[some] for name, values in self.values.items()}
         self.counts.append(other.count)
         self.count, self.bad = self.count + other.count, self.bad + other.bad
 
@@ -157,10 +165,12 @@ def _look(cloud: PointCloud, path: Path, share: float, guide: ChunkGuide) -> Ove
         seen.bad, seen.first_bad = len(bad), int(bad[0])
     seen.weights = usable.known
     if len(places):
-        records = np.empty(len(places), dtype=RECORD if usable.weights is None else WEIGHTED)
+        records = np.empty(len(places), dtype=raw_kind(usable.weights is not None, usable.columns))
         records["row"], records["place"] = usable.rows, places
         if usable.weights is not None:
             records["weight"] = usable.weights
+        for name, values in usable.columns.items():
+            records[raw_field(name)] = values
         records.tofile(path)
         seen.chunks = [Chunk(path.name, 0, len(places))]
         seen.low, seen.high = bounds(places)
@@ -168,26 +178,32 @@ def _look(cloud: PointCloud, path: Path, share: float, guide: ChunkGuide) -> Ove
         hashes = place_hashes(places)
         some = np.flatnonzero(hashes < share * HASHES) if share < 1.0 else np.arange(len(hashes))
         seen.hashes, seen.sample = hashes[some], places[some]
+        seen.values = {name: values[some] for name, values in usable.columns.items()}
     return seen
 
 
-def sorted_by_boxes(seen: Overview, folder: Path, frame: Frame, each: Each, timer: Timer) -> StoredPoints:
+def sorted_by_boxes(
+    seen: Overview, folder: Path, frame: Frame, request: Request, each: Each, timer: Timer
+) -> StoredPoints:
     """Sort the stored points by boxes, in the coordinates of a frame."""
-    sample = frame.local(seen.sample[np.argsort(seen.hashes, kind="stable")][: round(SPARE * SAMPLED)])
+    order = np.argsort(seen.hashes, kind="stable")
+    sample = frame.local(seen.sample[order][: round(SPARE * SAMPLED)])
     sample = sample[first_occurrences(sample)][:SAMPLED]
-    boxes = boxes_for(sample, seen.stored)
-    weighted, counts = seen.weights.n > 0, np.zeros(len(boxes), dtype=np.int64)
+    boxes, columns = (
+        boxes_for(sample, seen.stored),
+        Columns.of(PointCloud(seen.sample, seen.values), seen.weights, request),
+    )
+    counts = np.zeros(len(boxes), dtype=np.int64)
     groups, runs = _grouped(seen.chunks), []
     with timer("boxes", seen.stored) as advanced:
-        sort = partial(_sort, folder, boxes, frame, seen.weights if weighted else None)
+        sort = partial(_sort, folder, boxes, frame, columns)
         for group, (run, of_group) in zip(groups, each(sort, groups), strict=True):
             runs.append(run)
             counts += of_group
             for chunk in group:
                 (folder / chunk.name).unlink()
                 advanced(chunk.stored)
-    kind = WEIGHTED if weighted else RECORD
-    return StoredPoints(folder, boxes, counts, tuple(runs), kind, sample, seen.weights.mean_share)
+    return StoredPoints(folder, boxes, counts, tuple(runs), columns.kind, sample, seen.weights.mean_share)
 
 
 def _grouped(chunks: Sequence[Chunk]) -> list[list[Chunk]]:
@@ -202,20 +218,16 @@ def _grouped(chunks: Sequence[Chunk]) -> list[list[Chunk]]:
 
 
 def _sort(
-    folder: Path, boxes: Boxes, frame: Frame, weights: WeightRange | None, group: Sequence[Chunk]
+    folder: Path, boxes: Boxes, frame: Frame, columns: Columns, group: Sequence[Chunk]
 ) -> tuple[Run, NDArray[np.int64]]:
     """Sort some chunks into a run, and return it with the number of its points in each box."""
-    records = np.empty(sum(chunk.stored for chunk in group), dtype=RECORD if weights is None else WEIGHTED)
-    begin = 0
+    found = []
     for chunk in group:
-        some = records[begin : begin + chunk.stored]
-        some[:] = np.fromfile(folder / chunk.name, dtype=records.dtype)
+        some = columns.of_records(np.fromfile(folder / chunk.name, dtype=columns.raw))
         some["row"] += chunk.first
-        begin += chunk.stored
+        found.append(some)
+    records = np.concatenate(found)
     records["place"] = frame.local(np.ascontiguousarray(records["place"]))
-    if weights is not None:  # points of weight 0 are here only to be kept
-        shares = weights.in_shares(np.ascontiguousarray(records["weight"]))
-        records["weight"] = np.where(shares > 0.0, shares, 1.0)
     return write_run(folder, group[0].name.replace(".raw", ".run"), boxes, records)
 
 

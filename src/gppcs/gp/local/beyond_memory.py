@@ -42,6 +42,7 @@ from gppcs.gp.local.candidates import (
     thinned,
 )
 from gppcs.gp.local.density import FINEST, WEIGHT_POWER
+from gppcs.gp.local.detail import WITHIN, Detail, DetailNoise, residuals
 from gppcs.gp.local.greedy import extend, next_step
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.placement import exchanged, share_in_cells
@@ -61,6 +62,7 @@ HALO = 6.0  # In target spacings. 3 give the same points as 24, but for one in a
 DIAGONAL = math.sqrt(3.0)  # Of a cell, in edge lengths. A halo this wide holds all points of the cells of a part.
 FIXED = -1.0  # Stands for the gap of a point that is chosen from the start, and so is a candidate of every stage.
 LOWEST = 1e-6  # Below this level, all candidates are chosen.
+NOT_MEASURED = np.empty(0, dtype=np.float32)
 NO_POINTS = Ranking(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0))
 
 
@@ -83,6 +85,8 @@ class _Stage:
     noise : Noise
         Without a tree: each part has one of its own.
     criterion : Criterion
+    detail : DetailNoise or None
+        Of the attributes that count beside the shape, if there are any, and more than noise.
     largest_gap : float
         Candidates of the last stage that are farther from all others are outliers.
     scale : Scale, optional
@@ -96,6 +100,7 @@ class _Stage:
     thinned: bool
     noise: Noise
     criterion: Criterion
+    detail: DetailNoise | None
     largest_gap: float = math.inf
     scale: Scale | None = None
 
@@ -162,7 +167,8 @@ def choose_stored(
         target, alike = max(1, len(stored.sample) // PER_POINT), np.zeros(len(stored.sample), dtype=np.float32)
         area, _ = thinned(stored.sample, alike, target, surface_area(tree), density)
         noise = _noise(stored, n_points, area, parts, each)
-    stage = _Stage(stored, n_points, area, density, True, noise, criterion)
+        detail = _noise_of_detail(stored, n_points, cell_edge(area, density * n_points), parts, each)
+    stage = _Stage(stored, n_points, area, density, True, noise, criterion, detail)
     with timer("candidates", len(stored)) as advanced:
         stage = _with_candidates(stage, parts, each, advanced, fixed, fixed_places)
         nested = [stage]
@@ -225,6 +231,7 @@ def _kind(stage: _Stage) -> np.dtype[Any]:
     """Return the type of the records of candidates."""
     observed: list[Any] = [] if stage.noise.quiet else [("variance", np.float64)]
     observed += [("foot", np.float64, 3)] if stage.noise.thick and not stage.noise.quiet else []
+    observed += [("rough", np.float32)] if stage.detail else []
     return np.dtype([*stage.stored.kind.descr, ("sharpness", np.float32), ("gap", np.float64), *observed])
 
 
@@ -239,9 +246,14 @@ def _store_candidates(
     some = np.flatnonzero(drawn(near.rows, sample_size(stage.target) / len(stored)))
     some = some[first_occurrences(points[some])]
     tree = KdTree.build(points[some]) if len(some) else None
-    sharpness = np.zeros(len(points), dtype=np.float32)
+    sharpness, rough = (np.zeros(len(points), dtype=np.float32) for _ in range(2))
     if noise.clean and tree:  # otherwise noisy points would look sharp
         sharpness[some] = sharpness_of(tree, stage.edge)
+    if stage.detail and tree:
+        some = some[tree.order]
+        values = near.records["detail"][some].astype(np.float64)
+        rough[some] = stage.detail.variation(residuals(tree, values, WITHIN * stage.edge))
+        sharpness += rough
     kept = greatest_in_cells(points, stage.edge, sharpness) if stage.thinned else np.arange(len(points))
     gaps = gaps_of_lone(points[kept], stage.spacing) if stage.thinned else np.zeros(len(kept))
     own = near.inside[kept]
@@ -255,6 +267,8 @@ def _store_candidates(
     for name in stored.kind.names or ():
         records[name] = near.records[name][kept]
     records["sharpness"], records["gap"] = sharpness[kept], gaps
+    if stage.detail:
+        records["rough"] = rough[kept]
     if not noise.quiet:
         feet, records["variance"] = replace(noise, tree=tree).observe(points[kept])
         if feet is not None:
@@ -304,7 +318,8 @@ def _in_memory(
         candidates = nested_candidates(places, sharpness, target, stage.area, stage.density, len(fixed))
     weights = records["weight"] if "weight" in (records.dtype.names or ()) else None
     observations = _observations(records).take(candidates[-1].rows)
-    ranking = rank(places, candidates, observations, stage.criterion, timer, len(fixed), weights)
+    detail = _detail(stage, records[candidates[-1].rows])
+    ranking = rank(places, candidates, observations, stage.criterion, timer, len(fixed), weights, detail)
     return ranking._replace(rows=records["row"][ranking.rows]), places[ranking.rows]
 
 
@@ -313,6 +328,13 @@ def _observations(records: NDArray[Any]) -> Observations:
     names = records.dtype.names or ()
     feet = np.ascontiguousarray(records["foot"]) if "foot" in names else None
     return Observations(feet, records["variance"] if "variance" in names else np.zeros(len(records)))
+
+
+def _detail(stage: _Stage, records: NDArray[Any]) -> Detail | None:
+    """Return the detail at candidates."""
+    if stage.detail is None:
+        return None
+    return Detail.of(stage.detail, records["detail"], np.ascontiguousarray(records["rough"]))
 
 
 def _in_parts(
@@ -325,7 +347,7 @@ def _in_parts(
         for part, of_part in zip(parts, each(partial(_measure, stage), parts), strict=True):
             variation.append(of_part)
             advanced(int(stage.stored.counts[part.first : part.last].sum()))
-        stage = _scaled(stage, np.concatenate(variation), parts, each)
+        stage = _scaled(stage, np.concatenate(variation, axis=1), parts, each)
     added, added_places = NO_POINTS, np.empty((0, 3))
     with timer("greedy selection", wanted) as advanced:
         before, level = len(ranking.rows), float(ranking.scores[-1]) if len(ranking.rows) else 1.0
@@ -346,7 +368,7 @@ def _in_parts(
 
 
 def _measure(stage: _Stage, part: Part) -> NDArray[np.float64]:
-    """Keep the candidates of a part and its halo with their features in a file; return some surface variations."""
+    """Keep the candidates of a part and its halo with their features in a file; return how rough some are."""
     near = _candidates(stage, stage.halo, part)
     known = Candidates(stage.target, np.arange(len(near.records)), stage.thinned, stage.area)
     tree, features = features_of(near.points, _observations(near.records), known)
@@ -362,13 +384,14 @@ def _measure(stage: _Stage, part: Part) -> NDArray[np.float64]:
     unfinished = stage.file(part).with_suffix(f".{uuid4().hex}")
     records.tofile(unfinished)
     os.replace(unfinished, stage.file(part))
-    variation = features.surface_variation[near.inside]
-    return variation[:: max(1, len(variation) // SAMPLES)]
+    rough = records["rough"] if stage.detail else np.zeros(len(records))
+    found = np.stack([features.surface_variation, rough])[:, near.inside]
+    return found[:, :: max(1, found.shape[1] // SAMPLES)]
 
 
 def _scaled(stage: _Stage, variation: NDArray[np.float64], parts: list[Part], each: Each) -> _Stage:
     """Return the stage with the scale of the field."""
-    scale = Scale.of(variation, stage.criterion)
+    scale = Scale.of(variation[0], stage.criterion, variation[1])
     raw = replace(stage, scale=scale)
     squares = np.concatenate(list(each(partial(_squared, raw), _some(parts))))
     return replace(stage, scale=scale._replace(spacing=math.sqrt(float(np.mean(squares)))))
@@ -386,7 +409,7 @@ def _field(stage: _Stage, part: Part) -> tuple[Neighbourhood, LocalField]:
     variation, normals = (np.ascontiguousarray(records[name]) for name in ("variation", "normal"))
     features = Features(variation, normals, np.zeros(0, dtype=np.int64))
     variances = _observations(records).variances / stage.spacing**2
-    field = local_field(tree, features, variances, stage.criterion, scale=stage.scale)
+    field = local_field(tree, features, variances, stage.criterion, _detail(stage, records), stage.scale)
     if "weight" in (records.dtype.names or ()):
         field = field._replace(spacings=field.spacings * records["weight"] ** (-0.5 * WEIGHT_POWER))
     return Neighbourhood(records, np.ascontiguousarray(records["inside"])), field
@@ -462,8 +485,15 @@ def _place(stage: _Stage, fixed: NDArray[np.int64], asked: _Asked) -> tuple[NDAr
         some = drawn(near.rows, sample_size(stage.target) / len(stored))
         noise = replace(noise, tree=KdTree.build(near.points[some]))
     share = share_in_cells(noise, stage.target, len(stored))
-    near = near.take(np.flatnonzero(drawn(near.rows, share)))
-    new = exchanged(asked.places, stays, near.points, stage.area / (share * len(stored)), noise, farthest=0.5 * halo)
+    old = detail = None
+    if stage.detail:
+        alike = KdTree.build(near.points).nearest_of(asked.places, 1)[0][:, 0]  # repeats are not there
+        detail = Detail.of(stage.detail, near.records["detail"], NOT_MEASURED).values
+        old = detail[alike]
+    few = np.flatnonzero(drawn(near.rows, share))
+    near, detail = near.take(few), detail if detail is None else detail[few]
+    area = stage.area / (share * len(stored))
+    new = exchanged(asked.places, stays, near.points, area, noise, old, detail, farthest=0.5 * halo)
     moved = np.flatnonzero(new >= 0)
     return asked.rows[moved], near.rows[new[moved]]
 
@@ -480,6 +510,26 @@ def _noise(stored: StoredPoints, n_points: int, area: float, parts: list[Part], 
     found = np.concatenate(list(each(measure, some)), axis=2)
     layers = {k: Layer.of(*of_fit) for k, of_fit in zip(fits, found, strict=True)}
     return Noise.from_layers(layers.__getitem__, count, spacing)
+
+
+def _noise_of_detail(
+    stored: StoredPoints, n_points: int, edge: float, parts: list[Part], each: Each
+) -> DetailNoise | None:
+    """Measure what is noise of the attributes that count beside the shape, in some parts."""
+    if "detail" not in (stored.kind.names or ()):
+        return None
+    measure = partial(_residuals, stored, min(1.0, sample_size(n_points) / len(stored)), WITHIN * edge)
+    found = np.concatenate(list(each(measure, _some(parts))))
+    return DetailNoise.of(found[:, 0], found[:, 1:]) if len(found) else None
+
+
+def _residuals(stored: StoredPoints, share: float, radius: float, part: Part) -> NDArray[np.float64]:
+    """Return what linear functions leave of the detail of a part's points, and the detail, (n, 1 + k)."""
+    near = stored.near(part, radius)
+    near = near.take(np.flatnonzero(drawn(near.rows, share)))
+    tree = KdTree.build(near.points)
+    values = near.records["detail"][tree.order].astype(np.float64)
+    return np.column_stack([residuals(tree, values, radius), values])[near.inside[tree.order]]
 
 
 def _distances(

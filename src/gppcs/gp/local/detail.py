@@ -26,6 +26,31 @@ FEWEST = 6  # Values to which a linear function of the place is fitted, at least
 RIDGE = 1e-3  # Added to the covariance of places, in squared radii, as places are mostly coplanar.
 
 
+class DetailNoise(NamedTuple):
+    """What is noise of attributes, by all points of a cloud or by many.
+
+    Attributes
+    ----------
+    noise : float
+        Their variance about linear functions of the place, where they hardly vary.
+    strength : float
+        The share of their variance that is no noise, with a margin.
+    """
+
+    noise: float
+    strength: float
+
+    @classmethod
+    def of(cls, residual: NDArray[np.float64], values: NDArray[np.float64]) -> DetailNoise | None:
+        """Measure it, given what linear functions leave, (n,), of values, (n, k); None if all is noise."""
+        noise, variance = float(np.median(residual)), float(values.var(axis=0).sum())
+        return None if LOST * noise >= variance else cls(noise, 1.0 - LOST * noise / variance)
+
+    def variation(self, residual: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what is left, (n,), as surface variation, without noise."""
+        return ROUGH * self.strength * np.maximum(residual - NOISE * self.noise, 0.0)
+
+
 class Detail(NamedTuple):
     """What is known of k attributes of n points.
 
@@ -42,19 +67,23 @@ class Detail(NamedTuple):
     variation: NDArray[np.float32]
 
     @classmethod
+    def of(cls, known: DetailNoise, attributes: NDArray[np.float32], variation: NDArray[np.float32]) -> Detail:
+        """Return attributes, (n, k), as far as they are no noise, with their variation."""
+        return cls(attributes * np.float32(np.sqrt(known.strength)), variation)
+
+    @classmethod
     def measure(
         cls, tree: KdTree, rows: NDArray[np.int64], attributes: NDArray[np.float32], edge: float
     ) -> Detail | None:
         """Measure attributes, (N, k), of a cloud at the rows, (n,), of which there is a tree; None if all is noise."""
-        known = attributes[rows[tree.order]].astype(np.float64)
-        residual = residuals(tree, known, WITHIN * edge)
-        noise, variance = float(np.median(residual)), float(known.var(axis=0).sum())
-        if LOST * noise >= variance:
+        values = attributes[rows[tree.order]].astype(np.float64)
+        residual = residuals(tree, values, WITHIN * edge)
+        known = DetailNoise.of(residual, values)
+        if known is None:
             return None
-        strength = 1.0 - LOST * noise / variance
         variation = np.zeros(len(attributes), dtype=np.float32)
-        variation[rows[tree.order]] = ROUGH * strength * np.maximum(residual - NOISE * noise, 0.0)
-        return cls(attributes * np.float32(np.sqrt(strength)), variation)
+        variation[rows[tree.order]] = known.variation(residual)
+        return cls.of(known, attributes, variation)
 
     def take(self, some: NDArray[Any]) -> Detail:
         """Return that of some of the points."""

@@ -73,7 +73,7 @@ def _representatives(stored: StoredPoints, keep: str, edge: float, part: Part) -
     near = stored.near(part, 0.0 if keep in COLUMNS else edge)
     if not edge:
         return Representatives(near.rows, near.points, near.points)
-    indices, means = representatives(in_cells(near.points, keep), edge, worth(near.points, keep, None))
+    indices, means = representatives(in_cells(near.points, keep), edge, worth(near.points, keep, near.values))
     own = near.inside[indices]
     chosen = indices[own]
     return Representatives(near.rows[chosen], near.points[chosen], means[own])
