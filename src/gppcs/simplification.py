@@ -93,8 +93,6 @@ class Request:
             "tolerance": self.amount.tolerance is not None,
             "max_gap": self.amount.max_gap is not None,
             "normals": self.normals,
-            "quota": bool(self.quotas),
-            "group": self.group is not None,
             **{name: value is not None and not isinstance(value, str) for name, value in arrays.items()},
         }
         return next((name for name, given in reasons.items() if given), None)

@@ -55,7 +55,6 @@ def test_quotas_are_exact(gppcs_command, tile):
         (["--quota", "classification == 6: many"], "quota"),
         (["--group", "pulse"], "no attribute 'pulse' to group its points by"),
         (["--group", "gps_time", "--quota", "classification == 6: 9"], "either quotas or a group"),
-        (["--group", "gps_time", "--memory", "100MB"], "--group"),
     ],
 )
 def test_what_cannot_be_met_is_told(gppcs_command, tile, options, problem):

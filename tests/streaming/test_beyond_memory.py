@@ -160,6 +160,50 @@ def test_noise_of_an_attribute_draws_no_points(tmp_path):
     np.testing.assert_array_equal(found[0].indices, found[1].indices)
 
 
+def classed(tmp_path, outliers=0.0):
+    """Write 20,000 points of classes 1, 2 and, few, 6, in pulses of up to 4 points, some of them not finite."""
+    cloud = gppcs.sample("terrain", 20_000, outliers=outliers)
+    cloud.points[::1_000] = np.nan
+    rng = np.random.default_rng(0)
+    classes = rng.choice(np.array([1, 2, 6], dtype=np.uint8), 20_000, p=[0.5, 0.4, 0.1])
+    pulses = np.sort(rng.integers(0, 8_000, 20_000)) / 7.0
+    return written(tmp_path, gppcs.PointCloud(cloud.points, {"kind": classes, "pulse": pulses}))
+
+
+@pytest.mark.parametrize("method", ["gp", "fps", "random"])
+@pytest.mark.parametrize("outliers", [0.0, 0.02])
+def test_quotas_are_exact(tmp_path, method, outliers):
+    path = classed(tmp_path, outliers)
+    asked = {"method": method, "invalid": "drop", "drop_outliers": outliers > 0.0}
+    asked |= {"keep": "kind == 6 and pulse < 100"} if method == "gp" else {}
+    quota = {"kind == 6": 600, "kind == 2": "10%"}
+    found = gppcs.simplify_files(path, n_points=2_000, quota=quota, memory=MEMORY, **asked).cloud
+    assert np.bincount(found.attributes["kind"]).tolist() == [0, 1_200, 200, 0, 0, 0, 600]
+    assert np.isfinite(found.points).all()
+
+
+def test_a_quota_of_all_of_a_class(tmp_path):
+    path = classed(tmp_path)
+    cloud = gppcs.read(path)
+    there = int((cloud.take(cloud.finite_rows()).attributes["kind"] == 2).sum())
+    asked = {"n_points": 12_000, "quota": {"kind == 2": there}, "invalid": "drop"}
+    found = gppcs.simplify_files(path, memory=MEMORY, **asked).cloud
+    assert ((found.attributes["kind"] == 2).sum(), len(found)) == (there, 12_000)
+
+
+@pytest.mark.parametrize("outliers", [0.0, 0.02])
+def test_groups_stay_whole(tmp_path, outliers):
+    path = classed(tmp_path, outliers)
+    asked = {"invalid": "drop", "drop_outliers": outliers > 0.0}
+    result = gppcs.simplify_files(path, n_points=2_000, group="pulse", memory=MEMORY, **asked)
+    assert len(result.indices) == pytest.approx(2_000, abs=4)
+    usable = np.setdiff1d(gppcs.read(path).finite_rows(), result.outliers if outliers else [])
+    pulses = gppcs.read(path).attributes["pulse"]
+    assert set(result.indices) == set(usable[np.isin(pulses[usable], result.cloud.attributes["pulse"])])
+    assert result.diagnostics["groups"] == len(np.unique(result.cloud.attributes["pulse"]))
+    assert result.diagnostics["groups_in_cloud"] == len(np.unique(pulses[usable]))
+
+
 def test_a_spacing_tells_the_number_and_fps_keeps_to_it(tmp_path, monkeypatch):
     cloud = gppcs.sample("bracket", 20_000)
     path = written(tmp_path, cloud)
@@ -238,6 +282,11 @@ def test_invalid_points_are_told_or_dropped(tmp_path):
         ({"n_points": 9, "max_gap": 1.0}, "max_gap takes all points at once"),
         ({"n_points": 9, "method": "hc"}, "method 'hc' takes all points at once"),
         ({"n_points": 9, "normals": True}, "normals takes all points at once"),
+        ({"n_points": 9, "group": "pulse"}, "no attribute 'pulse' to group its points by"),
+        (
+            {"n_points": 9, "quota": {"x < 1e9": 5}},
+            "expected at least 4 points of no quota, found 0; change the quotas",
+        ),
         ({"n_points": 9, "detail": "colour"}, "no attribute 'colour' to count as detail"),
         ({"n_points": 9, "keep": "z > 1e9"}, "expected points with z > 1e9 to keep, found none"),
     ],

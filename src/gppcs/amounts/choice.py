@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from gppcs.amounts.accuracy import Errors, fewest_points
 from gppcs.amounts.groups import choose_groups
 from gppcs.amounts.guide import Guide
-from gppcs.amounts.quotas import Parts, choose_in_parts, lacking, with_whole_parts
+from gppcs.amounts.quotas import Parts
 from gppcs.clouds.quantities import Amount, Scale
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError, ParameterError
@@ -74,9 +75,7 @@ def choose_amount(
     if count is not None and count >= len(points) and guide is None and amount.max_gap is None:
         return Selection(np.arange(len(points)), ranked=False)
     if count is not None and guide is not None and (guide.parts is not None or guide.groups is not None):
-        if guide.parts is not None:
-            return _choose_quotas(points, count, guide, guide.parts, method, timer)
-        return _choose_whole(points, count, guide, method, timer)
+        return _choose_parts(points, count, guide, method, timer)
     with timer("repeats"):
         among = _Places.of(points, guide)
     if count is not None:
@@ -108,33 +107,41 @@ def choose_amount(
     return selection if gap is None else _without_gaps(points, _usable(points, guide), selection, gap, scale, timer)
 
 
-def _choose_quotas(points: Points, count: int, guide: Guide, parts: Parts, method: Method, timer: Timer) -> Selection:
-    """Let the method choose a number of points, of which each quota gets its own."""
-    usable = guide.rows(len(points))
-    numbers = parts.numbers(count, usable, guide.keep)
-    with timer("repeats"):
-        among = _Places.of(points, replace(guide, keep=with_whole_parts(guide.keep, parts, numbers, usable)))
-    assert among.rows is not None
-    again = np.bincount(parts.labels[among.again], minlength=len(numbers))
-    selection = choose_in_parts(
-        parts.labels[among.rows], numbers - again, among.fixed, lambda wanted: among.choose(wanted, method, timer)
-    )
-    selection = replace(selection, indices=among.rows[selection.indices], ranked=False)
-    if among.fixed:
-        selection = with_repeats(selection, among.again, among.fixed)
-    return with_others(selection, lacking(parts, numbers, selection.indices, usable))
-
-
-def _choose_whole(points: Points, count: int, guide: Guide, method: Method, timer: Timer) -> Selection:
-    """Let the method choose whole groups, with about a number of points."""
-    assert guide.groups is not None
+def _choose_parts(points: Points, count: int, guide: Guide, method: Method, timer: Timer) -> Selection:
+    """Let the method choose a number of points, of which each quota gets its own, or whole groups."""
     with timer("repeats"):
         among = _Places.of(points, guide)
-    assert among.rows is not None
-    return choose_groups(
-        guide.groups, among.rows, among.fixed, count,
-        lambda wanted: among.choose(wanted, method, timer),
-    )  # fmt: skip
+
+    def chosen(wanted: int) -> Selection:
+        assert among.rows is not None
+        selection = among.choose(wanted, method, timer)
+        return replace(selection, indices=among.rows[selection.indices])
+
+    if guide.parts is not None:
+        return choose_quotas(guide.parts, count, guide.keep, among.fixed, among.again, chosen)
+    assert guide.groups is not None
+    return choose_groups(guide.groups, int(guide.groups.max()) + 1, among.fixed, count, chosen)
+
+
+def choose_quotas(
+    parts: Parts,
+    count: int,
+    keep: NDArray[np.int64],
+    fixed: int,
+    again: NDArray[np.int64],
+    chosen: Callable[[int], Selection],
+) -> Selection:
+    """Choose a number of points, of which each quota gets its own.
+
+    `chosen` ranks a number of points, the first `fixed` of those to keep; others to keep repeat their places.
+
+    Shapes: keep (K,), again (k,).
+    """
+    numbers = parts.numbers(count, keep)
+    selection = replace(parts.choose(numbers - parts.count(again), fixed, chosen), ranked=False)
+    if fixed:
+        selection = with_repeats(selection, again, fixed)
+    return with_others(selection, parts.lacking(numbers, selection.indices))
 
 
 def _usable(points: Points, guide: Guide | None) -> NDArray[np.int64]:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.amounts.groups import groups_of
-from gppcs.amounts.quotas import Parts
+from gppcs.amounts.groups import group_columns, groups_of
+from gppcs.amounts.quotas import Parts, Quota
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
 from gppcs.clouds.lookup import as_floats, check_named, numbers_in
@@ -58,8 +58,7 @@ class Guide:
         Shapes: rows (N,).
         """
         keep, weight, values_of = request.keep, request.weight, request.method.values_of
-        n = len(cloud)
-        mask = np.zeros(n, dtype=np.bool_) if keep is None else _mask(cloud, keep)
+        mask = np.zeros(len(cloud), dtype=np.bool_) if keep is None else _mask(cloud, keep)
         weights = None if weight is None else weights_of(cloud, weight)
         if rows is not None:
             mask, weights = mask[rows], None if weights is None else weights[rows]
@@ -69,21 +68,22 @@ class Guide:
             known = WeightRange.of(weights)
             known.check()
             weights = known.in_shares(weights)
-        values = None if values_of is None else numbers_in(cloud, values_of, "to choose points by")
-        values = values if values is None or rows is None else values[rows]
-        if weights is None and values is None and not (mask.any() or request.detail or request.quotas or request.group):
+        if (
+            weights is None
+            and values_of is None
+            and not (mask.any() or request.detail or request.quotas or request.group)
+        ):
             return None
-        detail = None
-        if request.detail:
-            some = cloud if rows is None else cloud.take(rows)
-            detail = Details.of(some, request.detail).values(some)
+        some = cloud if rows is None else cloud.take(rows)
         return cls(
             np.flatnonzero(mask),
             weights,
-            detail,
-            Parts.of(cloud, rows, request.quotas) if request.quotas else None,
-            groups_of(cloud, rows, request.group) if request.group else None,
-            values,
+            Details.of(some, request.detail).values(some) if request.detail else None,
+            Parts.of(some, slice(None) if weights is None else mask | (weights > 0.0), request.quotas)
+            if request.quotas
+            else None,
+            groups_of(group_columns(some, request.group)) if request.group else None,
+            None if values_of is None else numbers_in(some, values_of, "to choose points by"),
         )
 
     def rows(self, n: int) -> NDArray[np.int64]:
@@ -173,6 +173,10 @@ class Guided(NamedTuple):
         Of these points, as they are given.
     columns : mapping of str to (n,) array
         The attributes of these points that the choice needs.
+    labels : (N,) array, uint8, or None
+        Of all points, as in `Parts`; where there are groups, of no quota.
+    groups : sequence of (N,) arrays
+        The attributes that make groups.
     known : WeightRange
         Of all finite points.
     """
@@ -181,6 +185,8 @@ class Guided(NamedTuple):
     keep: NDArray[np.int64]
     weights: NDArray[np.float64] | None
     columns: Mapping[str, NDArray[Any]]
+    labels: NDArray[np.uint8] | None
+    groups: Sequence[NDArray[Any]]
     known: WeightRange
 
 
@@ -198,23 +204,28 @@ class ChunkGuide:
         Attributes that count beside the shape.
     values_of : str or None
         The attribute at which the method looks.
+    quotas : tuple of Quota
+    group : str or None
+        The attribute that makes groups.
     """
 
     keep: Expression | None
     weight: str | None
     detail: tuple[str, ...]
     values_of: str | None
+    quotas: tuple[Quota, ...]
+    group: str | None
 
     @classmethod
     def of(cls, request: Request) -> ChunkGuide:
         """Return what is asked by attributes; arrays need all points at once."""
         keep, weight = (given if isinstance(given, str) else None for given in (request.keep, request.weight))
         known = None if keep is None else Expression.of(keep)
-        return cls(known, weight, tuple(request.detail), request.method.values_of)
+        return cls(known, weight, tuple(request.detail), request.method.values_of, request.quotas, request.group)
 
     def of_chunk(self, cloud: PointCloud) -> Guided:
         """Return what it says of the points of a chunk."""
-        rows = cloud.finite_rows()
+        finite = rows = cloud.finite_rows()
         mask = np.zeros(len(rows), dtype=np.bool_) if self.keep is None else self.keep.mask(cloud)[rows]
         weights, known = None, WeightRange()
         if self.weight is not None:
@@ -222,7 +233,13 @@ class ChunkGuide:
             known, usable = WeightRange.of(weights), mask | (weights > 0.0)
             rows, mask, weights = rows[usable], mask[usable], weights[usable]
         columns = {name: values[rows] for name, values in self.columns(cloud).items()}
-        return Guided(rows, np.flatnonzero(mask), weights, columns, known)
+        labels: NDArray[np.uint8] | None = None
+        groups: list[NDArray[Any]] = []
+        if self.quotas:
+            labels = Parts.of(cloud, rows, self.quotas).labels
+        elif self.group is not None:
+            labels, groups = Parts.of(cloud, finite, ()).labels, group_columns(cloud, self.group)
+        return Guided(rows, np.flatnonzero(mask), weights, columns, labels, groups, known)
 
     def columns(self, cloud: PointCloud) -> dict[str, NDArray[Any]]:
         """Return the attributes that the choice needs, with their own types."""

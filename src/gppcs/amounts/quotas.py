@@ -18,7 +18,11 @@ from gppcs.methods import Selection
 
 SURPLUS, MOST_GROWTH = 1.05, 4.0  # by which a ranking that lacks points of a part is made longer
 
-Labels = NDArray[np.int64]
+LEFT_OUT = np.uint8(255)  # labels points that are not to be kept
+BLOCK = 1 << 20  # labels that are counted at once
+
+Rows = NDArray[np.int64]
+Labels = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
@@ -57,20 +61,23 @@ class Parts:
     Attributes
     ----------
     quotas : tuple of Quota
-    labels : (N,) array
-        For each point, the index of its quota; that behind the last one for points of no quota, which share the rest.
+    labels : (N,) array, uint8
+        For each point, the index of its quota; that behind the last one for points of no quota, which share the rest;
+        `LEFT_OUT` for points that are not to be kept.
     """
 
     quotas: tuple[Quota, ...]
     labels: Labels
 
     @classmethod
-    def of(cls, cloud: PointCloud, rows: NDArray[np.int64] | None, quotas: tuple[Quota, ...]) -> Parts:
-        """Look up which quota counts for each of all or some rows of a cloud."""
-        some = cloud if rows is None else cloud.take(rows)
-        labels = np.full(len(some), len(quotas))
+    def of(cls, cloud: PointCloud, rows: NDArray[Any] | slice, quotas: tuple[Quota, ...]) -> Parts:
+        """Look up which quota counts for each point of a cloud; only some rows may be kept."""
+        if len(quotas) >= LEFT_OUT:
+            raise ParameterError(f"expected at most {LEFT_OUT - 1} quotas, found {len(quotas)}")
+        labels = np.full(len(cloud), LEFT_OUT)
+        labels[rows] = len(quotas)
         for index, quota in enumerate(quotas):
-            met = quota.condition.mask(some)
+            met = quota.condition.mask(cloud) & (labels != LEFT_OUT)
             if (both := met & (labels < index)).any():
                 other = quotas[labels[np.argmax(both)]].condition.text
                 raise InputError(
@@ -80,12 +87,20 @@ class Parts:
             labels[met] = index
         return cls(quotas, labels)
 
-    def numbers(self, count: int, usable: NDArray[np.int64], keep: NDArray[np.int64]) -> Labels:
+    def count(self, rows: Rows | None = None) -> Rows:
+        """Return the number of points of each part, of all or some rows, (len(quotas) + 1,)."""
+        labels, number = self.labels if rows is None else self.labels[rows], len(self.quotas) + 1
+        return sum(
+            (np.bincount(some, minlength=number)[:number] for some in np.array_split(labels, 1 + len(labels) // BLOCK)),
+            start=np.zeros(number, dtype=np.int64),
+        )
+
+    def numbers(self, count: int, keep: Rows) -> Rows:
         """Return how many points each part gets, the last one what the quotas leave; check that this is possible.
 
-        Shapes: usable (n,), keep (K,); returns (len(quotas) + 1,).
+        Shapes: keep (K,); returns (len(quotas) + 1,).
         """
-        found, kept = (np.bincount(self.labels[rows], minlength=len(self.quotas) + 1) for rows in (usable, keep))
+        found, kept = self.count(), self.count(keep)
         numbers = np.array([quota.number(count) for quota in self.quotas] + [0])
         rest = count - int(numbers.sum())
         if rest < 0:
@@ -102,25 +117,39 @@ class Parts:
                 raise InputError(f"{fixed:,} {name} are to be kept whatever happens, but only {wanted:,} are asked for")
         return numbers
 
+    def choose(self, numbers: Rows, fixed: int, chosen: Callable[[int], Selection]) -> Selection:
+        """Choose a number of points in each part, as far as there are so many. The first `fixed` ones are kept.
 
-def choose_in_parts(labels: Labels, numbers: Labels, fixed: int, chosen: Callable[[int], Selection]) -> Selection:
-    """Choose a number of places in each part, as far as there are so many. The first `fixed` ones are kept.
+        `chosen` ranks a number of all points. Each part gets the first of its own in one ranking, long enough for the
+        part that needs most, so that there are no seams where parts meet. A part that is wanted whole needs none.
+        Shapes: numbers (parts,).
+        """
+        there = self.count()
+        n, needed = int(there.sum()), np.where(numbers < there, numbers, 0)
+        wanted = max(1, fixed, min(n - 1, int(numbers.sum())))
+        while True:
+            selection = chosen(wanted)
+            found = self.count(selection.indices)
+            if (found >= needed).all() or wanted >= n - 1:
+                return _first_of_parts(selection, self.labels, numbers)
+            growth = min(float((needed / np.maximum(found, 1)).max()), MOST_GROWTH)
+            wanted = min(n - 1, math.ceil(SURPLUS * growth * wanted))
 
-    `chosen` ranks a number of all places. Each part gets the first of its own in one ranking, long enough for the part
-    that needs most, so that there are no seams where parts meet. Shapes: labels (n,), numbers (parts,).
-    """
-    n, most = len(labels), np.minimum(numbers, np.bincount(labels, minlength=len(numbers)))
-    wanted = max(1, fixed, min(n - 1, int(most.sum())))
-    while True:
-        selection = chosen(wanted)
-        found = np.bincount(labels[selection.indices], minlength=len(numbers))
-        if (found >= most).all() or wanted >= n - 1:
-            return _first_of_parts(selection, labels, numbers)
-        growth = min(float((most / np.maximum(found, 1)).max()), MOST_GROWTH)
-        wanted = min(n - 1, math.ceil(SURPLUS * growth * wanted))
+    def lacking(self, numbers: Rows, kept: Rows) -> Rows:
+        """Return the first other rows of each part that make its number full. They repeat kept places, if not all.
+
+        Shapes: numbers (parts,), kept (m,); returns (k,).
+        """
+        missing = numbers - self.count(kept)
+        found = [
+            np.setdiff1d(np.flatnonzero(self.labels == part), kept)[:number]
+            for part, number in enumerate(missing)
+            if number > 0
+        ]
+        return np.concatenate([np.empty(0, dtype=np.int64), *found])
 
 
-def _first_of_parts(selection: Selection, labels: Labels, numbers: Labels) -> Selection:
+def _first_of_parts(selection: Selection, labels: Labels, numbers: Rows) -> Selection:
     """Return a selection without those points that are more than the number of their part, the last ones."""
     of_chosen = labels[selection.indices]
     order = np.argsort(of_chosen, kind="stable")
@@ -130,23 +159,3 @@ def _first_of_parts(selection: Selection, labels: Labels, numbers: Labels) -> Se
     kept = place < numbers[of_chosen]
     attributes = {name: values[kept] for name, values in selection.attributes.items()}
     return replace(selection, indices=selection.indices[kept], attributes=attributes)
-
-
-def with_whole_parts(keep: NDArray[np.int64], parts: Parts, numbers: Labels, usable: NDArray[np.int64]) -> Labels:
-    """Return the rows to keep, with all usable rows of the parts that are wanted whole, ascending.
-
-    Shapes: keep (K,), numbers (parts,), usable (n,); returns (k,).
-    """
-    whole = numbers == np.bincount(parts.labels[usable], minlength=len(numbers))
-    return np.union1d(keep, usable[whole[parts.labels[usable]]])
-
-
-def lacking(parts: Parts, numbers: Labels, kept: NDArray[np.int64], usable: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the first usable rows of each part that make its number full. They repeat kept places, if not one each.
-
-    Shapes: kept (m,), usable (n,); returns (k,).
-    """
-    others = np.setdiff1d(usable, kept)
-    missing = numbers - np.bincount(parts.labels[kept], minlength=len(numbers))
-    found = [others[parts.labels[others] == part][:number] for part, number in enumerate(missing) if number > 0]
-    return np.concatenate([np.empty(0, dtype=np.int64), *found])

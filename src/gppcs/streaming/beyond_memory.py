@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.amounts.choice import check_count, with_others, with_repeats
+from gppcs.amounts.choice import check_count, choose_quotas, with_others, with_repeats
+from gppcs.amounts.groups import choose_groups, groups_of
 from gppcs.amounts.guide import ChunkGuide, nothing_to_keep
+from gppcs.amounts.quotas import LEFT_OUT, Parts
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.quantities import Scale, metres_of
 from gppcs.engine.timer import Timer
@@ -23,6 +26,8 @@ from gppcs.spatial.stored import StoredPoints, without
 from gppcs.streaming.plan import Plan
 from gppcs.streaming.scan import Overview, read_all, sorted_by_boxes, sources_of, take
 from gppcs.surface.outliers import outliers_in_parts
+
+NO_ROWS = np.empty(0, dtype=np.int64)
 
 
 class Run(NamedTuple):
@@ -98,15 +103,41 @@ def _chosen(
     keep = seen.keep if outliers is None else np.setdiff1d(seen.keep, outliers)
     places = frame.local(seen.places[np.isin(seen.keep, keep)])
     check_count(count, len(keep), len(stored))
-    if count >= len(stored) and spacing is None:
-        return Selection(stored.others(np.empty(0, dtype=np.int64), count), ranked=False)
     first = first_occurrences(places)
     fixed, again = keep[first], keep[~first]
-    wanted = Wanted(
-        places[first], count - len(again), spacing, len(fixed), timer=timer, stored=stored, rows=fixed, each=each
-    )
-    selection = request.method(wanted)
+    asked = Wanted(places[first], count, spacing, len(fixed), timer=timer, stored=stored, rows=fixed, each=each)
+
+    def chosen(wanted: int) -> Selection:
+        if wanted >= len(stored) and spacing is None:
+            return Selection(stored.others(NO_ROWS, wanted), ranked=False)
+        return request.method(replace(asked, n_points=wanted))
+
+    if request.group is not None:
+        return choose_groups(*_groups(seen, _parts(seen, request, outliers)), len(fixed), count, chosen)
+    if request.quotas:
+        return choose_quotas(_parts(seen, request, outliers), count, keep, len(fixed), again, chosen)
+    if count >= len(stored) and spacing is None:
+        return chosen(count)
+    selection = chosen(count - len(again))
     if len(fixed):
         selection = with_repeats(selection, again, len(fixed))
     lacking = 0 if spacing is not None else count - len(selection.indices)
-    return with_others(selection, stored.others(selection.indices, lacking) if lacking > 0 else again[:0])
+    return with_others(selection, stored.others(selection.indices, lacking) if lacking > 0 else NO_ROWS)
+
+
+def _parts(seen: Overview, request: Request, outliers: NDArray[np.int64] | None) -> Parts:
+    """Return which quota counts for each row."""
+    labels = np.concatenate(seen.labels)
+    if outliers is not None:
+        labels[outliers] = LEFT_OUT
+    return Parts(request.quotas, labels)
+
+
+def _groups(seen: Overview, parts: Parts) -> tuple[NDArray[np.int64], int]:
+    """Return the group of each row, from 0, and the number of groups, in none of which are rows that are left out."""
+    usable = parts.labels != LEFT_OUT
+    found = groups_of([np.concatenate(column)[usable] for column in zip(*seen.groups, strict=True)])
+    number = int(found.max()) + 1
+    groups = np.full(len(usable), number)
+    groups[usable] = found
+    return groups, number

@@ -72,8 +72,8 @@ def simplify_files(
     ratio, n_points, method, seed, invalid, normals, scores, drop_outliers, timer
         As for `gppcs.simplify`. Normals need all points in memory.
     tolerance, spacing, max_gap, unit, keep, weight, detail, quota, group
-        As for `gppcs.simplify`. All points must be in memory for `tolerance`, `max_gap`, `quota` and `group`, for
-        texts as `detail`, for `keep` that is no condition, and for `weight` that is no name.
+        As for `gppcs.simplify`. All points must be in memory for `tolerance` and `max_gap`, for texts as `detail`, for
+        `keep` that is no condition, and for `weight` that is no name.
     format, columns
         As for `gppcs.read`, for all files. A text table whose columns are named so is read as a whole.
     box, resolution, only, polygon

@@ -26,6 +26,7 @@ PROGRAM = 180_000_000  # Bytes that the program itself takes, with its libraries
 STORED = 90_000_000  # Bytes for the sample and for what is chosen in memory, if the points are on disk.
 PART = 70_000_000  # Bytes for each part that is worked on at once.
 KEPT = 120  # Bytes for each kept point, besides its attributes, which are held twice.
+GROUPED, LABELLED = 50, 2  # Bytes for each point, if groups or quotas are asked for.
 OUTLIERS = 130  # Bytes for each point, where outliers are looked for in memory.
 VALUE = 8  # Bytes on disk for each point and attribute that the choice needs.
 CANDIDATES = 3000  # Bytes on disk for each point to keep.
@@ -106,6 +107,7 @@ def plan(
             raise InputError(f"expected work that several workers can share, but {reason}")
         raise _too_little(f"{size_of(in_memory)} of memory for {n:,} points, as {reason}", limit or sys.maxsize)
     fixed = PROGRAM + STORED + (2 * row + KEPT) * kept
+    fixed += GROUPED * n if request.group else LABELLED * n if request.quotas else 0
     threads = number_of_threads() if limit is None else min(number_of_threads(), max(1, (limit - fixed) // PART))
     on_disk = fixed + PART * threads
     if limit is not None and on_disk > limit:

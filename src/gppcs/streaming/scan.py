@@ -82,6 +82,8 @@ class Overview:
         A random sample of the stored points, with the random numbers by which it was drawn.
     values : dict of str to (m,) array
         Attributes of the sample, if the choice needs any.
+    labels, groups : lists of arrays, and of sequences of arrays
+        Which quota counts for the points of each chunk, and the attributes that make groups of them.
     counts : list of int
         Number of points of each source.
     """
@@ -99,6 +101,8 @@ class Overview:
     hashes: NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, dtype=np.uint64))
     sample: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
     values: dict[str, NDArray[Any]] = field(default_factory=dict)
+    labels: list[NDArray[np.uint8]] = field(default_factory=list)
+    groups: list[Sequence[NDArray[Any]]] = field(default_factory=list)
     counts: list[int] = field(default_factory=list)
 
     @property
@@ -124,6 +128,8 @@ class Overview:
             some = np.argpartition(self.hashes, MOST_SAMPLED // 2)[: MOST_SAMPLED // 2]
             self.hashes, self.sample = self.hashes[some], self.sample[some]
             self.values = {name: values[some] for name, values in self.values.items()}
+        self.labels += other.labels
+        self.groups += other.groups
         self.counts.append(other.count)
         self.count, self.bad = self.count + other.count, self.bad + other.bad
 
@@ -164,6 +170,8 @@ def _look(cloud: PointCloud, path: Path, share: float, guide: ChunkGuide) -> Ove
         bad = cloud.non_finite()
         seen.bad, seen.first_bad = len(bad), int(bad[0])
     seen.weights = usable.known
+    seen.labels = [] if usable.labels is None else [usable.labels]
+    seen.groups = [usable.groups] if usable.groups else []
     if len(places):
         records = np.empty(len(places), dtype=raw_kind(usable.weights is not None, usable.columns))
         records["row"], records["place"] = usable.rows, places
