@@ -22,7 +22,7 @@ def test_compare_writes_tables_and_prints_one(gppcs_command, scan):
     titles, *rows = Path("side/table.csv").read_text().splitlines()
     assert titles.startswith("method,parameters,seconds,points_in,points_out,")
     assert titles.endswith(",failure")
-    assert rows[1].startswith("random,seed=0,")
+    assert rows[1].startswith("random,seed=0 even=False,")
     assert [row.split(",")[0] for row in rows] == ["fps", "random"]
     assert "| fps | 40 |" in Path("side/table.md").read_text()
     first = [line.split()[:2] for line in out.splitlines() if line]
@@ -50,7 +50,10 @@ def test_compare_json_is_one_object_a_method(gppcs_command, scan):
     code, out, _ = gppcs_command("compare", "scan.ply", *options)
     records = [json.loads(line) for line in out.splitlines()]
     assert code == 0
-    assert [(record["method"], record["parameters"]) for record in records] == [("fps", {}), ("random", {"seed": 3})]
+    assert [(record["method"], record["parameters"]) for record in records] == [
+        ("fps", {}),
+        ("random", {"seed": 3, "even": False}),
+    ]
     assert records[0]["figures"] == gppcs.compare(gppcs.read("scan.ply"), ["fps"], n_points=40)[0].report.figures()
 
 

@@ -51,7 +51,10 @@ def test_entries_of_one_method_are_told_apart(entries):
         for entry, seed in zip(entries, (0, 5), strict=True)
     ]
     rows = list(csv.DictReader(io.StringIO(as_csv(rows_of(fives)))))
-    assert [(row["method"], row["parameters"]) for row in rows] == [("random", "seed=0"), ("random", "seed=5")]
+    assert [(row["method"], row["parameters"]) for row in rows] == [
+        ("random", "seed=0 even=False"),
+        ("random", "seed=5 even=False"),
+    ]
     assert [line.split(" | ")[0] for line in as_markdown(rows_of(fives)).splitlines()[2:4]] == [
         "| random",
         "| random (seed=5)",

@@ -42,7 +42,7 @@ class Parameter:
     Examples
     --------
     >>> import gppcs
-    >>> gppcs.Random.parameters() == {"seed": gppcs.Parameter("int", 0, "Seed of the permutation.")}
+    >>> gppcs.Random.parameters()["seed"] == gppcs.Parameter("int", 0, "Seed of the permutation.")
     True
     """
 
