@@ -66,9 +66,8 @@ class Columns:
             more.append(("value", np.float64))
         return np.dtype([*RECORD.descr, *more])
 
-    def of_records(self, raw: NDArray[Any]) -> NDArray[Any]:
-        """Return the sorted kind of records for those that came."""
-        records = np.empty(len(raw), self.kind)
+    def fill(self, records: NDArray[Any], raw: NDArray[Any]) -> None:
+        """Fill records of the sorted kind, given those that came."""
         records["row"], records["place"] = raw["row"], raw["place"]
         if self.weights is not None:  # points of weight 0 are here only to be kept
             shares = self.weights.in_shares(np.ascontiguousarray(raw["weight"]))
@@ -79,4 +78,3 @@ class Columns:
             records["detail"] = self.details.values(PointCloud(raw["place"], attributes))
         if self.values_of is not None:
             records["value"] = raw[raw_field(self.values_of)]
-        return records

@@ -229,12 +229,12 @@ def _sort(
     folder: Path, boxes: Boxes, frame: Frame, columns: Columns, group: Sequence[Chunk]
 ) -> tuple[Run, NDArray[np.int64]]:
     """Sort some chunks into a run, and return it with the number of its points in each box."""
-    found = []
+    records, begin = np.empty(sum(chunk.stored for chunk in group), columns.kind), 0
     for chunk in group:
-        some = columns.of_records(np.fromfile(folder / chunk.name, dtype=columns.raw))
+        some = records[begin : begin + chunk.stored]
+        columns.fill(some, np.fromfile(folder / chunk.name, dtype=columns.raw))
         some["row"] += chunk.first
-        found.append(some)
-    records = np.concatenate(found)
+        begin += chunk.stored
     records["place"] = frame.local(np.ascontiguousarray(records["place"]))
     return write_run(folder, group[0].name.replace(".raw", ".run"), boxes, records)
 
