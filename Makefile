@@ -60,6 +60,9 @@ pictures: demo  ## Draw anew the pictures of README.md and docs/ that no benchma
 	$(BIN)/gppcs sample bracket -o demo/bracket.ply --points 100000 --force
 	$(BIN)/gppcs compare demo/bracket.ply --points 1500 --methods gp,fps,hc,wlop,gp-spectral -o demo/comparison --force
 	cp demo/comparison/picture.png docs/comparison.png
+	$(BIN)/gppcs sample fresco -o demo/fresco.ply --points 200000 --force
+	$(BIN)/gppcs simplify demo/fresco.ply -o demo/kept.ply --points 4000 --detail rgb --force
+	$(BIN)/gppcs render demo/fresco.ply demo/kept.ply -o docs/detail.png --colour rgb --force
 
 test: $(VENV)/.installed  ## Check style and types, run all tests but the slow ones
 	$(BIN)/ruff check

@@ -5,97 +5,22 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gppcs.amounts.choice import check_supported, choose_amount, require
+from gppcs.amounts.choice import choose_amount
 from gppcs.amounts.curve import Curve, checked_sizes, halves, measured_curve
 from gppcs.amounts.guide import Guide
-from gppcs.amounts.quotas import Quota, quotas_of
+from gppcs.amounts.request import Request, require
 from gppcs.clouds import display
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
-from gppcs.clouds.expressions import Expression
-from gppcs.clouds.quantities import Amount, Scale, count_of, metres_of
-from gppcs.clouds.ranges import weights_of_detail
+from gppcs.clouds.quantities import Scale, count_of, metres_of
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer, in_words
-from gppcs.errors import InputError, ParameterError, flag, one_of, shown
-from gppcs.methods import DEFAULT, METHODS, Method, Selection, method_of
-
-
-@dataclass(frozen=True)
-class Request:
-    """What is asked of a simplification, whatever the cloud: the arguments of `simplify` with these names, checked."""
-
-    method: Method
-    amount: Amount
-    unit: str | None
-    keep: Any
-    weight: Any
-    detail: Mapping[str, float]
-    quotas: tuple[Quota, ...]
-    group: str | None
-    invalid: str
-    normals: bool
-    scores: bool
-    drop_outliers: bool
-
-    @classmethod
-    def of(
-        cls,
-        *,
-        ratio: float | str | None = None,
-        n_points: int | str | None = None,
-        tolerance: float | str | None = None,
-        spacing: float | str | None = None,
-        max_gap: float | str | None = None,
-        unit: str | None = None,
-        keep: Any = None,
-        weight: Any = None,
-        detail: Any = None,
-        quota: Any = None,
-        group: str | None = None,
-        method: str | Method = DEFAULT,
-        seed: int | None = None,
-        invalid: str = "error",
-        normals: bool = False,
-        scores: bool = False,
-        drop_outliers: bool = False,
-    ) -> Request:
-        """Check the arguments of `simplify`, as far as that is possible without the cloud."""
-        amount = Amount.of(ratio, n_points, tolerance, spacing, max_gap)
-        chosen = method_of(method, seed)
-        counted = weights_of_detail(detail)
-        quotas = quotas_of(quota)
-        if group is not None and not isinstance(group, str):
-            raise ParameterError(f"expected group to be the name of an attribute, found {shown(group)}")
-        check_supported(chosen, amount, keep, weight, counted, quotas, group)
-        if unit is not None:
-            metres_of(unit, None)
-        if isinstance(keep, str):
-            Expression.of(keep)
-        if flag("scores", scores) and not chosen.attributes:
-            scored = " or ".join(repr(name) for name, known in METHODS.items() if known.attributes)
-            raise ParameterError(f"expected a method that scores its points, found {chosen.name!r}; use {scored}")
-        return cls(
-            chosen, amount, unit, keep, weight, counted, quotas, group,
-            one_of("invalid", invalid, ("error", "drop")),
-            flag("normals", normals), scores, flag("drop_outliers", drop_outliers),
-        )  # fmt: skip
-
-    @property
-    def whole(self) -> str | None:
-        """The argument for which all points have to be in memory, if any."""
-        arrays = {name: getattr(self, name) for name in ("keep", "weight")}
-        reasons = {
-            "tolerance": self.amount.tolerance is not None,
-            "max_gap": self.amount.max_gap is not None,
-            "normals": self.normals,
-            **{name: value is not None and not isinstance(value, str) for name, value in arrays.items()},
-        }
-        return next((name for name, given in reasons.items() if given), None)
+from gppcs.errors import InputError, ParameterError, one_of
+from gppcs.methods import DEFAULT, Method, Selection
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ import pytest
 
 import gppcs
 from copc_file import write_copc
+from gppcs.amounts.request import Request
 from gppcs.engine.timer import Timer
 from gppcs.errors import FileFormatError
 from gppcs.io import FORMATS, cloud_files, files
@@ -17,7 +18,6 @@ from gppcs.io.format import Format
 from gppcs.io.las_header import LASZIP, read_header
 from gppcs.io.laz import chunks_of_points
 from gppcs.io.query import Query
-from gppcs.simplification import Request
 from gppcs.streaming.files import Work, run
 
 N = 1000

@@ -15,9 +15,9 @@ from scipy.spatial import cKDTree
 
 import gppcs
 from gppcs.amounts.accuracy import surface_of
+from gppcs.amounts.request import Request
 from gppcs.errors import ClusterError
 from gppcs.io.cloud_files import CloudFiles
-from gppcs.simplification import Request
 from gppcs.streaming.plan import plan
 from gppcs.streaming.workers import each_by
 

@@ -15,8 +15,8 @@ from gppcs.amounts.guide import Guide
 from gppcs.amounts.quotas import Parts
 from gppcs.clouds.quantities import Amount, Scale
 from gppcs.engine.timer import Timer
-from gppcs.errors import InputError, ParameterError
-from gppcs.methods import METHODS, Method, Selection, Wanted
+from gppcs.errors import InputError
+from gppcs.methods import Method, Selection, Wanted
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.gaps import fill_gaps
 from gppcs.spatial.kdtree import KdTree
@@ -24,47 +24,7 @@ from gppcs.spatial.spacing import surface_area
 
 FEWEST_WITHOUT_GAPS = 2.0 / (3.0 * math.sqrt(3.0))  # Discs of radius 1 for each unit of area, if they cover a plane.
 
-FEATURES = {
-    "spacing": "takes a spacing",
-    "keep": "keeps given points",
-    "weight": "weighs points",
-    "detail": "looks at attributes",
-    "ranking": "ranks its points",
-}  # of a method, in words
-
 Points = NDArray[np.float64]
-
-
-def require(method: Method, feature: str) -> None:
-    """Check that a method can do what one of `FEATURES` says."""
-    if feature not in method.supports:
-        others = " or ".join(repr(name) for name, known in METHODS.items() if feature in known.supports)
-        raise ParameterError(f"expected a method that {FEATURES[feature]}, found {method.name!r}; use {others}")
-
-
-def check_supported(
-    method: Method, amount: Amount, keep: object, weight: object, detail: object, quotas: object, group: str | None
-) -> None:
-    """Check that a method can do what is asked for."""
-    asked = {
-        "spacing": amount.spacing is not None,
-        "keep": keep is not None,
-        "weight": weight is not None,
-        "detail": detail,
-        "ranking": quotas or group is not None,
-    }
-    for feature in (name for name, given in asked.items() if given):
-        require(method, feature)
-    if amount.spacing is not None and (keep is not None or weight is not None):
-        raise ParameterError(
-            "expected a number, a share, a tolerance or a largest gap with points to keep or weights, found a spacing"
-        )
-    if (quotas or group) and (amount.known_count(1) is None or amount.max_gap is not None):
-        raise ParameterError(
-            "expected a number or a share of the points with quotas or groups, and no tolerance, spacing or largest gap"
-        )
-    if quotas and group:
-        raise ParameterError("expected either quotas or a group, found both; ask for one")
 
 
 def choose_amount(

@@ -5,21 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.amounts.groups import group_columns, groups_of
 from gppcs.amounts.quotas import Parts, Quota
+from gppcs.amounts.request import Request
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
 from gppcs.clouds.lookup import as_floats, check_named, numbers_in
 from gppcs.clouds.ranges import Details, columns_of_detail
 from gppcs.errors import InputError, ParameterError, shown
-
-if TYPE_CHECKING:
-    from gppcs.simplification import Request
 
 LEAST_WEIGHT = 1e-4  # As a share of the largest. A smaller one counts as this: wider spacings would only take time.
 

@@ -54,10 +54,10 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
 
 def _beyond_memory(cloud: PointCloud) -> None:
     """Compile what only clouds beyond memory need: simplify one as if it were."""
+    from gppcs.amounts.request import Request
     from gppcs.engine.timer import Timer
     from gppcs.io.cloud_files import CloudFiles
     from gppcs.io.files import write
-    from gppcs.simplification import Request
     from gppcs.streaming.files import Work, run
 
     with TemporaryDirectory() as folder:

@@ -20,10 +20,11 @@ from gppcs.clouds.quantities import metres_of, name_of_unit, option, unit_of
 from gppcs.errors import InputError
 
 if TYPE_CHECKING:
+    from gppcs.amounts.request import Request
     from gppcs.clouds.cloud import PointCloud
     from gppcs.drawing.web.contents import Page
     from gppcs.io.query import Query
-    from gppcs.simplification import Request, Result
+    from gppcs.simplification import Result
     from gppcs.streaming.beyond_memory import Run
     from gppcs.streaming.files import Work
     from gppcs.streaming.plan import Plan

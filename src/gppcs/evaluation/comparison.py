@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import Literal
 
+from gppcs.amounts.request import Request
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.engine.timer import COMPILATION, Timer
@@ -14,7 +15,7 @@ from gppcs.errors import NoSurfaceError, ParameterError, shown
 from gppcs.evaluation.judge import judged, require_mesh
 from gppcs.evaluation.report import Report
 from gppcs.methods import METHODS, Method
-from gppcs.simplification import Request, Result, simplify
+from gppcs.simplification import Result, simplify
 
 PREPARATION_POINTS = 20_000  # points of the run that compiles kernels: enough for several parts that choose at once
 

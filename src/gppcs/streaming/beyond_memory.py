@@ -13,12 +13,13 @@ from gppcs.amounts.choice import check_count, choose_quotas, with_others, with_r
 from gppcs.amounts.groups import choose_groups, groups_of
 from gppcs.amounts.guide import ChunkGuide, nothing_to_keep
 from gppcs.amounts.quotas import LEFT_OUT, Parts
+from gppcs.amounts.request import Request
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.quantities import Scale, metres_of
 from gppcs.engine.timer import Timer
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import Selection, Wanted
-from gppcs.simplification import Request, Result, check_scores, check_usable, result_of, with_scores
+from gppcs.simplification import Result, check_scores, check_usable, result_of, with_scores
 from gppcs.spatial.boxes import Each
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.scaling import Frame

@@ -14,6 +14,7 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.amounts.request import Request
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import InputError
 from gppcs.io import copc_writing as copc
@@ -23,7 +24,6 @@ from gppcs.io.copc_writing import Cube, Node, Octree
 from gppcs.io.files import refuse_losses
 from gppcs.io.las_header import LasHeader
 from gppcs.io.streams import whole_output
-from gppcs.simplification import Request
 from gppcs.streaming.files import Work, run
 from gppcs.streaming.plan import Plan
 from gppcs.streaming.scratch import scratch_folder

@@ -11,12 +11,13 @@ from typing import Literal
 
 from numpy.typing import ArrayLike
 
+from gppcs.amounts.request import Request
 from gppcs.engine.timer import Timer
 from gppcs.errors import ParameterError, file_path, shown
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.query import Query
 from gppcs.methods import DEFAULT, Method
-from gppcs.simplification import Request, Result, simplify_cloud
+from gppcs.simplification import Result, simplify_cloud
 from gppcs.streaming.beyond_memory import Run, simplify_stored
 from gppcs.streaming.plan import Plan, plan
 from gppcs.streaming.scratch import scratch_folder

@@ -10,13 +10,13 @@ from typing import Any
 from numpy.typing import NDArray
 
 from gppcs.amounts.guide import ChunkGuide
+from gppcs.amounts.request import Request
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.quantities import metres_of
 from gppcs.engine.memory import available_memory
 from gppcs.engine.threads import number_of_threads
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles, Head
-from gppcs.simplification import Request
 from gppcs.spatial.stored import RECORD
 from gppcs.streaming.sizes import size_of
 

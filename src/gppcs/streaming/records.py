@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.amounts.guide import WeightRange
+from gppcs.amounts.request import Request
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.ranges import Details
-from gppcs.simplification import Request
 from gppcs.spatial.stored import RECORD
 
 MARK = "="  # begins the fields of attributes as they come

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.amounts.guide import ChunkGuide, WeightRange
+from gppcs.amounts.request import Request
 from gppcs.clouds.cloud import PointCloud
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.joining import JointColumns
-from gppcs.simplification import Request
 from gppcs.spatial.boxes import Boxes, Each
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.row_sample import place_hashes

@@ -135,9 +135,9 @@ def simplify(
     If one of several inputs cannot be used, the others are still simplified, and the exit code is 2. The name - stands
     for standard input, or for standard output with --to.
     """
+    from gppcs.amounts.request import Request
     from gppcs.io import check_distinct
     from gppcs.io.query import Query
-    from gppcs.simplification import Request
     from gppcs.streaming.files import Work
     from gppcs.streaming.sizes import bytes_of
     from gppcs.streaming.workers import executor_of
@@ -198,7 +198,7 @@ def _print(told: Told, dry_run: bool, is_one_of_several: bool, quiet: bool, as_j
 
 def _checked_levels(text: str, excluded: dict[str, Any], method: Method) -> Levels:
     """Return the levels, after checking that they fit the other options."""
-    from gppcs.amounts.choice import require
+    from gppcs.amounts.request import require
 
     given = [option(name) for name, value in excluded.items() if value is not None]
     if given:

@@ -1,0 +1,127 @@
+"""The class `Request`: what is asked of a simplification, checked as far as that is possible without the cloud."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from gppcs.amounts.quotas import Quota, quotas_of
+from gppcs.clouds.expressions import Expression
+from gppcs.clouds.quantities import Amount, metres_of
+from gppcs.clouds.ranges import weights_of_detail
+from gppcs.errors import ParameterError, flag, one_of, shown
+from gppcs.methods import DEFAULT, METHODS, Method, method_of
+
+FEATURES = {
+    "spacing": "takes a spacing",
+    "keep": "keeps given points",
+    "weight": "weighs points",
+    "detail": "looks at attributes",
+    "ranking": "ranks its points",
+}  # of a method, in words
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked of a simplification, whatever the cloud: the arguments of `simplify` with these names, checked."""
+
+    method: Method
+    amount: Amount
+    unit: str | None
+    keep: Any
+    weight: Any
+    detail: Mapping[str, float]
+    quotas: tuple[Quota, ...]
+    group: str | None
+    invalid: str
+    normals: bool
+    scores: bool
+    drop_outliers: bool
+
+    @classmethod
+    def of(
+        cls,
+        *,
+        ratio: float | str | None = None,
+        n_points: int | str | None = None,
+        tolerance: float | str | None = None,
+        spacing: float | str | None = None,
+        max_gap: float | str | None = None,
+        unit: str | None = None,
+        keep: Any = None,
+        weight: Any = None,
+        detail: Any = None,
+        quota: Any = None,
+        group: str | None = None,
+        method: str | Method = DEFAULT,
+        seed: int | None = None,
+        invalid: str = "error",
+        normals: bool = False,
+        scores: bool = False,
+        drop_outliers: bool = False,
+    ) -> Request:
+        """Check the arguments of `simplify`, as far as that is possible without the cloud."""
+        amount = Amount.of(ratio, n_points, tolerance, spacing, max_gap)
+        chosen = method_of(method, seed)
+        counted = weights_of_detail(detail)
+        quotas = quotas_of(quota)
+        if group is not None and not isinstance(group, str):
+            raise ParameterError(f"expected group to be the name of an attribute, found {shown(group)}")
+        _check_supported(chosen, amount, keep, weight, counted, quotas, group)
+        if unit is not None:
+            metres_of(unit, None)
+        if isinstance(keep, str):
+            Expression.of(keep)
+        if flag("scores", scores) and not chosen.attributes:
+            scored = " or ".join(repr(name) for name, known in METHODS.items() if known.attributes)
+            raise ParameterError(f"expected a method that scores its points, found {chosen.name!r}; use {scored}")
+        return cls(
+            chosen, amount, unit, keep, weight, counted, quotas, group,
+            one_of("invalid", invalid, ("error", "drop")),
+            flag("normals", normals), scores, flag("drop_outliers", drop_outliers),
+        )  # fmt: skip
+
+    @property
+    def whole(self) -> str | None:
+        """The argument for which all points have to be in memory, if any."""
+        arrays = {name: getattr(self, name) for name in ("keep", "weight")}
+        reasons = {
+            "tolerance": self.amount.tolerance is not None,
+            "max_gap": self.amount.max_gap is not None,
+            "normals": self.normals,
+            **{name: value is not None and not isinstance(value, str) for name, value in arrays.items()},
+        }
+        return next((name for name, given in reasons.items() if given), None)
+
+
+def require(method: Method, feature: str) -> None:
+    """Check that a method can do what one of `FEATURES` says."""
+    if feature not in method.supports:
+        others = " or ".join(repr(name) for name, known in METHODS.items() if feature in known.supports)
+        raise ParameterError(f"expected a method that {FEATURES[feature]}, found {method.name!r}; use {others}")
+
+
+def _check_supported(
+    method: Method, amount: Amount, keep: object, weight: object, detail: object, quotas: object, group: str | None
+) -> None:
+    """Check that a method can do what is asked for."""
+    asked = {
+        "spacing": amount.spacing is not None,
+        "keep": keep is not None,
+        "weight": weight is not None,
+        "detail": detail,
+        "ranking": quotas or group is not None,
+    }
+    for feature in (name for name, given in asked.items() if given):
+        require(method, feature)
+    if amount.spacing is not None and (keep is not None or weight is not None):
+        raise ParameterError(
+            "expected a number, a share, a tolerance or a largest gap with points to keep or weights, found a spacing"
+        )
+    if (quotas or group) and (amount.known_count(1) is None or amount.max_gap is not None):
+        raise ParameterError(
+            "expected a number or a share of the points with quotas or groups, and no tolerance, spacing or largest gap"
+        )
+    if quotas and group:
+        raise ParameterError("expected either quotas or a group, found both; ask for one")
