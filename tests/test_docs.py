@@ -66,10 +66,8 @@ def workplace(tmp_path, monkeypatch):
     cloud = gppcs.sample("medallion", n_points=2000)
     gppcs.write(tmp_path / "scan.ply", cloud)
     gppcs.write(tmp_path / "share.ply", gppcs.simplify(cloud, n_points=500, method="random").cloud)
-    las = laspy.LasData(laspy.LasHeader(point_format=1, version="1.2"))
+    las = laspy.LasData(laspy.LasHeader(point_format=0, version="1.2"))
     las.xyz = cloud.points
-    las.classification = [6 if x < 0.0 else 2 for x in cloud.points[:, 0]]
-    las.gps_time = [row // 3 for row in range(len(cloud))]
     las.write(tmp_path / "scan.laz")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(webbrowser, "open", lambda page: True)
