@@ -31,6 +31,19 @@ def test_compare_writes_tables_and_prints_one(gppcs_command, scan):
     assert out.endswith("side: table.csv, table.md\n")
 
 
+def test_attributes_count_in_gp_and_are_measured_for_all(gppcs_command, tmp_path):
+    gppcs.write("wall.ply", gppcs.sample("fresco", 8_000))
+    words = ["compare", "wall.ply", "--points", 800, "--methods", "gp,fps", "-o", "side", "--no-picture", "--report"]
+    code, _, err = gppcs_command(*words, "--detail", "rgb:1.5")
+    assert (code, err) == (0, "")
+    titles, *rows = (line.split("|") for line in Path("side/table.md").read_text().splitlines() if "|" in line)
+    column = [title.strip() for title in titles].index("rgb error mean")
+    gp, fps = (float(row[column].strip(" *")) for row in rows[1:])
+    assert gp < 0.8 * fps
+    (original, *_) = WebPage(Path("side/report.html").read_text(encoding="utf-8")).described["clouds"]
+    assert {"error:rgb:1", "error:rgb:2"} <= {each["key"] for each in original["values"]}
+
+
 def test_compare_writes_a_report_of_all_methods(gppcs_command, scan):
     words = ["compare", "scan.ply", "--ratio", "10%", "--methods", "fps,random", "-o", "side", "--no-picture"]
     code, out, err = gppcs_command(*words, "--report", "--up", "y")

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
 from gppcs.app.panels import CHOICE, INPUT, LARGE, LOOK, METHOD, SIZE
-from gppcs.errors import file_path
+from gppcs.errors import ParameterError, file_path, shown
 from gppcs.methods import METHODS
 
 
@@ -217,6 +218,19 @@ Group = Annotated[
     ),
 ]
 
+
+def weights_of(detail: Sequence[str] | None) -> dict[str, float]:
+    """Return the weights of attributes, each given as NAME or NAME:WEIGHT."""
+    weights = {}
+    for text in detail or ():
+        name, colon, weight = text.rpartition(":")
+        try:
+            weights[name if colon else text] = float(weight) if colon else 1.0
+        except ValueError:
+            raise ParameterError(f"expected --detail NAME or NAME:WEIGHT, found {shown(text)}") from None
+    return weights
+
+
 Detail = Annotated[
     list[str] | None,
     option(
@@ -278,6 +292,13 @@ Workers = Annotated[
 ]
 
 DryRun = Annotated[bool, flag("--dry-run", "Print what would be done and in how much memory, and do nothing.", LARGE)]
+
+Measured = Annotated[
+    list[str] | None,
+    option(
+        "NAME", "Measure the error of this attribute, too: rgb, a number or classes. Can be repeated.", None, "--detail"
+    ),
+]
 
 View = Annotated[
     str | None,

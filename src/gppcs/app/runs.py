@@ -184,7 +184,8 @@ class Job:
             cloud = cloud.take(np.delete(np.arange(len(cloud)), result.outliers))
         names = different_names([Path(titled(sources)), Path("result") if is_standard(target) else target])
         simplified = Named(names[1], result.cloud, reason=result.method.summary)
-        return report_page(Named(names[0], cloud), [simplified], how_made(self.command, sources))
+        original, made = Named(names[0], cloud), how_made(self.command, sources)
+        return report_page(original, [simplified], made, detail=list(self.request.detail))
 
     def _told(self, sources: list[Path], written: dict[Path, int], done: Run, readings: int, unit: str | None) -> Told:
         """Return what is told of a run that is done; `written` has the points in each file, the finest last."""

@@ -25,6 +25,7 @@ SHOWN = (
     "mesh_mean", "mesh_max", "mesh_back_mean", "mesh_back_max", "mesh_pieces", "borders", "genus",
     "non_manifold_edges", "non_manifold_vertices", "self_intersections", "slivers",
 )  # fmt: skip
+ERROR = "error_mean"  # ends the figures of attributes that are shown
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,8 @@ def columns_of(rows: Sequence[Row]) -> list[Column]:
         *(Column(name, tuple(row.counts.get(name) for row in rows), None) for name in counts),
         Column("seconds", tuple(row.seconds for row in rows), "less"),
     ]
-    for name in SHOWN:
+    of_attributes = dict.fromkeys(name for row in rows for name in row.relative if name.endswith(ERROR))
+    for name in (*SHOWN, *of_attributes):
         if any(name in row.relative for row in rows):
             known = figure_called(name)
             values = (row.relative.get(name) for row in rows)

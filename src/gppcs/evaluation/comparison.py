@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Literal
@@ -10,6 +10,7 @@ from typing import Literal
 from gppcs.amounts.request import Request
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
+from gppcs.clouds.ranges import weights_of_detail
 from gppcs.engine.timer import COMPILATION, Timer
 from gppcs.errors import NoSurfaceError, ParameterError, shown
 from gppcs.evaluation.judge import judged, require_mesh
@@ -59,6 +60,7 @@ def compare(
     n_points: int | str | None = None,
     mesh: Mesh | None = None,
     seed: int | None = None,
+    detail: str | Mapping[str, float] | None = None,
     invalid: Literal["error", "drop"] = "error",
     timer: Timer | None = None,
 ) -> list[Entry]:
@@ -78,6 +80,9 @@ def compare(
         The original surface, to which a surface rebuilt from each result is compared. This needs PyMeshLab.
     seed : int, optional
         Replaces the seed of each method that has one.
+    detail : str or mapping of str to float, optional
+        Attributes whose errors are measured, too. Methods that look at attributes let them count in the choice; see
+        `gppcs.simplify`.
     invalid : "error" or "drop"
         Whether NaN and infinite coordinates raise an error, or their points are dropped.
     timer : Timer, optional
@@ -106,7 +111,7 @@ def compare(
     True
     """
     chosen = checked_methods(methods, ratio, n_points, seed)
-    cloud, timer = PointCloud.of(cloud), Timer.of(timer)
+    cloud, timer, counted = PointCloud.of(cloud), Timer.of(timer), weights_of_detail(detail)
     if mesh is not None:
         require_mesh(mesh)
     original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without dropped points
@@ -116,9 +121,12 @@ def compare(
         simplify(original.points[:: max(1, len(original) // PREPARATION_POINTS)], ratio=0.1, method=method)
         start = perf_counter()
         run = timer.anew()
-        result = simplify(cloud, ratio=ratio, n_points=n_points, method=method, invalid=invalid, timer=run)
+        of_method = counted if "detail" in method.supports else None
+        result = simplify(
+            cloud, ratio=ratio, n_points=n_points, method=method, detail=of_method, invalid=invalid, timer=run
+        )
         seconds = perf_counter() - start - result.seconds.get(COMPILATION, 0.0)
-        report, failure = judged(original, result.cloud, mesh, timer)
+        report, failure = judged(original, result.cloud, mesh, timer, list(counted))
         entries.append(Entry(result, report, seconds, str(failure) if failure else None))
     return entries
 

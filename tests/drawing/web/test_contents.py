@@ -64,6 +64,25 @@ def test_the_points_are_those_of_the_clouds_to_the_quantisation(report, scan, re
         assert (half <= np.ptp(cloud.points, axis=0) / 131_000).all()
 
 
+def test_errors_of_attributes_are_those_of_evaluate(scan, results):
+    page = written(report_page(Named("scan.ply", scan), [Named("fps.ply", results[0])], [], detail=["depth", "kind"]))
+    original, result = page.described["clouds"]
+    figures = gppcs.evaluate(scan, results[0], detail=["depth", "kind"]).figures()
+    assert {name: result["prefixes"][-1]["figures"][name] for name in figures} == figures
+    assert {"depth_error_mean", "kind_nearest_error_p95"} <= {each["name"] for each in page.described["figures"]}
+    for name in ("depth", "kind"):
+        errors, half = page.values(original, f"error:{name}:1")
+        assert errors.mean() == pytest.approx(figures[f"{name}_error_mean"], abs=2 * half)
+
+
+def test_a_result_without_the_attribute_has_no_figures(scan, results):
+    bare = Named("bare.xyz", PointCloud(results[0].points))
+    page = written(report_page(Named("scan.ply", scan), [bare], [], detail=["depth"]))
+    assert page.described["notes"] == [
+        "bare.xyz: there are no figures: the cloud has no attribute 'depth' to count as detail; it has none at all."
+    ]
+
+
 def test_attributes_and_colours_are_held(report, scan):
     (original, *_) = report.described["clouds"]
     kinds, half = report.values(original, "attribute:kind")

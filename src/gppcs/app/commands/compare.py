@@ -83,6 +83,15 @@ def compare(
         ),
     ] = None,
     seed: options.Seed = None,
+    detail: Annotated[
+        list[str] | None,
+        options.option(
+            "NAME[:WEIGHT]",
+            "Measure the error of this attribute, too, and let it count in the choice of gp: rgb, a number or classes. "
+            "Can be repeated.",
+            METHOD,
+        ),
+    ] = None,
     input_format: options.From = None,
     columns: options.Columns = None,
     drop: options.DropInvalid = None,
@@ -129,10 +138,14 @@ def compare(
     if meshes and seed is not None:
         raise ParameterError("expected --seed without --meshes, whose ways draw no random numbers")
     work: Any
+    counted = options.weights_of(detail)
+    if meshes and counted:
+        raise ParameterError("expected --detail without --meshes, whose ways look at no attributes")
     if meshes:
         work = partial(compare_meshes, ways=checked_ways(names_of(methods), share, count))
     else:
-        work = partial(compared, methods=checked_methods(names_of(methods) or METHODS, share, count, seed))
+        chosen = checked_methods(names_of(methods) or METHODS, share, count, seed)
+        work = partial(compared, methods=chosen, detail=counted)
     viewpoint = viewpoint_of(view, up)
     if (view or up) and not (picture or report):
         raise ParameterError(
@@ -160,7 +173,7 @@ def compare(
     if report and shown:  # without results no way has found a surface, and the notes say so
         made = how_made(context.obj, [cloud, *([mesh] if mesh else [])])
         page = BytesIO()
-        report_page(Named(cloud.name, original, surface), shown, made, viewpoint, timer).write(page)
+        report_page(Named(cloud.name, original, surface), shown, made, viewpoint, timer, list(counted)).write(page)
         contents["report.html"] = page.getvalue()
     output.mkdir(exist_ok=True)
     for name, content in contents.items():

@@ -50,10 +50,7 @@ def evaluate(
         Path | None,
         options.option("FILE", "A mesh of ORIGINAL to judge, such as one of gppcs mesh, without SIMPLIFIED."),
     ] = None,
-    detail: Annotated[
-        list[str] | None,
-        options.option("NAME", "Measure the error of this attribute, too: rgb, a number or classes. Can be repeated."),
-    ] = None,
+    detail: options.Measured = None,
     input_format: options.From = None,
     columns: options.Columns = None,
     threads: options.Threads = None,

@@ -17,6 +17,7 @@ EPILOG = (
     "gppcs report scan.ply small.ply -o report.html\n\n"
     "gppcs report scan.ply gp.ply fps.ply voxel.ply -o report.html --up z --view 30,20\n\n"
     "gppcs report scan.ply small.ply -o report.html --meshes\n\n"
+    "gppcs report scan.ply small.ply -o report.html --detail rgb\n\n"
     "gppcs evaluate --help defines the figures of the page."
 )
 
@@ -41,6 +42,7 @@ def report(
             "extra evaluate.",
         ),
     ] = False,
+    detail: options.Measured = None,
     input_format: options.From = None,
     columns: options.Columns = None,
     view: options.View = None,
@@ -74,7 +76,7 @@ def report(
             for number, cloud in enumerate(finite if all(map(len, finite)) else []):  # the page refuses empty clouds
                 clouds[number] = replace(clouds[number], mesh=rebuilt(clouds[number].name, cloud, finite[0]))
                 advanced(1)
-    page = report_page(clouds[0], clouds[1:], how_made(context.obj, inputs), viewpoint, timer)
+    page = report_page(clouds[0], clouds[1:], how_made(context.obj, inputs), viewpoint, timer, detail or ())
     with io.whole_output(output, force) as file:
         page.write(file)
     for note in page.described["notes"]:

@@ -151,7 +151,7 @@ def simplify(
     dropped, added = _listed("--drop", drop, KINDS), _listed("--add", add, ADDED)
     request = Request.of(
         **amount | (wanted.finest if wanted else {}), unit=unit, keep=keep, weight=weight,
-        detail=None if detail is None else dict(map(_weighted, detail)),
+        detail=options.weights_of(detail),
         quota=None if quota is None else dict(map(_numbered, quota)), group=group, method=chosen,
         invalid="drop" if "invalid" in dropped else "error", normals="normals" in added, scores="scores" in added,
         drop_outliers="outliers" in dropped,
@@ -213,17 +213,6 @@ def _parsed(settings: list[str]) -> dict[str, str]:
         if "=" not in setting:
             raise ParameterError(f"expected --set KEY=VALUE, found {setting!r}")
     return {key: value for key, _, value in (setting.partition("=") for setting in settings)}
-
-
-def _weighted(detail: str) -> tuple[str, float | str]:
-    """Return name and weight of an attribute, given as NAME or NAME:WEIGHT."""
-    name, colon, weight = detail.rpartition(":")
-    if not colon:
-        return detail, 1.0
-    try:
-        return name, float(weight)
-    except ValueError:
-        raise ParameterError(f"expected --detail NAME or NAME:WEIGHT, found {shown(detail)}") from None
 
 
 def _numbered(quota: str) -> tuple[str, str]:

@@ -23,8 +23,9 @@ from gppcs.drawing.web.packing import Blocks
 from gppcs.engine.strict_json import strict_json
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
+from gppcs.evaluation.detail import attribute_errors
 from gppcs.evaluation.judge import evaluate
-from gppcs.evaluation.report import Report, figures_of
+from gppcs.evaluation.report import DetailErrors, Report, figures_of
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.scaling import normalised
 from gppcs.surface.local_surface import LocalSurface
@@ -45,15 +46,21 @@ class Page:
     blocks: Blocks
 
     @classmethod
-    def of(cls, layers: Sequence[Layer], blocks: Blocks, viewpoint: Viewpoint, **described: Any) -> Page:
+    def of(
+        cls, layers: Sequence[Layer], blocks: Blocks, viewpoint: Viewpoint, detail: Sequence[str] = (), **described: Any
+    ) -> Page:
         """Return the page of some layers; its notes are theirs, and that they do not lie together."""
         up, (azimuth, elevation) = viewpoint.guessed(layers[0].cloud.points)
         notes, together = [note for layer in layers for note in layer.notes], _lie_together(layers)
         if not together:
             notes.append("The clouds lie far apart or differ much in size, so each view has a frame of its own.")
         described |= {"notes": notes, "up": up, "azimuth": azimuth, "elevation": elevation, "together": together}
-        known = figures_of(Report).items()
-        described["figures"] = [{"name": name, "title": name.replace("_", " "), **vars(each)} for name, each in known]
+        known = dict(figures_of(Report))
+        for name in detail:
+            known |= {f"{name}_{figure}": each for figure, each in figures_of(DetailErrors).items()}
+        described["figures"] = [
+            {"name": name, "title": name.replace("_", " "), **vars(each)} for name, each in known.items()
+        ]
         return cls(described | {"clouds": [layer.described for layer in layers]}, blocks)
 
     def write(self, file: BinaryIO) -> None:
@@ -75,8 +82,9 @@ def report_page(
     made: Sequence[tuple[str, str]],
     viewpoint: Viewpoint = GUESSED,
     timer: Timer | None = None,
+    detail: Sequence[str] = (),
 ) -> Page:
-    """Return a page of simplified clouds beside their original, with figures."""
+    """Return a page of simplified clouds beside their original, with figures; also those of some attributes."""
     timer, blocks = Timer.of(timer), Blocks()
     with timer("original"):
         surface = Surface.of(original)
@@ -90,16 +98,20 @@ def report_page(
             layer.described["blocks"]["originals"] = blocks.add(rows[layer.shown])
             distances = _distances(first.cloud.points, kept.cloud.points)
         layers.append(layer)
+        first.add_values(f"distance:{number}", f"distance to {result.name}", f"in {lengths}", distances, True)
         try:
             with timer(f"figures of {result.name}"):
-                layer.described["prefixes"] = _prefixes(surface.cloud, kept.cloud)
+                layer.described["prefixes"] = _prefixes(surface.cloud, kept.cloud, detail)
+                for name, errors in attribute_errors(first.cloud, kept.cloud, list(detail)).items():
+                    title, unit = f"error of {name} in {result.name}", "in shares of its range"
+                    first.add_values(f"error:{name}:{number}", title, unit, errors.interpolated, True)
         except InputError as error:
             layer.note(f"there are no figures: {error}.")
-        first.add_values(f"distance:{number}", f"distance to {result.name}", f"in {lengths}", distances, True)
     extent = np.subtract(surface.cloud.points.max(axis=0), surface.cloud.points.min(axis=0))
     lead = f"{len(original.cloud):,} points beside {_counted(results)}"
     said = {"title": original.name, "lead": lead, "made": made, "lengths": lengths}
-    return Page.of(layers, blocks, viewpoint, diagonal=math.hypot(*extent), **said)  # hypot does not overflow
+    diagonal = math.hypot(*extent)  # which does not overflow
+    return Page.of(layers, blocks, viewpoint, detail, diagonal=diagonal, **said)
 
 
 def view_page(clouds: Sequence[Named], made: Sequence[tuple[str, str]], viewpoint: Viewpoint = GUESSED) -> Page:
@@ -128,11 +140,11 @@ def _distances(points: NDArray[np.float64], simplified: NDArray[np.float64]) -> 
     return np.ldexp(distances, exponent)
 
 
-def _prefixes(original: PointCloud, result: PointCloud) -> list[dict[str, object]]:
+def _prefixes(original: PointCloud, result: PointCloud, detail: Sequence[str]) -> list[dict[str, object]]:
     """Return the figures of a result after some numbers of its first points."""
     measured = []
     for count in sorted({len(result), *(count for part in PARTS if (count := len(result) // part) >= LEAST)}):
-        report = evaluate(original, result.take(np.arange(count)))
+        report = evaluate(original, result.take(np.arange(count)), detail=detail)
         measured.append({"points": count, "figures": report.figures(), "relative": report.figures(relative=True)})
     return measured
 
