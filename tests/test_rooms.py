@@ -23,6 +23,7 @@ FLOORS = (
     ("gppcs.evaluation",),
     ("gppcs.drawing",),
     ("gppcs",),
+    ("gppcs.cloudcompare", "gppcs.pdal"),
     ("gppcs.app",),
     ("gppcs.__main__",),
 )

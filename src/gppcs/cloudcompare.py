@@ -1,0 +1,98 @@
+"""gppcs in CloudCompare: a plugin of its Python runtime, which finds it once gppcs is installed there.
+
+It is written to the documented interface of CloudCompare-PythonRuntime. Only CloudCompare can import this module.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cccorelib  # type: ignore[import-not-found]
+import pycc  # type: ignore[import-not-found]
+
+import gppcs
+from gppcs.methods import DEFAULT, METHODS, method_of
+
+TITLE = "gppcs"
+AMOUNT, METHOD, WEIGHT = "Points, or share such as 5%", "Method", "Feature weight of gp, 0 to 1"
+
+
+class Plugin(pycc.PythonPluginInterface):  # type: ignore[misc]
+    """The plugin: one action, which simplifies the selected clouds."""
+
+    def __init__(self) -> None:
+        pycc.PythonPluginInterface.__init__(self)
+
+    def getActions(self) -> list[Any]:  # noqa: N802  # CloudCompare's name
+        """Return what the menu offers."""
+        return [pycc.Action(name="Simplify", target=simplify_selected)]
+
+
+def simplify_selected() -> None:
+    """Ask what is wanted, and put simplified copies of the selected clouds beside them."""
+    program = pycc.GetInstance()
+    clouds = [entity for entity in program.getSelectedEntities() if isinstance(entity, pycc.ccPointCloud)]
+    if not clouds:
+        _tell("Select one or more point clouds first.")
+        return
+    asked = _ask({AMOUNT: "5%", METHOD: DEFAULT, WEIGHT: "0.5"})
+    if asked is None:
+        return
+    try:
+        for cloud in clouds:
+            kept = pycc.RunInThread(simplified, cloud, asked[AMOUNT], asked[METHOD], asked[WEIGHT])
+            program.addToDB(kept)
+    except gppcs.GppcsError as error:
+        _tell(str(error))
+    program.updateUI()
+
+
+def simplified(cloud: Any, amount: str, method: str, feature_weight: str) -> Any:
+    """Return a copy of a cloud with fewer points, and with all its scalar fields, colours, normals and its shift.
+
+    `amount` is a number of points, or a share such as "5%".
+    """
+    share, number = (amount, None) if "%" in amount or "." in amount else (None, amount)
+    settings = {"feature_weight": feature_weight} if method == "gp" else {}
+    result = gppcs.simplify(cloud.points(), ratio=share, n_points=number, method=method_of(method, settings=settings))
+    kept = cccorelib.ReferenceCloud(cloud)
+    for row in result.indices.tolist():
+        kept.addPointIndex(row)
+    copy = cloud.partialClone(kept)
+    copy.setName(f"{cloud.getName()} ({len(result.indices):,} points, {result.method})")
+    return copy
+
+
+def _ask(defaults: dict[str, str]) -> dict[str, str] | None:
+    """Show a dialog with a field for each default; return what is entered, or nothing if it is closed."""
+    import tkinter
+    from tkinter import ttk
+
+    window, entered = tkinter.Tk(), dict[str, str]()
+    window.title(TITLE)
+    fields = {}
+    for row, (label, default) in enumerate(defaults.items()):
+        ttk.Label(window, text=label).grid(row=row, column=0, sticky="w", padx=6, pady=3)
+        fields[label] = tkinter.StringVar(window, default)
+        field = ttk.Combobox(window, values=list(METHODS)) if label == METHOD else ttk.Entry(window)
+        field.configure(textvariable=fields[label])
+        field.grid(row=row, column=1, padx=6, pady=3)
+
+    def done() -> None:
+        entered.update({label: field.get().strip() for label, field in fields.items()})
+        window.destroy()
+
+    ttk.Button(window, text="Simplify", command=done).grid(row=len(defaults), column=1, sticky="e", padx=6, pady=6)
+    window.mainloop()
+    return entered or None
+
+
+def _tell(text: str) -> None:
+    """Show a message."""
+    import tkinter
+    from tkinter import messagebox
+
+    window = tkinter.Tk()
+    window.withdraw()
+    messagebox.showinfo(TITLE, text, parent=window)
+    window.destroy()

@@ -1,0 +1,107 @@
+"""The plugin for CloudCompare, against stubs written from the documented interface of CloudCompare-PythonRuntime.
+
+They have the classes and functions that the plugin uses: this does not show that it runs in CloudCompare itself.
+"""
+
+import importlib
+import sys
+from importlib.metadata import entry_points
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import pytest
+
+import gppcs
+
+
+class Cloud:
+    """Stands for pycc.ccPointCloud, with one scalar field."""
+
+    def __init__(self, points, field, name="scan"):
+        self.places, self.field, self.name = points, field, name
+
+    def points(self):
+        return self.places
+
+    def getName(self):  # noqa: N802
+        return self.name
+
+    def setName(self, name):  # noqa: N802
+        self.name = name
+
+    def partialClone(self, reference):  # noqa: N802
+        assert reference.cloud is self
+        return Cloud(self.places[reference.rows], self.field[reference.rows], self.name)
+
+
+class ReferenceCloud:
+    """Stands for cccorelib.ReferenceCloud."""
+
+    def __init__(self, cloud):
+        self.cloud, self.rows = cloud, []
+
+    def addPointIndex(self, row):  # noqa: N802
+        assert type(row) is int
+        self.rows.append(row)
+
+
+@pytest.fixture
+def plugin(monkeypatch):
+    """Import the plugin as CloudCompare would; `plugin.pycc` is the stub, with selected entities and those added."""
+    pycc, cccorelib = ModuleType("pycc"), ModuleType("cccorelib")
+    pycc.selected, pycc.added = [], []
+    pycc.ccPointCloud, cccorelib.ReferenceCloud = Cloud, ReferenceCloud
+    pycc.PythonPluginInterface = type("PythonPluginInterface", (), {})
+    pycc.Action = SimpleNamespace
+    pycc.RunInThread = lambda function, *arguments: function(*arguments)
+    pycc.GetInstance = lambda: SimpleNamespace(
+        getSelectedEntities=lambda: pycc.selected, addToDB=pycc.added.append, updateUI=lambda: None
+    )
+    for module in (pycc, cccorelib):
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.delitem(sys.modules, "gppcs.cloudcompare", raising=False)
+    yield importlib.import_module("gppcs.cloudcompare")
+    sys.modules.pop("gppcs.cloudcompare")
+
+
+@pytest.fixture
+def told(plugin, monkeypatch):
+    """Collect the messages, and answer each dialog."""
+    messages = []
+    monkeypatch.setattr(plugin, "_tell", messages.append)
+    monkeypatch.setattr(plugin, "_ask", lambda defaults: {**defaults, plugin.AMOUNT: "40"})
+    return messages
+
+
+def test_the_plugin_is_found_and_has_an_action(plugin):
+    (found,) = entry_points(group="cloudcompare.plugins", name="gppcs")
+    assert found.load() is plugin.Plugin
+    (action,) = plugin.Plugin().getActions()
+    assert (action.name, action.target) == ("Simplify", plugin.simplify_selected)
+
+
+def test_selected_clouds_get_simplified_copies_with_their_fields(plugin, told):
+    points = gppcs.sample("bracket", n_points=1_000).points.astype(np.float32)
+    plugin.pycc.selected += ["a mesh", Cloud(points, np.arange(1_000))]
+    plugin.simplify_selected()
+    (copy,) = plugin.pycc.added
+    expected = gppcs.simplify(points, n_points=40)
+    np.testing.assert_array_equal(copy.field, expected.indices)
+    np.testing.assert_array_equal(copy.places, points[expected.indices])
+    assert copy.name == "scan (40 points, gp)"
+    assert not told
+
+
+@pytest.mark.parametrize(("amount", "count"), [("5%", 50), ("0.1", 100), ("200", 200)])
+def test_numbers_and_shares(plugin, amount, count):
+    cloud = Cloud(gppcs.sample("bracket", n_points=1_000).points, np.arange(1_000))
+    assert len(plugin.simplified(cloud, amount, "fps", "0.5").field) == count
+
+
+def test_what_is_wrong_is_told(plugin, told):
+    plugin.simplify_selected()
+    plugin.pycc.selected.append(Cloud(np.full((50, 3), np.nan), np.arange(50)))
+    plugin.simplify_selected()
+    assert told[0] == "Select one or more point clouds first."
+    assert "NaN" in told[1]
+    assert not plugin.pycc.added

@@ -1,0 +1,72 @@
+"""gppcs in a pipeline of PDAL, with the dictionaries that its stage filters.python hands over."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gppcs
+import gppcs.pdal
+
+PAGE = Path(__file__).parents[1] / "docs" / "where-you-work.md"
+
+
+@pytest.fixture
+def ins():
+    """Return the dimensions of a road as PDAL names them."""
+    road = gppcs.sample("road", n_points=5_000)
+    number = len(road)
+    return {
+        **dict(zip("XYZ", road.points.T, strict=True)),
+        "Intensity": road.attributes["intensity"],
+        "GpsTime": np.arange(number) / 3.0,
+        "ScanChannel": np.zeros(number, np.uint8),
+        "Classification": road.attributes["marking"].astype(np.uint8),
+    }
+
+
+def test_the_mask_is_that_of_simplify(ins):
+    outs = {}
+    assert gppcs.pdal.simplify(ins, outs, ratio=0.05)
+    expected = gppcs.simplify(np.column_stack([ins[axis] for axis in "XYZ"]), ratio=0.05)
+    assert outs.keys() == {"Mask"}
+    np.testing.assert_array_equal(np.flatnonzero(outs["Mask"]), np.sort(expected.indices))
+
+
+def test_attributes_have_the_names_of_las_files(ins):
+    names = ["Intensity", "GpsTime", "PointSourceId", "ScanChannel", "Red", "NumberOfReturns"]
+    expected = ["intensity", "gps_time", "point_source_id", "scanner_channel", "red", "number_of_returns"]
+    assert list(map(gppcs.pdal.attribute_called, names)) == expected
+    outs = {}
+    gppcs.pdal.simplify(ins, outs, n_points=300, quota={"classification == 1": 100})
+    assert (outs["Mask"].sum(), ins["Classification"][outs["Mask"]].sum()) == (300, 100)
+
+
+def test_moved_points_are_refused(ins):
+    with pytest.raises(gppcs.ParameterError, match="leaves points where they are"):
+        gppcs.pdal.simplify(ins, {}, n_points=100, method=gppcs.Voxel(keep="mean"))
+
+
+def stages():
+    """Return the stages of the pipeline on the page."""
+    (text,) = re.findall(r"```json\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    return json.loads(text)
+
+
+def test_the_source_on_the_page_works_as_pdal_runs_it(ins):
+    (stage,) = (stage for stage in stages() if isinstance(stage, dict))
+    module, outs = {}, {}
+    exec(compile(stage["source"], stage["module"], "exec"), module)
+    assert module[stage["function"]](ins, outs)
+    assert outs["Mask"].sum() == 1_000
+
+
+def test_a_pipeline_of_pdal_keeps_all_dimensions(tmp_path):
+    pdal = pytest.importorskip("pdal")
+    gppcs.write(tmp_path / "scan.laz", gppcs.sample("road", n_points=5_000))
+    reader, stage, _ = stages()
+    pipeline = pdal.Pipeline(json.dumps([str(tmp_path / reader), stage]))
+    assert pipeline.execute() == 1_000
+    assert {"X", "Intensity", "marking"} <= set(pipeline.arrays[0].dtype.names)
