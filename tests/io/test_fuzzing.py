@@ -44,6 +44,10 @@ def as_pcd(path, encoding):
         path.write_bytes(head.encode() + b"DATA binary_compressed\n" + sizes + literals)
 
 
+def as_colmap(path, _):
+    gppcs.write(path, gppcs.PointCloud(np.random.default_rng(0).random((60, 3))))
+
+
 def as_ptx(path, _):
     rows = [f"{x:.4f} {y:.4f} {z:.4f} 0.5 1 2 3\n" for x, y, z in cloud().points]
     missing = "0 0 0 0.5 0 0 0\n" * 6
@@ -116,6 +120,8 @@ FILES = {
     "stl": (".stl", as_mesh, None),
     "stl ascii": (".stl", as_text_stl, None),
     "ply mesh": (".ply", as_mesh, None),
+    "colmap": (".points3D.bin", as_colmap, None),
+    "colmap text": (".points3D.txt", as_colmap, None),
     "gz": (".csv.gz", plain, None),
     "zst": (".ply.zst", plain, None),
 }

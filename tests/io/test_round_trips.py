@@ -148,7 +148,7 @@ def test_any_number_of_points_comes_back(folder, suffix, count):
     cloud = PointCloud(points, {"intensity": np.arange(count) % 999})
     found = through(folder, cloud, suffix, lossy=True)
     assert np.array_equal(found.points, points)
-    if count and suffix not in (".obj", ".off"):
+    if count and suffix not in (".obj", ".off", ".points3d.txt", ".points3d.bin"):
         assert np.array_equal(found.attributes["intensity"], np.arange(count) % 999)
     first = (folder / f"cloud{suffix}").read_bytes()
     write(folder / f"cloud{suffix}", cloud, force=True, lossy=True)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.errors import FileFormatError, InputError, OutputError, ParameterError, file_path, flag, one_of, shown
-from gppcs.io import arrays, arrow, copc_writing, e57, gltf, las, meshes, pcd, ply, ptx, text
+from gppcs.io import arrays, arrow, colmap, copc_writing, e57, gltf, las, meshes, pcd, ply, ptx, text
 from gppcs.io.format import Format
 from gppcs.io.query import Query, restricted
 from gppcs.io.streams import inner_name, whole_output
@@ -28,6 +28,7 @@ FORMATS: tuple[Format, ...] = (
     ply.FORMAT,
     copc_writing.FORMAT,  # before LAZ, of which it is a kind
     *las.FORMATS,
+    *colmap.FORMATS,  # before text, of which it is a kind
     *text.FORMATS,
     *arrays.FORMATS,
     *meshes.FORMATS,
@@ -244,7 +245,7 @@ def format_of(
     head, size = file.read(_HEAD), os.fstat(file.fileno()).st_size
     file.seek(0)
     told = next((known for known in FORMATS if known.recognises(head, size)), None)
-    known = told if told and (if_needed or not format) else _of_suffix(format or path.suffix)
+    known = told if told and (if_needed or not format) else _of_suffix(format or _suffix_of(path))
     return restricted(known, query) if query else known
 
 
@@ -263,7 +264,7 @@ def _of_suffix(suffix: str) -> Format:
 
 def _suffix_of(path: Path) -> str:
     """Return the suffix of a name, or the last two if together they name a format."""
-    both = "".join(path.suffixes[-2:])
+    both = f".{path.name}" if path.name.lower().startswith("points3d.") else "".join(path.suffixes[-2:])
     return both if any(known.has_suffix(both) for known in FORMATS) else path.suffix
 
 
