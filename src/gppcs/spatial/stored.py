@@ -107,10 +107,15 @@ class StoredPoints:
         inside = self.records([(part.first, part.last)])
         outside = self.records(around)
         halo = outside[within(outside["place"], part.low - width, part.high + width)]
-        records = np.concatenate([inside, halo])
+        count, records = len(inside), np.concatenate([inside, halo])
+        del inside, outside, halo  # to free their memory
         order = np.argsort(records["row"], kind="stable")
-        near = Neighbourhood(records[order], order < len(inside))
-        return near if repeats else near.take(np.flatnonzero(first_occurrences(near.points)))
+        records = records[order]
+        near = Neighbourhood(records, order < count)
+        if repeats:
+            return near
+        first = first_occurrences(near.points)
+        return near if first.all() else near.take(np.flatnonzero(first))
 
     def others(self, rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:
         """Return the first rows besides some, (count,), for clouds with fewer different places than are wanted."""
