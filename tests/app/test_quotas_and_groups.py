@@ -4,6 +4,8 @@ import laspy
 import numpy as np
 import pytest
 
+import gppcs
+
 N_PULSES = 3000
 
 
@@ -67,3 +69,18 @@ def test_levels_take_neither(gppcs_command, tile):
     code, _, err = gppcs_command("simplify", tile, "-o", "out.laz", "--levels", "10%,1%", "--group", "gps_time")
     assert code == 2
     assert "expected --levels without --group" in err
+
+
+def test_detail_that_counts_for_nothing_is_told(gppcs_command):
+    rng = np.random.default_rng(0)
+    cloud = gppcs.PointCloud(rng.random((2_000, 3)), {"grey": np.full(2_000, 7.0), "noise": rng.random(2_000)})
+    gppcs.write("scan.ply", cloud)
+    for name, told in (("grey", "attribute 'grey' is 7 everywhere"), ("noise", "the detail is only noise")):
+        code, _, err = gppcs_command(
+            "simplify", "scan.ply", "-o", f"{name}.ply", "--points", 200, "-q", "--detail", name
+        )
+        assert (code, err.count("\n")) == (0, 1)
+        assert err.startswith(f"gppcs: note: {told}")
+    code, _, err = gppcs_command("report", "scan.ply", "grey.ply", "-o", "page.html", "--detail", "paint")
+    assert code == 2
+    assert "the cloud has no attribute 'paint'" in err

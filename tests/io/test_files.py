@@ -44,9 +44,7 @@ def test_a_given_format_decides_over_content_and_name(tmp_path):
 def test_unknown_formats_are_listed(tmp_path, name):
     path = tmp_path / name
     path.write_text("1 2 3\n")
-    formats = (
-        r"\.ply \.copc\.laz \.las \.laz \.points3d\.txt \.points3d\.bin \.xyz \.txt \.asc \.csv \.pts \.npy "
-    )
+    formats = r"\.ply \.copc\.laz \.las \.laz \.points3d\.txt \.points3d\.bin \.xyz \.txt \.asc \.csv \.pts \.npy "
     for attempt in (lambda: read(path), lambda: write(path, CLOUD), lambda: read(path, format="las2")):
         with pytest.raises(FileFormatError, match=formats):
             attempt()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
@@ -82,7 +83,7 @@ def run(arguments: Sequence[str]) -> int:
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may not show all characters of file names
     try:
-        with _log_on_stderr():
+        with _log_on_stderr(), _notes_for_warnings():
             words = list(arguments) or ["--help"]
             code = app(words, prog_name=NAME, standalone_mode=False, obj=[NAME, *words])  # obj: for pages of commands
     except FAILURES as error:
@@ -94,6 +95,15 @@ def run(arguments: Sequence[str]) -> int:
         print_error(error.format_message())
         return BAD_INPUT
     return code if isinstance(code, int) else 0
+
+
+@contextmanager
+def _notes_for_warnings() -> Iterator[None]:
+    """Show on stderr what the library warns of while the block runs."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", UserWarning)
+        warnings.showwarning = lambda message, *_, **__: print_error(f"note: {message}")
+        yield
 
 
 @contextmanager

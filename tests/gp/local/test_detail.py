@@ -41,4 +41,5 @@ def test_noise_lowers_what_an_attribute_counts():
     clean, noisy = (Detail.measure(tree, rows, each, 0.03) for each in (step, step + noise))
     assert np.ptp(clean.values) == 1.0
     assert (noisy.values[:, 0] / (step + noise)[:, 0]).max() < 0.8
-    assert Detail.measure(tree, rows, noise, 0.03) is None
+    with pytest.warns(UserWarning, match="only noise"):
+        assert Detail.measure(tree, rows, noise, 0.03) is None

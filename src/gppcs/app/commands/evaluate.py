@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import Annotated
 
@@ -76,15 +75,11 @@ def evaluate(
         inputs = [original, *([simplified] if simplified else [])]
         read = io.read_each(inputs, input_format, names_of(columns))
     clouds = [cloud.take(cloud.finite_rows()) for cloud in read]
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always", UserWarning)
-        report = (
-            evaluate_mesh(clouds[0], judged, surface, timer)
-            if judged
-            else measured(clouds[0], clouds[1], surface, timer, detail or ())
-        )
-    for warning in told:
-        print_error(f"note: {warning.message}")
+    report = (
+        evaluate_mesh(clouds[0], judged, surface, timer)
+        if judged
+        else measured(clouds[0], clouds[1], surface, timer, detail or ())
+    )
     result = {"simplified_mesh": str(simplified_mesh)} if judged else {"simplified": str(simplified)}
     counts = {} if judged else {"points": f"{len(clouds[0]):,} in, {len(clouds[1]):,} out"}
     show(

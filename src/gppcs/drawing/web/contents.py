@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.quantities import unit_of
+from gppcs.clouds.ranges import columns_of_detail
 from gppcs.drawing.viewpoint import GUESSED, Viewpoint
 from gppcs.drawing.web.layers import Layer, Surface
 from gppcs.drawing.web.layers import Named as Named
@@ -86,6 +87,7 @@ def report_page(
 ) -> Page:
     """Return a page of simplified clouds beside their original, with figures; also those of some attributes."""
     timer, blocks = Timer.of(timer), Blocks()
+    columns_of_detail(original.cloud, detail)  # an error if the original lacks one; a result that does gets a note
     with timer("original"):
         surface = Surface.of(original)
         first = Layer(blocks, original, "original", surface)

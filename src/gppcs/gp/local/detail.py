@@ -6,6 +6,7 @@ of the surface does. What is noise of an attribute counts for nothing (research/
 
 from __future__ import annotations
 
+import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -44,7 +45,10 @@ class DetailNoise(NamedTuple):
     def of(cls, residual: NDArray[np.float64], values: NDArray[np.float64]) -> DetailNoise | None:
         """Measure it, given what linear functions leave, (n,), of values, (n, k); None if all is noise."""
         noise, variance = float(np.median(residual)), float(values.var(axis=0).sum())
-        return None if LOST * noise >= variance else cls(noise, 1.0 - LOST * noise / variance)
+        if LOST * noise >= variance:
+            warnings.warn("the detail is only noise at this number of points: it counts for nothing", stacklevel=2)
+            return None
+        return cls(noise, 1.0 - LOST * noise / variance)
 
     def variation(self, residual: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return what is left, (n,), as surface variation, without noise."""
