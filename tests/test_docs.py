@@ -198,7 +198,7 @@ def test_tables_are_those_of_the_benchmarks(page):
 
 
 def test_the_page_on_evaluation_defines_each_figure_as_the_code_does():
-    for report in (gppcs.Report, gppcs.Rebuilt, gppcs.MeshReport):
+    for report in (gppcs.Report, gppcs.DetailErrors, gppcs.Rebuilt, gppcs.MeshReport):
         rows = [
             f"| `{name}` | {figure.unit} | {figure.better or ''} | {figure.definition} |"
             for name, figure in gppcs.figures_of(report).items()
