@@ -65,6 +65,16 @@ def test_conditions(text, rows):
     assert np.flatnonzero(Expression.of(text).mask(CLOUD)).tolist() == rows
 
 
+def test_words_of_python_may_be_names():
+    cloud = gppcs.PointCloud(
+        CLOUD.points, {"class": np.arange(5), "return": np.ones(5), "label": np.array(["class"] * 5)}
+    )
+    condition = "class > 2 and return == 1 and label == 'class' and attributes['class'] < 9"
+    assert np.flatnonzero(Expression.of(condition).mask(cloud)).tolist() == [3, 4]
+    with pytest.raises(gppcs.ParameterError, match="at character"):
+        Expression.of("class > > 2")
+
+
 COMPARE = {
     "<": np.less,
     "<=": np.less_equal,

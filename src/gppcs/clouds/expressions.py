@@ -25,6 +25,8 @@ _LARGEST = 2**63 - 1  # Larger ones are computed with one by one.
 _QUOTED = r"'[^']*'|\"[^\"]*\""
 _SPACE = re.compile(rf"(?P<quoted>{_QUOTED})|\s+")
 _ANY_NAME = "attributes"  # attributes["any name"] stands for an attribute whose name is no word
+# Words of Python's statements, which could be names of attributes.
+_RESERVED = re.compile(rf"(?P<quoted>{_QUOTED})|\b(?P<name>class|def|from|global|import|pass|return|try|while|with)\b")
 _COMPARISONS: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
     ast.Eq: operator.eq, ast.NotEq: operator.ne, ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt,
     ast.GtE: operator.ge,
@@ -64,11 +66,11 @@ class Expression:
             with warnings.catch_warnings():
                 # Python warns of `2and` and of unknown escapes in quotes: advice on source code, which this is not.
                 warnings.simplefilter("ignore")
-                tree = ast.parse(text, mode="eval").body
+                tree = ast.parse(_RESERVED.sub(_as_attribute, text), mode="eval").body
         except UnicodeEncodeError:
             raise ParameterError(f"expected {GRAMMAR}, found {shown(text)}") from None
         except SyntaxError as error:
-            place = (error.offset or len(text) + 1) - 1
+            place = min(error.offset or len(text) + 1, len(text) + 1) - 1
             raise ParameterError(f"{_at(text, place)}: expected {GRAMMAR}") from None
         except (RecursionError, MemoryError, ValueError):
             raise ParameterError(f"expected a condition that is nested less deeply, found {shown(text)}") from None
@@ -239,3 +241,8 @@ def _at(text: str, place: int) -> str:
     if place >= len(text):
         return f"{shown(text)}, at its end"
     return f"{shown(text)}, at character {place + 1} ({shown(text[place : place + 15])})"
+
+
+def _as_attribute(found: re.Match[str]) -> str:
+    """Return a reserved word as the name of an attribute, and quoted text as it is."""
+    return found["quoted"] or f'{_ANY_NAME}["{found["name"]}"]'
