@@ -71,7 +71,7 @@ def test_words_of_python_may_be_names():
     )
     condition = "class > 2 and return == 1 and label == 'class' and attributes['class'] < 9"
     assert np.flatnonzero(Expression.of(condition).mask(cloud)).tolist() == [3, 4]
-    with pytest.raises(gppcs.ParameterError, match="at character"):
+    with pytest.raises(gppcs.ParameterError, match="at character 9 "):
         Expression.of("class > > 2")
 
 

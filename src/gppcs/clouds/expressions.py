@@ -70,7 +70,10 @@ class Expression:
         except UnicodeEncodeError:
             raise ParameterError(f"expected {GRAMMAR}, found {shown(text)}") from None
         except SyntaxError as error:
-            place = min(error.offset or len(text) + 1, len(text) + 1) - 1
+            place = (error.offset or len(text) + 1) - 1
+            for found in _RESERVED.finditer(text):
+                if found["name"] and found.start() < place:
+                    place -= len(_as_attribute(found)) - len(found["name"])
             raise ParameterError(f"{_at(text, place)}: expected {GRAMMAR}") from None
         except (RecursionError, MemoryError, ValueError):
             raise ParameterError(f"expected a condition that is nested less deeply, found {shown(text)}") from None
