@@ -63,6 +63,9 @@ pictures: demo  ## Draw anew the pictures of README.md and docs/ that no benchma
 	$(BIN)/gppcs sample fresco -o demo/fresco.ply --points 200000 --force
 	$(BIN)/gppcs simplify demo/fresco.ply -o demo/kept.ply --points 4000 --detail rgb --force
 	$(BIN)/gppcs render demo/fresco.ply demo/kept.ply -o docs/detail.png --colour rgb --force
+	$(BIN)/gppcs sample road -o demo/road.ply --points 200000 --force
+	$(BIN)/gppcs simplify demo/road.ply -o demo/marked.ply --points 3000 --quota 'marking == 1: 40%' --force
+	$(BIN)/gppcs render demo/road.ply demo/marked.ply -o docs/quota.png --colour marking --force
 
 test: $(VENV)/.installed  ## Check style and types, run all tests but the slow ones
 	$(BIN)/ruff check
