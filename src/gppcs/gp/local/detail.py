@@ -18,7 +18,7 @@ from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leav
 from gppcs.spatial.nearest import pack, room_for
 from gppcs.surface.moments import MOMENTS, moments_in_ball
 
-DISTANCE = 2.8  # Of a change of an attribute by its whole range, in desired spacings.
+DISTANCE = 3.5  # Of a change of an attribute by its whole range, in desired spacings.
 ROUGH = 3.0  # Surface variation that counts as rough as a variance of the attributes of 1.
 WITHIN = 1.5  # Radius within which an attribute varies, in edge lengths of the candidates' cells.
 NOISE = 3.0  # Variances below this many of the noise are noise, too: few points measure each.

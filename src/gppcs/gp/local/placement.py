@@ -36,7 +36,6 @@ AGREEING = 0.4  # Mean cosine between the planes of a cell and the fan of its po
 # steep above it, by the squared sine of the slope.
 THROUGH, PARALLEL, STEEP = 0.1, 0.9, 0.5
 JUDGED = 10  # Points of a cell, at most, whose distance from the triangles is measured.
-CHANGE = 0.25  # A change of an attribute by its whole range, as a distance, in mean distances to the nearest.
 ROUNDING = 1e-9  # Of the reach: a gain below this is only rounding.
 POINTS_AT_ONCE = 1024  # Points that a thread hands over at once, at least.
 
@@ -109,7 +108,7 @@ def exchanged(
         _gather(owners, starts[:-1].copy(), members)
         on_ranges(
             _exchange, len(order), points, feet, normals, places, surface.corners, surface.normals, first, members,
-            starts, np.minimum(REACH * gaps, farthest), stays, widest, before, after, CHANGE * gaps, new,
+            starts, np.minimum(REACH * gaps, farthest), stays, widest, before, after, gaps, new,
         )  # fmt: skip
         stay = new[:, np.newaxis] < 0
         places, before = np.where(stay, places, points.T[new]), np.where(stay, before, after[new])
@@ -167,19 +166,33 @@ def _exchange(
 
     A place is exchanged only for points of its cell in the first pass, so no two take the same.
     """
+    by_shape = after.shape[1] == 0
     quadric, middle = np.empty(NUMBERS, dtype=np.float64), np.empty(after.shape[1], dtype=np.float64)
+    errors = np.empty(0, dtype=np.float64)
     for v in range(begin, end):
-        cell, place = members[starts[v] : starts[v + 1]], row(places, v)
+        cell, place, fan = members[starts[v] : starts[v + 1]], row(places, v), corners[v]
         if stays[v] or len(cell) < 2 or not _is_one_sheet(feet, normals, cell, place, row(upright, v)):
             continue
-        x = _of_least_error(
-            v, points, feet, normals, places, cell, first, reach[v], widest, after, change[v], quadric, middle
+        if len(cell) > len(errors):
+            errors = np.empty(2 * len(cell), dtype=np.float64)
+        own = _errors(
+            v, points, feet, normals, places, cell, first, reach[v], before, after, change[v], quadric, middle, errors
         )
-        if x < 0:
-            continue
-        gain = _gain(feet, places, corners[v], place, row(points.T, x), cell)
-        if gain + change[v] * _gain_of_detail(before[v], after, x, cell) > ROUNDING * reach[v]:
-            new[v] = x
+        least = (0.0 if by_shape else own) - ROUNDING * reach[v]
+        least += _off_fan(feet, places, fan, place, before, before[v], after, change[v], cell, np.inf)
+        while True:  # from the least error on, until the error alone is too large
+            slot = np.argmin(errors[: len(cell)])
+            x, error, errors[slot] = cell[slot], errors[slot], np.inf
+            if error == np.inf or (error >= least and not by_shape):
+                break
+            if not _covers(points, row(points.T, x), cell, widest):
+                continue
+            total, to = 0.0 if by_shape else error, row(points.T, x)
+            total += _off_fan(feet, places, fan, to, before, after[x], after, change[v], cell, least - total)
+            if total < least:
+                least, new[v] = total, x
+            if by_shape:
+                break
 
 
 @kernel(allocates=False)
@@ -205,34 +218,49 @@ def _is_one_sheet(feet, normals, cell, place, upright):
 
 
 @kernel(allocates=False)
-def _of_least_error(v, points, feet, normals, places, cell, first, reach, widest, after, change, quadric, middle):
-    """Return the point of a cell with the least quadric error, within reach of the place and of the whole cell.
+def _errors(v, points, feet, normals, places, cell, first, reach, before, after, change, quadric, middle, errors):
+    """Fill `errors`, (n,), with those of the points of a cell, infinite beyond reach; return that of the place itself.
 
-    Its attributes are those of the whole cell, as far as that goes.
+    The error of a point is the root mean square of its distance from the planes of the cell, beside which its
+    attributes count by their difference from the mean of the cell; it is summed as `_off_fan` sums distances.
     """
-    place = row(places, v)
-    quadric[:] = 0.0
+    place, n, judged = row(places, v), len(cell), -(-len(cell) // _stride(cell))
+    quadric[:], middle[:] = 0.0, 0.0
     x = y = z = 0.0
     for q in cell:
         step, normal = minus(row(feet.T, q), place), row(normals, q)
         add_plane(quadric, normal, -dot(normal, step), 1.0)
-        x, y, z = x + step[0], y + step[1], z + step[2]
-    n = len(cell)
-    middle[:] = 0.0
-    for c in range(len(middle)):
-        for q in cell:
+        x, y, z = x + step[0] / n, y + step[1] / n, z + step[2] / n
+        for c in range(len(middle)):
             middle[c] += after[q, c] / n
-    best, least = -1, np.inf
-    for q in cell:
-        step = minus(row(points.T, q), place)
+    for slot, q in enumerate(cell):
+        step, errors[slot] = minus(row(points.T, q), place), np.inf
         if first[q] == v and dot(step, step) <= reach * reach:
-            off = minus(step, (x / n, y / n, z / n))
-            error = value(quadric, step) + PULL * n * dot(off, off)
-            for c in range(len(middle)):
-                error += n * (change * (after[q, c] - middle[c])) ** 2
-            if error < least and _covers(points, row(points.T, q), cell, widest):
-                best, least = q, error
-    return best
+            squared = value(quadric, step) / n + PULL * _squared(minus(step, (x, y, z)))
+            errors[slot] = judged * np.sqrt(max(0.0, squared) + change**2 * _apart(after[q], middle))
+    squared = value(quadric, (0.0, 0.0, 0.0)) / n + PULL * _squared((x, y, z))
+    return judged * np.sqrt(max(0.0, squared) + change**2 * _apart(before[v], middle))
+
+
+@kernel(allocates=False)
+def _stride(cell):
+    """Return which of the points of a cell are judged: each first of so many."""
+    return -(-len(cell) // JUDGED)
+
+
+@kernel(allocates=False)
+def _squared(vector):
+    """Return the squared length of a vector."""
+    return dot(vector, vector)
+
+
+@kernel(allocates=False)
+def _apart(attributes, others):
+    """Return the squared difference of some attributes, (k,), from others."""
+    squared = 0.0
+    for c in range(len(others)):
+        squared += (attributes[c] - others[c]) ** 2
+    return squared
 
 
 @kernel(allocates=False)
@@ -246,36 +274,32 @@ def _covers(points, place, cell, widest):
 
 
 @kernel(allocates=False)
-def _gain(feet, places, corners, old, new, cell):
-    """Return by how much a new place lowers the summed distance of a cell from the fan of triangles."""
-    gain = 0.0
-    for slot in range(0, len(cell), -(-len(cell) // JUDGED)):
-        q = row(feet.T, cell[slot])
-        gain += _to_fan(places, corners, old, q) - _to_fan(places, corners, new, q)
-    return gain
+def _off_fan(feet, places, corners, apex, before, own, after, change, cell, most):
+    """Return the summed distance of a cell from the fan of triangles around an apex, or what is more than `most`.
 
-
-@kernel(allocates=False)
-def _gain_of_detail(old, after, x, cell):
-    """Return by how much a new point x lowers the summed difference of the attributes of a cell from its own."""
-    gain = 0.0
-    for slot in range(0, len(cell), -(-len(cell) // JUDGED)):
-        from_old = from_new = 0.0
-        for c in range(len(old)):
-            from_old += (after[cell[slot], c] - old[c]) ** 2
-            from_new += (after[cell[slot], c] - after[x, c]) ** 2
-        gain += np.sqrt(from_old) - np.sqrt(from_new)
-    return gain
-
-
-@kernel(allocates=False)
-def _to_fan(places, corners, apex, q):
-    """Return the distance of a point from a fan of triangles with a common apex; 0 if there are none."""
-    least, a = np.inf, minus(apex, q)
-    for j, m in corners:
-        if j < 0:
+    The difference of the attributes from those that are interpolated in the nearest triangle is distance, too, given
+    those of the corners, (m, k), of the apex, (k,), and of the cell, (n, k). Without triangles, it is 0.
+    """
+    total = 0.0
+    for slot in range(0, len(cell), _stride(cell)):
+        q = cell[slot]
+        here, least = row(feet.T, q), np.inf
+        a, second, third, s, t = minus(apex, here), 0, 0, 0.0, 0.0
+        for j, m in corners:
+            if j < 0:
+                break
+            b, c = minus(row(places, j), here), minus(row(places, m), here)
+            along, across = nearest_in_triangle(a, b, c)
+            squared = squared_distance(a, b, c, along, across)
+            if squared < least:
+                least, second, third, s, t = squared, j, m, along, across
+        if least == np.inf:
+            return 0.0
+        apart = 0.0
+        for k in range(len(own)):
+            interpolated = own[k] + s * (before[second, k] - own[k]) + t * (before[third, k] - own[k])
+            apart += (interpolated - after[q, k]) ** 2
+        total += np.sqrt(least) + change * np.sqrt(apart)
+        if total > most:
             break
-        b, c = minus(row(places, j), q), minus(row(places, m), q)
-        s, t = nearest_in_triangle(a, b, c)
-        least = min(least, squared_distance(a, b, c, s, t))
-    return np.sqrt(least) if least < np.inf else 0.0
+    return total
