@@ -11,7 +11,9 @@ import gppcs
 
 # Names without a docstring of their own are explained by that of the package.
 DOCUMENTED = {name: getattr(gppcs, name) for name in gppcs.__all__ if hasattr(getattr(gppcs, name), "__module__")}
-NEEDED = dict.fromkeys(("Rebuilt", "MeshReport", "evaluate_mesh"), "pymeshlab")  # extras that examples need
+NEEDED = dict.fromkeys(("Rebuilt", "MeshReport", "evaluate_mesh"), "pymeshlab") | {
+    "Simplifier": "sklearn"
+}  # extras that examples need
 ERRORS = {name for name in vars(gppcs.errors) if name.endswith("Error")}
 
 

@@ -19,7 +19,7 @@ FLOORS = (
     ("gppcs.methods",),
     ("gppcs.amounts",),
     ("gppcs.simplification",),
-    ("gppcs.meshing", "gppcs.streaming"),
+    ("gppcs.estimator", "gppcs.meshing", "gppcs.streaming"),
     ("gppcs.evaluation",),
     ("gppcs.drawing",),
     ("gppcs",),

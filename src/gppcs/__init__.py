@@ -26,6 +26,7 @@ Simplify it
     simplify                 choose exactly M points of a cloud
     simplify_files           the same for files that may be larger than memory
     Result                   the simplified cloud, the rows chosen, and the time it took
+    Simplifier               a transformer of scikit-learn that does it
     write                    write a cloud to a file
 
 Make a mesh of it
@@ -128,6 +129,7 @@ if TYPE_CHECKING:
         OutputError,
         ParameterError,
     )
+    from gppcs.estimator import Simplifier
     from gppcs.evaluation.comparison import Entry, compare
     from gppcs.evaluation.curves import curve
     from gppcs.evaluation.judge import evaluate, evaluate_mesh
@@ -185,6 +187,7 @@ _HOMES = {  # the module that defines each public name
         "OutputError",
         "ParameterError",
     ),
+    "estimator": ("Simplifier",),
     "evaluation.comparison": ("Entry", "compare"),
     "evaluation.curves": ("curve",),
     "evaluation.judge": ("evaluate", "evaluate_mesh"),
@@ -260,6 +263,7 @@ __all__ = [
     "Result",
     "SampleElimination",
     "Selection",
+    "Simplifier",
     "SpectralGP",
     "Summary",
     "Timer",

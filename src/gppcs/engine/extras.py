@@ -19,6 +19,7 @@ EXTRAS = {
     "gltf": ("trimesh>=4.5",),
     "picture": ("matplotlib>=3.9",),
     "evaluate": ("pymeshlab>=2025.7",),
+    "sklearn": ("scikit-learn>=1.6",),
     "view": ("matplotlib>=3.9", "pyvista>=0.48", "vtk>=9.6"),
 }
 
@@ -59,6 +60,11 @@ def require_cgal(module: str) -> Any:
 def require_trimesh() -> Any:
     """Import trimesh."""
     return _imported("trimesh", "glTF files need trimesh", "gltf")
+
+
+def require_sklearn() -> Any:
+    """Import scikit-learn."""
+    return _imported("sklearn", "a transformer of scikit-learn needs it", "sklearn")
 
 
 def require_pyvista() -> None:
