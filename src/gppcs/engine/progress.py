@@ -1,7 +1,8 @@
-"""A progress bar, in a terminal or in a notebook."""
+"""A progress bar, in a terminal or in a notebook, and lines for programs that start this one."""
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 from html import escape
@@ -13,6 +14,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 
 PATIENCE = 1.0  # seconds after which a stage shows a bar
 INTERVAL = 0.2  # seconds between two states of the bar in a notebook
+LINES = "GPPCS_PROGRESS"  # the environment variable that asks for lines
 
 
 def in_notebook() -> bool:
@@ -25,7 +27,8 @@ class ProgressBar:
     """A `Listener` that draws a progress bar for each stage of over a second.
 
     In a terminal, the bar is on stderr. In a notebook, it is below the cell; a stage that reports no steps has none
-    there. Elsewhere there is no bar.
+    there. Elsewhere there is no bar. Where the environment variable `GPPCS_PROGRESS` is "lines", there are lines on
+    stderr instead, such as "progress: normals 24 %".
 
     Examples
     --------
@@ -36,7 +39,7 @@ class ProgressBar:
     """
 
     def __init__(self) -> None:
-        self._bar: _TerminalBar | _NotebookBar | None = None
+        self._bar: _TerminalBar | _NotebookBar | _Lines | None = None
 
     def started(self, stage: str, total: int | None) -> None:
         """Prepare a bar, which appears if the stage takes over a second.
@@ -48,6 +51,9 @@ class ProgressBar:
         total : int or None
             The number of its steps, if known.
         """
+        if os.environ.get(LINES) == "lines":
+            self._bar = _Lines(stage, total)
+            return
         if in_notebook():
             self._bar = _NotebookBar(stage, total)
             return
@@ -131,3 +137,25 @@ class _NotebookBar:
 
         if self._handle is not None:
             self._handle.update(HTML(""))
+
+
+class _Lines:
+    """Lines on stderr: one at the start of a stage, and one for each per cent of its steps."""
+
+    def __init__(self, stage: str, total: int | None) -> None:
+        self._stage, self._total, self._done, self._told = stage, total, 0, 0
+        self._tell(f"progress: {stage}")
+
+    def _tell(self, line: str) -> None:
+        sys.stderr.write(f"{line}\n")
+        sys.stderr.flush()
+
+    def advance(self, steps: int) -> None:
+        self._done += steps
+        share = 100 * self._done // self._total if self._total else 0
+        if share > self._told:
+            self._told = share
+            self._tell(f"progress: {self._stage} {share} %")
+
+    def remove(self) -> None:
+        pass
