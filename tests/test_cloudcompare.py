@@ -5,6 +5,7 @@ They have the classes and functions that the plugin uses: this does not show tha
 
 import importlib
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import entry_points
 from types import ModuleType, SimpleNamespace
 
@@ -34,6 +35,13 @@ class Cloud:
         return Cloud(self.places[reference.rows], self.field[reference.rows], self.name)
 
 
+class FullMemory(Cloud):
+    """A cloud of which CloudCompare can make no copy."""
+
+    def partialClone(self, reference):  # noqa: N802
+        return None
+
+
 class ReferenceCloud:
     """Stands for cccorelib.ReferenceCloud."""
 
@@ -45,6 +53,15 @@ class ReferenceCloud:
         self.rows.append(row)
 
 
+def run_in_thread(function, *arguments):
+    """Stands for pycc.RunInThread, which passes on that there was an error, but not which."""
+    with ThreadPoolExecutor() as pool:
+        try:
+            return pool.submit(function, *arguments).result()
+        except Exception:
+            raise RuntimeError("std::exception") from None
+
+
 @pytest.fixture
 def plugin(monkeypatch):
     """Import the plugin as CloudCompare would; `plugin.pycc` is the stub, with selected entities and those added."""
@@ -53,7 +70,7 @@ def plugin(monkeypatch):
     pycc.ccPointCloud, cccorelib.ReferenceCloud = Cloud, ReferenceCloud
     pycc.PythonPluginInterface = type("PythonPluginInterface", (), {})
     pycc.Action = SimpleNamespace
-    pycc.RunInThread = lambda function, *arguments: function(*arguments)
+    pycc.RunInThread = run_in_thread
     pycc.GetInstance = lambda: SimpleNamespace(
         getSelectedEntities=lambda: pycc.selected, addToDB=pycc.added.append, updateUI=lambda: None
     )
@@ -92,16 +109,32 @@ def test_selected_clouds_get_simplified_copies_with_their_fields(plugin, told):
     assert not told
 
 
-@pytest.mark.parametrize(("amount", "count"), [("5%", 50), ("0.1", 100), ("200", 200)])
+@pytest.mark.parametrize(("amount", "count"), [("5%", 100), ("0.1", 200), (".1", 200), ("200", 200), ("1.5k", 1_500)])
 def test_numbers_and_shares(plugin, amount, count):
-    cloud = Cloud(gppcs.sample("bracket", n_points=1_000).points, np.arange(1_000))
+    cloud = Cloud(gppcs.sample("bracket", n_points=2_000).points, np.arange(2_000))
     assert len(plugin.simplified(cloud, amount, "fps", "0.5").field) == count
 
 
-def test_what_is_wrong_is_told(plugin, told):
+def test_what_is_wrong_is_told_and_other_clouds_are_simplified(plugin, told):
     plugin.simplify_selected()
-    plugin.pycc.selected.append(Cloud(np.full((50, 3), np.nan), np.arange(50)))
+    points = gppcs.sample("bracket", n_points=50).points
+    plugin.pycc.selected += [
+        Cloud(np.full((50, 3), np.nan), np.arange(50), "bad"),
+        Cloud(np.empty((0, 3), np.float32), np.empty(0), "empty"),
+        FullMemory(points, np.arange(50), "large"),
+        Cloud(points, np.arange(50), "good"),
+    ]
     plugin.simplify_selected()
     assert told[0] == "Select one or more point clouds first."
+    assert [text.partition(":")[0] for text in told[1:]] == ["bad", "empty", "large"]
     assert "NaN" in told[1]
+    assert "memory" in told[3]
+    assert [copy.name for copy in plugin.pycc.added] == ["good (40 points, gp)"]
+
+
+def test_nothing_happens_if_the_dialog_is_closed(plugin, told, monkeypatch):
+    monkeypatch.setattr(plugin, "_ask", lambda defaults: None)
+    plugin.pycc.selected.append(Cloud(np.zeros((50, 3)), np.arange(50)))
+    plugin.simplify_selected()
     assert not plugin.pycc.added
+    assert not told

@@ -36,8 +36,8 @@ def test_the_mask_is_that_of_simplify(ins):
 
 
 def test_attributes_have_the_names_of_las_files(ins):
-    names = ["Intensity", "GpsTime", "PointSourceId", "ScanChannel", "Red", "NumberOfReturns"]
-    expected = ["intensity", "gps_time", "point_source_id", "scanner_channel", "red", "number_of_returns"]
+    names = ["Intensity", "GpsTime", "PointSourceId", "ScanChannel", "Red", "NumberOfReturns", "Infrared"]
+    expected = ["intensity", "gps_time", "point_source_id", "scanner_channel", "red", "number_of_returns", "nir"]
     assert list(map(gppcs.pdal.attribute_called, names)) == expected
     outs = {}
     gppcs.pdal.simplify(ins, outs, n_points=300, quota={"classification == 1": 100})
@@ -47,6 +47,34 @@ def test_attributes_have_the_names_of_las_files(ins):
 def test_moved_points_are_refused(ins):
     with pytest.raises(gppcs.ParameterError, match="leaves points where they are"):
         gppcs.pdal.simplify(ins, {}, n_points=100, method=gppcs.Voxel(keep="mean"))
+
+
+def test_normals_and_scores_are_refused_before_the_run(ins):
+    for name in ("normals", "scores"):
+        with pytest.raises(gppcs.ParameterError, match="neither normals nor scores"):
+            gppcs.pdal.simplify(ins, {}, n_points=100, **{name: True})
+
+
+def test_a_view_without_points_gets_a_mask_without_rows(ins):
+    outs = {}
+    assert gppcs.pdal.simplify({name: values[:0] for name, values in ins.items()}, outs, n_points=100)
+    assert (outs["Mask"].shape, outs["Mask"].dtype) == ((0,), np.bool_)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.int32])
+def test_coordinates_of_any_type_and_far_from_the_origin(ins, kind):
+    ins = {name: np.array(values) for name, values in ins.items()}
+    for axis, far in zip("XYZ", (500_000, 5_400_000, 0), strict=True):
+        ins[axis] = (np.rint(100 * ins[axis]) + 100 * far).astype(kind)
+    before, outs = {name: values.copy() for name, values in ins.items()}, {}
+    asked = {"n_points": 300, "quota": {"classification == 1": 100}}
+    assert gppcs.pdal.simplify(ins, outs, **asked)
+    points = np.column_stack([ins[axis].astype(float) for axis in "XYZ"])
+    cloud = gppcs.PointCloud(points, {"classification": ins["Classification"]})
+    expected = gppcs.simplify(cloud, **asked).indices
+    np.testing.assert_array_equal(np.flatnonzero(outs["Mask"]), np.sort(expected))
+    for name, values in before.items():
+        np.testing.assert_array_equal(ins[name], values)
 
 
 def stages():

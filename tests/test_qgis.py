@@ -130,13 +130,13 @@ def test_qgis_thins_a_cloud_and_evaluates_it(qgis):
 
 @pytest.mark.slow
 def test_qgis_makes_a_mesh_and_passes_options_on(qgis):
-    asked = {"INPUT": "scan.laz", "SIZE": "500", "OPTIONS": "--moved --fill-holes '1 m' --unit m"}
+    asked = {"INPUT": "scan.laz", "SIZE": "1.5k", "OPTIONS": "--moved --fill-holes '1 m' --unit m"}
     results, _ = algorithm(qgis, "make_mesh", OUTPUT="TEMPORARY_OUTPUT", **asked)
     assert results["OUTPUT"].endswith(".ply")
     asked["OPTIONS"] = "--quota 'marking == 1: 100'"
     algorithm(qgis, "thin_point_cloud", OUTPUT="marked.laz", METHOD="fps", **asked)
     marked = gppcs.read(qgis.folder / "marked.laz")
-    assert (len(marked), marked.attributes["marking"].sum()) == (500, 100)
+    assert (len(marked), marked.attributes["marking"].sum()) == (1500, 100)
 
 
 @pytest.mark.slow

@@ -61,7 +61,7 @@ class _Algorithm(QgsProcessingAlgorithm):
 
     def size(self, parameters, context):
         size = self.text(parameters, "SIZE", context)
-        return ["--ratio" if "%" in size or "." in size else "--points", size]
+        return ["--ratio" if "%" in size or size.startswith(("0", ".")) else "--points", size]
 
 
 class Thin(_Algorithm):

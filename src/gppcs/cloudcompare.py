@@ -38,27 +38,37 @@ def simplify_selected() -> None:
     asked = _ask({AMOUNT: "5%", METHOD: DEFAULT, WEIGHT: "0.5"})
     if asked is None:
         return
-    try:
-        for cloud in clouds:
-            kept = pycc.RunInThread(simplified, cloud, asked[AMOUNT], asked[METHOD], asked[WEIGHT])
-            program.addToDB(kept)
-    except gppcs.GppcsError as error:
-        _tell(str(error))
+    for cloud in clouds:
+        made = pycc.RunInThread(_outcome, cloud, asked[AMOUNT], asked[METHOD], asked[WEIGHT])
+        if isinstance(made, Exception):
+            _tell(f"{cloud.getName()}: {made}")
+        else:
+            program.addToDB(made)
     program.updateUI()
+
+
+def _outcome(*asked: Any) -> Any:
+    """Return what `simplified` does, or its error, of which `RunInThread` would lose the text."""
+    try:
+        return simplified(*asked)
+    except Exception as error:
+        return error
 
 
 def simplified(cloud: Any, amount: str, method: str, feature_weight: str) -> Any:
     """Return a copy of a cloud with fewer points, and with all its scalar fields, colours, normals and its shift.
 
-    `amount` is a number of points, or a share such as "5%".
+    `amount` is a number of points such as "1.5M", or a share such as "5%" or "0.05".
     """
-    share, number = (amount, None) if "%" in amount or "." in amount else (None, amount)
+    share, number = (amount, None) if "%" in amount or amount.startswith(("0", ".")) else (None, amount)
     settings = {"feature_weight": feature_weight} if method == "gp" else {}
     result = gppcs.simplify(cloud.points(), ratio=share, n_points=number, method=method_of(method, settings=settings))
     kept = cccorelib.ReferenceCloud(cloud)
     for row in result.indices.tolist():
         kept.addPointIndex(row)
     copy = cloud.partialClone(kept)
+    if copy is None:
+        raise MemoryError("CloudCompare could not make the copy; there may not be enough memory")
     copy.setName(f"{cloud.getName()} ({len(result.indices):,} points, {result.method})")
     return copy
 
