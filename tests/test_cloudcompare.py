@@ -7,6 +7,7 @@ import importlib
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import entry_points
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -113,6 +114,12 @@ def test_selected_clouds_get_simplified_copies_with_their_fields(plugin, told):
 def test_numbers_and_shares(plugin, amount, count):
     cloud = Cloud(gppcs.sample("bracket", n_points=2_000).points, np.arange(2_000))
     assert len(plugin.simplified(cloud, amount, "fps", "0.5").field) == count
+
+
+def test_the_page_shows_the_name_of_the_copy(plugin):
+    page = (Path(__file__).parents[1] / "docs" / "where-you-work.md").read_text(encoding="utf-8")
+    copy = plugin.simplified(Cloud(gppcs.sample("bracket", n_points=2_000).points, np.arange(2_000)), "5%", "gp", "0.5")
+    assert f"```text\n{copy.name}\n```" in page
 
 
 def test_what_is_wrong_is_told_and_other_clouds_are_simplified(plugin, told):

@@ -74,16 +74,33 @@ def workplace(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
 
 
-SLOW = {"docs/large-files.md": pytest.mark.slow}  # it starts processes
+SLOW = {"docs/large-files.md": pytest.mark.slow, "Dask": pytest.mark.slow}  # they start processes
+WORK = "docs/where-you-work.md"
 
 
 @pytest.mark.parametrize(
-    "page", [pytest.param(page, marks=SLOW.get(page, ())) for page in PAGES if blocks(page, "python")]
+    "page", [pytest.param(page, marks=SLOW.get(page, ())) for page in PAGES if blocks(page, "python") and page != WORK]
 )
 def test_python_runs(page, workplace):
     has_meshlab = importlib.util.find_spec("pymeshlab")
     code = "\n".join(block for block in blocks(page, "python") if has_meshlab or "import pymeshlab" not in block)
     exec(compile(code, page, "exec"), {"__name__": "page"})
+
+
+def examples():
+    """Yield the code and what it prints of each section on other programs."""
+    for section in re.split(r"^## ", text(WORK), flags=re.MULTILINE):
+        if code := re.search(r"```python\n(.*?)```\n\n```text\n(.*?)```", section, re.DOTALL):
+            yield pytest.param(*code.groups(), id=(title := section.splitlines()[0]), marks=SLOW.get(title, ()))
+
+
+@pytest.mark.parametrize(("code", "printed"), [*examples()])
+def test_code_inside_other_programs_prints_what_is_shown(code, printed, tmp_path, monkeypatch, capsys):
+    for package in re.findall(r"^(?:from|import) (\w+)", code, re.MULTILINE):
+        pytest.importorskip(package)
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, WORK, "exec"), {"__name__": "page"})
+    assert capsys.readouterr().out == printed
 
 
 def test_the_figures_that_are_explained_are_those_of_the_commands(tmp_path, monkeypatch, capsys):

@@ -140,6 +140,15 @@ def test_qgis_makes_a_mesh_and_passes_options_on(qgis):
 
 
 @pytest.mark.slow
+def test_the_page_shows_what_is_printed(qgis):
+    page = (ROOT / "docs" / "where-you-work.md").read_text(encoding="utf-8")
+    ((words, lines),) = re.findall(r"```text\nqgis_process (.*)\n\n(.*?)```", page, re.DOTALL)
+    printed = qgis.run(QGIS, *words.split())
+    for line in filter(None, lines.splitlines()):
+        assert f"\n{line}\n" in printed
+
+
+@pytest.mark.slow
 def test_progress_is_shown_and_notes_are_warnings(qgis):
     shown = qgis.run(QGIS, "run", "gppcs:thin_point_cloud", "--", "INPUT=scan.laz", "OUTPUT=all.laz", "SIZE=1M")
     assert "reading\n" in shown
