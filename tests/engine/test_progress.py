@@ -82,3 +82,18 @@ def test_a_bar_in_a_notebook_is_updated_and_goes_away(notebook, monkeypatch):
         assert "slow &lt;stage&gt;" in shown
         assert f'value="{done}" max="4"' in shown
     assert notebook[4] == ""
+
+
+def test_lines_for_programs_tell_each_stage_and_each_per_cent_once(monkeypatch, capsys):
+    monkeypatch.setenv("GPPCS_PROGRESS", "lines")
+    timer = Timer(progress.ProgressBar())
+    with timer("choice", 1_000) as advanced:
+        for _ in range(10):
+            advanced(25)
+        for _ in range(30):
+            advanced(1)
+    with timer("writing"):
+        pass
+    shares = [2, 5, 7, 10, 12, 15, 17, 20, 22, 25, 26, 27, 28]
+    expected = ["progress: choice", *(f"progress: choice {share} %" for share in shares), "progress: writing"]
+    assert capsys.readouterr().err.splitlines() == expected
