@@ -163,8 +163,9 @@ def test_errors_are_those_of_gppcs(qgis):
     assert "Install gppcs in a Python" in qgis.run(*missing, code=1, PATH="/usr/bin:/bin")
     settings = qgis.folder / "profiles" / "default" / "QGIS" / "QGIS3.ini"
     before = settings.read_text()
-    settings.write_text(before + f"[Processing]\nConfiguration\\GPPCS_COMMAND={qgis.folder}/bin/gppcs\n")
-    assert "missing.laz: No such file or directory" in qgis.run(*missing, code=1, PATH="/usr/bin:/bin")
+    for command, told in (("bin/gppcs", "missing.laz: No such file"), ("bin", "bin cannot be run (Permission denied)")):
+        settings.write_text(before + f"[Processing]\nConfiguration\\GPPCS_COMMAND={qgis.folder}/{command}\n")
+        assert told in qgis.run(*missing, code=1, PATH="/usr/bin:/bin")
     settings.write_text(before)
 
 

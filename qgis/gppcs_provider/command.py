@@ -10,9 +10,9 @@ from qgis.core import QgsProcessingException
 from qgis.PyQt.QtCore import Qt
 
 NAME, SETTING = "gppcs", "GPPCS_COMMAND"
-MISSING = (
-    "The command gppcs was not found. Install gppcs in a Python of version 3.11 or later, and name the file of the "
-    "command in Settings, Options, Processing, Providers, gppcs."
+HELP = (
+    "Install gppcs in a Python of version 3.11 or later, and name the file of its command in Settings, Options, "
+    "Processing, Providers, gppcs."
 )
 
 
@@ -20,20 +20,23 @@ def run(arguments, feedback):
     """Run gppcs, show its progress and messages, and return what it prints."""
     command = ProcessingConfig.getSetting(SETTING) or shutil.which(NAME)
     if not command:
-        raise QgsProcessingException(MISSING)
+        raise QgsProcessingException(f"The command gppcs was not found. {HELP}")
     feedback.pushCommandInfo(subprocess.list2cmdline([command, *arguments]))
     # QGIS may have set these for its own Python.
     environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONHOME", "PYTHONPATH")}
-    process = subprocess.Popen(
-        [command, *arguments],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        encoding="utf-8",
-        errors="replace",
-        env={**environment, "PYTHONUTF8": "1", "GPPCS_PROGRESS": "lines"},
-        creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),  # on Windows, no black window
-    )
+    try:
+        process = subprocess.Popen(
+            [command, *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            encoding="utf-8",
+            errors="replace",
+            env={**environment, "PYTHONUTF8": "1", "GPPCS_PROGRESS": "lines"},
+            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),  # on Windows, no black window
+        )
+    except OSError as error:
+        raise QgsProcessingException(f"{command} cannot be run ({error.strerror}). {HELP}") from error
     # Who cancels does so in another thread, and this one waits for the next line.
     feedback.canceled.connect(process.terminate, Qt.ConnectionType.DirectConnection)
     if feedback.isCanceled():
