@@ -80,8 +80,26 @@ class Simplifier(_Transformer):
         Simplifier
             Itself.
         """
-        self.indices_, _ = self._simplified(X, first=True)
+        self.fit_transform(X)
         return self
+
+    def fit_transform(self, X: ArrayLike, y: None = None) -> NDArray[np.floating]:
+        """Simplify a table, once, and keep its `indices_`.
+
+        Parameters
+        ----------
+        X : (N, k) array-like
+            The table.
+        y : None
+            Not used.
+
+        Returns
+        -------
+        (M, k) array, float64 or float32
+            As `transform` returns it.
+        """
+        self.indices_, kept = self._simplified(X, first=True)
+        return kept
 
     def transform(self, X: ArrayLike) -> NDArray[np.floating]:
         """Simplify a table.
