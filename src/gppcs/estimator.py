@@ -33,8 +33,10 @@ class Simplifier(_Transformer):
 
     Parameters
     ----------
-    n_points, ratio
-        How many points to keep: one of the two, as for `gppcs.simplify`.
+    n_points : int or str, optional
+        How many points to keep, as for `gppcs.simplify`. Give it or `ratio`.
+    ratio : float or str, optional
+        Which share of the points to keep, as for `gppcs.simplify`.
     method : str or Method
         A name from `gppcs.METHODS`, or an instance of a method with your own parameters.
 
