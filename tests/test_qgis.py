@@ -67,8 +67,10 @@ def qgis(tmp_path_factory):
     if not QGIS:
         pytest.skip("QGIS is not installed: no qgis_process; on Debian: apt-get install qgis qgis-providers")
     folder = tmp_path_factory.mktemp("qgis")
-    subprocess.run(["make", "-s", "-C", ROOT, "qgis", f"PYTHON={sys.executable}"], check=True)
-    zipfile.ZipFile(ROOT / "dist" / "gppcs_provider.zip").extractall(folder / "plugins")
+    made = folder / "plugin.zip"
+    subprocess.run(["make", "-s", "-C", ROOT, "qgis", f"PYTHON={sys.executable}", f"ZIP={made}"], check=True)
+    with zipfile.ZipFile(made) as plugin:
+        plugin.extractall(folder / "plugins")
     profile = folder / "profiles" / "default" / "QGIS"
     profile.mkdir(parents=True)
     (profile / "QGIS3.ini").write_text("[PythonPlugins]\ngppcs_provider=true\nprocessing=true\n")
