@@ -25,11 +25,24 @@ export function amounts(count = 256): Uint8Array<ArrayBuffer> {
   return table;
 }
 
-/** Return RGBA for `count` kinds, which repeat. */
+/** Return RGBA for `count` kinds. */
 export function kinds(count = 256): Uint8Array<ArrayBuffer> {
   const table = new Uint8Array(count * 4);
-  for (let i = 0; i < count; i++) table.set([...parts(KINDS[i % KINDS.length]!), 255], i * 4);
+  for (let i = 0; i < count; i++) table.set([...kindColour(i), 255], i * 4);
   return table;
+}
+
+/** Return the RGB of a kind: the palette, then the palette lightened, and so on in turn. */
+export function kindColour(i: number): number[] {
+  const colour = parts(KINDS[i % KINDS.length]!);
+  return Math.floor(i / KINDS.length) % 2 ? colour.map((part) => Math.round(part + 0.55 * (255 - part))) : colour;
+}
+
+/** Return the colour map as a fill of a drawing, from a place to the right. */
+export function ramp(context: CanvasRenderingContext2D, left: number, width: number): CanvasGradient {
+  const fill = context.createLinearGradient(left, 0, left + width, 0);
+  VIRIDIS.forEach((colour, i) => fill.addColorStop(i / (VIRIDIS.length - 1), colour));
+  return fill;
 }
 
 export function gradient(): string {

@@ -64,7 +64,8 @@ export interface Description {
   elevation: number;
   together: boolean;
   diagonal: number;
-  lengths: string;
+  /** Of lengths; empty if the file does not tell it. */
+  unit: string;
   clouds: Cloud[];
   figures: Figure[];
   made: [string, string][];
@@ -126,6 +127,12 @@ export async function arraysOf(cloud: Cloud): Promise<Arrays> {
     colours: blocks.colours ? await unpacked(blocks.colours, n, 3, Uint8Array) : null,
     originals: blocks.originals ? await unpacked(blocks.originals, n, 1, Uint32Array) : null,
   };
+}
+
+/** Return x, y and z of a point as in the file, given its place in the arrays. */
+export function coordinates({ low, step }: Cloud, { positions }: Arrays, index: number): [number, number, number] {
+  const at = (axis: 0 | 1 | 2) => low[axis] + step[axis] * positions[3 * index + axis]!;
+  return [at(0), at(1), at(2)];
 }
 
 /** The vertices of a surface, and for each triangle three of their numbers. */

@@ -28,14 +28,26 @@ function measured(clouds: Cloud[]): Cloud[] {
 /** Show the figures, if some were measured. */
 export function fillFigures(described: Description): void {
   if (measured(described.clouds).length === 0) return;
+  byId("verdicts").append(...measured(described.clouds).map((cloud) => verdictOn(cloud, described.unit)));
   fillTable(described);
   byId("figures").hidden = byId("plots").hidden = false;
   byId("figurestext").textContent =
-    `Lengths are in ${described.lengths}; d is the diagonal of the original's bounding box, ` +
+    `Lengths are in ${described.unit || "the unit of the coordinates"}; d is the diagonal of the original's bounding box, ` +
     `${shown(described.diagonal)}. The best value of each row is marked.`;
   byId("plottext").textContent =
     "Each line is one result, cut after fewer and fewer of its points. Shorter results are real ones only where the " +
     "order of the points is a ranking, as for gp, fps, random, sample-elimination and top-variation.";
+}
+
+/** Say in a sentence how far the original is from a result. */
+function verdictOn({ name, prefixes }: Cloud, unit: string): HTMLElement {
+  const length = (figure: string) => `${shown(prefixes.at(-1)!.figures[figure] ?? NaN, 3)} ${unit}`.trim();
+  const said = element("li");
+  said.append(
+    element("b", name), ": no original point is farther than ", element("b", length("surface_max")),
+    ` from the surface through the kept points (surface max); 95 % are within ${length("surface_p95")} (surface p95).`,
+  );
+  return said;
 }
 
 /** Draw the plot of a figure, if some were measured. */
@@ -82,7 +94,7 @@ export function fillMade(made: [string, string][]): void {
   byId("made").append(body);
 }
 
-function drawn(tag: string, attributes: Record<string, string | number>, text = ""): SVGElement {
+export function drawn(tag: string, attributes: Record<string, string | number>, text = ""): SVGElement {
   const made = document.createElementNS(SVG, tag);
   for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, String(value));
   if (text) made.textContent = text;

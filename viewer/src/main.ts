@@ -1,4 +1,6 @@
 // The page: unpacks the clouds, then shows what the state says, anew after each change.
+import { hideKinds } from "./classes";
+import { fillClip, showClip } from "./clip";
 import { recolour } from "./colouring";
 import { fillControls, listen, reset, showControls } from "./controls";
 import { arraysOf, description, trianglesOf, valuesOf, type Cloud, type Description, type Values } from "./data";
@@ -6,7 +8,9 @@ import { byId, element } from "./dom";
 import { fillFigures, fillMade, showPlot } from "./figures";
 import { arrange } from "./layout";
 import { fillLegend } from "./legend";
-import { placeRings, tell } from "./picking";
+import { placeMarks } from "./marks";
+import { tellDistance } from "./measuring";
+import { tell } from "./picking";
 import { Layer, Views, type Frame } from "./scene";
 import { State } from "./state";
 
@@ -15,10 +19,11 @@ async function start(): Promise<void> {
   fillHead(described);
   const layers: Layer[] = [];
   for (const cloud of described.clouds) layers.push(new Layer(cloud, await arraysOf(cloud), frameOf(cloud, described)));
-  const views = new Views(byId<HTMLCanvasElement>("canvas"), () => placeRings(state));
+  const views = new Views(byId<HTMLCanvasElement>("canvas"), () => placeMarks(state));
   const state = new State(described, layers, views, redraw);
   layers.forEach(({ points }) => views.add(points));
   fillControls(state);
+  fillClip(state);
   await unpackValues(state, ({ key }) => key === state.colouring);
   byId("page").hidden = false;
   byId("message").remove();
@@ -40,10 +45,13 @@ function redraw(state: State): void {
   for (const layer of layers) if (layer.cloud.role !== "original") layer.limit = first;
   views.turn(up);
   recolour(state);
+  hideKinds(state);
+  showClip(state);
   arrange(state);
   showControls(state);
   fillLegend(state);
   tell(state);
+  tellDistance(state);
   showPlot(state.described, state.plotted);
   views.draw();
 }
@@ -64,8 +72,10 @@ function frameOf(cloud: Cloud, { clouds, together }: Description): Frame {
     Math.min(...boxed.map(({ low }) => low[axis]!)),
     Math.max(...boxed.map(({ low, step }) => low[axis]! + 65535 * step[axis]!)),
   ] as const);
-  const size = Math.hypot(...ends.map(([low, high]) => high - low)) || 1;
-  return { centre: ends.map(([low, high]) => (low + high) / 2) as [number, number, number], size };
+  const each = (of: (low: number, high: number) => number) =>
+    ends.map(([low, high]) => of(low, high)) as [number, number, number];
+  const half = each((low, high) => (high - low) / 2);
+  return { centre: each((low, high) => (low + high) / 2), half, size: 2 * Math.hypot(...half) || 1 };
 }
 
 /** Unpack some of the values that colours can show. */

@@ -1,21 +1,26 @@
-// The point that was picked: its values, and a ring around it in each view.
+// The point that was picked, and its values.
 import { valuesFor } from "./colouring";
-import { shown, UNKNOWN, type Cloud, type Values } from "./data";
+import { coordinates, shown, UNKNOWN, type Cloud, type Values } from "./data";
 import { byId, element } from "./dom";
-import type { CloudView, State } from "./state";
+import type { CloudView, Place, State } from "./state";
 
 const REACH = 14; // pixels from a click to the point that it picks
 const MOVED = 0xffffffff; // stands for the row of the original of a point that is at none of its places
 
 /** Pick the point at a place of the canvas. */
 export function pick(state: State, x: number, y: number): void {
-  const view = state.current.find((each) => isInside(each, x, y));
-  const index = view ? state.views.pick(view, x, y, REACH) : null;
-  state.change({ picked: index === null ? null : { cloud: state.clouds.indexOf(view!.layer.cloud), index } });
+  state.change({ picked: pointAt(state, x, y) });
+}
+
+/** Return the point that is seen at a place of the canvas. */
+export function pointAt({ current, views, clouds }: State, x: number, y: number): Place | null {
+  const view = current.find((each) => isInside(each, x, y));
+  const index = view ? views.pick(view, x, y, REACH) : null;
+  return index === null ? null : { cloud: clouds.indexOf(view!.layer.cloud), index };
 }
 
 /** Return whether a view draws at a place of the canvas. */
-function isInside({ place, from, to }: CloudView, x: number, y: number): boolean {
+export function isInside({ place, from, to }: CloudView, x: number, y: number): boolean {
   const { left, top, width, height } = place;
   return x >= left + from * width && x < left + to * width && y >= top && y < top + height;
 }
@@ -35,9 +40,9 @@ export function tell(state: State): void {
   if (told.textContent !== box.textContent) box.replaceChildren(...told.childNodes);
 }
 
-function rowsOf({ clouds, layers, numbers }: State, { cloud, index }: NonNullable<State["picked"]>): [string, string][] {
+function rowsOf({ clouds, layers, numbers }: State, { cloud, index }: Place): [string, string][] {
   const each = clouds[cloud]!;
-  const { rows: order, originals, positions, colours } = layers[cloud]!.arrays;
+  const { rows: order, originals, colours } = layers[cloud]!.arrays;
   const row = order[index]!;
   const rows: [string, string][] = [["row", row.toLocaleString("en")]];
   if (each.role === "result") {
@@ -48,8 +53,7 @@ function rowsOf({ clouds, layers, numbers }: State, { cloud, index }: NonNullabl
     const from = originals[index]!;
     rows.push(["row in the original", from === MOVED ? "none: this point was moved" : from.toLocaleString("en")]);
   }
-  ["x", "y", "z"].forEach((axis, c) =>
-    rows.push([axis, shown(each.low[c]! + each.step[c]! * positions[3 * index + c]!, 6)]));
+  coordinates(each, layers[cloud]!.arrays, index).forEach((at, axis) => rows.push(["xyz"[axis]!, shown(at, 6)]));
   if (colours) rows.push(["RGB", colours.slice(3 * index, 3 * index + 3).join(" ")]);
   for (const values of each.values.filter((some) => numbers.has(some))) {
     const value = valueAt(values, index, numbers);
@@ -74,18 +78,4 @@ function reasonOf(cloud: Cloud, index: number, numbers: State["numbers"]): strin
   if (score != null && deviation != null)
     return `the surface was most uncertain here (deviation ${shown(deviation, 3)} of the prior one)`;
   return cloud.reason ?? "the file does not say; gppcs simplify --scores writes it (method gp)";
-}
-
-/** Put a ring around the point in each view. */
-export function placeRings({ picked, current, layers, views }: State): void {
-  const holder = byId("labels");
-  holder.querySelectorAll(".ring").forEach((ring) => ring.remove());
-  if (!picked) return;
-  for (const view of current) {
-    const place = views.project({ ...view, layer: layers[picked.cloud]! }, picked.index);
-    if (!isInside(view, place.x, place.y) || Math.abs(place.z) > 1) continue;
-    const ring = element("i", "", { className: "ring" });
-    ring.style.cssText = `left:${place.x}px;top:${place.y}px`;
-    holder.append(ring);
-  }
 }

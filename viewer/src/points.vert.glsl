@@ -11,7 +11,7 @@ in float spread;    // distance to the next points, relative to the usual one: 1
 
 uniform mat4 modelViewMatrix, projectionMatrix;
 uniform mat3 normalMatrix;
-uniform vec3 low, extent;
+uniform vec3 low, extent, clipLow, clipHigh;
 uniform float radius, pixels, limit, light;
 uniform vec3 scale; // value at the low end, 1 / range, exponent; in the numbers of `amount`
 uniform int mode;   // 0: the value, 1: RGB, 2: kinds
@@ -19,9 +19,11 @@ uniform sampler2D table;
 
 out vec3 tint;
 flat out vec3 facing;
+flat out vec2 disc; // where its centre lies along the line of sight, and its radius
 
 void main() {
-  vec4 seen = modelViewMatrix * vec4(low + position * extent, 1.0);
+  vec3 place = low + position * extent;
+  vec4 seen = modelViewMatrix * vec4(place, 1.0);
   gl_Position = projectionMatrix * seen;
   vec2 folded = octahedral * 2.0 - 1.0;
   vec3 normal = vec3(folded, 1.0 - abs(folded.x) - abs(folded.y));
@@ -31,12 +33,14 @@ void main() {
   vec3 plain = amount > 65534.5 ? vec3(0.6) : vec3(0.0);
   if (mode == 1) plain = colour;
   else if (amount < 65534.5) {
-    float place = mode == 2 ? (mod(amount, 256.0) + 0.5) / 256.0
-                            : pow(clamp((amount - scale.x) * scale.y, 0.0, 1.0), scale.z) * (255.0 / 256.0) + 0.5 / 256.0;
-    plain = texture(table, vec2(place, 0.5)).rgb;
+    float step = mode == 2 ? (mod(amount, 256.0) + 0.5) / 256.0
+                           : pow(clamp((amount - scale.x) * scale.y, 0.0, 1.0), scale.z) * (255.0 / 256.0) + 0.5 / 256.0;
+    plain = texture(table, vec2(step, 0.5)).rgb;
   }
   float lit = 0.5 + 0.62 * max(dot(facing, normalize(vec3(-0.35, 0.45, 0.82))), 0.0);
   tint = plain * mix(1.0, lit, light);
   gl_PointSize = clamp(2.0 * radius * exp2((spread - 128.0) / 40.0) * pixels / -seen.z, 1.5, 64.0);
-  if (rank >= limit) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+  disc = vec2(seen.z, gl_PointSize * -seen.z / (2.0 * pixels));
+  bool clipped = any(lessThan(place, clipLow)) || any(greaterThan(place, clipHigh));
+  if (rank >= limit || clipped) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
 }

@@ -15,16 +15,23 @@ import fragmentShader from "./points.frag.glsl";
 import vertexShader from "./points.vert.glsl";
 
 const FIELD = 30; // degrees, of the camera
-const SAMPLE = 1500; // points of a cloud that decide how far away the camera stands
+const SAMPLE = 20000; // points of a cloud that decide how far away the camera stands
+const WIDEST = 3; // extent that is shown whole, as a multiple of that of nearly all points
+const MARGIN = 1.03; // of the window around the clouds, as a multiple of theirs
+const COVERING = 1.7; // radius of a point in spacings, at which the discs close the surface
+const KEPT = 1.1; // that of a point of a result: larger discs would jut out where it bends
+const MOVING = 0.9; // the same while the view moves, when speed counts more than pinholes
 const WANTED = 45; // milliseconds for a picture while the view moves; if it takes longer, fewer points are drawn
 const LONGEST = 80; // milliseconds for a picture of surfaces; if it takes longer, points are drawn while the view moves
 const LEAST = 1500; // points drawn of a cloud while the view moves
 const SLOW_SHARE = 0.25; // below this share the browser draws slowly, so moving pictures are coarse and without depth
+const HIDDEN = 3e38; // rank of a point that is not shown, beyond all limits
 const COARSE = 0.5; // pixels of a coarse picture, for each pixel of the page
 
-/** Where and how large the clouds are drawn: `centre` goes to the origin, `size` becomes 1. */
+/** Where and how large the clouds are drawn: `centre` goes to the origin, `size` becomes 1; `half` is from `centre` to a corner. */
 export interface Frame {
   centre: [number, number, number];
+  half: [number, number, number];
   size: number;
 }
 
@@ -49,7 +56,9 @@ export class Layer {
   readonly shuffled: Uint32Array;
   readonly scale: Vector3;
   readonly origin: Vector3;
+  readonly clip = { low: new Vector3(-Infinity, -Infinity, -Infinity), high: new Vector3(Infinity, Infinity, Infinity) };
   mesh: Mesh<BufferGeometry, RawShaderMaterial> | null = null;
+  private hidden: Uint8Array | null = null; // 1 for each point that is not shown
 
   constructor(readonly cloud: Cloud, readonly arrays: Arrays, readonly frame: Frame) {
     const n = cloud.shown;
@@ -63,7 +72,7 @@ export class Layer {
     geometry.setAttribute("colour", new BufferAttribute(colours, 3, true));
     geometry.setAttribute("amount", new BufferAttribute(new Uint16Array(n), 1));
     [this.origin, this.scale] = boxIn(frame, cloud);
-    this.points = new Points(geometry, material(this.origin, this.scale));
+    this.points = new Points(geometry, material(this.origin, this.scale, this.clipped));
     this.points.frustumCulled = false;
   }
 
@@ -73,7 +82,7 @@ export class Layer {
     geometry.setAttribute("position", new BufferAttribute(positions, 3, true));
     geometry.setIndex(new BufferAttribute(faces, 1));
     const [low, extent] = boxIn(this.frame, surface);
-    const uniforms = { low: { value: low }, extent: { value: extent }, light: { value: 1 } };
+    const uniforms = { low: { value: low }, extent: { value: extent }, light: { value: 1 }, ...this.clipped };
     const shaders = { vertexShader: meshVertexShader, fragmentShader: meshFragmentShader };
     this.mesh = new Mesh(geometry, new RawShaderMaterial({ glslVersion: GLSL3, side: DoubleSide, ...shaders, uniforms }));
     this.mesh.frustumCulled = false;
@@ -97,6 +106,29 @@ export class Layer {
     const { positions } = this.arrays;
     return new Vector3(positions[3 * index]!, positions[3 * index + 1]!, positions[3 * index + 2]!)
       .divideScalar(65535).multiply(this.scale).add(this.origin);
+  }
+
+  /** Hide some points, given a 1 for each of them. */
+  hide(hidden: Uint8Array | null): void {
+    this.hidden = hidden;
+    const ranks = this.points.geometry.getAttribute("rank") as BufferAttribute;
+    ranks.array.set(Float32Array.from(this.shuffled, (i) => hidden?.[i] ? HIDDEN : this.arrays.rows[i]!));
+    ranks.needsUpdate = true;
+  }
+
+  /** Return whether a point is shown, given its place in the arrays. */
+  shows(index: number): boolean {
+    if (this.arrays.rows[index]! >= this.limit || this.hidden?.[index]) return false;
+    const { low, high } = this.clip;
+    for (let c = 0; c < 3; c++) {
+      const at = this.arrays.positions[3 * index + c]! / 65535 * this.scale.getComponent(c) + this.origin.getComponent(c);
+      if (at < low.getComponent(c) || at > high.getComponent(c)) return false;
+    }
+    return true;
+  }
+
+  private get clipped() {
+    return { clipLow: { value: this.clip.low }, clipHigh: { value: this.clip.high } };
   }
 
   set limit(rows: number) {
@@ -125,10 +157,11 @@ function table(colours: Uint8Array<ArrayBuffer>): DataTexture {
   return texture;
 }
 
-function material(low: Vector3, extent: Vector3): RawShaderMaterial {
+function material(low: Vector3, extent: Vector3, clipped: object): RawShaderMaterial {
   const uniforms = {
     low: { value: low }, extent: { value: extent }, radius: { value: 1 }, pixels: { value: 1 }, limit: { value: 1e9 },
     light: { value: 1 }, scale: { value: new Vector3(0, 1, 1) }, mode: { value: 0 }, table: { value: AMOUNTS_TABLE },
+    ...clipped,
   };
   return new RawShaderMaterial({ glslVersion: GLSL3, vertexShader, fragmentShader, uniforms });
 }
@@ -221,28 +254,32 @@ export class Views {
     const right = new Vector3(Math.cos(a), 0, -Math.sin(a));
     const upwards = new Vector3().crossVectors(towards, right);
     const seen: Vector3[] = [];
+    const radii: number[] = [];
     for (const { layer } of this.views) {
       const step = Math.max(1, Math.floor(layer.cloud.shown / SAMPLE));
+      const radius = this.radius(layer, 1);
       for (let i = 0; i < layer.cloud.shown; i += step) {
+        if (!layer.shows(layer.shuffled[i]!)) continue;
         const place = layer.place(layer.shuffled[i]!).applyMatrix4(this.turned.matrix);
         seen.push(new Vector3(place.dot(right), place.dot(upwards), place.dot(towards)));
+        radii.push(radius * widening(layer.arrays.spreads[layer.shuffled[i]!]!));
       }
     }
-    const middle = [0, 1, 2].map((axis) => {
-      const sorted = seen.map((place) => place.getComponent(axis)).sort((p, q) => p - q);
-      return (quantile(sorted, 0.003) + quantile(sorted, 0.997)) / 2;
-    });
-    const centre = new Vector3(...(middle as [number, number, number]));
+    // A plane through the camera for each side of the picture: the camera stands as near as these leave all in between.
     const tall = Math.tan(FIELD * Math.PI / 360);
-    const needed = seen.map((place) => {
-      place.sub(centre);
-      return Math.max(Math.abs(place.x) / (tall * this.aspect), Math.abs(place.y) / tall) + place.z;
-    }).sort((p, q) => p - q);
-    const distance = Math.max(1.1 * quantile(needed, 0.995), 0.02);
+    const span = (axis: number, slope: number) => {
+      const end = (sign: number) => edge(seen.map((place, i) =>
+        slope * place.z + sign * place.getComponent(axis) + radii[i]! * Math.hypot(1, slope)));
+      const [first, last] = [end(-1), end(1)];
+      return { middle: (last - first) / 2, height: (first + last) / 2 / slope };
+    };
+    const [across, along] = [span(0, tall * this.aspect / MARGIN), span(1, tall / MARGIN)];
+    const depth = seen.reduce((sum, place) => sum + place.z, 0) / (seen.length || 1);
+    const height = Math.max(across.height, along.height, depth + 0.02);
     const looked = new Vector3()
-      .addScaledVector(right, centre.x).addScaledVector(upwards, centre.y).addScaledVector(towards, centre.z);
+      .addScaledVector(right, across.middle).addScaledVector(upwards, along.middle).addScaledVector(towards, depth);
     this.controls.target.copy(looked);
-    this.camera.position.copy(looked).addScaledVector(towards, distance);
+    this.camera.position.copy(looked).addScaledVector(towards, height - depth);
     this.controls.update();
     this.draw();
   }
@@ -274,6 +311,13 @@ export class Views {
     this.controls.update();
   }
 
+  /** Return the canvas with a whole picture, which is there until the current task ends. */
+  picture(): HTMLCanvasElement {
+    this.moving = false;
+    this.drawNow(performance.now());
+    return this.canvas;
+  }
+
   /** Draw as soon as the browser is ready; while the view moves, fewer points if that is too slow. */
   draw(): void {
     if (this.asked) return;
@@ -284,17 +328,16 @@ export class Views {
     });
   }
 
-  /** Return the place on the page of a point that a view shows, and how far it lies behind the camera's plane. */
-  project(view: View, index: number): Vector3 {
-    const place = view.layer.place(index).applyMatrix4(this.turned.matrix).project(this.camera);
-    const { left, top, width, height } = view.place;
+  /** Return the place on the page of a place in the frame of a view, and how far it lies behind the camera's plane. */
+  project({ place: { left, top, width, height } }: View, framed: Vector3): Vector3 {
+    const place = framed.clone().applyMatrix4(this.turned.matrix).project(this.camera);
     return new Vector3(left + (place.x + 1) / 2 * width, top + (1 - place.y) / 2 * height, place.z);
   }
 
   /** Return the point of a view that is seen at a place of the page, or the nearest one within reach. */
   pick(view: View, x: number, y: number, reach: number): number | null {
     const { layer, place } = view;
-    const { positions, rows, spreads } = layer.arrays;
+    const { positions, spreads } = layer.arrays;
     const matrix = new Matrix4().multiplyMatrices(this.camera.projectionMatrix, this.camera.matrixWorldInverse)
       .multiply(this.turned.matrix);
     const { x: sx, y: sy, z: sz } = layer.scale.clone().divideScalar(65535);
@@ -302,22 +345,26 @@ export class Views {
     const m = matrix.elements as number[];
     const [px, py] = [(x - place.left) / place.width * 2 - 1, 1 - (y - place.top) / place.height * 2];
     const radius = this.radius(layer, 1);
-    let [best, score] = [-1, Infinity];
-    for (let i = 0; i < layer.cloud.shown; i++) {
-      if (rows[i]! >= layer.limit) continue;
-      const [a, b, c] = [positions[3 * i]!, positions[3 * i + 1]!, positions[3 * i + 2]!];
-      const w = m[3]! * a + m[7]! * b + m[11]! * c + m[15]!;
-      if (w <= 0) continue;
-      const dx = ((m[0]! * a + m[4]! * b + m[8]! * c + m[12]!) / w - px) * place.width / 2;
-      const dy = ((m[1]! * a + m[5]! * b + m[9]! * c + m[13]!) / w - py) * place.height / 2;
+    const seen: { index: number; off: number; away: number }[] = []; // discs under the pointer
+    let [nearest, least, front] = [-1, reach, Infinity];
+    for (let index = 0; index < layer.cloud.shown; index++) {
+      const [a, b, c] = [positions[3 * index]!, positions[3 * index + 1]!, positions[3 * index + 2]!];
+      const away = m[3]! * a + m[7]! * b + m[11]! * c + m[15]!;
+      if (away <= 0) continue;
+      const dx = ((m[0]! * a + m[4]! * b + m[8]! * c + m[12]!) / away - px) * place.width / 2;
+      const dy = ((m[1]! * a + m[5]! * b + m[9]! * c + m[13]!) / away - py) * place.height / 2;
       const off = Math.hypot(dx, dy);
-      const disc = Math.max(1.5, radius * 2 ** ((spreads[i]! - 128) / 40) * this.pixels(place.height) / w);
-      if (off > Math.max(reach, disc)) continue;
-      // Within a disc the nearest to the viewer is seen; beside all discs, the nearest on the page counts.
-      const value = off <= disc ? w - 1e3 : off;
-      if (value < score) [best, score] = [i, value];
+      const extent = radius * widening(spreads[index]!);
+      const disc = Math.max(1.5, extent * this.pixels(place.height) / away);
+      if (off > Math.max(least, disc) || !layer.shows(index)) continue;
+      if (off < least) [nearest, least] = [index, off];
+      if (off > disc) continue;
+      seen.push({ index, off, away });
+      front = Math.min(front, away + 2 * extent);
     }
-    return best < 0 ? null : best;
+    // The discs in front are seen, each where no other centre is nearer; beside all discs, the nearest point counts.
+    const [best] = seen.filter(({ away }) => away <= front).sort((one, other) => one.off - other.off);
+    return best?.index ?? (nearest < 0 ? null : nearest);
   }
 
   resize(width: number, height: number): void {
@@ -348,7 +395,8 @@ export class Views {
   private radius(layer: Layer, share: number): number {
     const { cloud, frame, limit } = layer;
     const visible = Math.max(1, Math.min(limit, cloud.points)) / cloud.points;
-    return (cloud.role === "result" ? 0.7 : 0.9) * this.size * cloud.spacing / frame.size / Math.sqrt(visible * share);
+    const covering = this.moving ? MOVING : cloud.role === "result" ? KEPT : COVERING;
+    return covering * this.size * cloud.spacing / frame.size / Math.sqrt(visible * share);
   }
 
   /** Whether surfaces are drawn now. */
@@ -453,6 +501,15 @@ export class Views {
   }
 }
 
-function quantile(sorted: number[], share: number): number {
-  return sorted[Math.round(share * (sorted.length - 1))] ?? 0;
+/** Return how large a point is drawn, relative to the usual one of its cloud. */
+function widening(spread: number): number {
+  return 2 ** ((spread - 128) / 40);
+}
+
+/** Return the largest of some numbers; if a few lie far from nearly all others, the largest of these, and a little more. */
+function edge(numbers: number[]): number {
+  const sorted = Float64Array.from(numbers).sort();
+  const at = (share: number) => sorted[Math.round(share * (sorted.length - 1))] ?? 0;
+  const [low, high] = [at(0.005), at(0.995)];
+  return at(1) - low <= WIDEST * (high - low) ? at(1) : high + 0.25 * (high - low);
 }

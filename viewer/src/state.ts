@@ -2,6 +2,9 @@
 import type { Cloud, Description, Values } from "./data";
 import type { Layer, View, Views } from "./scene";
 
+/** The clip box that holds all. */
+export const WHOLE: Settings["clip"] = [[0, 1], [0, 1], [0, 1]];
+
 /** What a person can change. */
 interface Settings {
   /** The key of the values that colours show, or one of the colourings of colouring.ts that no single list holds. */
@@ -23,9 +26,27 @@ interface Settings {
   right: number;
   /** Where the divider stands, from 0 to 1. */
   divider: number;
-  picked: { cloud: number; index: number } | null;
+  picked: Place | null;
+  /** The ends of the colour scales that a person has set, by key. */
+  ranges: ReadonlyMap<string, readonly [number, number]>;
+  /** The kinds that are not shown, such as classes, by the key of their values. */
+  hidden: ReadonlyMap<string, ReadonlySet<number>>;
+  /** Whether only what lies in the clip box is shown. */
+  clipping: boolean;
+  /** The ends of the clip box along each axis, in shares of the box of the clouds. */
+  clip: readonly (readonly [number, number])[];
+  /** Whether a click is for a distance. */
+  measuring: boolean;
+  /** At most two points, whose distance is told. */
+  measured: readonly Place[];
   /** The name of the figure that the plot shows. */
   plotted: string;
+}
+
+/** A point: of which cloud, and where in its arrays. */
+export interface Place {
+  cloud: number;
+  index: number;
 }
 
 /** A view of a cloud. By distances its layer is the original, coloured by its distance to the cloud. */
@@ -41,6 +62,7 @@ export class State implements Settings {
   readonly copies = new Map<number, Layer>(); // of the original, coloured by its distance to each result
   current: CloudView[] = [];
   coloured = ""; // which colours the layers have now
+  filtered = ""; // which kinds the layers hide now
   colouring = "";
   shading = "both";
   size = 1;
@@ -53,6 +75,12 @@ export class State implements Settings {
   right: number;
   divider = 0.5;
   picked: Settings["picked"] = null;
+  ranges: Settings["ranges"] = new Map();
+  hidden: Settings["hidden"] = new Map();
+  clipping = false;
+  clip = WHOLE;
+  measuring = false;
+  measured: Settings["measured"] = [];
   plotted = "";
 
   constructor(

@@ -44,9 +44,9 @@ class Colourable:
             raise ParameterError(f"expected {expected}, found {shown(colour)}{nearest_name(colour, known)}")
 
 
-def kinds_of(values: NDArray[Any]) -> NDArray[Any] | None:
-    """Return the different values (K,) if they are kinds, such as classes, rather than amounts."""
+def kinds_of(values: NDArray[Any], most: int = MOST_KINDS) -> NDArray[Any] | None:
+    """Return the different values (K,) if they are kinds, at most so many, rather than amounts."""
     if np.issubdtype(values.dtype, np.floating):
         return None
     kinds = np.unique(values)
-    return kinds if 0 < len(kinds) <= MOST_KINDS else None
+    return kinds if 0 < len(kinds) <= most else None

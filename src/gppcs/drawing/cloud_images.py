@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from gppcs.drawing.camera import Camera, averaged
 from gppcs.drawing.colours import Legend
-from gppcs.drawing.estimates import estimates
+from gppcs.drawing.estimates import AROUND, estimates, reaches
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
@@ -25,6 +25,7 @@ MAX_SURFACE_RADIUS = 28  # supersampled pixels; more in close-ups
 MIN_POINT_RADIUS = 2.4  # supersampled pixels
 GHOST_OPACITY = 0.35  # opacity of the original behind single points
 NORMAL_NEIGHBOURS = 12  # points that a normal is estimated from
+SIXTH = 6  # neighbour at whose distance discs close a surface
 PIXELS_AT_ONCE = 1 << 18  # pixels of discs drawn at once, to bound the memory
 
 
@@ -59,7 +60,7 @@ class Original:
     def __init__(self, cloud: ColouredCloud) -> None:
         self.cloud = cloud
         points, self.corner, self.exponent = normalised(cloud.points)
-        self.tree, spacing = _sixth_neighbours(points)
+        self.tree, spacing = _reaches(points)
         self.spacing = np.ldexp(spacing, self.exponent)
 
     def normals(self, cloud: ColouredCloud, indices: NDArray[np.int64]) -> Array:
@@ -112,7 +113,7 @@ class View:
         """Return the picture of another cloud, by its colours (M, 3): points in front of a faint grey original."""
         place, depth = self.camera.pixels(cloud.points)
         front = np.flatnonzero(depth <= self.depth[self.camera.clipped(place)])
-        _, spacing = _sixth_neighbours(cloud.points)
+        _, spacing = _reaches(cloud.points)
         radii = np.clip(0.33 * self.camera.scale * spacing, MIN_POINT_RADIUS, max_radius)[front]
         nearest, _ = _splat(place[front], depth[front], radii, None, self.camera.shape)
         grey = np.full((len(self.shown), 3), 0.8)
@@ -132,12 +133,12 @@ def _lit(nearest: NDArray[np.int64], colours: Array, normals: Array, background:
     return np.where(nearest[..., None] < 0, background, np.append(lit, np.ones((1, 3)), axis=0)[nearest])
 
 
-def _sixth_neighbours(points: Array) -> tuple[cKDTree, Array]:
-    """Return a tree over the distinct points, and the distance (N,) from each point (N, 3) to its sixth neighbour."""
+def _reaches(points: Array) -> tuple[cKDTree, Array]:
+    """Return a tree over the distinct points, and how far the disc of each point (N, 3) is to reach."""
     # Repeats would make the searches take quadratic time.
     tree = cKDTree(points[first_occurrences(points)], balanced_tree=False, compact_nodes=False)
-    distances, _ = tree.query(points, k=[min(7, tree.n)], workers=-1)
-    return tree, distances[:, 0]
+    distances, neighbours = tree.query(points, k=range(1, min(AROUND + 1, tree.n) + 1), workers=-1)
+    return tree, reaches(tree.data, neighbours, distances[:, min(SIXTH, tree.n - 1)])
 
 
 def _splat(

@@ -1,4 +1,4 @@
-"""Surface variation and normals of any cloud, as pictures and pages show them."""
+"""Surface variation and normals of any cloud, and how large its points are drawn, as pictures and pages show them."""
 
 from __future__ import annotations
 
@@ -12,6 +12,10 @@ from gppcs.surface.surface_variation import features_around
 
 KNOWN = 4  # points in a neighbourhood, at least: fewer always seem flat
 ROUNDING = 1e-12  # surface variation that rounding leaves on a plane; drawn, it would look like relief
+AROUND = 16  # neighbours that tell a line from a surface: enough to reach lines of a scan whose discs close it
+ACROSS = 3.0  # a point reaches so many standard deviations of its neighbours across a line,
+ON_LINES = 0.2  # but at least so much of the distance to its sixth neighbour, and at most all of it
+AT_ONCE = 1 << 16  # points whose neighbours are gathered at once, to bound the memory
 
 
 def estimates(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], KdTree]:
@@ -28,3 +32,23 @@ def estimates(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray
     variation = np.where(features.neighbours >= KNOWN, measured, np.nan)
     same = tree.nearest_of(local, 1)[0][:, 0]
     return variation[same], features.normals[same], tree
+
+
+def reaches(
+    points: NDArray[np.float64], neighbours: NDArray[np.int64], sixth: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the distances (N,) to the sixth neighbours, less where a scan has but lines: they are no surface to close.
+
+    Shapes: points (M, 3), neighbours (N, K), numbers of points.
+    """
+    across = np.empty(len(sixth))
+    for first in range(0, len(sixth), AT_ONCE):
+        part = slice(first, first + AT_ONCE)
+        around = points[neighbours[part]]
+        around -= around.mean(axis=1, keepdims=True)
+        spread = np.einsum("nki,nkj->nij", around, around) / around.shape[1]
+        whole = np.einsum("nii->n", spread)
+        # About the second eigenvalue: the products of two eigenvalues each, divided by the sum of all.
+        products = (whole * whole - np.einsum("nij,nij->n", spread, spread)) / 2.0
+        across[part] = np.sqrt(np.maximum(products, 0.0) / np.where(whole > 0.0, whole, 1.0))
+    return np.clip(ACROSS * across, ON_LINES * sixth, sixth)

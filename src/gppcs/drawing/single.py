@@ -17,7 +17,7 @@ from gppcs.drawing.cloud_images import MAX_SURFACE_RADIUS, ColouredCloud, Origin
 from gppcs.drawing.colours import Legend
 from gppcs.drawing.mesh_images import mesh_images
 from gppcs.drawing.paint import painted
-from gppcs.drawing.viewpoint import GUESSED, Viewpoint
+from gppcs.drawing.viewpoint import GUESSED, Viewpoint, spread_over
 from gppcs.engine.extras import require_matplotlib, require_pyvista
 from gppcs.errors import InputError, ParameterError, whole_number
 from gppcs.spatial.cells import first_occurrences
@@ -64,7 +64,8 @@ def draw_single(
     seen, legend = _coloured(finite.moved(frame.local(finite.points)), colour, mesh is not None)
     below = BELOW if bar and legend.scale and height - BELOW >= SMALLEST else 0
     radius = MAX_SURFACE_RADIUS / SUPERSAMPLING
-    camera = Camera.towards(places, width, (height - below,) * 2, Viewpoint(*viewpoint.guessed(corners)), radius)
+    looked = Viewpoint(*viewpoint.guessed(finite.points if mesh is None else spread_over(mesh)))
+    camera = Camera.towards(places, width, (height - below,) * 2, looked, radius)
     _write(file, _image(seen, local, camera), (width, height), below, legend)
     place, _ = camera.pixels(places)
     outside = int(((place < 0) | (place >= np.array(camera.shape))).any(axis=1).sum())

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.clouds.mesh import Mesh
 from gppcs.errors import ParameterError, number, shown
 
 Array = NDArray[np.float64]
@@ -20,6 +21,7 @@ GROUND_HEIGHT, GROUND_SHARE = 0.04, 0.15  # the lowest 4 % of the height are a g
 # A depth camera looks along z with y down. It sees one point in each direction of a rectangular field of view.
 FIELD_OF_VIEW = 0.3, 3.0  # least and greatest width and height of the field, at distance 1
 DIRECTIONS, FILLED = 16, 0.9  # the field has 16 by 16 cells, of which 90 % hold points
+SPREAD = 20_000  # points spread over a mesh
 BESIDE_THE_CAMERA = (20.0, 20.0)  # azimuth and elevation for the image of a depth camera, in degrees
 
 
@@ -58,6 +60,18 @@ class Viewpoint:
 
 
 GUESSED = Viewpoint()  # up and direction are guessed
+
+
+def spread_over(mesh: Mesh) -> Array:
+    """Return points (N, 3) spread evenly over a mesh, as a scan has them: its vertices can be few where it is flat."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        sums = np.cumsum(mesh.face_areas())
+    if not 0.0 < sums[-1] < np.inf:
+        return mesh.vertices[np.unique(mesh.faces)]
+    faces = np.searchsorted(sums, sums[-1] * (np.arange(SPREAD) + 0.5) / SPREAD)
+    first, second = np.random.default_rng(0).random((2, SPREAD, 1))
+    shares = np.hstack([1.0 - np.sqrt(first), np.sqrt(first) * (1.0 - second), np.sqrt(first) * second])
+    return np.einsum("nc,ncx->nx", shares, mesh.vertices[mesh.faces[faces]])
 
 
 def _is_depth_image(points: Array, extent: Array) -> bool:

@@ -1,5 +1,7 @@
 """The page in a browser, and the built page as compared with its sources."""
 
+import base64
+import io
 import json
 import os
 import re
@@ -12,7 +14,7 @@ import pytest
 
 import gppcs
 from gppcs.clouds.cloud import PointCloud
-from gppcs.drawing.web.contents import Named, report_page
+from gppcs.drawing.web.contents import Named, report_page, view_page
 
 ROOT = Path(__file__).parents[3]
 VIEWER = ROOT / "viewer"
@@ -66,10 +68,14 @@ def seen(node, scan, kept, tmp_path_factory):
         ],
         [("command", f"gppcs report {MARKUP}")],
     )
-    path = tmp_path_factory.mktemp("page") / "page.html"
-    with open(path, "wb") as file:
-        page.write(file)
-    run = subprocess.run([node, VIEWER / "drive.mjs", path, browser], capture_output=True, text=True, check=False)
+    street = gppcs.sample("street", n_points=30_000)
+    scene = PointCloud(street.points, {**street.attributes, "height": street.points[:, 2]})
+    folder = tmp_path_factory.mktemp("page")
+    paths = folder / "report.html", folder / "view.html"
+    for path, each in zip(paths, (page, view_page([Named("street.ply", scene)], [])), strict=True):
+        with open(path, "wb") as file:
+            each.write(file)
+    run = subprocess.run([node, VIEWER / "drive.mjs", browser, *paths], capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     return json.loads(run.stdout)
 
@@ -122,20 +128,51 @@ class TestInTheBrowser:
         assert digests(seen["reset"]) == digests(seen["start"])
         assert "\N{MINUS SIGN}" in seen["up"]["text"]
 
+    def test_coloured_scans_open_in_their_colours(self, seen):
+        assert next(iter(seen["colourings"])) == "RGB"
+        assert digests(seen["start"]) == digests(seen["colourings"]["RGB"]["pictures"])
+        assert seen["scene"]["colouring"] == "rgb"
+
+    def test_the_first_view_fits_the_frame(self, seen):
+        for picture in (*seen["start"], *seen["narrow"]["pictures"], *seen["scene"]["start"]):
+            left, top, right, bottom = picture["box"]
+            assert 0.0 < min(left, top) < max(right, bottom) < 1.0
+            assert max(right - left, bottom - top) > 0.85
+
+    def test_the_surface_has_no_pinholes(self, seen):
+        assert max(picture["holes"] for picture in seen["start"]) < 2e-4
+
     def test_each_colouring_changes_the_views_and_its_legend(self, seen):
         colourings = seen["colourings"]
-        names = ["surface variation", "distance of the original to the result", "order of choice", "RGB", "curvature"]
+        names = ["RGB", "surface variation", "order of choice", "curvature"]
         assert set(names) < set(colourings)
         for name in names[1:]:
             assert all_differ(seen["start"][1:], colourings[name]["pictures"][1:]), name
             assert colourings[name]["legend"] != colourings[names[0]]["legend"]
-        assert "in the unit of the coordinates" in colourings[names[1]]["legend"]
+
+    def test_distances_are_shown_on_the_original_which_they_are_said_of(self, seen):
+        shown = seen["colourings"]["distance of the original to the result"]
+        assert "in the unit of the coordinates" in shown["legend"]
+        assert [label.splitlines()[:3] for label in shown["labels"]] == [
+            [f"{MARKUP}.ply", "20,000 points", f"coloured by the distance to {name}"]
+            for name in ("fps.ply", "voxel.ply")
+        ]
+        one, other = digests(shown["pictures"])
+        assert one != other
+
+    def test_the_legend_says_why_points_are_grey(self, seen):
+        legends = {name: shown["legend"] for name, shown in seen["colourings"].items()}
+        assert f"grey: {MARKUP}.ply has no such values; voxel.ply has no such values" in legends["score"]
+        assert f"grey: {MARKUP}.ply is the original" in legends["order of choice"]
+        assert "grey" not in legends["RGB"] + legends["curvature"]
 
     def test_the_slider_shows_the_first_points_with_their_figures(self, seen):
-        assert all("points\nmean error" in label for label in seen["labels"][1:])
+        assert all("points\nlargest error" in label for label in seen["labels"][1:])
+        assert seen["fewest"]["text"] == "100 (10 %)"
+        assert [label.splitlines()[1] for label in seen["fewest"]["labels"]] == ["20,000 points", *2 * ["100 points"]]
         name, count, figure = seen["fewer"]["labels"][1].splitlines()
-        assert (name, count) == ("fps.ply", f"{round(1000**0.7)} points")
-        assert figure.startswith("first 125: mean error")
+        assert (name, count) == ("fps.ply", "317 points")  # half of the way from a tenth to all, as a ratio
+        assert figure.startswith("first 250: largest error")
         assert digests(seen["fewer"]["pictures"])[0] == digests(seen["start"])[0]
         assert all_differ(seen["start"][1:], seen["fewer"]["pictures"][1:])
 
@@ -159,6 +196,75 @@ class TestInTheBrowser:
     def test_the_swipe_compares_two_clouds(self, seen):
         assert [label.splitlines()[0] for label in seen["swipe"]["labels"]] == [f"{MARKUP}.ply", "voxel.ply"]
         assert all_differ(seen["swipe"]["middle"], seen["swipe"]["left"])
+        assert int(seen["swipe"]["dragged"]["divider"]) == pytest.approx(700, abs=5)
+        assert all_differ(seen["swipe"]["left"], seen["swipe"]["dragged"]["pictures"])
+
+    def test_a_disc_is_round_from_above_and_thin_from_the_front_and_the_side(self, seen):
+        directions = seen["directions"]
+        assert directions["top"][0]["shape"] == pytest.approx(1.0, abs=0.03)
+        assert min(directions["front"][0]["shape"], directions["side"][0]["shape"]) > 5.0
+        assert all_differ(directions["front"], directions["side"])
+        assert digests(directions["reset"]) == digests(seen["start"])
+        for name in ("reset", "top", "front", "side"):
+            assert digests(directions[f"{name} by key"]) == digests(directions[name])
+
+    def test_the_ends_of_the_colours_can_be_set(self, seen):
+        ranges = seen["ranges"]
+        assert (ranges["from 1"]["from"], ranges["to 2"]["to"]) == ("1", "2")
+        assert "or less" in ranges["from 1"]["legend"]
+        assert "or more" in ranges["to 2"]["legend"]
+        assert "1.5" in ranges["to 2"]["legend"]  # in the middle
+        assert len({digests(ranges[name]["pictures"])[0] for name in ("start", "from 1", "to 2")}) == 3
+        assert ranges["from 3"]["refused"] == "expected a number below 2"
+        assert digests(ranges["from 3"]["pictures"]) == digests(ranges["to 2"]["pictures"])
+        assert ranges["fitted"] == ranges["start"]
+
+    def test_classes_can_be_hidden_in_any_colours(self, seen):
+        classes = seen["classes"]
+        assert "2 ground" in classes["all"]["legend"]
+        shares = {name: shown["pictures"][0]["share"] for name, shown in classes.items()}
+        assert 0.0 < shares["some"] < 0.7 * shares["all"]
+        assert shares["rgb"] == pytest.approx(shares["some"], rel=0.05)
+        assert "Hidden: classification 6 building." in classes["rgb"]["legend"]
+        assert shares["none"] == 0.0
+        assert classes["again"] == classes["all"]
+
+    def test_the_distance_is_that_of_the_points_that_were_clicked(self, seen):
+        distance = seen["distance"]
+        assert "two points" in distance["asked"]
+        steps = np.subtract(*distance["places"][::-1])
+        told = re.fullmatch(r"Distance (\S+)\s+along x (\S+), y (\S+), z (\S+)", distance["text"])
+        numbers = [float(number.replace(",", "")) for number in told.groups()]
+        assert numbers == pytest.approx([np.linalg.norm(steps), *steps], abs=1e-3)
+        np.testing.assert_allclose(distance["line"], distance["clicks"], atol=14)
+        assert distance["left"]
+
+    def test_the_clip_box_hides_what_lies_outside(self, seen):
+        clip = seen["clip"]
+        assert clip["edges"] > 0
+        middle, highest = (float(end) for end in clip["text"].split(" to "))
+        assert clip["half"][0]["share"] < 0.8 * clip["whole"][0]["share"]
+        assert clip["half"][0]["box"][0] > 0.3 > clip["whole"][0]["box"][0]
+        assert clip["left"] is None
+        assert middle < clip["right"][0] < highest
+        assert digests(clip["off"]) == digests(clip["whole"])
+
+    def test_a_picture_is_saved_with_its_legend(self, seen):
+        saved = seen["saved"]
+        assert saved["name"] == "street.ply.png"
+        image = pytest.importorskip("matplotlib.image").imread(io.BytesIO(base64.b64decode(saved["png"])), format="png")
+        width, height = map(round, saved["canvas"])
+        assert image.shape[1] == width
+        drawn = np.ptp(image[..., :3], axis=2) > 0.1
+        assert drawn[:height].mean() > 0.5 * seen["clip"]["half"][0]["share"]
+        legend = image[height:, :, :3]
+        assert (legend.min(axis=2) < 0.6).sum() > 100  # letters
+
+    def test_the_views_fill_the_full_screen(self, seen):
+        full = seen["full"]
+        assert full["within"]["height"] > full["before"] + 40
+        assert full["within"]["overflow"] <= 0
+        assert full["after"] == full["before"]
 
     def test_meshes_take_the_place_of_points_where_there_are_some(self, seen):
         *meshes, voxels = seen["meshes"]["labels"]
@@ -166,17 +272,22 @@ class TestInTheBrowser:
         assert voxels == seen["labels"][2]
         assert all_differ(seen["start"][:2], seen["meshes"]["pictures"][:2])
         for points, drawn in zip(seen["start"], seen["meshes"]["pictures"], strict=True):
-            assert drawn["share"] == pytest.approx(points["share"], rel=0.1)
+            assert drawn["box"] == pytest.approx(points["box"], abs=0.05)
         assert digests(seen["meshes"]["pictures"])[2] == digests(seen["start"])[2]
         assert digests(seen["points"]) == digests(seen["start"])
         assert seen["meshes"]["pressed"] == "true"
 
-    def test_figures_and_plot_are_there(self, seen):
+    def test_figures_and_plot_are_there_below_a_verdict(self, seen, scan, kept):
+        report = gppcs.evaluate(scan, kept.cloud)
+        assert seen["verdicts"][0] == (
+            f"fps.ply: no original point is farther than {float(f'{report.surface_max:.3g}')} from the surface through "
+            f"the kept points (surface max); 95 % are within {float(f'{report.surface_p95:.3g}')} (surface p95)."
+        )
         assert "covering radius\nlargest distance from an original point to the nearest kept point" in seen["figures"]
         assert seen["plotted"] == 8
 
     def test_it_can_be_read_by_everybody(self, seen):
-        assert seen["accessible"] == seen["narrow"]["accessible"] == []
+        assert seen["accessible"] == seen["narrow"]["accessible"] == seen["scene"]["accessible"] == []
         assert seen["narrow"]["width"] == 400
         light, dark = seen["backgrounds"]
         assert light != dark

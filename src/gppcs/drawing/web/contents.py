@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.quantities import unit_of
 from gppcs.clouds.ranges import columns_of_detail
-from gppcs.drawing.viewpoint import GUESSED, Viewpoint
+from gppcs.drawing.viewpoint import GUESSED, Viewpoint, spread_over
 from gppcs.drawing.web.layers import Layer, Surface
 from gppcs.drawing.web.layers import Named as Named
 from gppcs.drawing.web.packing import Blocks
@@ -92,7 +92,8 @@ def report_page(
         surface = Surface.of(original)
         first = Layer(blocks, original, "original", surface)
     layers = [first]
-    lengths = unit_of(original.cloud.header) or "the unit of the coordinates"
+    unit = unit_of(original.cloud.header) or ""
+    lengths = f"in {unit or 'the unit of the coordinates'}"
     for number, result in enumerate(results, start=1):
         with timer(f"views of {result.name}"):
             kept, rows = _on_original(Surface.of(result), surface)
@@ -100,7 +101,7 @@ def report_page(
             layer.described["blocks"]["originals"] = blocks.add(rows[layer.shown])
             distances = _distances(first.cloud.points, kept.cloud.points)
         layers.append(layer)
-        first.add_values(f"distance:{number}", f"distance to {result.name}", f"in {lengths}", distances, True)
+        first.add_values(f"distance:{number}", f"distance to {result.name}", lengths, distances, True)
         try:
             with timer(f"figures of {result.name}"):
                 layer.described["prefixes"] = _prefixes(surface.cloud, kept.cloud, detail)
@@ -111,7 +112,7 @@ def report_page(
             layer.note(f"there are no figures: {error}.")
     extent = np.subtract(surface.cloud.points.max(axis=0), surface.cloud.points.min(axis=0))
     lead = f"{len(original.cloud):,} points beside {_counted(results)}"
-    said = {"title": original.name, "lead": lead, "made": made, "lengths": lengths}
+    said = {"title": original.name, "lead": lead, "made": made, "unit": unit}
     diagonal = math.hypot(*extent)  # which does not overflow
     return Page.of(layers, blocks, viewpoint, detail, diagonal=diagonal, **said)
 
@@ -122,7 +123,10 @@ def view_page(clouds: Sequence[Named], made: Sequence[tuple[str, str]], viewpoin
     layers = [Layer(blocks, each, "cloud", Surface.of(each)) for each in clouds]
     title = clouds[0].name if len(clouds) == 1 else f"{clouds[0].name} and {len(clouds) - 1} more"
     lead = f"{sum(len(each.cloud) for each in clouds):,} points"
-    return Page.of(layers, blocks, viewpoint, title=title, lead=lead, made=made, diagonal=0.0, lengths="")
+    unit, mesh = unit_of(clouds[0].cloud.header) or "", clouds[0].mesh
+    if mesh is not None:
+        viewpoint = Viewpoint(*viewpoint.guessed(spread_over(mesh)))
+    return Page.of(layers, blocks, viewpoint, title=title, lead=lead, made=made, diagonal=0.0, unit=unit)
 
 
 def _on_original(result: Surface, original: Surface) -> tuple[Surface, NDArray[np.uint32]]:

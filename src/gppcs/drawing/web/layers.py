@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.mesh import Mesh
-from gppcs.drawing.attributes import Colourable, kinds_of
+from gppcs.clouds.ranges import CLASSES
+from gppcs.drawing.attributes import MOST_KINDS, Colourable, kinds_of
 from gppcs.drawing.colours import scale_ends
-from gppcs.drawing.estimates import estimates
+from gppcs.drawing.estimates import AROUND, estimates, reaches
 from gppcs.drawing.web.packing import Blocks, octahedral, packed_faces, quantised, quantised_values
 from gppcs.errors import InputError
 from gppcs.simplification import simplify
@@ -21,6 +22,7 @@ from gppcs.spatial.scaling import normalised
 
 MOST_SHOWN = 1_000_000  # points of a cloud on the page; larger clouds are thinned by the default method
 MOST_TRIANGLES = 1_000_000  # of a mesh on the page; larger ones are left out
+MOST_CLASSES = 32  # that can be shown and hidden
 MOST_ATTRIBUTES = 12  # of a cloud; a million values take about two megabytes
 
 SIXTH, SPACINGS_TO_SIXTH = 6, 1.4  # the sixth neighbour is 1.4 mean spacings away
@@ -61,10 +63,12 @@ class Surface(NamedTuple):
         return cls(finite, rows, variation, normals if carried is None else carried, tree)
 
     def spacings(self) -> NDArray[np.float64]:
-        """Return the mean distance (N,) of each point to the next ones around it."""
+        """Return the mean distance (N,) of each point to the next ones around it; less on lines."""
         local, _, exponent = normalised(self.cloud.points)
-        _, squared = self.tree.nearest_of(local, min(SIXTH + 1, self.tree.points.shape[1]))
-        return np.ldexp(np.sqrt(squared[:, -1]) / SPACINGS_TO_SIXTH, exponent)
+        count = self.tree.points.shape[1]
+        nearest, squared = self.tree.in_own_order().nearest_of(local, min(AROUND + 1, count))
+        sixth = np.sqrt(squared[:, min(SIXTH, count - 1)])
+        return np.ldexp(reaches(self.tree.points.T, nearest, sixth) / SPACINGS_TO_SIXTH, exponent)
 
 
 class Layer:
@@ -106,7 +110,7 @@ class Layer:
 
     def add_values(self, key: str, title: str, unit: str, values: NDArray[Any], root: bool = False) -> None:
         """Add a quantity (K,) that colours can show."""
-        kinds = kinds_of(values)
+        kinds = kinds_of(values, MOST_CLASSES if title in CLASSES else MOST_KINDS)
         held = quantised_values(values if kinds is None else np.searchsorted(kinds, values))
         first, last = scale_ends(values, root)
         described = {"key": key, "title": title, "unit": unit, "from": first, "to": last, "root": root}

@@ -1,0 +1,53 @@
+// Values that are kinds, such as classes, and which of them are shown.
+import { shown, UNKNOWN } from "./data";
+import type { State } from "./state";
+
+const CLASSIFICATION = "attribute:classification";
+// As the LAS specification (ASPRS) names the classes of point formats 6 to 10.
+const NAMES = [
+  "never classified", "unclassified", "ground", "low vegetation", "medium vegetation", "high vegetation", "building",
+  "low noise", "", "water", "rail", "road", "", "wire guard", "wire conductor", "transmission tower", "wire connector",
+  "bridge deck", "high noise", "overhead structure", "ignored ground", "snow", "temporal exclusion",
+];
+
+/** Return the different values of a quantity in all clouds if they are kinds rather than amounts. */
+export function kindsOf({ clouds }: State, key: string): number[] | null {
+  const found = clouds.flatMap(({ values }) => values.filter((each) => each.key === key));
+  if (found.length === 0 || found.some(({ categories }) => !categories)) return null;
+  return [...new Set(found.flatMap(({ categories }) => categories!))].sort((a, b) => a - b);
+}
+
+/** Return what the legend calls a kind. */
+export function nameOf(key: string, kind: number): string {
+  const name = key === CLASSIFICATION ? NAMES[kind] : "";
+  return name ? `${shown(kind)} ${name}` : shown(kind);
+}
+
+/** Show or hide some kinds. */
+export function showKinds(state: State, key: string, kinds: number[], on: boolean): void {
+  const off = new Set(state.hidden.get(key));
+  for (const kind of kinds) if (on) off.delete(kind); else off.add(kind);
+  const hidden = new Map(state.hidden);
+  if (off.size > 0) hidden.set(key, off); else hidden.delete(key);
+  state.change({ hidden });
+}
+
+/** Let the layers hide the points of the kinds that are not shown, unless they do. */
+export function hideKinds(state: State): void {
+  const { hidden, layers, copies, numbers } = state;
+  const filtered = JSON.stringify([copies.size, numbers.size, [...hidden].map(([key, kinds]) => [key, ...kinds])]);
+  if (filtered === state.filtered) return;
+  state.filtered = filtered;
+  for (const layer of [...layers, ...copies.values()]) {
+    const { values, shown: n } = layer.cloud;
+    const off = hidden.size > 0 ? new Uint8Array(n) : null;
+    for (const each of values) {
+      const kinds = hidden.get(each.key);
+      const held = numbers.get(each);
+      if (!off || !kinds || !held || !each.categories) continue;
+      const gone = each.categories.map((kind) => kinds.has(kind));
+      for (let i = 0; i < n; i++) if (held[i] !== UNKNOWN && gone[held[i]!]) off[i] = 1;
+    }
+    layer.hide(off);
+  }
+}
