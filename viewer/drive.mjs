@@ -35,7 +35,7 @@ async function settled(tab) {
  */
 async function pictures(tab) {
   await settled(tab);
-  const hidden = "#labels, #marks, #picked, #divider, #grip, .panels { visibility: hidden } .views { border-radius: 0 }";
+  const hidden = "#labels, #marks, #picked, #divider, #grip, .panels { visibility: hidden } .views { border-radius: 0 } #canvas { outline: none }";
   let [png, before] = ["", null];
   while (png !== before) { // a slow machine draws coarse pictures first
     before = png;

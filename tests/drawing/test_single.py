@@ -8,6 +8,7 @@ from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.single import draw_single
 from gppcs.drawing.viewpoint import Viewpoint
 from gppcs.errors import InputError, ParameterError
+from meshes import monument
 
 pytest.importorskip("matplotlib")
 ABOVE = Viewpoint("z", (0.0, 90.0))  # x to the right, y up
@@ -84,6 +85,18 @@ def test_normals_of_the_cloud_shade_it_where_they_are_known():
     np.testing.assert_array_equal(shaded[50, 70], plain[50, 70])
 
 
+def test_lines_of_a_sparse_scan_are_drawn_as_points_and_surfaces_stay_closed():
+    along, across = np.meshgrid(np.arange(400.0), np.arange(0.0, 400.0, 40.0))
+    lines = np.column_stack([along.ravel(), across.ravel(), np.zeros(along.size)])
+    image, _ = picture(PointCloud(lines), size=(400, 400))
+    rows = (image.min(axis=2) < 0.97).any(axis=1)  # with discs as in a surface, 7 rows of each line or more
+    assert 10 <= rows.sum() <= 10 * 4
+    along, across = np.meshgrid(np.arange(400.0), np.arange(0.0, 400.0, 5.0))  # near enough that discs close the gaps
+    near = np.column_stack([along.ravel(), across.ravel(), np.zeros(along.size)])
+    image, _ = picture(PointCloud(near), size=(400, 400))
+    assert (image[50:-50, 50:-50].min(axis=2) < 0.97).all()
+
+
 def test_points_that_are_not_shown_are_counted():
     points = np.vstack([plane(), [[np.inf, 0, 0], [1e12, 0, 0], [0, -1e12, 0]]])
     _, drawn = picture(PointCloud(points))
@@ -99,6 +112,15 @@ def test_place_and_unit_of_a_cloud_do_not_matter(offset, factor):
         for each in (points, (points + offset) * factor)
     )
     assert np.abs(one - other).mean() < 0.01
+
+
+@pytest.mark.usefixtures("opengl")
+def test_a_mesh_stands_upright_as_its_cloud_does():
+    mesh = monument()
+    cloud = PointCloud(mesh.vertices)
+    guessed, upright, lying = (picture(cloud, mesh, viewpoint=Viewpoint(up))[0] for up in (None, "z", "y"))
+    np.testing.assert_array_equal(guessed, upright)
+    assert np.abs(guessed - lying).mean() > 0.01
 
 
 @pytest.mark.usefixtures("opengl")

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs.drawing.viewpoint import BESIDE_THE_CAMERA, Viewpoint
+from gppcs.drawing.viewpoint import BESIDE_THE_CAMERA, Viewpoint, spread_over
 from gppcs.errors import ParameterError
+from meshes import monument
 
 BOX = np.random.default_rng(0).uniform(-1.0, 1.0, (4000, 3))
 SCANS = {  # what is up in each, known from where it comes, or seen in its picture
@@ -19,6 +20,21 @@ SCANS = {  # what is up in each, known from where it comes, or seen in its pictu
 @pytest.mark.parametrize(("name", "up"), SCANS.items())
 def test_real_scans_stand_upright(shared_data, name, up):
     assert Viewpoint().guessed(gppcs.read(shared_data / f"{name}.ply").points)[0] == up
+
+
+@pytest.mark.parametrize("name", ["bunny", "lion_takanawa", "sfm_angel"])
+def test_a_mesh_stands_upright_as_its_cloud_does(shared_data, name):
+    mesh = gppcs.mesh(gppcs.read(shared_data / f"{name}.ply"), n_points=2000).mesh
+    assert Viewpoint().guessed(spread_over(mesh))[0] == SCANS[name]
+
+
+def test_a_mesh_with_few_vertices_on_the_ground_stands_on_it():
+    mesh = monument()
+    points = spread_over(mesh)
+    box = 2 * (1 + 3) * 2 + 1 * 3
+    assert (points[:, 2] == 0.0).mean() == pytest.approx(36 / (36 + box), abs=0.01)
+    assert Viewpoint().guessed(mesh.vertices)[0] == "y"
+    assert Viewpoint().guessed(points)[0] == "z"
 
 
 def test_a_depth_image_is_seen_from_beside_its_camera():

@@ -20,7 +20,7 @@ const WIDEST = 3; // extent that is shown whole, as a multiple of that of nearly
 const MARGIN = 1.03; // of the window around the clouds, as a multiple of theirs
 const COVERING = 1.7; // radius of a point in spacings, at which the discs close the surface
 const KEPT = 1.1; // that of a point of a result: larger discs would jut out where it bends
-const MOVING = 0.9; // the same while the view moves, when speed counts more than pinholes
+const MOVING = 0.55; // share of these radii while the view moves, when speed counts more than pinholes
 const WANTED = 45; // milliseconds for a picture while the view moves; if it takes longer, fewer points are drawn
 const LONGEST = 80; // milliseconds for a picture of surfaces; if it takes longer, points are drawn while the view moves
 const LEAST = 1500; // points drawn of a cloud while the view moves
@@ -257,7 +257,7 @@ export class Views {
     const radii: number[] = [];
     for (const { layer } of this.views) {
       const step = Math.max(1, Math.floor(layer.cloud.shown / SAMPLE));
-      const radius = this.radius(layer, 1);
+      const radius = this.radius(layer);
       for (let i = 0; i < layer.cloud.shown; i += step) {
         if (!layer.shows(layer.shuffled[i]!)) continue;
         const place = layer.place(layer.shuffled[i]!).applyMatrix4(this.turned.matrix);
@@ -344,7 +344,7 @@ export class Views {
     matrix.multiply(new Matrix4().makeTranslation(layer.origin)).multiply(new Matrix4().makeScale(sx, sy, sz));
     const m = matrix.elements as number[];
     const [px, py] = [(x - place.left) / place.width * 2 - 1, 1 - (y - place.top) / place.height * 2];
-    const radius = this.radius(layer, 1);
+    const radius = this.radius(layer);
     const seen: { index: number; off: number; away: number }[] = []; // discs under the pointer
     let [nearest, least, front] = [-1, reach, Infinity];
     for (let index = 0; index < layer.cloud.shown; index++) {
@@ -391,12 +391,11 @@ export class Views {
     return height / 2 / Math.tan(FIELD * Math.PI / 360);
   }
 
-  /** Return the radius of the points of a layer, if a share of them is drawn. */
-  private radius(layer: Layer, share: number): number {
-    const { cloud, frame, limit } = layer;
+  /** Return the radius of the points of a layer. */
+  private radius({ cloud, frame, limit }: Layer): number {
     const visible = Math.max(1, Math.min(limit, cloud.points)) / cloud.points;
-    const covering = this.moving ? MOVING : cloud.role === "result" ? KEPT : COVERING;
-    return covering * this.size * cloud.spacing / frame.size / Math.sqrt(visible * share);
+    const covering = cloud.role === "result" ? KEPT : COVERING;
+    return covering * this.size * cloud.spacing / frame.size / Math.sqrt(visible);
   }
 
   /** Whether surfaces are drawn now. */
@@ -479,7 +478,8 @@ export class Views {
     const count = this.moving ? Math.min(layer.cloud.shown, Math.max(LEAST, this.share * layer.cloud.shown)) : Infinity;
     layer.points.geometry.setDrawRange(0, count);
     const { uniforms } = layer.points.material;
-    uniforms["radius"]!.value = this.radius(layer, Math.min(1, count / layer.cloud.shown));
+    const share = Math.min(1, count / layer.cloud.shown);
+    uniforms["radius"]!.value = this.radius(layer) * (this.moving ? MOVING : 1) / Math.sqrt(share);
     uniforms["pixels"]!.value = this.pixels(height);
     uniforms["light"]!.value = this.shading === "both" || this.shading === "light" ? 1 : 0;
     if (layer.mesh) layer.mesh.material.uniforms["light"]!.value = uniforms["light"]!.value;

@@ -13,6 +13,7 @@ from gppcs.drawing.viewpoint import Viewpoint
 from gppcs.drawing.web import layers
 from gppcs.drawing.web.contents import Named, report_page, view_page
 from gppcs.errors import InputError
+from meshes import monument
 from web_page import WebPage
 
 N, M = 3000, 300
@@ -135,6 +136,27 @@ def test_invalid_points_are_left_out_and_rows_stay_those_of_the_file(scan):
     assert described["notes"] == ["scan.ply: 2 points with NaN or infinite coordinates are left out."]
     assert (described["up"], described["azimuth"], described["elevation"]) == ("-y", 30, 20)
     assert described["made"] == [["command", "gppcs report"]]
+
+
+def test_a_mesh_stands_upright_as_its_cloud_does():
+    page, _ = view_of(PointCloud(monument().vertices), monument())
+    assert page.described["up"] == "z"
+
+
+def test_classes_are_kinds_though_they_are_many(scan):
+    many = (np.arange(N) % 20).astype(np.uint8)
+    _, cloud = view_of(PointCloud(scan.points, {"classification": many, "kind": many}))
+    kinds = {values["title"]: values["categories"] for values in cloud["values"]}
+    assert kinds["classification"] == list(range(20))
+    assert kinds["kind"] is None
+
+
+def test_lines_of_a_sparse_scan_are_drawn_as_points():
+    x, y = np.meshgrid(np.arange(100.0), [0.0, 30.0, 60.0])
+    lines = np.column_stack([x.ravel(), y.ravel(), 0.0 * x.ravel()])
+    plane = np.column_stack([x.ravel(), y.ravel() / 30.0, 0.0 * x.ravel()])
+    (_, sparse), (_, dense) = view_of(PointCloud(lines)), view_of(PointCloud(plane))
+    assert sparse["spacing"] < 0.5 < 0.9 < dense["spacing"] < 1.5  # points are 1 apart
 
 
 def test_large_clouds_are_thinned_by_gp_and_large_meshes_left_out_and_the_page_says_so(scan, monkeypatch):
