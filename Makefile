@@ -20,7 +20,7 @@ unexport PYTHONDONTWRITEBYTECODE
 test test-all test-browser test-lowest coverage: export OPENBLAS_NUM_THREADS = 1
 
 .NOTPARALLEL:
-.PHONY: help demo pictures test test-all test-browser test-lowest coverage benchmarks viewer docs qgis workflows dist clean
+.PHONY: help demo pictures page-picture test test-all test-browser test-lowest coverage benchmarks viewer docs qgis workflows dist clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -67,6 +67,10 @@ pictures: demo  ## Draw anew the pictures of README.md and docs/ that no benchma
 	$(BIN)/gppcs sample road -o demo/road.ply --points 200000 --force
 	$(BIN)/gppcs simplify demo/road.ply -o demo/marked.ply --points 3000 --quota 'marking == 1: 40%' --force
 	$(BIN)/gppcs render demo/road.ply demo/marked.ply -o docs/quota.png --colour marking --force
+
+page-picture: demo viewer/node_modules  ## Draw anew the picture of the page in docs/viewing.md; needs Node.js and Chromium
+	$(BIN)/gppcs report demo/scan.ply demo/simplified.ply -o demo/report.html --force
+	cd viewer && node photograph.mjs "$$(command -v chromium)" ../demo/report.html ../docs/page.png
 
 test: $(VENV)/.installed  ## Check style and types, run all tests but the slow ones
 	$(BIN)/ruff check

@@ -57,8 +57,8 @@ def render(
 ) -> None:
     """Draw a picture of a cloud or a mesh. It needs no display.
 
-    A cloud is drawn as a surface without gaps between its points. Points whose value is unknown are grey. Of a
-    simplified cloud, single points are drawn, in the colours of the original.
+    A cloud is drawn as a surface without gaps between its points, lines of a sparse scan as points. Points whose
+    value is unknown are grey. Of a simplified cloud, single points are drawn, in the colours of the original.
     """
     from gppcs import io
     from gppcs.drawing.single import checked_size, draw_single
