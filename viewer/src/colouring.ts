@@ -18,11 +18,11 @@ export interface Ends {
 }
 
 /** Return the keys and titles of all colourings. */
-export function colourings({ clouds, original }: State): [string, string][] {
+export function colourings({ clouds, original, longest }: State): [string, string][] {
   const all = clouds.flatMap(({ values }) => values);
   const titles = new Map(all.filter(({ key }) => !key.startsWith(`${DISTANCE}:`)).map(({ key, title }) => [key, title]));
   if (all.some((values) => isOf(values, DISTANCE))) titles.set(DISTANCE, "distance of the original to the result");
-  titles.set(ORDER, original < 0 ? "order in the file" : "order of choice");
+  if (longest > 0) titles.set(ORDER, original < 0 ? "order in the file" : "order of choice");
   if (clouds.some(({ blocks }) => blocks.colours)) titles.set(RGB, "RGB");
   return [...titles];
 }
@@ -56,9 +56,15 @@ export function recolour(state: State): void {
   const ends = endsOf(state, colouring);
   if (colouring === DISTANCE) colourDistances(state, ends!);
   else for (const layer of layers) colourLayer(state, layer, ends);
+  for (const { octree } of layers) for (const node of octree?.loaded ?? []) colourNode(state, node);
 }
 
-function colourLayer({ colouring, numbers }: State, layer: Layer, ends: Ends | null): void {
+/** Give the points of a node the colours that are set. */
+export function colourNode(state: State, node: Layer): void {
+  colourLayer({ colouring: state.colouring, numbers: node.numbers! }, node, endsOf(state, state.colouring));
+}
+
+function colourLayer({ colouring, numbers }: Pick<State, "colouring" | "numbers">, layer: Layer, ends: Ends | null): void {
   const { cloud, arrays } = layer;
   const values = valuesFor(cloud, colouring);
   if (colouring === RGB) layer.colour(arrays.colours ? 1 : 0, null, PLAIN);

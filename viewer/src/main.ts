@@ -1,11 +1,12 @@
 // The page: unpacks the clouds, then shows what the state says, anew after each change.
-import { recolour } from "./colouring";
+import { colourNode, recolour } from "./colouring";
 import { fillControls, listen, reset, showControls } from "./controls";
 import { arraysOf, description, trianglesOf, valuesOf, type Cloud, type Description, type Values } from "./data";
 import { byId, element } from "./dom";
 import { fillFigures, fillMade, showPlot } from "./figures";
 import { arrange } from "./layout";
 import { fillLegend } from "./legend";
+import { Octree } from "./octree";
 import { placeRings, tell } from "./picking";
 import { Layer, Views, type Frame } from "./scene";
 import { State } from "./state";
@@ -17,7 +18,11 @@ async function start(): Promise<void> {
   for (const cloud of described.clouds) layers.push(new Layer(cloud, await arraysOf(cloud), frameOf(cloud, described)));
   const views = new Views(byId<HTMLCanvasElement>("canvas"), () => placeRings(state));
   const state = new State(described, layers, views, redraw);
-  layers.forEach(({ points }) => views.add(points));
+  for (const layer of layers) {
+    const { octree } = layer.cloud;
+    views.add(layer.points);
+    if (octree) layer.octree = new Octree(layer, octree, views, (node) => colourNode(state, node));
+  }
   fillControls(state);
   await unpackValues(state, ({ key }) => key === state.colouring);
   byId("page").hidden = false;

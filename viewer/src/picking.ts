@@ -35,9 +35,10 @@ export function tell(state: State): void {
   if (told.textContent !== box.textContent) box.replaceChildren(...told.childNodes);
 }
 
-function rowsOf({ clouds, layers, numbers }: State, { cloud, index }: NonNullable<State["picked"]>): [string, string][] {
-  const each = clouds[cloud]!;
-  const { rows: order, originals, positions, colours } = layers[cloud]!.arrays;
+function rowsOf(state: State, { cloud: number, index: chosen }: NonNullable<State["picked"]>): [string, string][] {
+  const [layer, index] = state.layers[number]!.part(chosen);
+  const { cloud: each, arrays: { rows: order, originals, positions, colours } } = layer;
+  const numbers = layer.numbers ?? state.numbers;
   const row = order[index]!;
   const rows: [string, string][] = [["row", row.toLocaleString("en")]];
   if (each.role === "result") {
