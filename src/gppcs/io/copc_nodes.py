@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError
 from gppcs.io import copc_writing, las
 from gppcs.io.copc import entries_of, info_of
+from gppcs.io.files import naming
 from gppcs.io.las_header import COPC, LASZIP, read_header
 from gppcs.io.laz import decompressed_chunks
 from gppcs.io.query import Query
@@ -60,9 +62,15 @@ class CopcNodes:
         return whole, PointCloud(points, las.attributes_of(records, self._layout), header=self._header)
 
 
-def is_copc(path: Path) -> bool:
-    """Return whether a path leads to a COPC file that can be read node by node."""
+@contextmanager
+def nodes_of(path: Path, more_than: int = 0) -> Iterator[CopcNodes | None]:
+    """Open a COPC file by its nodes; return none if the file is another one, or has no more points than that."""
     if not path.is_file():
-        return False
-    with open(path, "rb") as file:
-        return copc_writing.FORMAT.recognises(file.read(_HEAD), path.stat().st_size)
+        yield None
+        return
+    with naming(path), open(path, "rb") as file:
+        if copc_writing.FORMAT.recognises(file.read(_HEAD), path.stat().st_size):
+            nodes = CopcNodes(file)
+            yield nodes if nodes.entries["count"].sum() > more_than else None
+        else:
+            yield None

@@ -1,4 +1,4 @@
-"""Prepares a COPC file for the page that shows it by level: the page holds the first levels and asks for other nodes."""
+"""Prepares a COPC file for the page that shows it by level: it holds the first levels, and asks for other nodes."""
 
 from __future__ import annotations
 
@@ -105,10 +105,10 @@ class _FirstLevels(Layer):
     def _held(self, values: NDArray[Any]) -> Quantised:
         """Return a quantity (K,) in a range that holds all that its type can, or twice the range found."""
         if values.dtype.kind in "iu" and values.dtype.itemsize <= EXACT:
-            low, step = np.float64(np.iinfo(values.dtype).min), np.float64(1.0)
+            low, step = np.array(np.iinfo(values.dtype).min, np.float64), np.ones(())
         else:
             held = quantised_values(values)
-            low, step = held.low - held.step * (UNKNOWN // 2), 2 * held.step
+            low, step = np.array(held.low - held.step * (UNKNOWN // 2)), np.array(2 * held.step)
         described = {"low": low, "step": step, "categories": None}
         return Quantised(_numbers(values, described), low, step)
 
