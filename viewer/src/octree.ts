@@ -10,6 +10,8 @@ const MOST = 2_000_000; // at most, depending on
 const STILL = 400; // how many milliseconds it may take
 const HELD = 4_000_000; // points that stay here, drawn or not
 const AT_ONCE = 3; // nodes that are asked for
+const SAMPLE = 64; // points that tell which share of a node is in view
+const UNSEEN = 0.2; // what a point outside the view costs, in points inside
 
 type Place = [x: number, y: number, z: number];
 
@@ -17,6 +19,7 @@ type Place = [x: number, y: number, z: number];
 class Node {
   readonly children: Node[] = [];
   layer: Layer | null = null; // its points, if they are here
+  sample: Vector3[] = [];
   request: AbortController | null = null;
   failed = false;
   wanted = 0; // when it was wanted last
@@ -27,6 +30,20 @@ class Node {
     readonly number: number, readonly count: number, readonly row: number, readonly start: number,
   ) {
     parent?.children.push(this);
+  }
+
+  /** Take a layer with its points. */
+  fill(layer: Layer): void {
+    this.layer = layer;
+    this.box.getCenter(layer.middle).sub(layer.origin).divide(layer.scale);
+    this.sample = [...layer.shuffled.subarray(0, SAMPLE)].map((i) => layer.own(i));
+  }
+
+  /** Return how many points it costs to draw. */
+  cost(frustum: Frustum): number {
+    const count = this.layer ? this.layer.cloud.shown : this.count;
+    const seen = this.sample.filter((place) => frustum.containsPoint(place)).length / this.sample.length;
+    return count * (this.layer ? Math.max(UNSEEN, seen) : 1);
   }
 
   /** The place among the eight children of the node above. */
@@ -66,8 +83,7 @@ export class Octree {
       start += count;
     }
     this.root = this.made(known, 0, [0, 0, 0]);
-    this.root.layer = first;
-    this.centre(this.root, first);
+    this.root.fill(first);
     byId("views").after(this.told);
   }
 
@@ -89,13 +105,13 @@ export class Octree {
     };
     this.wanted = [];
     this.bound = false;
-    let points = this.first.cloud.shown;
+    let points = this.root.cost(frustum);
     consider(this.root);
     while (open.length > 0) {
       const next = open.reduce((best, node) => (node.apart > best.apart ? node : best));
       open.splice(open.indexOf(next), 1);
       if (next.number >= this.levels.inside) {
-        points += next.count;
+        points += next.cost(frustum);
         this.bound = points > this.budget;
         if (this.bound) break;
         this.wanted.push(next);
@@ -148,11 +164,6 @@ export class Octree {
     return node;
   }
 
-  /** Let a layer know where the middle of its node is. */
-  private centre(node: Node, { middle, origin, scale }: Layer): void {
-    node.box.getCenter(middle).sub(origin).divide(scale);
-  }
-
   /** Draw the points of each node as small as those of the deepest nodes that are drawn around them. */
   private fitRadii(): void {
     for (const layer of [this.first, ...this.chosen]) layer.radii.fill(1);
@@ -198,8 +209,7 @@ export class Octree {
     layer.start = node.start;
     layer.numbers = numbers;
     layer.share(first);
-    this.centre(node, layer);
-    node.layer = layer;
+    node.fill(layer);
     this.paint(layer);
     views.add(layer.points);
     this.fresh = true;
@@ -218,7 +228,7 @@ export class Octree {
       if (points <= HELD) return;
       if (this.wanted.includes(node) || this.picked.has(node)) continue;
       this.views.remove(node.layer!.points);
-      node.layer = null;
+      [node.layer, node.sample] = [null, []];
       points -= node.count;
     }
   }

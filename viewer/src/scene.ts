@@ -112,7 +112,13 @@ export class Layer {
 
   /** Return where a point of the cloud is drawn. */
   place(index: number): Vector3 {
-    const [{ arrays: { positions }, unit, scale, origin }, i] = this.part(index);
+    const [layer, i] = this.part(index);
+    return layer.own(i);
+  }
+
+  /** Return where a point of this layer is drawn, given its place in the arrays. */
+  own(i: number): Vector3 {
+    const { arrays: { positions }, unit, scale, origin } = this;
     return new Vector3(positions[3 * i]!, positions[3 * i + 1]!, positions[3 * i + 2]!)
       .divideScalar(unit).multiply(scale).add(origin);
   }
