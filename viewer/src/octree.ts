@@ -205,7 +205,8 @@ export class Octree {
   private add(node: Node, content: ArrayBuffer): void {
     const { first, levels, views } = this;
     const { low, spacing, arrays, numbers } = readNode(content, node, first, levels);
-    const layer = new Layer({ ...first.cloud, shown: node.count, low, step: levels.scales, spacing }, arrays, first.frame);
+    const cloud = { ...first.cloud, shown: node.count, low, step: levels.scales, spacing };
+    const layer = new Layer(cloud, arrays, first.frame);
     layer.start = node.start;
     layer.numbers = numbers;
     layer.share(first);
@@ -239,8 +240,8 @@ export class Octree {
     const missing = this.wanted.filter(({ layer, failed }) => !layer && !failed).length;
     const failed = this.nodes.filter((node) => node.failed).length;
     const words = [`${drawn.toLocaleString("en")} of ${this.first.cloud.points.toLocaleString("en")} points are drawn`];
-    if (missing) words.push(this.ended ? "no more can come: gppcs view has ended" : `${missing} parts are on their way`);
-    if (failed) words.push(`${failed} parts of the file cannot be read`);
+    if (missing) words.push(this.ended ? "no more can come: gppcs view has ended" : `parts on their way: ${missing}`);
+    if (failed) words.push(`parts that cannot be read: ${failed}`);
     this.told.textContent = `${words.join("; ")}.`;
   }
 }
@@ -248,21 +249,21 @@ export class Octree {
 /** Read the points of a node, as Levels.node in drawing/web/levels.py writes them. */
 function readNode(content: ArrayBuffer, { count: n, row }: Node, { cloud }: Layer, { scales, offsets }: Levels) {
   let place = 0;
-  const next = <A>(kind: { new (buffer: ArrayBuffer, from: number, n: number): A; BYTES_PER_ELEMENT: number }, columns: number): A => {
-    const array = new kind(content, place, n * columns);
-    place += n * columns * kind.BYTES_PER_ELEMENT;
+  type Kind<A> = new (content: ArrayBuffer, from: number, count: number) => A;
+  const next = <A extends ArrayBufferView>(kind: Kind<A>, count: number): A => {
+    const array = new kind(content, place, count);
+    place += array.byteLength;
     return array;
   };
-  const [x, y, z, spacing] = new Float64Array(content, 0, 4) as unknown as [number, number, number, number];
-  place = 4 * Float64Array.BYTES_PER_ELEMENT;
-  const positions = Float32Array.from(next(Uint32Array, 3));
-  const numbers = new Map<Values, Uint16Array>(cloud.values.map((values) => [values, next(Uint16Array, 1)]));
+  const [x, y, z, spacing] = next(Float64Array, 4) as unknown as [number, number, number, number];
+  const positions = Float32Array.from(next(Uint32Array, 3 * n));
+  const numbers = new Map<Values, Uint16Array>(cloud.values.map((values) => [values, next(Uint16Array, n)]));
   const arrays: Arrays = {
     positions,
-    normals: next(Uint8Array, 2),
-    spreads: next(Uint8Array, 1),
+    normals: next(Uint8Array, 2 * n),
+    spreads: next(Uint8Array, n),
     rows: Uint32Array.from({ length: n }, (_, i) => row + i),
-    colours: cloud.blocks.colours ? next(Uint8Array, 3) : null,
+    colours: cloud.blocks.colours ? next(Uint8Array, 3 * n) : null,
     originals: null,
   };
   const low = [x, y, z].map((whole, axis) => whole * scales[axis]! + offsets[axis]!) as Place;

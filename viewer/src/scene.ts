@@ -1,8 +1,8 @@
 // Draws the clouds: one canvas, one camera, one view beside the other.
 import {
-  BufferAttribute, BufferGeometry, DataTexture, DepthTexture, DoubleSide, GLSL3, Group, Matrix4, Mesh, NearestFilter, Object3D,
+  BufferAttribute, BufferGeometry, DataTexture, DepthTexture, DoubleSide, GLSL3, Group, Matrix4, Mesh, NearestFilter,
   OrthographicCamera, PerspectiveCamera, Points, RawShaderMaterial, Scene, Vector2, Vector3, WebGLRenderer,
-  WebGLRenderTarget,
+  WebGLRenderTarget, type IUniform, type Object3D,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { amounts, kinds } from "./colours";
@@ -125,8 +125,9 @@ export class Layer {
 
   /** Share the settings of another layer, of which this is a node. */
   share({ points }: Layer): void {
-    const { low, extent, radius, radii, middle } = this.points.material.uniforms;
-    this.points.material.uniforms = { ...points.material.uniforms, low, extent, radius, radii, middle } as typeof points.material.uniforms;
+    const { low, extent, radius, radii, middle } = this.points.material.uniforms as Record<string, IUniform>;
+    const own = { low, extent, radius, radii, middle } as Record<string, IUniform>;
+    this.points.material.uniforms = { ...points.material.uniforms, ...own };
   }
 
   set limit(rows: number) {
@@ -370,7 +371,7 @@ export class Views {
 
   /** Give the picture the size of the canvas, in finer or in coarser pixels. */
   private fit(): void {
-    const ratio = this.coarse ? COARSE : Math.min(window.devicePixelRatio, 2);
+    const ratio = this.coarse ? COARSE : finest();
     this.renderer.setPixelRatio(ratio);
     this.renderer.setSize(this.width, this.height, false);
     this.target.setSize(Math.floor(this.width * ratio), Math.floor(this.height * ratio));
@@ -421,7 +422,7 @@ export class Views {
     this.keepPace(now);
     this.aim();
     for (const { layer, place } of this.views)
-      layer.octree?.choose(this.camera, this.turned.matrix, this.pixels(place.height) * Math.min(window.devicePixelRatio, 2));
+      layer.octree?.choose(this.camera, this.turned.matrix, this.pixels(place.height) * finest());
     renderer.setClearColor(0x000000, 0);
     target.scissorTest = false;
     target.viewport.set(0, 0, target.width, target.height);
@@ -502,6 +503,11 @@ export class Views {
     this.renderer.setRenderTarget(null);
     this.renderer.render(pass, this.passCamera);
   }
+}
+
+/** Return the pixels of a fine picture, for each pixel of the page. */
+function finest(): number {
+  return Math.min(window.devicePixelRatio, 2);
 }
 
 function quantile(sorted: number[], share: number): number {
