@@ -242,7 +242,8 @@ export class Octree {
     const words = [`${drawn.toLocaleString("en")} of ${this.first.cloud.points.toLocaleString("en")} points are drawn`];
     if (missing) words.push(this.ended ? "no more can come: gppcs view has ended" : `parts on their way: ${missing}`);
     if (failed) words.push(`parts that cannot be read: ${failed}`);
-    this.told.textContent = `${words.join("; ")}.`;
+    const text = `${words.join("; ")}.`;
+    if (text !== this.told.textContent) this.told.textContent = text; // a new one is laid out, which takes time
   }
 }
 
