@@ -60,3 +60,41 @@ def faces_of(packed):
     """Return triangles from what `packed_faces` made of them."""
     steps = np.diff(packed[:, 1:], axis=0, prepend=np.uint32(0))  # modulo 2**32
     return np.column_stack([packed[:, 0], packed[:, :1] + steps])
+
+
+class ServedNode:
+    """The points of a node, as the script in the page reads what the command sends.
+
+    Attributes
+    ----------
+    level, cell : int and list of 3 int
+    rows : ndarray, shape (n,)
+        The rows in the file of its points.
+    points : ndarray, shape (n, 3)
+    colours : ndarray, shape (n, 3)
+        Empty if the cloud has none.
+    """
+
+    def __init__(self, cloud, number, content):
+        octree = cloud["octree"]
+        self.level, *self.cell, n, row = octree["nodes"][number]
+        self.rows, self._content, self._place = row + np.arange(n), content, 0
+        *low, self.spacing = self._next("<f8", 4)
+        whole = np.array(low) + self._next("<u4", 3 * n).reshape(n, 3)
+        self.points = whole * np.array(octree["scales"]) + np.array(octree["offsets"])
+        self._numbers = {values["key"]: (values, self._next("<u2", n)) for values in cloud["values"]}
+        self.normals, self.spreads = self._next("u1", 2 * n).reshape(n, 2), self._next("u1", n)
+        self.colours = self._next("u1", 3 * n if "colours" in cloud["blocks"] else 0).reshape(-1, 3)
+        assert self._place == len(content)
+
+    def _next(self, kind, n):
+        array = np.frombuffer(self._content, kind, n, self._place)
+        self._place += array.nbytes
+        return array
+
+    def values(self, key):
+        """Return the values by which colours can be, NaN for unknown ones."""
+        held, numbers = self._numbers[key]
+        if held["categories"]:
+            return np.array([*held["categories"], np.nan])[np.minimum(numbers, len(held["categories"]))]
+        return np.where(numbers == 65535, np.nan, held["low"] + held["step"] * numbers.astype(float))

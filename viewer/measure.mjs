@@ -1,4 +1,4 @@
-// Opens a page several times and prints how fast it is as JSON: node measure.mjs PAGE BROWSER TIMES
+// Opens a page several times and prints how fast it is as JSON: node measure.mjs PAGE-OR-URL BROWSER TIMES
 // Times are in seconds since the navigation began. The processor draws (SwiftShader).
 import { pathToFileURL } from "node:url";
 import { chromium } from "playwright-core";
@@ -43,11 +43,14 @@ async function measure() {
   const browser = await chromium.launch({ executablePath, args });
   const tab = await browser.newPage({ viewport: { width: 1280, height: 900 } });
   await tab.addInitScript(watch);
-  await tab.goto(pathToFileURL(page).href);
+  await tab.goto(page.startsWith("http:") ? page : pathToFileURL(page).href);
   await tab.waitForFunction(() => document.documentElement.dataset.state, null, { timeout: 120_000 });
-  const ready = await tab.evaluate(() => performance.now() / 1000);
   await tab.waitForFunction(() => window.seen.first !== null, null, { timeout: 120_000 });
+  const told = () => tab.evaluate(() => document.getElementById("levels")?.textContent ?? "");
+  while ((await told()).includes("on their way")) await tab.waitForTimeout(50);
+  const loaded = await tab.evaluate(() => performance.now() / 1000);
   await tab.waitForTimeout(2000); // until all is drawn
+  const drawn = Number((await told()).split(" ")[0].replaceAll(",", "")); // 0 on a page without levels
   const box = await tab.locator("#canvas").boundingBox();
   const [x, y] = [box.x + box.width / 2, box.y + box.height / 3];
   await tab.mouse.move(x, y);
@@ -63,7 +66,7 @@ async function measure() {
   await tab.mouse.up();
   const { first } = await tab.evaluate(() => window.seen);
   await browser.close();
-  return { first, ready, rate: (after - before) / passed };
+  return { first, loaded, drawn, rate: (after - before) / passed };
 }
 
 const measured = [];

@@ -1,5 +1,6 @@
 // Values that are kinds, such as classes, and which of them are shown.
 import { shown, UNKNOWN } from "./data";
+import type { Layer } from "./scene";
 import type { State } from "./state";
 
 const CLASSIFICATION = "attribute:classification";
@@ -38,16 +39,20 @@ export function hideKinds(state: State): void {
   const filtered = JSON.stringify([copies.size, numbers.size, [...hidden].map(([key, kinds]) => [key, ...kinds])]);
   if (filtered === state.filtered) return;
   state.filtered = filtered;
-  for (const layer of [...layers, ...copies.values()]) {
-    const { values, shown: n } = layer.cloud;
-    const off = hidden.size > 0 ? new Uint8Array(n) : null;
-    for (const each of values) {
-      const kinds = hidden.get(each.key);
-      const held = numbers.get(each);
-      if (!off || !kinds || !held || !each.categories) continue;
-      const gone = each.categories.map((kind) => kinds.has(kind));
-      for (let i = 0; i < n; i++) if (held[i] !== UNKNOWN && gone[held[i]!]) off[i] = 1;
-    }
-    layer.hide(off);
+  const nodes = layers.flatMap(({ octree }) => octree?.loaded ?? []);
+  for (const layer of [...layers, ...nodes, ...copies.values()]) hideIn(state, layer);
+}
+
+/** Let a layer hide the points of the kinds that are not shown. */
+export function hideIn({ hidden, numbers }: State, layer: Layer): void {
+  const { values, shown: n } = layer.cloud;
+  const off = hidden.size > 0 ? new Uint8Array(n) : null;
+  for (const each of values) {
+    const kinds = hidden.get(each.key);
+    const held = (layer.numbers ?? numbers).get(each);
+    if (!off || !kinds || !held || !each.categories) continue;
+    const gone = each.categories.map((kind) => kinds.has(kind));
+    for (let i = 0; i < n; i++) if (held[i] !== UNKNOWN && gone[held[i]!]) off[i] = 1;
   }
+  layer.hide(off);
 }

@@ -19,13 +19,13 @@ export interface Ends {
 }
 
 /** Return the keys and titles of all colourings. */
-export function colourings({ clouds, original }: State): [string, string][] {
+export function colourings({ clouds, original, longest }: State): [string, string][] {
   const all = clouds.flatMap(({ values }) => values);
   const titles = new Map<string, string>();
   if (clouds.some(({ blocks }) => blocks.colours)) titles.set(RGB, "RGB");
   for (const { key, title } of all) if (!key.startsWith(`${DISTANCE}:`)) titles.set(key, title);
   if (all.some((values) => isOf(values, DISTANCE))) titles.set(DISTANCE, "distance of the original to the result");
-  titles.set(ORDER, original < 0 ? "order in the file" : "order of choice");
+  if (longest > 0) titles.set(ORDER, original < 0 ? "order in the file" : "order of choice");
   return [...titles];
 }
 
@@ -59,6 +59,12 @@ export function recolour(state: State): void {
   const ends = endsOf(state, colouring);
   if (colouring === DISTANCE) colourDistances(state, ends!);
   else for (const layer of layers) colourLayer(state, layer, ends);
+  for (const { octree } of layers) for (const node of octree?.loaded ?? []) colourNode(state, node);
+}
+
+/** Give the points of a node the colours that are set. */
+export function colourNode(state: State, node: Layer): void {
+  colourLayer(state, node, endsOf(state, state.colouring));
 }
 
 function colourLayer(state: State, layer: Layer, ends: Ends | null): void {
@@ -75,7 +81,7 @@ function colourLayer(state: State, layer: Layer, ends: Ends | null): void {
 
 /** Colour a layer by values; until they are unpacked, as unknown. */
 function colourBy(state: State, layer: Layer, values: Values, { from, to }: Ends): void {
-  const numbers = state.numbers.get(values) ?? null;
+  const numbers = (layer.numbers ?? state.numbers).get(values) ?? null;
   const all = kindsOf(state, values.key);
   let { low, step } = values;
   if (values.categories) {
@@ -83,7 +89,7 @@ function colourBy(state: State, layer: Layer, values: Values, { from, to }: Ends
     const kinds = values.categories;
     [low, step] = [kinds[0]!, (kinds.at(-1)! - kinds[0]!) / (UNKNOWN - 1)];
     const places = kinds.map((kind) => all ? all.indexOf(kind) : (kind - low) / (step || 1));
-    layer.colour(all ? 2 : 0, numbers && numbers.map((i) => places[i]!), scaleOf(values.root, low, step, from, to));
+    layer.colour(all ? 2 : 0, numbers && numbers.map((i) => places[i] ?? UNKNOWN), scaleOf(values.root, low, step, from, to));
   } else layer.colour(0, numbers, scaleOf(values.root, low, step, from, to));
 }
 

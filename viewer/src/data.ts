@@ -45,6 +45,21 @@ export interface Cloud {
   mesh: Surface | null;
   /** In a few words, why the points of a result were chosen, if it is known. */
   reason: string | null;
+  octree?: Levels;
+}
+
+/** What a file says of its octree. */
+export interface Levels {
+  low: [number, number, number];
+  side: number;
+  /** Of the points of the first level. */
+  spacing: number;
+  scales: [number, number, number];
+  offsets: [number, number, number];
+  /** How many of the nodes the page holds. */
+  inside: number;
+  /** Level, place, number of points and row of the first one, from coarse to fine. */
+  nodes: [level: number, x: number, y: number, z: number, count: number, row: number][];
 }
 
 export interface Figure {
@@ -108,7 +123,8 @@ async function unpacked<A extends Numbers>(id: string, n: number, columns: numbe
 
 /** The arrays of a cloud, in the order of its rows. */
 export interface Arrays {
-  positions: Uint16Array<ArrayBuffer>;
+  /** In 16 bits, or in a node of an octree in whole numbers. */
+  positions: Uint16Array<ArrayBuffer> | Float32Array<ArrayBuffer>;
   normals: Uint8Array<ArrayBuffer>;
   spreads: Uint8Array<ArrayBuffer>;
   rows: Uint32Array<ArrayBuffer>;

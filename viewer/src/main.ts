@@ -1,7 +1,7 @@
 // The page: unpacks the clouds, then shows what the state says, anew after each change.
-import { hideKinds } from "./classes";
+import { hideIn, hideKinds } from "./classes";
 import { fillClip, showClip } from "./clip";
-import { recolour } from "./colouring";
+import { colourNode, recolour } from "./colouring";
 import { fillControls, listen, reset, showControls } from "./controls";
 import { arraysOf, description, trianglesOf, valuesOf, type Cloud, type Description, type Values } from "./data";
 import { byId, element } from "./dom";
@@ -10,6 +10,7 @@ import { arrange } from "./layout";
 import { fillLegend } from "./legend";
 import { placeMarks } from "./marks";
 import { tellDistance } from "./measuring";
+import { Octree } from "./octree";
 import { tell } from "./picking";
 import { Layer, Views, type Frame } from "./scene";
 import { State } from "./state";
@@ -21,7 +22,14 @@ async function start(): Promise<void> {
   for (const cloud of described.clouds) layers.push(new Layer(cloud, await arraysOf(cloud), frameOf(cloud, described)));
   const views = new Views(byId<HTMLCanvasElement>("canvas"), () => placeMarks(state));
   const state = new State(described, layers, views, redraw);
-  layers.forEach(({ points }) => views.add(points));
+  for (const layer of layers) {
+    const { octree } = layer.cloud;
+    views.add(layer.points);
+    if (octree) layer.octree = new Octree(layer, octree, views, (node) => {
+      colourNode(state, node);
+      hideIn(state, node);
+    });
+  }
   fillControls(state);
   fillClip(state);
   await unpackValues(state, ({ key }) => key === state.colouring);

@@ -12,7 +12,10 @@ export function measure(state: State, x: number, y: number): void {
 
 /** Return how far it is from the first point to the second along each axis, if there are two. */
 function stepsOf({ measured, layers }: State): number[] | null {
-  const [from, to] = measured.map(({ cloud, index }) => coordinates(layers[cloud]!.cloud, layers[cloud]!.arrays, index));
+  const [from, to] = measured.map(({ cloud, index }) => {
+    const [layer, i] = layers[cloud]!.part(index);
+    return coordinates(layer.cloud, layer.arrays, i);
+  });
   return from && to ? to.map((end, axis) => end - from[axis]!) : null;
 }
 

@@ -40,9 +40,10 @@ export function tell(state: State): void {
   if (told.textContent !== box.textContent) box.replaceChildren(...told.childNodes);
 }
 
-function rowsOf({ clouds, layers, numbers }: State, { cloud, index }: Place): [string, string][] {
-  const each = clouds[cloud]!;
-  const { rows: order, originals, colours } = layers[cloud]!.arrays;
+function rowsOf(state: State, { cloud: number, index: chosen }: Place): [string, string][] {
+  const [layer, index] = state.layers[number]!.part(chosen);
+  const { cloud: each, arrays: { rows: order, originals, colours } } = layer;
+  const numbers = layer.numbers ?? state.numbers;
   const row = order[index]!;
   const rows: [string, string][] = [["row", row.toLocaleString("en")]];
   if (each.role === "result") {
@@ -53,7 +54,7 @@ function rowsOf({ clouds, layers, numbers }: State, { cloud, index }: Place): [s
     const from = originals[index]!;
     rows.push(["row in the original", from === MOVED ? "none: this point was moved" : from.toLocaleString("en")]);
   }
-  coordinates(each, layers[cloud]!.arrays, index).forEach((at, axis) => rows.push(["xyz"[axis]!, shown(at, 6)]));
+  coordinates(each, layer.arrays, index).forEach((at, axis) => rows.push(["xyz"[axis]!, shown(at, 6)]));
   if (colours) rows.push(["RGB", colours.slice(3 * index, 3 * index + 3).join(" ")]);
   for (const values of each.values.filter((some) => numbers.has(some))) {
     const value = valueAt(values, index, numbers);

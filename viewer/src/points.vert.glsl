@@ -2,7 +2,7 @@ precision highp float;
 precision highp int;
 
 // Points as discs that lie in the surface.
-in vec3 position;   // 0 to 1, in 16 bits
+in vec3 position;   // 0 to 1 in 16 bits, or in steps
 in vec2 octahedral; // the normal, folded out to a square
 in float amount;    // the value to colour by, 0 to 65535
 in vec3 colour;     // RGB of the scan
@@ -13,6 +13,8 @@ uniform mat4 modelViewMatrix, projectionMatrix;
 uniform mat3 normalMatrix;
 uniform vec3 low, extent, clipLow, clipHigh;
 uniform float radius, pixels, limit, light;
+uniform vec3 middle;     // of the node of an octree
+uniform float radii[8];  // factors of the radius in its eight parts
 uniform vec3 scale; // value at the low end, 1 / range, exponent; in the numbers of `amount`
 uniform int mode;   // 0: the value, 1: RGB, 2: kinds
 uniform sampler2D table;
@@ -39,7 +41,9 @@ void main() {
   }
   float lit = 0.5 + 0.62 * max(dot(facing, normalize(vec3(-0.35, 0.45, 0.82))), 0.0);
   tint = plain * mix(1.0, lit, light);
-  gl_PointSize = clamp(2.0 * radius * exp2((spread - 128.0) / 40.0) * pixels / -seen.z, 1.5, 64.0);
+  bvec3 beyond = greaterThanEqual(position, middle);
+  float factor = radii[int(beyond.x) + 2 * int(beyond.y) + 4 * int(beyond.z)];
+  gl_PointSize = clamp(2.0 * radius * factor * exp2((spread - 128.0) / 40.0) * pixels / -seen.z, 1.5, 64.0);
   disc = vec2(seen.z, gl_PointSize * -seen.z / (2.0 * pixels));
   bool clipped = any(lessThan(place, clipLow)) || any(greaterThan(place, clipHigh));
   if (rank >= limit || clipped) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);

@@ -2,14 +2,15 @@
 import {
   BufferAttribute, BufferGeometry, DataTexture, DepthTexture, DoubleSide, GLSL3, Group, Matrix4, Mesh, NearestFilter,
   OrthographicCamera, PerspectiveCamera, Points, RawShaderMaterial, Scene, Vector2, Vector3, WebGLRenderer,
-  WebGLRenderTarget,
+  WebGLRenderTarget, type IUniform, type Object3D,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { amounts, kinds } from "./colours";
-import type { Arrays, Cloud, Surface, Triangles } from "./data";
+import type { Arrays, Cloud, Surface, Triangles, Values } from "./data";
 import depthShader from "./depth.frag.glsl";
 import meshFragmentShader from "./mesh.frag.glsl";
 import meshVertexShader from "./mesh.vert.glsl";
+import type { Octree } from "./octree";
 import passShader from "./pass.vert.glsl";
 import fragmentShader from "./points.frag.glsl";
 import vertexShader from "./points.vert.glsl";
@@ -57,7 +58,13 @@ export class Layer {
   readonly scale: Vector3;
   readonly origin: Vector3;
   readonly clip = { low: new Vector3(-Infinity, -Infinity, -Infinity), high: new Vector3(Infinity, Infinity, Infinity) };
+  readonly middle = new Vector3(); // of the node of an octree, whose eight parts have
+  readonly radii = new Float32Array(8).fill(1); // factors of the points' radii
+  readonly unit: number; // of the positions, in steps
   mesh: Mesh<BufferGeometry, RawShaderMaterial> | null = null;
+  octree: Octree | null = null; // with deeper levels of the cloud
+  numbers: Map<Values, Uint16Array> | null = null; // of the points of a node
+  start = 0; // of the points of a node among those of the cloud
   private hidden: Uint8Array | null = null; // 1 for each point that is not shown
 
   constructor(readonly cloud: Cloud, readonly arrays: Arrays, readonly frame: Frame) {
@@ -71,8 +78,9 @@ export class Layer {
     const colours = arrays.colours ? taken(arrays.colours, 3, this.shuffled) : new Uint8Array(3 * n);
     geometry.setAttribute("colour", new BufferAttribute(colours, 3, true));
     geometry.setAttribute("amount", new BufferAttribute(new Uint16Array(n), 1));
-    [this.origin, this.scale] = boxIn(frame, cloud);
-    this.points = new Points(geometry, material(this.origin, this.scale, this.clipped));
+    this.unit = arrays.positions instanceof Uint16Array ? 65535 : 1;
+    [this.origin, this.scale] = boxIn(frame, cloud, this.unit);
+    this.points = new Points(geometry, material(this));
     this.points.frustumCulled = false;
   }
 
@@ -82,7 +90,7 @@ export class Layer {
     geometry.setAttribute("position", new BufferAttribute(positions, 3, true));
     geometry.setIndex(new BufferAttribute(faces, 1));
     const [low, extent] = boxIn(this.frame, surface);
-    const uniforms = { low: { value: low }, extent: { value: extent }, light: { value: 1 }, ...this.clipped };
+    const uniforms = { low: { value: low }, extent: { value: extent }, light: { value: 1 }, ...clippedTo(this.clip) };
     const shaders = { vertexShader: meshVertexShader, fragmentShader: meshFragmentShader };
     this.mesh = new Mesh(geometry, new RawShaderMaterial({ glslVersion: GLSL3, side: DoubleSide, ...shaders, uniforms }));
     this.mesh.frustumCulled = false;
@@ -101,11 +109,35 @@ export class Layer {
     uniforms["table"]!.value = mode === 2 ? KINDS_TABLE : AMOUNTS_TABLE;
   }
 
-  /** Return where a point is drawn, given its place in the arrays. */
+  /** The layers that are drawn for the cloud: this one, and those of deeper nodes. */
+  get parts(): Layer[] {
+    return [this, ...(this.octree?.chosen ?? [])];
+  }
+
+  /** Return the layer that holds a point of the cloud, and its place in that layer's arrays. */
+  part(index: number): [Layer, number] {
+    return this.octree?.part(index) ?? [this, index];
+  }
+
+  /** Return where a point of the cloud is drawn. */
   place(index: number): Vector3 {
-    const { positions } = this.arrays;
-    return new Vector3(positions[3 * index]!, positions[3 * index + 1]!, positions[3 * index + 2]!)
-      .divideScalar(65535).multiply(this.scale).add(this.origin);
+    const [layer, i] = this.part(index);
+    return layer.own(i);
+  }
+
+  /** Return where a point of this layer is drawn, given its place in the arrays. */
+  own(i: number): Vector3 {
+    const { arrays: { positions }, unit, scale, origin } = this;
+    return new Vector3(positions[3 * i]!, positions[3 * i + 1]!, positions[3 * i + 2]!)
+      .divideScalar(unit).multiply(scale).add(origin);
+  }
+
+  /** Share the settings of another layer, of which this is a node. */
+  share({ points, clip }: Layer): void {
+    Object.assign(this.clip, clip);
+    const { low, extent, radius, radii, middle } = this.points.material.uniforms as Record<string, IUniform>;
+    const own = { low, extent, radius, radii, middle } as Record<string, IUniform>;
+    this.points.material.uniforms = { ...points.material.uniforms, ...own };
   }
 
   /** Hide some points, given a 1 for each of them. */
@@ -120,15 +152,10 @@ export class Layer {
   shows(index: number): boolean {
     if (this.arrays.rows[index]! >= this.limit || this.hidden?.[index]) return false;
     const { low, high } = this.clip;
-    for (let c = 0; c < 3; c++) {
-      const at = this.arrays.positions[3 * index + c]! / 65535 * this.scale.getComponent(c) + this.origin.getComponent(c);
-      if (at < low.getComponent(c) || at > high.getComponent(c)) return false;
-    }
+    const at = this.own(index);
+    for (let c = 0; c < 3; c++)
+      if (at.getComponent(c) < low.getComponent(c) || at.getComponent(c) > high.getComponent(c)) return false;
     return true;
-  }
-
-  private get clipped() {
-    return { clipLow: { value: this.clip.low }, clipHigh: { value: this.clip.high } };
   }
 
   set limit(rows: number) {
@@ -141,10 +168,10 @@ export class Layer {
 }
 
 /** Return the lower corner and the extent of a box in a frame. */
-function boxIn(frame: Frame, { low, step }: Pick<Cloud, "low" | "step">): [Vector3, Vector3] {
+function boxIn(frame: Frame, { low, step }: Pick<Cloud, "low" | "step">, unit = 65535): [Vector3, Vector3] {
   return [
     new Vector3(...low).sub(new Vector3(...frame.centre)).divideScalar(frame.size),
-    new Vector3(...step).multiplyScalar(65535 / frame.size),
+    new Vector3(...step).multiplyScalar(unit / frame.size),
   ];
 }
 
@@ -157,11 +184,16 @@ function table(colours: Uint8Array<ArrayBuffer>): DataTexture {
   return texture;
 }
 
-function material(low: Vector3, extent: Vector3, clipped: object): RawShaderMaterial {
+function clippedTo({ low, high }: Layer["clip"]) {
+  return { clipLow: { value: low }, clipHigh: { value: high } };
+}
+
+function material({ origin, scale, middle, radii, clip }: Layer): RawShaderMaterial {
   const uniforms = {
-    low: { value: low }, extent: { value: extent }, radius: { value: 1 }, pixels: { value: 1 }, limit: { value: 1e9 },
+    low: { value: origin }, extent: { value: scale }, middle: { value: middle }, radii: { value: radii },
+    radius: { value: 1 }, pixels: { value: 1 }, limit: { value: 1e10 },
     light: { value: 1 }, scale: { value: new Vector3(0, 1, 1) }, mode: { value: 0 }, table: { value: AMOUNTS_TABLE },
-    ...clipped,
+    ...clippedTo(clip),
   };
   return new RawShaderMaterial({ glslVersion: GLSL3, vertexShader, fragmentShader, uniforms });
 }
@@ -178,7 +210,7 @@ function shuffled(n: number): Uint32Array {
   return order;
 }
 
-function taken<A extends Uint8Array | Uint16Array>(array: A, columns: number, order: Uint32Array): A {
+function taken<A extends Uint8Array | Uint16Array | Float32Array>(array: A, columns: number, order: Uint32Array): A {
   const result = new (array.constructor as new (n: number) => A)(order.length * columns);
   for (let to = 0; to < order.length; to++)
     for (let c = 0; c < columns; c++) result[to * columns + c] = array[order[to]! * columns + c]!;
@@ -233,6 +265,12 @@ export class Views {
 
   add(drawn: Points | Mesh): void {
     this.turned.add(drawn);
+  }
+
+  remove(drawn: Points<BufferGeometry, RawShaderMaterial>): void {
+    this.turned.remove(drawn);
+    drawn.geometry.dispose();
+    drawn.material.dispose();
   }
 
   /** Put the end of an axis up: x, y, z, -x, -y or -z. */
@@ -337,34 +375,41 @@ export class Views {
   /** Return the point of a view that is seen at a place of the page, or the nearest one within reach. */
   pick(view: View, x: number, y: number, reach: number): number | null {
     const { layer, place } = view;
-    const { positions, spreads } = layer.arrays;
-    const matrix = new Matrix4().multiplyMatrices(this.camera.projectionMatrix, this.camera.matrixWorldInverse)
+    const projected = new Matrix4().multiplyMatrices(this.camera.projectionMatrix, this.camera.matrixWorldInverse)
       .multiply(this.turned.matrix);
-    const { x: sx, y: sy, z: sz } = layer.scale.clone().divideScalar(65535);
-    matrix.multiply(new Matrix4().makeTranslation(layer.origin)).multiply(new Matrix4().makeScale(sx, sy, sz));
-    const m = matrix.elements as number[];
     const [px, py] = [(x - place.left) / place.width * 2 - 1, 1 - (y - place.top) / place.height * 2];
-    const radius = this.radius(layer);
     const seen: { index: number; off: number; away: number }[] = []; // discs under the pointer
     let [nearest, least, front] = [-1, reach, Infinity];
-    for (let index = 0; index < layer.cloud.shown; index++) {
-      const [a, b, c] = [positions[3 * index]!, positions[3 * index + 1]!, positions[3 * index + 2]!];
-      const away = m[3]! * a + m[7]! * b + m[11]! * c + m[15]!;
-      if (away <= 0) continue;
-      const dx = ((m[0]! * a + m[4]! * b + m[8]! * c + m[12]!) / away - px) * place.width / 2;
-      const dy = ((m[1]! * a + m[5]! * b + m[9]! * c + m[13]!) / away - py) * place.height / 2;
-      const off = Math.hypot(dx, dy);
-      const extent = radius * widening(spreads[index]!);
-      const disc = Math.max(1.5, extent * this.pixels(place.height) / away);
-      if (off > Math.max(least, disc) || !layer.shows(index)) continue;
-      if (off < least) [nearest, least] = [index, off];
-      if (off > disc) continue;
-      seen.push({ index, off, away });
-      front = Math.min(front, away + 2 * extent);
+    for (const part of layer.parts) {
+      const { arrays: { positions, spreads }, cloud, scale, origin, unit, start } = part;
+      const { x: sx, y: sy, z: sz } = scale.clone().divideScalar(unit);
+      const matrix = projected.clone().multiply(new Matrix4().makeTranslation(origin))
+        .multiply(new Matrix4().makeScale(sx, sy, sz));
+      const m = matrix.elements as number[];
+      const radius = this.radius(part) * Math.min(...part.radii);
+      for (let i = 0; i < cloud.shown; i++) {
+        const [a, b, c] = [positions[3 * i]!, positions[3 * i + 1]!, positions[3 * i + 2]!];
+        const away = m[3]! * a + m[7]! * b + m[11]! * c + m[15]!;
+        if (away <= 0) continue;
+        const dx = ((m[0]! * a + m[4]! * b + m[8]! * c + m[12]!) / away - px) * place.width / 2;
+        const dy = ((m[1]! * a + m[5]! * b + m[9]! * c + m[13]!) / away - py) * place.height / 2;
+        const off = Math.hypot(dx, dy);
+        const extent = radius * widening(spreads[i]!);
+        const disc = Math.max(1.5, extent * this.pixels(place.height) / away);
+        if (off > Math.max(least, disc) || !part.shows(i)) continue;
+        const index = start + i;
+        if (off < least) [nearest, least] = [index, off];
+        if (off > disc) continue;
+        seen.push({ index, off, away });
+        front = Math.min(front, away + 2 * extent);
+      }
     }
     // The discs in front are seen, each where no other centre is nearer; beside all discs, the nearest point counts.
     const [best] = seen.filter(({ away }) => away <= front).sort((one, other) => one.off - other.off);
-    return best?.index ?? (nearest < 0 ? null : nearest);
+    const picked = best?.index ?? nearest;
+    if (picked < 0) return null;
+    layer.octree?.keep(picked);
+    return picked;
   }
 
   resize(width: number, height: number): void {
@@ -376,7 +421,7 @@ export class Views {
 
   /** Give the picture the size of the canvas, in finer or in coarser pixels. */
   private fit(): void {
-    const ratio = this.coarse ? COARSE : Math.min(window.devicePixelRatio, 2);
+    const ratio = this.coarse ? COARSE : finest();
     this.renderer.setPixelRatio(ratio);
     this.renderer.setSize(this.width, this.height, false);
     this.target.setSize(Math.floor(this.width * ratio), Math.floor(this.height * ratio));
@@ -426,6 +471,8 @@ export class Views {
     const { renderer, target } = this;
     this.keepPace(now);
     this.aim();
+    for (const { layer, place } of this.views)
+      layer.octree?.choose(this.camera, this.turned.matrix, this.pixels(place.height) * finest());
     renderer.setClearColor(0x000000, 0);
     target.scissorTest = false;
     target.viewport.set(0, 0, target.width, target.height);
@@ -434,9 +481,12 @@ export class Views {
     target.scissorTest = true;
     for (const view of this.views) this.drawView(view);
     this.drawPass();
-    if (this.meshes && !this.moving) {
+    const octrees = this.views.flatMap(({ layer }) => layer.octree ?? []);
+    if ((this.meshes || octrees.length > 0) && !this.moving) {
       renderer.readRenderTargetPixels(target, 0, 0, 1, 1, new Uint8Array(4)); // waits until all is drawn
-      this.slow = performance.now() - start > LONGEST;
+      const passed = performance.now() - start;
+      this.slow = this.meshes && passed > LONGEST;
+      for (const octree of octrees) octree.paced(passed);
     }
     this.drawn();
   }
@@ -468,21 +518,26 @@ export class Views {
   private drawView({ layer, place, from, to }: View): void {
     const { renderer, target } = this;
     const ratio = renderer.getPixelRatio();
-    const shown = (this.withSurfaces && layer.mesh) || layer.points;
-    for (const other of this.turned.children) other.visible = other === shown;
+    const parts = this.withSurfaces && layer.mesh ? [] : layer.parts;
+    const shown = new Set<Object3D>(parts.length > 0 ? parts.map(({ points }) => points) : [layer.mesh!]);
+    for (const other of this.turned.children) other.visible = shown.has(other);
     const bottom = target.height - (place.top + place.height) * ratio;
     const [left, width, height] = [place.left * ratio, place.width * ratio, place.height * ratio];
     target.viewport.set(left, bottom, width, height);
     target.scissor.set((place.left + from * place.width) * ratio, bottom, (to - from) * place.width * ratio, height);
     renderer.setRenderTarget(target);
-    const count = this.moving ? Math.min(layer.cloud.shown, Math.max(LEAST, this.share * layer.cloud.shown)) : Infinity;
-    layer.points.geometry.setDrawRange(0, count);
-    const { uniforms } = layer.points.material;
-    const share = Math.min(1, count / layer.cloud.shown);
-    uniforms["radius"]!.value = this.radius(layer) * (this.moving ? MOVING : 1) / Math.sqrt(share);
-    uniforms["pixels"]!.value = this.pixels(height);
-    uniforms["light"]!.value = this.shading === "both" || this.shading === "light" ? 1 : 0;
-    if (layer.mesh) layer.mesh.material.uniforms["light"]!.value = uniforms["light"]!.value;
+    const light = this.shading === "both" || this.shading === "light" ? 1 : 0;
+    for (const part of parts) {
+      const { shown: all } = part.cloud;
+      const count = this.moving ? Math.min(all, Math.max(LEAST / parts.length, this.share * all)) : Infinity;
+      part.points.geometry.setDrawRange(0, count);
+      const { uniforms } = part.points.material;
+      const share = Math.min(1, count / all);
+      uniforms["radius"]!.value = this.radius(part) * (this.moving ? MOVING : 1) / Math.sqrt(share);
+      uniforms["pixels"]!.value = this.pixels(height);
+      uniforms["light"]!.value = light;
+    }
+    if (layer.mesh) layer.mesh.material.uniforms["light"]!.value = light;
     renderer.render(this.scene, this.camera);
   }
 
@@ -499,6 +554,11 @@ export class Views {
     this.renderer.setRenderTarget(null);
     this.renderer.render(pass, this.passCamera);
   }
+}
+
+/** Return the pixels of a fine picture, for each pixel of the page. */
+function finest(): number {
+  return Math.min(window.devicePixelRatio, 2);
 }
 
 /** Return how large a point is drawn, relative to the usual one of its cloud. */

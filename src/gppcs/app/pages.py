@@ -48,11 +48,15 @@ def how_made(command: Sequence[str], inputs: Sequence[Path]) -> list[tuple[str, 
         if not is_standard(path)
     ]
     return [
-        ("gppcs", __version__),
-        ("command", shlex.join(command)),
+        *how_run(command),
         *digests,
         ("views", "Coordinates in 16 bits of each bounding box, values in 16 bits of their range, normals in 16 bits."),
     ]
+
+
+def how_run(command: Sequence[str]) -> list[tuple[str, str]]:
+    """Return what has made a page."""
+    return [("gppcs", __version__), ("command", shlex.join(command))]
 
 
 def _digest(path: Path) -> str:

@@ -24,12 +24,12 @@ TO_LAB = np.array(
 )
 
 
-def eight_bits(colours: NDArray[Any]) -> NDArray[np.uint8]:
-    """Return colours in 8 bits.
+def eight_bits(colours: NDArray[Any], full: float | None = None) -> NDArray[np.uint8]:
+    """Return colours in 8 bits, given which value is the brightest possible, unless they tell it themselves.
 
     Shapes: colours (N, 3); returns (N, 3).
     """
-    return np.clip(_from_0_to_255(colours), 0, 255).round().astype(np.uint8)
+    return np.clip(_from_0_to_255(colours, full), 0, 255).round().astype(np.uint8)
 
 
 def fit_eight_bits(colours: NDArray[Any]) -> bool:
@@ -46,8 +46,8 @@ def full_scale(colours: NDArray[Any]) -> float:
     return 1.0 if np.issubdtype(colours.dtype, np.floating) and largest <= 1 else 255.0 if largest <= 255 else 65535.0
 
 
-def _from_0_to_255(colours: NDArray[Any]) -> NDArray[np.float64]:
-    return np.nan_to_num(colours.astype(np.float64)) * (255.0 / full_scale(colours))
+def _from_0_to_255(colours: NDArray[Any], full: float | None = None) -> NDArray[np.float64]:
+    return np.nan_to_num(colours.astype(np.float64)) * (255.0 / (full or full_scale(colours)))
 
 
 def oklab(colours: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.colours import eight_bits
+from gppcs.clouds.colours import eight_bits, full_scale
 from gppcs.errors import ParameterError, nearest_name, shown
 
 RGB, VARIATION = "rgb", "variation"  # colourings that are no attributes; an attribute of that name wins
@@ -20,21 +20,29 @@ COLOUR_NAMES += [[f"{name} {i}" for i in range(3)] for name in ("rgb", "color", 
 
 @dataclass(frozen=True)
 class Colourable:
-    """The attributes of numbers of a cloud, and its RGB."""
+    """The attributes of numbers of a cloud, its RGB, and which value of it in the cloud is the brightest possible."""
 
     columns: dict[str, NDArray[Any]]
     rgb: NDArray[np.uint8] | None
+    full: float | None = None
 
     @classmethod
-    def of(cls, cloud: PointCloud) -> Colourable:
-        """Return the attributes of a cloud as columns; one with several numbers per point becomes several."""
+    def of(cls, cloud: PointCloud, full: float | None = None) -> Colourable:
+        """Return the attributes of a cloud as columns; one with several numbers per point becomes several.
+
+        `full` is the brightest possible value of the colours, if it is known.
+        """
         columns: dict[str, NDArray[Any]] = {}
         for name, values in cloud.attributes.items():
             if values.dtype.kind in "biuf":
                 flat = values.reshape(len(values), -1).T
                 columns |= {name if values.ndim == 1 else f"{name} {i}": column for i, column in enumerate(flat)}
         names = next((names for names in COLOUR_NAMES if set(names) <= set(columns)), None)
-        return cls(columns, eight_bits(np.stack([columns.pop(name) for name in names], axis=1)) if names else None)
+        if names is None:
+            return cls(columns, None)
+        colours = np.stack([columns.pop(name) for name in names], axis=1)
+        full = full or full_scale(colours)
+        return cls(columns, eight_bits(colours, full), full)
 
     def require(self, colour: str) -> None:
         """Raise an error if the cloud cannot be coloured so."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from io import BufferedReader
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -35,6 +34,12 @@ def chunks_of(
 
     Shapes: scales (3,).
     """
+    found = entries_of(file, info_of(info), query, scales)
+    return list(zip(found["offset"].tolist(), found["size"].tolist(), found["count"].tolist(), strict=True))
+
+
+def info_of(info: bytes) -> Any:
+    """Return what a file says of its octree, by the names of `INFO`."""
     if len(info) < INFO.itemsize:
         raise FileFormatError(f"expected at least {INFO.itemsize} bytes about the COPC index, found {len(info)}")
     fields = np.frombuffer(info, INFO, 1)[0]
@@ -43,15 +48,22 @@ def chunks_of(
             "expected a COPC index with a spacing and a size above 0, found "
             f"{fields['spacing']:g} and {fields['halfsize']:g}; get the whole file again"
         )
+    return fields
+
+
+def entries_of(file: BufferedReader, info: Any, query: Query, scales: NDArray[np.float64]) -> NDArray[Any]:
+    """Return the entries of all nodes with points that a query asks for, in the order of the file.
+
+    Shapes: scales (3,); returns (K,).
+    """
     deepest = np.iinfo(np.int32).max
     if query.resolution is not None:
-        deepest = math.ceil(math.log2(fields["spacing"]) - math.log2(query.resolution))
-    found: list[tuple[int, int, int]] = []
-    for page in _pages(file, fields, query, max(0, deepest), scales):
-        filled = page[page["count"] > 0]
-        found += zip(filled["offset"].tolist(), filled["size"].tolist(), filled["count"].tolist(), strict=True)
-    found.sort()
-    if any(offset + size > after for (offset, size, _), (after, _, _) in pairwise(found)):
+        deepest = math.ceil(math.log2(info["spacing"]) - math.log2(query.resolution))
+    pages = _pages(file, info, query, max(0, deepest), scales)
+    found = np.concatenate([np.empty(0, ENTRY), *(page[page["count"] > 0] for page in pages)])
+    found = found[np.lexsort([found["count"], found["size"], found["offset"]])]
+    offsets, sizes = found["offset"].tolist(), found["size"].tolist()
+    if any(offset + size > after for offset, size, after in zip(offsets, sizes, offsets[1:], strict=False)):
         raise FileFormatError("expected a COPC index of chunks side by side, found some that overlap; get it again")
     return found
 

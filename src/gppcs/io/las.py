@@ -128,7 +128,7 @@ def _standard_layout(point_format: int) -> Layout:
     return Layout(record, dimensions)
 
 
-def _layout(header: LasHeader, size: int) -> Layout:
+def layout_of(header: LasHeader, size: int) -> Layout:
     """Return how the points of a file are stored, given the bytes of each."""
     number = header.point_format
     if number > 10:
@@ -171,7 +171,7 @@ def count_las_points(file: BufferedReader) -> int:
 def uncounted_las_points(file: BufferedReader) -> list[str]:
     """Return in words how many points a LAS or LAZ file holds behind those that its header counts, if any."""
     header, fields, own = read_header(file)
-    layout, start = _layout(header, int(fields["point_size"][0])), file.tell()
+    layout, start = layout_of(header, int(fields["point_size"][0])), file.tell()
     if _is_compressed(fields):
         held = fewest_points(file, layout.record, own.get(LASZIP)) if _count(fields) else 0
     else:
@@ -185,7 +185,7 @@ def uncounted_las_points(file: BufferedReader) -> list[str]:
 def spans_of_las(file: BufferedReader, rows: int) -> list[Span]:
     """Divide the points of a LAS, LAZ or COPC file into parts that can be read by themselves."""
     header, fields, own = read_header(file)
-    layout, count = _layout(header, int(fields["point_size"][0])), _count(fields)
+    layout, count = layout_of(header, int(fields["point_size"][0])), _count(fields)
     if not count:
         return []
     if _is_compressed(fields):
@@ -215,7 +215,7 @@ def _blocks_as_clouds(
 ) -> Iterator[PointCloud]:
     """Yield a cloud without points, and then one for each block of points."""
     header, fields, own = read_header(file)
-    layout, compressed = _layout(header, int(fields["point_size"][0])), _is_compressed(fields)
+    layout, compressed = layout_of(header, int(fields["point_size"][0])), _is_compressed(fields)
     count = _count(fields)
     scales, offsets = fields["scales"][0], fields["offsets"][0]
     if query and compressed and COPC in own:
@@ -232,19 +232,22 @@ def _blocks_as_clouds(
         blocks = decompressed(file, layout.record, count, own.get(LASZIP))
     else:
         blocks = _uncompressed(file, layout, *(span or (0, count)))
-    wanted = layout.dimensions if attributes else {}
     for block in chain([np.empty(0, layout.record)], blocks):
         points = coordinates_of(block, scales, offsets)
         if query:
             inside = query.holds(points)
             points, block = points[inside], block[inside]
-        columns = {
-            name: np.ascontiguousarray(
-                dimension.values(block), np.float64 if dimension.scaling else dimension.dtype.newbyteorder("=")
-            )
-            for name, dimension in wanted.items()
-        }
-        yield PointCloud(points, columns, header=header)
+        yield PointCloud(points, attributes_of(block, layout) if attributes else {}, header=header)
+
+
+def attributes_of(points: NDArray[Any], layout: Layout) -> dict[str, Column]:
+    """Return the attributes of points as they are stored."""
+    return {
+        name: np.ascontiguousarray(
+            dimension.values(points), np.float64 if dimension.scaling else dimension.dtype.newbyteorder("=")
+        )
+        for name, dimension in layout.dimensions.items()
+    }
 
 
 def _uncompressed(file: BufferedReader, layout: Layout, begin: int, end: int) -> Iterator[NDArray[Any]]:

@@ -8,13 +8,19 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from threading import Thread
 
+import laspy
 import numpy as np
 import pytest
 
 import gppcs
+from copc_file import write_copc
 from gppcs.clouds.cloud import PointCloud
 from gppcs.drawing.web.contents import Named, report_page, view_page
+from gppcs.drawing.web.levels import Levels
+from gppcs.drawing.web.serving import LevelsServer
+from gppcs.io.copc_nodes import CopcNodes
 
 ROOT = Path(__file__).parents[3]
 VIEWER = ROOT / "viewer"
@@ -53,11 +59,14 @@ def kept(scan):
 
 
 @pytest.fixture(scope="module")
-def seen(node, scan, kept, tmp_path_factory):
+def browser():
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    return found or lacks("chromium", f"no browser: none of {', '.join(BROWSERS)}")
+
+
+@pytest.fixture(scope="module")
+def seen(node, browser, scan, kept, tmp_path_factory):
     """What a person sees and does on the page."""
-    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if not browser:
-        lacks("chromium", f"no browser: none of {', '.join(BROWSERS)}")
     voxels = gppcs.simplify(scan, n_points=1000, method="voxel").cloud
     scored = PointCloud(kept.cloud.points, {**kept.cloud.attributes, **SCORES})
     page = report_page(
@@ -291,3 +300,72 @@ class TestInTheBrowser:
         assert seen["narrow"]["width"] == 400
         light, dark = seen["backgrounds"]
         assert light != dark
+
+
+@pytest.fixture(scope="module")
+def copc(tmp_path_factory):
+    """A COPC file of 300,000 points on four levels, of which the page holds three; it says that they are dense."""
+    las = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(0, 100, (2, 300_000))
+    las.x, las.y, las.z = x, y, 5 * np.sin(x / 9) * np.cos(y / 7)
+    las.intensity = rng.integers(0, 1000, 300_000)
+    path = tmp_path_factory.mktemp("copc") / "scan.copc.laz"
+    write_copc(path, las, depth=4, spacing=0.2)
+    return path
+
+
+@pytest.fixture(scope="module")
+def looked(node, browser, copc):
+    """What a person sees of a cloud by level."""
+    with open(copc, "rb") as file, LevelsServer(Levels(CopcNodes(file), "scan.copc.laz", [])) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        command = [node, VIEWER / "drive_levels.mjs", server.url, browser]
+        run = subprocess.run(command, capture_output=True, text=True, check=False)
+        server.shutdown()
+    assert run.returncode == 0, run.stderr
+    return json.loads(run.stdout)
+
+
+def drawn(step):
+    """The number of points that the page says it draws."""
+    found = re.fullmatch(r"([\d,]+) of 300,000 points are drawn\.", step["told"])
+    return int(found[1].replace(",", ""))
+
+
+@pytest.mark.slow
+class TestByLevel:
+    def test_it_opens_with_the_first_levels(self, looked):
+        assert looked["messages"] == []
+        assert looked["start"]["arrived"] == []
+        assert 20_000 < drawn(looked["start"]) < 60_000
+
+    def test_deeper_nodes_come_where_somebody_looks(self, looked, copc):
+        with open(copc, "rb") as file:
+            nodes = CopcNodes(file)
+        arrived = looked["near"]["arrived"]
+        deepest = np.flatnonzero(nodes.entries["level"] == 3)
+        assert set(arrived) < set(deepest.tolist())
+        assert len(arrived) == len(set(arrived))
+        more = drawn(looked["near"]) - drawn(looked["start"])
+        assert 0 < more <= nodes.entries["count"][arrived].sum()  # some came and were passed on the way
+
+    def test_they_are_coloured_as_the_others(self, looked):
+        assert looked["coloured"]["picture"] != looked["near"]["picture"]
+        assert looked["coloured"]["arrived"] == []
+
+    def test_a_picked_point_is_the_point_of_the_file(self, looked, copc):
+        whole, picked = gppcs.read(copc), looked["picked"]
+        row = int(picked["row"].replace(",", ""))
+        half = 100 / 131_000  # of a step, if it is of the first levels
+        assert [float(picked[axis]) for axis in "xyz"] == pytest.approx(whole.points[row].tolist(), abs=half)
+        assert float(picked["intensity"].replace(",", "")) == whole.attributes["intensity"][row]
+
+    def test_from_afar_only_the_first_levels_are_drawn_again(self, looked):
+        assert drawn(looked["back"]) == drawn(looked["start"])
+        assert looked["back"]["arrived"] == []
+
+    def test_nodes_that_nobody_looks_at_any_more_are_cancelled(self, looked):
+        assert looked["cancelled"] > 0
+        assert drawn(looked["away"]) == drawn(looked["start"])
+        assert looked["away"]["picture"] == looked["back"]["picture"]

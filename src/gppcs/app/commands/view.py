@@ -5,7 +5,8 @@ from __future__ import annotations
 import tempfile
 import webbrowser
 from pathlib import Path
-from typing import Annotated
+from threading import Thread
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,6 +14,9 @@ from gppcs.app import options
 from gppcs.app.outputs import check_output
 from gppcs.app.printing import names_of, print_error, say, started
 from gppcs.app.viewpoint import viewpoint_of
+
+if TYPE_CHECKING:
+    from gppcs.drawing.web.serving import LevelsServer
 
 EPILOG = "gppcs view scan.ply\n\ngppcs view before.ply after.ply --up z\n\ngppcs view scan.ply -o scan.html --no-open"
 
@@ -40,17 +44,29 @@ def view(
     """Show point clouds side by side in the browser, in views that turn together.
 
     Files of all formats that gppcs reads can be shown, meshes with their faces. The page is one file that needs no
-    network.
+    network. A single COPC file of more than a million points is shown by level, unless --output is given: the page is
+    at an address of this machine, and asks for the points that are looked at until Ctrl-C ends the command.
     """
     from gppcs import io
-    from gppcs.app.pages import SUFFIXES, different_names, how_made
+    from gppcs.app.pages import SUFFIXES, different_names, how_made, how_run
     from gppcs.drawing.web.contents import Named, view_page
+    from gppcs.drawing.web.layers import MOST_SHOWN
+    from gppcs.drawing.web.levels import Levels
+    from gppcs.drawing.web.serving import LevelsServer
+    from gppcs.io.copc_nodes import nodes_of
     from gppcs.io.mesh_files import mesh_of
 
     timer = started(quiet, threads)
     viewpoint = viewpoint_of(view, up)
     if output:
         check_output(output, SUFFIXES, inputs, force)
+    if output is None and input_format is None and len(inputs) == 1:
+        with nodes_of(inputs[0], more_than=MOST_SHOWN) as nodes:
+            if nodes:
+                with timer("first levels"):
+                    levels = Levels(nodes, inputs[0].name, how_run(context.obj), viewpoint)
+                _serve(LevelsServer(levels), opened, quiet)
+                return
     with timer("reading"):
         read = io.read_each(inputs, input_format, names_of(columns))
         meshes = [mesh_of(path, input_format) for path in inputs]
@@ -66,3 +82,20 @@ def view(
         say(str(output))
     if opened and not webbrowser.open(output.absolute().as_uri()):
         print_error(f"note: no browser was found; open {output} yourself")
+
+
+def _serve(server: LevelsServer, opened: bool, quiet: bool) -> None:
+    """Answer the browser until Ctrl-C."""
+
+    def open_page() -> None:
+        if not webbrowser.open(server.url):
+            print_error(f"note: no browser was found; open {server.url} yourself")
+
+    if not (quiet and opened):
+        say(server.url)
+    if not quiet:
+        print_error("note: the page asks for points as they are looked at, until Ctrl-C ends this command")
+    if opened:
+        Thread(target=open_page, daemon=True).start()  # a browser in this terminal comes back only when it is closed
+    with server:
+        server.serve_forever()

@@ -14,7 +14,7 @@ from gppcs.clouds.ranges import CLASSES
 from gppcs.drawing.attributes import MOST_KINDS, Colourable, kinds_of
 from gppcs.drawing.colours import scale_ends
 from gppcs.drawing.estimates import AROUND, estimates, reaches
-from gppcs.drawing.web.packing import Blocks, octahedral, packed_faces, quantised, quantised_values
+from gppcs.drawing.web.packing import Blocks, Quantised, octahedral, packed_faces, quantised, quantised_values
 from gppcs.errors import InputError
 from gppcs.simplification import simplify
 from gppcs.spatial.kdtree import KdTree
@@ -71,6 +71,13 @@ class Surface(NamedTuple):
         return np.ldexp(reaches(self.tree.points.T, nearest, sixth) / SPACINGS_TO_SIXTH, exponent)
 
 
+def spread(spacings: NDArray[np.float64], least: float) -> tuple[float, NDArray[np.uint8]]:
+    """Return the usual one of some spacings (N,), and each in relation to it in 8 bits (N,)."""
+    usual = float(np.median(spacings)) or least
+    octaves = np.log2(np.clip(spacings / (usual or 1.0), 1.0 / WIDEST, WIDEST))
+    return usual, np.round(USUAL_SPREAD + SPREAD_PER_OCTAVE * octaves).astype(np.uint8)
+
+
 class Layer:
     """One cloud of the page: `described` is what the page needs to know of it, as JSON."""
 
@@ -83,12 +90,11 @@ class Layer:
         self.cloud = surface.cloud if len(self.shown) == finite else surface.cloud.take(self.shown)
         placed = quantised(self.cloud.points)
         spacings = surface.spacings()[self.shown] * (finite / len(self.shown)) ** 0.5
-        usual = float(np.median(spacings)) or float(placed.step.max()) * 100
-        octaves = np.log2(np.clip(spacings / (usual or 1.0), 1.0 / WIDEST, WIDEST))
+        usual, spreads = spread(spacings, float(placed.step.max()) * 100)
         held = {
             "positions": blocks.add(placed.numbers),
             "normals": blocks.add(octahedral(surface.normals[self.shown])),
-            "spreads": blocks.add(np.round(USUAL_SPREAD + SPREAD_PER_OCTAVE * octaves).astype(np.uint8)),
+            "spreads": blocks.add(spreads),
         }
         if len(self.shown) < points:
             held["rows"] = blocks.add(surface.rows[self.shown].astype(np.uint32))
@@ -100,8 +106,7 @@ class Layer:
         if len(self.shown) < finite:
             drawn = f"{len(self.shown):,} of {finite:,} points are drawn, chosen by the method gp"
             self.note(f"{drawn}. All figures are those of all points.")
-        ratio = "a ratio from 0 (flat) to 1/3"
-        self.add_values("variation", "surface variation", ratio, surface.variation[self.shown], root=True)
+        self._add_estimates(surface)
         self._add_attributes()
 
     def note(self, text: str) -> None:
@@ -111,12 +116,21 @@ class Layer:
     def add_values(self, key: str, title: str, unit: str, values: NDArray[Any], root: bool = False) -> None:
         """Add a quantity (K,) that colours can show."""
         kinds = kinds_of(values, MOST_CLASSES if title in CLASSES else MOST_KINDS)
-        held = quantised_values(values if kinds is None else np.searchsorted(kinds, values))
+        held = self._held(values) if kinds is None else quantised_values(np.searchsorted(kinds, values))
         first, last = scale_ends(values, root)
         described = {"key": key, "title": title, "unit": unit, "from": first, "to": last, "root": root}
         categories = None if kinds is None else [float(kind) for kind in kinds]
         described |= held.described() | {"categories": categories, "block": self.blocks.add(held.numbers)}
         self.described["values"].append(described)
+
+    def _held(self, values: NDArray[Any]) -> Quantised:
+        """Return a quantity (K,) as the page holds it."""
+        return quantised_values(values)
+
+    def _add_estimates(self, surface: Surface) -> None:
+        """Add what is estimated about the surface."""
+        ratio = "a ratio from 0 (flat) to 1/3"
+        self.add_values("variation", "surface variation", ratio, surface.variation[self.shown], root=True)
 
     def _add_attributes(self) -> None:
         """Add all attributes of numbers, and RGB, up to the limit of the page."""

@@ -1,0 +1,83 @@
+"""Serves the page that shows a COPC file by level to the browser of this machine, and to nobody else.
+
+Only this machine can connect. A page of another site cannot read anything: it does not know the token in the path, and
+a name of its own that leads here is refused, as the browser tells which host it asked for.
+"""
+
+from __future__ import annotations
+
+import re
+import secrets
+import sys
+from contextlib import suppress
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler
+from socketserver import ThreadingTCPServer
+from typing import Any
+
+from gppcs.drawing.web.levels import Levels
+from gppcs.errors import GppcsError
+
+HOST = "127.0.0.1"
+HEADERS = {
+    "Cache-Control": "no-store",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+class LevelsServer(ThreadingTCPServer):
+    """Answers at a free port of the loopback address, under a path that nobody can guess."""
+
+    daemon_threads = True  # a browser that keeps its connection does not keep the program
+
+    def __init__(self, levels: Levels) -> None:
+        self.levels, self.token = levels, secrets.token_urlsafe(16)
+        super().__init__((HOST, 0), _Handler)
+        self.host = f"{HOST}:{self.server_address[1]}"
+        self.url = f"http://{self.host}/{self.token}/"
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing of a browser that has closed its connection."""
+        if not isinstance(sys.exception(), ConnectionError):
+            super().handle_error(request, client_address)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: LevelsServer
+    protocol_version = "HTTP/1.1"  # which keeps the connection
+    server_version, sys_version = "gppcs", ""
+
+    def do_GET(self) -> None:
+        """Answer with the page, or with a node."""
+        _, token, *rest = [*self.path.split("/", 2), ""]
+        if self.headers.get_all("Host") != [self.server.host]:
+            self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
+        elif not secrets.compare_digest(token.encode(), self.server.token.encode()):
+            self.send_error(HTTPStatus.FORBIDDEN)
+        elif rest[0] == "":
+            self._send(self.server.levels.page, "text/html; charset=utf-8")
+        elif re.fullmatch("[0-9]{1,9}", rest[0]) and int(rest[0]) < len(self.server.levels):
+            self._send_node(int(rest[0]))
+        else:
+            self.send_error(HTTPStatus.NOT_FOUND)
+
+    def _send_node(self, number: int) -> None:
+        try:
+            content = self.server.levels.node(number)
+        except (GppcsError, OSError) as error:
+            self.send_error(HTTPStatus.INTERNAL_SERVER_ERROR, explain=str(error))
+        else:
+            self._send(content, "application/octet-stream")
+
+    def _send(self, content: bytes, kind: str) -> None:
+        self.send_response(HTTPStatus.OK)
+        for name, value in {"Content-Type": kind, "Content-Length": str(len(content)), **HEADERS}.items():
+            self.send_header(name, value)
+        self.end_headers()
+        with suppress(ConnectionError):  # the browser no longer wants it
+            self.wfile.write(content)
+
+    def log_message(self, *_: Any) -> None:
+        """Print nothing of each request."""
