@@ -143,22 +143,11 @@ def simplify_files(
 
 @dataclass(frozen=True)
 class Work:
-    """How the work on a cloud is done.
+    """How the work on a cloud is done."""
 
-    Attributes
-    ----------
-    memory : int, optional
-        Bytes that the process may hold.
-    scratch : path, optional
-        The folder for temporary files.
-    executor : Executor, optional
-        Who works on parts of the cloud.
-    timer : Timer
-    """
-
-    memory: int | None
-    scratch: Path | None
-    executor: Executor | None
+    memory: int | None  # bytes that the process may hold
+    scratch: Path | None  # for temporary files
+    executor: Executor | None  # who works on parts of the cloud
     timer: Timer
 
     def planned(self, files: CloudFiles, request: Request, whole: str | None = None) -> Plan:
