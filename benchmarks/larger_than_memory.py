@@ -99,7 +99,7 @@ def measured(paths: list[Path], share: float, memory: str, folder: Path) -> list
     """Return the row of a job."""
     n, target = len(paths) * TILE, folder / "small.laz"
     words = [
-        str(Path(sys.executable).with_name("gppcs")), "simplify", *map(str, paths), "-o", str(target), "--merge",
+        str(Path(sys.executable).with_name("gppcs")), "simplify", *map(str, paths), "-o", str(target),
         "--ratio", str(share), "--memory", memory, "--scratch", str(folder), "--json", "--quiet", "--force",
     ]  # fmt: skip
     print(f"{n // 1_000_000} million points to {share:.1%}", file=sys.stderr)

@@ -78,7 +78,7 @@ def test_options_do_what_the_library_does(gppcs_command, scan):
 
 def test_conditions_and_polygons(gppcs_command, scan):
     Path("area.json").write_text('{"type": "Polygon", "coordinates": [[[-60, -60], [60, -60], [0, 60]]]}')
-    options = ["--only", "z > 5 and not nx > 0.5", "--polygon", "area.json"]
+    options = ["--only", "z > 5 and not nx > 0.5", "--inside", "area.json", "--inside", "-50,-50,60,60"]
     assert gppcs_command("convert", "scan.ply", "part.ply", *options)[0] == 0
     part = gppcs.read("part.ply")
     assert 0 < len(part) < len(scan)
@@ -91,7 +91,7 @@ def test_conditions_and_polygons(gppcs_command, scan):
 def test_each_file_of_a_level_is_named(gppcs_command, scan):
     command = ("simplify", "scan.ply", "-o", "scan_{level}.ply", "--levels", "20,40,100", *FAST, "--force")
     rows = [" ".join(line.split()) for line in gppcs_command(*command)[1].splitlines()]
-    assert rows[:2] == ["scan.ply → scan_2.ply", "points 400 in, 100 out (25 %)"]
+    assert rows[:2] == ["scan.ply → scan_0.ply, scan_1.ply, scan_2.ply", "points 400 in, 100 out (25 %)"]
     assert rows[2:5] == [f"level {n} scan_{n}.ply: {count} points" for n, count in enumerate([20, 40, 100])]
     record = json.loads(gppcs_command(*command, "--json")[1])
     assert record["output"] == "scan_2.ply"
@@ -166,8 +166,8 @@ def test_a_full_disk_leaves_no_level(gppcs_command, scan, monkeypatch):
         (["--points", 5, "--only", "z > 999"], ["scan.ply: expected points with z > 999, found none"]),
         (["--points", 5, "--only", "zz > 9"], ["scan.ply: 'zz > 9', at character 1", "no attribute 'zz'"]),
         (["--points", 5, "--only", "z = 9"], ["at character 3 ('= 9'): expected =="]),
-        (["--points", 5, "--polygon", "scan.ply"], ["scan.ply: expected polygons in GeoJSON"]),
-        (["--points", 5, "--polygon", "none.json"], ["none.json: No such file"]),
+        (["--points", 5, "--inside", "scan.ply"], ["scan.ply: expected polygons in GeoJSON"]),
+        (["--points", 5, "--inside", "none.json"], ["none.json: No such file"]),
         (["--points", 5, "--weight", "rad"], ["scan.ply: the cloud has no attribute 'rad'", "did you mean 'red'?"]),
         (["--points", 5, "--weight", "nz"], ["scan.ply: expected finite weights from 0 on, found -"]),
         (

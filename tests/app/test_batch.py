@@ -103,16 +103,15 @@ def test_a_virtual_point_cloud_stands_for_its_files(gppcs_command, folder):
     words = ["--points", 20, "--method", "random", "-q"]
     assert gppcs_command("simplify", "all.vpc", "-o", "out/", *words) == (0, "", "")
     assert [len(gppcs.read(f"out/t{i}.ply")) for i in range(3)] == [20] * 3
-    assert gppcs_command("simplify", "all.vpc", "--merge", "-o", "one.ply", *words) == (0, "", "")
+    assert gppcs_command("simplify", "all.vpc", "-o", "one.ply", *words) == (0, "", "")
     whole = np.concatenate([gppcs.read(f"t{i}.ply").points for i in range(3)])
     expected = gppcs.simplify(whole, n_points=20, method="random").cloud.points
     assert (gppcs.read("one.ply").points == expected).all()
     code, out, _ = gppcs_command("info", "all.vpc", "--json")
     assert (code, out.count('"points": 50')) == (0, 3)
-    assert_one_line(gppcs_command("simplify", "all.vpc", "-o", "out.ply", *words), "expected a folder")
     assert_one_line(gppcs_command("info", "none.vpc"), "none.vpc: No such file")
     for name in ("t1.ply", "all.vpc"):
-        for command in (["convert", "all.vpc", name], ["simplify", "all.vpc", "--merge", "-o", name, *words]):
+        for command in (["convert", "all.vpc", name], ["simplify", "all.vpc", "-o", name, *words]):
             told = gppcs_command(*command, "--to", "ply", "--force")
             assert_one_line(told, f"{name}: expected a file other than the input {name}, found the same")
 

@@ -66,7 +66,7 @@ def test_a_part_is_read(gppcs_command, scan, folder):
         low, high = box
         return int(((scan.points[:, :2] >= low) & (scan.points[:, :2] <= high)).all(axis=1).sum())
 
-    words = ["--box", "-20,-5.5,1e2,30"]
+    words = ["--inside", "-20,-5.5,1e2,30"]
     expected = n(([-20, -5.5], [100, 30]))
     assert 0 < expected < 400
     assert gppcs_command("convert", "scan.ply", "part.ply", *words) == (0, "", "")
@@ -76,15 +76,16 @@ def test_a_part_is_read(gppcs_command, scan, folder):
     code, out, _ = gppcs_command("simplify", "scan.ply", "-o", "a.ply", *words, "--points", 3, "--method", "random")
     assert (code, f"{expected} in, 3 out" in out) == (0, True)
     few = ["--points", 3, "--memory", "300MB", "--json"]
-    code, out, _ = gppcs_command("simplify", "scan.ply", "-o", "b.ply", "--box", "900,900,901,901", *few)
+    code, out, _ = gppcs_command("simplify", "scan.ply", "-o", "b.ply", "--inside", "900,900,901,901", *few)
     assert (code, out, (folder / "b.ply").exists()) == (2, "", False)
 
 
 @pytest.mark.parametrize(
     ("words", "part"),
     [
-        (["--box", "0,0,x,1"], "expected --box with numbers"),
-        (["--box", "0,0,1"], "expected a box xmin, ymin"),
+        (["--inside", "0,0,x,1"], "expected --inside with the numbers of a box, such as 0,0,100,50"),
+        (["--inside", "0,0,1"], "expected a box xmin, ymin"),
+        (["--inside", "0,0,1,1", "--inside", "0,0,2,2"], "expected --inside with at most one box and one file"),
         (["--resolution", "-1"], "expected a resolution above 0"),
         (["--resolution", "1"], "scan.ply: expected a COPC file"),
     ],

@@ -30,21 +30,21 @@ def large(monkeypatch):
     monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
 
 
-def test_inputs_are_one_cloud_with_merge(gppcs_command, parts):
-    code, out, err = gppcs_command("simplify", "a.ply", "b.ply", "--merge", "-o", "out.ply", "--points", 40, *FAST)
+def test_inputs_are_one_cloud_in_one_file(gppcs_command, parts):
+    code, out, err = gppcs_command("simplify", "a.ply", "b.ply", "-o", "out.ply", "--points", 40, *FAST)
     assert (code, err) == (0, "")
     assert out.startswith("a.ply and 1 more → out.ply\n")
     assert "400 in, 40 out" in out
     assert gppcs.read("out.ply") == gppcs.simplify(parts, n_points=40, method="fps").cloud
 
 
-@pytest.mark.parametrize("names", [["scan.ply"], ["a.ply", "b.ply", "--merge"]])
+@pytest.mark.parametrize("names", [["scan.ply"], ["a.ply", "b.ply"]])
 def test_the_points_of_a_large_cloud_go_to_disk(gppcs_command, parts, large, names):
     arguments = ("simplify", *names, "-o", "out.ply", "--points", 20, "--add", "scores,index", "--json")
     code, out, err = gppcs_command(*arguments, *LARGE)
     assert (code, err) == (0, "")
     record = json.loads(out)
-    assert record["input"] == (names[0] if len(names) == 1 else names[:2])
+    assert record["input"] == (names[0] if len(names) == 1 else names)
     assert (record["points_in"], record["points_out"], record["readings"]) == (400, 20, 2)
     kept = gppcs.read("out.ply")
     assert len(kept) == 20
@@ -141,12 +141,12 @@ def test_what_the_first_points_tell_is_told_before_all_else(
 
 def test_files_that_do_not_fit_each_other(gppcs_command, parts):
     gppcs.write("c.ply", gppcs.PointCloud(parts.points))
-    result = gppcs_command("simplify", "a.ply", "c.ply", "--merge", "-o", "out.ply", "--points", 2)
+    result = gppcs_command("simplify", "a.ply", "c.ply", "-o", "out.ply", "--points", 2)
     assert_one_line(result, "c.ply: expected the same attributes in all files of a cloud", "curvature")
     assert "out.ply" not in files()
 
 
-MERGED = ("simplify", "a.las", "b.las", "--merge", "-o", "out.las", "--points", 2, "-q")
+MERGED = ("simplify", "a.las", "b.las", "-o", "out.las", "--points", 2, "-q")
 
 
 def test_files_with_different_coordinate_systems(gppcs_command, two_systems):

@@ -1,4 +1,4 @@
-"""`--add index` and `--mark` of `gppcs simplify`."""
+"""`--add index` and `--add kept` of `gppcs simplify`."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def test_the_row_of_each_kept_point_is_added(gppcs_command, rows):
 
 
 def test_all_points_are_written_with_a_mark_for_those_kept(gppcs_command, rows):
-    code, out, _ = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--mark", "kept", *FPS)
+    code, out, _ = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--add", "kept", *FPS)
     assert (code, "400 in, 40 out" in out) == (0, True)
     marked, scan = gppcs.read("out.ply"), gppcs.read("scan.ply")
     assert np.flatnonzero(marked.attributes["kept"]).tolist() == sorted(rows)
@@ -54,7 +54,7 @@ def test_rows_are_those_of_the_points_that_are_read_outliers_included(gppcs_comm
 
 def test_outliers_are_among_the_marked_points(gppcs_command, strays):
     part, clean = strays
-    assert gppcs_command("simplify", "stray.ply", "-o", "out.ply", "--mark", "kept", *ONLY)[0] == 0
+    assert gppcs_command("simplify", "stray.ply", "-o", "out.ply", "--add", "kept", *ONLY)[0] == 0
     marked = gppcs.read("out.ply")
     assert (marked.points == part.points).all()
     result = gppcs.simplify(part[clean], n_points=40, method="fps")
@@ -62,7 +62,7 @@ def test_outliers_are_among_the_marked_points(gppcs_command, strays):
 
 
 def test_attributes_of_the_cloud_are_not_replaced(gppcs_command, folder, scan):
-    code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--mark", "red", *FPS)
+    code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--add", "kept:red", *FPS)
     assert (code, "scan.ply: expected the name of a new attribute, found 'red'" in err) == (2, True)
     assert not (folder / "out.ply").exists()
 
@@ -91,7 +91,7 @@ def no_work(monkeypatch):
 def test_names_that_cannot_be_written_are_found_before_the_work(
     gppcs_command, folder, scan, no_work, name, target, message
 ):
-    result = gppcs_command("simplify", "scan.ply", "-o", target, "--mark", name, *FPS)
+    result = gppcs_command("simplify", "scan.ply", "-o", target, "--add", f"kept:{name}", *FPS)
     assert_one_line(result, message)
     assert not (folder / target).exists()
 
@@ -113,12 +113,12 @@ def test_points_that_are_dropped_need_not_be_held(gppcs_command, folder):
     points[7] = np.nan
     gppcs.write("bare.xyz", points)
     words = ["simplify", "bare.xyz", "-o", "out.las", "--lossy", "--drop", "invalid", "-q", *FPS]
-    assert gppcs_command(*words, "--mark", "kept")[0] == 2
+    assert gppcs_command(*words, "--add", "kept")[0] == 2
     assert not (folder / "out.las").exists()
     assert gppcs_command(*words, "--add", "index") == (0, "", "")
     assert 7 not in gppcs.read("out.las").attributes["index"]
 
 
 def test_what_only_kept_points_have_does_not_go_with_a_mark(gppcs_command, scan):
-    code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--mark", "kept", "--add", "index", *FPS)
-    assert (code, "expected --mark without" in err) == (2, True)
+    code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--add", "kept,index", *FPS)
+    assert (code, "expected --add kept alone" in err) == (2, True)

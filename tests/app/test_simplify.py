@@ -114,7 +114,7 @@ def test_a_report_is_that_of_the_command_report(gppcs_command, scan):
 
 
 def test_a_report_shows_the_kept_points_though_the_output_marks_them(gppcs_command, scan):
-    options = ("--points", 40, "--mark", "kept", "--report", "page.html", *FAST)
+    options = ("--points", 40, "--add", "kept", "--report", "page.html", *FAST)
     assert gppcs_command("simplify", "scan.ply", "-o", "out.ply", *options)[0] == 0
     page = WebPage(Path("page.html").read_text("utf-8"))
     assert [cloud["points"] for cloud in page.described["clouds"]] == [400, 40]
@@ -122,7 +122,7 @@ def test_a_report_shows_the_kept_points_though_the_output_marks_them(gppcs_comma
 
 def test_a_report_of_merged_files_names_the_first(gppcs_command, scan):
     gppcs.write("more.ply", scan)
-    options = ("--merge", "-o", "out.ply", "--points", 40, "--report", "page.html", *FAST)
+    options = ("-o", "out.ply", "--points", 40, "--report", "page.html", *FAST)
     assert gppcs_command("simplify", "scan.ply", "more.ply", *options)[0] == 0
     page = WebPage(Path("page.html").read_text("utf-8"))
     assert [cloud["name"] for cloud in page.described["clouds"]] == ["scan.ply and 1 more", "out.ply"]

@@ -93,7 +93,7 @@ def test_a_missing_input_is_told_before_the_name_of_its_output(gppcs_command, sc
             ["scan.ply: expected a file other than the input scan.ply, found the same"],
         ),
         (["--points", 5, "-o", "out.foo"], ["out.foo: expected one of the formats .ply", "found '.foo'"]),
-        (["--points", 5, "missing.ply"], ["out.ply: expected a folder for the results of 2 inputs"]),
+        (["--points", 5, "--add", "index:row"], ["--add with normals or scores or index or kept, found 'index:row'"]),
         (["--points", 5, "sub/scan.ply", "-o", "."], ["inputs with different names"]),
     ],
 )

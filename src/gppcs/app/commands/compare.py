@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
@@ -46,77 +46,56 @@ EPILOG = (
 
 def compare(
     context: typer.Context,
-    cloud: options.Cloud,
-    output: Annotated[
-        Path,
-        options.output(
-            "DIR",
-            "The folder for table.csv, table.md, picture.png and report.html. It is created if it does not exist.",
-        ),
-    ],
-    ratio: options.Ratio = None,
-    points: options.Points = None,
-    meshes: Annotated[
-        bool,
-        options.flag(
-            "--meshes",
-            "Compare ways to make a light mesh instead of methods. They are listed below. Needs the extra evaluate.",
-            METHOD,
-        ),
-    ] = False,
-    methods: Annotated[
-        str | None,
-        options.option(
-            "NAME,...",
-            "Names of the methods, separated by commas, in the order of the table. See gppcs methods. With "
-            "--meshes, names of ways to a mesh; by default all ways whose packages are installed.",
-            METHOD,
-            show_default="all",
-        ),
-    ] = None,
-    mesh: Annotated[
-        Path | None,
-        options.option(
-            None,
-            "A mesh file of the true surface of IN. The meshes that are made or rebuilt are compared with it.",
-            LOOK,
-        ),
-    ] = None,
-    seed: options.Seed = None,
-    detail: Annotated[
-        list[str] | None,
-        options.option(
-            "NAME[:WEIGHT]",
-            "Measure the error of this attribute, too, and let it count in the choice of gp: rgb, a number or classes. "
-            "Can be repeated.",
-            METHOD,
-        ),
-    ] = None,
-    input_format: options.From = None,
-    columns: options.Columns = None,
-    drop: options.DropInvalid = None,
-    picture: Annotated[
-        bool,
-        options.option(
-            None, "Draw the clouds and the meshes rebuilt from them. Needs the extras view and evaluate.", LOOK
-        ),
-    ] = True,
-    colour: options.Colour = None,
-    report: Annotated[
-        bool,
-        options.flag(
-            "--report",
-            "Also write report.html, a page that shows all clouds and the meshes of the picture in the browser; "
-            "see gppcs report.",
-            LOOK,
-        ),
-    ] = False,
-    view: options.View = None,
-    up: options.Up = None,
-    threads: options.Threads = None,
-    force: options.Force = False,
-    quiet: options.Quiet = False,
-    as_json: options.Json = False,
+    cloud: Path = options.CLOUD,
+    output: Path = options.output(
+        "DIR", "The folder for table.csv, table.md, picture.png and report.html. It is created if it does not exist."
+    ),
+    ratio: str | None = options.RATIO,
+    points: str | None = options.POINTS,
+    meshes: bool = options.flag(
+        "--meshes",
+        "Compare ways to make a light mesh instead of methods. They are listed below. Needs the extra evaluate.",
+        METHOD,
+    ),
+    methods: str | None = options.option(
+        "NAME,...",
+        "Names of the methods, separated by commas, in the order of the table. See gppcs methods. With "
+        "--meshes, names of ways to a mesh; by default all ways whose packages are installed.",
+        METHOD,
+        show_default="all",
+    ),
+    mesh: Path | None = options.option(
+        None, "A mesh file of the true surface of IN. The meshes that are made or rebuilt are compared with it.", LOOK
+    ),
+    seed: int | None = options.SEED,
+    detail: list[str] | None = options.option(
+        "NAME[:WEIGHT]",
+        "Measure the error of this attribute, too, and let it count in the choice of gp: rgb, a number or classes. "
+        "Can be repeated.",
+        METHOD,
+    ),
+    input_format: str | None = options.FROM,
+    columns: str | None = options.COLUMNS,
+    drop: options.Invalid | None = options.DROP_INVALID,
+    picture: bool = options.option(
+        None,
+        "Draw the clouds and the meshes rebuilt from them. Needs the extras view and evaluate.",
+        LOOK,
+        default=True,
+    ),
+    colour: str | None = options.COLOUR,
+    report: bool = options.flag(
+        "--report",
+        "Also write report.html, a page that shows all clouds and the meshes of the picture in the browser; "
+        "see gppcs report.",
+        LOOK,
+    ),
+    view: str | None = options.VIEW,
+    up: options.Axis | None = options.UP,
+    threads: int | None = options.THREADS,
+    force: bool = options.FORCE,
+    quiet: bool = options.QUIET,
+    as_json: bool = options.JSON,
 ) -> None:
     """Simplify a cloud by several methods, evaluate each result, and write tables and a picture.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from gppcs.app import options
 from gppcs.app.outputs import check_output
@@ -27,33 +27,27 @@ EPILOG = (
 
 
 def render(
-    sources: Annotated[
-        list[Path],
-        options.file_argument(
-            "IN [SIMPLIFIED]",
-            "A point cloud file, and a simplified cloud to draw beside it. If there is one PLY, OBJ, OFF or STL "
-            "file and it holds triangles, the mesh is drawn. That needs the extras view and evaluate.",
-        ),
-    ],
-    output: Annotated[Path, options.output("PNG", "The picture to write; - is standard output.")],
-    colour: Annotated[
-        str | None,
-        options.option(
-            "NAME",
-            "What the colours show: rgb, variation (surface variation), or the name of an attribute. By default "
-            "rgb if IN has colours. If not, a cloud shows surface variation, and a mesh is white. Two clouds show "
-            "surface variation.",
-            LOOK,
-        ),
-    ] = None,
-    size: Annotated[str, options.option("WIDTHxHEIGHT", "Size in pixels, of one cloud or mesh.", LOOK)] = "1280x960",
-    view: options.View = None,
-    up: options.Up = None,
-    input_format: options.From = None,
-    columns: options.Columns = None,
-    threads: options.Threads = None,
-    force: options.Force = False,
-    quiet: options.Quiet = False,
+    sources: list[Path] = options.file_argument(
+        "IN [SIMPLIFIED]",
+        "A point cloud file, and a simplified cloud to draw beside it. If there is one PLY, OBJ, OFF or STL "
+        "file and it holds triangles, the mesh is drawn. That needs the extras view and evaluate.",
+    ),
+    output: Path = options.output("PNG", "The picture to write; - is standard output."),
+    colour: str | None = options.option(
+        "NAME",
+        "What the colours show: rgb, variation (surface variation), or the name of an attribute. By default "
+        "rgb if IN has colours. If not, a cloud shows surface variation, and a mesh is white. Two clouds show "
+        "surface variation.",
+        LOOK,
+    ),
+    size: str = options.option("WIDTHxHEIGHT", "Size in pixels, of one cloud or mesh.", LOOK, default="1280x960"),
+    view: str | None = options.VIEW,
+    up: options.Axis | None = options.UP,
+    input_format: str | None = options.FROM,
+    columns: str | None = options.COLUMNS,
+    threads: int | None = options.THREADS,
+    force: bool = options.FORCE,
+    quiet: bool = options.QUIET,
 ) -> None:
     """Draw a picture of a cloud or a mesh. It needs no display.
 
@@ -69,7 +63,7 @@ def render(
     started(quiet, threads)
     viewpoint = viewpoint_of(view, up)
     pixels = checked_size(_numbers(size))
-    check_output(output, [".png"], sources, force)
+    check_output(output, sources, force, [".png"])
     require_matplotlib()
     if len(sources) > 2:
         raise ParameterError(f"expected one cloud, or two to draw beside each other, found {len(sources)}")

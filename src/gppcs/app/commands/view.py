@@ -5,7 +5,6 @@ from __future__ import annotations
 import tempfile
 import webbrowser
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
@@ -19,23 +18,20 @@ EPILOG = "gppcs view scan.ply\n\ngppcs view before.ply after.ply --up z\n\ngppcs
 
 def view(
     context: typer.Context,
-    inputs: Annotated[list[Path], options.file_argument("FILE...", "Point cloud files.")],
-    output: Annotated[
-        Path | None,
-        options.output(
-            "HTML",
-            "The page to write. By default, a temporary file. With -, the page goes to standard output and is not "
-            "opened.",
-        ),
-    ] = None,
-    opened: Annotated[bool, options.option(None, "Open the page in the browser.", None, "--open/--no-open")] = True,
-    input_format: options.From = None,
-    columns: options.Columns = None,
-    view: options.View = None,
-    up: options.Up = None,
-    threads: options.Threads = None,
-    force: options.Force = False,
-    quiet: options.Quiet = False,
+    inputs: list[Path] = options.file_argument("FILE...", "Point cloud files."),
+    output: Path | None = options.output(
+        "HTML",
+        "The page to write. By default, a temporary file. With -, the page goes to standard output and is not opened.",
+        default=None,
+    ),
+    opened: bool = options.option(None, "Open the page in the browser.", None, "--open/--no-open", default=True),
+    input_format: str | None = options.FROM,
+    columns: str | None = options.COLUMNS,
+    view: str | None = options.VIEW,
+    up: options.Axis | None = options.UP,
+    threads: int | None = options.THREADS,
+    force: bool = options.FORCE,
+    quiet: bool = options.QUIET,
 ) -> None:
     """Show point clouds side by side in the browser, in views that turn together.
 
@@ -50,7 +46,7 @@ def view(
     timer = started(quiet, threads)
     viewpoint = viewpoint_of(view, up)
     if output:
-        check_output(output, SUFFIXES, inputs, force)
+        check_output(output, inputs, force, SUFFIXES)
     with timer("reading"):
         read = io.read_each(inputs, input_format, names_of(columns))
         meshes = [mesh_of(path, input_format) for path in inputs]
