@@ -1,16 +1,19 @@
-"""The options and arguments that commands share, each declared once, and how a command declares its own."""
+"""The options and arguments that commands share, how a command declares its own, and what values stand for."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
 from gppcs.app.panels import CHOICE, INPUT, LARGE, LOOK, METHOD, SIZE
 from gppcs.errors import ParameterError, file_path, shown
 from gppcs.methods import METHODS
+
+if TYPE_CHECKING:
+    from gppcs.drawing.viewpoint import Viewpoint
 
 
 def option(
@@ -217,3 +220,16 @@ def weights_of(detail: Sequence[str] | None) -> dict[str, float]:
         except ValueError:
             raise ParameterError(f"expected --detail NAME or NAME:WEIGHT, found {shown(text)}") from None
     return weights
+
+
+def viewpoint_of(view: str | None, up: str | None) -> Viewpoint:
+    """Return the viewpoint that the options set."""
+    from gppcs.drawing.viewpoint import Viewpoint
+
+    if view is None:
+        return Viewpoint(up)
+    try:
+        azimuth, elevation = map(float, view.split(","))
+    except ValueError:
+        raise ParameterError(f"expected --view AZIMUTH,ELEVATION in degrees, such as 30,20, found {view!r}") from None
+    return Viewpoint(up, (azimuth, elevation))

@@ -11,7 +11,6 @@ from gppcs.app.outputs import check_output
 from gppcs.app.pages import different_names
 from gppcs.app.panels import LOOK
 from gppcs.app.printing import names_of, note_left_out, print_error, say, started
-from gppcs.app.viewpoint import viewpoint_of
 from gppcs.errors import ParameterError, shown
 
 if TYPE_CHECKING:
@@ -61,7 +60,7 @@ def render(
     from gppcs.io.mesh_files import mesh_of
 
     started(quiet, threads)
-    viewpoint = viewpoint_of(view, up)
+    viewpoint = options.viewpoint_of(view, up)
     pixels = checked_size(_numbers(size))
     check_output(output, sources, force, [".png"])
     require_matplotlib()

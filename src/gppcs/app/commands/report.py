@@ -10,7 +10,6 @@ import typer
 from gppcs.app import options
 from gppcs.app.outputs import check_output
 from gppcs.app.printing import names_of, print_error, say, started
-from gppcs.app.viewpoint import viewpoint_of
 
 EPILOG = (
     "gppcs report scan.ply small.ply -o report.html\n\n"
@@ -55,7 +54,7 @@ def report(
     from gppcs.engine.extras import require_pymeshlab
 
     timer = started(quiet, threads)
-    viewpoint = viewpoint_of(view, up)
+    viewpoint = options.viewpoint_of(view, up)
     inputs = [original, *simplified]
     check_output(output, inputs, force, SUFFIXES)
     if meshes:

@@ -11,7 +11,6 @@ import typer
 from gppcs.app import options
 from gppcs.app.outputs import check_output
 from gppcs.app.printing import names_of, print_error, say, started
-from gppcs.app.viewpoint import viewpoint_of
 
 EPILOG = "gppcs view scan.ply\n\ngppcs view before.ply after.ply --up z\n\ngppcs view scan.ply -o scan.html --no-open"
 
@@ -44,7 +43,7 @@ def view(
     from gppcs.io.mesh_files import mesh_of
 
     timer = started(quiet, threads)
-    viewpoint = viewpoint_of(view, up)
+    viewpoint = options.viewpoint_of(view, up)
     if output:
         check_output(output, inputs, force, SUFFIXES)
     with timer("reading"):
