@@ -13,14 +13,14 @@ import gppcs
 from command_line import FAST, assert_one_line, files
 
 
-def test_a_tolerance_is_reached_by_evaluate(gppcs_command, scan):
+def test_a_tolerance_is_reached_by_evaluate(gppcs_command, record, scan):
     code, out, _ = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--tolerance", "2%:mean")
     assert code == 0
     (row,) = (line for line in out.splitlines() if "(asked: " in line)
     assert row.startswith("surface mean ")
     assert row.endswith("  (asked: 2%)")
     reached = float(out.split("surface mean")[1].split()[0])
-    record = json.loads(gppcs_command("evaluate", "scan.ply", "out.ply", "--json")[1])
+    record = record("evaluate", "scan.ply", "out.ply")
     assert record["figures"]["surface_mean"] == pytest.approx(reached, rel=1e-3)
     assert record["relative"]["surface_mean"] <= 0.02
 
@@ -88,12 +88,12 @@ def test_conditions_and_polygons(gppcs_command, scan):
     assert gppcs.read("out.ply") == part
 
 
-def test_each_file_of_a_level_is_named(gppcs_command, scan):
+def test_each_file_of_a_level_is_named(gppcs_command, record, scan):
     command = ("simplify", "scan.ply", "-o", "scan_{level}.ply", "--levels", "20,40,100", *FAST, "--force")
     rows = [" ".join(line.split()) for line in gppcs_command(*command)[1].splitlines()]
     assert rows[:2] == ["scan.ply → scan_0.ply, scan_1.ply, scan_2.ply", "points 400 in, 100 out (25 %)"]
     assert rows[2:5] == [f"level {n} scan_{n}.ply: {count} points" for n, count in enumerate([20, 40, 100])]
-    record = json.loads(gppcs_command(*command, "--json")[1])
+    record = record(*command)
     assert record["output"] == "scan_2.ply"
     assert record["levels"] == [
         {"output": f"scan_{n}.ply", "points_out": count} for n, count in enumerate([20, 40, 100])
@@ -136,57 +136,6 @@ def test_a_full_disk_leaves_no_level(gppcs_command, scan, monkeypatch):
     assert files() == before
 
 
-@pytest.mark.parametrize(
-    ("arguments", "parts"),
-    [
-        (["--tolerance", "1%", "--points", 5], ["one of --ratio, --points, --tolerance", "--points and --tolerance"]),
-        (["--tolerance", "0"], ["expected --tolerance to be a length above 0, found '0'; to keep every point"]),
-        (["--tolerance", "5 parsec"], ["expected --tolerance to have a unit, found 'parsec'"]),
-        (["--tolerance", "0.5mm"], ["scan.ply: the cloud does not say in which unit", "give --unit"]),
-        (["--tolerance", 1, "--unit", "mile"], ["a unit of length, found 'mile'"]),
-        (["--tolerance", "1:p99"], ["expected --tolerance to end in :mean or :rms or :p95 or :max, found '1:p99'"]),
-        (["--tolerance", "1%", "--dry-run"], ["--ratio or --points with --dry-run"]),
-        (
-            ["--tolerance", "1%", "--memory", "1MB"],
-            ["MB of memory for 400 points, as --tolerance takes all points at once, found 1 MB; raise --memory"],
-        ),
-        (["--points", 5, "--weight", "red", "--memory", "1MB"], ["MB of memory to choose 5 of"]),
-        (["--points", 5, "--keep", "z > 60", "--memory", "1MB"], ["to choose 5 of 400 points, found"]),
-        (["--max-gap", "-1"], ["expected --max-gap to be a length above 0"]),
-        (["--spacing", 5, "--method", "hc"], ["a method that takes a spacing, found 'hc'; use"]),
-        (
-            ["--spacing", 5, "--keep", "z > 60"],
-            ["expected a number, a share, a tolerance or a largest gap with points to keep", "found a spacing"],
-        ),
-        (["--points", 5, "--keep", "z > 0"], ["are to be kept whatever happens, but only 5 points are asked for"]),
-        (["--points", 5, "--keep", "nzz > 0"], ["scan.ply: 'nzz > 0', at character 1", "did you mean 'nz'?"]),
-        (["--points", 5, "--keep", "nz > 9"], ["scan.ply: expected points with nz > 9 to keep, found none", "--keep"]),
-        (["--points", 5, "--keep", "nz > "], ["'nz >', at its end: expected conditions"]),
-        (["--points", 5, "--keep", "z > 0", *FAST], ["a method that keeps given points, found 'fps'; use 'gp'"]),
-        (["--points", 5, "--only", "z > 999"], ["scan.ply: expected points with z > 999, found none"]),
-        (["--points", 5, "--only", "zz > 9"], ["scan.ply: 'zz > 9', at character 1", "no attribute 'zz'"]),
-        (["--points", 5, "--only", "z = 9"], ["at character 3 ('= 9'): expected =="]),
-        (["--points", 5, "--inside", "scan.ply"], ["scan.ply: expected polygons in GeoJSON"]),
-        (["--points", 5, "--inside", "none.json"], ["none.json: No such file"]),
-        (["--points", 5, "--weight", "rad"], ["scan.ply: the cloud has no attribute 'rad'", "did you mean 'red'?"]),
-        (["--points", 5, "--weight", "nz"], ["scan.ply: expected finite weights from 0 on, found -"]),
-        (
-            ["--levels", "5,390", "--keep", "z > 60"],
-            ["are to be kept whatever happens, but the coarsest level has only 5 points"],
-        ),
-        (["--levels", "5,10%"], ["with shares or with numbers, found both"]),
-        (["--levels", "5,5"], ["different sizes"]),
-        (["--levels", "5,10", "--points", 3], ["--levels without --points"]),
-        (["--levels", "5,10", "--method", "voxel"], ["a method that ranks its points, found 'voxel'; use 'gp'"]),
-        (["--levels", ",".join(map(str, range(1, 258)))], ["at most 256 sizes, found 257"]),
-        (["--levels", "5,1000", *FAST], ["scan.ply: expected a finest level of less than all 400 points"]),
-    ],
-)
-def test_what_cannot_be_asked_for_is_refused_and_leaves_no_file(gppcs_command, scan, arguments, parts):
-    assert_one_line(gppcs_command("simplify", "scan.ply", "-o", "out.ply", *arguments), *parts)
-    assert files() == ["scan.ply"]
-
-
 def test_curve_prints_a_table_and_draws_a_plot(gppcs_command, scan):
     pytest.importorskip("matplotlib")
     words = ["curve", "scan.ply", "--methods", "fps,random", "--sizes", ".05,0.05k,100"]
@@ -202,10 +151,10 @@ def test_curve_prints_a_table_and_draws_a_plot(gppcs_command, scan):
     assert records[0]["errors"]["p95"] == fps.errors["p95"].tolist()
 
 
-def test_two_sizes_have_no_knee(gppcs_command, scan):
+def test_two_sizes_have_no_knee(gppcs_command, record, scan):
     words = ["curve", "scan.ply", "--methods", "random", "--sizes", "50,100"]
     assert "knee" not in gppcs_command(*words)[1]
-    assert json.loads(gppcs_command(*words, "--json")[1])["knee"] is None
+    assert record(*words)["knee"] is None
 
 
 @pytest.mark.parametrize(

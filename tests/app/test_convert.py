@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from command_line import assert_one_line, files
+from command_line import assert_one_line
 
 FACES = "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n"
 
@@ -40,16 +40,6 @@ def test_faces_are_left_out_with_a_word(gppcs_command, folder):
     assert (code, out, err) == (0, "", "gppcs: note: square.ply: left out: faces (2)\n")
 
 
-def test_the_input_and_existing_files_are_safe(gppcs_command, scan, folder):
-    before = (folder / "scan.ply").read_bytes()
-    for arguments in (["scan.ply"], ["scan.ply", "--force"]):
-        assert gppcs_command("convert", "scan.ply", *arguments)[0] == 2
-    (folder / "other.csv").write_text("precious")
-    assert gppcs_command("convert", "scan.ply", "other.csv")[0] == 2
-    assert (folder / "other.csv").read_text() == "precious"
-    assert (folder / "scan.ply").read_bytes() == before
-
-
 def test_points_that_are_not_finite_are_kept_or_dropped_with_a_word(gppcs_command, folder):
     (folder / "a.csv").write_text("x,y,z,label\n0,0,0,1\nnan,0,0,2\n1,2,inf,3\n1,2,3,4\n")
     assert gppcs_command("convert", "a.csv", "kept.ply") == (0, "", "")
@@ -78,22 +68,6 @@ def test_a_part_is_read(gppcs_command, scan, folder):
     few = ["--points", 3, "--memory", "300MB", "--json"]
     code, out, _ = gppcs_command("simplify", "scan.ply", "-o", "b.ply", "--inside", "900,900,901,901", *few)
     assert (code, out, (folder / "b.ply").exists()) == (2, "", False)
-
-
-@pytest.mark.parametrize(
-    ("words", "part"),
-    [
-        (["--inside", "0,0,x,1"], "expected --inside with the numbers of a box, such as 0,0,100,50"),
-        (["--inside", "0,0,1"], "expected a box xmin, ymin"),
-        (["--inside", "0,0,1,1", "--inside", "0,0,2,2"], "expected --inside with at most one box and one file"),
-        (["--resolution", "-1"], "expected a resolution above 0"),
-        (["--resolution", "1"], "scan.ply: expected a COPC file"),
-    ],
-)
-def test_what_cannot_be_read_is_refused(gppcs_command, scan, words, part):
-    for command in (["convert", "scan.ply", "out.ply"], ["info", "scan.ply"]):
-        assert_one_line(gppcs_command(*command, *words), part)
-    assert files() == ["scan.ply"]
 
 
 def test_a_virtual_point_cloud_becomes_one_file(gppcs_command, two_systems):

@@ -94,10 +94,6 @@ def test_files_of_other_dimensions_are_refused(gppcs_command, folder):
     assert not (folder / "scan.copc.laz").exists()
 
 
-def test_memory_is_for_copc_only(gppcs_command, scan):
-    assert_one_line(gppcs_command("convert", "scan.ply", "a.laz", "--memory", "1GB"), "ends in .copc.laz")
-
-
 def test_counts_divide_points_as_the_points_themselves_do(monkeypatch):
     """The cells of clusters close early, and nodes hold no more than they may."""
     rng = np.random.default_rng(0)

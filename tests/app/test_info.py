@@ -14,14 +14,13 @@ import gppcs
 from command_line import write_scan_with
 
 
-def test_info_prints_the_facts(gppcs_command):
+def test_info_prints_the_facts(printed):
     def spoil(points):
         points[5] = points[4]
         points[9, 1] = np.inf
 
     write_scan_with(spoil)
-    code, out, err = gppcs_command("info", "scan.ply")
-    assert (code, err) == (0, "")
+    out = printed("info", "scan.ply")
     rows = [" ".join(row.split()) for row in out.splitlines()]
     assert rows[:2] == ["scan.ply", "points 400"]
     for row in ("low corner -50 -30 0", "repeats 1", "not finite 1", "coordinates float32"):
@@ -47,7 +46,7 @@ def test_info_prints_type_and_range_of_each_attribute(gppcs_command):
     ]
 
 
-def test_info_prints_the_unit_that_the_coordinate_system_tells(gppcs_command, folder):
+def test_info_prints_the_unit_that_the_coordinate_system_tells(gppcs_command, record, folder):
     header = laspy.LasHeader(version="1.4", point_format=6)
     header.vlrs.append(WktCoordinateSystemVlr('PROJCS["A",UNIT["US survey foot",0.304800609601219]]'))
     header.global_encoding.wkt = True
@@ -57,7 +56,7 @@ def test_info_prints_the_unit_that_the_coordinate_system_tells(gppcs_command, fo
     out = gppcs_command("info", "scan.las")[1]
     rows = {" ".join(row.split()) for row in out.splitlines()}
     assert {"unit us-ft", "diagonal 5 us-ft", "spacing 5 us-ft (median distance to the nearest other point)"} <= rows
-    assert json.loads(gppcs_command("info", "scan.las", "--json")[1])["unit"] == "us-ft"
+    assert record("info", "scan.las")["unit"] == "us-ft"
 
 
 def test_info_json_is_the_summary(gppcs_command, scan):
@@ -67,22 +66,20 @@ def test_info_json_is_the_summary(gppcs_command, scan):
 
 
 @pytest.mark.parametrize("points", [np.empty((0, 3)), np.full((2, 3), np.nan)])
-def test_info_of_clouds_without_finite_points(gppcs_command, points):
+def test_info_of_clouds_without_finite_points(gppcs_command, printed, points):
     gppcs.write("scan.ply", gppcs.PointCloud(points))
     code, out, err = gppcs_command("info", "scan.ply", "--json")
     record = json.loads(out, parse_constant=pytest.fail)
     assert (code, err) == (0, "")
     assert (record["points"], record["non_finite"], record["low"]) == (len(points), len(points), [None] * 3)
-    code, out, err = gppcs_command("info", "scan.ply")
-    assert (code, err) == (0, "")
+    out = printed("info", "scan.ply")
     assert "spacing nan" in " ".join(out.split())
 
 
 @pytest.mark.parametrize("name", ["[red]a:smile:.ply", f"{'long' * 40}.ply", "två\n.ply", os.fsdecode(b"\xff.ply")])
-def test_any_file_name_is_printed_as_it_is(gppcs_command, name):
+def test_any_file_name_is_printed_as_it_is(printed, name):
     gppcs.write(name, gppcs.sample("sphere", 30))
-    code, out, err = gppcs_command("info", name)
-    assert (code, err) == (0, "")
+    out = printed("info", name)
     assert out.startswith(name.encode(errors="backslashreplace").decode() + "\n")
 
 
@@ -98,12 +95,11 @@ MESHES = {
 
 
 @pytest.mark.parametrize("name", MESHES)
-def test_info_says_that_a_file_is_a_mesh(gppcs_command, folder, name):
+def test_info_says_that_a_file_is_a_mesh(printed, record, folder, name):
     Path(name).write_text(MESHES[name])
-    code, out, err = gppcs_command("info", name)
-    assert (code, err) == (0, "")
+    out = printed("info", name)
     assert "faces 2 (the file is a mesh; only its vertices are read)" in " ".join(out.split())
-    assert json.loads(gppcs_command("info", name, "--json")[1])["faces"] == 2
+    assert record("info", name)["faces"] == 2
 
 
 def test_info_takes_several_files_and_folders(gppcs_command, scan):

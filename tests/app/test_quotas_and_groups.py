@@ -50,27 +50,6 @@ def test_quotas_are_exact(gppcs_command, tile):
     assert ((classes == 6).sum(), len(classes)) == (150, 500)
 
 
-@pytest.mark.parametrize(
-    ("options", "problem"),
-    [
-        (["--quota", "classification == 6"], "expected --quota 'CONDITION: NUMBER'"),
-        (["--quota", "classification == 6: many"], "quota"),
-        (["--group", "pulse"], "no attribute 'pulse' to group its points by"),
-        (["--group", "gps_time", "--quota", "classification == 6: 9"], "either quotas or a group"),
-    ],
-)
-def test_what_cannot_be_met_is_told(gppcs_command, tile, options, problem):
-    code, _, err = gppcs_command("simplify", tile, "-o", "out.laz", "--points", 100, *options)
-    assert code == 2
-    assert problem in err
-
-
-def test_levels_take_neither(gppcs_command, tile):
-    code, _, err = gppcs_command("simplify", tile, "-o", "out.laz", "--levels", "10%,1%", "--group", "gps_time")
-    assert code == 2
-    assert "expected --levels without --group" in err
-
-
 def test_detail_that_counts_for_nothing_is_told(gppcs_command):
     rng = np.random.default_rng(0)
     cloud = gppcs.PointCloud(rng.random((2_000, 3)), {"grey": np.full(2_000, 7.0), "noise": rng.random(2_000)})

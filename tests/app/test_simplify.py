@@ -15,9 +15,8 @@ from web_page import WebPage
 
 
 @pytest.mark.parametrize("method", gppcs.METHODS)
-def test_simplify_writes_the_points_asked_for_with_all_they_carry(gppcs_command, scan, method):
-    code, out, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--ratio", 0.1, "--method", method)
-    assert (code, err) == (0, "")
+def test_simplify_writes_the_points_asked_for_with_all_they_carry(printed, scan, method):
+    out = printed("simplify", "scan.ply", "-o", "out.ply", "--ratio", 0.1, "--method", method)
     assert "400 in, 40 out" in out
     assert files() == ["out.ply", "scan.ply"]
     expected = scan.take(gppcs.simplify(scan, ratio=0.1, method=method).indices)
@@ -57,9 +56,8 @@ def test_parameters_seed_and_number_of_points_reach_the_method(gppcs_command, sc
     assert gppcs.read("out.npy").points.tobytes() == expected.tobytes()
 
 
-def test_scores_go_into_the_file(gppcs_command, scan):
-    code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 40, "--add", "scores")
-    assert (code, err) == (0, "")
+def test_scores_go_into_the_file(printed, scan):
+    printed("simplify", "scan.ply", "-o", "out.ply", "--points", 40, "--add", "scores")
     kept = gppcs.read("out.ply")
     expected = gppcs.simplify(scan, n_points=40, scores=True).cloud
     assert list(kept.attributes) == [*scan.attributes, "score", "deviation"]
@@ -67,41 +65,37 @@ def test_scores_go_into_the_file(gppcs_command, scan):
         np.testing.assert_array_equal(kept.attributes[name], expected.attributes[name])
 
 
-def test_normals_of_the_whole_cloud_are_written(gppcs_command, scan):
+def test_normals_of_the_whole_cloud_are_written(printed, scan):
     bare = gppcs.PointCloud(scan.points, {"red": scan.attributes["red"]}, scan.coordinate_dtype)
     gppcs.write("scan.ply", bare, force=True)
-    code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 40, "--add", "normals", *FAST)
-    assert (code, err) == (0, "")
+    printed("simplify", "scan.ply", "-o", "out.ply", "--points", 40, "--add", "normals", *FAST)
     written = gppcs.read("out.ply")
     assert list(written.attributes) == ["red", "nx", "ny", "nz"]
     assert written.attributes["nx"].dtype == np.float32
     np.testing.assert_allclose(written.normals(), gppcs.estimate_normals(scan, written), atol=1e-5)
 
 
-def test_force_overwrites(gppcs_command, scan):
+def test_force_overwrites(printed, scan):
     Path("out.ply").write_text("old")
-    code, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 7, "--force", *FAST)
-    assert (code, err) == (0, "")
+    printed("simplify", "scan.ply", "-o", "out.ply", "--points", 7, "--force", *FAST)
     assert len(gppcs.read("out.ply")) == 7
 
 
-def test_invalid_points_are_dropped_when_asked_to(gppcs_command):
+def test_invalid_points_are_dropped_when_asked_to(printed):
     def spoil(points):
         points[[3, 8], 0] = np.nan
 
     points = write_scan_with(spoil)
     arguments = ("simplify", "scan.ply", "-o", "out.ply", "--ratio", 1, "--drop", "invalid", "--json")
-    code, out, err = gppcs_command(*arguments)
-    assert (code, err) == (0, "")
+    out = printed(*arguments)
     assert gppcs.read("out.ply").points.tobytes() == np.delete(points, [3, 8], axis=0).tobytes()
     record = json.loads(out)
     assert (record["points_in"], record["points_out"]) == (400, 398)
 
 
-def test_a_report_is_that_of_the_command_report(gppcs_command, scan):
+def test_a_report_is_that_of_the_command_report(gppcs_command, printed, scan):
     words = ["simplify", "scan.ply", "-o", "out.ply", "--points", "40", "--report", "page.html", *FAST]
-    code, _, err = gppcs_command(*words)
-    assert (code, err) == (0, "")
+    printed(*words)
     assert gppcs_command("report", "scan.ply", "out.ply", "-o", "other.html")[0] == 0
     page, other = (WebPage(Path(name).read_text("utf-8")) for name in ("page.html", "other.html"))
     assert page.described["made"][1] == ["command", "gppcs " + " ".join(words)]

@@ -7,101 +7,15 @@ import numpy as np
 import pytest
 
 import gppcs
-from command_line import FAST, assert_one_line, files, write_scan_with
+from command_line import FAST, assert_one_line, files
 
 
 def truncate(path):
     path.write_bytes(path.read_bytes()[:-10])
 
 
-def without_x(path):
-    path.write_bytes(path.read_bytes().replace(b"float x", b"float u"))
-
-
 def empty(path):
     gppcs.write(path, gppcs.PointCloud(np.empty((0, 3))), force=True)
-
-
-def not_finite(path):
-    def spoil(points):
-        points[7, 1], points[9, 0] = np.nan, np.inf
-
-    write_scan_with(spoil)
-
-
-def as_folder(path):
-    path.unlink()
-    path.mkdir()
-
-
-@pytest.mark.parametrize(
-    ("damage", "parts"),
-    [
-        (Path.unlink, ["scan.ply: No such file"]),
-        (as_folder, ["scan.ply: expected a folder with files of formats that gppcs reads", "found none"]),
-        (truncate, ["scan.ply: the file ends in vertex 400 of 400"]),
-        (without_x, ["scan.ply: expected x, y and z", "'u', 'y', 'z'"]),
-        (empty, ["scan.ply: the cloud is empty"]),
-        (not_finite, ["scan.ply: 2 of 400 points", "first at index 7", "--drop invalid"]),
-        (lambda path: path.write_bytes(b""), ["scan.ply: expected"]),
-        (lambda path: path.write_bytes(bytes(range(256))), ["scan.ply: expected 'ply'"]),
-    ],
-)
-def test_input_that_cannot_be_used(gppcs_command, scan, damage, parts):
-    damage(Path("scan.ply"))
-    before = files()
-    assert_one_line(gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--ratio", 0.1), *parts)
-    assert files() == before
-
-
-def test_a_missing_input_is_told_before_the_name_of_its_output(gppcs_command, scan):
-    result = gppcs_command("simplify", "tiles", "-o", "small/", "--ratio", 0.1)
-    assert_one_line(result, "gppcs: tiles: No such file or directory")
-    assert files() == ["scan.ply"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "parts"),
-    [
-        (["--ratio", 0], ["a ratio above 0 and at most 1, found 0"]),
-        (["--ratio", -1], ["found -1"]),
-        (["--ratio", 1.5], ["found 1.5"]),
-        (["--ratio", 3], ["at most 1, found 3.0; for 3 percent, write 3%"]),
-        (["--ratio", "nan"], ["found nan"]),
-        (["--ratio", "abc"], ["--ratio to be a share", "found 'abc'"]),
-        (["--points", 0], ["whole number from 1 on, found 0"]),
-        (["--points", -3], ["found -3"]),
-        (["--points", "abc"], ["--points to be a whole number", "found 'abc'"]),
-        (["--points", 2.5], ["--points to be a whole number", "found '2.5'"]),
-        ([], ["either a ratio or a number of points, found neither"]),
-        (["--points", 5, "--ratio", 0.5], ["found both"]),
-        (["--points", 5, "--method", "gp-spektral"], ["did you mean 'gp-spectral'?"]),
-        (["--points", 5, "--set", "neighbors=9"], ["did you mean 'neighbours'?"]),
-        (["--points", 5, "--set", "neighbours=0"], ["neighbours to be from 1 to 64, found 0"]),
-        (["--points", 5, "--set", "neighbours=few"], ["neighbours to be int, found 'few'"]),
-        (["--points", 5, "--set", "neighbours"], ["--set KEY=VALUE, found 'neighbours'"]),
-        (["--points", 5, "--method", "random", "--set", "seed=-1"], ["seed to be at least 0, found -1"]),
-        (["--points", 5, "--drop", "invalid,odd"], ["--drop with invalid or outliers, found 'odd'"]),
-        (["--points", 5, "--workers", "0"], ["--workers as a number from 1 on", "found '0'"]),
-        (["--points", 5, "--report", "page.ply"], ["page.ply: expected a name that ends in .html"]),
-        (["b.ply", "-o", ".", "--points", 9, "--report", "p.html"], ["one input with --report, found 2"]),
-        (["--points", 5, "--report", "none/page.html"], ["none/page.html: expected a folder"]),
-        (["--points", 5, "--rato", 1], ["--rato", "--ratio"]),
-        (["--points", 5, "-o", "none/out.ply"], ["none/out.ply: expected a folder"]),
-        (
-            ["--points", 5, "-o", "scan.ply"],
-            ["scan.ply: expected a file other than the input scan.ply, found the same"],
-        ),
-        (["--points", 5, "-o", "out.foo"], ["out.foo: expected one of the formats .ply", "found '.foo'"]),
-        (["--points", 5, "--add", "index:row"], ["--add with normals or scores or index or kept, found 'index:row'"]),
-        (["--points", 5, "sub/scan.ply", "-o", "."], ["inputs with different names"]),
-    ],
-)
-def test_options_that_cannot_be_used(gppcs_command, scan, arguments, parts):
-    before = Path("scan.ply").read_bytes()
-    assert_one_line(gppcs_command("simplify", "scan.ply", "-o", "out.ply", *arguments), *parts)
-    assert files() == ["scan.ply"]
-    assert Path("scan.ply").read_bytes() == before
 
 
 def test_one_bad_file_does_not_cost_the_others(gppcs_command, scan):

@@ -30,10 +30,9 @@ def piped(monkeypatch):
     return pipe
 
 
-def test_a_sample_goes_to_standard_output(gppcs_command, folder):
+def test_a_sample_goes_to_standard_output(gppcs_command, printed, folder):
     words = ["sample", "fan", "--points", 30]
-    code, out, err = gppcs_command(*words, "-o", "-", "--to", "csv", "--json")
-    assert (code, err) == (0, "")
+    out = printed(*words, "-o", "-", "--to", "csv", "--json")
     assert gppcs_command(*words, "-o", "fan.csv") == (0, "", "")
     assert out == Path("fan.csv").read_text()
     assert files() == ["fan.csv"]
