@@ -40,7 +40,9 @@ def test_compare_writes_tables_and_a_page_and_prints_one(printed, scan):
     assert all(len(cloud["prefixes"]) == 4 for cloud in page()["clouds"][1:])
     reasons = [None, gppcs.METHODS["fps"].summary, gppcs.METHODS["random"].summary]
     assert [cloud["reason"] for cloud in page()["clouds"]] == reasons
-    assert dict(page()["made"])["command"].startswith("gppcs compare scan.ply --ratio 0.1 --methods 'fps, random' -o side")
+    assert dict(page()["made"])["command"].startswith(
+        "gppcs compare scan.ply --ratio 0.1 --methods 'fps, random' -o side"
+    )
     assert page()["up"] == "y"
 
 
