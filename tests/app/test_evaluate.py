@@ -1,50 +1,49 @@
 """`gppcs evaluate`."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import gppcs
-from command_line import FAST, write_scan_with
+from command_line import FAST, SIMPLIFY, rows_of, write_scan_with
 from meshes import hull_mesh
 
 
-def test_evaluate_prints_each_figure_with_its_unit(gppcs_command, printed, scan):
-    gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 40, *FAST)
+def test_evaluate_prints_each_figure_with_its_unit(printed, scan):
+    printed(*SIMPLIFY, 40)
     out = printed("evaluate", "scan.ply", "out.ply")
-    assert "scan.ply → out.ply" in out
-    assert "400 in, 40 out" in out
-    for name in set(gppcs.figures_of(gppcs.Report)) - {"points_in", "points_out"}:
-        assert name.replace("_", " ") in out
-    assert "of the diagonal)" in out
-    assert "of the squared diagonal)" in out
-    assert " degrees" in out
-    assert "in the unit of the coordinates, which the file does not tell" in out
-    assert "verdict" in out
+    names = set(gppcs.figures_of(gppcs.Report)) - {"points_in", "points_out"}
+    parts = [
+        "scan.ply → out.ply",
+        "400 in, 40 out",
+        "of the diagonal)",
+        "of the squared diagonal)",
+        " degrees",
+        "verdict",
+    ]
+    parts += [name.replace("_", " ") for name in names]
+    parts += ["in the unit of the coordinates, which the file does not tell"]
+    assert not [part for part in parts if part not in out]
     recall = gppcs.evaluate(scan, gppcs.read("out.ply")).feature_recall
-    assert f"feature recall {100 * recall:.4g} %" in " ".join(out.split())
+    assert f"feature recall {100 * recall:.4g} %" in rows_of(out)
 
 
-def test_evaluate_json_holds_raw_and_relative_figures(gppcs_command, scan):
-    gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--points", 40, *FAST)
-    code, out, _ = gppcs_command("evaluate", "scan.ply", "out.ply", "--json")
+def test_evaluate_json_holds_raw_and_relative_figures(printed, record, scan):
+    printed(*SIMPLIFY, 40)
     report = gppcs.evaluate(gppcs.read("scan.ply"), gppcs.read("out.ply"))
-    assert code == 0
-    assert json.loads(out) == {
+    assert record("evaluate", "scan.ply", "out.ply") == {
         "original": "scan.ply", "simplified": "out.ply", "mesh": None,
         "figures": report.figures(), "relative": report.figures(relative=True),
     }  # fmt: skip
 
 
-def test_evaluate_leaves_out_points_that_are_not_finite(gppcs_command):
+def test_evaluate_leaves_out_points_that_are_not_finite(printed):
     def spoil(points):
         points[3, 1] = np.nan
 
     write_scan_with(spoil)
-    code, out, _ = gppcs_command("evaluate", "scan.ply", "scan.ply")
-    assert (code, "399 in, 399 out" in out) == (0, True)
+    assert "399 in, 399 out" in printed("evaluate", "scan.ply", "scan.ply")
 
 
 def test_evaluate_tells_the_order_if_the_second_cloud_has_more_points(gppcs_command, scan):
@@ -71,15 +70,15 @@ def test_evaluate_with_a_mesh(printed):
     assert "carried hausdorff max" in out
 
 
-def test_the_help_of_evaluate_defines_every_figure(gppcs_command):
-    out = " ".join(gppcs_command("evaluate", "--help")[1].split())
+def test_the_help_of_evaluate_defines_every_figure(printed):
+    out = " ".join(printed("evaluate", "--help").split())
     for report in (gppcs.Report, gppcs.Rebuilt, gppcs.MeshReport):
         for name in gppcs.figures_of(report):
             assert f"{name.replace('_', ' ')} (" in out
 
 
 @pytest.mark.parametrize("with_surface", [False, True])
-def test_evaluate_judges_a_mesh(gppcs_command, printed, with_surface):
+def test_evaluate_judges_a_mesh(printed, record, with_surface):
     pytest.importorskip("pymeshlab")
     ball = gppcs.sample("sphere", 3000)
     gppcs.write("scan.ply", ball)
@@ -89,11 +88,9 @@ def test_evaluate_judges_a_mesh(gppcs_command, printed, with_surface):
     out = printed("evaluate", "scan.ply", "--simplified-mesh", "small.ply", *options)
     for name in gppcs.figures_of(gppcs.MeshReport):
         assert name.replace("_", " ") in out
-    code, out, _ = gppcs_command("evaluate", "scan.ply", "--simplified-mesh", "small.ply", *options, "--json")
     surface = gppcs.read_mesh("surface.ply") if with_surface else None
     report = gppcs.evaluate_mesh("scan.ply", gppcs.read_mesh("small.ply"), surface)
-    assert code == 0
-    assert json.loads(out) == {
+    assert record("evaluate", "scan.ply", "--simplified-mesh", "small.ply", *options) == {
         "original": "scan.ply", "simplified_mesh": "small.ply", "mesh": "surface.ply" if with_surface else None,
         "figures": report.figures(), "relative": report.figures(relative=True),
     }  # fmt: skip
