@@ -14,14 +14,7 @@ def test_evaluate_prints_each_figure_with_its_unit(printed, scan):
     printed(*SIMPLIFY, 40)
     out = printed("evaluate", "scan.ply", "out.ply")
     names = set(gppcs.figures_of(gppcs.Report)) - {"points_in", "points_out"}
-    parts = [
-        "scan.ply → out.ply",
-        "400 in, 40 out",
-        "of the diagonal)",
-        "of the squared diagonal)",
-        " degrees",
-        "verdict",
-    ]
+    parts = ["verdict", "400 in, 40 out", "of the diagonal)", "of the squared diagonal)", " degrees"]
     parts += [name.replace("_", " ") for name in names]
     parts += ["in the unit of the coordinates, which the file does not tell"]
     assert not [part for part in parts if part not in out]

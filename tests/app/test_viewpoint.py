@@ -18,8 +18,7 @@ def pictures(monkeypatch):
     for module in ("pymeshlab", "pyvista", "matplotlib"):
         pytest.importorskip(module)
     found = []
-    for home in ("pair.draw_pair", "side_by_side.draw_comparison"):
-        monkeypatch.setattr(f"gppcs.drawing.{home}", lambda file, *given: found.append(given))
+    monkeypatch.setattr("gppcs.drawing.side_by_side.draw_comparison", lambda file, *given, **_: found.append(given))
     monkeypatch.setattr("gppcs.app.pages.MOST_TO_REBUILD", 0)
     return found
 
@@ -30,7 +29,7 @@ def test_view_and_up_turn_the_picture(gppcs_command, scan, pictures, command):
     for options in ((), ("--view", "-30,20.5"), ("--up", "-z"), ("--view=5,0", "--up=y")):
         assert gppcs_command(command, *OF_COMMAND[command], "--force", *options)[0] == 0
     expected = [Viewpoint(), Viewpoint(None, (-30.0, 20.5)), Viewpoint("-z"), Viewpoint("y", (5.0, 0.0))]
-    assert [given[-2] for given in pictures] == expected
+    assert [viewpoint for _, viewpoint, _ in pictures] == expected
 
 
 @pytest.mark.slow
@@ -43,8 +42,8 @@ def test_the_picture_shows_the_colour_asked_for_at_kept_points(gppcs_command, sc
     gppcs.write("kept.ply", gppcs.read("scan.ply").take(range(1, 401, 10)))
     for options in ((), ("--colour", "variation"), ("--colour", "rgb")):
         assert gppcs_command(command, *OF_COMMAND[command], "--force", *options)[0] == 0
-    shown = [[each.cloud for each in given[0]] if command == "compare" else given[1:3] for given in pictures]
-    assert [given[-1] and given[-1].title for given in pictures] == [None, None, "RGB"]
+    shown = [[each.cloud for each in columns] for columns, _, _ in pictures]
+    assert [legend and legend.title for _, _, legend in pictures] == [None, None, "RGB"]
     assert [each[0].colours is None for each in shown] == [True, True, False]
     original, kept = shown[2]
     np.testing.assert_array_equal(original.colours[:, 0], red / 255.0)

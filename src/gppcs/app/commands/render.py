@@ -94,11 +94,13 @@ def _draw_beside(
 ) -> None:
     """Draw a simplified cloud beside its original. Each point has the colour of the nearest original one."""
     from gppcs.drawing.paint import painted
-    from gppcs.drawing.pair import draw_pair
+    from gppcs.drawing.side_by_side import Column, draw_comparison
 
     original, legend = painted(cloud.take(cloud.finite_rows()), colour)
     kept = original.at(simplified.points[simplified.finite_rows()])
-    draw_pair(file, title, original, kept, viewpoint, legend)
+    share = f"{len(kept.points) / len(original.points):.1%} of the points"
+    columns = [Column("original", original, "", None), Column(title, kept, share, None)]
+    draw_comparison(file, columns, viewpoint, legend, close_ups=0)
 
 
 def _numbers(size: str) -> tuple[int, int]:
