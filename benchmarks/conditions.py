@@ -11,14 +11,14 @@ import dataclasses
 import hashlib
 import json
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import cache, cached_property
 from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -283,6 +283,38 @@ HELD_OUT = (  # these took no part in that
     Sample("fan", None, 3_000, 40_000),
     *LIDAR,
 )
+
+
+SMALLER = (  # without clouds that take long or resemble others
+    *(each for each in FOUND_ON if not each.file.startswith(("dragon", "armadillo_50k", "armadillo_173k", "sfm_bird"))),
+    *HELD_OUT,
+)
+
+
+def not_placed(points: Any, chosen: Any, *others: Any) -> Any:
+    """Leave chosen points where they are, in place of `placement.placed`."""
+    return chosen
+
+
+def geometric_mean(ratios: Iterable[float]) -> float:
+    """Return the geometric mean of the ratios that are known; NaN for none."""
+    known = [value for value in ratios if np.isfinite(value)]
+    return float(np.exp(np.mean(np.log(known)))) if known else float("nan")
+
+
+def section(
+    condition: Condition, made: Mapping[str, Sequence[Figures]], columns: Sequence[Column] = COLUMNS
+) -> report.Section:
+    """Return the figures of all methods under a condition."""
+    rows = [
+        [
+            label,
+            *(column.cell([found[column.figure] for found in runs if column.figure in found]) for column in columns),
+        ]
+        for label, runs in made.items()
+    ]
+    heading = f"{condition.name}, {len(condition.cloud):,} points to {condition.n_points:,}"
+    return report.Section(heading, ["method", *(column.title for column in columns)], rows)
 
 
 def gridded_cube(points: Array) -> gppcs.Mesh:
