@@ -6,28 +6,28 @@ import dataclasses
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from gppcs import io
+from gppcs.amounts.request import Request
 from gppcs.app.levels import NAME as LEVEL
 from gppcs.app.levels import Levels
 from gppcs.app.outputs import Output
 from gppcs.app.pages import different_names, how_made
 from gppcs.app.printing import note_left_out, number_in_words, print_error, record_of_run, time_in_words
-from gppcs.clouds.cloud import NORMALS
+from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.quantities import metres_of, name_of_unit, option, unit_of
+from gppcs.drawing.web.contents import Named, Page, report_page
 from gppcs.errors import InputError
-
-if TYPE_CHECKING:
-    from gppcs.amounts.request import Request
-    from gppcs.clouds.cloud import PointCloud
-    from gppcs.drawing.web.contents import Page
-    from gppcs.io.query import Query
-    from gppcs.simplification import Result
-    from gppcs.streaming.beyond_memory import Run
-    from gppcs.streaming.files import Work
-    from gppcs.streaming.plan import Plan
+from gppcs.io.cloud_files import CloudFiles
+from gppcs.io.query import Query
+from gppcs.simplification import Result
+from gppcs.streaming.beyond_memory import Run
+from gppcs.streaming.files import Work, run
+from gppcs.streaming.plan import Plan
+from gppcs.streaming.sizes import size_of
 
 Values = np.ndarray[Any, Any]  # of an attribute
 
@@ -73,10 +73,6 @@ class Job:
 
     def run(self, output: Output) -> Told:
         """Simplify one cloud."""
-        from gppcs import io
-        from gppcs.io.cloud_files import CloudFiles
-        from gppcs.streaming.files import run
-
         sources = output.sources
         for each in sources:
             if not io.is_standard(each):
@@ -112,8 +108,6 @@ class Job:
 
     def _check_storable(self, output: Output, cloud: PointCloud) -> None:
         """Check that the output can hold points of a cloud with the attributes that the options add."""
-        from gppcs import io
-
         if self.mark is None:
             cloud = cloud.take(cloud.finite_rows())  # only these are kept
         zeros = np.zeros(len(cloud), np.float32)
@@ -169,8 +163,6 @@ class Job:
 
     def _store(self, output: Output, clouds: list[PointCloud], ranked: bool) -> list[str]:
         """Write all files of an output, or none; return what is left out."""
-        from gppcs import io
-
         written, lost = [], []
         try:
             for target, cloud in zip(output.targets, clouds, strict=True):
@@ -187,14 +179,11 @@ class Job:
 
     def _page(self, done: Run, output: Output) -> Page:
         """Return a page of the result beside its original, both without outliers."""
-        from gppcs.drawing.web.contents import Named, report_page
-        from gppcs.io import is_standard
-
         assert done.cloud is not None
         cloud, result, target = done.cloud, done.result, output.targets[-1]
         if result.outliers is not None:
             cloud = cloud.take(np.delete(np.arange(len(cloud)), result.outliers))
-        names = different_names([Path(titled(output.sources)), Path("result") if is_standard(target) else target])
+        names = different_names([Path(titled(output.sources)), Path("result") if io.is_standard(target) else target])
         simplified = Named(names[1], result.cloud, reason=result.method.summary)
         made = how_made(self.command, output.sources)
         return report_page(Named(names[0], cloud), [simplified], made, detail=list(self.request.detail))
@@ -265,8 +254,6 @@ class Job:
 
 def told_of_plan(output: Output, plan: Plan) -> Told:
     """Return what is told of a run that is only planned."""
-    from gppcs.streaming.sizes import size_of
-
     record = {
         **_named(output),
         "points_in": plan.points,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -13,13 +13,15 @@ from gppcs.app.outputs import check_output, outputs_of
 from gppcs.app.pages import SUFFIXES
 from gppcs.app.panels import ATTRIBUTES, CHOICE, LOOK, METHOD
 from gppcs.app.printing import for_each, names_of, say, say_aside, show, started
-from gppcs.app.runs import INDEX, Job, Told
 from gppcs.clouds.quantities import option
 from gppcs.errors import ParameterError, shown
 from gppcs.methods import DEFAULT, METHODS, Method, method_of
 
+if TYPE_CHECKING:
+    from gppcs.app.runs import Told
+
 KINDS = ("invalid", "outliers")  # of points that --drop leaves out
-ADDED = ("normals", "scores", INDEX, "kept")  # what --add adds
+ADDED = ("normals", "scores", "index", "kept")  # what --add adds
 
 EPILOG = (
     "gppcs simplify scan.ply -o small.ply --ratio 0.03\n\n"
@@ -117,6 +119,7 @@ def simplify(
     for standard input, or for standard output with --to.
     """
     from gppcs.amounts.request import Request
+    from gppcs.app.runs import Job
     from gppcs.io import check_distinct
     from gppcs.io.query import Query
     from gppcs.streaming.files import Work
@@ -152,15 +155,15 @@ def simplify(
     written = [target for each in outputs for target in each.targets]
     sources = [source for each in outputs for source in each.sources]
     check_distinct([*written, *filter(None, [report])], [*inputs, *sources, *filter(None, [polygon])])
+    by_source = {each.sources[0]: each for each in outputs}
     with executor_of(workers) as executor:
         work = Work(limit, None, executor, timer)
         job = Job(
-            request, wanted, work, input_format, query, INDEX in added, mark, report, context.obj, dry_run, force, lossy
-        )
-        by_source = {each.sources[0]: each for each in outputs}
-        for_each(
-            by_source, lambda source: _print(job.run(by_source[source]), dry_run, len(outputs) > 1, quiet, as_json)
-        )
+            request, wanted, work, input_format, query, "index" in added, mark, report, context.obj, dry_run, force,
+            lossy,
+        )  # fmt: skip
+        several = len(outputs) > 1
+        for_each(by_source, lambda source: _print(job.run(by_source[source]), dry_run, several, quiet, as_json))
 
 
 def _print(told: Told, dry_run: bool, is_one_of_several: bool, quiet: bool, as_json: bool) -> None:
