@@ -46,11 +46,6 @@ def test_evaluate_tells_the_order_if_the_second_cloud_has_more_points(gppcs_comm
     assert err.startswith("gppcs: note: the second cloud has more points than the first; give the original first")
 
 
-def test_the_library_tells_the_order_too(scan):
-    with pytest.warns(UserWarning, match="more points than the first; give the original first"):
-        gppcs.evaluate(scan[:60], scan)
-
-
 def test_evaluate_with_a_mesh(printed):
     pytest.importorskip("pymeshlab")
     ball = gppcs.sample("sphere", 300)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from command_line import described, files
+from command_line import SIMPLIFY, described, files
 from gppcs.app import program
 from web_page import WebPage
 
@@ -118,8 +118,9 @@ def test_a_deleted_working_directory_does_no_harm(folder, scan):
 
 
 def test_a_wrong_number_of_threads_for_numba_is_told_in_a_line(folder, scan):
-    words = [sys.executable, "-m", "gppcs", "simplify", "scan.ply", "-o", "out.ply", "--points", "9"]
-    variables = {**os.environ, "NUMBA_NUM_THREADS": "0"}
-    found = subprocess.run(words, env=variables, check=False, capture_output=True, text=True)
+    words = [sys.executable, "-m", "gppcs", *SIMPLIFY, "9"]
+    found = subprocess.run(
+        words, env=os.environ | {"NUMBA_NUM_THREADS": "0"}, check=False, capture_output=True, text=True
+    )
     assert (found.returncode, found.stderr.count("\n")) == (2, 1)
     assert "the environment variable NUMBA_NUM_THREADS to be a whole number from 1 on, found '0'" in found.stderr
