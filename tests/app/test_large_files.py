@@ -72,6 +72,7 @@ def test_a_dry_run_tells_and_does_nothing(printed, record, parts, large):
     [
         (["--memory", "1MB"], ["scan.ply", "expected at least", "MB of memory", "found 1 MB", "--memory"]),
         (["--add", "normals", *LARGE], ["--normals takes all points at once"]),
+        (["--add", "kept", *LARGE], ["--add kept takes all points at once"]),
         (["--report", "page.html", *LARGE], ["--report takes all points at once", "found 1 GB"]),
     ],
 )

@@ -104,7 +104,7 @@ class Job:
         """Return the option that takes all points at once, if any."""
         if self.request.whole:
             return option(self.request.whole)
-        return "--add mark" if self.mark is not None else "--report" if self.report else None
+        return "--add kept" if self.mark is not None else "--report" if self.report else None
 
     def _check_storable(self, output: Output, cloud: PointCloud) -> None:
         """Check that the output can hold points of a cloud with the attributes that the options add."""
@@ -139,7 +139,8 @@ class Job:
         result = done.result
         if self.mark is not None:
             assert done.cloud is not None
-            kept = np.isin(np.arange(len(done.cloud)), result.indices).astype(np.uint8)
+            kept = np.zeros(len(done.cloud), np.uint8)
+            kept[result.indices] = 1
             return [self._with_attributes(done.cloud, output, kept, kept, kept)]
         counts = self._counts(result, done.points) if self.levels else [len(result.indices)]
         level = np.repeat(np.arange(len(counts), dtype=np.uint8), np.diff([0, *counts]))
