@@ -402,10 +402,7 @@ def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64] | None:
 def rows_without(
     left_out: NDArray[np.int64] | None, rows: NDArray[np.int64] | None, n: int
 ) -> NDArray[np.int64] | None:
-    """Return rows of a cloud without those that are left out.
-
-    Shapes: left_out (k,), rows (m,); returns (l,).
-    """
+    """Return rows of a cloud without those that are left out. Shapes: left_out (k,), rows (m,); returns (l,)."""
     if left_out is None or not len(left_out):
         return rows
     return np.setdiff1d(np.arange(n) if rows is None else rows, left_out, assume_unique=True)

@@ -25,18 +25,12 @@ TO_LAB = np.array(
 
 
 def eight_bits(colours: NDArray[Any]) -> NDArray[np.uint8]:
-    """Return colours in 8 bits.
-
-    Shapes: colours (N, 3); returns (N, 3).
-    """
+    """Return colours in 8 bits. Shapes: colours (N, 3); returns (N, 3)."""
     return np.clip(_from_0_to_255(colours), 0, 255).round().astype(np.uint8)
 
 
 def fit_eight_bits(colours: NDArray[Any]) -> bool:
-    """Return whether colours lose nothing in 8 bits.
-
-    Shapes: colours (N, 3).
-    """
+    """Return whether colours lose nothing in 8 bits. Shapes: colours (N, 3)."""
     return bool(np.all(np.abs(_from_0_to_255(colours) - eight_bits(colours)) < 1e-3))
 
 

@@ -11,34 +11,17 @@ from scipy.sparse.csgraph import connected_components
 
 
 class Topology(NamedTuple):
-    """How triangles hang together.
+    """How triangles hang together."""
 
-    Attributes
-    ----------
-    non_manifold_edges : int
-        Edges of more than two triangles, or of two that are not oriented alike.
-    non_manifold_vertices : int
-        Vertices at which several fans of triangles meet.
-    borders : int
-        Closed curves of edges with one triangle.
-    pieces : int
-        Connected pieces.
-    genus : int or None
-        Handles of all pieces together; None if the mesh is no oriented manifold.
-    """
-
-    non_manifold_edges: int
-    non_manifold_vertices: int
-    borders: int
-    pieces: int
-    genus: int | None
+    non_manifold_edges: int  # Edges of more than two triangles, or of two that are not oriented alike
+    non_manifold_vertices: int  # Vertices at which several fans of triangles meet
+    borders: int  # Closed curves of edges with one triangle
+    pieces: int  # Connected pieces
+    genus: int | None  # Handles of all pieces together; None if the mesh is no oriented manifold
 
 
 def topology_of(faces: NDArray[np.int64]) -> Topology:
-    """Return the topology of a mesh.
-
-    Shapes: faces (F, 3).
-    """
+    """Return the topology of a mesh. Shapes: faces (F, 3)."""
     vertices, faces = np.unique(faces, return_inverse=True)
     faces = faces.reshape(-1, 3)
     n, corners = len(vertices), np.arange(3 * len(faces))

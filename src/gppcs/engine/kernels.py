@@ -153,7 +153,7 @@ def _reached(function: Callable[..., Any]) -> Iterator[str]:
     waiting = [code]
     while waiting:
         code = waiting.pop()
-        constants = [constant for constant in code.co_consts if not isinstance(constant, CodeType)]
+        constants = [each for each in code.co_consts if not isinstance(each, CodeType) and each != function.__doc__]
         waiting += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
         yield repr((code.co_code, constants, code.co_names, code.co_varnames))
         values += [within[name] for name in code.co_names if name in within]

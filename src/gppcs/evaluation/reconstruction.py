@@ -94,10 +94,7 @@ def ball_pivoted(points: NDArray[np.float64], normals: NDArray[np.float64]) -> M
 
 
 def distances_to(mesh: Mesh, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the distance of each point to the surface of a mesh.
-
-    Shapes: points (M, 3); returns (M,).
-    """
+    """Return the distance of each point to the surface of a mesh. Shapes: points (M, 3); returns (M,)."""
     pymeshlab = require_pymeshlab()
     meshes = _mesh_set(points)
     used, faces = np.unique(mesh.faces, return_inverse=True)  # unused vertices would enlarge PyMeshLab's grid

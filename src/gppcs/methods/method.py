@@ -230,10 +230,7 @@ class Method(ABC):
 
 
 def random_candidates(n: int, candidates: int | None, n_points: int, seed: int) -> NDArray[np.int64]:
-    """Choose a random subset of n points.
-
-    Shapes: returns (size,).
-    """
+    """Choose a random subset of n points. Shapes: returns (size,)."""
     import numpy as np
 
     if candidates is None:
@@ -242,10 +239,7 @@ def random_candidates(n: int, candidates: int | None, n_points: int, seed: int) 
 
 
 def largest(values: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Return the indices of the largest values.
-
-    Shapes: values (N,); returns (count,).
-    """
+    """Return the indices of the largest values. Shapes: values (N,); returns (count,)."""
     import numpy as np
 
     if count == 0:

@@ -20,9 +20,7 @@ def areas_of_points(tree: KdTree) -> NDArray[np.float64]:
 
     The estimate is that of `gppcs.spatial.spacing.surface_area`: the disc around a point that reaches to its 8th
     neighbour holds 8 other points, so the point stands for an eighth of the disc. The largest 1 % are cut to the 99 %
-    quantile; otherwise a few outliers could count as much as all other points.
-
-    Shapes: returns (N,).
+    quantile; otherwise a few outliers could count as much as all other points. Shapes: returns (N,).
     """
     n = len(tree.order)
     k = max(1, min(NEIGHBOURS, n - 1))

@@ -18,10 +18,7 @@ NO_VALUES = np.empty(0, dtype=np.float32)  # tells the kernels to keep the first
 
 
 def first_occurrences(points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mark the points that do not repeat an earlier point, in O(N) by hashing.
-
-    Shapes: points (N, 3); returns (N,).
-    """
+    """Mark the points that do not repeat an earlier point, in O(N) by hashing. Shapes: points (N, 3); returns (N,)."""
     marks = np.ones(len(points), dtype=np.bool_)
     if len(points):
         _mark(np.ascontiguousarray(points), NO_GRID, NO_VALUES, marks)
@@ -31,10 +28,8 @@ def first_occurrences(points: NDArray[np.float64]) -> NDArray[np.bool_]:
 def greatest_in_cells(points: NDArray[np.float64], edge: float, values: NDArray[np.float32]) -> NDArray[np.int64]:
     """Choose the point of greatest value in each occupied cell of a cubic grid.
 
-    The cells are hashed. This takes O(N) time, and memory of 9 bytes per point and 8 bytes per occupied cell,
-    however large the grid is.
-
-    Shapes: points (N, 3), values (N,); returns (cells,).
+    The cells are hashed. This takes O(N) time, and memory of 9 bytes per point and 8 bytes per occupied cell, however
+    large the grid is. Shapes: points (N, 3), values (N,); returns (cells,).
     """
     marks = np.zeros(len(points), dtype=np.bool_)
     if len(points):

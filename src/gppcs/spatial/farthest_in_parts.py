@@ -28,19 +28,11 @@ NEGLIGIBLE = 1e-150  # A smaller distance counts as none; its square would vanis
 
 
 class Farthest(NamedTuple):
-    """Chosen points, the farthest first.
+    """Chosen points, the farthest first."""
 
-    Attributes
-    ----------
-    rows : (n,) array, int64
-    places : (n, 3) array
-    distances : (n,) array
-        Distance of each to the points that were chosen before it.
-    """
-
-    rows: NDArray[np.int64]
-    places: NDArray[np.float64]
-    distances: NDArray[np.float64]
+    rows: NDArray[np.int64]  # (n,)
+    places: NDArray[np.float64]  # (n, 3)
+    distances: NDArray[np.float64]  # (n,), distance of each to the points that were chosen before it
 
 
 def farthest_in_parts(

@@ -33,11 +33,10 @@ def farthest_points(
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Choose points one by one; each is the farthest from all points chosen before it.
 
-    Ties go to the smallest index. The result is that of the plain O(N M) algorithm (Eldar, Lindenbaum, Porat and
-    Zeevi 1997). A k-d tree saves time: a step skips every box that lies farther from the new point than all of the
-    box's points lie from earlier ones (Han et al. 2023).
-
-    Shapes: points (N, 3), others (K, 3); returns indices (M,), distances (M,).
+    Ties go to the smallest index. The result is that of the plain O(N M) algorithm (Eldar, Lindenbaum, Porat and Zeevi
+    1997). A k-d tree saves time: a step skips every box that lies farther from the new point than all of the box's
+    points lie from earlier ones (Han et al. 2023). Shapes: points (N, 3), others (K, 3); returns indices (M,),
+    distances (M,).
     """
     tree = tree or KdTree.build(points)
     squared = np.full(len(points), np.inf)
@@ -109,9 +108,6 @@ def _choose(points, order, low, high, position, squared, farthest, candidate, ch
 
 @kernel
 def approach(xs, ys, zs, squared, x, y, z):
-    """Lower the squared distances of n points where (x, y, z) is nearer.
-
-    Shapes: xs, ys, zs (n,), squared (n,).
-    """
+    """Lower the squared distances of n points where (x, y, z) is nearer. Shapes: xs, ys, zs (n,), squared (n,)."""
     for j in range(len(squared)):
         squared[j] = min(squared[j], (xs[j] - x) ** 2 + (ys[j] - y) ** 2 + (zs[j] - z) ** 2)

@@ -15,9 +15,8 @@ def fill_gaps(points: NDArray[np.float64], kept: NDArray[np.float64], gap: float
     """Add points, each the farthest from all others, until no point is farther from one than a length.
 
     These are the points that `farthest_points` chooses from all. Those that are near enough are never chosen, so only
-    the others are looked at.
-
-    Shapes: points (N, 3), kept (M, 3); returns the rows of added points, (n,), and the largest distance that is left.
+    the others are looked at. Shapes: points (N, 3), kept (M, 3); returns the rows of added points, (n,), and the
+    largest distance that is left.
     """
     least = float(np.nextafter(gap, math.inf))
     squared = KdTree.build(kept).nearest_of(points, 1)[1][:, 0]

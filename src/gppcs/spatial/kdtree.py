@@ -27,28 +27,17 @@ class KdTree:
     The points are sorted so that each node holds a contiguous range; this order is called tree order. Node 1 is the
     root, and node n has the children 2n and 2n + 1. The nodes of a level share the points evenly: of L nodes, the
     j-th (from 0) holds the points from N j // L to N (j + 1) // L. Ranges are therefore computed, not stored.
-
-    Attributes
-    ----------
-    order : (N,) array, int64
-        Index in the input of each point in tree order.
-    points : (3, N) array, float64
-        Coordinates in tree order; each row is an axis.
-    low, high : (nodes, 3) arrays, float64
-        Corners of the bounding box of each node; row 0 is unused.
     """
 
-    order: NDArray[np.int64]
-    points: NDArray[np.float64]
+    order: NDArray[np.int64]  # (N,), index in the input of each point in tree order
+    points: NDArray[np.float64]  # (3, N), coordinates in tree order; each row is an axis
+    # (nodes, 3) each, corners of the bounding box of each node; row 0 is unused.
     low: NDArray[np.float64]
     high: NDArray[np.float64]
 
     @classmethod
     def build(cls, points: NDArray[np.float64]) -> KdTree:
-        """Build the tree in O(N log N).
-
-        Shapes: points (N, 3).
-        """
+        """Build the tree in O(N log N). Shapes: points (N, 3)."""
         n, depth = len(points), 0
         while n > LEAF_SIZE << depth:
             depth += 1
@@ -87,19 +76,13 @@ class KdTree:
         return KdTree(np.arange(len(self.order)), self.points, self.low, self.high)
 
     def positions(self) -> NDArray[np.int64]:
-        """Return the position in tree order of each point of the input.
-
-        Shapes: returns (N,).
-        """
+        """Return the position in tree order of each point of the input. Shapes: returns (N,)."""
         positions = np.empty(len(self.order), dtype=np.int64)
         positions[self.order] = np.arange(len(self.order))
         return positions
 
     def nearest_of(self, queries: NDArray[np.float64], k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Find the k points nearest to each query.
-
-        Shapes: queries (Q, 3); returns indices (Q, k), squared (Q, k).
-        """
+        """Find the k points nearest to each query. Shapes: queries (Q, 3); returns indices (Q, k), squared (Q, k)."""
         # Zeros: of a query without a finite distance, nothing is found.
         positions, squared = np.zeros((len(queries), k), dtype=np.int64), np.empty((len(queries), k))
         on_ranges(
@@ -119,10 +102,7 @@ class KdTree:
 
 @kernel(inline="always")
 def first_leaf(low):
-    """Return the node number of the first leaf, which is also the number of leaves.
-
-    Shapes: low (nodes, ...).
-    """
+    """Return the node number of the first leaf, which is also the number of leaves. Shapes: low (nodes, ...)."""
     return low.shape[0] // 2
 
 
@@ -272,9 +252,7 @@ def _move_forward(records, axis, begin, end, pivot, equal):
 def squared_distance_to_box(low, high, x, y, z):
     """Return the squared distance of (x, y, z) to a box, zero inside.
 
-    Rounding never makes it larger than the computed squared distance to a point in the box.
-
-    Shapes: low, high (3,).
+    Rounding never makes it larger than the computed squared distance to a point in the box. Shapes: low, high (3,).
     """
     dx = max(low[0] - x, x - high[0], 0.0)
     dy = max(low[1] - y, y - high[1], 0.0)
@@ -284,10 +262,7 @@ def squared_distance_to_box(low, high, x, y, z):
 
 @kernel
 def nearest_in_tree(points, low, high, x, y, z, found, squared):
-    """Find the k points of a tree nearest to (x, y, z).
-
-    Shapes: found (k,), squared (k,).
-    """
+    """Find the k points of a tree nearest to (x, y, z). Shapes: found (k,), squared (k,)."""
     nearest_within(points, low, high, x, y, z, np.inf, found, squared)
 
 
@@ -349,10 +324,7 @@ def _nearest_of_all(begin, end, points, low, high, queries, found, squared):
 
 @kernel(fastmath=False)
 def leaves_near(low, high, box_low, box_high, squared_radius, found):
-    """Find the leaves within a radius of a box.
-
-    Shapes: low, high (nodes, 3), box_low, box_high (3,), found (m,).
-    """
+    """Find the leaves within a radius of a box. Shapes: low, high (nodes, 3), box_low, box_high (3,), found (m,)."""
     leaves = first_leaf(low)
     count = 0
     stack = np.empty(64, dtype=np.int64)
@@ -376,9 +348,8 @@ def leaves_near(low, high, box_low, box_high, squared_radius, found):
 def squared_distance_of_boxes(low, high, other_low, other_high):
     """Return the squared distance between two boxes, zero if they overlap.
 
-    Rounding never makes it larger than the computed squared distance between two points in them.
-
-    Shapes: low, high, other_low, other_high (3,).
+    Rounding never makes it larger than the computed squared distance between two points in them. Shapes: low, high,
+    other_low, other_high (3,).
     """
     dx = max(low[0] - other_high[0], other_low[0] - high[0], 0.0)
     dy = max(low[1] - other_high[1], other_low[1] - high[1], 0.0)
@@ -388,10 +359,7 @@ def squared_distance_of_boxes(low, high, other_low, other_high):
 
 @kernel(fastmath=False, allocates=False)
 def points_near(points, low, high, leaves, box_low, box_high, squared_radius, found):
-    """Find the points of some leaves within a radius of a box.
-
-    Shapes: leaves (m,), box_low, box_high (3,).
-    """
+    """Find the points of some leaves within a radius of a box. Shapes: leaves (m,), box_low, box_high (3,)."""
     n, first = points.shape[1], first_leaf(low)
     count = 0
     for leaf in leaves:

@@ -15,18 +15,10 @@ ROOM = 32  # Points of a position for which there is room at first.
 
 
 class Groups(NamedTuple):
-    """Some things for each of m positions.
+    """Some things for each of m positions."""
 
-    Attributes
-    ----------
-    starts : (m + 1,) array, int64
-        Where those of each position start.
-    members : (n, ...) array
-        Those of the first position, then those of the second and so on.
-    """
-
-    starts: NDArray[np.int64]
-    members: NDArray[np.int64]
+    starts: NDArray[np.int64]  # (m + 1,), where those of each position start
+    members: NDArray[np.int64]  # (n, ...), those of the first position, then those of the second and so on
 
 
 def others_within(tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64]) -> Groups:
@@ -61,10 +53,7 @@ def has_within(tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.f
 
 
 def medians(starts: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the median of each group of values.
-
-    Shapes: starts (m + 1,), values (n,); returns (m,).
-    """
+    """Return the median of each group of values. Shapes: starts (m + 1,), values (n,); returns (m,)."""
     found = np.empty(len(starts) - 1)
     on_ranges(_medians, len(found), starts, values, found, least=QUERIES_AT_ONCE)
     return found

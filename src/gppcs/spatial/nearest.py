@@ -20,18 +20,10 @@ TRIALS = 24  # steps of regula falsi for a radius that holds exactly k points
 
 
 class Room(NamedTuple):
-    """Buffers for the points that a search finds.
+    """Buffers for the points that a search finds."""
 
-    Attributes
-    ----------
-    found : (m,) array, int64
-        Positions in tree order.
-    packed : (3, m + STRIDE) array, float64
-        Coordinates; each row is an axis.
-    """
-
-    found: NDArray[np.int64]
-    packed: NDArray[np.float64]
+    found: NDArray[np.int64]  # (m,), positions in tree order
+    packed: NDArray[np.float64]  # (3, m + STRIDE), coordinates; each row is an axis
 
 
 @kernel
@@ -58,27 +50,15 @@ def pack(points, room, count):
 
 
 class Search(NamedTuple):
-    """Buffers for searches of the k nearest points.
+    """Buffers for searches of the k nearest points."""
 
-    Attributes
-    ----------
-    near : (leaves,) array, int64
-        Node numbers of the leaves near the box of the shared search.
-    room : Room
-        The points found in these leaves.
-    squared : (m + STRIDE,) array, float64
-        Squared distances of these points from a position.
-    positions, gaps : (k,) arrays, int64 and float64
-        Positions and squared distances of the nearest points, if a position searches the tree by itself.
-    local : (3, k rounded up to STRIDE) array, float64
-        Vectors from a position to its k nearest points, then padding.
-    """
-
-    near: NDArray[np.int64]
-    room: Room
-    squared: NDArray[np.float64]
+    near: NDArray[np.int64]  # (leaves,), node numbers of the leaves near the box of the shared search
+    room: Room  # The points found in these leaves
+    squared: NDArray[np.float64]  # (m + STRIDE,), squared distances of these points from a position
+    # (k,) each, positions and squared distances of the nearest points, if a position searches the tree by itself.
     positions: NDArray[np.int64]
     gaps: NDArray[np.float64]
+    # (3, k rounded up to STRIDE), vectors from a position to its k nearest points, then padding.
     local: NDArray[np.float64]
 
 
@@ -96,10 +76,7 @@ def search_for(k, leaves):
 
 @kernel
 def look_around(points, low, high, box_low, box_high, squared_radius, search):
-    """Find and pack all points within a radius of a box.
-
-    Shapes: box_low, box_high (3,).
-    """
+    """Find and pack all points within a radius of a box. Shapes: box_low, box_high (3,)."""
     count = leaves_near(low, high, box_low, box_high, squared_radius, search.near)
     if count == len(search.near):
         return 0
@@ -144,7 +121,6 @@ def reach_of_nearest(packed, count, x, y, z, k, squared_radius, squared):
     """Return a squared distance from (x, y, z) within which exactly k packed points lie.
 
     The search is by regula falsi: on a surface, the number of points within a distance grows about as its square.
-
     Shapes: packed (3, m), squared (m,).
     """
     along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
@@ -182,9 +158,7 @@ def _within(squared, limit):
 def nearest_each(tree: KdTree, queries: KdTree) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """Return the position of the point nearest to each query, and its squared distance, all in tree order.
 
-    This is faster than `KdTree.nearest_of` for queries near each other.
-
-    Shapes: returns positions, squared (Q,).
+    This is faster than `KdTree.nearest_of` for queries near each other. Shapes: returns positions, squared (Q,).
     """
     n = len(queries.order)
     positions, squared, tasks = np.empty(n, dtype=np.int32), np.empty(n), min(queries.leaves, TASKS)

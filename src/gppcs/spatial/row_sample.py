@@ -14,18 +14,12 @@ WIDE = 0.99  # the share of the points of a part whose neighbours lie within the
 
 
 def row_hashes(rows: NDArray[np.int64]) -> NDArray[np.uint64]:
-    """Return a random number for each row (SplitMix64; Steele, Lea and Flood 2014).
-
-    Shapes: rows (n,); returns (n,).
-    """
+    """Return a random number for each row (SplitMix64; Steele, Lea and Flood 2014). Shapes: rows (n,); returns (n,)."""
     return _mixed(rows.astype(np.uint64))
 
 
 def place_hashes(points: NDArray[np.float64], seed: int = 0) -> NDArray[np.uint64]:
-    """Return a random number for each place.
-
-    Shapes: points (n, 3); returns (n,).
-    """
+    """Return a random number for each place. Shapes: points (n, 3); returns (n,)."""
     mixed = np.full(len(points), np.random.SeedSequence(seed).generate_state(1, np.uint64)[0])
     for bits in np.ascontiguousarray(points.T).view(np.uint64):
         mixed = _mixed(mixed ^ bits)
@@ -40,10 +34,7 @@ def _mixed(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
 
 
 def drawn(rows: NDArray[np.int64], share: float) -> NDArray[np.bool_]:
-    """Mark the rows of a random sample.
-
-    Shapes: rows (n,); returns (n,).
-    """
+    """Mark the rows of a random sample. Shapes: rows (n,); returns (n,)."""
     return row_hashes(rows) < share * HASHES if share < 1.0 else np.ones(len(rows), dtype=np.bool_)
 
 

@@ -15,10 +15,8 @@ BLOCK = 1 << 18  # points whose neighbours are found at once
 def paper_radius(points: NDArray[np.float64], k: int = 25) -> float:
     """Return CloudCompare's radius for about k neighbours, which the paper uses (section 3.1).
 
-    r = sqrt(k V^(2/3) / N), with V the volume of the bounding box. The rule assumes that the surface is as large as
-    one side of a cube of volume V.
-
-    Shapes: points (N, 3).
+    r = sqrt(k V^(2/3) / N), with V the volume of the bounding box. The rule assumes that the surface is as large as one
+    side of a cube of volume V. Shapes: points (N, 3).
     """
     volume = np.prod(np.ptp(points, axis=0))
     return float(np.sqrt(k * np.cbrt(volume) ** 2 / len(points)))
@@ -27,10 +25,9 @@ def paper_radius(points: NDArray[np.float64], k: int = 25) -> float:
 def nearest_distances(tree: KdTree, k: int, most: int = 4096) -> NDArray[np.float64]:
     """Return the distances of a sample of the points to their k-th nearest neighbours.
 
-    The sample takes points at equal steps in tree order, so that all parts of the cloud are represented. Equal steps
-    in the order of the file would not do: it can be periodic, for example if several scanners take turns.
-
-    Shapes: returns (n,).
+    The sample takes points at equal steps in tree order, so that all parts of the cloud are represented. Equal steps in
+    the order of the file would not do: it can be periodic, for example if several scanners take turns. Shapes: returns
+    (n,).
     """
     n = tree.points.shape[1]
     chosen = np.ascontiguousarray(tree.points.T[:: max(1, -(-n // most))])
@@ -75,10 +72,8 @@ def neighbourhood_radius(points: NDArray[np.float64], tree: KdTree, k: int = 25)
     """Return a radius within which a point has about k points, itself included.
 
     This is `paper_radius` where that is plausible. It depends on the bounding box alone, so it can be far off if the
-    box is flat or stretched by outliers. A radius above three times the median distance to the k-th point, or below
-    a third of it, is replaced by that distance.
-
-    Shapes: points (N, 3).
+    box is flat or stretched by outliers. A radius above three times the median distance to the k-th point, or below a
+    third of it, is replaced by that distance. Shapes: points (N, 3).
     """
     k = min(k, sys.maxsize)  # which a float can hold
     radius, robust = paper_radius(points, k), float(np.median(nearest_distances(tree, k - 1)))

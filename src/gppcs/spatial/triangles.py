@@ -23,10 +23,7 @@ def minus(a, b):
 
 @kernel(allocates=False)
 def row(points, i):
-    """Return a row of an array as a tuple.
-
-    Shapes: points (n, 3).
-    """
+    """Return a row of an array as a tuple. Shapes: points (n, 3)."""
     return points[i, 0], points[i, 1], points[i, 2]
 
 

@@ -33,27 +33,17 @@ class LocalSurface:
 
     The 30 nearest neighbours are searched first. Their number is doubled, up to 240, while the fan is open or a circle
     through its corners reaches beyond them. If all neighbours lie to one side, the fan stays open, as on a border.
-
-    Attributes
-    ----------
-    tree : KdTree
-        The tree over the points, which are distinct.
-    normals : (M, 3) array, float64
-        Unit normals of the tangent planes, in tree order.
-    corners : (M, MAX_TRIANGLES, 2) array, int32
-        The two other corners of each triangle around a point, in tree order; -1 after the last triangle.
     """
 
-    tree: KdTree
-    normals: NDArray[np.float64]
+    tree: KdTree  # The tree over the points, which are distinct
+    normals: NDArray[np.float64]  # (M, 3), unit normals of the tangent planes, in tree order
+    # (M, MAX_TRIANGLES, 2), the two other corners of each triangle around a point, in tree order; -1 after the last
+    # triangle.
     corners: NDArray[np.int32]
 
     @classmethod
     def of(cls, points: NDArray[np.float64]) -> LocalSurface:
-        """Build the surface of a cloud.
-
-        Shapes: points (M, 3).
-        """
+        """Build the surface of a cloud. Shapes: points (M, 3)."""
         tree = KdTree.build(points)
         normals = features_of_nearest(tree, PLANE_NEIGHBOURS).normals[tree.order]
         corners = np.full((len(points), MAX_TRIANGLES, 2), -1, dtype=np.int32)
@@ -63,9 +53,8 @@ class LocalSurface:
     def nearest_to(self, queries: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return distance and normal of the surface for each query point.
 
-        The fans of the nearest points are searched, and the nearest point itself.
-
-        Shapes: queries (Q, 3); returns distances (Q,), normals (Q, 3).
+        The fans of the nearest points are searched, and the nearest point itself. Shapes: queries (Q, 3); returns
+        distances (Q,), normals (Q, 3).
         """
         distances, normals = np.empty(len(queries)), np.empty((len(queries), 3))
         corners, weights = np.empty((len(queries), 3), dtype=np.int32), np.empty((len(queries), 2))

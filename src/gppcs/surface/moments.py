@@ -48,10 +48,7 @@ def moments_in_ball(packed, count, x, y, z, squared_radius, moments, p):
 
 @kernel
 def node_moments(points, low, high, moments):
-    """Compute the moments of each node of a tree, relative to the middle of its box.
-
-    Shapes: moments (nodes, 10).
-    """
+    """Compute the moments of each node of a tree, relative to the middle of its box. Shapes: moments (nodes, 10)."""
     n, leaves = points.shape[1], first_leaf(low)
     point = np.zeros(MOMENTS, dtype=np.float64)
     point[0] = 1.0
@@ -69,19 +66,13 @@ def node_moments(points, low, high, moments):
 
 @kernel(fastmath=False, allocates=False)
 def middle(low, high):
-    """Return the middle of a box.
-
-    Shapes: low, high (3,).
-    """
+    """Return the middle of a box. Shapes: low, high (3,)."""
     return 0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2])
 
 
 @kernel(fastmath=False, allocates=False)
 def add_shifted(moments, x, y, z, total):
-    """Add moments relative to one origin to moments relative to another origin.
-
-    Shapes: moments (10,), total (10,).
-    """
+    """Add moments relative to one origin to moments relative to another origin. Shapes: moments (10,), total (10,)."""
     n, sx, sy, sz = moments[0], moments[1], moments[2], moments[3]
     total[0] += n
     total[1] += sx + n * x

@@ -39,17 +39,11 @@ class Layer(NamedTuple):
     """The layer of noise about the quadrics that are fitted to the points around each point.
 
     Both are quantiles, so that outliers do not count.
-
-    Attributes
-    ----------
-    level : float
-        From the distance of the quadrics within which 90 % of the points lie: the standard deviation of Gaussian noise.
-    radius : float
-        Median radius of the neighbourhoods.
     """
 
+    # From the distance of the quadrics within which 90 % of the points lie: the standard deviation of Gaussian noise.
     level: float
-    radius: float
+    radius: float  # Median radius of the neighbourhoods
 
     @classmethod
     def of(cls, distances: NDArray[np.float64], radii: NDArray[np.float64]) -> Layer:
@@ -61,26 +55,17 @@ class Layer(NamedTuple):
 
 
 class Observations(NamedTuple):
-    """What observations at n places are worth.
+    """What observations at n places are worth."""
 
-    Attributes
-    ----------
-    feet : (n, 3) array or None
-        Projections onto the surface, where features are measured; None if the noise is not thick: features are then
-        measured at the places themselves.
-    variances : (n,) array
-        Variance of each observation; 0 without noise. Divided by h^2 it is in units of the prior variance of a field
-        with target spacing h.
-    """
-
+    # (n, 3), projections onto the surface, where features are measured; None if the noise is not thick: features are
+    # then measured at the places themselves.
     feet: NDArray[np.float64] | None
+    # (n,): Variance of each observation; 0 without noise. Divided by h^2 it is in units of the prior variance of a
+    # field with target spacing h.
     variances: NDArray[np.float64]
 
     def take(self, rows: NDArray[np.int64]) -> Observations:
-        """Return those at some of the places.
-
-        Shapes: rows (m,).
-        """
+        """Return those at some of the places. Shapes: rows (m,)."""
         return Observations(None if self.feet is None else self.feet[rows], self.variances[rows])
 
 
@@ -90,33 +75,19 @@ class Noise:
 
     Detail of about the target spacing lies off the quadrics, too, and looks like thin noise. So thin noise makes
     observations uncertain, but features stay those of the points. Thick noise moves the features to the surface.
-
-    Attributes
-    ----------
-    tree : KdTree or None
-        Over the points to which quadrics are fitted; None if no noise matters, so that its memory is free.
-    neighbours : int
-        Points of each fit.
-    thick : bool
-        Whether the layer of noise about quadrics of `NEIGHBOURS` points is thick.
-    level : float
-        Distance of the points from the surface, as in `Layer`, in the unit of the tree; 0 where it is not measured.
-    quiet : bool
-        Whether no noise matters: there is little, it is detail of the surface such as vegetation, or too few points lie
-        near each other to measure it.
-    clean : bool
-        Whether there is little, so that sharp places can be told.
-    spacing : float
-        Target spacing, in the same unit.
     """
 
+    # Over the points to which quadrics are fitted; None if no noise matters, so that its memory is free.
     tree: KdTree | None
-    neighbours: int
-    thick: bool
+    neighbours: int  # Points of each fit
+    thick: bool  # Whether the layer of noise about quadrics of `NEIGHBOURS` points is thick
+    # Distance of the points from the surface, as in `Layer`, in the unit of the tree; 0 where it is not measured.
     level: float
+    # Whether no noise matters: there is little, it is detail of the surface such as vegetation, or too few points lie
+    # near each other to measure it.
     quiet: bool
-    clean: bool
-    spacing: float
+    clean: bool  # Whether there is little, so that sharp places can be told
+    spacing: float  # Target spacing, in the same unit
 
     @classmethod
     def measure(cls, tree: KdTree, n_points: int, spacing: float) -> Noise:
@@ -143,10 +114,7 @@ class Noise:
         return cls(None, neighbours, thick, layer.level, quiet, clean, spacing)
 
     def observe(self, places: NDArray[np.float64]) -> Observations:
-        """Return what observations at some places are worth.
-
-        Shapes: places (n, 3).
-        """
+        """Return what observations at some places are worth. Shapes: places (n, 3)."""
         if self.tree is None:
             return Observations(None, np.zeros(len(places)))
         tree = KdTree.build(places)

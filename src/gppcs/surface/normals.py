@@ -94,9 +94,7 @@ def estimate_normals(
 def normals_of(tree: KdTree, near: NDArray[np.int64], noisy: bool) -> NDArray[np.float64]:
     """Estimate the unit normals at the points of a tree, as `estimate_normals` does, but for the number of points.
 
-    Without noise, one fit to `SHARP` points yields both the normal and its sign.
-
-    Shapes: near (N, k); returns (N, 3).
+    Without noise, one fit to `SHARP` points yields both the normal and its sign. Shapes: near (N, k); returns (N, 3).
     """
     near = np.ascontiguousarray(near[:, :EDGES])
     neighbours = across_noise(tree)[0]

@@ -71,7 +71,6 @@ def outliers_among(points: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Tell which points are outliers; see `find_outliers`.
 
     After the first round, only those points are looked at that have lost a neighbour, or one of whose neighbours has.
-
     Shapes: points (N, 3); returns (N,).
     """
     places = points[first_occurrences(points)]

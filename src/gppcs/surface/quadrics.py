@@ -21,20 +21,12 @@ STEEPEST = 3.0  # Squared slope, 60 degrees. A steeper quadric extrapolates from
 
 
 class Quadrics(NamedTuple):
-    """Quadrics fitted around m places.
+    """Quadrics fitted around m places."""
 
-    Attributes
-    ----------
-    heights : (m,) array
-        Signed distance from the place to the quadric, along its normal, to first order.
-    normals : (3, m) array
-        Unit normal of the quadric at the place; its sign has no meaning.
-    reaches : (m,) array
-        Distance from the place to the farthest of the fitted points; 1 where that is zero.
-    """
-
+    # (m,), signed distance from the place to the quadric, along its normal, to first order.
     heights: NDArray[np.float64]
-    normals: NDArray[np.float64]
+    normals: NDArray[np.float64]  # (3, m), unit normal of the quadric at the place; its sign has no meaning
+    # (m,), distance from the place to the farthest of the fitted points; 1 where that is zero.
     reaches: NDArray[np.float64]
 
 

@@ -63,9 +63,8 @@ def points_of_voxels(
     before it in this voxel and in the voxels around it; of the latter, points count that lie within 0.75 edge lengths
     of the centre along each axis. The voxels are processed in eight classes, by the parity of their numbers along the
     axes. Voxels of a class do not touch, and are processed in parallel. If the quotas add up to more than M, `trimmed`
-    reduces them; if they add up to less, the farthest points of the whole cloud are added.
-
-    Shapes: points (N, 3); returns (M,).
+    reduces them; if they add up to less, the farthest points of the whole cloud are added. Shapes: points (N, 3);
+    returns (M,).
     """
     voxels = Voxels.build(points)
     whole, rest = np.divmod(np.diff(voxels.begins) * n_points, len(points))
@@ -89,9 +88,8 @@ def trimmed(counts: NDArray[np.int64], n_points: int) -> NDArray[np.int64]:
 
     In a round, first all even voxels and then all odd voxels lose one point each, if they have more points than a
     threshold. The threshold starts at a third of the range of the counts, and decreases by one after a round in which
-    no voxel loses a point (Lv et al. 2021). Here many rounds are computed at once.
-
-    Shapes: counts (voxels,); returns (voxels,).
+    no voxel loses a point (Lv et al. 2021). Here many rounds are computed at once. Shapes: counts (voxels,); returns
+    (voxels,).
     """
     if counts.sum() <= n_points:
         return counts

@@ -17,9 +17,8 @@ def hierarchical_clusters(points: NDArray[np.float64], size: int, variation: flo
 
     A cluster above either limit is split by the plane through its centroid that is orthogonal to its principal axis
     (Pauly, Gross and Kobbelt 2002). Points that the plane does not separate, such as repeats, stay together. The
-    paper's experiments use this form. The number of points is not known beforehand.
-
-    Shapes: points (N, 3); returns (M,).
+    paper's experiments use this form. The number of points is not known beforehand. Shapes: points (N, 3); returns
+    (M,).
     """
     rows, order, chosen = _in_columns(points, len(points))
     return chosen[: _part_to_limits(rows, order, size, variation, chosen)]
@@ -31,9 +30,7 @@ def clusters_by_variation(points: NDArray[np.float64], n_points: int) -> NDArray
     The cluster with the largest product of number of points and surface variation is split next, by the plane of
     `hierarchical_clusters`. Ties go to the cluster with more points, and then to the one whose first point has the
     smallest index. If the plane does not separate any points, the cluster is split into halves by order, so that the
-    result always has M points.
-
-    Shapes: points (N, 3); returns (M,).
+    result always has M points. Shapes: points (N, 3); returns (M,).
     """
     rows, order, chosen = _in_columns(points, n_points)
     _part_most_varied(rows, order, chosen)

@@ -30,9 +30,7 @@ def contraction_order(
     replaces two neighbours by one of them, and adds up their quadrics. Its cost is the value of the sum at the point
     that stays, which is the cheaper choice of the two. The pair of least cost is contracted next. Ties go to the
     shorter pair, and then to the smallest indices. The neighbours of the point that stays are the nearest ones among
-    the neighbours of both.
-
-    Shapes: points (N, 3); returns (N,).
+    the neighbours of both. Shapes: points (N, 3); returns (N,).
     """
     tree = KdTree.build(points)
     n = len(points)

@@ -34,7 +34,6 @@ def eliminate(
     """Remove points as `thin` does until M are left, and put these into a progressive order.
 
     For the order, elimination continues, each time to half the number of points (Yuksel 2015, progressive sets).
-
     Shapes: points (N, 3); returns (M,).
     """
     kept, area = thin(points, n_points, advanced)
@@ -47,10 +46,7 @@ def eliminate(
 
 
 def far_apart(points: NDArray[np.float64], spacing: float) -> int:
-    """Return how many points from the first on are at least a length from each other.
-
-    Shapes: points (M, 3).
-    """
+    """Return how many points from the first on are at least a length from each other. Shapes: points (M, 3)."""
     enough, many = 1, len(points) + 1
     while many > enough + 1:
         middle = (enough + many) // 2
@@ -76,9 +72,7 @@ def thin(
 
     If N / M is above 40, earlier stages each remove at most a factor of 10. Every stage has its own N, M, r_max and
     r_min: with those of a small M, the discs would hold many points. If no point has any weight left before a stage
-    ends, the estimated area was too small, and it is estimated again.
-
-    Shapes: returns kept (M,).
+    ends, the estimated area was too small, and it is estimated again. Shapes: returns kept (M,).
     """
     kept = np.arange(len(points))
     area = surface_area(KdTree.build(points))

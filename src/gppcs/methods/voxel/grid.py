@@ -21,10 +21,7 @@ COLUMNS = ("highest", "lowest")  # what is kept of cells without limits in z
 
 
 def in_cells(points: NDArray[np.float64], keep: str) -> NDArray[np.float64]:
-    """Return points as the grid sees them: those of a column have the same z.
-
-    Shapes: points (N, 3); returns (N, 3).
-    """
+    """Return points as the grid sees them: those of a column have the same z. Shapes: points (N, 3); returns (N, 3)."""
     return points * (1.0, 1.0, 0.0) if keep in COLUMNS else points
 
 
@@ -86,10 +83,7 @@ def searched_edge(size: float, n_points: int, occupied: Callable[[float], int]) 
 
 
 def occupied(points: NDArray[np.float64], edge: float) -> int:
-    """Return the number of occupied cells of a grid that starts at the origin.
-
-    Shapes: points (N, 3).
-    """
+    """Return the number of occupied cells of a grid that starts at the origin. Shapes: points (N, 3)."""
     return int(np.count_nonzero(first_occurrences(np.floor(points / edge))))
 
 

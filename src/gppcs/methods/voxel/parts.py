@@ -18,17 +18,10 @@ PART = 1 << 18  # Points of a part at most.
 
 
 class Representatives(NamedTuple):
-    """One point for each occupied cell.
+    """One point for each occupied cell."""
 
-    Attributes
-    ----------
-    rows : (cells,) array, int64
-        Ascending.
-    places, means : (cells, 3) arrays
-        The points, and the means of all points of their cells.
-    """
-
-    rows: NDArray[np.int64]
+    rows: NDArray[np.int64]  # (cells,), ascending
+    # (cells, 3) each, the points, and the means of all points of their cells.
     places: NDArray[np.float64]
     means: NDArray[np.float64]
 
