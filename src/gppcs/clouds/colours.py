@@ -45,10 +45,7 @@ def _from_0_to_255(colours: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def oklab(colours: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return sRGB colours from 0 to 1 in the space OKLab (Ottosson 2020), where equal distances look about equal.
-
-    Shapes: colours (N, 3); returns (N, 3), the first from 0 to 1.
-    """
+    """Return sRGB colours, (N, 3) from 0 to 1, in OKLab (Ottosson 2020), where equal distances look about equal."""
     linear = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
     lab: NDArray[np.float64] = np.cbrt(linear @ TO_CONES.T) @ TO_LAB.T
     return lab

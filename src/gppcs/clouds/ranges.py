@@ -52,8 +52,7 @@ def names_of_detail(detail: Any) -> list[str]:
 class AttributeRange:
     """How values of an attribute become numbers, in which 1 is its whole range.
 
-    Colours become coordinates of the space OKLab (Ottosson 2020), in which 1 is the distance of black and white.
-    Classes become points that are all 1 apart.
+    Colours become coordinates of OKLab, in which 1 is from black to white; classes become points that are all 1 apart.
     """
 
     name: str

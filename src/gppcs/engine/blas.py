@@ -16,10 +16,9 @@ _inside = False  # whether the Python thread that holds the lock has limited the
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Let BLAS and LAPACK run in one thread within a `with` statement or, as a decorator, within a function.
+    """Let BLAS and LAPACK run in one thread within a `with` statement or a decorated function.
 
-    The number of threads belongs to the whole process, and only the Python thread that has changed it can restore it.
-    So such blocks of several Python threads run one after another. Keep them short.
+    The number belongs to the whole process, so such blocks of several threads run one after another. Keep them short.
     """
     global _inside
     with _lock:

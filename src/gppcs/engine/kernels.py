@@ -66,8 +66,7 @@ def _without_literals(fold: Callable[..., Any]) -> Callable[..., Any]:
 class _KernelCache(NullCache):
     """Keeps the compiled code of one kernel: a file for each combination of types of its arguments.
 
-    Numba's own cache looks only at the file that a function stands in, not at those of the functions that it calls.
-    It also names files by numbers from an index, so that two processes that write at once can mix up their files.
+    Numba's own looks at no function that is called, and two processes that write at once can mix up its files.
     """
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:

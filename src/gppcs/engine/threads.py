@@ -108,10 +108,7 @@ def set_threads(count: int | None) -> None:
 
 @functools.cache
 def _quota(root: Path = Path("/")) -> float:
-    """Return the number of cores whose time the control groups of this process may use, rounded up.
-
-    It is infinite without a limit, and where there are no control groups.
-    """
+    """Return how many cores of time the control groups of this process may use, rounded up; infinite without limit."""
     return min(
         (max(1, math.ceil(cores)) for cores in map(_limit, control_groups("cpu", root)) if cores), default=math.inf
     )

@@ -172,10 +172,7 @@ class CompileTimer:
         self._collected = False
 
     def start(self) -> None:
-        """Note that the compilation of a kernel starts, and switch Python's garbage collector off.
-
-        The compiler keeps so many objects that the collector would take a tenth of the time.
-        """
+        """Note that a compilation starts; without the garbage collector, which would take a tenth of the time."""
         if self._depth == 0:
             self._state = self._state[0], perf_counter()
             self._collected = gc.isenabled()

@@ -372,21 +372,14 @@ def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[in
 
 
 def _weighted_quantile(values: Points, weights: Points, share: float) -> float:
-    """Return the value (N,) below which a share of the weight (N,) lies.
-
-    The weights of the values, in their order, divide a line into intervals. Each value lies in the middle of its
-    interval; between two middles it is interpolated.
-    """
+    """Return the value, (N,), below which a share of the weight, (N,), lies, between the middles of weights."""
     order = np.argsort(values)
     ends = np.cumsum(weights[order])
     return float(np.interp(share * ends[-1], ends - weights[order] / 2.0, values[order]))
 
 
 def _rough(variation: Points) -> NDArray[np.bool_]:
-    """Return which points (N,) are features: the tenth with the largest surface variation, or all if the cloud is flat.
-
-    On lattices many points have the same surface variation up to rounding. The tolerance treats these alike.
-    """
+    """Return which points (N,) are features: the tenth of largest surface variation, with ties, or all if flat."""
     if variation.max() <= ROUNDING:
         return np.ones(len(variation), dtype=np.bool_)
     return variation >= max(np.quantile(variation, FEATURE_QUANTILE) * (1.0 - 1e-9), ROUNDING)
@@ -402,9 +395,7 @@ def _angles(first: Points, second: Points) -> Points:
 def _mean_surface_variation(tree: KdTree, spacing: float) -> float:
     """Return the mean surface variation with the paper's radius, to be comparable with the paper's tables.
 
-    The paper's rule uses only the bounding box. If the box is flat, or stretched by distant points, that radius can be
-    arbitrarily wrong. If it differs more than three times from the radius of a disc that holds as many points at the
-    target spacing, the latter is used.
+    Where the bounding box makes it three times wrong, the disc of as many points at the target spacing counts.
     """
     from gppcs.spatial.spacing import paper_radius
     from gppcs.surface.surface_variation import features_in_radius
@@ -436,10 +427,7 @@ def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, frame: _Frame) 
 
 
 def _require_mesh_near(mesh: Mesh, before: Points, after: Points, frame: _Frame) -> None:
-    """Raise an error if the mesh has no area or does not lie on the original.
-
-    The bounding boxes are compared first, since PyMeshLab takes extremely long for distant meshes.
-    """
+    """Raise an error unless the mesh has an area and lies on the original; boxes first, as PyMeshLab may take long."""
     from gppcs.evaluation.reconstruction import distances_to
 
     mesh.require_area("mesh")

@@ -16,11 +16,9 @@ TASKS = 256  # runs of leaves; within a run, each search starts from the radius 
 
 
 def areas_of_points(tree: KdTree) -> NDArray[np.float64]:
-    """Estimate the area that each point stands for: little where the cloud is dense.
+    """Estimate the area, (N,), that each point stands for, as `gppcs.spatial.spacing.surface_area` does.
 
-    The estimate is that of `gppcs.spatial.spacing.surface_area`: the disc around a point that reaches to its 8th
-    neighbour holds 8 other points, so the point stands for an eighth of the disc. The largest 1 % are cut to the 99 %
-    quantile; otherwise a few outliers could count as much as all other points. Shapes: returns (N,).
+    The largest 1 % are cut to the 99 % quantile; otherwise a few outliers could count as much as all other points.
     """
     n = len(tree.order)
     k = max(1, min(NEIGHBOURS, n - 1))
@@ -34,10 +32,7 @@ def areas_of_points(tree: KdTree) -> NDArray[np.float64]:
 
 @kernel
 def _squared_reaches(first, last, tasks, points, order, low, high, k, squared):
-    """Fill `squared`, (N,), with the squared distance of each point to the k-th nearest, itself included.
-
-    The range `first` to `last` is one of tasks.
-    """
+    """Fill `squared`, (N,), with the squared distance to the k-th nearest, itself included, in a range of tasks."""
     n, leaves = points.shape[1], first_leaf(low)
     search = search_for(k, leaves)
     for task in range(first, last):

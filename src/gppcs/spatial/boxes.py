@@ -31,10 +31,7 @@ Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]  # Like `m
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """A division of a cloud's bounding box into 2^d boxes. Each node of a perfect binary tree is cut into two.
-
-    Node 1 is the root, and node n has the children 2n and 2n + 1.
-    """
+    """A division of a cloud's box into 2^d boxes, the leaves of a perfect binary tree with root 1."""
 
     axes: NDArray[np.int64]  # (nodes,), the axis along which a node is cut
     cuts: NDArray[np.float64]  # (nodes,): Where it is cut. Points on the cut belong to the upper child.
@@ -65,20 +62,14 @@ class Boxes:
         return len(self.cuts)
 
     def box_of(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return the box of each point, from 0. Points outside all boxes belong to the nearest along each cut.
-
-        Shapes: points (n, 3); returns (n,).
-        """
+        """Return the box, (n,), of each point, (n, 3), from 0; points outside belong to the nearest along each cut."""
         node, flat, start = np.ones(len(points), dtype=np.int64), points.ravel(), 3 * np.arange(len(points))
         for _ in range(len(self).bit_length() - 1):
             node = 2 * node + (flat[start + self.axes[node]] >= self.cuts[node])
         return node - len(self)
 
     def parts(self, counts: NDArray[np.int64], most: int) -> list[Part]:
-        """Return the largest nodes that hold few enough points, those without points left out.
-
-        Shapes: counts (boxes,).
-        """
+        """Return the largest nodes that hold few enough points, given the counts of boxes; none without points."""
         below = np.concatenate([[0], np.cumsum(counts)])
         found: list[Part] = []
         waiting = [(1, 0, len(self))]

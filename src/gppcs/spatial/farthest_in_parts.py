@@ -38,10 +38,7 @@ class Farthest(NamedTuple):
 def farthest_in_parts(
     stored: StoredPoints, n_points: int, timer: Timer, each: Each, least: float = 0.0
 ) -> NDArray[np.int64]:
-    """Choose points that are at least some distance from each other, and return their rows, (M,).
-
-    There are fewer if no other place is so far from all chosen ones.
-    """
+    """Choose M points, at least some distance apart, and return their rows; fewer if no other place is far enough."""
     sample = stored.sample
     first = min(FIRST, n_points, len(sample))
     level = max(float(farthest_points(sample, first)[1][-1]) if first > 1 else math.inf, least)

@@ -31,12 +31,10 @@ def farthest_points(
     others: NDArray[np.float64] | None = None,
     least: float = 0.0,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Choose points one by one; each is the farthest from all points chosen before it.
+    """Choose points, (N, 3), each the farthest from all before it and others; return them and the distances.
 
-    Ties go to the smallest index. The result is that of the plain O(N M) algorithm (Eldar, Lindenbaum, Porat and Zeevi
-    1997). A k-d tree saves time: a step skips every box that lies farther from the new point than all of the box's
-    points lie from earlier ones (Han et al. 2023). Shapes: points (N, 3), others (K, 3); returns indices (M,),
-    distances (M,).
+    Ties go to the smallest index, as in the plain algorithm (Eldar, Lindenbaum, Porat and Zeevi 1997). A step skips
+    every box that lies farther from the new point than all of the box's points lie from earlier ones (Han et al. 2023).
     """
     tree = tree or KdTree.build(points)
     squared = np.full(len(points), np.inf)

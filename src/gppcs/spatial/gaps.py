@@ -12,12 +12,7 @@ from gppcs.spatial.kdtree import KdTree
 
 
 def fill_gaps(points: NDArray[np.float64], kept: NDArray[np.float64], gap: float) -> tuple[NDArray[np.int64], float]:
-    """Add points, each the farthest from all others, until no point is farther from one than a length.
-
-    These are the points that `farthest_points` chooses from all. Those that are near enough are never chosen, so only
-    the others are looked at. Shapes: points (N, 3), kept (M, 3); returns the rows of added points, (n,), and the
-    largest distance that is left.
-    """
+    """Add the farthest points, (N, 3), until none is beyond a gap; return rows and the largest distance left."""
     least = float(np.nextafter(gap, math.inf))
     squared = KdTree.build(kept).nearest_of(points, 1)[1][:, 0]
     far = np.flatnonzero(squared >= least * least)

@@ -24,9 +24,9 @@ PAST_MIDDLE = 2  # the pivot lies this many sample ranks past the wanted one, so
 class KdTree:
     """A perfect binary tree of bounding boxes over N points (Bentley 1975).
 
-    The points are sorted so that each node holds a contiguous range; this order is called tree order. Node 1 is the
-    root, and node n has the children 2n and 2n + 1. The nodes of a level share the points evenly: of L nodes, the
-    j-th (from 0) holds the points from N j // L to N (j + 1) // L. Ranges are therefore computed, not stored.
+    The points are sorted so that each node holds a contiguous range: tree order. Node 1 is the root, and node n has the
+    children 2n and 2n + 1. Of the L nodes of a level, the j-th (from 0) holds the points from N j // L to N (j + 1) //
+    L.
     """
 
     order: NDArray[np.int64]  # (N,), index in the input of each point in tree order
@@ -53,10 +53,7 @@ class KdTree:
 
     @classmethod
     def over(cls, points: NDArray[np.float64], order: NDArray[np.int64] | None = None) -> KdTree:
-        """Build a tree over points that are already sorted: only the boxes are computed, in O(N).
-
-        Shapes: points (3, N), order (N,).
-        """
+        """Build a tree over points, (3, N), that are already sorted: only the boxes are computed, in O(N)."""
         n, leaves = points.shape[1], 1
         while n > LEAF_SIZE * leaves:
             leaves *= 2
@@ -92,10 +89,7 @@ class KdTree:
         return self.order[positions], squared
 
     def neighbours(self, k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Find the k other points nearest to each point of the tree, which must have no repeats.
-
-        Shapes: returns positions (N, k), squared (N, k).
-        """
+        """Find the k other points nearest to each: positions and squared distances, (N, k), in tree order."""
         positions, squared = self.in_own_order().nearest_of(self.points.T, k + 1)
         return positions[:, 1:], squared[:, 1:]  # the first is the point itself
 
@@ -122,10 +116,7 @@ def _split_nodes(begin, end, level, records, low, high):
 
 @kernel
 def _grow(begin, end, top, depth, records, numbers, order, points, low, high):
-    """Sort the records, (N, 4), below the nodes `begin` to `end` of the level `top`.
-
-    Fill `order` (N,), `points` (3, N), `low` and `high` (nodes, 3).
-    """
+    """Sort the records, (N, 4), below nodes of the level `top`, and fill the arrays of the tree."""
     for node in range((1 << top) + begin, (1 << top) + end):  # the records of one such node fit into the CPU cache
         for level in range(depth - top):
             for below in range(node << level, (node + 1) << level):
@@ -232,10 +223,9 @@ def _pivot(records, axis, begin, middle, end, sample):
 
 @kernel(allocates=False)
 def _move_forward(records, axis, begin, end, pivot, equal):
-    """Move records, (N, 4), with keys below the pivot to the front of begin..end; return where the others start.
+    """Move records, (N, 4), with keys below the pivot, or also equal, to the front; return where the others start.
 
-    With `equal`, keys equal to the pivot move as well. Every record is swapped, needed or not (Lomuto's scheme): a
-    branch would be mispredicted half of the time.
+    Every record is swapped, needed or not (Lomuto's scheme): a branch would be mispredicted half of the time.
     """
     free = begin
     for i in range(begin, end):
@@ -250,10 +240,7 @@ def _move_forward(records, axis, begin, end, pivot, equal):
 
 @kernel(fastmath=False, allocates=False)
 def squared_distance_to_box(low, high, x, y, z):
-    """Return the squared distance of (x, y, z) to a box, zero inside.
-
-    Rounding never makes it larger than the computed squared distance to a point in the box. Shapes: low, high (3,).
-    """
+    """Return the squared distance of (x, y, z) to a box, rounded to at most that to any point in it."""
     dx = max(low[0] - x, x - high[0], 0.0)
     dy = max(low[1] - y, y - high[1], 0.0)
     dz = max(low[2] - z, z - high[2], 0.0)
@@ -268,10 +255,7 @@ def nearest_in_tree(points, low, high, x, y, z, found, squared):
 
 @kernel
 def nearest_within(points, low, high, x, y, z, limit, found, squared):
-    """Find the k points of a tree nearest to (x, y, z), of which it is known that they lie within some distance.
-
-    Shapes: found (k,), squared (k,).
-    """
+    """Find the k points, (k,), nearest to (x, y, z), of which it is known that they lie within some distance."""
     leaves = first_leaf(low)
     n = points.shape[1]
     squared[:] = limit
@@ -346,11 +330,7 @@ def leaves_near(low, high, box_low, box_high, squared_radius, found):
 
 @kernel(fastmath=False, allocates=False)
 def squared_distance_of_boxes(low, high, other_low, other_high):
-    """Return the squared distance between two boxes, zero if they overlap.
-
-    Rounding never makes it larger than the computed squared distance between two points in them. Shapes: low, high,
-    other_low, other_high (3,).
-    """
+    """Return the squared distance between two boxes, rounded to at most that between any two points in them."""
     dx = max(low[0] - other_high[0], other_low[0] - high[0], 0.0)
     dy = max(low[1] - other_high[1], other_low[1] - high[1], 0.0)
     dz = max(low[2] - other_high[2], other_low[2] - high[2], 0.0)
@@ -374,10 +354,7 @@ def points_near(points, low, high, leaves, box_low, box_high, squared_radius, fo
 
 @kernel
 def greatest_of_all(order, values, greatest, holder):
-    """Fill each node with the greatest value among its points, and with the index of that point.
-
-    Shapes: order (N,), values (N,), greatest (nodes,), holder (nodes,).
-    """
+    """Fill each node with the greatest value, (N,), among its points, and with the index of that point, `holder`."""
     leaves = first_leaf(greatest)
     for node in range(2 * leaves - 1, 0, -1):
         if node >= leaves:

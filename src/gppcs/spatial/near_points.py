@@ -22,10 +22,7 @@ class Groups(NamedTuple):
 
 
 def others_within(tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64]) -> Groups:
-    """Find all points of a tree within a distance of each query, but at other places than the query.
-
-    Shapes: queries (m, 3), squared (m,).
-    """
+    """Find all points of a tree within a squared distance, (m,), of each query, (m, 3), but at other places."""
     starts, counts = np.arange(0, ROOM * len(queries) + 1, ROOM), np.empty(len(queries), dtype=np.int64)
     while True:
         found = np.empty(starts[-1], dtype=np.int64)
@@ -41,10 +38,7 @@ def others_within(tree: KdTree, queries: NDArray[np.float64], squared: NDArray[n
 
 
 def has_within(tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell whether there is a point of a tree within a distance of each query.
-
-    Shapes: queries (m, 3), squared (m,); returns (m,).
-    """
+    """Tell whether, (m,), there is a point of a tree within a squared distance of each query, (m, 3)."""
     found = np.zeros(len(queries), dtype=np.bool_)
     on_ranges(
         _has_within, len(queries), tree.points, tree.low, tree.high, queries, squared, found, least=QUERIES_AT_ONCE

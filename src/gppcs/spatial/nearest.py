@@ -36,10 +36,7 @@ def room_for(leaves):
 
 @kernel(allocates=False)
 def pack(points, room, count):
-    """Copy the coordinates of the found points into `room.packed`, and pad them with far points.
-
-    Shapes: points (3, N).
-    """
+    """Copy the coordinates of the found points, of (3, N), into `room.packed`, and pad them with far points."""
     full = -(-count // STRIDE) * STRIDE
     for axis in range(3):
         row, packed = points[axis], room.packed[axis]
@@ -118,10 +115,9 @@ def steps_by_itself(points, low, high, x, y, z, search):
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
 def reach_of_nearest(packed, count, x, y, z, k, squared_radius, squared):
-    """Return a squared distance from (x, y, z) within which exactly k packed points lie.
+    """Return a squared distance from (x, y, z) within which exactly k packed points, (3, m), lie; -1 if none is found.
 
-    The search is by regula falsi: on a surface, the number of points within a distance grows about as its square.
-    Shapes: packed (3, m), squared (m,).
+    By regula falsi, as the number of points of a surface within a distance grows about as its square.
     """
     along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
     squared = squared[:count]
@@ -156,10 +152,7 @@ def _within(squared, limit):
 
 
 def nearest_each(tree: KdTree, queries: KdTree) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """Return the position of the point nearest to each query, and its squared distance, all in tree order.
-
-    This is faster than `KdTree.nearest_of` for queries near each other. Shapes: returns positions, squared (Q,).
-    """
+    """Return the position of the point nearest to each query, and its squared distance, (Q,) both, in tree order."""
     n = len(queries.order)
     positions, squared, tasks = np.empty(n, dtype=np.int32), np.empty(n), min(queries.leaves, TASKS)
     on_ranges(

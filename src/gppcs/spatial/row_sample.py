@@ -41,10 +41,7 @@ def drawn(rows: NDArray[np.int64], share: float) -> NDArray[np.bool_]:
 def smallest_numbers(
     stored: StoredPoints, count: int, seed: int, even: bool, part: Part
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the smallest random numbers of the places of a part, at most `count`, and the rows of the points there.
-
-    The numbers follow an exponential distribution; for an even density they are divided by the areas of the points.
-    """
+    """Return the smallest exponential random numbers of a part, over areas if even, and the rows."""
     near = stored.near(part)
     if even:
         near = stored.near(part, float(np.sqrt(np.quantile(areas(near.points), WIDE))))

@@ -50,10 +50,7 @@ class Frame(NamedTuple):
 
 
 def normalised(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
-    """Shift the lower corner of the bounding box to the origin and scale the points to about unit size.
-
-    Shapes: points (N, 3); returns local (N, 3), corner (3,).
-    """
+    """Shift the lower corner of the points, (N, 3), to the origin and scale them to about unit size; see `Frame`."""
     frame = Frame.around(*bounds(points))
     return frame.local(points), frame.corner, frame.exponent
 

@@ -25,14 +25,10 @@ ANY_NORMAL = -2.0  # neighbours are on the same sheet whatever their normals
 
 @dataclass(frozen=True)
 class LocalSurface:
-    """The points of a cloud and, around each, a fan of triangles to its neighbours.
+    """The points of a cloud and, around each, a fan of triangles to its neighbours, laid out in its tangent plane.
 
-    The neighbours of a point are laid out in its tangent plane, each in its direction and at its true distance. The
-    corners of the fan are the point's neighbours in the Delaunay triangulation of that layout. The fans of different
-    points need not agree, as in the Laplacian of a cloud. If they do, they triangulate a surface through all points.
-
-    The 30 nearest neighbours are searched first. Their number is doubled, up to 240, while the fan is open or a circle
-    through its corners reaches beyond them. If all neighbours lie to one side, the fan stays open, as on a border.
+    The fan is that of the Delaunay triangulation of the layout. More neighbours are searched while it is open or a
+    circle through its corners reaches beyond them. Fans need not agree; if they do, they triangulate a surface.
     """
 
     tree: KdTree  # The tree over the points, which are distinct
@@ -51,11 +47,7 @@ class LocalSurface:
         return cls(tree, normals, corners)
 
     def nearest_to(self, queries: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return distance and normal of the surface for each query point.
-
-        The fans of the nearest points are searched, and the nearest point itself. Shapes: queries (Q, 3); returns
-        distances (Q,), normals (Q, 3).
-        """
+        """Return distances, (Q,), and normals, (Q, 3), of the surface for queries, (Q, 3), by the nearest fans."""
         distances, normals = np.empty(len(queries)), np.empty((len(queries), 3))
         corners, weights = np.empty((len(queries), 3), dtype=np.int32), np.empty((len(queries), 2))
         self._find(queries, distances, corners, weights)
@@ -63,10 +55,7 @@ class LocalSurface:
         return distances, normals
 
     def values_at(self, queries: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return values of the points, interpolated linearly in the triangle that is nearest to each query point.
-
-        Shapes: queries (Q, 3), values (M, k), in the order of the cloud; returns (Q, k).
-        """
+        """Return values, (M, k), interpolated linearly in the triangle nearest to each query, (Q, 3); (Q, k)."""
         corners, weights = np.empty((len(queries), 3), dtype=np.int32), np.empty((len(queries), 2))
         self._find(queries, np.empty(len(queries)), corners, weights)
         a, b, c = (values[self.tree.order[corner]] for corner in corners.T)

@@ -21,10 +21,7 @@ SMALLEST_ROOT = np.polynomial.chebyshev.cheb2poly(_CHEBYSHEV.coef)[::-1].copy()
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
 def moments_in_ball(packed, count, x, y, z, squared_radius, moments, p):
-    """Compute the moments of the packed points within a radius of (x, y, z), relative to (x, y, z).
-
-    Shapes: packed (3, m), moments (10, n).
-    """
+    """Fill column p of `moments`, (10, n), with those of the packed points, (3, m), within a radius of (x, y, z)."""
     along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
     n = sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = 0.0
     for j in range(len(along_x)):
@@ -88,13 +85,9 @@ def add_shifted(moments, x, y, z, total):
 
 @kernel(fastmath=False, allocates=False)
 def flattest(xx, xy, xz, yy, yz, zz, normal):
-    """Find the smallest eigenvalue lambda_0 of a symmetric 3 x 3 matrix C, and its eigenvector.
+    """Find the smallest eigenvalue of a symmetric matrix C (Smith 1961), and its eigenvector, `normal`, (3,).
 
-    The closed form is that of Smith (1961). The eigenvector is the longest cross product of two rows of
-    C - lambda_0 I. If all three cross products vanish, lambda_0 is repeated, and any direction orthogonal to the
-    remaining eigenvector is correct.
-
-    Shapes: normal (3,).
+    It is the longest cross product of two rows of C - lambda_0 I; if all vanish, lambda_0 is repeated.
     """
     trace = xx + yy + zz
     normal[0], normal[1], normal[2] = 0.0, 0.0, 1.0
@@ -146,12 +139,9 @@ def _null_vector(xx, xy, xz, yy, yz, zz, normal):
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
 def flattest_side_by_side(moments, variation, normals, sure):
-    """Find what `flattest` finds, for the covariances of AT_ONCE neighbourhoods in one vectorised loop.
+    """Find what `flattest` finds for AT_ONCE neighbourhoods, (10, AT_ONCE), in one vectorised loop without branches.
 
-    The loop has no branches. Smith's closed form has the smallest eigenvalue as the cosine of a third of arccos r;
-    here that is rewritten with arccos sqrt((1 - r) / 2), which is smooth where a neighbourhood is flat.
-
-    Shapes: moments (10, AT_ONCE), variation (AT_ONCE,), normals (3, AT_ONCE), sure (AT_ONCE,).
+    The cosine of a third of arccos r is rewritten with arccos sqrt((1 - r) / 2), smooth where a neighbourhood is flat.
     """
     for p in range(AT_ONCE):
         share = 1.0 / moments[0, p]

@@ -36,10 +36,7 @@ SHARE, DEVIATIONS = 0.9, 1.645
 
 
 class Layer(NamedTuple):
-    """The layer of noise about the quadrics that are fitted to the points around each point.
-
-    Both are quantiles, so that outliers do not count.
-    """
+    """The layer of noise about the quadrics fitted to the points around each point, in quantiles, for outliers."""
 
     # From the distance of the quadrics within which 90 % of the points lie: the standard deviation of Gaussian noise.
     level: float
@@ -47,10 +44,7 @@ class Layer(NamedTuple):
 
     @classmethod
     def of(cls, distances: NDArray[np.float64], radii: NDArray[np.float64]) -> Layer:
-        """Return the layer, given the distances of m points from their quadrics and the radii of their neighbourhoods.
-
-        Shapes: distances, radii (m,).
-        """
+        """Return the layer, given the distances of points from their quadrics and the radii of neighbourhoods, (m,)."""
         return cls(float(np.quantile(distances, SHARE)) / DEVIATIONS, float(np.median(radii)))
 
 
@@ -73,8 +67,8 @@ class Observations(NamedTuple):
 class Noise:
     """The noise of a cloud, for a simplification to a given target spacing.
 
-    Detail of about the target spacing lies off the quadrics, too, and looks like thin noise. So thin noise makes
-    observations uncertain, but features stay those of the points. Thick noise moves the features to the surface.
+    Detail of about that size looks like thin noise, which therefore makes observations uncertain, but moves no
+    features.
     """
 
     # Over the points to which quadrics are fitted; None if no noise matters, so that its memory is free.
@@ -91,10 +85,7 @@ class Noise:
 
     @classmethod
     def measure(cls, tree: KdTree, n_points: int, spacing: float) -> Noise:
-        """Measure the noise of the points of a tree.
-
-        Neighbourhoods never grow beyond the target spacing, since detail of that size should be kept.
-        """
+        """Measure the noise of the points of a tree; neighbourhoods never grow beyond the target spacing."""
         within = int(np.pi * len(tree.order) / n_points)  # points within the target spacing of a point, on average
         noise = cls.from_layers(partial(layer_of, tree), within, spacing)
         return noise if noise.quiet else replace(noise, tree=tree)
@@ -137,10 +128,7 @@ def is_detail(fine: Layer, wide: Layer) -> bool:
 
 
 def projections(tree: KdTree, places: KdTree, neighbours: int) -> tuple[NDArray[np.float64], Quadrics]:
-    """Project places onto the quadrics fitted to the points around them.
-
-    Shapes: returns feet (3, m) in the order of the places' tree.
-    """
+    """Project places onto the quadrics fitted to the points around them, (3, m) in the order of their tree."""
     fitted = fit_quadrics(tree, places, neighbours)
     return places.points + np.clip(fitted.heights, -fitted.reaches, fitted.reaches) * fitted.normals, fitted
 

@@ -92,10 +92,7 @@ def estimate_normals(
 
 
 def normals_of(tree: KdTree, near: NDArray[np.int64], noisy: bool) -> NDArray[np.float64]:
-    """Estimate the unit normals at the points of a tree, as `estimate_normals` does, but for the number of points.
-
-    Without noise, one fit to `SHARP` points yields both the normal and its sign. Shapes: near (N, k); returns (N, 3).
-    """
+    """Estimate normals, (N, 3), as `estimate_normals` does, at the points of a tree with known neighbours, (N, k)."""
     near = np.ascontiguousarray(near[:, :EDGES])
     neighbours = across_noise(tree)[0]
     if neighbours < 2 * NEIGHBOURS and not noisy:
@@ -169,7 +166,6 @@ def _oriented(
     """Return the signed normals, (N, 3), of the points of a tree, in the order of its input.
 
     Quadrics are fitted to `close` points of this tree, or as `fits` says: to the points of another tree, and how many.
-    `near`, (N, `EDGES`), are the neighbours to which signs are passed, if they are known.
     """
     points = np.ascontiguousarray(tree.points.T)
     _, normals, reaches = fit_quadrics(tree, tree, close)
@@ -191,10 +187,7 @@ def _oriented(
 
 
 def _ascending(numbers: NDArray[np.float32]) -> NDArray[np.int64]:
-    """Return what a stable argsort of numbers, (n,), returns, in a fraction of its time.
-
-    The order of floats is that of their bits, but for the sign. Keys of these bits and of the index are all different.
-    """
+    """Return what a stable argsort of numbers, (n,), returns, in a fraction of its time: floats sort as their bits."""
     bits = (numbers + np.float32(0.0)).view(np.int32)  # -0.0 becomes 0.0
     keys = np.where(bits < 0, bits ^ 0x7FFFFFFF, bits).astype(np.int64) << 32 | np.arange(len(bits))
     keys.sort()
@@ -204,12 +197,10 @@ def _ascending(numbers: NDArray[np.float32]) -> NDArray[np.int64]:
 def _outward(
     points: NDArray[np.float64], normals: NDArray[np.float64], areas: NDArray[np.float64], pieces: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Return for each piece, by its number, 1, or -1 if it must be turned.
+    """Return for each piece, by its number, 1, or -1 if it must be turned: the sign of the flux of p - c through it.
 
-    Points and normals are (N, 3), areas and the piece of each point (N,). The result is the sign of the flux of p - c
-    through the piece. By the divergence theorem, the flux of a closed piece is three times its volume, wherever c
-    lies. For an open piece, c is its middle, moved towards the middle of the whole by at most the size of the piece,
-    and a little down.
+    The flux of a closed piece is three times its volume, wherever c lies. For an open piece, c is its middle, moved
+    towards the middle of the whole by at most the size of the piece, and a little down.
     """
     size = np.bincount(pieces, areas)
     size[size == 0] = 1.0  # these numbers belong to no piece
@@ -225,11 +216,9 @@ def _outward(
 
 @kernel
 def _doubt(begin, end, points, normals, near, doubts):
-    """Fill the doubt about passing the sign from each point to each neighbour, (N, edges), float32.
+    """Fill the doubt, (N, edges), about passing the sign from each point to each neighbour; infinite the second time.
 
-    Points and normals are (N, 3), `near` is (N, edges). The doubt is small if the normals agree apart from their sign
-    and the step between the points stays in the surface. Points of another sheet, and noise, lie off it. Of two edges
-    between the same points, one is enough: the doubt about the other is infinite.
+    It is small if the normals agree apart from their sign and the step between the points stays in the surface.
     """
     for i in range(begin, end):
         for slot in range(near.shape[1]):
@@ -243,12 +232,10 @@ def _doubt(begin, end, points, normals, near, doubts):
 
 @kernel(inline="always")
 def _fit_of_normals(points, normals, i, j):
-    """Return how well the normals of points i and j agree, from -1 to 1, and how far the step between them is off.
+    """Return how well two normals agree, from -1 to 1, and by which sines the step between them is off their planes.
 
-    On an arc, the normal at one end is the normal at the other end, mirrored in the plane halfway. The agreement is the
-    cosine between one normal and the mirrored other. Unlike the cosine between the two, it is also right across an edge
-    (Koenig and Gumhold 2009 discuss this criterion). The second value is the sum of the sines between the step and the
-    tangent planes. Points and normals are (N, 3).
+    On an arc, the normal at one end is that at the other end, mirrored in the plane halfway. The cosine between one
+    normal and the mirrored other is also right across an edge (Koenig and Gumhold 2009 discuss this criterion).
     """
     squared = cosine = rise_i = rise_j = 0.0
     for axis in range(3):
@@ -264,10 +251,10 @@ def _fit_of_normals(points, normals, i, j):
 
 @kernel
 def _signs(edges, points, normals, near):
-    """Join points by edges in the given order (Kruskal 1956); return the piece and the sign of each point, (N,) both.
+    """Join points by edges in the given order (Kruskal 1956); return the piece and the sign of each, (N,) both.
 
-    Edge e leads from point e // k to its neighbour e % k, where `near` is (N, k). A set of joined points is a tree in
-    which each point knows its parent and its sign relative to the parent.
+    Edge e leads from point e // k to its neighbour e % k. Each point of a piece knows its parent and the sign relative
+    to it.
     """
     parents = np.arange(len(points))
     signs = np.ones(len(points), dtype=np.int8)

@@ -68,10 +68,9 @@ def find_outliers(cloud: CloudLike) -> NDArray[np.bool_]:
 
 
 def outliers_among(points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which points are outliers; see `find_outliers`.
+    """Tell which points, (N, 3), are outliers; see `find_outliers`.
 
     After the first round, only those points are looked at that have lost a neighbour, or one of whose neighbours has.
-    Shapes: points (N, 3); returns (N,).
     """
     places = points[first_occurrences(points)]
     tree = KdTree.build(places)
@@ -117,10 +116,7 @@ def _are_outside(
     reach: NDArray[np.float64],
     some: NDArray[np.int64],
 ) -> NDArray[np.bool_]:
-    """Tell which of some places, (n, 3), in the order of their tree, are outliers.
-
-    Shapes: means, reach (n,): mean and largest squared distance to the neighbours; some (m,); returns (m,).
-    """
+    """Tell which of some places, (n, 3) in tree order, are outliers, by means and reaches of neighbourhoods, (n,)."""
     starts, found = others_within(tree, places[some], reach[some])
     around = medians(starts, means[found])
     outside = means[some] > LONELY * around

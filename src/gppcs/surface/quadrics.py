@@ -33,8 +33,8 @@ class Quadrics(NamedTuple):
 def fit_quadrics(tree: KdTree, places: KdTree, k: int) -> Quadrics:
     """Fit z = a + b u + c v + d u^2 + e u v + f v^2 to the k points nearest each place (Cazals and Pouget 2005).
 
-    The coordinates u and v lie in the plane fitted to the same points; weights are Gaussian. With fewer than six
-    points, the normal is the plane's and the height 0. Where the quadric is steep, the normal is the plane's, too.
+    The coordinates u and v lie in the plane of these points; weights are Gaussian. Where the quadric is steep, or there
+    are fewer than six points, the normal is the plane's.
     """
     m = places.points.shape[1]
     fitted = Quadrics(np.empty(m), np.empty((3, m)), np.empty(m))
@@ -103,8 +103,7 @@ def _plane_normal(moments, normal):
 def _fill_terms(local, k, reach, s, t, normal, terms):
     """Fill `terms`, (TERMS, full), from the steps to the k nearest points, `local`, (3, full), in units of the reach.
 
-    `s` and `t` span the plane. The weight is exp(-x) with x = u^2 + v^2, computed by its series since x is at most 1.
-    Columns beyond k have the weight zero.
+    The weight is exp(-x) with x = u^2 + v^2, by its series since x is at most 1; that of columns beyond k is zero.
     """
     ones, us, vs, uus, uvs, vvs, heights, weights = terms
     steps_x, steps_y, steps_z = local
@@ -152,10 +151,7 @@ def _turn(coefficients, s, t, normal):
 
 @kernel(fastmath=False)
 def _solve(equations):
-    """Solve n symmetric positive definite equations, (n, n + 1), in place; the solution is the last column.
-
-    Gaussian elimination uses only the upper triangle. Such equations need no pivots.
-    """
+    """Solve symmetric positive definite equations, (n, n + 1), in place, without pivots; see the last column."""
     n = len(equations)
     for a in range(n):
         for b in range(a + 1, n):

@@ -119,8 +119,7 @@ def features_around(points: NDArray[np.float64], tree: KdTree, neighbours: int) 
 def features_in_radius(tree: KdTree, radius: float, with_normals: bool = True) -> Features:
     """Measure each point's neighbourhood of all points within a radius, as the paper does.
 
-    The points of a group of leaves share one search of the tree. A node that lies within the radius of all of them
-    counts as a whole, so that dense parts of a cloud cost little more than others.
+    Groups of leaves share a search; nodes within the radius of all their points count as a whole, to save time.
     """
     n = len(tree.order)
     features = Features(np.empty(n), np.empty((n * with_normals, 3)), np.empty(n, dtype=np.int32))
@@ -142,10 +141,7 @@ def features_in_radius(tree: KdTree, radius: float, with_normals: bool = True) -
 def _features_in_balls(
     first, last, groups, points, order, low, high, moments, squared_radius, variation, normals, neighbours
 ):
-    """Fill `variation` and `neighbours`, (N,), and `normals`, (N, 3), for the groups `first` to `last` of leaves.
-
-    `moments` is (nodes, 10) or empty.
-    """
+    """Fill the features, (N,) and (N, 3), for some groups of leaves; `moments` is (nodes, 10) or empty."""
     n, leaves = points.shape[1], first_leaf(low)
     near, room = np.empty(leaves, dtype=np.int64), room_for(LEAVES_PER_GROUP * LEAVES_PER_GROUP)
     of_points, shared = np.ones((MOMENTS, AT_ONCE), dtype=np.float64), np.empty(MOMENTS, dtype=np.float64)
@@ -195,8 +191,7 @@ def _finish(moments, indices, variation, normals, neighbours):
 def _around(group, low, high, moments, squared_radius, near, shared):
     """Fill `near`, (leaves,), with the leaves within the radius of the node `group`, and return their number.
 
-    Nodes within the radius of every point of `group` are left out of `near`. Their moments, relative to the middle
-    of `group`, are added up in `shared`, (10,); `moments` is (nodes, 10), or empty to leave out no node.
+    Of nodes within the radius of all of it, the moments around its middle are added up in `shared`, (10,), instead.
     """
     leaves = first_leaf(low)
     x, y, z = middle(low[group], high[group])
@@ -245,10 +240,7 @@ def features_of_nearest(tree: KdTree, k: int) -> Features:
 
 @kernel
 def _features_of_nearest(first, last, tasks, points, order, low, high, k, variation, normals, neighbours):
-    """Fill `variation` and `neighbours`, (N,), and `normals`, (N, 3), from the k nearest points of each.
-
-    The range `first` to `last` is one of tasks.
-    """
+    """Fill the features, (N,) and (N, 3), from the k nearest points of each, in a range of tasks."""
     n, leaves = points.shape[1], first_leaf(low)
     search, moments = search_for(k, leaves), np.ones((MOMENTS, AT_ONCE), dtype=np.float64)
     for task in range(first, last):

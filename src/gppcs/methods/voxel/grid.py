@@ -34,10 +34,7 @@ def check_columns(found: int, n_points: int) -> None:
 
 
 def worth(points: NDArray[np.float64], keep: str, values: NDArray[np.float64] | None) -> NDArray[Any] | None:
-    """Return of each point the number that is largest for the point to keep of a cell; None for distance to the mean.
-
-    Shapes: points (N, 3), values (N,); returns (N,).
-    """
+    """Return of each point, (N, 3), what is largest for that to keep; None for the distance to the mean."""
     if keep in COLUMNS:
         values = points[:, 2]
     if values is None:
@@ -46,19 +43,14 @@ def worth(points: NDArray[np.float64], keep: str, values: NDArray[np.float64] | 
 
 
 def cell_edge(points: NDArray[np.float64], n_points: int) -> float:
-    """Return an edge length for which at least M cells are occupied, and few more; see `searched_edge`.
-
-    Shapes: points (N, 3).
-    """
+    """Return an edge length for which at least M cells of points, (N, 3), are occupied, and few more."""
     return searched_edge(float(points.max()), n_points, lambda edge: occupied(points, edge))
 
 
 def searched_edge(size: float, n_points: int, occupied: Callable[[float], int]) -> float:
     """Return an edge length for which at least M cells are occupied, and few more.
 
-    As the edge length decreases, the number of occupied cells does not grow steadily: it jumps, most of all for flat
-    faces parallel to the axes, and it can fall. The edge length is halved until there are enough cells; then the last
-    step is bisected.
+    The number of occupied cells jumps and can fall as the edge decreases. It is halved; then the last step is bisected.
     """
     edge = size
     too_long = 2.0 * edge
@@ -90,10 +82,7 @@ def occupied(points: NDArray[np.float64], edge: float) -> int:
 def representatives(
     points: NDArray[np.float64], edge: float, worth: NDArray[Any] | None = None
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return of each occupied cell the point of greatest worth, by default that nearest the mean, and the mean.
-
-    Shapes: points (N, 3), worth (N,); returns indices (cells,), means (cells, 3).
-    """
+    """Return of each cell the point of greatest worth, by default nearest the mean, and the mean, (cells, 3)."""
     cells = np.floor(points / edge).T
     order = np.lexsort(cells)
     begins = np.flatnonzero(np.append(True, (np.diff(cells[:, order], axis=1) != 0).any(axis=0)))

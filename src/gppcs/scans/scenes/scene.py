@@ -27,11 +27,7 @@ class Rays(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """What a sensor has measured, in the order of its rays: points in metres, (N, 3), and what is known of them.
-
-    Normals, (N, 3), are those of the true surface, towards the sensor; zero for leaves. Colours are (N, 3), and the
-    classification, (N,), is as in `Look`.
-    """
+    """What a sensor has measured, in the order of its rays, with true normals towards it; zero for leaves."""
 
     points: NDArray[np.float32]
     normals: NDArray[np.float32]
@@ -41,11 +37,7 @@ class Measured(NamedTuple):
 
 @dataclass(frozen=True)
 class Scene:
-    """Surfaces and the sensor that measures them.
-
-    `rays` returns about as many rays as asked for, at least 1. `measured` returns what the sensor measures instead of
-    the true distances, (N,), along its rays.
-    """
+    """Surfaces, and the sensor that measures them: about as many rays as asked for, and distances along its rays."""
 
     description: str
     surfaces: tuple[Surface, ...]

@@ -20,11 +20,7 @@ NEWTON_STEPS = 12
 
 
 class Look(NamedTuple):
-    """The red, green and blue of a thing, from 0 to 255, and its code of the LAS specification (ASPRS).
-
-    The codes are 2 ground, 5 high vegetation, 6 building, 11 road, 14 wire and 15 pole or pylon; 64, which the
-    specification leaves to users, is everything else.
-    """
+    """The red, green and blue of a thing, from 0 to 255, and its code of the LAS specification, 64 for others."""
 
     colour: tuple[int, int, int]
     classification: int
