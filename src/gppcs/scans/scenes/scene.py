@@ -60,9 +60,9 @@ class Scene:
         """Return the distance to what each ray meets first, (N,), and the number of that surface, (N,)."""
         distances = np.full(len(rays.origins), np.inf)
         met = np.full(len(rays.origins), NO_SURFACE)
-        balls = [surface.ball for surface in self.surfaces]
-        centres, radii = np.array([centre for centre, _ in balls]), np.array([radius for _, radius in balls])
-        waiting = [(np.arange(len(distances)), np.arange(len(balls)))]
+        centres = np.array([surface.centre for surface in self.surfaces])
+        radii = np.array([surface.radius for surface in self.surfaces])
+        waiting = [(np.arange(len(distances)), np.arange(len(radii)))]
         while waiting:
             rows, numbers = waiting.pop()
             bundle = Rays(rays.origins[rows], rays.directions[rows])
