@@ -257,7 +257,9 @@ def __dir__() -> list[str]:
 reading.read = lambda path: importlib.import_module("gppcs.io").read(path)
 reading.laspy_of = lambda cloud: importlib.import_module("gppcs.io.las").laspy_of(cloud)
 # What ranks the points of a COPC file is above what writes it.
-reading.rank = lambda *given: importlib.import_module("gppcs.simplification").first_rows(*given)
+reading.rank = lambda cloud, method, count: (
+    importlib.import_module("gppcs.simplification").simplify(cloud, method=method, n_points=count).indices
+)
 # Clouds and results are also below what draws them.
 display.html_of = lambda shown: importlib.import_module("gppcs.drawing.notebook").html_of(shown)
 display.show = lambda *given, **options: importlib.import_module("gppcs.drawing.notebook").show(*given, **options)

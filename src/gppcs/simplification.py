@@ -70,20 +70,6 @@ class Result(ComparedByValue):
     def _repr_html_(self) -> str:
         return display.html_of(self)
 
-    def with_outliers(self, outliers: NDArray[np.int64]) -> Result:
-        """Return the result with a note of the outliers that were left out.
-
-        Parameters
-        ----------
-        outliers : (n,) array, int64
-            Their rows.
-
-        Returns
-        -------
-        Result
-        """
-        return replace(self, outliers=outliers, diagnostics={**self.diagnostics, "outliers": float(len(outliers))})
-
     def prefix(self, n_points: int) -> Result:
         """Return the first points, which are a simplification to fewer points.
 
@@ -310,15 +296,14 @@ def simplify(
     return simplify_cloud(cloud, request, Timer.of(timer))
 
 
-def first_rows(cloud: PointCloud, method: str, n_points: int) -> NDArray[np.int64]:
-    """Return the rows that a method chooses first, in the order chosen, for the levels of a file."""
-    return simplify(cloud, n_points=n_points, method=method).indices
-
-
-def result_of(selection: Selection, kept: PointCloud, method: Method, timer: Timer) -> Result:
-    """Return the result of a run that kept some points."""
+def result_of(
+    selection: Selection, kept: PointCloud, method: Method, timer: Timer, outliers: NDArray[np.int64] | None
+) -> Result:
+    """Return the result of a run that kept some points, and left out outliers if some were looked for."""
     ranked = "ranking" in method.supports and selection.ranked
-    return Result(selection.indices, kept, method, timer.seconds, selection.diagnostics, ranked=ranked)
+    told = {} if outliers is None else {"outliers": float(len(outliers))}
+    figures = {**selection.diagnostics, **told}
+    return Result(selection.indices, kept, method, timer.seconds, figures, outliers, ranked)
 
 
 def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
@@ -357,8 +342,7 @@ def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
         kept = with_scores(kept, method, selection)
     if rows is not None:
         selection = replace(selection, indices=rows[selection.indices])
-    result = result_of(selection, kept, method, timer)
-    return result if outliers is None else result.with_outliers(outliers)
+    return result_of(selection, kept, method, timer, outliers)
 
 
 def _with_normals(kept: PointCloud, points: NDArray[np.float64], selection: Selection) -> PointCloud:

@@ -11,7 +11,7 @@ import gppcs
 from dense import distances_to_triangles
 from gppcs.evaluation import reconstruction
 from gppcs.surface.local_surface import LocalSurface
-from meshes import hull_mesh
+from meshes import hull_mesh, moved
 
 ZERO_FOR_ITSELF = (
     "covering_radius", "covering_p999", "mean_distance", "mean_distance_by_area", "chamfer", "surface_mean",
@@ -238,8 +238,8 @@ def test_meshes_that_cannot_be_compared_are_refused_at_once(ball, sphere, monkey
     monkeypatch.setattr(reconstruction, "distances_to", None)
     flat = gppcs.Mesh(sphere[:100], np.arange(99).repeat(3).reshape(-1, 3))
     for other, message in (
-        (mesh.shifted(np.array([5e5, 5.2e6, 0])), "the mesh does not lie on the original"),
-        (mesh.shifted(np.array([0, 0, 10])), "the mesh does not lie on the original"),
+        (moved(mesh, [5e5, 5.2e6, 0]), "the mesh does not lie on the original"),
+        (moved(mesh, [0, 0, 10]), "the mesh does not lie on the original"),
         (flat, "the mesh has no area"),
     ):
         with pytest.raises(gppcs.InputError, match=message):
@@ -392,6 +392,6 @@ def test_a_mesh_elsewhere_is_an_error():
     ball = gppcs.sample("sphere", n_points=2000)
     hull = hull_mesh(ball.points)
     with pytest.raises(gppcs.InputError, match="does not lie on the original"):
-        gppcs.evaluate_mesh(ball, hull.shifted(np.array([1e4, 0, 0])))
+        gppcs.evaluate_mesh(ball, moved(hull, [1e4, 0, 0]))
     with pytest.raises(gppcs.InputError, match=r"expected a gppcs\.Mesh"):
         gppcs.evaluate_mesh(ball, ball)

@@ -36,20 +36,19 @@ def topology_of(faces: NDArray[np.int64]) -> Topology:
     pairs = order[:-1][edge[order[1:]] == edge[order[:-1]]], order[1:][edge[order[1:]] == edge[order[:-1]]]
     alike = begin[pairs[0]] == begin[pairs[1]]
     first = np.where(alike, pairs[1], next_corner[pairs[1]]), np.where(alike, next_corner[pairs[1]], pairs[1])
-    _, fan = _components((pairs[0], next_corner[pairs[0]]), first, len(corners))
+    _, fan = connected(np.concatenate([pairs[0], next_corner[pairs[0]]]), np.concatenate(first), len(corners))
     several = np.bincount(np.unique(np.stack([begin, fan]), axis=1)[0])
     on_border = counts[edge] == 1
-    borders = len(np.unique(_components((begin[on_border],), (end[on_border],), n)[1][begin[on_border]]))
-    pieces, _ = _components((begin,), (end,), n)
+    borders = len(np.unique(connected(begin[on_border], end[on_border], n)[1][begin[on_border]]))
+    pieces, _ = connected(begin, end, n)
     non_manifold = int((several > 1).sum())
     genus = None if bad or non_manifold else (2 * pieces - borders - (n - len(edges) + len(faces))) // 2
     return Topology(bad, non_manifold, borders, pieces, genus)
 
 
-def _components(
-    begins: tuple[NDArray[np.int64], ...], ends: tuple[NDArray[np.int64], ...], n: int
-) -> tuple[int, NDArray[np.int32]]:
-    """Return the number of connected components of n nodes, and the component of each."""
-    nodes = np.concatenate(begins), np.concatenate(ends)
-    count, labels = connected_components(coo_array((np.ones(len(nodes[0])), nodes), shape=(n, n)), directed=False)
+def connected(begins: NDArray[np.int64], ends: NDArray[np.int64], n: int) -> tuple[int, NDArray[np.int32]]:
+    """Return the number of connected components of n nodes with some edges, (E,), and the component of each."""
+    count, labels = connected_components(
+        coo_array((np.ones(len(begins)), (begins, ends)), shape=(n, n)), directed=False
+    )
     return int(count), labels

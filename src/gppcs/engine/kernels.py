@@ -13,7 +13,7 @@ from platform import machine
 from types import CodeType, ModuleType
 from typing import Any
 
-from gppcs.engine import kernel_cache
+from gppcs.engine import kernel_cache, timer
 from gppcs.errors import ParameterError, shown
 
 try:
@@ -32,8 +32,6 @@ from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 from numba.core.types import unliteral
-
-from gppcs.engine.timer import compilation_ended, compilation_started
 
 # The processor for which shipped code is compiled: of x86-64, any since 2013 with these features.
 X86 = "+avx,+avx2,+bmi,+bmi2,+cmov,+cx16,+f16c,+fma,+lzcnt,+movbe,+popcnt,+sse3,+sse4.1,+sse4.2,+ssse3,+xsave"
@@ -178,11 +176,11 @@ class _Listener(event.Listener):
 
     def on_start(self, event: Any) -> None:
         if isinstance(event.data["dispatcher"]._cache, _KernelCache):
-            compilation_started()
+            timer.compile_timer.start()
 
     def on_end(self, event: Any) -> None:
         if isinstance(event.data["dispatcher"]._cache, _KernelCache):
-            compilation_ended()
+            timer.compile_timer.stop()
 
 
 event.register("numba:compile", _Listener())

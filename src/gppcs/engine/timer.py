@@ -169,10 +169,15 @@ class CompileTimer:
     def __init__(self) -> None:
         self._depth = 0  # one kernel may need another; Numba lets only one thread compile at a time
         self._state: tuple[float, float | None] = 0.0, None  # seconds before, and start; one value, as threads read it
-        self._collected = False
+        self._collected = self._told = False
 
     def start(self) -> None:
-        """Note that a compilation starts; without the garbage collector, which would take a tenth of the time."""
+        """Note that a compilation starts; the garbage collector, which would take a tenth of the time, is off."""
+        from gppcs.engine.kernel_cache import folder_to_write  # only now, as it slows the start
+
+        if not self._told:
+            self._told = True
+            _tell(NOTICE if folder_to_write() else PASSING_NOTICE)
         if self._depth == 0:
             self._state = self._state[0], perf_counter()
             self._collected = gc.isenabled()
@@ -194,23 +199,6 @@ class CompileTimer:
 
 
 compile_timer = CompileTimer()
-_told = False
-
-
-def compilation_started() -> None:
-    """Note that the compilation of a kernel starts, and tell of the first one in this process."""
-    global _told
-    from gppcs.engine.kernel_cache import folder_to_write  # only now, as it slows the start
-
-    if not _told:
-        _told = True
-        _tell(NOTICE if folder_to_write() else PASSING_NOTICE)
-    compile_timer.start()
-
-
-def compilation_ended() -> None:
-    """Note that the compilation of a kernel has ended."""
-    compile_timer.stop()
 
 
 def _tell(notice: str) -> None:

@@ -154,7 +154,7 @@ def rebuilt_mesh(cloud: PointCloud, original: PointCloud) -> Mesh | None:
         mesh = reconstruct(points, estimated_normals(points, *guides))
     except NoSurfaceError:
         return None
-    return trimmed_mesh(mesh.shifted(corner), original)
+    return trimmed_mesh(Mesh(mesh.vertices + corner, mesh.faces), original)
 
 
 def trimmed_mesh(mesh: Mesh, original: PointCloud) -> Mesh | None:
@@ -163,6 +163,7 @@ def trimmed_mesh(mesh: Mesh, original: PointCloud) -> Mesh | None:
 
     corner = original.points.min(axis=0)  # squared distances need all digits
     try:
-        return without_membranes(mesh.shifted(-corner), original.points - corner).shifted(corner)
+        left = without_membranes(Mesh(mesh.vertices - corner, mesh.faces), original.points - corner)
+        return Mesh(mesh.vertices, left.faces)
     except NoSurfaceError:
         return None

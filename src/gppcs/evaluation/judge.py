@@ -7,8 +7,7 @@ import dataclasses
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,7 +144,7 @@ def evaluate_mesh(
     from gppcs.spatial.cells import first_occurrences
     from gppcs.surface.local_surface import LocalSurface
 
-    _require_measurable_mesh(simplified)
+    _require_measurable(require_mesh(simplified).vertices, "mesh")
     original = PointCloud.of(original)
     require_original(original, mesh)
     before = original.usable("original cloud")
@@ -183,7 +182,7 @@ def require_original(original: CloudLike, mesh: Mesh | None) -> None:
     points = PointCloud.of(original).usable("original cloud")
     _require_measurable(points, "original cloud")
     if mesh is not None:
-        _require_measurable_mesh(mesh)
+        _require_measurable(require_mesh(mesh).vertices, "mesh")
         frame = _Frame.of(points)
         inside = frame.inside(points)
         _require_mesh_near(frame.mesh_inside(mesh), inside, inside, frame)
@@ -193,8 +192,7 @@ def _qualities(mesh: Mesh) -> Points:
     """Return for each triangle 4 sqrt(3) times its area over the sum of its squared edges, (F,); 0 without edges."""
     corners = mesh.vertices[mesh.faces]
     squared = ((np.roll(corners, -1, axis=1) - corners) ** 2).sum(axis=(1, 2))
-    doubled = 4.0 * np.sqrt(3.0) * mesh.face_areas()
-    return np.divide(doubled, squared, out=np.zeros_like(squared), where=squared > 0)
+    return 4.0 * np.sqrt(3.0) * mesh.face_areas() / np.where(squared > 0.0, squared, np.inf)
 
 
 def judged(
@@ -209,7 +207,7 @@ def judged(
     _require_measurable(after, "simplified cloud")
     normals = None
     if mesh is not None:
-        _require_measurable_mesh(mesh)
+        _require_measurable(require_mesh(mesh).vertices, "mesh")
         normals = _carried_normals(simplified)
     frame = _Frame.of(before)
     counts, first = (len(before), len(after)), first_occurrences(after)
@@ -247,21 +245,18 @@ def _detail_errors(original: PointCloud, simplified: PointCloud, names: list[str
     return found
 
 
-def require_mesh(mesh: Any) -> None:
-    """Raise an error if an object is no mesh."""
+def require_mesh(mesh: Any) -> Mesh:
+    """Return a mesh, or raise an error if an object is none."""
     if not isinstance(mesh, Mesh):
         raise InputError(f"expected a gppcs.Mesh, found {shown(mesh)}; make one, or read one with gppcs.read_mesh")
+    return mesh
 
 
-@dataclass(frozen=True)
-class _Frame:
-    """The coordinates in which figures are computed: the original's low corner at the origin, its size about 1.
-
-    The unit is a power of two, so that scaling does not round.
-    """
+class _Frame(NamedTuple):
+    """The coordinates in which figures are computed: the original's low corner at the origin, its size about 1."""
 
     corner: Points
-    unit: float
+    unit: float  # a power of two, so that scaling does not round
     diagonal: float  # of the original's bounding box, in `unit`
 
     @classmethod
@@ -271,11 +266,9 @@ class _Frame:
         return cls(points.min(axis=0), unit, float(np.linalg.norm(extent / unit)))
 
     def inside(self, points: Points) -> Points:
-        """Return points (N, 3) in the coordinates of the frame."""
         return (points - self.corner) / self.unit
 
     def mesh_inside(self, mesh: Mesh) -> Mesh:
-        """Return a mesh in the coordinates of the frame."""
         return Mesh(self.inside(mesh.vertices), mesh.faces)
 
     def outside(self, part: ReportPart) -> ReportPart:
@@ -296,12 +289,6 @@ def _require_measurable(points: Points, name: str) -> None:
         raise InputError(
             f"expected the {name} to have a size of {least:g} to {most:g}, found {found}: change the unit of all inputs"
         )
-
-
-def _require_measurable_mesh(mesh: Mesh) -> None:
-    """Raise an error if an object is no mesh, or too large or too small."""
-    require_mesh(mesh)
-    _require_measurable(mesh.vertices, "mesh")
 
 
 def _mean_and_max(name: str, distances: Points) -> dict[str, Any]:
@@ -428,9 +415,9 @@ def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, frame: _Frame) 
 
 def _require_mesh_near(mesh: Mesh, before: Points, after: Points, frame: _Frame) -> None:
     """Raise an error unless the mesh has an area and lies on the original; boxes first, as PyMeshLab may take long."""
-    from gppcs.evaluation.reconstruction import distances_to
+    from gppcs.evaluation.reconstruction import distances_to, require_area
 
-    mesh.require_area("mesh")
+    require_area(mesh, "mesh")
     used = mesh.vertices[np.unique(mesh.faces)]
     gaps = np.maximum(np.maximum(used.min(axis=0) - after, after - used.max(axis=0)), 0.0)
     _require_near(np.linalg.norm(gaps, axis=1), "mesh", used, before, frame)

@@ -103,6 +103,12 @@ def count_self_intersections(mesh: Mesh) -> int:
     return int(meshes.current_mesh().selected_face_number())
 
 
+def require_area(mesh: Mesh, name: str) -> None:
+    """Raise an error if no triangle has an area above zero."""
+    if not mesh.face_areas().any():
+        raise InputError(f"the {name} has no area: expected triangles whose corners do not lie on a line")
+
+
 def _filtered(meshes: Any, work: str, name: str, **parameters: Any) -> Mesh:
     """Return what a filter of PyMeshLab makes of a MeshSet; if that is no surface, the error says of which work."""
     pymeshlab = require_pymeshlab()
@@ -110,7 +116,7 @@ def _filtered(meshes: Any, work: str, name: str, **parameters: Any) -> Mesh:
         meshes.apply_filter(name, **parameters)
         made = meshes.current_mesh()
         mesh = Mesh(made.vertex_matrix(), made.face_matrix())
-        mesh.require_area("rebuilt mesh")
+        require_area(mesh, "rebuilt mesh")
         return mesh
     except (pymeshlab.PyMeshLabException, InputError) as error:
         raise NoSurfaceError(f"{work} gave no surface ({error}): expected points on a surface, with normals") from error

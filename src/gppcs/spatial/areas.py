@@ -20,14 +20,19 @@ def areas_of_points(tree: KdTree) -> NDArray[np.float64]:
 
     The largest 1 % are cut to the 99 % quantile; otherwise a few outliers could count as much as all other points.
     """
-    n = len(tree.order)
-    k = max(1, min(NEIGHBOURS, n - 1))
-    areas = np.empty(n)
-    tasks = min(tree.leaves, TASKS)
-    on_ranges(_squared_reaches, tasks, tasks, tree.points, tree.order, tree.low, tree.high, min(k + 1, n), areas)
-    areas *= np.pi / k
+    areas = squared_reaches(tree) * (np.pi / max(1, min(NEIGHBOURS, len(tree.order) - 1)))
     largest = np.quantile(areas, AREA_QUANTILE)
-    return np.minimum(areas, largest) if largest > 0.0 else np.ones(n)
+    return np.minimum(areas, largest) if largest > 0.0 else np.ones(len(areas))
+
+
+def squared_reaches(tree: KdTree) -> NDArray[np.float64]:
+    """Return the squared distance of each point to its 8th neighbour, (N,), in proportion to the area of the point."""
+    n, tasks = len(tree.order), min(tree.leaves, TASKS)
+    squared = np.ones(n)
+    if n > 1:
+        k = min(NEIGHBOURS, n - 1) + 1
+        on_ranges(_squared_reaches, tasks, tasks, tree.points, tree.order, tree.low, tree.high, k, squared)
+    return squared
 
 
 @kernel

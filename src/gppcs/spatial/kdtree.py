@@ -248,14 +248,8 @@ def squared_distance_to_box(low, high, x, y, z):
 
 
 @kernel
-def nearest_in_tree(points, low, high, x, y, z, found, squared):
-    """Find the k points of a tree nearest to (x, y, z). Shapes: found (k,), squared (k,)."""
-    nearest_within(points, low, high, x, y, z, np.inf, found, squared)
-
-
-@kernel
-def nearest_within(points, low, high, x, y, z, limit, found, squared):
-    """Find the k points, (k,), nearest to (x, y, z), of which it is known that they lie within some distance."""
+def nearest_in_tree(points, low, high, x, y, z, found, squared, limit=np.inf):
+    """Find the k points, (k,), nearest to (x, y, z); all must lie within a limit to their squared distance."""
     leaves = first_leaf(low)
     n = points.shape[1]
     squared[:] = limit
@@ -288,7 +282,7 @@ def nearest_within(points, low, high, x, y, z, limit, found, squared):
 
 @kernel(fastmath=False, allocates=False)
 def limit_beside(squared, x, y, z):
-    """Return a limit for `nearest_within` at a place near another one."""
+    """Return a limit for `nearest_in_tree` at a place near another one."""
     limit = (np.sqrt(squared) + np.sqrt(x * x + y * y + z * z)) ** 2 * WIDENED + LEAST_LIMIT
     return limit if limit < np.inf else np.inf  # not NaN
 
@@ -303,7 +297,7 @@ def _nearest_of_all(begin, end, points, low, high, queries, found, squared):
             limit = limit_beside(
                 squared[q - 1, k - 1], x - queries[q - 1, 0], y - queries[q - 1, 1], z - queries[q - 1, 2]
             )
-        nearest_within(points, low, high, x, y, z, limit, found[q], squared[q])
+        nearest_in_tree(points, low, high, x, y, z, found[q], squared[q], limit)
 
 
 @kernel(fastmath=False)

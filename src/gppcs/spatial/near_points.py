@@ -23,13 +23,9 @@ class Groups(NamedTuple):
 
 def others_within(tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64]) -> Groups:
     """Find all points of a tree within a squared distance, (m,), of each query, (m, 3), but at other places."""
-    starts, counts = np.arange(0, ROOM * len(queries) + 1, ROOM), np.empty(len(queries), dtype=np.int64)
+    starts = np.arange(0, ROOM * len(queries) + 1, ROOM)
     while True:
-        found = np.empty(starts[-1], dtype=np.int64)
-        on_ranges(
-            _others_within, len(queries), tree.points, tree.low, tree.high, queries, squared, starts, found, counts,
-            least=QUERIES_AT_ONCE,
-        )  # fmt: skip
+        counts, found = _within(tree, queries, squared, starts)
         exact = np.concatenate([[0], np.cumsum(counts)])
         if (counts <= np.diff(starts)).all():
             filled = np.arange(exact[-1]) + np.repeat(starts[:-1] - exact[:-1], counts)
@@ -37,13 +33,21 @@ def others_within(tree: KdTree, queries: NDArray[np.float64], squared: NDArray[n
         starts = exact
 
 
-def has_within(tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell whether, (m,), there is a point of a tree within a squared distance of each query, (m, 3)."""
-    found = np.zeros(len(queries), dtype=np.bool_)
+def has_others(tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell whether, (m,), there is another point of a tree within a squared distance of each query, (m, 3)."""
+    return _within(tree, queries, squared, np.zeros(len(queries) + 1, dtype=np.int64))[0] > 0
+
+
+def _within(
+    tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64], starts: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return how many others each query has, and those of them for which there is room between `starts`."""
+    counts, found = np.empty(len(queries), dtype=np.int64), np.empty(starts[-1], dtype=np.int64)
     on_ranges(
-        _has_within, len(queries), tree.points, tree.low, tree.high, queries, squared, found, least=QUERIES_AT_ONCE
-    )
-    return found
+        _others_within, len(queries), tree.points, tree.low, tree.high, queries, squared, starts, found, counts,
+        least=QUERIES_AT_ONCE,
+    )  # fmt: skip
+    return counts, found
 
 
 def medians(starts: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -78,28 +82,6 @@ def _others_within(begin, end, points, low, high, queries, squared, starts, foun
                         found[free + count] = j
                     count += 1
         counts[q] = count
-
-
-@kernel
-def _has_within(begin, end, points, low, high, queries, squared, found):
-    """Fill `found`, (m,), with whether a point is within each of the squared distances."""
-    leaves, n = first_leaf(low), points.shape[1]
-    stack = np.empty(64, dtype=np.int64)
-    for q in range(begin, end):
-        x, y, z = queries[q]
-        stack[0], height = 1, 1
-        while height and not found[q]:
-            height -= 1
-            node = stack[height]
-            if squared_distance_to_box(low[node], high[node], x, y, z) > squared[q]:
-                continue
-            if node < leaves:
-                stack[height], stack[height + 1] = 2 * node + 1, 2 * node
-                height += 2
-                continue
-            for j in range(*leaf_range(n, leaves, node)):
-                d = (points[0, j] - x) ** 2 + (points[1, j] - y) ** 2 + (points[2, j] - z) ** 2
-                found[q] |= d <= squared[q]
 
 
 @kernel

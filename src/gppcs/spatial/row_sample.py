@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.spatial.areas import squared_reaches
 from gppcs.spatial.boxes import Part
-from gppcs.spatial.spacing import areas
+from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.stored import StoredPoints
 
 HASHES = float(2**64)
@@ -44,10 +45,10 @@ def smallest_numbers(
     """Return the smallest exponential random numbers of a part, over areas if even, and the rows."""
     near = stored.near(part)
     if even:
-        near = stored.near(part, float(np.sqrt(np.quantile(areas(near.points), WIDE))))
+        near = stored.near(part, float(np.sqrt(np.quantile(squared_reaches(KdTree.build(near.points)), WIDE))))
     numbers = -np.log((place_hashes(near.points, seed) + 0.5) / HASHES)
     if even:
-        numbers /= areas(near.points)
+        numbers /= squared_reaches(KdTree.build(near.points))
     inside = np.flatnonzero(near.inside)
     order = inside[np.argsort(numbers[inside], kind="stable")[:count]]
     return numbers[order], near.rows[order]

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from gppcs.spatial.kdtree import KdTree
 
-BLOCK = 1 << 18  # points whose neighbours are found at once
-
 
 def paper_radius(points: NDArray[np.float64], k: int = 25) -> float:
     """Return CloudCompare's radius for about k neighbours, which the paper uses (section 3.1): sqrt(k V^(2/3) / N)."""
@@ -45,16 +43,6 @@ def surface_area(tree: KdTree, k: int = 8) -> float:
         return 0.0
     squared = nearest_distances(tree, k, most=16_384) ** 2
     return float(np.pi / k * n * np.minimum(squared, np.quantile(squared, 0.99)).mean())
-
-
-def areas(points: NDArray[np.float64], k: int = 8) -> NDArray[np.float64]:
-    """Return a number for each point, (N, 3), in proportion to its area: the square of its k-th distance."""
-    tree, found = KdTree.build(points), np.ones(len(points))
-    k = min(k, len(points) - 1)
-    for begin in range(0, len(points) if k else 0, BLOCK):
-        some = slice(begin, begin + BLOCK)
-        found[some] = tree.nearest_of(points[some], k + 1)[1][:, -1]
-    return found
 
 
 def neighbourhood_radius(points: NDArray[np.float64], tree: KdTree, k: int = 25) -> float:

@@ -59,8 +59,7 @@ def simplify_stored(files: CloudFiles, request: Request, plan: Plan, folder: Pat
         kept = kept.moved(np.ldexp(selection.points, frame.exponent) + frame.corner)
     if request.scores:
         kept = with_scores(kept, request.method, selection)
-    result = result_of(selection, kept, request.method, timer)
-    return Run(result if outliers is None else result.with_outliers(outliers), len(stored))
+    return Run(result_of(selection, kept, request.method, timer, outliers), len(stored))
 
 
 def _check_seen(seen: Overview, request: Request) -> None:

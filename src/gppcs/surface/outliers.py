@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
-from gppcs.engine.kernels import kernel
-from gppcs.engine.threads import on_ranges
 from gppcs.spatial.boxes import Each, Part
 from gppcs.spatial.cells import first_occurrences
-from gppcs.spatial.kdtree import QUERIES_AT_ONCE, KdTree
-from gppcs.spatial.near_points import has_within, medians, others_within
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.near_points import has_others, medians, others_within
 from gppcs.spatial.scaling import normalised
 from gppcs.spatial.stored import StoredPoints
 
@@ -90,8 +88,8 @@ def outliers_among(points: NDArray[np.float64]) -> NDArray[np.bool_]:
         gone.append(places[outside])
         places, means, reach = places[~outside], means[~outside], reach[~outside]
         tree = KdTree.over(np.ascontiguousarray(places.T))
-        changed = has_within(KdTree.build(gone[-1]), places, reach)
-        asked = has_within(KdTree.build(places[changed]), places, reach) if changed.any() else changed
+        changed = has_others(KdTree.build(gone[-1]), places, reach)
+        asked = changed | has_others(KdTree.build(places[changed]), places, reach) if changed.any() else changed
     return _lie_at(points, np.concatenate(gone))
 
 
@@ -133,29 +131,10 @@ def _distances_to_planes(
     """Return the distance of each place, (m, 3), to the plane of its neighbours, (n, 3)."""
     owners = np.repeat(np.arange(len(places)), np.diff(starts))
     neighbours = neighbours[np.lexsort([*neighbours.T, owners])]  # the sums below do not depend on the order of points
-    moments, away = np.empty((len(places), 3, 3)), np.empty((len(places), 3))
-    on_ranges(_planes, len(places), places, starts, neighbours, moments, away, least=QUERIES_AT_ONCE)
-    _, axes = np.linalg.eigh(moments)
-    return np.abs(np.einsum("ni,ni->n", away, axes[:, :, 0]))
-
-
-@kernel
-def _planes(begin, end, points, starts, neighbours, moments, away):
-    """Fill `moments`, (m, 3, 3), of neighbours around their centre, and the way from it to points, `away`, (m, 3)."""
-    centre = np.empty(3)
-    for i in range(begin, end):
-        some = neighbours[starts[i] : starts[i + 1]]
-        for a in range(3):
-            centre[a] = 0.0
-            for j in range(len(some)):
-                centre[a] += some[j, a]
-            centre[a] /= len(some)
-            away[i, a] = points[i, a] - centre[a]
-        for a in range(3):
-            for b in range(3):
-                moments[i, a, b] = 0.0
-                for j in range(len(some)):
-                    moments[i, a, b] += (some[j, a] - centre[a]) * (some[j, b] - centre[b])
+    centres = np.add.reduceat(neighbours, starts[:-1]) / np.diff(starts)[:, np.newaxis]
+    away = neighbours - centres[owners]
+    moments = np.add.reduceat(away[:, :, np.newaxis] * away[:, np.newaxis], starts[:-1])
+    return np.abs(np.einsum("ni,ni->n", places - centres, np.linalg.eigh(moments)[1][:, :, 0]))
 
 
 def _lie_at(points: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.bool_]:
