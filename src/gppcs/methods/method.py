@@ -215,6 +215,9 @@ class Method(ABC):
         int
             Bytes.
         """
+        return self._bytes(n, n_points)
+
+    def _bytes(self, n: int, n_points: int) -> int:
         return self._bytes_per_point * n
 
     @classmethod

@@ -128,7 +128,7 @@ def _grow(begin, end, top, depth, records, numbers, order, points, low, high):
 @kernel(allocates=False)
 def _fill_leaf(records, numbers, leaf, depth, order, points, low, high):
     """Copy a leaf's records, (N, 4), to `order` (N,) and `points` (3, N), and fill its box in `low` and `high`."""
-    begin, end = _range(len(records), leaf, depth)
+    begin, end = leaf_range(len(records), 1 << depth, leaf)
     _bound(records, begin, end, low[leaf], high[leaf])
     for i in range(begin, end):
         order[i] = numbers[i, 3]
@@ -136,23 +136,16 @@ def _fill_leaf(records, numbers, leaf, depth, order, points, low, high):
             points[axis, i] = records[i, axis]
 
 
-@kernel(allocates=False)
-def _range(n, node, level):
-    """Return the start and the end in tree order of a node of a level, of n points."""
-    j = node - (1 << level)
-    return n * j >> level, n * (j + 1) >> level
-
-
 @kernel
 def _split(records, node, level, low, high):
     """Fill a node's box in `low` and `high`, (nodes, 3); split its records, (N, 4), at the longest side's median."""
-    begin, end = _range(len(records), node, level)
+    begin, end = leaf_range(len(records), 1 << level, node)
     _bound(records, begin, end, low[node], high[node])
     axis, longest = 0, -1.0
     for a in range(3):
         if high[node, a] - low[node, a] > longest:
             axis, longest = a, high[node, a] - low[node, a]
-    _part(records, axis, begin, _range(len(records), 2 * node, level + 1)[1], end)
+    _part(records, axis, begin, leaf_range(len(records), 2 << level, 2 * node)[1], end)
 
 
 @kernel(fastmath={"nnan", "nsz"}, allocates=False)
