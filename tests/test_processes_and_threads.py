@@ -1,7 +1,6 @@
 """All ways to run several simplifications at once give the bits of a single call."""
 
 import multiprocessing
-import sys
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
@@ -45,14 +44,6 @@ def test_pools_of_processes(method, expected):
         assert_all_equal(pool.map_async(indices, range(RUNS)).get(timeout=300), expected)
     with ProcessPoolExecutor(2, context) as pool:
         assert_all_equal(pool.map(indices, range(RUNS), timeout=300), expected)
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="takes long to start there")
-def test_joblib(expected):
-    joblib = pytest.importorskip("joblib")
-    results = joblib.Parallel(n_jobs=2, timeout=300)(joblib.delayed(indices)(run) for run in range(RUNS))
-    assert_all_equal(results, expected)
 
 
 def test_threads(expected):

@@ -64,12 +64,6 @@ def test_take_keeps_order_attributes_and_types():
     assert len(taken) == 2
 
 
-def test_non_finite_points_are_found():
-    points = POINTS.copy()
-    points[1, 2], points[3, 0] = np.nan, -np.inf
-    assert PointCloud(points).non_finite().tolist() == [1, 3]
-
-
 CLOUD = PointCloud(POINTS, {"colour": np.eye(4, dtype=np.uint8), "label": np.arange(4, dtype=">i2")}, np.dtype("f4"))
 
 

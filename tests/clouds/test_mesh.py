@@ -38,21 +38,7 @@ def test_what_is_no_mesh_is_refused(vertices, faces, message):
         gppcs.Mesh(vertices, faces)
 
 
-@pytest.fixture
-def off(tmp_path):
-    path = tmp_path / "square.off"
-    path.write_text("OFF\n4 1 0\n0 0 0\n2 0 0\n2 2 0\n0 2 0\n4 0 1 2 3\n")
-    return path
-
-
-def test_polygons_are_read_as_triangles(off):
-    mesh = gppcs.read_mesh(off)
-    np.testing.assert_array_equal(mesh.vertices, SQUARE.vertices)
-    assert mesh.face_areas().sum() == 4
-    assert len(mesh.faces) == 2
-
-
-def test_files_without_a_mesh_are_refused(off, tmp_path):
+def test_files_without_a_mesh_are_refused(tmp_path):
     gppcs.write(tmp_path / "points.ply", gppcs.sample("bracket", 100))
     gppcs.write(tmp_path / "points.las", gppcs.sample("bracket", 100), lossy=True)
     (tmp_path / "text.ply").write_text("no mesh")
@@ -121,11 +107,6 @@ def test_good_files_are_read(tmp_path, name, text):
     mesh = gppcs.read_mesh(tmp_path / name)
     assert mesh.faces.tolist() == [[0, 1, 2]]
     np.testing.assert_array_equal(mesh.vertices, SQUARE.vertices[:3])
-
-
-def test_shared_meshes(shared_data):
-    mesh = gppcs.read_mesh(shared_data / "bunny.ply")
-    assert (len(mesh.vertices), len(mesh.faces)) == (35_947, 69_451)
 
 
 def test_a_mesh_is_printed_in_a_line():

@@ -178,13 +178,6 @@ def test_every_laser_of_the_street_turns():
     assert np.all(np.diff(rays.origins[:, 0]) >= 0.0)
 
 
-def test_the_street_is_denser_near_the_car():
-    points = gppcs.sample("street", 5_000).points
-    road = (np.abs(points[:, 1]) < 1.5) & (np.abs(points[:, 2]) < 0.1)
-    ahead = points[road, 0] - street.DRIVE[1]
-    assert np.sum((ahead > 0) & (ahead < 6)) > 3 * np.sum((ahead > 10) & (ahead < 16))
-
-
 def test_the_ground_is_seen_between_leaves():
     cloud = gppcs.sample("terrain", 40_000)
     codes = cloud.attributes["classification"]

@@ -39,11 +39,6 @@ def test_equals_the_plain_algorithm(n, n_others, with_first, on_grid, seed, data
     np.testing.assert_array_equal(distances, expected_distances)
 
 
-def test_equals_the_plain_algorithm_on_a_scan(bracket):
-    indices, _ = farthest_points(bracket, 700)
-    np.testing.assert_array_equal(indices, plain_farthest_points(bracket, 700)[0])
-
-
 def test_a_tree_at_hand_changes_nothing_and_smaller_choices_are_prefixes(bracket):
     indices, distances = farthest_points(bracket, 5_000)
     again, _ = farthest_points(bracket, 900, KdTree.build(bracket))

@@ -96,13 +96,6 @@ def test_repeats_count_as_neighbours_and_leave_the_radius(bracket):
     assert np.abs(np.median(repeated.surface_variation) - np.median(plain.surface_variation)) < 1e-6
 
 
-def test_whole_numbers_lists_and_clouds_are_taken():
-    points = np.random.default_rng(0).integers(0, 2_000_000_000, (300, 3))
-    expected = estimate_features(points.astype(float)).surface_variation
-    for cloud in (points, points.tolist(), gppcs.PointCloud(points)):
-        np.testing.assert_array_equal(estimate_features(cloud).surface_variation, expected)
-
-
 def test_what_cannot_be_measured_is_refused():
     with pytest.raises(gppcs.InputError, match="empty"):
         estimate_features(np.empty((0, 3)))
