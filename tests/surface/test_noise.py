@@ -7,18 +7,10 @@ from gppcs.surface.noise import (
     FEWEST,
     NEIGHBOURS,
     Noise,
+    feet_of,
     layer_of,
-    projections,
 )
 from gppcs.surface.quadrics import fit_quadrics
-
-
-def feet_of(tree, places, neighbours):
-    """The feet of places, (m, 3), in their order."""
-    of_places = KdTree.build(places)
-    feet = np.empty_like(places)
-    feet[of_places.order] = projections(tree, of_places, neighbours)[0].T
-    return feet
 
 
 def observed(noise, places):

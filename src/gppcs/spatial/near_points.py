@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,22 +12,17 @@ from gppcs.spatial.kdtree import QUERIES_AT_ONCE, KdTree, first_leaf, leaf_range
 ROOM = 32  # Points of a position for which there is room at first.
 
 
-class Groups(NamedTuple):
-    """Some things for each of m positions."""
-
-    starts: NDArray[np.int64]  # (m + 1,), where those of each position start
-    members: NDArray[np.int64]  # (n, ...), those of the first position, then those of the second and so on
-
-
-def others_within(tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64]) -> Groups:
-    """Find all points of a tree within a squared distance, (m,), of each query, (m, 3), but at other places."""
+def others_within(
+    tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Find all points within a squared distance, (m,), of each query, (m, 3), but at other places; and their starts."""
     starts = np.arange(0, ROOM * len(queries) + 1, ROOM)
     while True:
         counts, found = _within(tree, queries, squared, starts)
         exact = np.concatenate([[0], np.cumsum(counts)])
         if (counts <= np.diff(starts)).all():
             filled = np.arange(exact[-1]) + np.repeat(starts[:-1] - exact[:-1], counts)
-            return Groups(exact, found[filled])
+            return exact, found[filled]
         starts = exact
 
 

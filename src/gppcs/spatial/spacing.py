@@ -27,11 +27,6 @@ def nearest_distances(tree: KdTree, k: int, most: int = 4096) -> NDArray[np.floa
     return np.sqrt(squared[:, -1])
 
 
-def spacing(tree: KdTree) -> float:
-    """Return the spacing: the median distance of a point to its nearest neighbour."""
-    return float(np.median(nearest_distances(tree, 1)))
-
-
 def surface_area(tree: KdTree, k: int = 8) -> float:
     """Estimate the area of the surface on which the points lie, also if their density varies.
 

@@ -48,32 +48,27 @@ class LocalSurface:
 
     def nearest_to(self, queries: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return distances, (Q,), and normals, (Q, 3), of the surface for queries, (Q, 3), by the nearest fans."""
-        distances, normals = np.empty(len(queries)), np.empty((len(queries), 3))
-        corners, weights = np.empty((len(queries), 3), dtype=np.int32), np.empty((len(queries), 2))
-        self._find(queries, distances, corners, weights)
+        distances, corners, weights = self._find(queries)
+        normals = np.empty((len(queries), 3))
         on_ranges(_interpolate, len(queries), self.normals, corners, weights, normals, least=QUERIES_AT_ONCE)
         return distances, normals
 
     def values_at(self, queries: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return values, (M, k), interpolated linearly in the triangle nearest to each query, (Q, 3); (Q, k)."""
-        corners, weights = np.empty((len(queries), 3), dtype=np.int32), np.empty((len(queries), 2))
-        self._find(queries, np.empty(len(queries)), corners, weights)
+        _, corners, weights = self._find(queries)
         a, b, c = (values[self.tree.order[corner]] for corner in corners.T)
         v, w = weights.T[..., np.newaxis]
         return a + v * (b - a) + w * (c - a)
 
-    def _find(
-        self,
-        queries: NDArray[np.float64],
-        distances: NDArray[np.float64],
-        corners: NDArray[np.int32],
-        weights: NDArray[np.float64],
-    ) -> None:
-        """Fill in the distance of the nearest triangle, its corners, and the weights of the second and third."""
+    def _find(self, queries: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
+        """Return the distance of the nearest triangle, its corners, and the weights of the second and third."""
+        n = len(queries)
+        found = np.empty(n), np.empty((n, 3), dtype=np.int32), np.empty((n, 2))
         on_ranges(
-            _search, len(queries), self.tree.points, self.tree.low, self.tree.high, self.corners, queries,
-            distances, corners, weights, least=QUERIES_AT_ONCE,
+            _search, n, self.tree.points, self.tree.low, self.tree.high, self.corners, queries, *found,
+            least=QUERIES_AT_ONCE,
         )  # fmt: skip
+        return found
 
 
 @kernel

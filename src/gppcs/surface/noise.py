@@ -108,10 +108,7 @@ class Noise:
         """Return what observations at some places are worth. Shapes: places (n, 3)."""
         if self.tree is None:
             return Observations(None, np.zeros(len(places)))
-        tree = KdTree.build(places)
-        projected, _ = self.projected(tree)
-        feet = np.empty_like(places)
-        feet[tree.order] = projected.T
+        feet = feet_of(self.tree, places, self.neighbours)
         squared = ((feet - places) ** 2).sum(axis=1)
         variances = np.minimum(squared / TOLERATED**2, LARGEST * self.spacing**2)
         return Observations(feet if self.thick else None, variances)
@@ -131,6 +128,13 @@ def projections(tree: KdTree, places: KdTree, neighbours: int) -> tuple[NDArray[
     """Project places onto the quadrics fitted to the points around them, (3, m) in the order of their tree."""
     fitted = fit_quadrics(tree, places, neighbours)
     return places.points + np.clip(fitted.heights, -fitted.reaches, fitted.reaches) * fitted.normals, fitted
+
+
+def feet_of(tree: KdTree, places: NDArray[np.float64], neighbours: int) -> NDArray[np.float64]:
+    """Return the projections, (m, 3), of places, (m, 3), onto quadrics fitted to the nearest points of a tree."""
+    of_places, feet = KdTree.build(places), np.empty_like(places)
+    feet[of_places.order] = projections(tree, of_places, neighbours)[0].T
+    return feet
 
 
 def layer_of(tree: KdTree, neighbours: int) -> Layer:

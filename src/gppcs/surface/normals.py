@@ -12,7 +12,7 @@ from gppcs.errors import InputError, whole_number
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
-from gppcs.surface.noise import NEIGHBOURS, THICK, Layer, is_detail, layer_of, projections
+from gppcs.surface.noise import NEIGHBOURS, THICK, Layer, feet_of, is_detail, layer_of
 from gppcs.surface.quadrics import fit_quadrics
 
 CLOSE = 16  # Points of the fits that find signs: fewer than 30, as thin parts matter more there than noise.
@@ -133,7 +133,7 @@ def _signed_nearby(tree: KdTree, places: NDArray[np.float64], neighbours: int) -
     every = widened * -(-tree.points.shape[1] // MOST_GUIDES)
     guides = np.concatenate([places, tree.points.T[::every]])  # in tree order, so they are evenly spread
     if widened > 1:
-        guides = _feet(tree, guides, neighbours // 2)
+        guides = feet_of(tree, guides, neighbours // 2)
     guide_tree = KdTree.build(guides[first_occurrences(guides)])
     normals = _oriented(guide_tree, (tree, neighbours) if widened > 1 else None)
     return normals[guide_tree.nearest_of(guides[: len(places)], 1)[0][:, 0]]
@@ -149,15 +149,6 @@ def _near(places: NDArray[np.float64], corner: NDArray[np.float64], exponent: in
             f"{FARTHEST:g} times its size, the first at index {far[0]}: use the same unit and origin for both"
         )
     return near
-
-
-def _feet(tree: KdTree, places: NDArray[np.float64], neighbours: int) -> NDArray[np.float64]:
-    """Return the projections, (m, 3), of places, (m, 3), onto quadrics fitted to the nearest points of a tree."""
-    of_places = KdTree.build(places)
-    projected, _ = projections(tree, of_places, neighbours)
-    feet = np.empty_like(places)
-    feet[of_places.order] = projected.T
-    return feet
 
 
 def _oriented(

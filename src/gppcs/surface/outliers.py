@@ -79,7 +79,10 @@ def outliers_among(points: NDArray[np.float64]) -> NDArray[np.bool_]:
         places = np.ascontiguousarray(tree.points.T)
         for some in _batches(changed):
             squared = tree.nearest_of(places[some], NEIGHBOURS + 1)[1][:, 1:]
-            means[some], reach[some] = _mean_distances(squared), squared[:, -1]
+            means[some] = (
+                np.cumsum(np.sqrt(squared), axis=1)[:, -1] / NEIGHBOURS
+            )  # added in the order of the neighbours
+            reach[some] = squared[:, -1]
         outside = np.zeros(len(places), dtype=np.bool_)
         for some in _batches(asked):
             outside[some] = _are_outside(tree, places, means, reach, some)
@@ -97,14 +100,6 @@ def _batches(asked: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
     """Return the rows that are asked for, in batches whose neighbours fit into memory."""
     rows = np.flatnonzero(asked)
     return [rows[begin : begin + ROWS] for begin in range(0, len(rows), ROWS)]
-
-
-def _mean_distances(squared: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the mean distance of each row of squared distances, (n, k). They are added in their order."""
-    total = np.zeros(len(squared))
-    for column in np.sqrt(squared).T:
-        total += column
-    return total / squared.shape[1]
 
 
 def _are_outside(

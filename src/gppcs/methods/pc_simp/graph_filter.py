@@ -102,7 +102,8 @@ def solve(programme: Programme, tolerance: float = 1e-4, iterations: int = 1000)
     while gap > tolerance and done < iterations:
         gradient = 2 * programme.uniformity * (programme.adjacency @ programme.excess(ahead))
         numerator = 2 * programme.strength + curvature * ahead - gradient
-        following, multiplier = share_out(numerator, inverse, programme.n_points, multiplier)
+        following = np.empty_like(s)
+        multiplier = _share_out(numerator, inverse, programme.n_points, multiplier, following)
         step = following - s
         if ((ahead - following) * step).sum() > 0:
             momentum = 1.0
@@ -125,17 +126,9 @@ def eigenvalue_bound(adjacency: scipy.sparse.csr_array) -> float:
     return bound
 
 
-def share_out(
-    numerator: NDArray[np.float64], inverse: NDArray[np.float64], total: float, multiplier: float = 0.0
-) -> tuple[NDArray[np.float64], float]:
-    """Return s = clip((numerator - multiplier) * inverse, 0, 1), (N,), of a given sum, and its multiplier."""
-    s = np.empty_like(numerator)
-    return s, _share_out(numerator, inverse, total, multiplier, s)
-
-
 @kernel(fastmath={"nsz", "contract", "reassoc"})
 def _share_out(numerator, inverse, total, multiplier, s):
-    """Return the multiplier, and fill `s`, (N,): Newton's method, with bisection if a step leaves the bracket."""
+    """Fill s = clip((numerator - multiplier) * inverse, 0, 1), (N,), of a given sum; return the multiplier (Newton)."""
     low, high = np.inf, -np.inf
     for i in range(len(s)):
         low, high = min(low, numerator[i] - 1 / inverse[i]), max(high, numerator[i])

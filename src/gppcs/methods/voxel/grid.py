@@ -42,12 +42,7 @@ def worth(points: NDArray[np.float64], keep: str, values: NDArray[np.float64] | 
     return np.nan_to_num(values if keep in ("highest", "most") else -values, nan=-np.inf, posinf=np.inf, neginf=-np.inf)
 
 
-def cell_edge(points: NDArray[np.float64], n_points: int) -> float:
-    """Return an edge length for which at least M cells of points, (N, 3), are occupied, and few more."""
-    return searched_edge(float(points.max()), n_points, lambda edge: occupied(points, edge))
-
-
-def searched_edge(size: float, n_points: int, occupied: Callable[[float], int]) -> float:
+def cell_edge(size: float, n_points: int, occupied: Callable[[float], int]) -> float:
     """Return an edge length for which at least M cells are occupied, and few more.
 
     The number of occupied cells jumps and can fall as the edge decreases. It is halved; then the last step is bisected.

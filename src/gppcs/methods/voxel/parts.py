@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.timer import Timer
-from gppcs.methods.voxel.grid import COLUMNS, check_columns, in_cells, representatives, searched_edge, worth
+from gppcs.methods.voxel.grid import COLUMNS, cell_edge, check_columns, in_cells, representatives, worth
 from gppcs.spatial.boxes import Each, Part
 from gppcs.spatial.row_sample import place_hashes
 from gppcs.spatial.stored import StoredPoints
@@ -44,7 +44,7 @@ def representatives_in_parts(
             if keep in COLUMNS:
                 check_columns(different, n_points)
             enough = size > 0.0 and (different > n_points or keep in COLUMNS)
-            edge = searched_edge(size, n_points, occupied) if enough else 0.0
+            edge = cell_edge(size, n_points, occupied) if enough else 0.0
     with timer("representatives"):
         found = list(each(partial(_representatives, stored, keep, edge), parts))
     rows, places, means = (np.concatenate(columns) for columns in zip(*found, strict=True))
