@@ -32,6 +32,7 @@ from gppcs.engine.timer import Timer
 from gppcs.errors import NoSurfaceError
 from gppcs.evaluation.judge import judged
 from gppcs.evaluation.reconstruction import distances_to, estimated_normals, reconstruct
+from gppcs.evaluation.report import relative
 from gppcs.scans import SCENES
 
 SQUARES = 20  # along the edge of the gridded cube
@@ -378,7 +379,7 @@ def figures(condition: Condition, kept: gppcs.PointCloud) -> dict[str, float]:
     for name, known in KNOWN.items():
         value = values.get(f"carried_{name}" if carried is not None and name in REBUILT else name)
         if value is not None:
-            scaled = known.relative(value, condition.diagonal)
+            scaled = relative(known, value, condition.diagonal)
             wanted[name] = value if scaled is None else scaled
     if condition.reference:
         try:

@@ -18,7 +18,7 @@ from gppcs.clouds import display
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.clouds.quantities import Scale, count_of, metres_of
 from gppcs.engine.equality import ComparedByValue
-from gppcs.engine.timer import Timer, in_words
+from gppcs.engine.timer import Timer, in_words, timer_of
 from gppcs.errors import InputError, ParameterError, one_of
 from gppcs.methods import DEFAULT, Method, Selection
 
@@ -293,7 +293,7 @@ def simplify(
         unit=unit, keep=keep, weight=weight, detail=detail, quota=quota, group=group, method=method, seed=seed,
         invalid=invalid, normals=normals, scores=scores, drop_outliers=drop_outliers,
     )  # fmt: skip
-    return simplify_cloud(cloud, request, Timer.of(timer))
+    return simplify_cloud(cloud, request, timer_of(timer))
 
 
 def result_of(

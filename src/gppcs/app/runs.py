@@ -20,6 +20,7 @@ from gppcs.app.printing import note_left_out, number_in_words, print_error, reco
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.quantities import metres_of, name_of_unit, option, unit_of
 from gppcs.drawing.web.contents import Named, Page, report_page
+from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.query import Query
@@ -78,7 +79,7 @@ class Job:
             if not io.is_standard(each):
                 each.stat()  # a missing input is told before its name is taken for that of the output
         output.check(self.force)
-        work = replace(self.work, timer=self.work.timer.anew())
+        work = replace(self.work, timer=Timer(self.work.timer.listener))
         with CloudFiles(sources, self.input_format, query=self.query) as files:
             planned = work.planned(files, self.request, self._whole())
             if self.dry_run:

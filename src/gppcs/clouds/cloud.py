@@ -438,34 +438,21 @@ class PointCloud(ComparedByValue):
             return None
         return np.stack([self.attributes[name] for name in NORMALS], axis=1).astype(np.float64)
 
-    def usable(self, name: str) -> NDArray[np.float64]:
-        """Return the coordinates if there is at least one point and all coordinates are finite.
-
-        Parameters
-        ----------
-        name : str
-            What the error message calls the cloud.
-
-        Returns
-        -------
-        (N, 3) array, float64
-
-        Raises
-        ------
-        InputError
-            If the cloud is empty, or a coordinate is NaN or infinite.
-        """
-        if len(self) == 0:
-            raise InputError(f"the {name} is empty: expected at least one point")
-        if len(bad := self.non_finite()):
-            raise InputError(
-                f"expected finite coordinates in the {name}, found {len(bad)} points with NaN or infinite ones, the "
-                f"first at index {bad[0]}: drop them first"
-            )
-        return self.points
-
 
 CloudLike: TypeAlias = PointCloud | ArrayLike | os.PathLike[str] | _WithPoints | _WithVertices  # see `PointCloud.of`
+
+
+def usable(cloud: CloudLike, name: str) -> NDArray[np.float64]:
+    """Return the coordinates, (N, 3), if there are some and all are finite; errors call the cloud by a name."""
+    cloud = PointCloud.of(cloud)
+    if len(cloud) == 0:
+        raise InputError(f"the {name} is empty: expected at least one point")
+    if len(bad := cloud.non_finite()):
+        raise InputError(
+            f"expected finite coordinates in the {name}, found {len(bad)} points with NaN or infinite ones, the "
+            f"first at index {bad[0]}: drop them first"
+        )
+    return cloud.points
 
 
 def _array(values: Any, name: str = "an (N, 3) array of coordinates") -> NDArray[Any]:

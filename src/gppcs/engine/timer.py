@@ -87,6 +87,7 @@ class Timer:
 
     Attributes
     ----------
+    listener : Listener or None
     seconds : dict of str to float
         Wall time in seconds by name of the stage, in the order of the run. Stages of the same name add up. If kernels
         were compiled meanwhile, that time is in an entry of its own, `compilation`, and not in those of the stages.
@@ -107,44 +108,12 @@ class Timer:
                 f"expected a listener with the methods started, advanced and finished, found {shown(listener)}"
             )
         self.seconds: dict[str, float] = {}
-        self._listener = listener
-
-    @classmethod
-    def of(cls, timer: Timer | None) -> Timer:
-        """Return the timer that a caller gave, or a new one without a listener.
-
-        Parameters
-        ----------
-        timer : Timer or None
-
-        Returns
-        -------
-        Timer
-
-        Raises
-        ------
-        ParameterError
-            If it is anything else.
-        """
-        if timer is None:
-            return cls()
-        if not isinstance(timer, Timer):
-            raise ParameterError(f"expected timer to be a gppcs.Timer or None, found {shown(timer)}")
-        return timer
-
-    def anew(self) -> Timer:
-        """Return a `Timer` with the same listener and no times.
-
-        Returns
-        -------
-        Timer
-        """
-        return Timer(self._listener)
+        self.listener = listener
 
     @contextmanager
     def __call__(self, name: str, total: int | None = None) -> Iterator[Callable[[int], None]]:
         """Run the body of a `with` statement as a stage."""
-        listener = self._listener
+        listener = self.listener
         if listener:
             listener.started(name, total)
         compiled, start = compile_timer.seconds(), perf_counter()
@@ -157,6 +126,13 @@ class Timer:
                 self.seconds[COMPILATION] = self.seconds.get(COMPILATION, 0.0) + compilation
             if listener:
                 listener.finished()
+
+
+def timer_of(timer: Timer | None) -> Timer:
+    """Return the timer that a caller gave, or a new one without a listener."""
+    if timer is not None and not isinstance(timer, Timer):
+        raise ParameterError(f"expected timer to be a gppcs.Timer or None, found {shown(timer)}")
+    return Timer() if timer is None else timer
 
 
 def _ignore(steps: int) -> None:

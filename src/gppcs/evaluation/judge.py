@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.clouds.cloud import CloudLike, PointCloud
+from gppcs.clouds.cloud import CloudLike, PointCloud, usable
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.ranges import names_of_detail
-from gppcs.engine.timer import Timer
+from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError, NoSurfaceError, shown
-from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt, Report, figures_of
+from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt, Report, figures_of, relative
 
 if TYPE_CHECKING:
     from gppcs.spatial.kdtree import KdTree
@@ -92,7 +92,7 @@ def evaluate(
     >>> gppcs.evaluate(cloud, cloud).covering_radius
     0.0
     """
-    report, failure = judged(original, simplified, mesh, Timer.of(timer), names_of_detail(detail))
+    report, failure = judged(original, simplified, mesh, timer_of(timer), names_of_detail(detail))
     if failure:
         raise failure
     if report.points_out > report.points_in:
@@ -147,11 +147,11 @@ def evaluate_mesh(
     _require_measurable(require_mesh(simplified).vertices, "mesh")
     original = PointCloud.of(original)
     require_original(original, mesh)
-    before = original.usable("original cloud")
+    before = usable(original, "original cloud")
     frame = _Frame.of(before)
     before = frame.inside(before[first_occurrences(before)])
     simplified, mesh = frame.mesh_inside(simplified), mesh and frame.mesh_inside(mesh)
-    with Timer.of(timer)("distances"):
+    with timer_of(timer)("distances"):
         _require_mesh_near(simplified, before, before, frame)
         used = simplified.vertices[np.unique(simplified.faces)]
         if mesh is None:
@@ -179,7 +179,7 @@ def evaluate_mesh(
 
 def require_original(original: CloudLike, mesh: Mesh | None) -> None:
     """Raise an error if a cloud, (N, 3), or its surface, cannot be what results are compared with."""
-    points = PointCloud.of(original).usable("original cloud")
+    points = usable(original, "original cloud")
     _require_measurable(points, "original cloud")
     if mesh is not None:
         _require_measurable(require_mesh(mesh).vertices, "mesh")
@@ -202,7 +202,7 @@ def judged(
     from gppcs.spatial.cells import first_occurrences
 
     original, simplified = PointCloud.of(original), PointCloud.of(simplified)
-    before, after = original.usable("original cloud"), simplified.usable("simplified cloud")
+    before, after = usable(original, "original cloud"), usable(simplified, "simplified cloud")
     _require_measurable(before, "original cloud")
     _require_measurable(after, "simplified cloud")
     normals = None
@@ -274,7 +274,8 @@ class _Frame(NamedTuple):
     def outside(self, part: ReportPart) -> ReportPart:
         """Return figures in the unit of the clouds, given the same figures in the unit of the frame."""
         values: dict[str, Any] = {
-            name: known.relative(getattr(part, name), 1.0 / self.unit) for name, known in figures_of(type(part)).items()
+            name: relative(known, getattr(part, name), 1.0 / self.unit)
+            for name, known in figures_of(type(part)).items()
         }
         return dataclasses.replace(part, **{name: value for name, value in values.items() if value is not None})
 

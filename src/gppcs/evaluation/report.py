@@ -41,37 +41,22 @@ class Figure:
     True
     >>> figure.unit, figure.better
     ('length', 'less')
-    >>> figure.relative(0.5, diagonal=10.0)
-    0.05
     """
 
     unit: Unit
     definition: str
     better: Literal["less", "more"] | None = None
 
-    def relative(self, value: float, diagonal: float) -> float | None:
-        """Return a value of this figure relative to the diagonal of the original's bounding box.
-
-        Parameters
-        ----------
-        value : float
-            A value of the figure.
-        diagonal : float
-            Length of the diagonal, in the unit of the coordinates.
-
-        Returns
-        -------
-        float or None
-            A length divided by the diagonal, or a squared length divided by its square. None for other units, or if the
-            diagonal is not above 0.
-        """
-        power = {"length": 1, "squared length": 2}.get(self.unit)
-        return None if power is None or not diagonal > 0 else value / diagonal**power
-
 
 def figure(unit: Unit, definition: str, better: Literal["less", "more"] | None = "less") -> Any:
     """Return a dataclass field that holds a figure."""
     return dataclasses.field(metadata={"figure": Figure(unit, definition, better)})
+
+
+def relative(known: Figure, value: float, diagonal: float) -> float | None:
+    """Return a length over a diagonal, or a squared length over its square; None for other figures or no diagonal."""
+    power = {"length": 1, "squared length": 2}.get(known.unit)
+    return None if power is None or not diagonal > 0 else value / diagonal**power
 
 
 def _told(report: Class) -> Class:
@@ -350,6 +335,6 @@ def _values(part: Report | DetailErrors | Rebuilt | MeshReport, diagonal: float 
     values = {}
     for name, known in figures_of(type(part)).items():
         value = getattr(part, name)
-        scaled = known.relative(value, diagonal) if diagonal is not None and name != "diagonal" else None
+        scaled = relative(known, value, diagonal) if diagonal is not None and name != "diagonal" else None
         values[name] = value if scaled is None else scaled
     return values

@@ -325,6 +325,15 @@ def squared_distance_of_boxes(low, high, other_low, other_high):
 
 
 @kernel(fastmath=False, allocates=False)
+def squared_reach_of_boxes(low, high, other_low, other_high):
+    """Return the largest squared distance between a point of one box and a point of another; corners are (3,)."""
+    dx = max(high[0] - other_low[0], other_high[0] - low[0])
+    dy = max(high[1] - other_low[1], other_high[1] - low[1])
+    dz = max(high[2] - other_low[2], other_high[2] - low[2])
+    return dx * dx + dy * dy + dz * dz
+
+
+@kernel(fastmath=False, allocates=False)
 def points_near(points, low, high, leaves, box_low, box_high, squared_radius, found):
     """Find the points of some leaves within a radius of a box. Shapes: leaves (m,), box_low, box_high (3,)."""
     n, first = points.shape[1], first_leaf(low)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.clouds.cloud import CloudLike, PointCloud
+from gppcs.clouds.cloud import CloudLike, usable
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.errors import InputError, whole_number
@@ -74,8 +74,8 @@ def estimate_normals(
     """
     if neighbours is not None:
         neighbours = whole_number("the number of neighbours", neighbours, 3)
-    points = PointCloud.of(cloud).usable("cloud")
-    places = None if at is None else PointCloud.of(at).usable("cloud of places")
+    points = usable(cloud, "cloud")
+    places = None if at is None else usable(at, "cloud of places")
     points, corner, exponent = normalised(points)
     tree = KdTree.build(points[first_occurrences(points)])
     places = points if places is None else _near(places, corner, exponent)

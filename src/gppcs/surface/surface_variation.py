@@ -8,13 +8,21 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.clouds.cloud import CloudLike, PointCloud
+from gppcs.clouds.cloud import CloudLike, usable
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.errors import one_of, whole_number
 from gppcs.spatial.cells import first_occurrences
-from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, points_near, squared_distance_of_boxes
+from gppcs.spatial.kdtree import (
+    LEAF_SIZE,
+    KdTree,
+    first_leaf,
+    leaf_range,
+    points_near,
+    squared_distance_of_boxes,
+    squared_reach_of_boxes,
+)
 from gppcs.spatial.nearest import WIDER, look_around, pack, reach_of_nearest, room_for, search_for, steps_by_itself
 from gppcs.spatial.scaling import normalised
 from gppcs.spatial.spacing import neighbourhood_radius
@@ -100,7 +108,7 @@ def estimate_features(
     """
     neighbours = whole_number("the number of neighbours", neighbours, 1)
     one_of("search", search, ("radius", "nearest"))
-    points, _, _ = normalised(PointCloud.of(cloud).usable("cloud"))
+    points, _, _ = normalised(usable(cloud, "cloud"))
     tree = KdTree.build(points)
     if search == "nearest":
         return features_of_nearest(tree, neighbours)
@@ -205,7 +213,7 @@ def _around(group, low, high, moments, squared_radius, near, shared):
         node = stack[height]
         if squared_distance_of_boxes(low[node], high[node], low[group], high[group]) > squared_radius:
             continue
-        if len(moments) and _farthest(low[node], high[node], low[group], high[group]) <= squared_radius:
+        if len(moments) and squared_reach_of_boxes(low[node], high[node], low[group], high[group]) <= squared_radius:
             u, v, w = middle(low[node], high[node])
             add_shifted(moments[node], u - x, v - y, w - z, shared)
         elif node >= leaves:
@@ -215,15 +223,6 @@ def _around(group, low, high, moments, squared_radius, near, shared):
             stack[height], stack[height + 1] = 2 * node + 1, 2 * node
             height += 2
     return count
-
-
-@kernel(fastmath=False, allocates=False)
-def _farthest(low, high, other_low, other_high):
-    """Return the largest squared distance between a point of one box and a point of another; corners are (3,)."""
-    dx = max(high[0] - other_low[0], other_high[0] - low[0])
-    dy = max(high[1] - other_low[1], other_high[1] - low[1])
-    dz = max(high[2] - other_low[2], other_high[2] - low[2])
-    return dx * dx + dy * dy + dz * dz
 
 
 def features_of_nearest(tree: KdTree, k: int) -> Features:

@@ -126,13 +126,13 @@ def _rows_of(original: PointCloud, kept: PointCloud, path: Path) -> NDArray[Any]
     """Return the rows of the points of a file in the original."""
     import numpy as np
 
+    from gppcs.clouds.cloud import usable
     from gppcs.spatial.kdtree import KdTree
 
-    rows = original.finite_rows()
-    usable = kept.usable("cloud of points to keep")
+    rows, places = original.finite_rows(), usable(kept, "cloud of points to keep")
     if not len(rows):
         return rows  # `mesh` tells what is wrong with the cloud
-    nearest, squared = KdTree.build(original.points[rows]).nearest_of(usable, 1)
+    nearest, squared = KdTree.build(original.points[rows]).nearest_of(places, 1)
     if len(strange := np.flatnonzero(squared[:, 0] > 0)):
         raise InputError(
             f"{path}: expected points of the cloud, found {len(strange)} that are none, the first at index "

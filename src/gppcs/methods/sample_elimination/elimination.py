@@ -16,7 +16,9 @@ from gppcs.spatial.kdtree import (
     greatest_in_leaf,
     greatest_of_all,
     leaf_range,
+    squared_distance_of_boxes,
     squared_distance_to_box,
+    squared_reach_of_boxes,
 )
 from gppcs.spatial.spacing import surface_area
 
@@ -114,16 +116,6 @@ def _term(dx, dy, dz, reach, limit):
     return np.floor(WHOLE * term)
 
 
-@kernel(fastmath=False)
-def _squared_distances(low, high, box_low, box_high):
-    """Return the squares of the smallest and the largest distance between points of two boxes; corners are (3,)."""
-    least = greatest = 0.0
-    for axis in range(3):
-        least += max(low[axis] - box_high[axis], box_low[axis] - high[axis], 0.0) ** 2
-        greatest += max(high[axis] - box_low[axis], box_high[axis] - low[axis]) ** 2
-    return least, greatest
-
-
 @kernel(fastmath={"reassoc"})
 def _weigh(first, last, points, low, high, reach, limit, weights):
     """Fill `weights`, (N,), in tree order, for a range of leaves; `points` is (3, N), `low` and `high` (nodes, 3)."""
@@ -152,10 +144,9 @@ def _within_reach(low, high, n, leaf, reach, limit):
     remaining = [(1, 0, 1)]
     while remaining:
         node, j, nodes = remaining.pop()  # the j-th of the nodes of its level
-        least, greatest = _squared_distances(low[node], high[node], low[leaf], high[leaf])
-        if greatest < limit * limit:
+        if squared_reach_of_boxes(low[node], high[node], low[leaf], high[leaf]) < limit * limit:
             near += n * (j + 1) // nodes - n * j // nodes
-        elif least <= reach * reach:
+        elif squared_distance_of_boxes(low[node], high[node], low[leaf], high[leaf]) <= reach * reach:
             if node >= first_leaf(low):
                 around.append(node)
             else:
@@ -195,11 +186,11 @@ def _remove(points, order, low, high, position, reach, limit, weights, heaviest,
             visited[inner] = node
             inner += 1
             for child in (2 * node, 2 * node + 1):
-                least, greatest = _squared_distances(low[child], high[child], place, place)
-                if greatest < limit * limit and candidate[child] != index:
+                reached = squared_reach_of_boxes(low[child], high[child], place, place)
+                if reached < limit * limit and candidate[child] != index:
                     pending[child] += of_near
                     heaviest[child] -= of_near
-                elif least < reach * reach:
+                elif squared_distance_of_boxes(low[child], high[child], place, place) < reach * reach:
                     stack[height] = child
                     height += 1
         for v in range(inner - 1, -1, -1):  # children before their parents
