@@ -107,7 +107,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from gppcs.clouds import display, reading
+from gppcs.clouds import above
 
 if TYPE_CHECKING:
     from gppcs.amounts.curve import Curve as Curve
@@ -253,13 +253,14 @@ def __dir__() -> list[str]:
     return __all__
 
 
-# Clouds are below the files that hold them, so this is where a path given as a cloud finds its reader.
-reading.read = lambda path: importlib.import_module("gppcs.io").read(path)
-reading.laspy_of = lambda cloud: importlib.import_module("gppcs.io.las").laspy_of(cloud)
-# What ranks the points of a COPC file is above what writes it.
-reading.rank = lambda cloud, method, count: (
-    importlib.import_module("gppcs.simplification").simplify(cloud, method=method, n_points=count).indices
+def _later(home: str, name: str) -> Any:
+    """Return a function of a module that is imported when it is called."""
+    return lambda *given, **options: getattr(importlib.import_module(f"gppcs.{home}"), name)(*given, **options)
+
+
+# Clouds are below the files that hold them, the methods that rank them and what draws them.
+above.read, above.laspy_of = _later("io", "read"), _later("io.las", "laspy_of")
+above.rank = lambda cloud, method, count: (
+    _later("simplification", "simplify")(cloud, method=method, n_points=count).indices
 )
-# Clouds and results are also below what draws them.
-display.html_of = lambda shown: importlib.import_module("gppcs.drawing.notebook").html_of(shown)
-display.show = lambda *given, **options: importlib.import_module("gppcs.drawing.notebook").show(*given, **options)
+above.html_of, above.show = _later("drawing.notebook", "html_of"), _later("drawing.notebook", "show")

@@ -14,7 +14,7 @@ from gppcs.amounts.choice import choose_amount
 from gppcs.amounts.curve import Curve, checked_sizes, halves, measured_curve
 from gppcs.amounts.guide import Guide
 from gppcs.amounts.request import Request, require
-from gppcs.clouds import display
+from gppcs.clouds import above
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.clouds.quantities import Scale, count_of, metres_of
 from gppcs.engine.equality import ComparedByValue
@@ -68,7 +68,7 @@ class Result(ComparedByValue):
         return f"Result({len(self.indices):,} points by {self.method} in {in_words(self.seconds)})"
 
     def _repr_html_(self) -> str:
-        return display.html_of(self)
+        return above.html_of(self)
 
     def prefix(self, n_points: int) -> Result:
         """Return the first points, which are a simplification to fewer points.
@@ -167,7 +167,7 @@ class Result(ComparedByValue):
         >>> cloud = gppcs.sample("bracket", n_points=2000)
         >>> gppcs.simplify(cloud, ratio=0.1).show(cloud)  # doctest: +SKIP
         """
-        display.show(self, None if original is None else PointCloud.of(original), up=up, view=view)
+        above.show(self, None if original is None else PointCloud.of(original), up=up, view=view)
 
 
 def simplify(

@@ -13,10 +13,10 @@ def test_paper_radius_is_cloudcompares_rule():
 
 def test_the_radius_is_the_papers_unless_its_box_misleads(bracket):
     tree = KdTree.build(bracket)
-    assert neighbourhood_radius(bracket, tree) == paper_radius(bracket)
+    assert neighbourhood_radius(tree) == paper_radius(bracket)
     for misled in (np.vstack([bracket, [[1e5, 1e5, 1e5]]]), bracket * [1, 1, 0] + [0, 0, 7]):
         tree = KdTree.build(misled)
-        radius = neighbourhood_radius(misled, tree)
+        radius = neighbourhood_radius(tree)
         assert radius != paper_radius(misled)
         counts = features_in_radius(tree, radius).neighbours
         assert 15 <= np.median(counts) <= 35

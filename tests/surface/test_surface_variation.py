@@ -1,5 +1,3 @@
-from functools import partial
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -78,9 +76,7 @@ def test_known_values():
     np.testing.assert_allclose(straight.normals @ [1.0, 2.0, 3.0], 0.0, atol=1e-6)
 
 
-@pytest.mark.parametrize("estimate", [
-    partial(estimate_features, search="radius"), partial(estimate_features, search="nearest"), estimate_normals,
-])  # fmt: skip
+@pytest.mark.parametrize("estimate", [estimate_features, estimate_normals])
 def test_neither_threads_nor_the_unit_change_an_estimate(bracket, estimate, on_threads):
     """Also where the squares of coordinates vanish or overflow."""
     one, *others = on_threads(lambda: estimate(bracket))
@@ -101,12 +97,9 @@ def test_what_cannot_be_measured_is_refused():
         estimate_features(np.empty((0, 3)))
     with pytest.raises(gppcs.InputError, match="NaN"):
         estimate_features([[0, 0, np.nan]])
-    for search in ("radius", "nearest"):
-        for neighbours in (0, 2.5):
-            with pytest.raises(gppcs.ParameterError, match=f"whole number from 1 on, found {neighbours}"):
-                estimate_features(np.random.default_rng(0).random((9, 3)), neighbours, search)
-    with pytest.raises(gppcs.ParameterError, match="'radius' or 'nearest'"):
-        estimate_features([[0, 0, 0]], search="knn")
+    for neighbours in (0, 2.5):
+        with pytest.raises(gppcs.ParameterError, match=f"whole number from 1 on, found {neighbours}"):
+            estimate_features(np.random.default_rng(0).random((9, 3)), neighbours)
 
 
 FAR = np.array([1e5, 1e5, 2e5])

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gppcs.clouds.cloud import array_of
 from gppcs.engine.equality import ComparedByValue
 from gppcs.errors import InputError
 
@@ -107,10 +108,7 @@ class Mesh(ComparedByValue):
 
 def _table(rows: ArrayLike, name: str) -> NDArray[Any]:
     """Return rows as an array; raise an InputError unless they are real numbers."""
-    try:
-        table = np.asarray(rows)
-    except ValueError as error:
-        raise InputError(f"expected {name} of shape (N, 3), found rows of different lengths") from error
+    table = array_of(rows, f"{name} of shape (N, 3)")
     if not (np.issubdtype(table.dtype, np.floating) or np.issubdtype(table.dtype, np.integer)):
         raise InputError(f"expected numbers as {name}, found an array of {table.dtype}")
     return table

@@ -40,8 +40,8 @@ def surface_area(tree: KdTree, k: int = 8) -> float:
     return float(np.pi / k * n * np.minimum(squared, np.quantile(squared, 0.99)).mean())
 
 
-def neighbourhood_radius(points: NDArray[np.float64], tree: KdTree, k: int = 25) -> float:
-    """Return `paper_radius`, (N, 3), unless a flat or stretched box makes it wrong: then the median k-th distance."""
+def neighbourhood_radius(tree: KdTree, k: int = 25) -> float:
+    """Return `paper_radius`, unless a flat or stretched box makes it wrong: then the median k-th distance."""
     k = min(k, sys.maxsize)  # which a float can hold
-    radius, robust = paper_radius(points, k), float(np.median(nearest_distances(tree, k - 1)))
+    radius, robust = paper_radius(tree.points.T, k), float(np.median(nearest_distances(tree, k - 1)))
     return radius if robust / 3 <= radius <= 3 * robust else robust

@@ -106,6 +106,17 @@ def flattest(xx, xy, xz, yy, yz, zz, normal):
     return max(0.0, smallest)
 
 
+@kernel(fastmath=False, allocates=False)
+def flattest_of(moments, normal):
+    """Find what `flattest` finds, for the covariance of the points that have these moments, (10,)."""
+    n = moments[0]
+    x, y, z = moments[1] / n, moments[2] / n, moments[3] / n
+    return flattest(
+        moments[4] / n - x * x, moments[5] / n - x * y, moments[6] / n - x * z,
+        moments[7] / n - y * y, moments[8] / n - y * z, moments[9] / n - z * z, normal,
+    )  # fmt: skip
+
+
 @kernel(allocates=False)
 def _null_vector(xx, xy, xz, yy, yz, zz, normal):
     """Fill `normal`, (3,), with a unit vector that a singular symmetric matrix maps to zero."""

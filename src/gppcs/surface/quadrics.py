@@ -11,7 +11,7 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range
 from gppcs.spatial.nearest import WIDER, look_around, search_for, steps_to_nearest
-from gppcs.surface.moments import MOMENTS, flattest, moments_in_ball, tangents
+from gppcs.surface.moments import MOMENTS, flattest_of, moments_in_ball, tangents
 
 COEFFICIENTS = 6  # Those of a + b u + c v + d u^2 + e u v + f v^2.
 TERMS = COEFFICIENTS + 2  # For each point: 1, u, v, u^2, u v, v^2, its height and its weight.
@@ -74,7 +74,7 @@ def _fit_leaf(points, low, high, places, begin, end, count, squared_radius, sear
         squared = steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search)
         reach = np.sqrt(squared) if squared > 0.0 else 1.0
         moments_in_ball(search.local, full, 0.0, 0.0, 0.0, 2.0 * squared, moments, 0)
-        _plane_normal(moments[:, 0], normal)
+        flattest_of(moments[:, 0], normal)
         height = 0.0
         if k >= COEFFICIENTS:
             u, v = tangents(normal[0], normal[1], normal[2])
@@ -86,17 +86,6 @@ def _fit_leaf(points, low, high, places, begin, end, count, squared_radius, sear
         fitted.normals[0, i], fitted.normals[1, i], fitted.normals[2, i] = normal[0], normal[1], normal[2]
         reached += squared
     return reached
-
-
-@kernel(fastmath=False)
-def _plane_normal(moments, normal):
-    """Fill `normal`, (3,), with that of the plane fitted to the points that have these moments, (10,)."""
-    n = moments[0]
-    x, y, z = moments[1] / n, moments[2] / n, moments[3] / n
-    flattest(
-        moments[4] / n - x * x, moments[5] / n - x * y, moments[6] / n - x * z,
-        moments[7] / n - y * y, moments[8] / n - y * z, moments[9] / n - z * z, normal,
-    )  # fmt: skip
 
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from gppcs.clouds.cloud import CloudLike, usable
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.errors import one_of, whole_number
+from gppcs.errors import whole_number
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import (
     LEAF_SIZE,
@@ -30,7 +29,7 @@ from gppcs.surface.moments import (
     AT_ONCE,
     MOMENTS,
     add_shifted,
-    flattest,
+    flattest_of,
     flattest_side_by_side,
     middle,
     moments_in_ball,
@@ -69,21 +68,15 @@ class Features(ComparedByValue):
     neighbours: NDArray[np.int32]
 
 
-def estimate_features(
-    cloud: CloudLike,
-    neighbours: int = 25,
-    search: Literal["radius", "nearest"] = "radius",
-) -> Features:
+def estimate_features(cloud: CloudLike, neighbours: int = 25) -> Features:
     """Measure the surface variation and the normal of each point (paper, section 3.1).
 
     Parameters
     ----------
     cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
     neighbours : int
-        k, the number of points in a neighbourhood, the point itself included.
-    search : "radius" or "nearest"
-        With "radius", all neighbourhoods are balls of the same radius, which is chosen so that they hold about k
-        points. With "nearest", a neighbourhood is the k nearest points.
+        k: all neighbourhoods are balls of the same radius, which is chosen so that they hold about k points, the point
+        itself included.
 
     Returns
     -------
@@ -94,7 +87,7 @@ def estimate_features(
     InputError
         If the cloud is empty, has a wrong shape or has coordinates that are not finite.
     ParameterError
-        If `search` is unknown, or `neighbours` is below 1.
+        If `neighbours` is below 1.
 
     Examples
     --------
@@ -107,21 +100,11 @@ def estimate_features(
     True
     """
     neighbours = whole_number("the number of neighbours", neighbours, 1)
-    one_of("search", search, ("radius", "nearest"))
     points, _, _ = normalised(usable(cloud, "cloud"))
     tree = KdTree.build(points)
-    if search == "nearest":
-        return features_of_nearest(tree, neighbours)
     first = first_occurrences(points)
-    if first.all():
-        return features_around(points, tree, neighbours)
-    radius = neighbourhood_radius(points[first], KdTree.build(points[first]), neighbours)
-    return features_in_radius(tree, radius)
-
-
-def features_around(points: NDArray[np.float64], tree: KdTree, neighbours: int) -> Features:
-    """Measure balls that hold about so many points, (N, 3) without repeats, of which there is a tree."""
-    return features_in_radius(tree, neighbourhood_radius(points, tree, neighbours))
+    distinct = tree if first.all() else KdTree.build(points[first])
+    return features_in_radius(tree, neighbourhood_radius(distinct, neighbours))
 
 
 def features_in_radius(tree: KdTree, radius: float, with_normals: bool = True) -> Features:
@@ -179,18 +162,12 @@ def _finish(moments, indices, variation, normals, neighbours):
     flattest_side_by_side(moments, flat, normal, sure)
     for p in range(len(indices)):
         index = indices[p]
-        n = moments[0, p]
         if sure[p] > 0.0:
             variation[index] = flat[p]
             direction[0], direction[1], direction[2] = normal[0, p], normal[1, p], normal[2, p]
         else:
-            x, y, z = moments[1, p] / n, moments[2, p] / n, moments[3, p] / n
-            variation[index] = flattest(
-                moments[4, p] / n - x * x, moments[5, p] / n - x * y, moments[6, p] / n - x * z,
-                moments[7, p] / n - y * y, moments[8, p] / n - y * z, moments[9, p] / n - z * z,
-                direction,
-            )  # fmt: skip
-        neighbours[index] = n
+            variation[index] = flattest_of(moments[:, p], direction)
+        neighbours[index] = moments[0, p]
         if len(normals):  # otherwise they are not wanted
             normals[index, 0], normals[index, 1], normals[index, 2] = direction[0], direction[1], direction[2]
 
