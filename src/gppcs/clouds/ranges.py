@@ -50,10 +50,7 @@ def names_of_detail(detail: Any) -> list[str]:
 
 @dataclass(frozen=True)
 class AttributeRange:
-    """How values of an attribute become numbers, in which 1 is its whole range.
-
-    Colours become coordinates of OKLab, in which 1 is from black to white; classes become points that are all 1 apart.
-    """
+    """How values become numbers in which 1 is their range: OKLab for colours, points 1 apart for classes."""
 
     name: str
     # Of numbers: the low end and the length of the range, 0 if all are equal. Of colours, the span is their full scale.

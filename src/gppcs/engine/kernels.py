@@ -62,10 +62,7 @@ def _without_literals(fold: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class _KernelCache(NullCache):
-    """Keeps the compiled code of one kernel: a file for each combination of types of its arguments.
-
-    Numba's own looks at no function that is called, and two processes that write at once can mix up its files.
-    """
+    """Keeps the code of one kernel. Numba's cache misses changes of what is called, and mixes up files of processes."""
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         self._function, self._options = function, options

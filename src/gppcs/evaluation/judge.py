@@ -381,10 +381,7 @@ def _angles(first: Points, second: Points) -> Points:
 
 
 def _mean_surface_variation(tree: KdTree, spacing: float) -> float:
-    """Return the mean surface variation with the paper's radius, to be comparable with the paper's tables.
-
-    Where the bounding box makes it three times wrong, the disc of as many points at the target spacing counts.
-    """
+    """Return the mean surface variation with the paper's radius, or a robust one where the box makes that wrong."""
     from gppcs.spatial.spacing import paper_radius
     from gppcs.surface.surface_variation import features_in_radius
 

@@ -16,10 +16,7 @@ TASKS = 256  # runs of leaves; within a run, each search starts from the radius 
 
 
 def areas_of_points(tree: KdTree) -> NDArray[np.float64]:
-    """Estimate the area, (N,), that each point stands for, as `gppcs.spatial.spacing.surface_area` does.
-
-    The largest 1 % are cut to the 99 % quantile; otherwise a few outliers could count as much as all other points.
-    """
+    """Estimate the area, (N,), that each point stands for, of which the largest 1 % are cut, for outliers."""
     areas = squared_reaches(tree) * (np.pi / max(1, min(NEIGHBOURS, len(tree.order) - 1)))
     largest = np.quantile(areas, AREA_QUANTILE)
     return np.minimum(areas, largest) if largest > 0.0 else np.ones(len(areas))

@@ -35,10 +35,7 @@ def greatest_in_cells(points: NDArray[np.float64], edge: float, values: NDArray[
 
 
 def _grid(points: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
-    """Return the six numbers from which kernels compute the cell of a point.
-
-    One over the edge length; the lowest cell along x, y and z; the number of cells along y and z, or zero for too many.
-    """
+    """Return one over the edge, the lowest cell, and the cells along y and z, or zeros if these are too many."""
     low, high = np.floor(np.multiply(bounds(points), scale))
     counts = np.minimum(high - low + 1.0, 2.0**64)  # so that their product does not overflow
     numbered = np.prod(counts) <= 2.0 ** min(64 - len(points).bit_length(), MANTISSA_BITS)

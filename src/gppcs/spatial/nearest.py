@@ -115,10 +115,7 @@ def steps_by_itself(points, low, high, x, y, z, search):
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
 def reach_of_nearest(packed, count, x, y, z, k, squared_radius, squared):
-    """Return a squared distance from (x, y, z) within which exactly k packed points, (3, m), lie; -1 if none is found.
-
-    By regula falsi, as the number of points of a surface within a distance grows about as its square.
-    """
+    """Return a squared distance within which exactly k packed points, (3, m), lie, by regula falsi; or -1."""
     along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
     squared = squared[:count]
     for j in range(len(along_x)):

@@ -17,10 +17,7 @@ def paper_radius(points: NDArray[np.float64], k: int = 25) -> float:
 
 
 def nearest_distances(tree: KdTree, k: int, most: int = 4096) -> NDArray[np.float64]:
-    """Return the distances of some points to their k-th neighbours, (n,).
-
-    They lie at equal steps in tree order: a file can be periodic, for example if several scanners take turns.
-    """
+    """Return distances, (n,), to k-th neighbours, of points at equal steps in tree order, as files can be periodic."""
     n = tree.points.shape[1]
     chosen = np.ascontiguousarray(tree.points.T[:: max(1, -(-n // most))])
     _, squared = tree.nearest_of(chosen, min(k + 1, n))
@@ -28,10 +25,7 @@ def nearest_distances(tree: KdTree, k: int, most: int = 4096) -> NDArray[np.floa
 
 
 def surface_area(tree: KdTree, k: int = 8) -> float:
-    """Estimate the area of the surface on which the points lie, also if their density varies.
-
-    The disc around a point to its k-th neighbour is the area of k points. The largest 1 % are cut, for outliers.
-    """
+    """Estimate the area of the surface by discs to the k-th neighbours; the largest 1 % are cut, for outliers."""
     n = tree.points.shape[1]
     k = min(k, n - 1)
     if k == 0:

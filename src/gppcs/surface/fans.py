@@ -116,10 +116,7 @@ def _is_farther(inverse, current, best, slot, on_circle):
 
 @kernel(allocates=False)
 def _first_in_line(inverse, index, count, i, current, last, on_circle):
-    """Return the next neighbour on an edge of the hull on which several lie, on a circle with point i.
-
-    Each of them triangulates the circle from the one of lowest index, so their fans agree.
-    """
+    """Return the next neighbour on an edge of the hull with several, so that fans of points on a circle agree."""
     nearest = lowest = last
     for slot in range(count):
         ahead = slot != current and _turn(inverse, current, last, slot, on_circle) == 0.0

@@ -85,10 +85,7 @@ def add_shifted(moments, x, y, z, total):
 
 @kernel(fastmath=False, allocates=False)
 def flattest(xx, xy, xz, yy, yz, zz, normal):
-    """Find the smallest eigenvalue of a symmetric matrix C (Smith 1961), and its eigenvector, `normal`, (3,).
-
-    It is the longest cross product of two rows of C - lambda_0 I; if all vanish, lambda_0 is repeated.
-    """
+    """Find the smallest eigenvalue of a symmetric 3 x 3 matrix (Smith 1961), and its eigenvector, `normal`, (3,)."""
     trace = xx + yy + zz
     normal[0], normal[1], normal[2] = 0.0, 0.0, 1.0
     if not trace > 0.0:

@@ -154,10 +154,7 @@ def _near(places: NDArray[np.float64], corner: NDArray[np.float64], exponent: in
 def _oriented(
     tree: KdTree, fits: tuple[KdTree, int] | None, near: NDArray[np.int64] | None = None, close: int = CLOSE
 ) -> NDArray[np.float64]:
-    """Return the signed normals, (N, 3), of the points of a tree, in the order of its input.
-
-    Quadrics are fitted to `close` points of this tree, or as `fits` says: to the points of another tree, and how many.
-    """
+    """Return signed normals, (N, 3), of the points of a tree, fitted to `close` of them or as `fits` says."""
     points = np.ascontiguousarray(tree.points.T)
     _, normals, reaches = fit_quadrics(tree, tree, close)
     if fits:
@@ -207,10 +204,7 @@ def _outward(
 
 @kernel
 def _doubt(begin, end, points, normals, near, doubts):
-    """Fill the doubt, (N, edges), about passing the sign from each point to each neighbour; infinite the second time.
-
-    It is small if the normals agree apart from their sign and the step between the points stays in the surface.
-    """
+    """Fill the doubt, (N, edges), about passing a sign on: small along the surface, infinite for the second time."""
     for i in range(begin, end):
         for slot in range(near.shape[1]):
             j, known = near[i, slot], False

@@ -66,10 +66,7 @@ def find_outliers(cloud: CloudLike) -> NDArray[np.bool_]:
 
 
 def outliers_among(points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which points, (N, 3), are outliers; see `find_outliers`.
-
-    After the first round, only those points are looked at that have lost a neighbour, or one of whose neighbours has.
-    """
+    """Tell which points, (N, 3), are outliers; after the first round, only those near ones that are gone."""
     places = points[first_occurrences(points)]
     tree = KdTree.build(places)
     means, reach = np.empty(len(places)), np.empty(len(places))

@@ -90,10 +90,7 @@ def _fit_leaf(points, low, high, places, begin, end, count, squared_radius, sear
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _fill_terms(local, k, reach, s, t, normal, terms):
-    """Fill `terms`, (TERMS, full), from the steps to the k nearest points, `local`, (3, full), in units of the reach.
-
-    The weight is exp(-x) with x = u^2 + v^2, by its series since x is at most 1; that of columns beyond k is zero.
-    """
+    """Fill `terms`, (TERMS, full), from steps to the k nearest, in units of the reach; weights are exp(-u^2 - v^2)."""
     ones, us, vs, uus, uvs, vvs, heights, weights = terms
     steps_x, steps_y, steps_z = local
     for j in range(len(weights)):

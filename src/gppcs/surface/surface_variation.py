@@ -108,10 +108,7 @@ def estimate_features(cloud: CloudLike, neighbours: int = 25) -> Features:
 
 
 def features_in_radius(tree: KdTree, radius: float, with_normals: bool = True) -> Features:
-    """Measure each point's neighbourhood of all points within a radius, as the paper does.
-
-    Groups of leaves share a search; nodes within the radius of all their points count as a whole, to save time.
-    """
+    """Measure each point's neighbourhood of all points within a radius; nodes of dense parts count as a whole."""
     n = len(tree.order)
     features = Features(np.empty(n), np.empty((n * with_normals, 3)), np.empty(n, dtype=np.int32))
     moments = np.empty((0, MOMENTS))
@@ -174,10 +171,7 @@ def _finish(moments, indices, variation, normals, neighbours):
 
 @kernel
 def _around(group, low, high, moments, squared_radius, near, shared):
-    """Fill `near`, (leaves,), with the leaves within the radius of the node `group`, and return their number.
-
-    Of nodes within the radius of all of it, the moments around its middle are added up in `shared`, (10,), instead.
-    """
+    """Fill `near` with the leaves within the radius of a node, and `shared`, (10,), by nodes that are so as a whole."""
     leaves = first_leaf(low)
     x, y, z = middle(low[group], high[group])
     shared[:] = 0.0

@@ -13,19 +13,13 @@ ROUNDING = 1e-12  # a surface variation below this is rounding, and counts as ze
 
 
 def hierarchical_clusters(points: NDArray[np.float64], size: int, variation: float) -> NDArray[np.int64]:
-    """Choose one of the points, (N, 3), from each cluster of limited size and surface variation, as the paper does.
-
-    A cluster above either limit is split by the plane through its centroid that is orthogonal to its principal axis.
-    """
+    """Choose a point of each cluster of (N, 3), split by planes across its axis until it is small and flat."""
     rows, order, chosen = _in_columns(points, len(points))
     return chosen[: _part_to_limits(rows, order, size, variation, chosen)]
 
 
 def clusters_by_variation(points: NDArray[np.float64], n_points: int) -> NDArray[np.int64]:
-    """Choose exactly M of the points, (N, 3): the cluster of largest size times surface variation is split next.
-
-    Ties go to more points, and then to the smallest first index. Clusters that the plane does not split are halved.
-    """
+    """Choose a point of each of M clusters of (N, 3): that of largest size times surface variation is split next."""
     rows, order, chosen = _in_columns(points, n_points)
     _part_most_varied(rows, order, chosen)
     return chosen

@@ -43,10 +43,7 @@ def worth(points: NDArray[np.float64], keep: str, values: NDArray[np.float64] | 
 
 
 def cell_edge(size: float, n_points: int, occupied: Callable[[float], int]) -> float:
-    """Return an edge length for which at least M cells are occupied, and few more.
-
-    The number of occupied cells jumps and can fall as the edge decreases. It is halved; then the last step is bisected.
-    """
+    """Return an edge length for which at least M cells are occupied, and few more, by halving and bisection."""
     edge = size
     too_long = 2.0 * edge
     finest = FINEST * edge

@@ -182,10 +182,7 @@ def _add_up(shares, xs, ys, zs, x, y, z, total, sx, sy, sz):
 
 
 def nearest_unused(positions: NDArray[np.float64], tree: KdTree) -> NDArray[np.int64]:
-    """Assign to each position, one after the other, the nearest point that is not assigned yet.
-
-    Shapes: positions (M, 3); returns (M,).
-    """
+    """Assign to each position, (M, 3), one after the other, the nearest point that is not assigned yet; (M,)."""
     taken = np.zeros(len(tree.order), dtype=np.bool_)
     leaves = tree.leaves
     unused = np.zeros(2 * leaves, dtype=np.int64)
