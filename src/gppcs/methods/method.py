@@ -43,7 +43,7 @@ class Wanted:
         Attributes that count beside the shape, for methods whose `supports` has "detail". A change by 1 counts as much
         as a sharp edge.
     values : (N,) array, float64, optional
-        Of the attribute that the method's `values_of` names.
+        Of the attribute that the method's parameter `attribute` names, if it has one.
     timer : Timer
         Measures the time of each stage, and reports progress.
     stored : StoredPoints, optional
@@ -172,11 +172,6 @@ class Method(ABC):
         for each in dataclasses.fields(self):
             if getattr(self, each.name) is not each.default:
                 check_parameter(self, each)
-
-    @property
-    def values_of(self) -> str | None:
-        """The attribute whose values the method takes from `Wanted.values`, if any."""
-        return None
 
     @abstractmethod
     def __call__(self, wanted: Wanted) -> Selection:

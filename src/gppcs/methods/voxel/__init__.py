@@ -56,11 +56,6 @@ class Voxel(Method):
         )
         require(self, (self.attribute is not None) == (self.keep in ("most", "least")), "attribute", named)
 
-    @property
-    def values_of(self) -> str | None:
-        """The attribute that counts, if any."""
-        return self.attribute
-
     def __call__(self, wanted: Wanted) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
