@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
+from scipy.spatial.distance import cdist
 
+import gppcs
 from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.spacing import nearest_distances, neighbourhood_radius, paper_radius, surface_area
+from gppcs.spatial.spacing import areas_of_points, nearest_distances, neighbourhood_radius, paper_radius, surface_area
 from gppcs.surface.surface_variation import features_in_radius
 
 
@@ -37,3 +39,11 @@ def test_the_area_is_that_of_the_surface_whatever_the_density(density):
     kept = (square[:, 0] < 0.5) | (rng.random(40_000) < 1 / density)
     points = np.concatenate([np.c_[square, np.zeros(len(square))][kept], 50 * rng.random((20, 3))])
     assert surface_area(KdTree.build(points)) == pytest.approx(1, rel=0.1)
+
+
+def test_areas_are_an_eighth_of_the_discs_to_the_eighth_neighbour():
+    points = gppcs.sample("bracket", 1500).points
+    discs = np.pi / 8 * np.sort(cdist(points, points), axis=1)[:, 8] ** 2
+    areas = areas_of_points(KdTree.build(points))
+    np.testing.assert_allclose(areas, np.minimum(discs, np.quantile(discs, 0.99)), rtol=1e-9)
+    assert areas.sum() == pytest.approx(surface_area(KdTree.build(points)), rel=1e-9)

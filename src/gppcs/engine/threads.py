@@ -17,7 +17,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from gppcs.engine.control_groups import control_groups
+from gppcs.engine.memory import control_groups
 from gppcs.errors import whole_number
 
 RANGES = 64  # Ranges of the work at most: enough to balance threads, few enough that taking them costs nothing.

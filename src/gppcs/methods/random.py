@@ -50,8 +50,8 @@ class Random(Method):
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
-        from gppcs.spatial.areas import squared_reaches
         from gppcs.spatial.kdtree import KdTree
+        from gppcs.spatial.nearest import squared_reaches
 
         with wanted.timer("permutation"):
             if wanted.stored is not None:

@@ -15,6 +15,7 @@ STRIDE = 16  # arrays are padded to multiples of this length: two of the widest 
 FAR_COORDINATE = 1e150  # padding that lies outside every radius; its square does not overflow
 MANY_LEAVES = 32  # if a shared search finds this many leaves plus k, each position searches the tree by itself
 WIDER = 2.5  # squared search radius of a leaf: this times the mean squared distance to the k-th point in the last leaf
+NEIGHBOURS = 8  # by which the area of a point is told
 TASKS = 256  # runs of leaves; within a run, each search starts from the radius of the one before
 TRIALS = 24  # steps of regula falsi for a radius that holds exactly k points
 
@@ -197,3 +198,32 @@ def _nearest_packed(packed, count, x, y, z, radius, squared):
     while squared[slot] > least:
         slot += 1
     return slot
+
+
+def squared_reaches(tree: KdTree) -> NDArray[np.float64]:
+    """Return the squared distance of each point to its 8th neighbour, (N,), in proportion to the area of the point."""
+    n, tasks = len(tree.order), min(tree.leaves, TASKS)
+    squared = np.ones(n)
+    if n > 1:
+        k = min(NEIGHBOURS, n - 1) + 1
+        on_ranges(_squared_reaches, tasks, tasks, tree.points, tree.order, tree.low, tree.high, k, squared)
+    return squared
+
+
+@kernel
+def _squared_reaches(first, last, tasks, points, order, low, high, k, squared):
+    """Fill `squared`, (N,), with the squared distance to the k-th nearest, itself included, in a range of tasks."""
+    n, leaves = points.shape[1], first_leaf(low)
+    search = search_for(k, leaves)
+    for task in range(first, last):
+        squared_radius = 0.0  # in the first leaf, each point searches by itself; later leaves use the last one's radius
+        for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
+            begin, end = leaf_range(n, leaves, leaf)
+            count = look_around(points, low, high, low[leaf], high[leaf], squared_radius, search)
+            reached = 0.0
+            for i in range(begin, end):
+                x, y, z = points[0, i], points[1, i], points[2, i]
+                reach = steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search)
+                squared[order[i]] = reach
+                reached += reach
+            squared_radius = WIDER * reached / (end - begin)

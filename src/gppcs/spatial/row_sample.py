@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.spatial.areas import squared_reaches
 from gppcs.spatial.boxes import Part
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest import squared_reaches
 from gppcs.spatial.stored import StoredPoints
 
 HASHES = float(2**64)

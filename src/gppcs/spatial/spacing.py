@@ -8,6 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest import NEIGHBOURS, squared_reaches
+
+AREA_QUANTILE = 0.99  # quantile to which larger areas are cut
 
 
 def paper_radius(points: NDArray[np.float64], k: int = 25) -> float:
@@ -24,14 +27,21 @@ def nearest_distances(tree: KdTree, k: int, most: int = 4096) -> NDArray[np.floa
     return np.sqrt(squared[:, -1])
 
 
-def surface_area(tree: KdTree, k: int = 8) -> float:
+def surface_area(tree: KdTree) -> float:
     """Estimate the area of the surface by discs to the k-th neighbours; the largest 1 % are cut, for outliers."""
     n = tree.points.shape[1]
-    k = min(k, n - 1)
+    k = min(NEIGHBOURS, n - 1)
     if k == 0:
         return 0.0
     squared = nearest_distances(tree, k, most=16_384) ** 2
-    return float(np.pi / k * n * np.minimum(squared, np.quantile(squared, 0.99)).mean())
+    return float(np.pi / k * n * np.minimum(squared, np.quantile(squared, AREA_QUANTILE)).mean())
+
+
+def areas_of_points(tree: KdTree) -> NDArray[np.float64]:
+    """Estimate the area, (N,), that each point stands for, of which the largest 1 % are cut, for outliers."""
+    areas = squared_reaches(tree) * (np.pi / max(1, min(NEIGHBOURS, len(tree.order) - 1)))
+    largest = np.quantile(areas, AREA_QUANTILE)
+    return np.minimum(areas, largest) if largest > 0.0 else np.ones(len(areas))
 
 
 def neighbourhood_radius(tree: KdTree, k: int = 25) -> float:
