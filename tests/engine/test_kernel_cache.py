@@ -123,6 +123,7 @@ def test_a_change_that_a_kernel_reaches_is_noticed_and_switching_back_costs_noth
 @pytest.mark.slow
 def test_what_no_kernel_reaches_and_the_place_of_the_package_change_nothing(package, tmp_path):
     assert call(package) == COMPILED
+    change(package, "caller", "    return inner", '    """Add 1."""\n    return inner')
     for module in ("app/console", "callee"):
         with (package / f"{module}.py").open("a") as file:
             file.write("# changed\nOTHER = 1\n")

@@ -62,20 +62,6 @@ def test_equals_jakteristics(name):
     np.testing.assert_allclose(features.surface_variation[enough], expected["surface_variation"][enough], atol=1e-6)
 
 
-def test_known_values():
-    rng = np.random.default_rng(0)
-    disc = np.column_stack([rng.random((400, 2)), np.full(400, 3.0)])
-    cube = np.stack(np.meshgrid(*[np.arange(6.0)] * 3), axis=-1).reshape(-1, 3)
-    line = rng.random((400, 1)) * [[1.0, 2.0, 3.0]]
-    flat = features_of_nearest(KdTree.build(disc), 20)
-    np.testing.assert_allclose(flat.surface_variation, 0.0, atol=1e-15)
-    np.testing.assert_allclose(np.abs(flat.normals[:, 2]), 1.0)
-    np.testing.assert_allclose(features_of_nearest(KdTree.build(cube), 216).surface_variation, 1 / 3, atol=1e-12)
-    straight = features_of_nearest(KdTree.build(line), 20)
-    np.testing.assert_allclose(straight.surface_variation, 0.0, atol=1e-7)
-    np.testing.assert_allclose(straight.normals @ [1.0, 2.0, 3.0], 0.0, atol=1e-6)
-
-
 @pytest.mark.parametrize("estimate", [estimate_features, estimate_normals])
 def test_neither_threads_nor_the_unit_change_an_estimate(bracket, estimate, on_threads):
     """Also where the squares of coordinates vanish or overflow."""

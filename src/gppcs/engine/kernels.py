@@ -147,7 +147,9 @@ def _reached(function: Callable[..., Any]) -> Iterator[str]:
     waiting = [code]
     while waiting:
         code = waiting.pop()
-        constants = [each for each in code.co_consts if not isinstance(each, CodeType) and each != function.__doc__]
+        constants = [
+            None if each == function.__doc__ else each for each in code.co_consts if type(each) is not CodeType
+        ]
         waiting += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
         yield repr((code.co_code, constants, code.co_names, code.co_varnames))
         values += [within[name] for name in code.co_names if name in within]
