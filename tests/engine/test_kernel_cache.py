@@ -28,6 +28,7 @@ from gppcs.callee import inner
 from gppcs.engine.kernels import kernel
 @kernel
 def outer(x):
+    "Return one more."
     return inner(x) + 1
 """,
 }
@@ -123,7 +124,7 @@ def test_a_change_that_a_kernel_reaches_is_noticed_and_switching_back_costs_noth
 @pytest.mark.slow
 def test_what_no_kernel_reaches_and_the_place_of_the_package_change_nothing(package, tmp_path):
     assert call(package) == COMPILED
-    change(package, "caller", "    return inner", '    """Add 1."""\n    return inner')
+    change(package, "caller", "one more", "1 more")
     for module in ("app/console", "callee"):
         with (package / f"{module}.py").open("a") as file:
             file.write("# changed\nOTHER = 1\n")
