@@ -10,6 +10,7 @@ import gppcs
 from one_choice import indices, points
 
 RUNS = 4
+pytestmark = pytest.mark.usefixtures("default_threads")
 CONTEXTS = [each for each in ("fork", "spawn", "forkserver") if each in multiprocessing.get_all_start_methods()]
 # From Python 3.12 on, a fork beside other threads gives this warning.
 FORKS = pytest.mark.filterwarnings("ignore:This process.*is multi-threaded:DeprecationWarning")
@@ -19,12 +20,6 @@ FORKS = pytest.mark.filterwarnings("ignore:This process.*is multi-threaded:Depre
 def expected():
     """The choice of one call in this process, after which its helping threads exist."""
     return indices(0)
-
-
-@pytest.fixture(autouse=True)
-def default_threads():
-    yield
-    gppcs.set_threads(None)
 
 
 def assert_all_equal(results, expected):
