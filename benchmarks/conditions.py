@@ -11,14 +11,14 @@ import dataclasses
 import hashlib
 import json
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import cache, cached_property
 from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,7 @@ from gppcs.engine.timer import Timer
 from gppcs.errors import NoSurfaceError
 from gppcs.evaluation.judge import judged
 from gppcs.evaluation.reconstruction import distances_to, estimated_normals, reconstruct
+from gppcs.evaluation.report import relative
 from gppcs.scans import SCENES
 
 SQUARES = 20  # along the edge of the gridded cube
@@ -285,6 +286,38 @@ HELD_OUT = (  # these took no part in that
 )
 
 
+SMALLER = (  # without clouds that take long or resemble others
+    *(each for each in FOUND_ON if not each.file.startswith(("dragon", "armadillo_50k", "armadillo_173k", "sfm_bird"))),
+    *HELD_OUT,
+)
+
+
+def not_placed(points: Any, chosen: Any, *others: Any) -> Any:
+    """Leave chosen points where they are, in place of `placement.placed`."""
+    return chosen
+
+
+def geometric_mean(ratios: Iterable[float]) -> float:
+    """Return the geometric mean of the ratios that are known; NaN for none."""
+    known = [value for value in ratios if np.isfinite(value)]
+    return float(np.exp(np.mean(np.log(known)))) if known else float("nan")
+
+
+def section(
+    condition: Condition, made: Mapping[str, Sequence[Figures]], columns: Sequence[Column] = COLUMNS
+) -> report.Section:
+    """Return the figures of all methods under a condition."""
+    rows = [
+        [
+            label,
+            *(column.cell([found[column.figure] for found in runs if column.figure in found]) for column in columns),
+        ]
+        for label, runs in made.items()
+    ]
+    heading = f"{condition.name}, {len(condition.cloud):,} points to {condition.n_points:,}"
+    return report.Section(heading, ["method", *(column.title for column in columns)], rows)
+
+
 def gridded_cube(points: Array) -> gppcs.Mesh:
     """Return the box of some points as a mesh of SQUARES x SQUARES squares, cut into triangles, on each face."""
     corners = []
@@ -346,7 +379,7 @@ def figures(condition: Condition, kept: gppcs.PointCloud) -> dict[str, float]:
     for name, known in KNOWN.items():
         value = values.get(f"carried_{name}" if carried is not None and name in REBUILT else name)
         if value is not None:
-            scaled = known.relative(value, condition.diagonal)
+            scaled = relative(known, value, condition.diagonal)
             wanted[name] = value if scaled is None else scaled
     if condition.reference:
         try:

@@ -15,13 +15,13 @@ from PIL import Image
 import gppcs
 import report
 from gppcs.drawing.cloud_images import ColouredCloud
-from gppcs.drawing.pair import draw_pair
+from gppcs.drawing.side_by_side import Column, draw_comparison
 from gppcs.drawing.viewpoint import Viewpoint
 
 FOLDER = Path(__file__).parents[1] / "docs" / "gallery"
 POINTS, RATIO = 200_000, 0.05
 METHODS = ("gp", "fps", "voxel")
-SIZE, COLOURS = (1000, 500), 128  # of a picture, in pixels; colours of its palette, which make the file small
+SIZE, COLOURS = (1000, 1000), 128  # of a picture at most, in pixels; colours of its palette, which make the file small
 
 
 class Sample(NamedTuple):
@@ -52,8 +52,10 @@ def row(title: str, sample: Sample) -> tuple[str, ...]:
     result = entries[0].result
     kept = ColouredCloud(result.cloud.points, everything.values[result.indices])
     picture = BytesIO()
-    draw_pair(picture, "gp", everything, kept, sample.view)
-    small = Image.open(picture).convert("RGB").resize(SIZE, Image.Resampling.LANCZOS)
+    columns = [Column("original", everything, "", None), Column("gp", kept, "", None)]
+    draw_comparison(picture, columns, sample.view, close_ups=0)
+    small = Image.open(picture).convert("RGB")
+    small.thumbnail(SIZE, Image.Resampling.LANCZOS)
     FOLDER.mkdir(exist_ok=True)
     small.quantize(COLOURS, dither=Image.Dither.NONE).save(FOLDER / f"{title.replace(' ', '-')}.png", optimize=True)
     figures = [entry.report.figures(relative=True) for entry in entries]

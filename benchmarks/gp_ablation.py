@@ -15,13 +15,12 @@ import numpy as np
 import conditions
 import gppcs
 import report
-from conditions import FOUND_ON, H_MAX, H_MEAN, HELD_OUT, LIDAR, SURFACE, Column, Condition, Figures
+from conditions import FOUND_ON, H_MAX, H_MEAN, HELD_OUT, LIDAR, SMALLER, SURFACE, Column, Condition, Figures
 from gppcs.gp.local import algorithm, candidates
 from gppcs.gp.local.algorithm import Criterion
 from gppcs.surface import noise
 
-LEFT_OUT = ("dragon", "armadillo_50k", "armadillo_173k_resampled", "sfm_bird_bath")  # they take long or resemble others
-USED = tuple(each for each in FOUND_ON if each.file not in LEFT_OUT and each.amount != 0.2)
+USED = tuple(each for each in SMALLER if each in FOUND_ON and each.amount != 0.2)
 OTHERS = tuple(each for each in HELD_OUT if each not in LIDAR)  # H mean needs a rebuilt surface
 CONDITIONS = (*USED, *OTHERS)
 STARTS = range(2)  # turns of the cloud
@@ -75,11 +74,6 @@ def nowhere_sharp(tree: Any, edge: float) -> Any:
     return np.zeros(len(tree.order))
 
 
-def not_placed(points: Any, chosen: Any, *others: Any) -> Any:
-    """Leave chosen points where they are, in place of `placement.placed`."""
-    return chosen
-
-
 def changes() -> dict[str, Change]:
     """Return the changes by their names in the table."""
     gradation_off, segregation_off = (algorithm, "graded", not_graded), (algorithm, "roundness_of", always_round)
@@ -96,7 +90,7 @@ def changes() -> dict[str, Change]:
         "gradation off": Change(replaced=[gradation_off]),
         "segregation off": Change(replaced=[segregation_off]),
         "sharpness off": Change(replaced=[sharpness_off]),
-        "placement off": Change(replaced=[(algorithm, "placed", not_placed)]),
+        "placement off": Change(replaced=[(algorithm, "placed", conditions.not_placed)]),
         "noise off": Change(replaced=[noise_off]),
         "wide neighbourhoods off": Change(replaced=[(noise, "THICK", np.inf)]),
         "largest variance off": Change(replaced=[(noise, "LARGEST", np.inf)]),
@@ -122,17 +116,14 @@ def measured(condition: Condition, runs: conditions.Runs) -> dict[str, list[Figu
     }
 
 
-def ratio(changed: Sequence[Figures], usual: Sequence[Figures], column: Column) -> float | None:
-    """Return the geometric mean of a figure over the default's, of the runs where both have it."""
-    pairs = [(one.get(column.figure), other.get(column.figure)) for one, other in zip(changed, usual, strict=True)]
-    logarithms = [np.log(one / other) for one, other in pairs if one is not None and other is not None]
-    return float(np.exp(np.mean(logarithms))) if logarithms else None
-
-
 def ratios(made: Mapping[str, Mapping[str, Sequence[Figures]]], label: str, column: Column) -> dict[str, float]:
-    """Return the ratios of a change under each condition that has them."""
-    found = {name: ratio(of[label], of[DEFAULT], column) for name, of in made.items()}
-    return {name: value for name, value in found.items() if value is not None}
+    """Return the geometric mean of a figure over the default's, of the runs where both have it, on each cloud."""
+    found, nan = {}, float("nan")
+    for name, of in made.items():
+        pairs = zip(of[label], of[DEFAULT], strict=True)
+        figures = (one.get(column.figure, nan) / other.get(column.figure, nan) for one, other in pairs)
+        found[name] = conditions.geometric_mean(figures)
+    return {name: value for name, value in found.items() if np.isfinite(value)}
 
 
 def summary(made: Mapping[str, Mapping[str, Sequence[Figures]]]) -> list[list[str]]:
@@ -140,7 +131,7 @@ def summary(made: Mapping[str, Mapping[str, Sequence[Figures]]]) -> list[list[st
     rows = []
     for label in changes():
         if label != DEFAULT:
-            means = [np.exp(np.mean(np.log(list(ratios(made, label, column).values())))) for column in SHOWN]
+            means = [conditions.geometric_mean(ratios(made, label, column).values()) for column in SHOWN]
             by_cloud = ratios(made, label, H_MEAN)
             best, worst = min(by_cloud, key=by_cloud.__getitem__), max(by_cloud, key=by_cloud.__getitem__)
             ends = [f"{by_cloud[name]:.3f} ({name.split(':')[0]})" for name in (best, worst)]

@@ -34,16 +34,11 @@ def prefix(condition: Condition, share: float, start: int) -> tuple[gppcs.PointC
     return kept.take(np.arange(round(share * condition.n_points))), seconds
 
 
-def values(made: Sequence[Figures], column: Column) -> list[float]:
-    """Return the values of a figure, for the runs that have it."""
-    return [found[column.figure] for found in made if column.figure in found]
-
-
 def compared(made: tuple[Sequence[Figures], Sequence[Figures]], column: Column) -> list[str]:
     """Return the cells of a figure: of prefixes, of direct runs, and the ratio of their geometric means."""
-    first, second = (values(runs, column) for runs in made)
-    ratio = f"{np.exp(np.mean(np.log(first)) - np.mean(np.log(second))):.3f}" if first and second else ""
-    return [column.cell(first), column.cell(second), ratio]
+    first, second = ([found[column.figure] for found in runs if column.figure in found] for runs in made)
+    ratio = conditions.geometric_mean(first) / conditions.geometric_mean(second)
+    return [column.cell(first), column.cell(second), f"{ratio:.3f}" if np.isfinite(ratio) else ""]
 
 
 def main() -> None:

@@ -42,10 +42,10 @@ class Cost:
     peak: float
 
     @classmethod
-    def of(cls, words: Sequence[str]) -> tuple[Cost, str]:
-        """Run a process; return its cost and what it printed."""
+    def of(cls, words: Sequence[str], **variables: str) -> tuple[Cost, str]:
+        """Run a process with some variables of the environment; return its cost and what it printed."""
         start = perf_counter()
-        process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+        process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env=os.environ | variables)
         assert process.stdout
         printed = process.stdout.read()
         _, status, usage = os.wait4(process.pid, 0)
@@ -99,11 +99,11 @@ def measured(paths: list[Path], share: float, memory: str, folder: Path) -> list
     """Return the row of a job."""
     n, target = len(paths) * TILE, folder / "small.laz"
     words = [
-        str(Path(sys.executable).with_name("gppcs")), "simplify", *map(str, paths), "-o", str(target), "--merge",
-        "--ratio", str(share), "--memory", memory, "--scratch", str(folder), "--json", "--quiet", "--force",
+        str(Path(sys.executable).with_name("gppcs")), "simplify", *map(str, paths), "-o", str(target),
+        "--ratio", str(share), "--memory", memory, "--json", "--quiet", "--force",
     ]  # fmt: skip
     print(f"{n // 1_000_000} million points to {share:.1%}", file=sys.stderr)
-    cost, printed = Cost.of(words)
+    cost, printed = Cost.of(words, TMPDIR=str(folder))
     kept = int(laspy.open(target).header.point_count)
     assert kept == round(share * n) == json.loads(printed)["points_out"]
     return [

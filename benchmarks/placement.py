@@ -5,11 +5,10 @@ Needs the extra `evaluate`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
-from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -36,11 +35,6 @@ class PlacedFarthestPoint(gppcs.FarthestPoint):
         return replace(found, indices=placed(wanted.points, found.indices, 0, area, noise))
 
 
-def not_placed(points: Any, chosen: Any, *others: Any) -> Any:
-    """Leave chosen points where they are, in place of `placement.placed`."""
-    return chosen
-
-
 METHODS: Mapping[str, tuple[gppcs.Method, bool]] = {  # and whether it is placed
     "gp, not placed": (gppcs.LocalGP(), False),
     "gp": (gppcs.LocalGP(), True),
@@ -53,7 +47,7 @@ PAIRS = (("gp", "gp, not placed"), ("fps, placed", "fps"), ("gp", "fps, placed")
 def kept_by(condition: Condition, label: str) -> tuple[gppcs.PointCloud, float]:
     """Return the points that a method keeps, and the seconds."""
     method, is_placed = METHODS[label]
-    with nullcontext() if is_placed else patch.object(algorithm, "placed", not_placed):
+    with nullcontext() if is_placed else patch.object(algorithm, "placed", conditions.not_placed):
         return conditions.simplified(condition, method, 0)
 
 
@@ -65,21 +59,21 @@ def measured(condition: Condition, runs: conditions.Runs) -> dict[str, Figures]:
 def section(title: str, made: Mapping[str, Mapping[str, Figures]]) -> report.Section:
     """Return the ratios of the pairs on each cloud, and their geometric means."""
     header = ["cloud", "", *(column.title.split(",")[0] for column in SHOWN)]
-    rows, ratios = [], {pair: np.full((len(made), len(SHOWN)), np.nan) for pair in PAIRS}
-    for i, (name, of) in enumerate(made.items()):
-        for one, other in PAIRS:
-            for j, column in enumerate(SHOWN):
-                if column.figure in of[one] and column.figure in of[other]:
-                    ratios[one, other][i, j] = of[one][column.figure] / of[other][column.figure]
-            rows.append([name, f"{one} / {other}", *cells(ratios[one, other][i])])
-    means = [
-        ["**geometric mean**", f"{one} / {other}", *cells(np.exp(np.nanmean(np.log(ratios[one, other]), axis=0)))]
-        for one, other in PAIRS
-    ]
+    nan = float("nan")
+    ratios = {
+        (name, *pair): [of[pair[0]].get(each.figure, nan) / of[pair[1]].get(each.figure, nan) for each in SHOWN]
+        for name, of in made.items()
+        for pair in PAIRS
+    }
+    rows = [[name, f"{one} / {other}", *cells(found)] for (name, one, other), found in ratios.items()]
+    means = []
+    for one, other in PAIRS:
+        of_pair = zip(*(ratios[name, one, other] for name in made), strict=True)
+        means.append(["**geometric mean**", f"{one} / {other}", *cells(map(conditions.geometric_mean, of_pair))])
     return report.Section(title, header, [*means, *rows])
 
 
-def cells(ratios: Sequence[float]) -> list[str]:
+def cells(ratios: Iterable[float]) -> list[str]:
     """Return ratios as cells, empty where there is none."""
     return [f"{value:.3f}" if np.isfinite(value) else "" for value in ratios]
 

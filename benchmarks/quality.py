@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 from importlib.util import find_spec
-from time import perf_counter
 
 import numpy as np
 
@@ -16,7 +15,6 @@ import conditions
 import gppcs
 import report
 from conditions import (
-    COLUMNS,
     COVER,
     FEATURES,
     FOUND_ON,
@@ -98,21 +96,10 @@ def turned(condition: Condition, label: str, start: int) -> tuple[gppcs.PointClo
 
 def wlop_by_cgal(condition: Condition) -> tuple[gppcs.PointCloud, float]:
     """Simplify by CGAL's WLOP with its own radius; the seconds are without the making of its point sets."""
-    from CGAL.CGAL_Kernel import Point_3
-    from CGAL.CGAL_Point_set_3 import Point_set_3
-    from CGAL.CGAL_Point_set_processing_3 import (
-        compute_average_spacing,
-        wlop_simplify_and_regularize_point_set,
-    )
+    import by_cgal
 
-    given, moved = Point_set_3(), Point_set_3()
-    for x, y, z in condition.cloud.points.tolist():
-        given.insert(Point_3(x, y, z))
-    percentage = 100 * (condition.n_points + 0.5) / len(condition.cloud)  # rounded down by CGAL
-    start = perf_counter()
-    wlop_simplify_and_regularize_point_set(given, moved, percentage, 8 * compute_average_spacing(given, 6), 35, False)
-    seconds = perf_counter() - start
-    return gppcs.PointCloud.of(np.array([[point.x(), point.y(), point.z()] for point in moved.points()])), seconds
+    moved, seconds = by_cgal.wlop(condition.cloud.points, (condition.n_points + 0.5) / len(condition.cloud))
+    return gppcs.PointCloud.of(moved), seconds  # the half point: CGAL rounds down
 
 
 def runs_of(
@@ -158,12 +145,6 @@ def shown(ratio: float) -> str:
     return f"**{ratio:.3f}, behind**" if round(ratio, 3) > 1 else f"{ratio:.3f}"
 
 
-def geometric_mean(ratios: Sequence[float]) -> float:
-    """Return the geometric mean of the ratios that are known; NaN for none."""
-    known = [value for value in ratios if np.isfinite(value)]
-    return float(np.exp(np.mean(np.log(known)))) if known else float("nan")
-
-
 BESIDE = (H_MEAN, H_MAX, SURFACE)  # figures of the summaries
 
 
@@ -184,9 +165,9 @@ def summary(heading: str, all_made: Mapping[Condition, Made]) -> report.Section:
     means = [
         [ratio(made, column, best_rival(made, column)) for made in all_made.values()] for column in BESIDE
     ]  # fmt: skip
-    cells = [cell for values in means for cell in (shown(geometric_mean(values)), ahead(values))]
+    cells = [cell for values in means for cell in (shown(conditions.geometric_mean(values)), ahead(values))]
     covers = [ratio(made, COVER, "fps") for made in all_made.values()]
-    rows.append(["**geometric mean**", *cells, "", shown(geometric_mean(covers))])
+    rows.append(["**geometric mean**", *cells, "", shown(conditions.geometric_mean(covers))])
     return report.Section(
         heading, [*header, "rank in mean surface variation", "covering radius, times that of fps"], rows
     )
@@ -219,7 +200,7 @@ def rival_by_rival(groups: Mapping[str, Mapping[Condition, Made]]) -> report.Sec
         for column in columns:
             for of_group in groups.values():
                 values = [ratio(made, column, label) for made in of_group.values()]
-                row.append("; ".join(filter(None, (shown(geometric_mean(values)), ahead(values)))))
+                row.append("; ".join(filter(None, (shown(conditions.geometric_mean(values)), ahead(values)))))
         rows.append(row)
     return report.Section("Geometric means, gp divided by each rival", header, rows)
 
@@ -244,17 +225,6 @@ def lidar(all_made: Mapping[Condition, Made]) -> report.Section:
     )
 
 
-def section(condition: Condition, made: Made) -> report.Section:
-    """Return the table of a condition."""
-    rows = [
-        [label, *(column.cell([found[column.figure] for found in of_label if column.figure in found])
-                  for column in COLUMNS)]
-        for label, of_label in made.items()
-    ]  # fmt: skip
-    heading = f"{condition.name}, {len(condition.cloud):,} points to {condition.n_points:,}"
-    return report.Section(heading, ["method", *(column.title for column in COLUMNS)], rows)
-
-
 def main() -> None:
     """Print the tables, and write them if they are of all conditions."""
     every = (*FOUND_ON, *HELD_OUT)
@@ -272,7 +242,7 @@ def main() -> None:
             *(summary(f"Summary: {title}", group) for title, group in groups.items() if group),
             *([lidar(scenes)] if scenes else []),
             rival_by_rival(groups),
-            *(section(condition, of_condition) for condition, of_condition in made.items()),
+            *(conditions.section(condition, of_condition) for condition, of_condition in made.items()),
         ],
         chosen,
         NOTES,

@@ -11,15 +11,9 @@ from functools import partial
 from time import perf_counter
 
 import numpy as np
-from CGAL.CGAL_Kernel import Point_3
-from CGAL.CGAL_Point_set_3 import Point_set_3
-from CGAL.CGAL_Point_set_processing_3 import (
-    compute_average_spacing,
-    hierarchy_simplify_point_set,
-    wlop_simplify_and_regularize_point_set,
-)
 from numpy.typing import NDArray
 
+import by_cgal
 import gppcs
 import report
 from gppcs.methods.hc.clustering import clusters_by_variation, hierarchical_clusters
@@ -30,30 +24,6 @@ RATIO = 0.03
 REPEATS = 5
 SIZE, VARIATION = 1000, 0.01  # the paper's for the Dragon
 PAPER = {"pc-simp": 245.5, "aivs": 44.6}  # seconds, its Table 1
-
-
-def point_set(points: NDArray[np.float64]) -> Point_set_3:
-    """Return the points as a point set of CGAL."""
-    made = Point_set_3()
-    for x, y, z in points.tolist():
-        made.insert(Point_3(x, y, z))
-    return made
-
-
-def cgal_clusters(points: NDArray[np.float64]) -> float:
-    """Return the seconds of CGAL's hierarchical clustering."""
-    given = point_set(points)
-    start = perf_counter()
-    hierarchy_simplify_point_set(given, SIZE, VARIATION)
-    return perf_counter() - start
-
-
-def cgal_wlop(points: NDArray[np.float64], radius: float) -> float:
-    """Return the seconds of CGAL's WLOP."""
-    given, moved = point_set(points), Point_set_3()
-    start = perf_counter()
-    wlop_simplify_and_regularize_point_set(given, moved, 100 * RATIO, radius, 35, False)
-    return perf_counter() - start
 
 
 def our_wlop(points: NDArray[np.float64], n_points: int, radius: float) -> float:
@@ -87,12 +57,12 @@ def main() -> None:
     path = report.DATA / "dragon.ply"
     points = gppcs.read(path).points
     n_points = round(RATIO * len(points))
-    radius = 8 * compute_average_spacing(point_set(points), 6)  # CGAL's default
+    radius = by_cgal.radius_of_wlop(points)
     works = {
-        "hc by CGAL": lambda: cgal_clusters(points),
+        "hc by CGAL": lambda: by_cgal.clusters(points, SIZE, VARIATION),
         f"hc, limits ({SIZE}, {VARIATION})": lambda: our_clusters(points, None),
         f"hc, {n_points:,} points": lambda: our_clusters(points, n_points),
-        "wlop by CGAL": lambda: cgal_wlop(points, radius),
+        "wlop by CGAL": lambda: by_cgal.wlop(points, RATIO, radius)[1],
         f"wlop, {n_points:,} points, CGAL's radius, snapped": lambda: our_wlop(points, n_points, radius),
         **{f"{name}, {n_points:,} points": partial(our_method, points, n_points, name) for name in PAPER},
     }

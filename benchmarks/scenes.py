@@ -124,7 +124,7 @@ def beside(title: str, all_made: Mapping[Condition, Made], rival_of: Callable[[M
         ratios = {
             condition: quality.ratio(made, column, rival_of(made, column)) for condition, made in all_made.items()
         }
-        means = [shown(quality.geometric_mean([ratios[each] for each in group])) for group in groups.values()]
+        means = [shown(conditions.geometric_mean([ratios[each] for each in group])) for group in groups.values()]
         values = list(ratios.values())
         rows.append([column.title, *means, shown(np.nanmax(values)), quality.ahead(values)])
     return report.Section(title, ["measure", *groups, "largest", "conditions"], rows)
@@ -149,24 +149,13 @@ def each_rival(all_made: Mapping[Condition, Made]) -> report.Section:
     """Return the geometric means over all conditions of gp divided by each rival."""
     labels = dict.fromkeys(label for made in all_made.values() for label in made if label not in quality.VARIANTS)
     rows = [
-        [label, *(shown(quality.geometric_mean([quality.ratio(made, column, label) for made in all_made.values()]))
+        [label, *(shown(conditions.geometric_mean([quality.ratio(made, column, label) for made in all_made.values()]))
                   for column in MEASURES)]
         for label in labels
     ]  # fmt: skip
     return report.Section(
         "Geometric means, gp divided by each rival", ["rival", *(each.title for each in MEASURES)], rows
     )
-
-
-def section(condition: Condition, made: Made) -> report.Section:
-    """Return the figures of all methods under a condition."""
-    rows = [
-        [label, *(column.cell([found[column.figure] for found in of_label if column.figure in found])
-                  for column in (*MEASURES, SECONDS))]
-        for label, of_label in made.items()
-    ]  # fmt: skip
-    heading = f"{condition.name}, {len(condition.cloud):,} points to {condition.n_points:,}"
-    return report.Section(heading, ["method", *(each.title for each in (*MEASURES, SECONDS))], rows)
 
 
 def main() -> None:
@@ -181,7 +170,10 @@ def main() -> None:
             beside("Summary: geometric means of gp divided by fps", made, lambda *_: "fps"),
             each_rival(made),
             each_condition(made),
-            *(section(condition, of_condition) for condition, of_condition in made.items()),
+            *(
+                conditions.section(condition, of_condition, (*MEASURES, SECONDS))
+                for condition, of_condition in made.items()
+            ),
         ],
         chosen,
         NOTES,

@@ -4,9 +4,11 @@ import sys
 from pathlib import Path
 
 import gppcs
+from web_page import WebPage
 
 COMMAND = Path(sys.executable).with_name("gppcs")
 FAST = ("--method", "fps")  # for tests in which the method makes no difference
+SIMPLIFY = ("simplify", "scan.ply", "-o", "out.ply", *FAST, "--points")
 
 
 def write_scan_with(points_of):
@@ -21,6 +23,16 @@ def write_scan_with(points_of):
 def files():
     """Return the names in the folder of the test."""
     return sorted(path.name for path in Path().iterdir())
+
+
+def rows_of(printed):
+    """Return the lines that a command prints, with single spaces."""
+    return [" ".join(line.split()) for line in printed.splitlines()]
+
+
+def described(page):
+    """Return what a page in a file shows."""
+    return WebPage(Path(page).read_text("utf-8")).described
 
 
 def assert_one_line(result, *parts):

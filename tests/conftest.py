@@ -81,16 +81,22 @@ def two_systems(tmp_path) -> list[Path]:
     return [tmp_path / "a.las", tmp_path / "b.las"]
 
 
-@pytest.fixture(params=[1, 2])
-def threads(request):
-    """The number of threads that kernels run on."""
-    gppcs.set_threads(request.param)
-    yield request.param
+@pytest.fixture
+def default_threads():
+    """Undo what a test sets."""
+    yield
     gppcs.set_threads(None)
 
 
+@pytest.fixture(params=[1, 2])
+def threads(request, default_threads):
+    """The number of threads that kernels run on."""
+    gppcs.set_threads(request.param)
+    return request.param
+
+
 @pytest.fixture
-def on_threads():
+def on_threads(default_threads):
     """Call a function with 1, 2, 3 and 8 threads, and return the results."""
 
     def call(function):
@@ -100,5 +106,4 @@ def on_threads():
             results.append(function())
         return results
 
-    yield call
-    gppcs.set_threads(None)
+    return call

@@ -30,6 +30,11 @@ def monument() -> gppcs.Mesh:
     return gppcs.Mesh(np.vstack(vertices), np.vstack(faces))
 
 
+def moved(mesh, by) -> gppcs.Mesh:
+    """Return a mesh whose vertices are moved by a vector or a number."""
+    return gppcs.Mesh(mesh.vertices + np.asarray(by), mesh.faces)
+
+
 def faulty_triangles(mesh: gppcs.Mesh) -> set[int]:
     """Return the triangles that have no area, or meet another in more than common corners, by exact whole numbers."""
     parts = [Fraction(x).denominator for x in mesh.vertices.ravel().tolist()]

@@ -18,14 +18,9 @@ HULL = hull_mesh(BALL.points)
 WRONG = [None, 3, 1.5, math.nan, True, "text", "5", b"5", {"a": 1}, {1, 2}, [], [1, [2]], (1, 2), object(), len, 1j]
 WRONG += [np.zeros(2), np.zeros((2, 2)), np.array("a"), np.array([[None] * 3]), np.zeros((2, 3), dtype="M8[s]")]
 WRONG += [[["a", "b", "c"]], 10**400, type]
+pytestmark = pytest.mark.usefixtures("default_threads")
 FLOATS = {str(value): value for value in (math.inf, -math.inf, math.nan, 1e-310, -1e-310, 1e308)} | {"10^400": 10**400}
 WHOLE = {"10^6": 10**6, "2^63-1": 2**63 - 1, "2^63": 2**63, "10^400": 10**400}
-
-
-@pytest.fixture(autouse=True)
-def default_threads():
-    yield
-    gppcs.set_threads(None)
 
 
 def fields_of_type(kind):

@@ -1,7 +1,6 @@
 """All ways to run several simplifications at once give the bits of a single call."""
 
 import multiprocessing
-import sys
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
@@ -11,6 +10,7 @@ import gppcs
 from one_choice import indices, points
 
 RUNS = 4
+pytestmark = pytest.mark.usefixtures("default_threads")
 CONTEXTS = [each for each in ("fork", "spawn", "forkserver") if each in multiprocessing.get_all_start_methods()]
 # From Python 3.12 on, a fork beside other threads gives this warning.
 FORKS = pytest.mark.filterwarnings("ignore:This process.*is multi-threaded:DeprecationWarning")
@@ -20,12 +20,6 @@ FORKS = pytest.mark.filterwarnings("ignore:This process.*is multi-threaded:Depre
 def expected():
     """The choice of one call in this process, after which its helping threads exist."""
     return indices(0)
-
-
-@pytest.fixture(autouse=True)
-def default_threads():
-    yield
-    gppcs.set_threads(None)
 
 
 def assert_all_equal(results, expected):
@@ -45,14 +39,6 @@ def test_pools_of_processes(method, expected):
         assert_all_equal(pool.map_async(indices, range(RUNS)).get(timeout=300), expected)
     with ProcessPoolExecutor(2, context) as pool:
         assert_all_equal(pool.map(indices, range(RUNS), timeout=300), expected)
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="takes long to start there")
-def test_joblib(expected):
-    joblib = pytest.importorskip("joblib")
-    results = joblib.Parallel(n_jobs=2, timeout=300)(joblib.delayed(indices)(run) for run in range(RUNS))
-    assert_all_equal(results, expected)
 
 
 def test_threads(expected):

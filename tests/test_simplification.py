@@ -160,10 +160,7 @@ def test_points_that_are_not_finite_are_counted_or_dropped(bad):
         ({"ratio": 0.5, "n_points": 5}, "found both"),
         ({"ratio": 0}, "a ratio above 0 and at most 1, found 0"),
         ({"ratio": 3}, "found 3; for 3 percent, write 0.03$"),
-        ({"ratio": np.nan}, "found nan"),
         ({"n_points": 0}, "number of points to be a whole number from 1 on, found 0"),
-        ({"n_points": 2.5}, "found 2.5"),
-        ({"ratio": "few"}, r"a share, such as 0.03 or 3%, found 'few'"),
         ({"ratio": 0.5, "method": gppcs.SpectralGP}, "expected the name of a method"),
         ({"ratio": 0.5, "method": "fpss"}, "did you mean 'fps'"),
         ({"ratio": 0.5, "invalid": "ignore"}, "invalid to be 'error' or 'drop', found 'ignore'"),
@@ -178,9 +175,6 @@ def test_parameters_out_of_range_are_named(options, message):
 @pytest.mark.parametrize(
     ("cloud", "message"),
     [
-        (np.zeros((5, 2)), "expected"),
-        (np.zeros(3), "expected"),
-        (np.zeros((5, 3), complex), "expected"),
         (np.empty((0, 3)), "empty"),
         (np.full((2, 3), np.nan), "none of the 2 points has finite coordinates"),
         ([[1e308, 0, 0], [-1e308, 0, 0], [1, 2, 3]], "overflow"),
@@ -189,16 +183,6 @@ def test_parameters_out_of_range_are_named(options, message):
 def test_what_is_no_cloud_is_refused(cloud, message):
     with pytest.raises(gppcs.InputError, match=message):
         gppcs.simplify(cloud, ratio=0.5, invalid="drop")
-
-
-def test_the_result_says_how_it_came_about():
-    method = gppcs.SpectralGP(k_add=5)
-    result = gppcs.simplify(quantised("bracket"), n_points=120, method=method)
-    assert result.method == method
-    assert {"surface variation", "eigenfunctions", "hyperparameters", "greedy selection"} <= set(result.seconds)
-    assert all(seconds >= 0 for seconds in result.seconds.values())
-    assert set(result.diagnostics) == {"variance", "lengthscale", "nu", "noise", "explained"}
-    assert all(value > 0 for value in result.diagnostics.values())
 
 
 @pytest.mark.parametrize("method", ["gp", "gp-spectral"])

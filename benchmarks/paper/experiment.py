@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import gppcs
 import report
+from gppcs.evaluation.report import relative
 from gppcs.methods import method_of
 from gppcs.methods.pc_simp.graph_filter import NeighbourGraph
 from gppcs.spatial.cells import first_occurrences
@@ -150,7 +151,7 @@ def shown(entry: gppcs.Entry, column: Column, diagonal: float) -> str:
     if value is None:
         return ""
     known = FIGURES.get(column.figure)
-    scaled = known.relative(value, diagonal) if known else None
+    scaled = relative(known, value, diagonal) if known else None
     return f"{column.factor * (value if scaled is None else scaled):.{column.digits}f}"
 
 

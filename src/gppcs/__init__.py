@@ -107,63 +107,75 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from gppcs.clouds import display, reading
+from gppcs.clouds import above
 
 if TYPE_CHECKING:
-    from gppcs.amounts.curve import Curve
-    from gppcs.clouds.cloud import PointCloud
-    from gppcs.clouds.depth_camera import from_depth
-    from gppcs.clouds.header import Header
-    from gppcs.clouds.mesh import Mesh
-    from gppcs.clouds.summary import Summary, info
-    from gppcs.engine.progress import ProgressBar
-    from gppcs.engine.threads import set_threads
-    from gppcs.engine.timer import Listener, Timer
-    from gppcs.errors import (
-        ClusterError,
-        FileFormatError,
-        GppcsError,
-        InputError,
-        MissingExtraError,
-        NoSurfaceError,
-        OutputError,
-        ParameterError,
-    )
-    from gppcs.estimator import Simplifier
-    from gppcs.evaluation.comparison import Entry, compare
-    from gppcs.evaluation.curves import curve
-    from gppcs.evaluation.judge import evaluate, evaluate_mesh
-    from gppcs.evaluation.mesh_comparison import MeshEntry, compare_meshes
-    from gppcs.evaluation.report import DetailErrors, Figure, MeshReport, Rebuilt, Report, figures_of
-    from gppcs.io import read, write
-    from gppcs.io.mesh_files import read_mesh, write_mesh
-    from gppcs.meshing.pipeline import MeshResult, mesh
-    from gppcs.methods import (
-        AIVS,
-        METHODS,
-        QEM,
-        WLOP,
-        FarthestPoint,
-        FarthestPointVariation,
-        HierarchicalClustering,
-        LocalGP,
-        Method,
-        PCSimp,
-        Random,
-        SampleElimination,
-        Selection,
-        SpectralGP,
-        TopVariation,
-        Voxel,
-        Wanted,
-    )
-    from gppcs.methods.parameters import Parameter, parameter
-    from gppcs.scans import sample
-    from gppcs.simplification import Result, simplify
-    from gppcs.streaming.files import simplify_files
-    from gppcs.surface.normals import estimate_normals
-    from gppcs.surface.outliers import find_outliers
-    from gppcs.surface.surface_variation import Features, estimate_features
+    from gppcs.amounts.curve import Curve as Curve
+    from gppcs.clouds.cloud import PointCloud as PointCloud
+    from gppcs.clouds.depth_camera import from_depth as from_depth
+    from gppcs.clouds.header import Header as Header
+    from gppcs.clouds.mesh import Mesh as Mesh
+    from gppcs.clouds.summary import Summary as Summary
+    from gppcs.clouds.summary import info as info
+    from gppcs.engine.progress import ProgressBar as ProgressBar
+    from gppcs.engine.threads import set_threads as set_threads
+    from gppcs.engine.timer import Listener as Listener
+    from gppcs.engine.timer import Timer as Timer
+    from gppcs.errors import ClusterError as ClusterError
+    from gppcs.errors import FileFormatError as FileFormatError
+    from gppcs.errors import GppcsError as GppcsError
+    from gppcs.errors import InputError as InputError
+    from gppcs.errors import MissingExtraError as MissingExtraError
+    from gppcs.errors import NoSurfaceError as NoSurfaceError
+    from gppcs.errors import OutputError as OutputError
+    from gppcs.errors import ParameterError as ParameterError
+    from gppcs.estimator import Simplifier as Simplifier
+    from gppcs.evaluation.comparison import Entry as Entry
+    from gppcs.evaluation.comparison import compare as compare
+    from gppcs.evaluation.curves import curve as curve
+    from gppcs.evaluation.judge import evaluate as evaluate
+    from gppcs.evaluation.judge import evaluate_mesh as evaluate_mesh
+    from gppcs.evaluation.mesh_comparison import MeshEntry as MeshEntry
+    from gppcs.evaluation.mesh_comparison import compare_meshes as compare_meshes
+    from gppcs.evaluation.report import DetailErrors as DetailErrors
+    from gppcs.evaluation.report import Figure as Figure
+    from gppcs.evaluation.report import MeshReport as MeshReport
+    from gppcs.evaluation.report import Rebuilt as Rebuilt
+    from gppcs.evaluation.report import Report as Report
+    from gppcs.evaluation.report import figures_of as figures_of
+    from gppcs.io import read as read
+    from gppcs.io import write as write
+    from gppcs.io.mesh_files import read_mesh as read_mesh
+    from gppcs.io.mesh_files import write_mesh as write_mesh
+    from gppcs.meshing.pipeline import MeshResult as MeshResult
+    from gppcs.meshing.pipeline import mesh as mesh
+    from gppcs.methods import AIVS as AIVS
+    from gppcs.methods import METHODS as METHODS
+    from gppcs.methods import QEM as QEM
+    from gppcs.methods import WLOP as WLOP
+    from gppcs.methods import FarthestPoint as FarthestPoint
+    from gppcs.methods import FarthestPointVariation as FarthestPointVariation
+    from gppcs.methods import HierarchicalClustering as HierarchicalClustering
+    from gppcs.methods import LocalGP as LocalGP
+    from gppcs.methods import Method as Method
+    from gppcs.methods import PCSimp as PCSimp
+    from gppcs.methods import Random as Random
+    from gppcs.methods import SampleElimination as SampleElimination
+    from gppcs.methods import Selection as Selection
+    from gppcs.methods import SpectralGP as SpectralGP
+    from gppcs.methods import TopVariation as TopVariation
+    from gppcs.methods import Voxel as Voxel
+    from gppcs.methods import Wanted as Wanted
+    from gppcs.methods.parameters import Parameter as Parameter
+    from gppcs.methods.parameters import parameter as parameter
+    from gppcs.scans import sample as sample
+    from gppcs.simplification import Result as Result
+    from gppcs.simplification import simplify as simplify
+    from gppcs.streaming.files import simplify_files as simplify_files
+    from gppcs.surface.normals import estimate_normals as estimate_normals
+    from gppcs.surface.outliers import find_outliers as find_outliers
+    from gppcs.surface.surface_variation import Features as Features
+    from gppcs.surface.surface_variation import estimate_features as estimate_features
 
 __version__ = "0.1.0"
 
@@ -224,79 +236,8 @@ _HOMES = {  # the module that defines each public name
     "surface.surface_variation": ("Features", "estimate_features"),
 }
 
-__all__ = [
-    "AIVS",
-    "METHODS",
-    "QEM",
-    "WLOP",
-    "ClusterError",
-    "Curve",
-    "DetailErrors",
-    "Entry",
-    "FarthestPoint",
-    "FarthestPointVariation",
-    "Features",
-    "Figure",
-    "FileFormatError",
-    "GppcsError",
-    "Header",
-    "HierarchicalClustering",
-    "InputError",
-    "Listener",
-    "LocalGP",
-    "Mesh",
-    "MeshEntry",
-    "MeshReport",
-    "MeshResult",
-    "Method",
-    "MissingExtraError",
-    "NoSurfaceError",
-    "OutputError",
-    "PCSimp",
-    "Parameter",
-    "ParameterError",
-    "PointCloud",
-    "ProgressBar",
-    "Random",
-    "Rebuilt",
-    "Report",
-    "Result",
-    "SampleElimination",
-    "Selection",
-    "Simplifier",
-    "SpectralGP",
-    "Summary",
-    "Timer",
-    "TopVariation",
-    "Voxel",
-    "Wanted",
-    "__version__",
-    "compare",
-    "compare_meshes",
-    "curve",
-    "estimate_features",
-    "estimate_normals",
-    "evaluate",
-    "evaluate_mesh",
-    "figures_of",
-    "find_outliers",
-    "from_depth",
-    "info",
-    "mesh",
-    "parameter",
-    "read",
-    "read_mesh",
-    "sample",
-    "set_threads",
-    "simplify",
-    "simplify_files",
-    "write",
-    "write_mesh",
-]
-
-
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
-
+__all__ = sorted([*_HOME_OF, "__version__"])
 
 if not TYPE_CHECKING:  # type checkers would take any name for one that is there
 
@@ -309,14 +250,17 @@ if not TYPE_CHECKING:  # type checkers would take any name for one that is there
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return __all__
 
 
-# Clouds are below the files that hold them, so this is where a path given as a cloud finds its reader.
-reading.read = lambda path: importlib.import_module("gppcs.io").read(path)
-reading.laspy_of = lambda cloud: importlib.import_module("gppcs.io.las").laspy_of(cloud)
-# What ranks the points of a COPC file is above what writes it.
-reading.rank = lambda *given: importlib.import_module("gppcs.simplification").first_rows(*given)
-# Clouds and results are also below what draws them.
-display.html_of = lambda shown: importlib.import_module("gppcs.drawing.notebook").html_of(shown)
-display.show = lambda *given, **options: importlib.import_module("gppcs.drawing.notebook").show(*given, **options)
+def _later(home: str, name: str) -> Any:
+    """Return a function of a module that is imported when it is called."""
+    return lambda *given, **options: getattr(importlib.import_module(f"gppcs.{home}"), name)(*given, **options)
+
+
+# Clouds are below the files that hold them, the methods that rank them and what draws them.
+above.read, above.laspy_of = _later("io", "read"), _later("io.las", "laspy_of")
+above.rank = lambda cloud, method, count: (
+    _later("simplification", "simplify")(cloud, method=method, n_points=count).indices
+)
+above.html_of, above.show = _later("drawing.notebook", "html_of"), _later("drawing.notebook", "show")

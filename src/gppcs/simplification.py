@@ -14,11 +14,11 @@ from gppcs.amounts.choice import choose_amount
 from gppcs.amounts.curve import Curve, checked_sizes, halves, measured_curve
 from gppcs.amounts.guide import Guide
 from gppcs.amounts.request import Request, require
-from gppcs.clouds import display
+from gppcs.clouds import above
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.clouds.quantities import Scale, count_of, metres_of
 from gppcs.engine.equality import ComparedByValue
-from gppcs.engine.timer import Timer, in_words
+from gppcs.engine.timer import Timer, in_words, timer_of
 from gppcs.errors import InputError, ParameterError, one_of
 from gppcs.methods import DEFAULT, Method, Selection
 
@@ -68,21 +68,7 @@ class Result(ComparedByValue):
         return f"Result({len(self.indices):,} points by {self.method} in {in_words(self.seconds)})"
 
     def _repr_html_(self) -> str:
-        return display.html_of(self)
-
-    def with_outliers(self, outliers: NDArray[np.int64]) -> Result:
-        """Return the result with a note of the outliers that were left out.
-
-        Parameters
-        ----------
-        outliers : (n,) array, int64
-            Their rows.
-
-        Returns
-        -------
-        Result
-        """
-        return replace(self, outliers=outliers, diagnostics={**self.diagnostics, "outliers": float(len(outliers))})
+        return above.html_of(self)
 
     def prefix(self, n_points: int) -> Result:
         """Return the first points, which are a simplification to fewer points.
@@ -181,7 +167,7 @@ class Result(ComparedByValue):
         >>> cloud = gppcs.sample("bracket", n_points=2000)
         >>> gppcs.simplify(cloud, ratio=0.1).show(cloud)  # doctest: +SKIP
         """
-        display.show(self, None if original is None else PointCloud.of(original), up=up, view=view)
+        above.show(self, None if original is None else PointCloud.of(original), up=up, view=view)
 
 
 def simplify(
@@ -307,18 +293,17 @@ def simplify(
         unit=unit, keep=keep, weight=weight, detail=detail, quota=quota, group=group, method=method, seed=seed,
         invalid=invalid, normals=normals, scores=scores, drop_outliers=drop_outliers,
     )  # fmt: skip
-    return simplify_cloud(cloud, request, Timer.of(timer))
+    return simplify_cloud(cloud, request, timer_of(timer))
 
 
-def first_rows(cloud: PointCloud, method: str, n_points: int) -> NDArray[np.int64]:
-    """Return the rows that a method chooses first, in the order chosen, for the levels of a file."""
-    return simplify(cloud, n_points=n_points, method=method).indices
-
-
-def result_of(selection: Selection, kept: PointCloud, method: Method, timer: Timer) -> Result:
-    """Return the result of a run that kept some points."""
+def result_of(
+    selection: Selection, kept: PointCloud, method: Method, timer: Timer, outliers: NDArray[np.int64] | None
+) -> Result:
+    """Return the result of a run that kept some points, and left out outliers if some were looked for."""
     ranked = "ranking" in method.supports and selection.ranked
-    return Result(selection.indices, kept, method, timer.seconds, selection.diagnostics, ranked=ranked)
+    told = {} if outliers is None else {"outliers": float(len(outliers))}
+    figures = {**selection.diagnostics, **told}
+    return Result(selection.indices, kept, method, timer.seconds, figures, outliers, ranked)
 
 
 def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
@@ -357,8 +342,7 @@ def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
         kept = with_scores(kept, method, selection)
     if rows is not None:
         selection = replace(selection, indices=rows[selection.indices])
-    result = result_of(selection, kept, method, timer)
-    return result if outliers is None else result.with_outliers(outliers)
+    return result_of(selection, kept, method, timer, outliers)
 
 
 def _with_normals(kept: PointCloud, points: NDArray[np.float64], selection: Selection) -> PointCloud:
@@ -402,10 +386,7 @@ def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64] | None:
 def rows_without(
     left_out: NDArray[np.int64] | None, rows: NDArray[np.int64] | None, n: int
 ) -> NDArray[np.int64] | None:
-    """Return rows of a cloud without those that are left out.
-
-    Shapes: left_out (k,), rows (m,); returns (l,).
-    """
+    """Return rows of a cloud without those that are left out. Shapes: left_out (k,), rows (m,); returns (l,)."""
     if left_out is None or not len(left_out):
         return rows
     return np.setdiff1d(np.arange(n) if rows is None else rows, left_out, assume_unique=True)

@@ -1,11 +1,14 @@
 """Fixtures of the tests of the command."""
 
+import json
 from functools import cache
+from pathlib import Path
 
 import pytest
 import typer.main
 
 import gppcs
+from command_line import assert_one_line
 from gppcs.app import program
 from gppcs.engine import timer
 
@@ -50,5 +53,38 @@ def gppcs_command(kernels, parser, folder, capsys):
         code = program.run(list(map(str, arguments)))
         out, err = capsys.readouterr()
         return code, out, err.replace(f"gppcs: {timer.NOTICE}\n", "")
+
+    return run
+
+
+@pytest.fixture
+def printed(gppcs_command):
+    """Run the command, check that it works without a word on stderr, and return what it prints."""
+
+    def run(*arguments):
+        code, out, err = gppcs_command(*arguments)
+        assert (code, err) == (0, ""), arguments
+        return out
+
+    return run
+
+
+@pytest.fixture
+def record(printed):
+    """Run the command with --json, and return the object that it prints."""
+    return lambda *arguments: json.loads(printed(*arguments, "--json"), parse_constant=pytest.fail)
+
+
+@pytest.fixture
+def refused(gppcs_command):
+    """Run the command, and check that it fails with one line that has all parts, and leaves all files as they are."""
+
+    def contents():
+        return {path: path.is_file() and path.read_bytes() for path in Path().rglob("*")}
+
+    def run(arguments, *parts):
+        before = contents()
+        assert_one_line(gppcs_command(*arguments), *parts)
+        assert contents() == before
 
     return run

@@ -9,92 +9,90 @@ import numpy as np
 import pytest
 
 import gppcs
-from command_line import assert_one_line, files
+from command_line import files
 from web_page import WebPage
 
+COMPARE = ("compare", "scan.ply", "--ratio", 0.1, "--methods", "fps, random", "-o", "side", "--no-picture")
 
-def test_compare_writes_tables_and_prints_one(gppcs_command, scan):
-    code, out, err = gppcs_command(
-        "compare", "scan.ply", "--ratio", 0.1, "--methods", "fps, random", "-o", "side", "--no-picture"
-    )
-    assert (code, err) == (0, "")
-    assert sorted(path.name for path in Path("side").iterdir()) == ["table.csv", "table.md"]
-    titles, *rows = Path("side/table.csv").read_text().splitlines()
+
+def table_of(suffix):
+    return Path(f"side/table.{suffix}").read_text()
+
+
+def page():
+    return WebPage(Path("side/report.html").read_text("utf-8")).described
+
+
+def test_compare_writes_tables_and_a_page_and_prints_one(printed, scan):
+    words = [*COMPARE, "--report", "--up", "y"]
+    out = printed(*words)
+    assert sorted(path.name for path in Path("side").iterdir()) == ["report.html", "table.csv", "table.md"]
+    titles, *rows = table_of("csv").splitlines()
     assert titles.startswith("method,parameters,seconds,points_in,points_out,")
     assert titles.endswith(",failure")
     assert rows[1].startswith("random,seed=0 even=False,")
     assert [row.split(",")[0] for row in rows] == ["fps", "random"]
-    assert "| fps | 40 |" in Path("side/table.md").read_text()
+    assert "| fps | 40 |" in table_of("md")
     first = [line.split()[:2] for line in out.splitlines() if line]
-    assert ["fps", "40"] in first
-    assert ["random", "40"] in first
-    assert out.endswith("side: table.csv, table.md\n")
+    assert [["fps", "40"] in first, ["random", "40"] in first] == [True, True]
+    assert out.endswith("side: table.csv, table.md, report.html\n")
+    assert [cloud["name"] for cloud in page()["clouds"]] == ["scan.ply", "fps", "random"]
+    assert all(len(cloud["prefixes"]) == 4 for cloud in page()["clouds"][1:])
+    reasons = [None, gppcs.METHODS["fps"].summary, gppcs.METHODS["random"].summary]
+    assert [cloud["reason"] for cloud in page()["clouds"]] == reasons
+    assert dict(page()["made"])["command"].startswith(
+        "gppcs compare scan.ply --ratio 0.1 --methods 'fps, random' -o side"
+    )
+    assert page()["up"] == "y"
 
 
-def test_attributes_count_in_gp_and_are_measured_for_all(gppcs_command, tmp_path):
+def test_attributes_count_in_gp_and_are_measured_for_all(printed, folder):
     gppcs.write("wall.ply", gppcs.sample("fresco", 8_000))
     words = ["compare", "wall.ply", "--points", 800, "--methods", "gp,fps", "-o", "side", "--no-picture", "--report"]
-    code, _, err = gppcs_command(*words, "--detail", "rgb:1.5")
-    assert (code, err) == (0, "")
-    titles, *rows = (line.split("|") for line in Path("side/table.md").read_text().splitlines() if "|" in line)
+    printed(*words, "--detail", "rgb:1.5")
+    titles, *rows = (line.split("|") for line in table_of("md").splitlines() if "|" in line)
     column = [title.strip() for title in titles].index("rgb error mean")
     gp, fps = (float(row[column].strip(" *")) for row in rows[1:])
     assert gp < 0.8 * fps
-    (original, *_) = WebPage(Path("side/report.html").read_text(encoding="utf-8")).described["clouds"]
-    assert {"error:rgb:1", "error:rgb:2"} <= {each["key"] for each in original["values"]}
+    assert {"error:rgb:1", "error:rgb:2"} <= {each["key"] for each in page()["clouds"][0]["values"]}
 
 
-def test_compare_writes_a_report_of_all_methods(gppcs_command, scan):
-    words = ["compare", "scan.ply", "--ratio", "10%", "--methods", "fps,random", "-o", "side", "--no-picture"]
-    code, out, err = gppcs_command(*words, "--report", "--up", "y")
-    assert (code, err) == (0, "")
-    assert out.endswith("side: table.csv, table.md, report.html\n")
-    described = WebPage(Path("side/report.html").read_text(encoding="utf-8")).described
-    assert [cloud["name"] for cloud in described["clouds"]] == ["scan.ply", "fps", "random"]
-    assert all(len(cloud["prefixes"]) == 4 for cloud in described["clouds"][1:])
-    reasons = [None, gppcs.METHODS["fps"].summary, gppcs.METHODS["random"].summary]
-    assert [cloud["reason"] for cloud in described["clouds"]] == reasons
-    assert dict(described["made"])["command"] == f"gppcs {' '.join(words)} --report --up y"
-    assert described["up"] == "y"
-
-
-def test_compare_json_is_one_object_a_method(gppcs_command, scan):
-    options = ("--points", 40, "--methods", "fps,random", "--seed", 3, "-o", "side", "--no-picture", "--json")
-    code, out, _ = gppcs_command("compare", "scan.ply", *options)
-    records = [json.loads(line) for line in out.splitlines()]
-    assert code == 0
-    assert [(record["method"], record["parameters"]) for record in records] == [
-        ("fps", {}),
-        ("random", {"seed": 3, "even": False}),
-    ]
+def test_compare_json_is_one_object_a_method(printed, scan):
+    records = [json.loads(line) for line in printed(*COMPARE, "--seed", 3, "--json").splitlines()]
+    parameters = [("fps", {}), ("random", {"seed": 3, "even": False})]
+    assert [(record["method"], record["parameters"]) for record in records] == parameters
     assert records[0]["figures"] == gppcs.compare(gppcs.read("scan.ply"), ["fps"], n_points=40)[0].report.figures()
 
 
-@pytest.mark.parametrize("options", [("--points", "0.04k"), ("--ratio", "10%")])
-def test_compare_into_an_empty_folder_and_again_with_force(gppcs_command, scan, options):
+def test_compare_into_an_empty_folder_and_again_with_force(printed, refused, scan):
     Path("side").mkdir()
-    arguments = ("compare", "scan.ply", *options, "--methods", "fps", "-o", "side", "--no-picture", "-q")
-    assert gppcs_command(*arguments) == (0, "", "")
-    assert "| fps | 40 |" in Path("side/table.md").read_text()
-    assert gppcs_command(*arguments)[0] == 2
-    assert gppcs_command(*arguments, "--force") == (0, "", "")
+    arguments = ("compare", "scan.ply", "--points", "0.04k", "--methods", "fps", "-o", "side", "--no-picture", "-q")
+    assert printed(*arguments) == ""
+    assert "| fps | 40 |" in table_of("md")
+    refused(arguments, "expected a new or empty folder")
+    assert printed(*arguments, "--force") == ""
 
 
-def test_compare_drops_invalid_points_when_asked_to(gppcs_command, scan):
+def test_compare_drops_invalid_points_when_asked_to(printed, scan):
     scan.points[9] = np.nan
-    gppcs.write("broken.ply", scan)
-    options = ("--points", 40, "--methods", "fps", "-o", "side", "--no-picture", "--drop", "invalid", "--json")
-    code, out, err = gppcs_command("compare", "broken.ply", *options)
-    assert (code, err) == (0, "")
-    assert json.loads(out)["figures"]["points_in"] == 399
+    gppcs.write("scan.ply", scan, force=True)
+    records = printed(*COMPARE, "--drop", "invalid", "--json").splitlines()
+    assert [json.loads(line)["figures"]["points_in"] for line in records] == [399, 399]
+
+
+@pytest.fixture
+def columns(monkeypatch):
+    """The columns of the pictures that were drawn."""
+    for module in ("pymeshlab", "pyvista", "matplotlib"):
+        pytest.importorskip(module)
+    found = []
+    monkeypatch.setattr("gppcs.drawing.side_by_side.draw_comparison", lambda file, given, *_: found.extend(given))
+    monkeypatch.setattr("gppcs.engine.extras._opengl_works", lambda: True)
+    return found
 
 
 @pytest.mark.slow
-def test_compare_draws_clouds_and_meshes(gppcs_command, monkeypatch):
-    for module in ("pymeshlab", "pyvista", "matplotlib"):
-        pytest.importorskip(module)
-    columns = []
-    monkeypatch.setattr("gppcs.drawing.side_by_side.draw_comparison", lambda file, given, *_: columns.extend(given))
+def test_compare_draws_clouds_and_meshes(gppcs_command, columns):
     ball = gppcs.sample("sphere", 2000)
     ball.points[7] = np.nan
     gppcs.write("ball.ply", ball)
@@ -103,69 +101,32 @@ def test_compare_draws_clouds_and_meshes(gppcs_command, monkeypatch):
     assert [column.title for column in columns] == ["original", "fps", "random"]
     assert [len(column.cloud.points) for column in columns] == [1999, 200, 200]
     assert all(column.mesh for column in columns)
-    page = WebPage(Path("side/report.html").read_text(encoding="utf-8")).described
-    assert [cloud["mesh"]["triangles"] for cloud in page["clouds"]] == [len(column.mesh.faces) for column in columns]
+    triangles = [cloud["mesh"]["triangles"] for cloud in page()["clouds"]]
+    assert triangles == [len(column.mesh.faces) for column in columns]
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("opengl")
 def test_compare_rebuilds_no_mesh_of_an_original_too_large_for_it(gppcs_command, monkeypatch):
-    for module in ("pymeshlab", "pyvista", "matplotlib"):
-        pytest.importorskip(module)
+    pytest.importorskip("pymeshlab")
     monkeypatch.setattr("gppcs.app.pages.MOST_TO_REBUILD", 1000)
     gppcs.write("ball.ply", gppcs.sample("sphere", 1999))
     code, _, err = gppcs_command("compare", "ball.ply", "--points", 200, "--methods", "random", "-o", "side")
-    assert code == 0
+    assert (code, err.count("\n")) == (0, 1)
     assert "no mesh of the original: it has 1,999 points" in err
-    assert err.count("\n") == 1
     assert Path("side/picture.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(
-    ("arguments", "part"),
-    [
-        (["scan.ply", "--ratio", "0.1", "-o", "side", "--methods", "fps,fsp"], "no method 'fsp'"),
-        (["scan.ply", "-o", "side", "--methods", "fps"], "found neither"),
-        (["scan.ply", "--points", "9", "-o", "side", "--no-picture", "--colour", "rgb"], "leave out --no-picture"),
-        (["scan.ply", "--points", "9", "-o", "side", "--no-picture", "--up", "y"], "a picture or --report to turn"),
-        (["missing.ply", "--ratio", "5", "-o", "side", "--methods", "fps"], "at most 1, found 5"),
-        (["scan.ply", "--ratio", "0.1", "-o", "side", "--methods", ""], "no method ''"),
-        (["broken.ply", "--ratio", "0.1", "-o", "side", "--methods", "fps"], "1 of 400 points"),
-        (["in/table.csv", "--ratio", "0.1", "-o", "in", "--force"], "expected a file other than the input"),
-        (["missing.ply", "--ratio", "0.1", "-o", "side"], "missing.ply"),
-        (["scan.ply", "--ratio", "0.1", "-o", "scan.ply"], "expected a folder, found a file"),
-        (["scan.ply", "--ratio", "0.1", "-o", "no/side"], "make it first"),
-        (["scan.ply", "--ratio", "0.1", "-o", "-"], "-: expected a folder, found the name of standard output"),
-        (["missing.ply", "--ratio", "0.1", "-o", "old"], "old: expected a new or empty folder, found one with files"),
-        (["missing.ply", "--ratio", "0.1", "-o", "other"], "other: expected a new or empty folder"),
-        (["scan.ply", "--ratio", "10", "-o", "side"], "at most 1, found 10"),
-        (["scan.ply", "--points", "3%", "-o", "side"], "a share of the points is the ratio"),
-    ],
+    ("output", "part"),
+    [("nowhere", "nowhere: expected a folder, found a link to nothing"), ("readonly/side", "no permission")],
 )
-def test_what_compare_refuses_leaves_nothing(gppcs_command, scan, arguments, part):
-    Path("old").mkdir()
-    Path("old/table.md").write_text("mine")
-    Path("other").mkdir()
-    Path("other/notes.txt").touch()
-    Path("in").mkdir()
-    gppcs.write("in/table.csv", scan)
-    scan.points[9] = np.nan
-    gppcs.write("broken.ply", scan)
-    assert_one_line(gppcs_command("compare", *arguments, "--no-picture"), part)
-    assert files() == ["broken.ply", "in", "old", "other", "scan.ply"]
-    assert len(gppcs.read("in/table.csv")) == 400
-    assert Path("old/table.md").read_text() == "mine"
-
-
-@pytest.mark.parametrize("above", ["nowhere", "readonly"])
-def test_a_folder_that_cannot_be_made_is_told_before_any_work(gppcs_command, scan, monkeypatch, above):
-    Path(above).symlink_to("missing") if above == "nowhere" else Path(above).mkdir()
+def test_a_folder_that_cannot_be_made_is_told_before_any_work(refused, folder, monkeypatch, output, part):
+    Path("nowhere").symlink_to("missing")
+    Path("readonly").mkdir()
     access = os.access
     monkeypatch.setattr(os, "access", lambda path, mode: Path(path).name != "readonly" and access(path, mode))
-    output, part = {
-        "nowhere": ("nowhere", "nowhere: expected a folder, found a link to nothing"),
-        "readonly": ("readonly/side", "no permission"),
-    }[above]
-    assert_one_line(gppcs_command("compare", "missing.ply", "--points", 9, "-o", output, "--no-picture"), part)
+    refused(("compare", "missing.ply", "--points", 9, "-o", output, "--no-picture"), part)
 
 
 @pytest.fixture
@@ -177,43 +138,43 @@ def ball(folder):
     return cloud
 
 
-MESHES = ("compare", "ball.ply", "--points", 100, "--meshes", "-o", "side")
+MESHES = ("compare", "ball.ply", "--points", 100, "--meshes", "--methods", "mesh, ball-pivoting", "-o", "side")
 
 
-def test_compare_meshes_writes_tables_and_prints_one(gppcs_command, ball):
-    code, out, err = gppcs_command(*MESHES, "--methods", "mesh, ball-pivoting", "--no-picture")
-    assert (code, err) == (0, "")
-    titles, *rows = Path("side/table.csv").read_text().splitlines()
+def test_compare_meshes_writes_tables_and_a_page_and_prints_one(printed, ball):
+    out = printed(*MESHES, "--no-picture", "--report")
+    titles, *rows = table_of("csv").splitlines()
     assert titles.startswith("way,seconds,vertices,triangles,")
     assert [row.split(",")[0] for row in rows] == ["mesh", "ball-pivoting"]
-    assert "| mesh | 100 | 196 |" in Path("side/table.md").read_text()
+    assert "| mesh | 100 | 196 |" in table_of("md")
     assert ["mesh", "100", "196"] in [line.split()[:3] for line in out.splitlines()]
-    assert out.endswith("side: table.csv, table.md\n")
+    assert out.endswith("side: table.csv, table.md, report.html\n")
+    original, *results = page()["clouds"]
+    assert [cloud["name"] for cloud in (original, *results)] == ["ball.ply", "mesh", "ball-pivoting"]
+    assert original["mesh"] is None
+    assert results[0]["mesh"]["triangles"] == 196
+    assert results[1]["mesh"]["triangles"] > 150
 
 
-def test_compare_meshes_json_is_one_object_a_way_and_a_note_tells_of_failures(gppcs_command, ball):
+@pytest.mark.parametrize("ways", ["mesh,ball-pivoting", "mesh"])
+def test_a_note_tells_which_way_finds_no_surface_and_tables_are_written(gppcs_command, ball, ways):
     gppcs.write("ball.ply", np.random.default_rng(0).random((400, 3)), force=True)
-    code, out, err = gppcs_command(*MESHES, "--methods", "mesh,ball-pivoting", "--no-picture", "--json")
-    mesh, pivoted = map(json.loads, out.splitlines())
-    assert (code, mesh["way"], mesh["figures"], pivoted["failure"]) == (0, "mesh", {}, None)
+    code, out, err = gppcs_command(*MESHES, "--methods", ways, "--no-picture", "--report", "--json")
+    mesh, *pivoted = map(json.loads, out.splitlines())
+    assert (code, mesh["way"], mesh["figures"]) == (0, "mesh", {})
     assert "fill a volume" in mesh["failure"]
     assert err.startswith("gppcs: note: mesh: expected points on a surface")
     assert err.count("\n") == 1
-    assert pivoted["figures"]["triangles"] > 0
+    assert [each["figures"]["triangles"] > 0 and each["failure"] is None for each in pivoted] == [True] * len(pivoted)
+    assert Path("side/report.html").exists() == bool(pivoted)
 
 
-def test_compare_meshes_draws_a_column_for_each_mesh(gppcs_command, ball, monkeypatch):
-    for module in ("pyvista", "matplotlib"):
-        pytest.importorskip(module)
-    columns = []
-    monkeypatch.setattr("gppcs.drawing.side_by_side.draw_comparison", lambda file, given, *_: columns.extend(given))
-    monkeypatch.setattr("gppcs.engine.extras._opengl_works", lambda: True)
+def test_compare_meshes_draws_a_column_for_each_mesh(printed, ball, columns):
     surface = gppcs.mesh(ball, n_points=500).mesh
     gppcs.write_mesh("surface.ply", surface)
     ball.points[7] = np.nan
     gppcs.write("ball.ply", ball, force=True)
-    options = ("--methods", "mesh,ball-pivoting", "--drop", "invalid", "--mesh", "surface.ply", "-q")
-    assert gppcs_command(*MESHES, *options) == (0, "", "")
+    assert printed(*MESHES, "--drop", "invalid", "--mesh", "surface.ply", "-q") == ""
     assert [column.title for column in columns] == ["original", "mesh", "ball-pivoting"]
     original, mesh, _ = columns
     assert (len(original.cloud.points), len(original.mesh.faces)) == (999, len(surface.faces))
@@ -221,58 +182,19 @@ def test_compare_meshes_draws_a_column_for_each_mesh(gppcs_command, ball, monkey
     assert mesh.caption.startswith("mesh mean\n")
 
 
-def test_compare_meshes_shows_them_in_the_report(gppcs_command, ball):
-    code, out, err = gppcs_command(*MESHES, "--methods", "mesh,ball-pivoting", "--no-picture", "--report")
-    assert (code, err) == (0, "")
-    assert out.endswith("side: table.csv, table.md, report.html\n")
-    original, *results = WebPage(Path("side/report.html").read_text(encoding="utf-8")).described["clouds"]
-    assert [cloud["name"] for cloud in (original, *results)] == ["ball.ply", "mesh", "ball-pivoting"]
-    assert original["mesh"] is None
-    assert results[0]["mesh"]["triangles"] == 196
-    assert results[1]["mesh"]["triangles"] > 150
-
-
-def test_compare_meshes_writes_tables_if_no_way_finds_a_surface(gppcs_command, ball):
-    gppcs.write("ball.ply", np.random.default_rng(0).random((400, 3)), force=True)
-    code, out, err = gppcs_command(*MESHES, "--methods", "mesh", "--no-picture", "--report")
-    assert (code, err.count("\n")) == (0, 1)
-    assert out.endswith("side: table.csv, table.md\n")
-
-
-@pytest.mark.parametrize(
-    ("options", "part"),
-    [
-        (["--methods", "mesh,mesh-move"], "no way to a mesh 'mesh-move'; did you mean 'mesh-moved'?"),
-        (["--methods", "gp"], "no way to a mesh 'gp'; expected one of mesh, mesh-moved, "),
-        (["--ratio", "0.1"], "found both"),
-        (["--seed", 3], "expected --seed without --meshes"),
-    ],
-)
-def test_what_compare_meshes_refuses_leaves_nothing(gppcs_command, ball, options, part):
-    assert_one_line(gppcs_command(*MESHES, *options, "--no-picture"), part)
-    assert files() == ["ball.ply"]
-
-
 @pytest.mark.parametrize(("name", "read"), [("table.csv", "scan.ply"), ("table.md", "mesh.ply")])
-def test_compare_never_overwrites_an_input_through_its_folder(gppcs_command, scan, name, read):
+def test_compare_never_overwrites_an_input_through_its_folder(refused, scan, name, read):
     gppcs.write("mesh.ply", scan)
     Path("side").mkdir()
     Path("side", name).hardlink_to(read)
-    before = Path(read).read_bytes()
-    options = ("--mesh", "mesh.ply", "--ratio", 0.1, "--methods", "fps", "--no-picture", "--force")
     told = f"side/{name}: expected a file other than the input {read}, found the same"
-    assert_one_line(gppcs_command("compare", "scan.ply", *options, "-o", "side"), told)
-    assert Path(read).read_bytes() == before
-    assert [path.name for path in Path("side").iterdir()] == [name]
+    refused((*COMPARE, "--mesh", "mesh.ply", "--force"), told)
 
 
-@pytest.mark.parametrize("module", ["pymeshlab", "pyvista"])
-def test_compare_names_the_missing_extra_before_any_work(gppcs_command, scan, monkeypatch, module):
+@pytest.mark.parametrize(("module", "extra"), [("pymeshlab", "evaluate"), ("pyvista", "view")])
+def test_compare_names_the_missing_extra_before_any_work(refused, scan, monkeypatch, module, extra):
     pytest.importorskip("pymeshlab")
     monkeypatch.setitem(sys.modules, module, None)
-    extra = {"pymeshlab": "evaluate", "pyvista": "view"}[module]
-    code, _, err = gppcs_command("compare", "scan.ply", "--ratio", 0.1, "-o", "side")
-    assert code == 2
-    assert f"(the extra {extra}): pip install '" in err
-    assert f"'{module}>=" in err
+    told = (f"(the extra {extra}): pip install '", f"'{module}>=")
+    refused(("compare", "scan.ply", "--ratio", 0.1, "-o", "side"), *told)
     assert files() == ["scan.ply"]

@@ -11,26 +11,24 @@ import pytest
 from laspy.vlrs.known import WktCoordinateSystemVlr
 
 import gppcs
-from command_line import write_scan_with
+from command_line import rows_of, write_scan_with
 
 
-def test_info_prints_the_facts(gppcs_command):
+def test_info_prints_the_facts(printed):
     def spoil(points):
         points[5] = points[4]
         points[9, 1] = np.inf
 
     write_scan_with(spoil)
-    code, out, err = gppcs_command("info", "scan.ply")
-    assert (code, err) == (0, "")
-    rows = [" ".join(row.split()) for row in out.splitlines()]
+    out = printed("info", "scan.ply")
+    rows = rows_of(out)
     assert rows[:2] == ["scan.ply", "points 400"]
-    for row in ("low corner -50 -30 0", "repeats 1", "not finite 1", "coordinates float32"):
-        assert row in rows
-    assert "unit the file does not say it" in rows
+    told = {"low corner -50 -30 0", "repeats 1", "not finite 1", "coordinates float32", "unit the file does not say it"}
+    assert told <= set(rows)
     assert any(row.startswith("spacing 3.") for row in rows)
 
 
-def test_info_prints_type_and_range_of_each_attribute(gppcs_command):
+def test_info_prints_type_and_range_of_each_attribute(printed):
     attributes = {
         "class": np.array([2, 200, 7], np.uint8),
         "time": np.array([0.25, np.nan, 1e9 + 0.5]),
@@ -38,8 +36,7 @@ def test_info_prints_type_and_range_of_each_attribute(gppcs_command):
         "same": np.full(3, 2**60 + 1),
     }
     gppcs.write("scan.npz", gppcs.PointCloud(np.eye(3), attributes))
-    out = gppcs_command("info", "scan.npz")[1]
-    assert [" ".join(row.split()) for row in out.splitlines() if row.startswith("attribute")] == [
+    assert [row for row in rows_of(printed("info", "scan.npz")) if row.startswith("attribute")] == [
         "attribute class uint8 2 to 200",
         "attribute time float64 0.25 to 1e+09",
         "attribute nothing float32",
@@ -47,66 +44,45 @@ def test_info_prints_type_and_range_of_each_attribute(gppcs_command):
     ]
 
 
-def test_info_prints_the_unit_that_the_coordinate_system_tells(gppcs_command, folder):
+def test_info_prints_the_unit_that_the_coordinate_system_tells(printed, record, folder):
     header = laspy.LasHeader(version="1.4", point_format=6)
     header.vlrs.append(WktCoordinateSystemVlr('PROJCS["A",UNIT["US survey foot",0.304800609601219]]'))
     header.global_encoding.wkt = True
     las = laspy.LasData(header)
     las.xyz = np.array([[0.0, 0, 0], [3, 4, 0]])
     las.write("scan.las")
-    out = gppcs_command("info", "scan.las")[1]
-    rows = {" ".join(row.split()) for row in out.splitlines()}
-    assert {"unit us-ft", "diagonal 5 us-ft", "spacing 5 us-ft (median distance to the nearest other point)"} <= rows
-    assert json.loads(gppcs_command("info", "scan.las", "--json")[1])["unit"] == "us-ft"
+    told = {"unit us-ft", "diagonal 5 us-ft", "spacing 5 us-ft (median distance to the nearest other point)"}
+    assert told <= set(rows_of(printed("info", "scan.las")))
+    assert record("info", "scan.las")["unit"] == "us-ft"
 
 
-def test_info_json_is_the_summary(gppcs_command, scan):
-    code, out, err = gppcs_command("info", "scan.ply", "--json")
+def test_info_json_is_the_summary(record, scan):
     summary = json.loads(json.dumps(dataclasses.asdict(gppcs.info(scan))))
-    assert (code, json.loads(out), err) == (0, {"file": "scan.ply"} | summary | {"faces": 0}, "")
+    assert record("info", "scan.ply") == {"file": "scan.ply"} | summary | {"faces": 0}
 
 
 @pytest.mark.parametrize("points", [np.empty((0, 3)), np.full((2, 3), np.nan)])
-def test_info_of_clouds_without_finite_points(gppcs_command, points):
+def test_info_of_clouds_without_finite_points(printed, record, points):
     gppcs.write("scan.ply", gppcs.PointCloud(points))
-    code, out, err = gppcs_command("info", "scan.ply", "--json")
-    record = json.loads(out, parse_constant=pytest.fail)
-    assert (code, err) == (0, "")
-    assert (record["points"], record["non_finite"], record["low"]) == (len(points), len(points), [None] * 3)
-    code, out, err = gppcs_command("info", "scan.ply")
-    assert (code, err) == (0, "")
-    assert "spacing nan" in " ".join(out.split())
+    told = record("info", "scan.ply")
+    assert (told["points"], told["non_finite"], told["low"]) == (len(points), len(points), [None] * 3)
+    assert "spacing nan (median distance to the nearest other point)" in rows_of(printed("info", "scan.ply"))
 
 
 @pytest.mark.parametrize("name", ["[red]a:smile:.ply", f"{'long' * 40}.ply", "två\n.ply", os.fsdecode(b"\xff.ply")])
-def test_any_file_name_is_printed_as_it_is(gppcs_command, name):
+def test_any_file_name_is_printed_as_it_is(printed, name):
     gppcs.write(name, gppcs.sample("sphere", 30))
-    code, out, err = gppcs_command("info", name)
-    assert (code, err) == (0, "")
+    out = printed("info", name)
     assert out.startswith(name.encode(errors="backslashreplace").decode() + "\n")
 
 
-MESHES = {
-    "a.ply": "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
-    "element face 2\nproperty list uchar int vertex_index\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 2 1\n",
-    "a.off": "OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 2 1\n",
-    "a.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nfoo\nf 1 3 2\n",
-    "a.stl": "solid a\n"
-    + 2 * "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
-    + "endsolid a\n",
-}
+def test_info_says_that_a_file_is_a_mesh(printed, record, folder):
+    Path("a.off").write_text("OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 2 1\n")
+    assert "faces 2 (the file is a mesh; only its vertices are read)" in rows_of(printed("info", "a.off"))
+    assert record("info", "a.off")["faces"] == 2
 
 
-@pytest.mark.parametrize("name", MESHES)
-def test_info_says_that_a_file_is_a_mesh(gppcs_command, folder, name):
-    Path(name).write_text(MESHES[name])
-    code, out, err = gppcs_command("info", name)
-    assert (code, err) == (0, "")
-    assert "faces 2 (the file is a mesh; only its vertices are read)" in " ".join(out.split())
-    assert json.loads(gppcs_command("info", name, "--json")[1])["faces"] == 2
-
-
-def test_info_takes_several_files_and_folders(gppcs_command, scan):
+def test_info_takes_several_files_and_folders(gppcs_command, printed, scan):
     Path("tiles").mkdir()
     gppcs.write("tiles/b.csv", scan)
     gppcs.write("tiles/a.ply", scan)
@@ -115,8 +91,5 @@ def test_info_takes_several_files_and_folders(gppcs_command, scan):
     assert code == 2
     assert [json.loads(line)["file"] for line in out.splitlines()] == ["scan.ply", "tiles/a.ply", "tiles/b.csv"]
     assert [line.split(": ")[1] for line in err.splitlines()] == ["broken.ply", "missing.ply"]
-    code, out, _ = gppcs_command("info", "scan.ply", "tiles")
-    assert code == 0
-    assert [line for line in out.splitlines() if "." in line and " " not in line] == [
-        "scan.ply", "tiles/a.ply", "tiles/b.csv"
-    ]  # fmt: skip
+    names = [line for line in printed("info", "scan.ply", "tiles").splitlines() if "." in line and " " not in line]
+    assert names == ["scan.ply", "tiles/a.ply", "tiles/b.csv"]

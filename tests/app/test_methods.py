@@ -8,9 +8,8 @@ import pytest
 import gppcs
 
 
-def test_methods_lists_parameters_with_their_defaults(gppcs_command):
-    code, out, err = gppcs_command("methods")
-    assert (code, err) == (0, "")
+def test_methods_lists_parameters_with_their_defaults(gppcs_command, printed):
+    out = printed("methods")
     for name, method in gppcs.METHODS.items():
         assert f"{name}: {method.summary}\n" in out
         assert method.source in out
@@ -24,9 +23,8 @@ def test_methods_lists_parameters_with_their_defaults(gppcs_command):
 
 
 @pytest.mark.parametrize("name", gppcs.METHODS)
-def test_methods_explains_one_and_each_of_its_parameters(gppcs_command, name):
-    code, out, err = gppcs_command("methods", name)
-    assert (code, err) == (0, "")
+def test_methods_explains_one_and_each_of_its_parameters(gppcs_command, printed, name):
+    out = printed("methods", name)
     text = " ".join(out.split())
     method = gppcs.METHODS[name]
     assert text.startswith(f"{name}: {method.summary}")

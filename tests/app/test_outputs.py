@@ -19,14 +19,15 @@ def tiles(folder):
     return Path("tiles")
 
 
-def targets(inputs, output):
-    return [str(target) for target in outputs_of(list(map(Path, inputs)), output).targets.values()]
+def targets(inputs, output, levels=0):
+    found = outputs_of(list(map(Path, inputs)), output, None, levels)
+    return [str(target) for each in found for target in each.targets]
 
 
 def test_a_folder_stands_for_the_files_in_it_that_can_be_read(tiles):
     expected = [Path("scan.ply"), tiles / "A.XYZ", tiles / "b.ply"]
     assert sources_of([Path("scan.ply"), tiles]) == expected
-    assert list(outputs_of([Path("scan.ply"), tiles], "out").targets) == expected
+    assert [each.sources for each in outputs_of([Path("scan.ply"), tiles], "out")] == [[path] for path in expected]
 
 
 def test_a_folder_without_such_files_is_refused(folder):
@@ -47,14 +48,13 @@ def test_a_folder_without_such_files_is_refused(folder):
         ("{parent}/{stem}_small{suffix}", "scans/scan.v1_small.ply", True),
         ("out/{name}.csv", "out/scan.v1.ply.csv", True),
         ("{{{stem}}}.ply", "{scan.v1}.ply", True),
-        ("{{x}}.ply", "{x}.ply", True),
+        ("{{x}}.ply", "{x}.ply", False),
     ],
 )
 def test_where_the_result_of_one_input_goes(folder, output, expected, makes):
     Path("there").mkdir()
-    found = outputs_of([Path("scans/scan.v1.ply")], output)
-    assert found.targets == {Path("scans/scan.v1.ply"): Path(expected)}
-    assert found.makes_folders == makes
+    [found] = outputs_of([Path("scans/scan.v1.ply")], output)
+    assert (found.targets, found.makes_folders) == ([Path(expected)], makes)
 
 
 @pytest.mark.parametrize("output", ["new", "new/", "new/{name}", "new.d/"])
@@ -88,36 +88,38 @@ def test_single_braces_are_refused(folder, pattern):
         targets(["a.ply"], pattern)
 
 
-@pytest.mark.parametrize("output", ["out", "out/{stem}.ply", "{{same}}.ply"])
+@pytest.mark.parametrize("output", ["out", "out/{stem}.ply"])
 def test_two_results_in_one_file_are_refused(folder, output):
     with pytest.raises(OutputError, match=r"x/a.ply and y/a.ply both go to .*; rename one, or write a pattern"):
         targets(["x/a.ply", "y/a.ply"], output)
 
 
-@pytest.mark.parametrize("inputs", [["a.ply", "b.ply"], ["tiles"]])
-def test_several_results_do_not_go_to_one_file(tiles, inputs):
-    with pytest.raises(OutputError, match=r"out.ply: expected a folder for the results of 2 inputs, found the name"):
-        targets(inputs, "out.ply")
+@pytest.mark.parametrize(
+    ("output", "levels", "expected"),
+    [("out.ply", 0, ["out.ply"]), ("-", 0, ["-"]), ("all/{level}.ply", 2, ["all/0.ply", "all/1.ply"])],
+)
+def test_several_inputs_are_one_cloud_in_one_file(tiles, output, levels, expected):
+    [found] = outputs_of([Path("a.ply"), tiles], output, None, levels)
+    assert found.sources == [Path("a.ply"), tiles / "A.XYZ", tiles / "b.ply"]
+    assert list(map(str, found.targets)) == expected
 
 
 def test_a_file_is_no_folder(folder):
     Path("a.ply").touch()
     with pytest.raises(OutputError, match=r"a.ply/: expected a folder, found a file"):
         targets(["b.ply"], "a.ply/")
-    made = outputs_of([Path("b.ply")], "a.ply/deeper/")
+    [made] = outputs_of([Path("b.ply")], "a.ply/deeper/")
     with pytest.raises(OutputError, match=r"expected a folder .*a.ply, found a file"):
-        made.check(Path("a.ply/deeper/b.ply"), force=False)
+        made.check(force=False)
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".pcd"])
-def test_outputs_are_text_or_binary_as_wanted(gppcs_command, scan, folder, suffix):
+def test_outputs_are_text_or_binary_as_wanted(printed, scan, folder, suffix):
     def is_text(name):
         head = (folder / name).read_bytes()[:500]
         assert (b"ascii" in head) != (b"binary" in head)
         return b"ascii" in head
 
-    assert gppcs_command("sample", "fan", "-o", f"a{suffix}", "--points", 50, "--ascii") == (0, "", "")
-    assert gppcs_command("convert", f"a{suffix}", f"b{suffix}", "--binary") == (0, "", "")
+    printed("sample", "fan", "-o", f"a{suffix}", "--points", 50, "--ascii")
+    printed("convert", f"a{suffix}", f"b{suffix}", "--binary")
     assert [is_text(f"{name}{suffix}") for name in "ab"] == [True, False]
-    code, _, err = gppcs_command("convert", "scan.ply", "d.las", "--ascii")
-    assert (code, "d.las: expected PLY or PCD with a choice" in err) == (2, True)

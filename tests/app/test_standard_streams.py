@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from command_line import files
+from command_line import SIMPLIFY, described, files
 from gppcs.app import program
 from web_page import WebPage
 
@@ -30,17 +30,16 @@ def piped(monkeypatch):
     return pipe
 
 
-def test_a_sample_goes_to_standard_output(gppcs_command, folder):
+def test_a_sample_goes_to_standard_output(printed, folder):
     words = ["sample", "fan", "--points", 30]
-    code, out, err = gppcs_command(*words, "-o", "-", "--to", "csv", "--json")
-    assert (code, err) == (0, "")
-    assert gppcs_command(*words, "-o", "fan.csv") == (0, "", "")
+    out = printed(*words, "-o", "-", "--to", "csv", "--json")
+    assert printed(*words, "-o", "fan.csv") == ""
     assert out == Path("fan.csv").read_text()
     assert files() == ["fan.csv"]
 
 
-def test_a_sample_has_the_format_of_the_option(gppcs_command, folder):
-    assert gppcs_command("sample", "fan", "-o", "fan.ply", "--to", "csv", "--points", 30) == (0, "", "")
+def test_a_sample_has_the_format_of_the_option(printed, folder):
+    printed("sample", "fan", "-o", "fan.ply", "--to", "csv", "--points", 30)
     assert Path("fan.ply").read_text().startswith("x,y,z,nx")
 
 
@@ -67,20 +66,17 @@ def test_the_page_of_a_result_on_standard_output_is_a_file(gppcs_command, scan, 
     options = ("--from", "ply", "--to", "csv", "--report", "page.html", "-q")
     code, out, err = gppcs_command("simplify", "-", "-o", "-", *SMALL, *options)
     assert (code, err, out.count("\n")) == (0, "", 61)
-    described = WebPage(Path("page.html").read_text("utf-8")).described
-    assert [each["name"] for each in described["clouds"]] == ["-", "result"]
+    assert [each["name"] for each in described("page.html")["clouds"]] == ["-", "result"]
 
 
-def test_a_file_may_be_called_like_standard_output(gppcs_command, scan, folder):
+def test_a_file_may_be_called_like_standard_output(printed, record, refused, scan, folder):
     """`./-` names it, as in other programs."""
-    assert gppcs_command("sample", "fan", "-o", "./-", "--to", "ply", "--points", 30) == (0, "", "")
+    assert printed("sample", "fan", "-o", "./-", "--to", "ply", "--points", 30) == ""
     assert files() == ["-", "scan.ply"]
-    code, out, _ = gppcs_command("info", "./-", "--json")
-    assert (code, '"points": 30' in out) == (0, True)
-    assert gppcs_command("convert", "./-", ".//-", "--to", "csv", "--force")[0] == 2  # the input itself
-    code, out, err = gppcs_command("simplify", "./-", "-o", ".//-", "--to", "csv", "--force", *SMALL)
-    assert (code, "expected a file other than the input" in err) == (2, True)
-    assert gppcs_command("simplify", "scan.ply", "-o", "././-", "--to", "csv", "--force", "-q", *SMALL) == (0, "", "")
+    assert record("info", "./-")["points"] == 30
+    for command in (("convert", "./-", ".//-"), ("simplify", "./-", "-o", ".//-", *SMALL)):
+        refused((*command, "--to", "csv", "--force"), "expected a file other than the input")
+    assert printed("simplify", "scan.ply", "-o", "././-", "--to", "csv", "--force", "-q", *SMALL) == ""
     assert len(gppcs.read("./-", "csv")) == 60
     gppcs.write("./-", gppcs.read("scan.ply"), "ply", force=True)
     assert len(gppcs.read("./-")) == 400
@@ -122,8 +118,9 @@ def test_a_deleted_working_directory_does_no_harm(folder, scan):
 
 
 def test_a_wrong_number_of_threads_for_numba_is_told_in_a_line(folder, scan):
-    words = [sys.executable, "-m", "gppcs", "simplify", "scan.ply", "-o", "out.ply", "--points", "9"]
-    variables = {**os.environ, "NUMBA_NUM_THREADS": "0"}
-    found = subprocess.run(words, env=variables, check=False, capture_output=True, text=True)
+    words = [sys.executable, "-m", "gppcs", *SIMPLIFY, "9"]
+    found = subprocess.run(
+        words, env=os.environ | {"NUMBA_NUM_THREADS": "0"}, check=False, capture_output=True, text=True
+    )
     assert (found.returncode, found.stderr.count("\n")) == (2, 1)
     assert "the environment variable NUMBA_NUM_THREADS to be a whole number from 1 on, found '0'" in found.stderr

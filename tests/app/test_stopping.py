@@ -64,68 +64,53 @@ def test_an_existing_file_outlives_a_signal(folder):
     assert Path("out.ply").read_text() == "old"
 
 
-def test_a_second_signal_while_cleaning_up_leaves_nothing_either(folder):
-    code = """
-        import gppcs.engine.unfinished as unfinished
-        original = unfinished._remove
-        def patched(path):
-            unfinished._remove = original
-            send()
-            original(path)
-        unfinished._remove = patched
-        sends_while_writing()
-    """
-    assert run_python(textwrap.dedent(code) + RUN) == (130, "gppcs: interrupted\n")
-    assert files() == []
-
-
-@pytest.mark.parametrize(
-    "module", ["typer", "gppcs.app.program", "numpy", "numpy._core.multiarray", "gppcs.scans.bracket"]
-)
-def test_a_signal_during_imports(folder, module):
-    code = f"""
-        class Finder:
-            def find_spec(self, name, path=None, target=None):
-                if name == {module!r}:
-                    send()
-        sys.meta_path.insert(0, Finder())
-    """
-    assert run_python(textwrap.dedent(code) + RUN) == (130, "gppcs: interrupted\n")
-    assert files() == []
-
-
-@pytest.mark.parametrize(
-    "swallower",
-    [
-        "ctypes.CFUNCTYPE(None)(send)()",
-        "type('Fragile', (), {'__del__': lambda self: send()})()",
-    ],
-)
-def test_an_exception_that_c_code_swallows_still_ends_the_program(folder, swallower):
-    code = f"""
-        import ctypes
-        import gppcs.io.ply as ply
-        original = ply.write_records
-        def patched(*arguments):
-            {swallower}
-            return original(*arguments)
-        ply.write_records = patched
-    """
-    assert run_python(textwrap.dedent(code) + RUN) == (130, "gppcs: interrupted\n")
-    assert files() == []
-
-
-def test_an_error_that_a_library_makes_of_the_signal_is_not_shown(folder):
-    code = """
-        import gppcs.scans as scans
-        def broken(*arguments, **options):
-            try:
+FINDER = """
+    class Finder:
+        def find_spec(self, name, path=None, target=None):
+            if name == {!r}:
                 send()
-            except BaseException as error:
-                raise ZeroDivisionError from error
-        scans.sample = broken
-    """
+    sys.meta_path.insert(0, Finder())
+"""
+WRITER = """
+    import ctypes
+    import gppcs.io.ply as ply
+    original = ply.write_records
+    def patched(*arguments):
+        {}
+        return original(*arguments)
+    ply.write_records = patched
+"""
+MODULES = ("typer", "gppcs.app.program", "numpy", "numpy._core.multiarray", "gppcs.scans.bracket")
+CASES = {
+    "a second signal while cleaning up": """
+    import gppcs.engine.unfinished as unfinished
+    original = unfinished._remove
+    def patched(path):
+        unfinished._remove = original
+        send()
+        original(path)
+    unfinished._remove = patched
+    sends_while_writing()
+    """,
+    **{f"a signal during the import of {module}": FINDER.format(module) for module in MODULES},
+    "an exception that C code swallows": WRITER.format("ctypes.CFUNCTYPE(None)(send)()"),
+    "an exception that Python swallows": WRITER.format("type('Fragile', (), {'__del__': lambda self: send()})()"),
+    "an error that a library makes of the signal": """
+    import gppcs.scans as scans
+    def broken(*arguments, **options):
+        try:
+            send()
+        except BaseException as error:
+            raise ZeroDivisionError from error
+    scans.sample = broken
+    """,
+}
+
+
+@pytest.mark.parametrize("code", CASES.values(), ids=CASES)
+def test_the_program_ends_with_one_line_and_leaves_nothing(folder, code):
     assert run_python(textwrap.dedent(code) + RUN) == (130, "gppcs: interrupted\n")
+    assert files() == []
 
 
 def test_a_signal_at_exit_shows_no_traceback(folder):

@@ -12,13 +12,11 @@ POINTS = np.arange(12.0).reshape(4, 3)
     ("points", "message"),
     [
         (POINTS[:, :2], r"shape \(N, 3\), found \(4, 2\)"),
-        (POINTS[None], r"shape \(N, 3\), found \(1, 4, 3\)"),
         ([], r"shape \(N, 3\), found \(0,\)"),
         (None, r"expected a PointCloud, .* or an \(N, 3\) array of coordinates, found None"),
         (b"scan.ply", r"expected a PointCloud, .*, found b'scan.ply'"),
         ([["a", "b", "c"]], "expected numbers as coordinates"),
         (POINTS * 1j, "found an array of complex128"),
-        (POINTS > 3, "found an array of bool"),
         (POINTS.astype(object), "found an array of object"),
         ([[1, 2], [3]], r"an \(N, 3\) array of coordinates, found list"),
     ],
@@ -64,12 +62,6 @@ def test_take_keeps_order_attributes_and_types():
     assert len(taken) == 2
 
 
-def test_non_finite_points_are_found():
-    points = POINTS.copy()
-    points[1, 2], points[3, 0] = np.nan, -np.inf
-    assert PointCloud(points).non_finite().tolist() == [1, 3]
-
-
 CLOUD = PointCloud(POINTS, {"colour": np.eye(4, dtype=np.uint8), "label": np.arange(4, dtype=">i2")}, np.dtype("f4"))
 
 
@@ -92,11 +84,9 @@ def test_an_array_that_must_not_be_a_copy_is_none_or_an_error():
     ("rows", "expected"),
     [
         (slice(None, None, 2), [0, 2]),
-        (slice(-1, None), [3]),
         (slice(9, None), []),
         ([3, 0, 0], [3, 0, 0]),
         (np.array([-1]), [3]),
-        (np.array([1], np.uint8), [1]),
         ([], []),
         ([True, False, False, True], [0, 3]),
         (POINTS[:, 2] > 3, [1, 2, 3]),

@@ -18,13 +18,6 @@ def matrix(fx, fy, cx, cy, skew=0.0):
     return np.array([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
 
-def rays(shape, K):
-    """Return the direction of each pixel, (H, W, 3), of depth 1, by solving K d = (u, v, 1)."""
-    rows, columns = np.indices(shape)
-    pixels = np.stack([columns, rows, np.ones(shape)], axis=-1)
-    return np.linalg.solve(K, pixels.reshape(-1, 3).T).T.reshape(*shape, 3)
-
-
 def projected(points, K):
     """Return columns and rows, (N, 2), by K p = z (u, v, 1)."""
     seen = points @ K.T
@@ -50,29 +43,6 @@ def test_points_project_onto_the_pixels_they_came_from(seed, shape, focal, centr
     rows, columns = np.nonzero(seen)
     np.testing.assert_allclose(projected(cloud.points, K), np.column_stack([columns, rows]), rtol=0, atol=1e-9)
     np.testing.assert_array_equal(cloud.points[:, 2], depth[seen] * scale)
-
-
-def test_known_rays():
-    depth = np.full((3, 5), 2.0)
-    points = from_depth(depth, (4.0, 8.0, 2.0, 1.0)).points.reshape(3, 5, 3)
-    assert points[1, 2].tolist() == [0.0, 0.0, 2.0]  # along the axis
-    assert points[1, 4].tolist() == [1.0, 0.0, 2.0]  # right is +x
-    assert points[2, 2].tolist() == [0.0, 0.25, 2.0]  # down is +y
-    assert points[0, 0].tolist() == [-1.0, -0.25, 2.0]
-    skewed = from_depth(depth, matrix(4.0, 8.0, 2.0, 1.0, skew=2.0)).points.reshape(3, 5, 3)
-    assert skewed[2, 2].tolist() == [-0.125, 0.25, 2.0]  # (2 - 2 - 2 / 8) / 4 of its depth
-
-
-def test_a_rendered_sphere_is_recovered():
-    K = matrix(80.0, 80.0, 31.5, 23.5)
-    centre, radius = np.array([0.2, -0.1, 5.0]), 1.2
-    directions = rays((48, 64), K)
-    a, b = (directions**2).sum(axis=-1), directions @ centre
-    with np.errstate(invalid="ignore"):  # rays that miss
-        depth = (b - np.sqrt(b**2 - a * (centre @ centre - radius**2))) / a
-    points = from_depth(depth, K).points
-    assert 500 < len(points) < 48 * 64
-    np.testing.assert_allclose(np.linalg.norm(points - centre, axis=1), radius, rtol=1e-12)
 
 
 def test_colours_follow_their_pixels():
@@ -110,15 +80,6 @@ def test_coordinates_have_a_type_that_holds_the_depth(given_as, kept):
     np.testing.assert_array_equal(depth, before)
 
 
-def test_a_written_cloud_comes_back_bit_for_bit(tmp_path):
-    depth = np.random.default_rng(2).integers(400, 9000, (20, 30), dtype=np.uint16)
-    cloud = from_depth(depth, (40.0, 40.0, 14.5, 9.5), np.full((20, 30, 3), 7, np.uint8), scale=0.001)
-    gppcs.write(tmp_path / "room.ply", cloud)
-    back = gppcs.read(tmp_path / "room.ply")
-    np.testing.assert_array_equal(back.points, cloud.points)
-    assert list(back.attributes) == list(cloud.attributes)
-
-
 def test_images_read_as_the_documentation_shows():
     from matplotlib.image import imread
     from PIL import Image
@@ -131,37 +92,16 @@ def test_images_read_as_the_documentation_shows():
     np.testing.assert_allclose(cloud.points[:, 2], depth[depth > 0], rtol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["nyu_basement", "tum_desk"])
-def test_a_real_frame_comes_back_from_its_own_depth_image(shared_data, name):
-    frame = gppcs.read(shared_data / f"{name}.ply")
-    K = matrix(*KINECT)
-    where = projected(frame.points, K)
-    columns, rows = np.rint(where).astype(int).T
-    np.testing.assert_allclose(where, np.column_stack([columns, rows]), rtol=0, atol=1e-4)  # whole pixels
-    depth = np.zeros((480, 640), np.float32)
-    depth[rows, columns] = frame.points[:, 2]
-    assert np.count_nonzero(depth) == len(frame)
-    colour = np.zeros((480, 640, 3), np.uint8)
-    colour[rows, columns] = np.column_stack([frame.attributes[name] for name in ("red", "green", "blue")])
-    cloud = from_depth(depth, K, colour)
-    np.testing.assert_array_equal(cloud.points[:, 2], frame.points[:, 2])
-    np.testing.assert_allclose(cloud.points, frame.points, rtol=3e-7, atol=1e-7)
-    for name, values in frame.attributes.items():
-        np.testing.assert_array_equal(cloud.attributes[name], values)
-
-
 @pytest.mark.parametrize(
     ("depth", "colour", "message"),
     [
         (np.ones((3, 4, 1)), None, r"shape \(H, W\), found \(3, 4, 1\)"),
         (ONE * 1j, None, "real numbers in the depth image, found complex128"),
-        (ONE > 0, None, "found bool"),
         (ONE, np.zeros((3, 4), np.uint8), r"shape \(3, 4, 3\), as the depth image, found \(3, 4\)"),
         (ONE, np.zeros((3, 4, 4), np.uint8), r"found \(3, 4, 4\); leave out alpha"),
         (ONE, np.zeros((3, 4, 3)), "colours of type uint8, 0 to 255, found float64"),
         (np.zeros((3, 4)), None, "found none in an image of 4 x 3"),
         ([[1.0, 2.0], [1.0]], None, "rows of different lengths"),
-        (np.empty((0, 4)), None, "found none in an image of 4 x 0"),
     ],
 )
 def test_images_that_are_none_are_refused(depth, colour, message):
@@ -173,16 +113,12 @@ def test_images_that_are_none_are_refused(depth, colour, message):
     ("intrinsics", "message"),
     [
         (525.0, r"shape \(3, 3\), or \(fx, fy, cx, cy\), found shape \(\)"),
-        (KINECT[:3], r"found shape \(3,\)"),
         ("kinect", "expected numbers as intrinsics"),
         ([[1.0], [1.0, 2.0]], "expected numbers as intrinsics"),
         ((525.0, 0.0, 319.5, 239.5), "focal lengths above 0"),
-        ((525.0, -525.0, 319.5, 239.5), "focal lengths above 0"),
         ((525.0, 525.0, np.nan, 239.5), "finite intrinsics"),
-        (matrix(np.inf, 525.0, 0.0, 0.0), "finite intrinsics"),
         (matrix(*KINECT).T, "transpose it"),
         ([[525.0, 0.0, 319.5], [1e-3, 525.0, 239.5], [0.0, 0.0, 1.0]], "matrix of a pinhole camera"),
-        (2.0 * matrix(*KINECT), "matrix of a pinhole camera"),
     ],
 )
 def test_a_matrix_of_no_pinhole_camera_is_refused(intrinsics, message):
@@ -194,7 +130,6 @@ def test_a_matrix_of_no_pinhole_camera_is_refused(intrinsics, message):
     ("options", "message"),
     [
         ({"scale": 0.0}, "finite scale above 0, found 0.0"),
-        ({"scale": np.inf}, "finite scale above 0"),
         ({"scale": np.nan}, "finite scale above 0"),
         ({"nearest": 2.0, "farthest": 1.0}, "at most farthest, found 2.0 and 1.0"),
         ({"nearest": np.nan}, "at most farthest"),

@@ -73,39 +73,23 @@ def test_a_cloud_comes_back_from_each_library(library, dtype):
         attributes.pop("offset")
     kept = np.float64 if library == "trimesh" else dtype
     made = getattr(PointCloud(SINGLE, attributes, dtype), METHODS[library])()
-    assert_same(PointCloud.of(made), PointCloud(SINGLE, attributes, kept))
+    again, cloud = PointCloud.of(made), PointCloud(SINGLE, attributes, kept)
+    assert_same(again, cloud)
+    assert type(made).__module__.split(".")[0] == library
+    for name, values in attributes.items():
+        assert name == "alpha" or not np.shares_memory(again.attributes[name], values)
 
 
 @pytest.mark.parametrize("library", METHODS)
-def test_what_is_made_shares_no_memory_with_the_cloud(library):
-    module = pytest.importorskip(library)
-    made = getattr(CLOUD, METHODS[library])()
-    again = PointCloud.of(made)
-    assert not np.shares_memory(again.points, CLOUD.points)
-    assert not any(
-        np.shares_memory(values, CLOUD.attributes.get(name.rpartition("_")[0], CLOUD.attributes.get(name)))
-        for name, values in again.attributes.items()
-        if name != "alpha"
-    )
-    assert type(made).__module__.split(".")[0] == module.__name__
-
-
-@pytest.mark.parametrize("library", METHODS)
-def test_a_cloud_without_points_comes_back(library):
+def test_a_cloud_without_points_and_another_byte_order_come_back(library):
     pytest.importorskip(library)
-    empty = PointCloud(np.empty((0, 3)), {"label": np.empty(0, np.int32)})
-    again = PointCloud.of(getattr(empty, METHODS[library])())
-    assert again.points.shape == (0, 3)
-    assert again.attributes.keys() <= {"label"}
-
-
-@pytest.mark.parametrize("library", METHODS)
-def test_attributes_in_another_byte_order_go_along(library):
-    pytest.importorskip(library)
-    cloud = PointCloud(POINTS, {"label": np.arange(N, dtype=">i4")})
-    values = PointCloud.of(getattr(cloud, METHODS[library])()).attributes["label"]
-    assert values.tolist() == list(range(N))
-    assert values.dtype.newbyteorder("=") == np.int32
+    for count in (0, N):
+        cloud = PointCloud(POINTS[:count], {"label": np.arange(count, dtype=">i4")})
+        again = PointCloud.of(getattr(cloud, METHODS[library])())
+        np.testing.assert_array_equal(again.points, cloud.points)
+        for values in again.attributes.values():  # of no points, a library may hold none
+            assert values.tolist() == list(range(count))
+            assert values.dtype.newbyteorder("=") == np.int32
 
 
 # PyVista
@@ -135,11 +119,6 @@ def test_arrays_of_pyvista_are_the_same_after_a_round_trip():
     assert_arrays(dict(made.point_data.items()), dict(data.point_data.items()))
     assert made.point_data.active_normals_name == "Normals"
     assert made.n_cells == N  # a vertex at each point, so that it can be drawn
-
-
-def test_a_grid_of_pyvista_comes_in_with_its_corners():
-    pyvista = pytest.importorskip("pyvista")
-    assert len(PointCloud.of(pyvista.ImageData(dimensions=(2, 3, 4)))) == 24
 
 
 def test_attributes_of_more_axes_become_matrices_in_pyvista():
@@ -401,26 +380,6 @@ def test_tensors_of_open3d_come_in_with_their_types(classes):
     assert_same(PointCloud.of(given), PointCloud(SINGLE, {**VALUES, **NAMED}, np.float32))
 
 
-def test_tensors_of_open3d_are_the_same_after_a_round_trip():
-    o3d = pytest.importorskip("open3d")
-    arrays = {name: values if values.ndim == 2 else values[:, None] for name, values in VALUES.items()}
-    arrays |= {"positions": SINGLE, "normals": NORMALS, "colors": COLOURS[:, :3]}
-    given = o3d.t.geometry.PointCloud()
-    for name, values in arrays.items():
-        given.point[name] = o3d.core.Tensor(np.ascontiguousarray(values))
-    made = PointCloud.of(given).to_open3d()
-    assert_arrays({name: tensor.numpy() for name, tensor in made.point.items()}, arrays)
-
-
-def test_a_legacy_cloud_of_open3d_is_the_same_after_a_round_trip():
-    o3d = pytest.importorskip("open3d")
-    given = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(POINTS))
-    given.colors = o3d.utility.Vector3dVector(COLOURS[:, :3] / 255)
-    made = PointCloud.of(given).to_open3d().to_legacy()
-    assert np.asarray(made.points).tobytes() == POINTS.tobytes()
-    assert np.asarray(made.colors).tobytes() == np.asarray(given.colors).tobytes()
-
-
 def test_a_cloud_does_not_depend_on_an_open3d_cloud_that_changes():
     o3d = pytest.importorskip("open3d")
     given = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(POINTS))
@@ -497,14 +456,6 @@ def test_unknown_objects_are_named_with_what_was_expected(made, end):
         gppcs.info(made())
 
 
-def test_objects_of_known_libraries_that_are_no_clouds_are_named():
-    trimesh = pytest.importorskip("trimesh")
-    with pytest.raises(InputError, match=r"expected a PointCloud.*, found trimesh\.\S*\.Scene$"):
-        PointCloud.of(trimesh.Scene())
-    with pytest.raises(InputError, match=r"expected a PointCloud.*, found gppcs\.\S*\.Result$"):
-        PointCloud.of(gppcs.simplify(POINTS, n_points=2, method="random"))
-
-
 # Everywhere, and without imports
 
 
@@ -525,14 +476,6 @@ def test_all_functions_take_objects_and_paths(kind, tmp_path):
     assert gppcs.estimate_features(given) == gppcs.estimate_features(scan)
     gppcs.write(tmp_path / "again.ply", given)
     assert_same(gppcs.read(tmp_path / "again.ply"), scan)
-
-
-def test_a_path_to_no_file_is_the_error_of_reading(tmp_path):
-    with pytest.raises(FileNotFoundError):
-        gppcs.info(tmp_path / "scan.ply")
-    (tmp_path / "scan.ply").write_text("no ply")
-    with pytest.raises(gppcs.FileFormatError, match=r"scan\.ply: "):
-        gppcs.info(tmp_path / "scan.ply")
 
 
 def test_objects_are_recognised_without_importing_a_library():

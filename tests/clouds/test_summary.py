@@ -63,12 +63,6 @@ def test_a_diagonal_beyond_the_range_of_floats_is_infinite():
     assert summary.spacing == pytest.approx(1e308)
 
 
-def test_tiny_and_huge_coordinates_in_one_cloud():
-    summary = gppcs.info([[1e-200, 0, 0], [2e-200, 0, 0], [0, 1e200, 0]])
-    assert summary.diagonal == pytest.approx(1e200)
-    assert summary.spacing < 1e200
-
-
 def test_spacing_does_not_depend_on_where_the_cloud_lies(bracket):
     near, far = gppcs.info(bracket), gppcs.info(bracket + np.array([500_000, 5_400_000, 0]))
     assert far.spacing == pytest.approx(near.spacing, rel=1e-6)

@@ -12,7 +12,9 @@ from gppcs.clouds.mesh import Mesh
 from gppcs.drawing import side_by_side
 from gppcs.drawing.camera import Camera
 from gppcs.drawing.cloud_images import ColouredCloud
+from gppcs.drawing.colours import Legend
 from gppcs.drawing.side_by_side import (
+    BAR,
     BETWEEN,
     CLOSE_UP_SHARE,
     FLATTEST,
@@ -59,10 +61,10 @@ def kept(original):
     return Column("some", some, "H mean 1\nH max 2", None)
 
 
-def picture(*columns):
+def picture(*columns, **options):
     """Return a picture, (height, width, 3), 0 to 1."""
     file = io.BytesIO()
-    draw_comparison(file, columns)
+    draw_comparison(file, columns, **options)
     assert file.getvalue().startswith(b"\x89PNG")
     file.seek(0)
     return matplotlib.image.imread(file)[..., :3]
@@ -105,6 +107,19 @@ def test_meshes_stand_under_their_clouds_and_need_pyvista(monkeypatch, original,
     picture(original, kept)
     with pytest.raises(MissingExtraError, match=r"the extra view\): pip install .*pyvista"):
         picture(*columns)
+
+
+def test_both_clouds_are_seen_alike_in_their_own_colours(monkeypatch, original):
+    monkeypatch.setattr(side_by_side, "WIDE", WIDTH)
+    cloud = replace(original.cloud, colours=np.broadcast_to((1.0, 0.1, 0.1), original.cloud.points.shape))
+    whole, few = (replace(original, cloud=each) for each in (cloud, cloud.at(cloud.points[:2000])))
+    image = picture(whole, few, legend=Legend("RGB"), close_ups=0)
+    panels = [image[TOP:, left:][:, :WIDTH] for left in (GAP, WIDTH + 2 * GAP)]
+    red = [np.nonzero((np.ptp(panel, axis=2) > 0.3) & (panel.argmax(axis=2) == 0)) for panel in panels]
+    boxes = [[ends for each in places for ends in (each.min(), each.max())] for places in red]
+    assert boxes[0][3] - boxes[0][2] > 0.8 * WIDTH
+    np.testing.assert_allclose(boxes[0], boxes[1], atol=4)
+    assert (image[-BAR:] == 1.0).all()  # RGB has no colour bar
 
 
 @given(arrays(np.float64, (15, 20), elements=st.floats(0.0, 1.0, width=16)), st.integers(1, 6))

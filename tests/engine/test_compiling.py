@@ -50,16 +50,15 @@ def test_a_session_is_told_once_of_compilation_and_a_script_only_by_logging(befo
 def fresh(monkeypatch):
     """No compilation so far."""
     monkeypatch.setattr(compiling, "compile_timer", compiling.CompileTimer())
-    monkeypatch.setattr(compiling, "_told", False)
 
 
 def compile_for(seconds):
     """Two compilations, one inside the other."""
-    compiling.compilation_started()
-    compiling.compilation_started()
+    compiling.compile_timer.start()
+    compiling.compile_timer.start()
     time.sleep(seconds)
-    compiling.compilation_ended()
-    compiling.compilation_ended()
+    compiling.compile_timer.stop()
+    compiling.compile_timer.stop()
 
 
 def test_compilation_is_logged_once_and_timed(fresh, caplog):

@@ -28,8 +28,6 @@ def test_clouds_are_equal_if_all_values_are():
         cloud(np.nan_to_num(POINTS)),
         cloud(label=(1, 2, 3, 5)),
         cloud(label=(1.0, 2.0, 3.0, 4.0)),
-        cloud(dtype="f8"),
-        cloud(width=np.zeros(4)),
         gppcs.PointCloud(POINTS[:3], {"label": np.array((1, 2, 3))}, np.dtype("f4")),
         "cloud",
     ],

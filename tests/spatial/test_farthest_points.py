@@ -1,8 +1,10 @@
 import numpy as np
-from hypothesis import given
+import pytest
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import cKDTree
 
-from gppcs.spatial.farthest_points import farthest_points
+from gppcs.spatial.farthest_points import farthest_points, fill_gaps
 from gppcs.spatial.kdtree import KdTree
 
 
@@ -39,13 +41,21 @@ def test_equals_the_plain_algorithm(n, n_others, with_first, on_grid, seed, data
     np.testing.assert_array_equal(distances, expected_distances)
 
 
-def test_equals_the_plain_algorithm_on_a_scan(bracket):
-    indices, _ = farthest_points(bracket, 700)
-    np.testing.assert_array_equal(indices, plain_farthest_points(bracket, 700)[0])
-
-
 def test_a_tree_at_hand_changes_nothing_and_smaller_choices_are_prefixes(bracket):
     indices, distances = farthest_points(bracket, 5_000)
     again, _ = farthest_points(bracket, 900, KdTree.build(bracket))
     np.testing.assert_array_equal(again, indices[:900])
     assert (np.diff(distances) <= 0).all()
+
+
+@given(st.integers(0, 99), st.sampled_from([3, 12, 10_000]), st.sampled_from([0.2, 0.5, 9.0]))
+@settings(max_examples=20)
+def test_gaps_are_filled_as_by_farthest_points_among_all(seed, sides, gap):
+    """On a coarse grid, many points are equally far, and many repeat others."""
+    points = np.random.default_rng(seed).integers(0, sides, (150, 3)) / sides
+    kept = points[:3]
+    expected, _ = farthest_points(points, 150, others=kept, least=np.nextafter(gap, np.inf))
+    added, reached = fill_gaps(points, kept, gap)
+    np.testing.assert_array_equal(added, expected)
+    assert reached <= gap
+    assert reached == pytest.approx(cKDTree(np.concatenate([kept, points[expected]])).query(points)[0].max())

@@ -7,18 +7,10 @@ from gppcs.surface.noise import (
     FEWEST,
     NEIGHBOURS,
     Noise,
+    feet_of,
     layer_of,
-    projections,
 )
 from gppcs.surface.quadrics import fit_quadrics
-
-
-def feet_of(tree, places, neighbours):
-    """The feet of places, (m, 3), in their order."""
-    of_places = KdTree.build(places)
-    feet = np.empty_like(places)
-    feet[of_places.order] = projections(tree, of_places, neighbours)[0].T
-    return feet
 
 
 def observed(noise, places):
@@ -77,16 +69,6 @@ def test_noise_is_not_told_from_detail_where_few_points_lie_within_the_target_sp
     most = int(np.pi * len(points) / FEWEST)
     assert not Noise.measure(KdTree.build(points), most - 5, 0.02).quiet
     assert Noise.measure(KdTree.build(points), most + 5, 0.02).level == 0
-
-
-def test_a_point_off_the_surface_stands_out():
-    points = rough_plane(0.002)
-    points[77] = [0.5, 0.5, 0.02]
-    noise = Noise.measure(KdTree.build(points), 80, 0.035)
-    found = observed(noise, points)[1]
-    assert found.argmax() == 77
-    assert np.sqrt(found[77]) * 0.5 == pytest.approx(0.02, rel=0.25)
-    assert abs(feet_of(noise.tree, points, noise.neighbours)[77, 2]) < 0.005
 
 
 @pytest.mark.slow

@@ -1,5 +1,3 @@
-from functools import partial
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -64,23 +62,7 @@ def test_equals_jakteristics(name):
     np.testing.assert_allclose(features.surface_variation[enough], expected["surface_variation"][enough], atol=1e-6)
 
 
-def test_known_values():
-    rng = np.random.default_rng(0)
-    disc = np.column_stack([rng.random((400, 2)), np.full(400, 3.0)])
-    cube = np.stack(np.meshgrid(*[np.arange(6.0)] * 3), axis=-1).reshape(-1, 3)
-    line = rng.random((400, 1)) * [[1.0, 2.0, 3.0]]
-    flat = features_of_nearest(KdTree.build(disc), 20)
-    np.testing.assert_allclose(flat.surface_variation, 0.0, atol=1e-15)
-    np.testing.assert_allclose(np.abs(flat.normals[:, 2]), 1.0)
-    np.testing.assert_allclose(features_of_nearest(KdTree.build(cube), 216).surface_variation, 1 / 3, atol=1e-12)
-    straight = features_of_nearest(KdTree.build(line), 20)
-    np.testing.assert_allclose(straight.surface_variation, 0.0, atol=1e-7)
-    np.testing.assert_allclose(straight.normals @ [1.0, 2.0, 3.0], 0.0, atol=1e-6)
-
-
-@pytest.mark.parametrize("estimate", [
-    partial(estimate_features, search="radius"), partial(estimate_features, search="nearest"), estimate_normals,
-])  # fmt: skip
+@pytest.mark.parametrize("estimate", [estimate_features, estimate_normals])
 def test_neither_threads_nor_the_unit_change_an_estimate(bracket, estimate, on_threads):
     """Also where the squares of coordinates vanish or overflow."""
     one, *others = on_threads(lambda: estimate(bracket))
@@ -96,24 +78,14 @@ def test_repeats_count_as_neighbours_and_leave_the_radius(bracket):
     assert np.abs(np.median(repeated.surface_variation) - np.median(plain.surface_variation)) < 1e-6
 
 
-def test_whole_numbers_lists_and_clouds_are_taken():
-    points = np.random.default_rng(0).integers(0, 2_000_000_000, (300, 3))
-    expected = estimate_features(points.astype(float)).surface_variation
-    for cloud in (points, points.tolist(), gppcs.PointCloud(points)):
-        np.testing.assert_array_equal(estimate_features(cloud).surface_variation, expected)
-
-
 def test_what_cannot_be_measured_is_refused():
     with pytest.raises(gppcs.InputError, match="empty"):
         estimate_features(np.empty((0, 3)))
     with pytest.raises(gppcs.InputError, match="NaN"):
         estimate_features([[0, 0, np.nan]])
-    for search in ("radius", "nearest"):
-        for neighbours in (0, 2.5):
-            with pytest.raises(gppcs.ParameterError, match=f"whole number from 1 on, found {neighbours}"):
-                estimate_features(np.random.default_rng(0).random((9, 3)), neighbours, search)
-    with pytest.raises(gppcs.ParameterError, match="'radius' or 'nearest'"):
-        estimate_features([[0, 0, 0]], search="knn")
+    for neighbours in (0, 2.5):
+        with pytest.raises(gppcs.ParameterError, match=f"whole number from 1 on, found {neighbours}"):
+            estimate_features(np.random.default_rng(0).random((9, 3)), neighbours)
 
 
 FAR = np.array([1e5, 1e5, 2e5])

@@ -18,7 +18,7 @@ from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.methods import Method, Selection, Wanted
 from gppcs.spatial.cells import first_occurrences
-from gppcs.spatial.gaps import fill_gaps
+from gppcs.spatial.farthest_points import fill_gaps
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 

@@ -55,7 +55,7 @@ class Guide:
 
         Shapes: rows (N,).
         """
-        keep, weight, values_of = request.keep, request.weight, request.method.values_of
+        keep, weight, values_of = request.keep, request.weight, getattr(request.method, "attribute", None)
         mask = np.zeros(len(cloud), dtype=np.bool_) if keep is None else _mask(cloud, keep)
         weights = None if weight is None else weights_of(cloud, weight)
         if rows is not None:
@@ -219,7 +219,8 @@ class ChunkGuide:
         """Return what is asked by attributes; arrays need all points at once."""
         keep, weight = (given if isinstance(given, str) else None for given in (request.keep, request.weight))
         known = None if keep is None else Expression.of(keep)
-        return cls(known, weight, tuple(request.detail), request.method.values_of, request.quotas, request.group)
+        values_of = getattr(request.method, "attribute", None)
+        return cls(known, weight, tuple(request.detail), values_of, request.quotas, request.group)
 
     def of_chunk(self, cloud: PointCloud) -> Guided:
         """Return what it says of the points of a chunk."""

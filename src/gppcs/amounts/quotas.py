@@ -39,8 +39,6 @@ class Quota:
 
 def quotas_of(quota: Any) -> tuple[Quota, ...]:
     """Check the argument `quota` of `gppcs.simplify`: numbers or shares of conditions."""
-    if quota is None:
-        return ()
     if not isinstance(quota, Mapping) or not quota:
         expected = "expected quota to be a mapping of conditions to numbers or shares of the kept points"
         raise ParameterError(f"{expected}, found {shown(quota)}")

@@ -64,8 +64,8 @@ class Request:
         """Check the arguments of `simplify`, as far as that is possible without the cloud."""
         amount = Amount.of(ratio, n_points, tolerance, spacing, max_gap)
         chosen = method_of(method, seed)
-        counted = weights_of_detail(detail)
-        quotas = quotas_of(quota)
+        counted = {} if detail is None else weights_of_detail(detail)
+        quotas = () if quota is None else quotas_of(quota)
         if group is not None and not isinstance(group, str):
             raise ParameterError(f"expected group to be the name of an attribute, found {shown(group)}")
         _check_supported(chosen, amount, keep, weight, counted, quotas, group)
@@ -113,8 +113,9 @@ def _check_supported(
         "detail": detail,
         "ranking": quotas or group is not None,
     }
-    for feature in (name for name, given in asked.items() if given):
-        require(method, feature)
+    for feature, given in asked.items():
+        if given:
+            require(method, feature)
     if amount.spacing is not None and (keep is not None or weight is not None):
         raise ParameterError(
             "expected a number, a share, a tolerance or a largest gap with points to keep or weights, found a spacing"

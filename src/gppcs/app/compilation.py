@@ -7,32 +7,38 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from numba.core.dispatcher import Dispatcher
+
+from gppcs.amounts.request import Request
+from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.summary import info
+from gppcs.engine.timer import Timer
+from gppcs.evaluation.comparison import PREPARATION_POINTS
+from gppcs.evaluation.judge import evaluate
+from gppcs.io.cloud_files import CloudFiles
+from gppcs.io.files import write
+from gppcs.meshing.pipeline import mesh
+from gppcs.methods import METHODS
+from gppcs.methods.hc.clustering import hierarchical_clusters
+from gppcs.scans import sample
+from gppcs.simplification import simplify
+from gppcs.spatial.kdtree import KdTree
+from gppcs.streaming.files import Work, run
+from gppcs.surface.normals import estimate_normals
+from gppcs.surface.surface_variation import features_in_radius
 
 ROOM = 40_000  # Points of a scene that makes most steps of a mesh necessary.
 STRAY = 30_000  # Points of a scan with noise and outliers.
 
-if TYPE_CHECKING:
-    from gppcs.clouds.cloud import PointCloud
-
 
 def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
     """Compile every kernel for all types of arrays that the package passes to it."""
-    from gppcs.clouds.cloud import PointCloud
-    from gppcs.clouds.summary import info
-    from gppcs.evaluation.judge import evaluate
-    from gppcs.meshing.pipeline import mesh
-    from gppcs.methods import METHODS
-    from gppcs.methods.hc.clustering import hierarchical_clusters
-    from gppcs.scans import sample
-    from gppcs.simplification import simplify
-    from gppcs.spatial.kdtree import KdTree
-    from gppcs.surface.normals import estimate_normals
-    from gppcs.surface.surface_variation import features_in_radius
-
     before = sum(map(_compilations, _loaded()))
+    original = sample("medallion", PREPARATION_POINTS, noise=0.002)  # noise needs additional kernels
     for method in METHODS:
-        original, kept = compile_method(method)
+        kept = simplify(original, ratio=0.1, method=method).cloud
         advanced(1)
     evaluate(original, kept)
     estimate_normals(original, kept)
@@ -54,12 +60,6 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
 
 def _beyond_memory(cloud: PointCloud) -> None:
     """Compile what only clouds beyond memory need: simplify one as if it were."""
-    from gppcs.amounts.request import Request
-    from gppcs.engine.timer import Timer
-    from gppcs.io.cloud_files import CloudFiles
-    from gppcs.io.files import write
-    from gppcs.streaming.files import Work, run
-
     with TemporaryDirectory() as folder:
         path = Path(folder) / "scan.las"
         write(path, cloud, lossy=True)
@@ -70,20 +70,8 @@ def _beyond_memory(cloud: PointCloud) -> None:
                 run(files, request, work, replace(work.planned(files, request), in_memory=False))
 
 
-def compile_method(name: str) -> tuple[PointCloud, PointCloud]:
-    """Compile the kernels of one method."""
-    from gppcs.evaluation.comparison import PREPARATION_POINTS
-    from gppcs.scans import sample
-    from gppcs.simplification import simplify
-
-    scan = sample("medallion", PREPARATION_POINTS, noise=0.002)  # noise needs additional kernels
-    return scan, simplify(scan, ratio=0.1, method=name).cloud
-
-
 def _loaded() -> list[Any]:
     """Return the kernels in all loaded modules of the package."""
-    from numba.core.dispatcher import Dispatcher
-
     modules = [module for name, module in sys.modules.items() if name.startswith("gppcs.")]
     values = [value for module in modules for value in vars(module).values()]
     return list({id(value): value for value in values if isinstance(value, Dispatcher)}.values())

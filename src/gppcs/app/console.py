@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from gppcs.amounts.curve import Curve
-from gppcs.app.printing import visible
+from gppcs.app.printing import say, visible
 from gppcs.app.tables import Row, as_text, columns_of, units_of
 from gppcs.clouds.quantities import Measure
 
@@ -19,9 +19,10 @@ def print_comparison(rows: Sequence[Row]) -> None:
     """Print a table of a comparison. The best value of each column is bold."""
     columns = columns_of(rows)
     widths = [max(map(len, [*column.title.split(), *map(as_text, column.values)])) for column in columns]
-    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
     labels = [visible(row.label) for row in rows]
-    table.add_column(rows[0].kind, width=(longest := max(map(len, [*labels, rows[0].kind]))))
+    longest = max(map(len, [*labels, rows[0].kind]))
+    table = _table()
+    table.add_column(rows[0].kind, width=longest)
     for column, width in zip(columns, widths, strict=True):
         table.add_column(column.title, justify="right", width=width)
     for number, label in enumerate(labels):
@@ -29,10 +30,7 @@ def print_comparison(rows: Sequence[Row]) -> None:
             Text(as_text(column.values[number]), style="bold" if column.is_best(number) else "") for column in columns
         )
         table.add_row(Text(label), *cells)
-    needed = longest + sum(widths) + 2 * len(columns)
-    console = Console(width=max(Console().width, needed), highlight=False)  # wider than the terminal rather than cut
-    console.print(table)
-    console.print(units_of(rows), style="dim")
+    _print_wide(table, longest + sum(widths) + 2 * len(columns), units_of(rows))
 
 
 def print_paragraphs(paragraphs: Sequence[tuple[str, str]]) -> None:
@@ -55,17 +53,26 @@ def print_table(title: str, rows: Mapping[str, str]) -> None:
 
 def print_curves(title: str, curves: Sequence[Curve], measure: Measure, n: int) -> None:
     """Print the errors of methods over their numbers of points, and the knee of each that has one."""
-    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
-    titles = ["points", "share", *(str(each.method) for each in curves)]
+    table, titles = _table(), ["points", "share", *(str(each.method) for each in curves)]
     for name in titles:
         table.add_column(name, justify="right", min_width=len(name))
     for row, size in enumerate(curves[0].sizes.tolist()):
         errors = [float(each.errors[measure][row]) for each in curves]
         cells = [f"{error:.4g} ({error / each.diagonal or 0:.3%})" for error, each in zip(errors, curves, strict=True)]
         table.add_row(f"{size:,}", f"{size / n:.2%}", *cells)
-    console = Console(width=max(Console().width, 24 * len(titles)), highlight=False)
-    console.print(visible(title), style="bold", highlight=False, markup=False)
-    console.print(table)
-    console.print(f"{measure} error in the unit of the coordinates, and as a share of the diagonal", style="dim")
+    say(title)
+    units = f"{measure} error in the unit of the coordinates, and as a share of the diagonal"
+    _print_wide(table, 24 * len(titles), units)
     for each in filter(lambda curve: curve.has_knee, curves):
-        console.print(f"knee of {each.method!s}: {each.knee(measure):,} points", markup=False)
+        say(f"knee of {each.method!s}: {each.knee(measure):,} points")
+
+
+def _table() -> Table:
+    return Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
+
+
+def _print_wide(table: Table, needed: int, units: str) -> None:
+    """Print a table, wider than the terminal rather than cut, and the units of its figures."""
+    console = Console(width=max(Console().width, needed), highlight=False)
+    console.print(table)
+    console.print(units, style="dim")

@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from gppcs.app.outputs import Outputs, outputs_of
 from gppcs.clouds.quantities import size_of
 from gppcs.errors import ParameterError, shown
 
-FIELD = "{level}"
-NAME = "level"  # of the attribute
+NAME = "level"  # of the attribute, and of the field in the names of files
 MOST = 256  # levels that the attribute can tell apart
 
 
@@ -51,17 +44,3 @@ class Levels:
         """Return the number of points of each level."""
         scale = kept / self.sizes[-1] if self.are_shares else 1.0
         return [min(max(1, round(size * scale)), kept) for size in self.sizes]
-
-    def outputs(self, inputs: Sequence[Path], output: str, *options: Any) -> list[Outputs]:
-        """Return the outputs of each level, or of the finest only if `output` has no field for them."""
-        if FIELD not in output:
-            return [outputs_of(inputs, output, *options)]
-        return [outputs_of(inputs, output.replace(FIELD, str(level)), *options) for level in range(len(self.sizes))]
-
-
-def level_of_each(counts: Sequence[int]) -> NDArray[np.uint8]:
-    """Return to which level each point belongs first.
-
-    Shapes: returns (M,).
-    """
-    return np.repeat(np.arange(len(counts), dtype=np.uint8), np.diff([0, *counts]))

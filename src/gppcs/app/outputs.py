@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from string import Formatter
 
+from gppcs.app.levels import NAME as LEVEL
 from gppcs.app.printing import print_error
 from gppcs.errors import FileFormatError, OutputError, file_path
 
@@ -15,60 +16,56 @@ FIELDS = ("stem", "name", "suffix", "parent")  # of a pattern, named as in `path
 
 
 @dataclass(frozen=True)
-class Outputs:
-    """The output files by input, in the order of the inputs, whose names tell the format unless it is given."""
+class Output:
+    """The files of one cloud, and where its result goes: to one file, or to one for each level, coarse to fine."""
 
-    targets: dict[Path, Path]
-    makes_folders: bool
-    format: str | None = None
+    sources: list[Path]
+    targets: list[Path]
+    makes_folders: bool = False
+    format: str | None = None  # otherwise, the names tell it
 
-    def check(self, target: Path, force: bool) -> None:
-        """Check that an output file can be written, in a format that gppcs writes. Call it before long work."""
+    def check(self, force: bool) -> None:
+        """Check that the files can be written, in a format that gppcs writes. Call it before long work."""
         from gppcs import io
 
-        io.format_to_write(target, self.format)
-        if not io.is_standard(target):
-            io.check_writable(target, force, makes_folders=self.makes_folders)
-
-    def make_folder(self, target: Path) -> None:
-        """Make the folder of an output file if it is missing. Call it right before the file is written."""
-        if self.makes_folders:
-            target.parent.mkdir(parents=True, exist_ok=True)
+        for target in self.targets:
+            io.format_to_write(target, self.format)
+            if not io.is_standard(target):
+                io.check_writable(target, force, self.makes_folders)
 
 
-def check_output(output: Path, suffixes: Sequence[str], inputs: Sequence[Path], force: bool) -> None:
+def check_output(output: Path, inputs: Sequence[Path], force: bool, suffixes: Sequence[str] = ()) -> None:
     """Check that the one file of a command can be written, has a fitting name and is no input; call it before work."""
     from gppcs import io
 
     io.check_distinct([output], inputs)
-    if not io.is_standard(output) and io.inner_name(output).suffix.lower() not in suffixes:
+    if suffixes and not io.is_standard(output) and io.inner_name(output).suffix.lower() not in suffixes:
         raise OutputError(f"{output}: expected a name that ends in {suffixes[0]}; choose another")
     io.check_output(output, force)
 
 
-def outputs_of(inputs: Sequence[Path], output: str, format: str | None = None) -> Outputs:  # noqa: A002
-    """Return the output file of each input."""
+def outputs_of(inputs: Sequence[Path], output: str, format: str | None = None, levels: int = 0) -> list[Output]:  # noqa: A002
+    """Return where results go: that of each input to a folder or by a pattern, else that of all as one cloud."""
     sources = sources_of(inputs)
-    several = sources != list(inputs) or len(sources) > 1
-    if "{" in output or "}" in output:
-        targets = [_filled(output, source) for source in sources]
-    elif _means_folder(output, several):
-        targets = [Path(output, source.name) for source in sources]
-    elif several:
-        raise OutputError(
-            f"{output}: expected a folder for the results of {len(sources)} inputs, found the name of a file; "
-            "end it with a slash, or write a pattern such as '{stem}_small.ply'"
-        )
-    else:
-        return Outputs({sources[0]: file_path(output)}, makes_folders=False, format=format)
-    known: dict[Path, Path] = {}
-    for source, target in zip(sources, targets, strict=True):
-        if (other := known.setdefault(target, source)) is not source:
+    parts = _parsed(output, (*FIELDS, LEVEL) if levels else FIELDS)
+    plain, fields = "".join(text for text, _ in parts), {field for _, field in parts if field}
+    is_folder = not fields and _means_folder(plain, sources != list(inputs) or len(sources) > 1)
+    clouds = [[source] for source in sources] if is_folder or fields - {LEVEL} else [sources]
+
+    def target(source: Path, level: int) -> Path:
+        names = _names(source) | {LEVEL: str(level)}
+        return Path(plain, source.name) if is_folder else file_path("".join(t + names.get(f, "") for t, f in parts))
+
+    found, known = [], dict[Path, Path]()
+    for cloud in clouds:
+        targets = [target(cloud[0], level) for level in range(levels if LEVEL in fields else 1)]
+        if (other := known.setdefault(targets[0], cloud[0])) is not cloud[0]:
             raise OutputError(
-                f"{output}: expected inputs with different names, found that {other} and {source} both go to "
-                f"{target}; rename one, or write a pattern with {{parent}}, {{stem}} and {{suffix}}"
+                f"{output}: expected inputs with different names, found that {other} and {cloud[0]} both go to "
+                f"{targets[0]}; rename one, or write a pattern with {{parent}}, {{stem}} and {{suffix}}"
             )
-    return Outputs(dict(zip(sources, targets, strict=True)), makes_folders=True, format=format)
+        found.append(Output(cloud, targets, is_folder or bool(fields), format))
+    return found
 
 
 def sources_of(inputs: Sequence[Path]) -> list[Path]:
@@ -119,18 +116,24 @@ def _files_in(folder: Path) -> list[Path]:
 
 
 def _means_folder(output: str, several: bool) -> bool:
+    """Return whether a name without fields is that of a folder, for one input or several."""
     slashes = tuple(filter(None, (os.sep, os.altsep)))
     if output.endswith(slashes) and Path(output).is_file():
         raise OutputError(f"{output}: expected a folder, found a file; choose another name")
-    return Path(output).is_dir() or output.endswith(slashes) or (several and not Path(output).suffix)
+    is_bare = not Path(output).suffix and output != "-"  # which is standard output
+    return Path(output).is_dir() or output.endswith(slashes) or (several and is_bare)
 
 
-def _filled(pattern: str, source: Path) -> Path:
-    """Return a pattern with the names of an input in its fields."""
+def _names(source: Path) -> dict[str, str]:
+    """Return what the fields of a pattern stand for."""
     from gppcs.io import inner_name
 
     stem = inner_name(source).stem  # the suffix of a compression belongs to the suffix
-    names = (stem, source.name, source.name[len(stem) :], str(source.parent))
+    return dict(zip(FIELDS, (stem, source.name, source.name[len(stem) :], str(source.parent)), strict=True))
+
+
+def _parsed(pattern: str, known: Sequence[str]) -> list[tuple[str, str]]:
+    """Return the texts of a pattern, each with the name of the field behind it, which is empty at the end."""
     try:
         parts = list(Formatter().parse(pattern))
     except ValueError:
@@ -138,14 +141,9 @@ def _filled(pattern: str, source: Path) -> Path:
             f"{pattern}: expected a pattern such as '{{stem}}_small.ply', found single braces; "
             "write {{ and }} for braces in a name"
         ) from None
-    filled = ""
-    for text, name, details, conversion in parts:
-        filled += text
-        if name is None:
-            continue
-        field = name + (f"!{conversion}" if conversion else "") + (f":{details}" if details else "")
-        if field not in FIELDS:
-            known = ", ".join(f"{{{each}}}" for each in FIELDS)
-            raise OutputError(f"{pattern}: expected the fields {known}, found {{{field}}}")
-        filled += names[FIELDS.index(field)]
-    return file_path(filled)
+    for _, name, details, conversion in parts:
+        field = f"{name}" + (f"!{conversion}" if conversion else "") + (f":{details}" if details else "")
+        if name is not None and field not in known:
+            expected = ", ".join(f"{{{each}}}" for each in known)
+            raise OutputError(f"{pattern}: expected the fields {expected}, found {{{field}}}")
+    return [(text, name or "") for text, name, _, _ in parts]

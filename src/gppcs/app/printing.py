@@ -15,7 +15,7 @@ from gppcs.engine.memory import peak_memory
 from gppcs.engine.strict_json import strict_json
 from gppcs.engine.threads import set_threads
 from gppcs.engine.timer import COMPILATION, Timer
-from gppcs.errors import GppcsError, InputError, ParameterError, shown
+from gppcs.errors import GppcsError, InputError
 from gppcs.evaluation.report import MeshReport, Report, figure_called
 
 BAD_INPUT = 2
@@ -57,14 +57,6 @@ def started(quiet: bool, threads: int | None = None) -> Timer:
 def names_of(text: str | None) -> list[str] | None:
     """Return the names in an option that takes several."""
     return None if text is None else [name.strip() for name in text.split(",")]
-
-
-def numbers_of(box: str | None) -> list[float] | None:
-    """Return the numbers in the option `--box`."""
-    try:
-        return None if box is None else [float(limit) for limit in box.split(",")]
-    except ValueError:
-        raise ParameterError(f"expected --box with numbers, such as 0,0,100,50, found {shown(box)}") from None
 
 
 def for_each(files: Iterable[Path], work: Callable[[Path], None]) -> None:

@@ -6,28 +6,31 @@ import dataclasses
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from gppcs import io
+from gppcs.amounts.request import Request
 from gppcs.app.levels import NAME as LEVEL
-from gppcs.app.levels import Levels, level_of_each
-from gppcs.app.outputs import Outputs
+from gppcs.app.levels import Levels
+from gppcs.app.outputs import Output
 from gppcs.app.pages import different_names, how_made
 from gppcs.app.printing import note_left_out, number_in_words, print_error, record_of_run, time_in_words
-from gppcs.clouds.cloud import NORMALS
+from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.quantities import metres_of, name_of_unit, option, unit_of
+from gppcs.drawing.web.contents import Named, Page, report_page
+from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
+from gppcs.io.cloud_files import CloudFiles
+from gppcs.io.query import Query
+from gppcs.simplification import Result
+from gppcs.streaming.beyond_memory import Run
+from gppcs.streaming.files import Work, run
+from gppcs.streaming.plan import Plan
+from gppcs.streaming.sizes import size_of
 
-if TYPE_CHECKING:
-    from gppcs.amounts.request import Request
-    from gppcs.clouds.cloud import PointCloud
-    from gppcs.drawing.web.contents import Page
-    from gppcs.io.query import Query
-    from gppcs.simplification import Result
-    from gppcs.streaming.beyond_memory import Run
-    from gppcs.streaming.files import Work
-    from gppcs.streaming.plan import Plan
+Values = np.ndarray[Any, Any]  # of an attribute
 
 INDEX = "index"  # the attribute of the row in the input
 NOISES = (
@@ -39,23 +42,25 @@ NOISES = (
 
 @dataclass(frozen=True)
 class Told:
-    """What is told of a run: as JSON, in one line, or as a table with a title."""
+    """What is told of a run: as JSON, in one line behind the names of its files, or as a table below them."""
 
-    target: Path
+    output: Output
     record: dict[str, Any]
     line: str
-    title: str
     rows: dict[str, str]
+
+    @property
+    def title(self) -> str:
+        """The names of the files."""
+        return f"{titled(self.output.sources)} → {', '.join(map(str, self.output.targets))}"
 
 
 @dataclass(frozen=True)
 class Job:
-    """What to do with each input, or with all of `merged`; `by_level` has the outputs of each level."""
+    """What to do with each cloud."""
 
-    by_level: list[Outputs]
-    levels: Levels | None
-    merged: list[Path]
     request: Request
+    levels: Levels | None
     work: Work
     input_format: str | None
     query: Query | None
@@ -67,78 +72,81 @@ class Job:
     force: bool
     lossy: bool
 
-    def run(self, source: Path) -> Told:
+    def run(self, output: Output) -> Told:
         """Simplify one cloud."""
-        from gppcs import io
-        from gppcs.io.cloud_files import CloudFiles
-        from gppcs.streaming.files import run
-
-        target, sources = self.by_level[-1].targets[source], self.merged or [source]
+        sources = output.sources
         for each in sources:
             if not io.is_standard(each):
                 each.stat()  # a missing input is told before its name is taken for that of the output
-        for level in self.by_level:
-            level.check(level.targets[source], self.force)
-        work = replace(self.work, timer=self.work.timer.anew())
+        output.check(self.force)
+        work = replace(self.work, timer=Timer(self.work.timer.listener))
         with CloudFiles(sources, self.input_format, query=self.query) as files:
             planned = work.planned(files, self.request, self._whole())
             if self.dry_run:
-                return told_of_plan(sources, target, planned)
+                return told_of_plan(output, planned)
             head = files.head().cloud
-            self._note_other_unit(source, head)
-            self._check_storable(target, head)
+            self._note_other_unit(sources[0], head)
+            self._check_storable(output, head)
             done = run(files, self.request, work, planned)
             _, unread = files.left_out()
-        page = None if self.report is None else self._page(done, sources, target)
+        page = None if self.report is None else self._page(done, output)
         with work.timer("writing"):
-            written, lost = self._store(source, self._clouds(done), done.result.ranked and self.mark is None)
+            clouds = self._clouds(done, output)
+            lost = self._store(output, clouds, done.result.ranked and self.mark is None)
             if self.report is not None and page is not None:
                 with io.whole_file(self.report, self.force) as file:
                     page.write(file)
-        note_left_out(target, [*unread, *lost])
-        self._note_size(source, len(done.result.indices), done.points)
-        return self._told(sources, written, done, planned.readings, unit_of(head.header, self.request.unit))
+        note_left_out(output.targets[-1], [*unread, *lost])
+        self._note_size(sources[0], len(done.result.indices), done.points)
+        unit = unit_of(head.header, self.request.unit)
+        return self._told(output, list(map(len, clouds)), done, planned.readings, unit)
 
     def _whole(self) -> str | None:
         """Return the option that takes all points at once, if any."""
         if self.request.whole:
             return option(self.request.whole)
-        return "--mark" if self.mark is not None else "--report" if self.report else None
+        return "--add kept" if self.mark is not None else "--report" if self.report else None
 
-    def _check_storable(self, target: Path, cloud: PointCloud) -> None:
+    def _check_storable(self, output: Output, cloud: PointCloud) -> None:
         """Check that the output can hold points of a cloud with the attributes that the options add."""
-        from gppcs import io
-
         if self.mark is None:
             cloud = cloud.take(cloud.finite_rows())  # only these are kept
         zeros = np.zeros(len(cloud), np.float32)
         names: tuple[str, ...] = NORMALS if self.request.normals else ()
         names += self.request.method.attributes if self.request.scores else ()
         cloud = replace(cloud, attributes={**cloud.attributes, **dict.fromkeys(names, zeros)})
-        if self.with_index:
-            cloud = _with_attribute(cloud, INDEX, zeros.astype(np.int64))
-        if self.mark is not None:
-            cloud = _with_attribute(cloud, self.mark, zeros.astype(np.uint8))
-        if self.levels is not None and len(self.by_level) == 1:
-            cloud = _with_attribute(cloud, LEVEL, zeros.astype(np.uint8))
-        io.check_storable(target, cloud, self.by_level[-1].format, self.lossy)
+        small = zeros.astype(np.uint8)
+        cloud = self._with_attributes(cloud, output, zeros.astype(np.int64), small, small)
+        io.check_storable(output.targets[-1], cloud, output.format, self.lossy)
 
-    def _clouds(self, done: Run) -> list[PointCloud]:
-        """Return what goes to the file of each level."""
-        result, cloud = done.result, done.result.cloud
+    def _with_attributes(
+        self, cloud: PointCloud, output: Output, row: Values, kept: Values, level: Values
+    ) -> PointCloud:
+        """Return a cloud with those of these attributes that the options add."""
+        added = {INDEX: row} if self.with_index else {}
+        if self.mark is not None:
+            added[self.mark] = kept
+        elif self.levels and len(output.targets) == 1:
+            added[LEVEL] = level
+        for name in added:
+            if name in cloud.attributes:
+                raise InputError(
+                    f"expected the name of a new attribute, found {name!r}, which the cloud has; choose another"
+                )
+        return replace(cloud, attributes={**cloud.attributes, **added})
+
+    def _clouds(self, done: Run, output: Output) -> list[PointCloud]:
+        """Return what goes to each file of an output."""
+        result = done.result
         if self.mark is not None:
             assert done.cloud is not None
-            kept = np.zeros(len(done.cloud), dtype=np.uint8)
+            kept = np.zeros(len(done.cloud), np.uint8)
             kept[result.indices] = 1
-            return [_with_attribute(done.cloud, self.mark, kept)]
-        if self.with_index:
-            cloud = _with_attribute(cloud, INDEX, result.indices)
-        if self.levels is None:
-            return [cloud]
-        counts = self._counts(result, done.points)
-        if len(self.by_level) > 1:
-            return [cloud.take(np.arange(count)) for count in counts]
-        return [_with_attribute(cloud, LEVEL, level_of_each(counts))]
+            return [self._with_attributes(done.cloud, output, kept, kept, kept)]
+        counts = self._counts(result, done.points) if self.levels else [len(result.indices)]
+        level = np.repeat(np.arange(len(counts), dtype=np.uint8), np.diff([0, *counts]))
+        cloud = self._with_attributes(result.cloud, output, result.indices, level, level)
+        return [cloud] if len(output.targets) == 1 else [cloud.take(np.arange(count)) for count in counts]
 
     def _counts(self, result: Result, points: int) -> list[int]:
         """Return the number of points of each level, after checking that the result has a ranking to cut."""
@@ -155,46 +163,40 @@ class Job:
             )
         return counts
 
-    def _store(self, source: Path, clouds: list[PointCloud], ranked: bool) -> tuple[dict[Path, int], list[str]]:
-        """Write the files of all levels, or none; return the points in each file, and what is left out."""
-        from gppcs import io
-
-        written: dict[Path, int] = {}
+    def _store(self, output: Output, clouds: list[PointCloud], ranked: bool) -> list[str]:
+        """Write all files of an output, or none; return what is left out."""
+        written, lost = [], []
         try:
-            for to, cloud in zip(self.by_level, clouds, strict=True):
-                target = to.targets[source]
-                to.make_folder(target)
-                levels = "order" if ranked and io.format_to_write(target, to.format).has_levels else None
-                lost = io.store(target, cloud, to.format, self.force, self.lossy, None, levels)
-                written[target] = len(cloud)
+            for target, cloud in zip(output.targets, clouds, strict=True):
+                if output.makes_folders:
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                levels = "order" if ranked and io.format_to_write(target, output.format).has_levels else None
+                lost = io.store(target, cloud, output.format, self.force, self.lossy, None, levels)
+                written.append(target)
         except BaseException:
             for target in written:
                 target.unlink(missing_ok=True)
             raise
-        return written, lost
+        return lost
 
-    def _page(self, done: Run, sources: list[Path], target: Path) -> Page:
+    def _page(self, done: Run, output: Output) -> Page:
         """Return a page of the result beside its original, both without outliers."""
-        from gppcs.drawing.web.contents import Named, report_page
-        from gppcs.io import is_standard
-
         assert done.cloud is not None
-        cloud, result = done.cloud, done.result
+        cloud, result, target = done.cloud, done.result, output.targets[-1]
         if result.outliers is not None:
             cloud = cloud.take(np.delete(np.arange(len(cloud)), result.outliers))
-        names = different_names([Path(titled(sources)), Path("result") if is_standard(target) else target])
+        names = different_names([Path(titled(output.sources)), Path("result") if io.is_standard(target) else target])
         simplified = Named(names[1], result.cloud, reason=result.method.summary)
-        original, made = Named(names[0], cloud), how_made(self.command, sources)
-        return report_page(original, [simplified], made, detail=list(self.request.detail))
+        made = how_made(self.command, output.sources)
+        return report_page(Named(names[0], cloud), [simplified], made, detail=list(self.request.detail))
 
-    def _told(self, sources: list[Path], written: dict[Path, int], done: Run, readings: int, unit: str | None) -> Told:
-        """Return what is told of a run that is done; `written` has the points in each file, the finest last."""
-        result, kept, target = done.result, len(done.result.indices), [*written][-1]
-        levels = written if len(written) > 1 else {}
-        listed = {"levels": [{"output": str(file), "points_out": count} for file, count in levels.items()]}
+    def _told(self, output: Output, counts: list[int], done: Run, readings: int, unit: str | None) -> Told:
+        """Return what is told of a run that is done, with so many points in each file."""
+        result, kept = done.result, len(done.result.indices)
+        levels = list(zip(output.targets, counts, strict=True)) if len(counts) > 1 else []
+        listed = {"levels": [{"output": str(file), "points_out": count} for file, count in levels]}
         record = {
-            "input": _named(sources),
-            "output": str(target),
+            **_named(output),
             **(listed if levels else {}),
             "points_in": done.points,
             "points_out": kept,
@@ -205,15 +207,14 @@ class Job:
         }
         rows = {
             "points": f"{done.points:,} in, {kept:,} out ({100 * kept / done.points:.3g} %)",
-            **{f"level {n}": f"{file}: {count:,} points" for n, (file, count) in enumerate(levels.items())},
+            **{f"level {n}": f"{file}: {count:,} points" for n, (file, count) in enumerate(levels)},
             **({"points on disk": f"files read {readings} times"} if readings > 1 else {}),
             "method": str(result.method),
             **dict(self._in_words(name, value, unit) for name, value in result.diagnostics.items() if value),
             "time": time_in_words(result.seconds),
         }
-        line = f"{titled(sources)} → {', '.join(map(str, written))}: {done.points:,} points in, {kept:,} out, "
-        line += f"{sum(result.seconds.values()):.2f} s"
-        return Told(target, record, line, f"{titled(sources)} → {target}", rows)
+        line = f"{done.points:,} points in, {kept:,} out, {sum(result.seconds.values()):.2f} s"
+        return Told(output, record, line, rows)
 
     def _in_words(self, name: str, value: float, unit: str | None) -> tuple[str, str]:
         """Return a diagnostic as a row of the table, with what was asked of it."""
@@ -253,13 +254,10 @@ class Job:
             print_error(f"note: {source}: its coordinate system says that the unit is {known}; --unit {unit} is used")
 
 
-def told_of_plan(sources: list[Path], target: Path, plan: Plan) -> Told:
+def told_of_plan(output: Output, plan: Plan) -> Told:
     """Return what is told of a run that is only planned."""
-    from gppcs.streaming.sizes import size_of
-
     record = {
-        "input": _named(sources),
-        "output": str(target),
+        **_named(output),
         "points_in": plan.points,
         "points_out": plan.kept,
         "way": plan.way,
@@ -271,13 +269,13 @@ def told_of_plan(sources: list[Path], target: Path, plan: Plan) -> Told:
     }
     limit = "unknown" if plan.limit is None else size_of(plan.limit)
     rows = {
+        "plan": "nothing is done",
         "points": f"{'' if plan.exact else 'about '}{plan.points:,} in, {plan.kept:,} out",
         "way": plan.way,
         "memory": f"about {size_of(plan.memory)}, of {limit} allowed",
         **({"temporary files": f"about {size_of(plan.disk)}"} if plan.disk else {}),
     }
-    title = f"{titled(sources)} → {target}"
-    return Told(target, record, f"{title}: {plan.way}, about {size_of(plan.memory)}", f"{title}: nothing is done", rows)
+    return Told(output, record, f"{plan.way}, about {size_of(plan.memory)}", rows)
 
 
 def titled(sources: list[Path]) -> str:
@@ -285,14 +283,7 @@ def titled(sources: list[Path]) -> str:
     return str(sources[0]) if len(sources) == 1 else f"{sources[0]} and {len(sources) - 1} more"
 
 
-def _named(sources: list[Path]) -> str | list[str]:
-    """Return the inputs as the record of `--json` names them."""
-    names = [str(source) for source in sources]
-    return names if len(names) > 1 else names[0]
-
-
-def _with_attribute(cloud: PointCloud, name: str, values: np.ndarray[Any, Any]) -> PointCloud:
-    """Return a cloud with one more attribute."""
-    if name in cloud.attributes:
-        raise InputError(f"expected the name of a new attribute, found {name!r}, which the cloud has; choose another")
-    return replace(cloud, attributes={**cloud.attributes, name: values})
+def _named(output: Output) -> dict[str, Any]:
+    """Return how the record of `--json` names the files."""
+    names = [str(source) for source in output.sources]
+    return {"input": names if len(names) > 1 else names[0], "output": str(output.targets[-1])}

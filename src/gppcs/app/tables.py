@@ -115,9 +115,8 @@ def as_markdown(rows: Sequence[Row]) -> str:
     columns = columns_of(rows)
     lines = [[rows[0].kind, *(column.title for column in columns)], ["---"] * (len(columns) + 1)]
     for number, row in enumerate(rows):
-        marks = ("**" if column.is_best(number) else "" for column in columns)
-        texts = (as_text(column.values[number]) for column in columns)
-        lines.append([row.label, *(f"{mark}{text}{mark}" for mark, text in zip(marks, texts, strict=True))])
+        marked = (("**" if each.is_best(number) else "", as_text(each.values[number])) for each in columns)
+        lines.append([row.label, *(f"{mark}{text}{mark}" for mark, text in marked)])
     return "".join(f"| {' | '.join(line)} |\n" for line in lines) + f"\n{units_of(rows)}; bold: the best.\n"
 
 

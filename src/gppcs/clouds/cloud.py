@@ -10,9 +10,7 @@ from typing import Any, Protocol, TypeAlias, overload
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-# "from gppcs.clouds" would put all its modules into the digest of the kernels.
-import gppcs.clouds.display as display
-import gppcs.clouds.reading as reading
+from gppcs.clouds import above
 from gppcs.clouds.header import Header
 from gppcs.engine.equality import ComparedByValue
 from gppcs.errors import InputError, shown
@@ -78,7 +76,7 @@ class PointCloud(ComparedByValue):
     header: Header | None = None
 
     def __post_init__(self) -> None:
-        points = _array(self.points)
+        points = array_of(self.points)
         if points.ndim == 0:
             raise InputError(f"expected points of shape (N, 3), found {_described(self.points)}")
         if points.ndim != 2 or points.shape[1] != 3:
@@ -94,7 +92,7 @@ class PointCloud(ComparedByValue):
         for name, given in self.attributes.items():
             if not isinstance(name, str):
                 raise InputError(f"expected text as the name of an attribute, found {shown(name)}")
-            attributes[name] = values = _array(given, f"an array as attribute {name!r}")
+            attributes[name] = values = array_of(given, f"an array as attribute {name!r}")
             if values.shape[:1] != (len(points),):
                 raise InputError(
                     f"expected attribute {name!r} to have one row for each of the {len(points)} points, "
@@ -160,14 +158,14 @@ class PointCloud(ComparedByValue):
         if isinstance(cloud, PointCloud):
             return cloud
         if isinstance(cloud, str | os.PathLike):
-            return reading.read(cloud)
+            return above.read(cloud)
         if type(cloud) is not np.ndarray or cloud.dtype.names:
             from gppcs.clouds.objects import cloud_of_object
 
             made = cloud_of_object(cloud)
             if made is not None:
                 return made
-        points = _array(cloud, ACCEPTED)
+        points = array_of(cloud, ACCEPTED)
         if points.ndim == 0:
             raise InputError(f"expected {ACCEPTED}, found {_described(cloud)}")
         kept = points.dtype if np.issubdtype(points.dtype, np.floating) else np.dtype(np.float64)
@@ -178,7 +176,7 @@ class PointCloud(ComparedByValue):
         return f"PointCloud({len(self):,} points{carried})"
 
     def _repr_html_(self) -> str:
-        return display.html_of(self)
+        return above.html_of(self)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -202,7 +200,7 @@ class PointCloud(ComparedByValue):
         """
         if isinstance(rows, slice):
             return self.take(np.arange(len(self))[rows])
-        given = _array(rows, "indices of rows")
+        given = array_of(rows, "indices of rows")
         if not given.size and given.dtype == np.float64:  # what NumPy makes of an empty list
             given = given.astype(np.int64)
         of_rows = given.dtype.kind in "iu" or (given.dtype.kind == "b" and given.ndim)
@@ -270,7 +268,7 @@ class PointCloud(ComparedByValue):
         --------
         >>> gppcs.sample("bracket", n_points=2000).show(up="z")  # doctest: +SKIP
         """
-        display.show(self, up=up, view=view)
+        above.show(self, up=up, view=view)
 
     def to_open3d(self) -> Any:
         """Return the cloud as an object of Open3D, with all attributes.
@@ -402,7 +400,7 @@ class PointCloud(ComparedByValue):
         >>> cloud.to_laspy().intensity
         array([7, 9], dtype=uint16)
         """
-        return reading.laspy_of(self)
+        return above.laspy_of(self)
 
     def non_finite(self) -> NDArray[np.int64]:
         """Return the indices of the points that have a NaN or infinite coordinate.
@@ -438,37 +436,24 @@ class PointCloud(ComparedByValue):
             return None
         return np.stack([self.attributes[name] for name in NORMALS], axis=1).astype(np.float64)
 
-    def usable(self, name: str) -> NDArray[np.float64]:
-        """Return the coordinates if there is at least one point and all coordinates are finite.
-
-        Parameters
-        ----------
-        name : str
-            What the error message calls the cloud.
-
-        Returns
-        -------
-        (N, 3) array, float64
-
-        Raises
-        ------
-        InputError
-            If the cloud is empty, or a coordinate is NaN or infinite.
-        """
-        if len(self) == 0:
-            raise InputError(f"the {name} is empty: expected at least one point")
-        if len(bad := self.non_finite()):
-            raise InputError(
-                f"expected finite coordinates in the {name}, found {len(bad)} points with NaN or infinite ones, the "
-                f"first at index {bad[0]}: drop them first"
-            )
-        return self.points
-
 
 CloudLike: TypeAlias = PointCloud | ArrayLike | os.PathLike[str] | _WithPoints | _WithVertices  # see `PointCloud.of`
 
 
-def _array(values: Any, name: str = "an (N, 3) array of coordinates") -> NDArray[Any]:
+def usable(cloud: CloudLike, name: str) -> NDArray[np.float64]:
+    """Return the coordinates, (N, 3), if there are some and all are finite; errors call the cloud by a name."""
+    cloud = PointCloud.of(cloud)
+    if len(cloud) == 0:
+        raise InputError(f"the {name} is empty: expected at least one point")
+    if len(bad := cloud.non_finite()):
+        raise InputError(
+            f"expected finite coordinates in the {name}, found {len(bad)} points with NaN or infinite ones, the "
+            f"first at index {bad[0]}: drop them first"
+        )
+    return cloud.points
+
+
+def array_of(values: Any, name: str = "an (N, 3) array of coordinates") -> NDArray[Any]:
     """Return values as an array; raise an InputError if NumPy cannot make one."""
     try:
         return np.asarray(values)

@@ -25,18 +25,12 @@ TO_LAB = np.array(
 
 
 def eight_bits(colours: NDArray[Any], full: float | None = None) -> NDArray[np.uint8]:
-    """Return colours in 8 bits, given which value is the brightest possible, unless they tell it themselves.
-
-    Shapes: colours (N, 3); returns (N, 3).
-    """
+    """Return colours in 8 bits, given their brightest possible value if it is known. Shapes: (N, 3); returns (N, 3)."""
     return np.clip(_from_0_to_255(colours, full), 0, 255).round().astype(np.uint8)
 
 
 def fit_eight_bits(colours: NDArray[Any]) -> bool:
-    """Return whether colours lose nothing in 8 bits.
-
-    Shapes: colours (N, 3).
-    """
+    """Return whether colours lose nothing in 8 bits. Shapes: colours (N, 3)."""
     return bool(np.all(np.abs(_from_0_to_255(colours) - eight_bits(colours)) < 1e-3))
 
 
@@ -51,10 +45,7 @@ def _from_0_to_255(colours: NDArray[Any], full: float | None = None) -> NDArray[
 
 
 def oklab(colours: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return sRGB colours from 0 to 1 in the space OKLab (Ottosson 2020), where equal distances look about equal.
-
-    Shapes: colours (N, 3); returns (N, 3), the first from 0 to 1.
-    """
+    """Return sRGB colours, (N, 3) from 0 to 1, in OKLab (Ottosson 2020), where equal distances look about equal."""
     linear = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
     lab: NDArray[np.float64] = np.cbrt(linear @ TO_CONES.T) @ TO_LAB.T
     return lab

@@ -29,10 +29,7 @@ def coordinate_names(names: Iterable[str]) -> tuple[str, str, str]:
 
 
 def cloud_of_columns(columns: Mapping[str, Column]) -> PointCloud:
-    """Make a cloud of columns: x, y and z are the coordinates, the others become attributes.
-
-    Shapes: columns (N, ...).
-    """
+    """Make a cloud of columns, (N, ...): x, y and z are the coordinates, the others become attributes."""
     axes = coordinate_names(columns)
     points = np.empty((len(columns[axes[0]]), 3))
     for i, axis in enumerate(axes):

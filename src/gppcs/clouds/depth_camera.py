@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.cloud import PointCloud, array_of
 from gppcs.errors import InputError, ParameterError, number, shown
 
 Array = NDArray[np.float64]
@@ -131,10 +131,7 @@ def _depth_image(depth: ArrayLike) -> NDArray[Any]:
 
 def _colour_image(colour: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.uint8]:
     """Return the colour image as an array, (H, W, 3), for a depth image of the given shape."""
-    try:
-        image = np.asarray(colour)
-    except ValueError as error:
-        raise InputError(f"expected a colour image of shape {(*shape, 3)}, found rows of different lengths") from error
+    image = array_of(colour, f"a colour image of shape {(*shape, 3)}")
     if image.shape != (*shape, 3):
         raise InputError(
             f"expected a colour image of shape {(*shape, 3)}, as the depth image, found {image.shape}; "

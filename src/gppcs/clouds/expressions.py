@@ -39,16 +39,10 @@ _ARITHMETIC: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
 
 @dataclass(frozen=True)
 class Expression:
-    """A condition on the points of a cloud.
-
-    Attributes
-    ----------
-    text : str
-    tree : ast.expr
-        Its syntax, which is Python's. Only what this class evaluates is allowed.
-    """
+    """A condition on the points of a cloud."""
 
     text: str
+    # Its syntax, which is Python's. Only what this class evaluates is allowed.
     tree: ast.expr = field(repr=False, compare=False)
 
     @classmethod
@@ -80,10 +74,7 @@ class Expression:
         return cls(text, tree)
 
     def mask(self, cloud: PointCloud) -> NDArray[np.bool_]:
-        """Return which points of a cloud meet the condition.
-
-        Shapes: returns (N,).
-        """
+        """Return which points of a cloud meet the condition. Shapes: returns (N,)."""
         try:
             with np.errstate(all="ignore"):
                 found = self._truth(self.tree, cloud)

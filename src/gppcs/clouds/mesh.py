@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gppcs.clouds.cloud import array_of
 from gppcs.engine.equality import ComparedByValue
 from gppcs.errors import InputError
 
@@ -65,21 +66,6 @@ class Mesh(ComparedByValue):
         object.__setattr__(self, "vertices", np.ascontiguousarray(vertices, dtype=np.float64))
         object.__setattr__(self, "faces", np.ascontiguousarray(faces, dtype=np.int64))
 
-    def shifted(self, offset: NDArray[np.float64]) -> Mesh:
-        """Return the mesh moved by an offset.
-
-        Parameters
-        ----------
-        offset : (3,) array, float64
-            Added to each vertex.
-
-        Returns
-        -------
-        Mesh
-            A copy with the same faces.
-        """
-        return Mesh(self.vertices + offset, self.faces)
-
     def face_areas(self) -> NDArray[np.float64]:
         """Return the area of each triangle.
 
@@ -90,22 +76,6 @@ class Mesh(ComparedByValue):
         """
         return np.linalg.norm(self._cross_products(), axis=1) / 2
 
-    def require_area(self, name: str) -> None:
-        """Raise an error if no triangle has an area above zero.
-
-        Parameters
-        ----------
-        name : str
-            What the error message calls the mesh.
-
-        Raises
-        ------
-        InputError
-            If the area of each triangle is zero.
-        """
-        if not self.face_areas().any():
-            raise InputError(f"the {name} has no area: expected triangles whose corners do not lie on a line")
-
     def vertex_normals(self) -> NDArray[np.float64]:
         """Return the normal of each vertex: the area-weighted sum of the normals of its triangles.
 
@@ -114,14 +84,8 @@ class Mesh(ComparedByValue):
         (V, 3) array, float64
             Not of unit length; zero for a vertex without triangles.
         """
-        products = self._cross_products()
-        return np.stack(
-            [
-                np.bincount(self.faces.ravel(), np.repeat(products[:, axis], 3), len(self.vertices))
-                for axis in range(3)
-            ],
-            axis=1,
-        )  # fmt: skip
+        corners, along = self.faces.ravel(), self._cross_products().T
+        return np.stack([np.bincount(corners, np.repeat(axis, 3), len(self.vertices)) for axis in along], axis=1)
 
     def count_pieces(self) -> int:
         """Return the number of connected pieces of the mesh.
@@ -131,14 +95,11 @@ class Mesh(ComparedByValue):
         int
             Triangles that share a vertex are connected. Vertices without triangles do not count.
         """
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import connected_components
+        from gppcs.clouds.topology import connected
 
         used, faces = np.unique(self.faces, return_inverse=True)
         faces = faces.reshape(self.faces.shape)
-        ends = np.concatenate([faces[:, :2], faces[:, 1:]]).T
-        graph = coo_array((np.ones(ends.shape[1]), ends), shape=(len(used), len(used)))
-        return int(connected_components(graph, directed=False, return_labels=False))
+        return connected(faces[:, :2].ravel(), faces[:, 1:].ravel(), len(used))[0]
 
     def _cross_products(self) -> NDArray[np.float64]:
         a, b, c = (self.vertices[corner] for corner in self.faces.T)
@@ -147,10 +108,7 @@ class Mesh(ComparedByValue):
 
 def _table(rows: ArrayLike, name: str) -> NDArray[Any]:
     """Return rows as an array; raise an InputError unless they are real numbers."""
-    try:
-        table = np.asarray(rows)
-    except ValueError as error:
-        raise InputError(f"expected {name} of shape (N, 3), found rows of different lengths") from error
+    table = array_of(rows, f"{name} of shape (N, 3)")
     if not (np.issubdtype(table.dtype, np.floating) or np.issubdtype(table.dtype, np.integer)):
         raise InputError(f"expected numbers as {name}, found an array of {table.dtype}")
     return table

@@ -87,24 +87,12 @@ def _percentage(name: str, text: str) -> float:
 
 @dataclass(frozen=True)
 class Length:
-    """A length that somebody asks for.
+    """A length that somebody asks for."""
 
-    Attributes
-    ----------
-    name : str
-        What it is, as messages call it: that of an argument, which is also that of an option.
-    given : object
-        How it was given.
-    amount : float
-        Above 0.
-    unit : str
-        One of `METRES`, or `SHARE`; empty for the unit of the coordinates.
-    """
-
-    name: str
-    given: Any
-    amount: float
-    unit: str
+    name: str  # What it is, as messages call it: that of an argument, which is also that of an option
+    given: Any  # How it was given
+    amount: float  # Above 0
+    unit: str  # One of `METRES`, or `SHARE`; empty for the unit of the coordinates
 
     @classmethod
     def of(cls, name: str, given: Any) -> Length:
@@ -219,21 +207,11 @@ def _not_one(names: list[str]) -> ParameterError:
 
 
 class Scale(NamedTuple):
-    """How lengths that somebody asks for become lengths in the coordinates of a method.
+    """How lengths that somebody asks for become lengths in the coordinates of a method."""
 
-    Attributes
-    ----------
-    diagonal : float
-        Of the bounding box, in the coordinates of the method.
-    metres : float or None
-        The unit of the cloud in metres, if it is known.
-    exponent : int
-        The unit of the method's coordinates is two to this power, in the unit of the cloud.
-    """
-
-    diagonal: float
-    metres: float | None
-    exponent: int
+    diagonal: float  # Of the bounding box, in the coordinates of the method
+    metres: float | None  # The unit of the cloud in metres, if it is known
+    exponent: int  # The unit of the method's coordinates is two to this power, in the unit of the cloud
 
     def inside(self, length: Length) -> float:
         """Return a length in the coordinates of the method."""

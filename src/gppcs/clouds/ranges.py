@@ -50,24 +50,13 @@ def names_of_detail(detail: Any) -> list[str]:
 
 @dataclass(frozen=True)
 class AttributeRange:
-    """How values of an attribute become numbers, in which 1 is its whole range.
-
-    Colours become coordinates of the space OKLab (Ottosson 2020), in which 1 is the distance of black and white.
-    Classes become points that are all 1 apart.
-
-    Attributes
-    ----------
-    name : str
-    low, span : float
-        Of numbers: the low end and the length of the range, 0 if all are equal. Of colours, the span is their full
-        scale.
-    classes : tuple
-        The values that have a point of their own, the most frequent first, if they are classes.
-    """
+    """How values become numbers in which 1 is their range: OKLab for colours, points 1 apart for classes."""
 
     name: str
+    # Of numbers: the low end and the length of the range, 0 if all are equal. Of colours, the span is their full scale.
     low: float = 0.0
     span: float = 0.0
+    # The values that have a point of their own, the most frequent first, if they are classes.
     classes: tuple[Any, ...] = ()
 
     @classmethod
@@ -125,15 +114,9 @@ class AttributeRange:
 
 @dataclass(frozen=True)
 class Details:
-    """The attributes that count as detail, with their ranges and weights.
+    """The attributes that count as detail, with their ranges and weights."""
 
-    Attributes
-    ----------
-    known : tuple of (AttributeRange, float)
-        Without attributes that are constant.
-    """
-
-    known: tuple[tuple[AttributeRange, float], ...]
+    known: tuple[tuple[AttributeRange, float], ...]  # Without attributes that are constant
 
     @classmethod
     def of(cls, cloud: PointCloud, detail: Mapping[str, float]) -> Details:

@@ -93,7 +93,7 @@ def info(cloud: CloudLike) -> Summary:
     """
     from gppcs.spatial.cells import first_occurrences
     from gppcs.spatial.kdtree import KdTree
-    from gppcs.spatial.spacing import spacing
+    from gppcs.spatial.spacing import nearest_distances
 
     cloud = PointCloud.of(cloud)
     bad = cloud.non_finite()
@@ -106,12 +106,13 @@ def info(cloud: CloudLike) -> Summary:
     distinct = np.ldexp(points[first], -exponent)
     if len(distinct):
         distinct -= distinct.min(axis=0)
+    spacing = float(np.median(nearest_distances(KdTree.build(distinct), 1))) if len(distinct) > 1 else math.nan
     return Summary(
         points=len(cloud),
         low=tuple(low.tolist()),
         high=tuple(high.tolist()),
         diagonal=_scaled(float(np.linalg.norm(distinct.max(axis=0))), exponent) if len(distinct) else math.nan,
-        spacing=_scaled(spacing(KdTree.build(distinct)), exponent) if len(distinct) > 1 else math.nan,
+        spacing=_scaled(spacing, exponent),
         repeats=int((~first).sum()),
         non_finite=len(bad),
         coordinate_type=str(cloud.coordinate_dtype),

@@ -11,34 +11,17 @@ from scipy.sparse.csgraph import connected_components
 
 
 class Topology(NamedTuple):
-    """How triangles hang together.
+    """How triangles hang together."""
 
-    Attributes
-    ----------
-    non_manifold_edges : int
-        Edges of more than two triangles, or of two that are not oriented alike.
-    non_manifold_vertices : int
-        Vertices at which several fans of triangles meet.
-    borders : int
-        Closed curves of edges with one triangle.
-    pieces : int
-        Connected pieces.
-    genus : int or None
-        Handles of all pieces together; None if the mesh is no oriented manifold.
-    """
-
-    non_manifold_edges: int
-    non_manifold_vertices: int
-    borders: int
-    pieces: int
-    genus: int | None
+    non_manifold_edges: int  # Edges of more than two triangles, or of two that are not oriented alike
+    non_manifold_vertices: int  # Vertices at which several fans of triangles meet
+    borders: int  # Closed curves of edges with one triangle
+    pieces: int  # Connected pieces
+    genus: int | None  # Handles of all pieces together; None if the mesh is no oriented manifold
 
 
 def topology_of(faces: NDArray[np.int64]) -> Topology:
-    """Return the topology of a mesh.
-
-    Shapes: faces (F, 3).
-    """
+    """Return the topology of a mesh. Shapes: faces (F, 3)."""
     vertices, faces = np.unique(faces, return_inverse=True)
     faces = faces.reshape(-1, 3)
     n, corners = len(vertices), np.arange(3 * len(faces))
@@ -53,20 +36,19 @@ def topology_of(faces: NDArray[np.int64]) -> Topology:
     pairs = order[:-1][edge[order[1:]] == edge[order[:-1]]], order[1:][edge[order[1:]] == edge[order[:-1]]]
     alike = begin[pairs[0]] == begin[pairs[1]]
     first = np.where(alike, pairs[1], next_corner[pairs[1]]), np.where(alike, next_corner[pairs[1]], pairs[1])
-    _, fan = _components((pairs[0], next_corner[pairs[0]]), first, len(corners))
+    _, fan = connected(np.concatenate([pairs[0], next_corner[pairs[0]]]), np.concatenate(first), len(corners))
     several = np.bincount(np.unique(np.stack([begin, fan]), axis=1)[0])
     on_border = counts[edge] == 1
-    borders = len(np.unique(_components((begin[on_border],), (end[on_border],), n)[1][begin[on_border]]))
-    pieces, _ = _components((begin,), (end,), n)
+    borders = len(np.unique(connected(begin[on_border], end[on_border], n)[1][begin[on_border]]))
+    pieces, _ = connected(begin, end, n)
     non_manifold = int((several > 1).sum())
     genus = None if bad or non_manifold else (2 * pieces - borders - (n - len(edges) + len(faces))) // 2
     return Topology(bad, non_manifold, borders, pieces, genus)
 
 
-def _components(
-    begins: tuple[NDArray[np.int64], ...], ends: tuple[NDArray[np.int64], ...], n: int
-) -> tuple[int, NDArray[np.int32]]:
-    """Return the number of connected components of n nodes, and the component of each."""
-    nodes = np.concatenate(begins), np.concatenate(ends)
-    count, labels = connected_components(coo_array((np.ones(len(nodes[0])), nodes), shape=(n, n)), directed=False)
+def connected(begins: NDArray[np.int64], ends: NDArray[np.int64], n: int) -> tuple[int, NDArray[np.int32]]:
+    """Return the number of connected components of n nodes with some edges, (E,), and the component of each."""
+    count, labels = connected_components(
+        coo_array((np.ones(len(begins)), (begins, ends)), shape=(n, n)), directed=False
+    )
     return int(count), labels

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
-from gppcs.surface.surface_variation import features_around
+from gppcs.spatial.spacing import neighbourhood_radius
+from gppcs.surface.surface_variation import features_in_radius
 
 KNOWN = 4  # points in a neighbourhood, at least: fewer always seem flat
 ROUNDING = 1e-12  # surface variation that rounding leaves on a plane; drawn, it would look like relief
@@ -27,7 +28,7 @@ def estimates(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray
     local, _, _ = normalised(points)
     distinct = local[first_occurrences(local)]
     tree = KdTree.build(distinct)
-    features = features_around(distinct, tree, 25)
+    features = features_in_radius(tree, neighbourhood_radius(tree))
     measured = np.where(features.surface_variation <= ROUNDING, 0.0, features.surface_variation)
     variation = np.where(features.neighbours >= KNOWN, measured, np.nan)
     same = tree.nearest_of(local, 1)[0][:, 0]

@@ -1,4 +1,4 @@
-"""Draws the picture of a comparison: a row of clouds above a row of the meshes rebuilt from them."""
+"""Draws the picture of a comparison: a row of clouds, and below it one of the meshes rebuilt from them."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from gppcs.drawing.viewpoint import GUESSED, Viewpoint
 from gppcs.engine.extras import require_matplotlib, require_pyvista
 
 MAX_WIDTH, MAX_COLUMNS, MAX_COLUMN_WIDTH = 2400, 6, 560  # pixels, columns in a row, pixels
+WIDE = 776  # pixels, instead of MAX_COLUMN_WIDTH where there are no close-ups
 FLATTEST, TALLEST = 0.6, 1.3  # height of a panel, divided by its width
 GAP, BETWEEN = 28, 8  # pixels between columns, and between a panel and its close-ups
 TITLE, TEXT, BAR = 32, 25, 120  # pixels: letters of titles, letters of other text, height for the colour bar
@@ -44,13 +45,17 @@ class Column:
 
 
 def draw_comparison(
-    file: BinaryIO, columns: Sequence[Column], viewpoint: Viewpoint = GUESSED, legend: Legend | None = None
+    file: BinaryIO,
+    columns: Sequence[Column],
+    viewpoint: Viewpoint = GUESSED,
+    legend: Legend | None = None,
+    close_ups: int = CLOSE_UPS,
 ) -> None:
     """Write a PNG of clouds and, below each, its mesh if any column has one, with the same camera and colour scale.
 
     The first column is the original. It is drawn as a closed surface, sets the camera, and hides points of the others
-    on its far side. Below each cloud and mesh are close-ups of two squares, in which the original's mean surface
-    variation is largest.
+    on its far side. Below each cloud and mesh are close-ups of squares, in which the original's mean surface variation
+    is largest.
     """
     require_matplotlib()
     with_meshes = any(column.mesh for column in columns)
@@ -58,9 +63,9 @@ def draw_comparison(
         require_pyvista()
     legend = legend or Legend.of_amounts([column.cloud.values for column in columns])
     per_row = math.ceil(len(columns) / math.ceil(len(columns) / MAX_COLUMNS))
-    width = min(MAX_COLUMN_WIDTH, (MAX_WIDTH - GAP) // per_row - GAP)
+    width = min(MAX_COLUMN_WIDTH if close_ups else WIDE, (MAX_WIDTH - GAP) // per_row - GAP)
     # Without its normals: those of the surface variation would show less of the relief.
-    views, squares = _views(Original(replace(columns[0].cloud, normals=None)), width, viewpoint)
+    views, squares = _views(Original(replace(columns[0].cloud, normals=None)), width, viewpoint, close_ups)
     cameras = [view.camera for view in views]
     sheet = _Sheet(columns, per_row, [camera.size for camera in cameras], squares, with_meshes)
     for number, column in enumerate(columns):
@@ -76,11 +81,11 @@ def draw_comparison(
     sheet.figure.savefig(file, format="png", dpi=100)
 
 
-def _views(original: Original, width: int, viewpoint: Viewpoint) -> tuple[list[View], list[Square]]:
+def _views(original: Original, width: int, viewpoint: Viewpoint, close_ups: int) -> tuple[list[View], list[Square]]:
     """Return the view of the whole original, those of its close-ups, and the squares that the close-ups show."""
     heights = int(FLATTEST * width), int(TALLEST * width)
     whole = View(original, Camera.towards(original.cloud.points, width, heights, viewpoint))
-    squares = feature_squares(whole.values(), round(CLOSE_UP_SHARE * max(whole.camera.shape)), CLOSE_UPS)
+    squares = feature_squares(whole.values(), round(CLOSE_UP_SHARE * max(whole.camera.shape)), close_ups)
     size = (width - BETWEEN * (CLOSE_UPS - 1)) // CLOSE_UPS
     return [whole, *(View(original, whole.camera.close_up(square, size)) for square in squares)], squares
 

@@ -16,11 +16,7 @@ _inside = False  # whether the Python thread that holds the lock has limited the
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Let BLAS and LAPACK run in one thread within a `with` statement or, as a decorator, within a function.
-
-    The number of threads belongs to the whole process, and only the Python thread that has changed it can restore it.
-    So such blocks of several Python threads run one after another. Keep them short.
-    """
+    """Let BLAS run in one thread within a `with` or a function; such blocks of several Python threads wait in turn."""
     global _inside
     with _lock:
         if _inside:  # a block within a block of the same Python thread

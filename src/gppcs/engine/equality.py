@@ -8,11 +8,7 @@ from typing import Any
 
 
 class ComparedByValue:
-    """Base class of dataclasses that hold arrays, declared with `eq=False`: `==` compares all fields.
-
-    Arrays are equal if their types, shapes and values are; NaN equals NaN. The objects have no hash, as arrays have
-    none.
-    """
+    """Base class of dataclasses with arrays, declared with `eq=False`: `==` compares all fields; NaN equals NaN."""
 
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):

@@ -6,6 +6,7 @@ import functools
 import importlib
 import subprocess
 import sys
+from functools import partial
 from typing import Any
 
 from gppcs.errors import MissingExtraError
@@ -27,44 +28,33 @@ EXTRAS = {
 PROBE = "import pyvista; p = pyvista.Plotter(off_screen=True); p.add_mesh(pyvista.Cube()); p.screenshot()"
 
 
-def require_matplotlib() -> None:
-    """Check that matplotlib is installed, so that a long run does not fail at its end."""
-    _imported("matplotlib", "a picture needs matplotlib", "picture")
+def _imported(module: str, need: str, extra: str) -> Any:
+    """Import a module of an extra, or say why this fails, with the line that installs its packages."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        packages = " ".join(f"'{requirement}'" for requirement in EXTRAS[extra])
+        fault = "is not installed"
+        if not isinstance(error, ModuleNotFoundError):  # a library of the system is missing, or versions do not fit
+            reason = str(error).partition("\n")[0]
+            fault = f"cannot be imported ({reason})"
+        raise MissingExtraError(f"{need}, which {fault} (the extra {extra}): pip install {packages}") from error
 
 
-def require_pyarrow() -> Any:
-    """Import PyArrow."""
-    return _imported("pyarrow", "Parquet and Feather files need PyArrow", "arrow")
-
-
-def require_distributed() -> Any:
-    """Import Dask's distributed."""
-    return _imported("distributed", "work on several processes or machines needs Dask's distributed", "dask")
-
-
-def require_libe57() -> Any:
-    """Import libE57Format, which pye57 brings."""
-    return _imported("pye57", "E57 files need pye57", "e57").libe57
-
-
-def require_pymeshlab() -> Any:
-    """Import PyMeshLab."""
-    return _imported("pymeshlab", "meshes need PyMeshLab", "evaluate")
+require_matplotlib = partial(_imported, "matplotlib", "a picture needs matplotlib", "picture")
+require_pyarrow = partial(_imported, "pyarrow", "Parquet and Feather files need PyArrow", "arrow")
+require_distributed = partial(
+    _imported, "distributed", "work on several processes or machines needs Dask's distributed", "dask"
+)
+require_libe57 = partial(_imported, "pye57.libe57", "E57 files need pye57", "e57")
+require_pymeshlab = partial(_imported, "pymeshlab", "meshes need PyMeshLab", "evaluate")
+require_trimesh = partial(_imported, "trimesh", "glTF files need trimesh", "gltf")
+require_sklearn = partial(_imported, "sklearn", "a transformer of scikit-learn needs it", "sklearn")
 
 
 def require_cgal(module: str) -> Any:
     """Import a part of CGAL's Python package."""
     return _imported(f"CGAL.CGAL_{module}", "the advancing front needs CGAL", "cgal")
-
-
-def require_trimesh() -> Any:
-    """Import trimesh."""
-    return _imported("trimesh", "glTF files need trimesh", "gltf")
-
-
-def require_sklearn() -> Any:
-    """Import scikit-learn."""
-    return _imported("sklearn", "a transformer of scikit-learn needs it", "sklearn")
 
 
 def require_pyvista() -> None:
@@ -86,19 +76,6 @@ def require_library(name: str, title: str) -> Any:
         raise MissingExtraError(
             f"an object of {title} needs {title}, which cannot be imported ({reason}): pip install {name}"
         ) from error
-
-
-def _imported(module: str, need: str, extra: str) -> Any:
-    """Import a module of an extra, or say why this fails, with the line that installs its packages."""
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        packages = " ".join(f"'{requirement}'" for requirement in EXTRAS[extra])
-        fault = "is not installed"
-        if not isinstance(error, ModuleNotFoundError):  # a library of the system is missing, or versions do not fit
-            reason = str(error).partition("\n")[0]
-            fault = f"cannot be imported ({reason})"
-        raise MissingExtraError(f"{need}, which {fault} (the extra {extra}): pip install {packages}") from error
 
 
 @functools.cache

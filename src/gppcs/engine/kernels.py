@@ -13,7 +13,7 @@ from platform import machine
 from types import CodeType, ModuleType
 from typing import Any
 
-from gppcs.engine import kernel_cache
+from gppcs.engine import kernel_cache, timer
 from gppcs.errors import ParameterError, shown
 
 try:
@@ -32,8 +32,6 @@ from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 from numba.core.types import unliteral
-
-from gppcs.engine.timer import compilation_ended, compilation_started
 
 # The processor for which shipped code is compiled: of x86-64, any since 2013 with these features.
 X86 = "+avx,+avx2,+bmi,+bmi2,+cmov,+cx16,+f16c,+fma,+lzcnt,+movbe,+popcnt,+sse3,+sse4.1,+sse4.2,+ssse3,+xsave"
@@ -64,11 +62,7 @@ def _without_literals(fold: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class _KernelCache(NullCache):
-    """Keeps the compiled code of one kernel: a file for each combination of types of its arguments.
-
-    Numba's own cache looks only at the file that a function stands in, not at those of the functions that it calls.
-    It also names files by numbers from an index, so that two processes that write at once can mix up their files.
-    """
+    """Keeps the code of one kernel. Numba's cache misses changes of what is called, and mixes up files of processes."""
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         self._function, self._options = function, options
@@ -153,7 +147,9 @@ def _reached(function: Callable[..., Any]) -> Iterator[str]:
     waiting = [code]
     while waiting:
         code = waiting.pop()
-        constants = [constant for constant in code.co_consts if not isinstance(constant, CodeType)]
+        constants = [
+            None if each == function.__doc__ else each for each in code.co_consts if type(each) is not CodeType
+        ]
         waiting += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
         yield repr((code.co_code, constants, code.co_names, code.co_varnames))
         values += [within[name] for name in code.co_names if name in within]
@@ -179,11 +175,11 @@ class _Listener(event.Listener):
 
     def on_start(self, event: Any) -> None:
         if isinstance(event.data["dispatcher"]._cache, _KernelCache):
-            compilation_started()
+            timer.compile_timer.start()
 
     def on_end(self, event: Any) -> None:
         if isinstance(event.data["dispatcher"]._cache, _KernelCache):
-            compilation_ended()
+            timer.compile_timer.stop()
 
 
 event.register("numba:compile", _Listener())

@@ -1,4 +1,4 @@
-"""Measure the memory that this process has held, and that it may still take."""
+"""Measure the memory that this process has held, and that it may still take; find the groups that limit it."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-
-from gppcs.engine.control_groups import control_groups
 
 STATUS = Path("/proc/self/status")  # on Linux, this file holds the peak as VmHWM
 
@@ -36,6 +34,19 @@ def available_memory(root: Path = Path("/")) -> int | None:
         return None
     free = [int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")]
     return max(0, min([*free, *_left_to_groups(root)])) if free else None
+
+
+def control_groups(controller: str, root: Path = Path("/")) -> Iterator[Path]:
+    """Yield the folders of the control groups, version 2 or 1, that this process belongs to, with all their parents."""
+    mounted = root / "sys/fs/cgroup"
+    try:
+        groups = (root / "proc/self/cgroup").read_text().splitlines()
+    except OSError:
+        return
+    for _, controllers, path in (group.split(":", 2) for group in groups if group.count(":") >= 2):
+        if not controllers or controller in controllers.split(","):
+            group = mounted / controllers / path.lstrip("/")
+            yield from (group, *(parent for parent in group.parents if mounted in (parent, *parent.parents)))
 
 
 def _left_to_groups(root: Path) -> Iterator[int]:

@@ -83,14 +83,8 @@ class _TerminalBar:
     """A bar on stderr."""
 
     def __init__(self, console: Console, stage: str, total: int | None) -> None:
-        columns = (
-            SpinnerColumn(),
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-        )
-        self._progress = Progress(*columns, console=console, transient=True)
+        name, times = TextColumn("{task.description}"), (TimeElapsedColumn(), TimeRemainingColumn())
+        self._progress = Progress(SpinnerColumn(), name, BarColumn(), *times, console=console, transient=True)
         self._task = self._progress.add_task(stage, total=total)
         self._timer = threading.Timer(PATIENCE, self._progress.start)
         self._timer.daemon = True

@@ -17,7 +17,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from gppcs.engine.control_groups import control_groups
+from gppcs.engine.memory import control_groups
 from gppcs.errors import whole_number
 
 RANGES = 64  # Ranges of the work at most: enough to balance threads, few enough that taking them costs nothing.
@@ -108,10 +108,7 @@ def set_threads(count: int | None) -> None:
 
 @functools.cache
 def _quota(root: Path = Path("/")) -> float:
-    """Return the number of cores whose time the control groups of this process may use, rounded up.
-
-    It is infinite without a limit, and where there are no control groups.
-    """
+    """Return how many cores of time the control groups of this process may use, rounded up; infinite without limit."""
     return min(
         (max(1, math.ceil(cores)) for cores in map(_limit, control_groups("cpu", root)) if cores), default=math.inf
     )

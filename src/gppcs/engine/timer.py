@@ -87,6 +87,7 @@ class Timer:
 
     Attributes
     ----------
+    listener : Listener or None
     seconds : dict of str to float
         Wall time in seconds by name of the stage, in the order of the run. Stages of the same name add up. If kernels
         were compiled meanwhile, that time is in an entry of its own, `compilation`, and not in those of the stages.
@@ -107,44 +108,12 @@ class Timer:
                 f"expected a listener with the methods started, advanced and finished, found {shown(listener)}"
             )
         self.seconds: dict[str, float] = {}
-        self._listener = listener
-
-    @classmethod
-    def of(cls, timer: Timer | None) -> Timer:
-        """Return the timer that a caller gave, or a new one without a listener.
-
-        Parameters
-        ----------
-        timer : Timer or None
-
-        Returns
-        -------
-        Timer
-
-        Raises
-        ------
-        ParameterError
-            If it is anything else.
-        """
-        if timer is None:
-            return cls()
-        if not isinstance(timer, Timer):
-            raise ParameterError(f"expected timer to be a gppcs.Timer or None, found {shown(timer)}")
-        return timer
-
-    def anew(self) -> Timer:
-        """Return a `Timer` with the same listener and no times.
-
-        Returns
-        -------
-        Timer
-        """
-        return Timer(self._listener)
+        self.listener = listener
 
     @contextmanager
     def __call__(self, name: str, total: int | None = None) -> Iterator[Callable[[int], None]]:
         """Run the body of a `with` statement as a stage."""
-        listener = self._listener
+        listener = self.listener
         if listener:
             listener.started(name, total)
         compiled, start = compile_timer.seconds(), perf_counter()
@@ -159,6 +128,13 @@ class Timer:
                 listener.finished()
 
 
+def timer_of(timer: Timer | None) -> Timer:
+    """Return the timer that a caller gave, or a new one without a listener."""
+    if timer is not None and not isinstance(timer, Timer):
+        raise ParameterError(f"expected timer to be a gppcs.Timer or None, found {shown(timer)}")
+    return Timer() if timer is None else timer
+
+
 def _ignore(steps: int) -> None:
     pass
 
@@ -169,13 +145,15 @@ class CompileTimer:
     def __init__(self) -> None:
         self._depth = 0  # one kernel may need another; Numba lets only one thread compile at a time
         self._state: tuple[float, float | None] = 0.0, None  # seconds before, and start; one value, as threads read it
-        self._collected = False
+        self._collected = self._told = False
 
     def start(self) -> None:
-        """Note that the compilation of a kernel starts, and switch Python's garbage collector off.
+        """Note that a compilation starts; the garbage collector, which would take a tenth of the time, is off."""
+        from gppcs.engine.kernel_cache import folder_to_write  # only now, as it slows the start
 
-        The compiler keeps so many objects that the collector would take a tenth of the time.
-        """
+        if not self._told:
+            self._told = True
+            _tell(NOTICE if folder_to_write() else PASSING_NOTICE)
         if self._depth == 0:
             self._state = self._state[0], perf_counter()
             self._collected = gc.isenabled()
@@ -197,23 +175,6 @@ class CompileTimer:
 
 
 compile_timer = CompileTimer()
-_told = False
-
-
-def compilation_started() -> None:
-    """Note that the compilation of a kernel starts, and tell of the first one in this process."""
-    global _told
-    from gppcs.engine.kernel_cache import folder_to_write  # only now, as it slows the start
-
-    if not _told:
-        _told = True
-        _tell(NOTICE if folder_to_write() else PASSING_NOTICE)
-    compile_timer.start()
-
-
-def compilation_ended() -> None:
-    """Note that the compilation of a kernel has ended."""
-    compile_timer.stop()
 
 
 def _tell(notice: str) -> None:

@@ -11,7 +11,7 @@ from gppcs.amounts.request import Request
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.ranges import weights_of_detail
-from gppcs.engine.timer import COMPILATION, Timer
+from gppcs.engine.timer import COMPILATION, Timer, timer_of
 from gppcs.errors import NoSurfaceError, ParameterError, shown
 from gppcs.evaluation.judge import judged, require_mesh
 from gppcs.evaluation.report import Report
@@ -111,7 +111,7 @@ def compare(
     True
     """
     chosen = checked_methods(methods, ratio, n_points, seed)
-    cloud, timer, counted = PointCloud.of(cloud), Timer.of(timer), weights_of_detail(detail)
+    cloud, timer, counted = PointCloud.of(cloud), timer_of(timer), weights_of_detail(detail)
     if mesh is not None:
         require_mesh(mesh)
     original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without dropped points
@@ -120,7 +120,7 @@ def compare(
         # A run on a part of the cloud compiles the kernels before the method is timed.
         simplify(original.points[:: max(1, len(original) // PREPARATION_POINTS)], ratio=0.1, method=method)
         start = perf_counter()
-        run = timer.anew()
+        run = Timer(timer.listener)
         of_method = counted if "detail" in method.supports else None
         result = simplify(
             cloud, ratio=ratio, n_points=n_points, method=method, detail=of_method, invalid=invalid, timer=run
@@ -154,7 +154,7 @@ def rebuilt_mesh(cloud: PointCloud, original: PointCloud) -> Mesh | None:
         mesh = reconstruct(points, estimated_normals(points, *guides))
     except NoSurfaceError:
         return None
-    return trimmed_mesh(mesh.shifted(corner), original)
+    return trimmed_mesh(Mesh(mesh.vertices + corner, mesh.faces), original)
 
 
 def trimmed_mesh(mesh: Mesh, original: PointCloud) -> Mesh | None:
@@ -163,6 +163,7 @@ def trimmed_mesh(mesh: Mesh, original: PointCloud) -> Mesh | None:
 
     corner = original.points.min(axis=0)  # squared distances need all digits
     try:
-        return without_membranes(mesh.shifted(-corner), original.points - corner).shifted(corner)
+        left = without_membranes(Mesh(mesh.vertices - corner, mesh.faces), original.points - corner)
+        return Mesh(mesh.vertices, left.faces)
     except NoSurfaceError:
         return None

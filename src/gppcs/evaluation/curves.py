@@ -8,7 +8,7 @@ from typing import Literal
 
 from gppcs.amounts.curve import Curve, checked_sizes, measured_curve, usual_sizes
 from gppcs.clouds.cloud import CloudLike, PointCloud
-from gppcs.engine.timer import Timer
+from gppcs.engine.timer import Timer, timer_of
 from gppcs.evaluation.comparison import checked_methods
 from gppcs.methods import DEFAULT, Method
 from gppcs.simplification import Result, simplify
@@ -65,7 +65,7 @@ def curve(
     np.True_
     """
     chosen = checked_methods(methods, None, 1, seed)
-    timer = Timer.of(timer)
+    timer = timer_of(timer)
     original = simplify(PointCloud.of(cloud), ratio=1, invalid=invalid).cloud  # without dropped points
     wanted = usual_sizes(len(original)) if sizes is None else checked_sizes(sizes, len(original))
     made = []

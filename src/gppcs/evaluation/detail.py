@@ -17,18 +17,11 @@ AT_ONCE = 1 << 20  # Original points whose attributes are compared at once.
 
 
 class AttributeErrors(NamedTuple):
-    """How far an attribute of each of N original points is from that of the simplified cloud there, in ranges.
+    """How far an attribute of each of N original points is from that of the simplified cloud there, in ranges."""
 
-    Attributes
-    ----------
-    interpolated : (N,) array
-        From the values interpolated linearly in the nearest triangle of the local surface.
-    nearest : (N,) array
-        From the value of the nearest kept point.
-    """
-
+    # (N,), from the values interpolated linearly in the nearest triangle of the local surface.
     interpolated: NDArray[np.float64]
-    nearest: NDArray[np.float64]
+    nearest: NDArray[np.float64]  # (N,), from the value of the nearest kept point
 
 
 def attribute_errors(original: PointCloud, simplified: PointCloud, names: list[str]) -> dict[str, AttributeErrors]:

@@ -7,18 +7,17 @@ import dataclasses
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.clouds.cloud import CloudLike, PointCloud
+from gppcs.clouds.cloud import CloudLike, PointCloud, usable
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.ranges import names_of_detail
-from gppcs.engine.timer import Timer
+from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError, NoSurfaceError, shown
-from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt, Report, figures_of
+from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt, Report, figures_of, relative
 
 if TYPE_CHECKING:
     from gppcs.spatial.kdtree import KdTree
@@ -93,7 +92,7 @@ def evaluate(
     >>> gppcs.evaluate(cloud, cloud).covering_radius
     0.0
     """
-    report, failure = judged(original, simplified, mesh, Timer.of(timer), names_of_detail(detail))
+    report, failure = judged(original, simplified, mesh, timer_of(timer), names_of_detail(detail))
     if failure:
         raise failure
     if report.points_out > report.points_in:
@@ -145,14 +144,14 @@ def evaluate_mesh(
     from gppcs.spatial.cells import first_occurrences
     from gppcs.surface.local_surface import LocalSurface
 
-    _require_measurable_mesh(simplified)
+    _require_measurable(require_mesh(simplified).vertices, "mesh")
     original = PointCloud.of(original)
     require_original(original, mesh)
-    before = original.usable("original cloud")
+    before = usable(original, "original cloud")
     frame = _Frame.of(before)
     before = frame.inside(before[first_occurrences(before)])
     simplified, mesh = frame.mesh_inside(simplified), mesh and frame.mesh_inside(mesh)
-    with Timer.of(timer)("distances"):
+    with timer_of(timer)("distances"):
         _require_mesh_near(simplified, before, before, frame)
         used = simplified.vertices[np.unique(simplified.faces)]
         if mesh is None:
@@ -180,10 +179,10 @@ def evaluate_mesh(
 
 def require_original(original: CloudLike, mesh: Mesh | None) -> None:
     """Raise an error if a cloud, (N, 3), or its surface, cannot be what results are compared with."""
-    points = PointCloud.of(original).usable("original cloud")
+    points = usable(original, "original cloud")
     _require_measurable(points, "original cloud")
     if mesh is not None:
-        _require_measurable_mesh(mesh)
+        _require_measurable(require_mesh(mesh).vertices, "mesh")
         frame = _Frame.of(points)
         inside = frame.inside(points)
         _require_mesh_near(frame.mesh_inside(mesh), inside, inside, frame)
@@ -193,8 +192,7 @@ def _qualities(mesh: Mesh) -> Points:
     """Return for each triangle 4 sqrt(3) times its area over the sum of its squared edges, (F,); 0 without edges."""
     corners = mesh.vertices[mesh.faces]
     squared = ((np.roll(corners, -1, axis=1) - corners) ** 2).sum(axis=(1, 2))
-    doubled = 4.0 * np.sqrt(3.0) * mesh.face_areas()
-    return np.divide(doubled, squared, out=np.zeros_like(squared), where=squared > 0)
+    return 4.0 * np.sqrt(3.0) * mesh.face_areas() / np.where(squared > 0.0, squared, np.inf)
 
 
 def judged(
@@ -204,12 +202,12 @@ def judged(
     from gppcs.spatial.cells import first_occurrences
 
     original, simplified = PointCloud.of(original), PointCloud.of(simplified)
-    before, after = original.usable("original cloud"), simplified.usable("simplified cloud")
+    before, after = usable(original, "original cloud"), usable(simplified, "simplified cloud")
     _require_measurable(before, "original cloud")
     _require_measurable(after, "simplified cloud")
     normals = None
     if mesh is not None:
-        _require_measurable_mesh(mesh)
+        _require_measurable(require_mesh(mesh).vertices, "mesh")
         normals = _carried_normals(simplified)
     frame = _Frame.of(before)
     counts, first = (len(before), len(after)), first_occurrences(after)
@@ -247,21 +245,18 @@ def _detail_errors(original: PointCloud, simplified: PointCloud, names: list[str
     return found
 
 
-def require_mesh(mesh: Any) -> None:
-    """Raise an error if an object is no mesh."""
+def require_mesh(mesh: Any) -> Mesh:
+    """Return a mesh, or raise an error if an object is none."""
     if not isinstance(mesh, Mesh):
         raise InputError(f"expected a gppcs.Mesh, found {shown(mesh)}; make one, or read one with gppcs.read_mesh")
+    return mesh
 
 
-@dataclass(frozen=True)
-class _Frame:
-    """The coordinates in which figures are computed: the original's low corner at the origin, its size about 1.
-
-    The unit is a power of two, so that scaling does not round.
-    """
+class _Frame(NamedTuple):
+    """The coordinates in which figures are computed: the original's low corner at the origin, its size about 1."""
 
     corner: Points
-    unit: float
+    unit: float  # a power of two, so that scaling does not round
     diagonal: float  # of the original's bounding box, in `unit`
 
     @classmethod
@@ -271,17 +266,16 @@ class _Frame:
         return cls(points.min(axis=0), unit, float(np.linalg.norm(extent / unit)))
 
     def inside(self, points: Points) -> Points:
-        """Return points (N, 3) in the coordinates of the frame."""
         return (points - self.corner) / self.unit
 
     def mesh_inside(self, mesh: Mesh) -> Mesh:
-        """Return a mesh in the coordinates of the frame."""
         return Mesh(self.inside(mesh.vertices), mesh.faces)
 
     def outside(self, part: ReportPart) -> ReportPart:
         """Return figures in the unit of the clouds, given the same figures in the unit of the frame."""
         values: dict[str, Any] = {
-            name: known.relative(getattr(part, name), 1.0 / self.unit) for name, known in figures_of(type(part)).items()
+            name: relative(known, getattr(part, name), 1.0 / self.unit)
+            for name, known in figures_of(type(part)).items()
         }
         return dataclasses.replace(part, **{name: value for name, value in values.items() if value is not None})
 
@@ -296,12 +290,6 @@ def _require_measurable(points: Points, name: str) -> None:
         raise InputError(
             f"expected the {name} to have a size of {least:g} to {most:g}, found {found}: change the unit of all inputs"
         )
-
-
-def _require_measurable_mesh(mesh: Mesh) -> None:
-    """Raise an error if an object is no mesh, or too large or too small."""
-    require_mesh(mesh)
-    _require_measurable(mesh.vertices, "mesh")
 
 
 def _mean_and_max(name: str, distances: Points) -> dict[str, Any]:
@@ -329,9 +317,8 @@ def _carried_normals(cloud: PointCloud) -> Points | None:
 
 def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[int, int]) -> Report:
     """Return the figures that need no mesh, in the frame's unit, for clouds (N, 3) and (M, 3) without repeats."""
-    from gppcs.spatial.areas import areas_of_points
     from gppcs.spatial.kdtree import KdTree
-    from gppcs.spatial.spacing import surface_area
+    from gppcs.spatial.spacing import areas_of_points, surface_area
     from gppcs.surface.local_surface import PLANE_NEIGHBOURS, LocalSurface
     from gppcs.surface.surface_variation import features_of_nearest
 
@@ -372,21 +359,14 @@ def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[in
 
 
 def _weighted_quantile(values: Points, weights: Points, share: float) -> float:
-    """Return the value (N,) below which a share of the weight (N,) lies.
-
-    The weights of the values, in their order, divide a line into intervals. Each value lies in the middle of its
-    interval; between two middles it is interpolated.
-    """
+    """Return the value, (N,), below which a share of the weight, (N,), lies, between the middles of weights."""
     order = np.argsort(values)
     ends = np.cumsum(weights[order])
     return float(np.interp(share * ends[-1], ends - weights[order] / 2.0, values[order]))
 
 
 def _rough(variation: Points) -> NDArray[np.bool_]:
-    """Return which points (N,) are features: the tenth with the largest surface variation, or all if the cloud is flat.
-
-    On lattices many points have the same surface variation up to rounding. The tolerance treats these alike.
-    """
+    """Return which points (N,) are features: the tenth of largest surface variation, with ties, or all if flat."""
     if variation.max() <= ROUNDING:
         return np.ones(len(variation), dtype=np.bool_)
     return variation >= max(np.quantile(variation, FEATURE_QUANTILE) * (1.0 - 1e-9), ROUNDING)
@@ -400,12 +380,7 @@ def _angles(first: Points, second: Points) -> Points:
 
 
 def _mean_surface_variation(tree: KdTree, spacing: float) -> float:
-    """Return the mean surface variation with the paper's radius, to be comparable with the paper's tables.
-
-    The paper's rule uses only the bounding box. If the box is flat, or stretched by distant points, that radius can be
-    arbitrarily wrong. If it differs more than three times from the radius of a disc that holds as many points at the
-    target spacing, the latter is used.
-    """
+    """Return the mean surface variation with the paper's radius, or a robust one where the box makes that wrong."""
     from gppcs.spatial.spacing import paper_radius
     from gppcs.surface.surface_variation import features_in_radius
 
@@ -436,13 +411,10 @@ def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, frame: _Frame) 
 
 
 def _require_mesh_near(mesh: Mesh, before: Points, after: Points, frame: _Frame) -> None:
-    """Raise an error if the mesh has no area or does not lie on the original.
+    """Raise an error unless the mesh has an area and lies on the original; boxes first, as PyMeshLab may take long."""
+    from gppcs.evaluation.reconstruction import distances_to, require_area
 
-    The bounding boxes are compared first, since PyMeshLab takes extremely long for distant meshes.
-    """
-    from gppcs.evaluation.reconstruction import distances_to
-
-    mesh.require_area("mesh")
+    require_area(mesh, "mesh")
     used = mesh.vertices[np.unique(mesh.faces)]
     gaps = np.maximum(np.maximum(used.min(axis=0) - after, after - used.max(axis=0)), 0.0)
     _require_near(np.linalg.norm(gaps, axis=1), "mesh", used, before, frame)

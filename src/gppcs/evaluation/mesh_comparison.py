@@ -11,7 +11,7 @@ from gppcs.clouds.cloud import CloudLike
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.quantities import Amount, count_of
 from gppcs.engine.extras import require_pymeshlab
-from gppcs.engine.timer import Timer
+from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError, NoSurfaceError, ParameterError, nearest_name, shown
 from gppcs.evaluation.judge import evaluate_mesh, require_original
 from gppcs.evaluation.mesh_ways import MESH_WAYS, Wanted, installed_ways, require_way
@@ -120,7 +120,7 @@ def compare_meshes(
     >>> entries[1].report.mesh_mean < entries[0].report.mesh_mean
     True
     """
-    chosen, timer = checked_ways(ways, ratio, n_points), Timer.of(timer)
+    chosen, timer = checked_ways(ways, ratio, n_points), timer_of(timer)
     original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without dropped points
     require_original(original, mesh)
     count = Amount.of(ratio, n_points).known_count(len(original))
@@ -130,7 +130,7 @@ def compare_meshes(
             f"expected a mesh of at least {FEWEST_VERTICES} vertices, found {count} of {len(original)} points"
         )
     _load_kernels()
-    return [_entry(way, Wanted(original, count, timer.anew()), mesh) for way in chosen]
+    return [_entry(way, Wanted(original, count, Timer(timer.listener)), mesh) for way in chosen]
 
 
 def checked_ways(ways: Iterable[str] | None, ratio: float | str | None, n_points: int | str | None) -> list[str]:

@@ -27,10 +27,7 @@ def estimated_normals(
     places: NDArray[np.float64] | None = None,
     guides: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """Return normals from planes fitted to the nearest points.
-
-    Shapes: points (M, 3), places (V, 3), guides (V, 3); returns (M, 3).
-    """
+    """Return normals, (M, 3), from planes fitted to the nearest points, with the signs of guides at places, (V, 3)."""
     meshes = _mesh_set(points)
     meshes.compute_normal_for_point_clouds(k=NORMAL_NEIGHBOURS)
     normals: NDArray[np.float64] = meshes.current_mesh().vertex_normal_matrix()
@@ -42,10 +39,7 @@ def estimated_normals(
 
 
 def reconstruct(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
-    """Return the screened Poisson mesh of points with normals (Kazhdan and Hoppe 2013).
-
-    Shapes: points (M, 3), normals (M, 3).
-    """
+    """Return the screened Poisson mesh of points with normals, (M, 3) (Kazhdan and Hoppe 2013)."""
     meshes = _mesh_set(points, v_normals_matrix=normals)
     work = f"the screened Poisson reconstruction of the {len(points)} points"
     # One thread: several threads on few cores wait actively for each other, which takes minutes instead of seconds.
@@ -54,10 +48,7 @@ def reconstruct(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Me
 
 
 def without_membranes(mesh: Mesh, points: NDArray[np.float64]) -> Mesh:
-    """Return a mesh without the parts that are far from all points, which a reconstruction adds over gaps.
-
-    Shapes: points (M, 3).
-    """
+    """Return a mesh without what is far from all points, (M, 3), such as what a reconstruction adds over gaps."""
     tree = KdTree.build(np.unique(points, axis=0))
     spacing = np.sqrt(np.median(tree.neighbours(min(6, len(tree.order) - 1))[1][:, -1]))
     limit = MEMBRANE * max(spacing, np.ptp(points, axis=0).max() / 2**OCTREE_DEPTH)
@@ -83,10 +74,7 @@ def oriented_alike(mesh: Mesh) -> Mesh:
 
 
 def ball_pivoted(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
-    """Return the mesh of points by ball pivoting (Bernardini et al. 1999), with the radius that PyMeshLab guesses.
-
-    Shapes: points (M, 3), normals (M, 3).
-    """
+    """Return the mesh of points, (M, 3), by ball pivoting (Bernardini et al. 1999), with PyMeshLab's guessed radius."""
     meshes = _mesh_set(points, v_normals_matrix=normals)
     return _filtered(
         meshes, f"ball pivoting of the {len(points)} points", "generate_surface_reconstruction_ball_pivoting"
@@ -94,10 +82,7 @@ def ball_pivoted(points: NDArray[np.float64], normals: NDArray[np.float64]) -> M
 
 
 def distances_to(mesh: Mesh, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the distance of each point to the surface of a mesh.
-
-    Shapes: points (M, 3); returns (M,).
-    """
+    """Return the distance of each point to the surface of a mesh. Shapes: points (M, 3); returns (M,)."""
     pymeshlab = require_pymeshlab()
     meshes = _mesh_set(points)
     used, faces = np.unique(mesh.faces, return_inverse=True)  # unused vertices would enlarge PyMeshLab's grid
@@ -118,6 +103,12 @@ def count_self_intersections(mesh: Mesh) -> int:
     return int(meshes.current_mesh().selected_face_number())
 
 
+def require_area(mesh: Mesh, name: str) -> None:
+    """Raise an error if no triangle has an area above zero."""
+    if not mesh.face_areas().any():
+        raise InputError(f"the {name} has no area: expected triangles whose corners do not lie on a line")
+
+
 def _filtered(meshes: Any, work: str, name: str, **parameters: Any) -> Mesh:
     """Return what a filter of PyMeshLab makes of a MeshSet; if that is no surface, the error says of which work."""
     pymeshlab = require_pymeshlab()
@@ -125,7 +116,7 @@ def _filtered(meshes: Any, work: str, name: str, **parameters: Any) -> Mesh:
         meshes.apply_filter(name, **parameters)
         made = meshes.current_mesh()
         mesh = Mesh(made.vertex_matrix(), made.face_matrix())
-        mesh.require_area("rebuilt mesh")
+        require_area(mesh, "rebuilt mesh")
         return mesh
     except (pymeshlab.PyMeshLabException, InputError) as error:
         raise NoSurfaceError(f"{work} gave no surface ({error}): expected points on a surface, with normals") from error

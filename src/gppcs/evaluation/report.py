@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
+import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from gppcs.errors import ParameterError, shown
 
@@ -13,6 +15,7 @@ if TYPE_CHECKING:
     from gppcs.clouds.mesh import Mesh
 
 Unit = Literal["count", "length", "squared length", "degrees", "share", "ratio"]
+Class = TypeVar("Class", bound=type)
 
 BY_AREA = "each original point weighted by the area of the surface that it stands for"
 
@@ -38,37 +41,35 @@ class Figure:
     True
     >>> figure.unit, figure.better
     ('length', 'less')
-    >>> figure.relative(0.5, diagonal=10.0)
-    0.05
     """
 
     unit: Unit
     definition: str
     better: Literal["less", "more"] | None = None
 
-    def relative(self, value: float, diagonal: float) -> float | None:
-        """Return a value of this figure relative to the diagonal of the original's bounding box.
-
-        Parameters
-        ----------
-        value : float
-            A value of the figure.
-        diagonal : float
-            Length of the diagonal, in the unit of the coordinates.
-
-        Returns
-        -------
-        float or None
-            A length divided by the diagonal, or a squared length divided by its square. None for other units, or if the
-            diagonal is not above 0.
-        """
-        power = {"length": 1, "squared length": 2}.get(self.unit)
-        return None if power is None or not diagonal > 0 else value / diagonal**power
-
 
 def figure(unit: Unit, definition: str, better: Literal["less", "more"] | None = "less") -> Any:
     """Return a dataclass field that holds a figure."""
     return dataclasses.field(metadata={"figure": Figure(unit, definition, better)})
+
+
+def relative(known: Figure, value: float, diagonal: float) -> float | None:
+    """Return a length over a diagonal, or a squared length over its square; None for other figures or no diagonal."""
+    power = {"length": 1, "squared length": 2}.get(known.unit)
+    return None if power is None or not diagonal > 0 else value / diagonal**power
+
+
+def _told(report: Class) -> Class:
+    """Complete the docstring of a report by its fields, before its examples, unless `python -OO` has removed it."""
+    if report.__doc__:
+        before, title, examples = inspect.cleandoc(report.__doc__).partition("Examples\n--------")
+        told = []
+        for each in dataclasses.fields(report):
+            meaning = each.metadata["figure"].definition if "figure" in each.metadata else each.metadata["meaning"]
+            text = textwrap.indent(textwrap.fill(f"{meaning[0].upper()}{meaning[1:]}.", 96), "    ")
+            told.append(f"{each.name} : {each.type}\n{text}\n")
+        report.__doc__ = f"{before}Attributes\n----------\n{''.join(told)}\n{title}{examples}"
+    return report
 
 
 def figures_of(report: type) -> Mapping[str, Figure]:
@@ -101,20 +102,13 @@ def figures_of(report: type) -> Mapping[str, Figure]:
     return {field.name: field.metadata["figure"] for field in dataclasses.fields(report) if "figure" in field.metadata}
 
 
+@_told
 @dataclass(frozen=True)
 class DetailErrors:
     """How far an attribute of the original is from that of a simplified cloud.
 
     The unit is the range of the attribute: of numbers from the 2nd to the 98th percentile, of colours the distance of
     black and white in the space OKLab, of classes the distance of two classes.
-
-    Attributes
-    ----------
-    error_mean, error_p95 : float
-        Mean and 95th percentile of the errors, if the values of the kept points are interpolated linearly in the
-        triangles of the local surface.
-    nearest_error_mean, nearest_error_p95 : float
-        The same, if each original point gets the value of the nearest kept point.
 
     Examples
     --------
@@ -135,24 +129,12 @@ class DetailErrors:
     nearest_error_p95: float = figure("share", "95th percentile of those errors")
 
 
+@_told
 @dataclass(frozen=True)
 class Rebuilt:
     """The mesh rebuilt from a simplified cloud by screened Poisson reconstruction, compared with the original mesh.
 
     Lengths are in the unit of the cloud. `gppcs.figures_of(gppcs.Rebuilt)` defines each figure.
-
-    Attributes
-    ----------
-    mesh : Mesh
-        The rebuilt mesh, in the unit and frame of the simplified cloud.
-    hausdorff_mean, hausdorff_max : float
-        Mean and largest distance from the vertices of the original mesh to the rebuilt mesh.
-    back_mean, back_max : float
-        Mean and largest distance from the vertices of the rebuilt mesh to the original mesh.
-    pieces : int
-        The number of connected pieces of the rebuilt mesh.
-    stray_share : float
-        Share of its area that lies far from the original mesh.
 
     Examples
     --------
@@ -170,7 +152,11 @@ class Rebuilt:
     1
     """
 
-    mesh: Mesh = dataclasses.field(repr=False, compare=False)
+    mesh: Mesh = dataclasses.field(
+        repr=False,
+        compare=False,
+        metadata={"meaning": "the rebuilt mesh, in the unit and frame of the simplified cloud"},
+    )
     hausdorff_mean: float = figure(
         "length", "mean distance from the vertices of the original mesh to the rebuilt mesh (the paper's H mean)"
     )
@@ -185,31 +171,13 @@ class Rebuilt:
     )
 
 
+@_told
 @dataclass(frozen=True)
 class MeshReport:
     """The figures of a simplified mesh.
 
     Lengths are in the unit of the coordinates; `figures(relative=True)` divides them by the diagonal.
     `gppcs.figures_of(gppcs.MeshReport)` defines each figure.
-
-    Attributes
-    ----------
-    vertices, triangles : int
-        The size of the mesh.
-    diagonal : float
-        Length of the diagonal of the original's bounding box.
-    mesh_mean, mesh_max : float
-        Mean and largest distance from the original to the mesh.
-    mesh_back_mean, mesh_back_max : float
-        Mean and largest distance from the vertices of the mesh to the original.
-    mesh_pieces, borders : int
-        Connected pieces, and closed curves of edges with one triangle.
-    genus : float
-        Handles; NaN if the mesh is no oriented manifold.
-    non_manifold_edges, non_manifold_vertices, self_intersections : int
-        What other programs may refuse.
-    slivers : float
-        Share of the triangles that are thin.
 
     Examples
     --------
@@ -262,45 +230,13 @@ class MeshReport:
         return _values(self, self.diagonal if relative else None)
 
 
+@_told
 @dataclass(frozen=True)
 class Report:
     """The figures of a simplification.
 
     Lengths are in the unit of the coordinates; `figures(relative=True)` divides them by the diagonal.
     `gppcs.figures_of(gppcs.Report)` defines each figure.
-
-    Attributes
-    ----------
-    points_in, points_out : int
-        The number of original points, N, and of kept points, M.
-    diagonal : float
-        Length of the diagonal of the original's bounding box.
-    covering_radius, covering_p999, mean_distance : float
-        Largest distance, 99.9th percentile and mean of the distances from an original point to the nearest kept point.
-    chamfer : float
-        Chamfer distance: the mean squared distance to the nearest point, in both directions, added. A squared length.
-    surface_mean, surface_rms, surface_p95, surface_max : float
-        Mean, root mean square, 95th percentile and maximum of the distances from the original points to the local
-        surface of the simplified cloud.
-    feature_error : float
-        Mean of these distances, each multiplied by the angle between the normals there.
-    mean_distance_by_area, surface_mean_by_area, surface_p95_by_area, feature_error_by_area : float
-        The same figures, but each original point counts by the area of the surface that it stands for. So the
-        density of the original matters little.
-    feature_recall : float
-        Share of the original points of largest surface variation that have a kept point nearby.
-    normal_deviation : float
-        Mean angle between the normals at an original point and at the nearest kept point, in degrees.
-    mean_surface_variation : float
-        Mean surface variation of the simplified cloud.
-    detail : mapping of str to DetailErrors
-        The errors of the attributes that were named.
-    rebuilt : Rebuilt or None
-        The figures of the mesh rebuilt with normals estimated on the simplified cloud, as in the paper. None if
-        `evaluate` got no mesh.
-    rebuilt_carried : Rebuilt or None
-        The figures of the mesh rebuilt with the normals that the simplified cloud carries (`nx`, `ny`, `nz`). None if
-        it carries none, `evaluate` got no mesh, or no surface could be rebuilt.
 
     Examples
     --------
@@ -349,9 +285,17 @@ class Report:
         "degrees", "mean angle between the normals estimated at an original point and at the nearest kept point"
     )
     mean_surface_variation: float = figure("ratio", "mean surface variation of the simplified cloud", "more")
-    detail: Mapping[str, DetailErrors] = dataclasses.field(default_factory=dict)
-    rebuilt: Rebuilt | None = None
-    rebuilt_carried: Rebuilt | None = None
+    detail: Mapping[str, DetailErrors] = dataclasses.field(
+        default_factory=dict, metadata={"meaning": "the errors of the attributes that were named"}
+    )
+    rebuilt: Rebuilt | None = dataclasses.field(
+        default=None,
+        metadata={"meaning": "the mesh rebuilt with normals estimated on the simplified cloud, if asked for"},
+    )
+    rebuilt_carried: Rebuilt | None = dataclasses.field(
+        default=None,
+        metadata={"meaning": "the same with the normals `nx`, `ny` and `nz` of the cloud, if there are, and a surface"},
+    )
 
     def figures(self, relative: bool = False) -> dict[str, float]:
         """Return all figures by name.
@@ -391,6 +335,6 @@ def _values(part: Report | DetailErrors | Rebuilt | MeshReport, diagonal: float 
     values = {}
     for name, known in figures_of(type(part)).items():
         value = getattr(part, name)
-        scaled = known.relative(value, diagonal) if diagonal is not None and name != "diagonal" else None
+        scaled = relative(known, value, diagonal) if diagonal is not None and name != "diagonal" else None
         values[name] = value if scaled is None else scaled
     return values

@@ -15,7 +15,7 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.clouds import reading
+from gppcs.clouds import above
 from gppcs.clouds.cloud import PointCloud
 from gppcs.io import las
 from gppcs.io.copc import ENTRY, INFO
@@ -136,7 +136,7 @@ def _order(cloud: PointCloud, levels_by: str) -> tuple[NDArray[np.int64], int]:
     n = len(cloud)
     if levels_by == "order" or n <= MOST:
         return np.arange(n), n
-    first = reading.rank(cloud, levels_by, ranked_of(n))
+    first = above.rank(cloud, levels_by, ranked_of(n))
     others = np.ones(n, np.bool_)
     others[first] = False
     return np.concatenate([first, np.random.default_rng(0).permutation(np.flatnonzero(others))]), len(first)

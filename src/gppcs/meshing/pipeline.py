@@ -16,7 +16,7 @@ from gppcs.clouds.quantities import Length, Scale, count_of, metres_of, option, 
 from gppcs.clouds.topology import topology_of
 from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.equality import ComparedByValue
-from gppcs.engine.timer import Timer, in_words
+from gppcs.engine.timer import Timer, in_words, timer_of
 from gppcs.errors import NoSurfaceError, ParameterError, flag, shown
 from gppcs.meshing.assembly import assembled, without_scraps
 from gppcs.meshing.assignment import Assignment
@@ -165,7 +165,7 @@ def mesh(
     """
     from gppcs.simplification import check_usable
 
-    timer, moved = Timer.of(timer), flag("moved", moved)
+    timer, moved = timer_of(timer), flag("moved", moved)
     size = Size.of(
         n_points=n_points, ratio=ratio, n_faces=n_faces, tolerance=tolerance, unit=unit, keep=keep,
         fill_holes=fill_holes,

@@ -80,15 +80,7 @@ class LocalGP(Method):
 
     @property
     def criterion(self) -> Criterion:
-        """The weights of the selection at this `feature_weight`.
-
-        At the default, 0.5, surfaces rebuilt from the kept points have the smallest error (research/experiments.md),
-        and the error of the prediction has no weight. At 1 it has the weight that the paper gives it.
-
-        Returns
-        -------
-        Criterion
-        """
+        """The weights of the selection: at the default, 0.5, the error has none; at 1 that of the paper."""
         from gppcs.gp.local.algorithm import Criterion
 
         return Criterion(
@@ -125,21 +117,7 @@ class LocalGP(Method):
         attributes = {"score": ranking.scores, "deviation": ranking.deviations}
         return Selection(ranking.rows, {"noise_in_spacings": ranking.noise_in_spacings}, attributes=attributes)
 
-    def memory(self, n: int, n_points: int) -> int:
-        """Return about how much memory a call takes, beyond the points themselves.
-
-        Parameters
-        ----------
-        n : int
-            N, the number of points.
-        n_points : int
-            M, the number of points to keep.
-
-        Returns
-        -------
-        int
-            Bytes.
-        """
+    def _bytes(self, n: int, n_points: int) -> int:
         from gppcs.gp.local.candidates import sample_size
         from gppcs.gp.local.placement import MOST
 

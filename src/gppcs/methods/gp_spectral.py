@@ -121,10 +121,11 @@ class SpectralGP(Method):
 
         from gppcs.gp.spectral import hyperparameters, kernel
         from gppcs.gp.spectral.laplacian import eigenpairs
-        from gppcs.surface.surface_variation import features_around
+        from gppcs.spatial.spacing import neighbourhood_radius
+        from gppcs.surface.surface_variation import features_in_radius
 
         with timer("surface variation"):
-            y = features_around(points, tree, self.neighbours).surface_variation
+            y = features_in_radius(tree, neighbourhood_radius(tree, self.neighbours)).surface_variation
         with timer("eigenfunctions"):
             pairs = eigenpairs(points, self.eigenfunctions, self.landmarks, tree)
         values, functions = pairs.eigenvalues, pairs.eigenfunctions

@@ -43,7 +43,7 @@ class Wanted:
         Attributes that count beside the shape, for methods whose `supports` has "detail". A change by 1 counts as much
         as a sharp edge.
     values : (N,) array, float64, optional
-        Of the attribute that the method's `values_of` names.
+        Of the attribute that the method's parameter `attribute` names, if it has one.
     timer : Timer
         Measures the time of each stage, and reports progress.
     stored : StoredPoints, optional
@@ -173,11 +173,6 @@ class Method(ABC):
             if getattr(self, each.name) is not each.default:
                 check_parameter(self, each)
 
-    @property
-    def values_of(self) -> str | None:
-        """The attribute whose values the method takes from `Wanted.values`, if any."""
-        return None
-
     @abstractmethod
     def __call__(self, wanted: Wanted) -> Selection:
         """Choose points of a cloud.
@@ -215,6 +210,9 @@ class Method(ABC):
         int
             Bytes.
         """
+        return self._bytes(n, n_points)
+
+    def _bytes(self, n: int, n_points: int) -> int:
         return self._bytes_per_point * n
 
     @classmethod
@@ -230,10 +228,7 @@ class Method(ABC):
 
 
 def random_candidates(n: int, candidates: int | None, n_points: int, seed: int) -> NDArray[np.int64]:
-    """Choose a random subset of n points.
-
-    Shapes: returns (size,).
-    """
+    """Choose a random subset of n points. Shapes: returns (size,)."""
     import numpy as np
 
     if candidates is None:
@@ -242,10 +237,7 @@ def random_candidates(n: int, candidates: int | None, n_points: int, seed: int) 
 
 
 def largest(values: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Return the indices of the largest values.
-
-    Shapes: values (N,); returns (count,).
-    """
+    """Return the indices of the largest values. Shapes: values (N,); returns (count,)."""
     import numpy as np
 
     if count == 0:

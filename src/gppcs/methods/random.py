@@ -50,14 +50,16 @@ class Random(Method):
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
-        from gppcs.spatial.spacing import areas
+        from gppcs.spatial.kdtree import KdTree
+        from gppcs.spatial.nearest import squared_reaches
 
         with wanted.timer("permutation"):
             if wanted.stored is not None:
                 return Selection(self._of_stored(wanted))
             rng, points = np.random.default_rng(self.seed), wanted.points
             if self.even:
-                return Selection(np.argsort(rng.exponential(size=len(points)) / areas(points))[: wanted.n_points])
+                areas = squared_reaches(KdTree.build(points))
+                return Selection(np.argsort(rng.exponential(size=len(points)) / areas)[: wanted.n_points])
             return Selection(rng.permutation(len(points))[: wanted.n_points])
 
     def _of_stored(self, wanted: Wanted) -> NDArray[np.int64]:

@@ -12,7 +12,10 @@ from gppcs.scans.fan import FAN
 from gppcs.scans.medallion import MEDALLION
 from gppcs.scans.painted import FRESCO, PAINTED, ROAD
 from gppcs.scans.patch import Patch, Scan, SurfacePoints
-from gppcs.scans.scenes import SCENES, Scene
+from gppcs.scans.scenes.room import ROOM
+from gppcs.scans.scenes.scene import Scene
+from gppcs.scans.scenes.street import STREET
+from gppcs.scans.scenes.terrain import TERRAIN
 from gppcs.scans.sphere import SPHERE
 from gppcs.scans.statue import STATUE
 
@@ -22,6 +25,7 @@ SCANS: dict[str, Scan] = {
     "medallion": MEDALLION, "bracket": BRACKET, "fan": FAN, "statue": STATUE, "sphere": SPHERE, "painted": PAINTED,
     "fresco": FRESCO, "road": ROAD,
 }  # fmt: skip
+SCENES: dict[str, Scene] = {"room": ROOM, "street": STREET, "terrain": TERRAIN}
 
 BATCH = 32_768  # points drawn at once: few enough for their derivatives to stay in the CPU cache
 MOST_POINTS = 10**17  # the size of an array of more is beyond the range of its numbers

@@ -7,9 +7,8 @@ lengths are in millimetres.
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.scans.jets import Values
 from gppcs.scans.patch import Patch, Scan, flat, turned
-
-Values = NDArray[np.float64]
 
 PLATE_X, PLATE_Y, PLATE_Z = 50.0, 30.0, 10.0  # half width, half depth, height
 CORNER = 10.0  # radius of the two front corners

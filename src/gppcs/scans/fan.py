@@ -7,10 +7,8 @@ sweep, which grows with the radius. Lengths are in millimetres.
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.scans.jets import Jet
+from gppcs.scans.jets import Jet, Values
 from gppcs.scans.patch import Patch, Scan, turned
-
-Values = NDArray[np.float64]
 
 BLADES = 7
 BLADE_STEP = 2.0 * np.pi / BLADES  # radians from one blade to the next

@@ -12,10 +12,7 @@ FIRST, SECOND = [1, 1, 2], [1, 2, 2]
 
 
 class Jet:
-    """Values of a function of (u, v) at N places, and its derivatives along u, v, uu, uv and vv: parts, (6, N).
-
-    Jets support +, - and * with jets, numbers and (N,) arrays, which count as constants.
-    """
+    """Values of a function of (u, v) at N places, and its derivatives along u, v, uu, uv and vv: parts, (6, N)."""
 
     def __init__(self, parts: Values) -> None:
         self.parts = parts

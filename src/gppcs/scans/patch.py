@@ -19,10 +19,7 @@ Trim = Callable[[Values, Values], NDArray[np.bool_]]
 
 
 class SurfacePoints(NamedTuple):
-    """Points of a surface in mm, (N, 3), with their outward unit normals, (N, 3), and mean curvatures in 1/mm, (N,).
-
-    The area element, (N,), is the area on the surface per unit of area in the parameters (u, v).
-    """
+    """Points in mm and outward unit normals, (N, 3), mean curvatures, and areas per unit of area in (u, v), (N,)."""
 
     points: Values
     normals: Values
@@ -74,10 +71,7 @@ class Patch:
 
 @dataclass(frozen=True)
 class Scan:
-    """A sample scan: patches that make up its whole surface without overlaps, and the corners of its box, in mm.
-
-    Paint gives points, (N, 3), their attributes.
-    """
+    """A sample scan: patches that make up its whole surface, the corners of its box in mm, and what paints points."""
 
     description: str
     patches: tuple[Patch, ...]

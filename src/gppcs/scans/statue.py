@@ -6,10 +6,8 @@ Its radius is a function of height and angle. Lengths are in millimetres.
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.scans.jets import Jet
+from gppcs.scans.jets import Jet, Values
 from gppcs.scans.patch import Patch, Scan, flat
-
-Values = NDArray[np.float64]
 
 HEIGHT = 100.0
 FRONT = -np.pi / 2.0  # angle of the face, which looks along -y

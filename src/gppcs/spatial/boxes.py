@@ -16,18 +16,12 @@ from numpy.typing import NDArray
 
 
 class Part(NamedTuple):
-    """Some boxes that follow each other.
+    """Some boxes that follow each other."""
 
-    Attributes
-    ----------
-    first, last : int
-        The boxes from `first` to `last`, the latter excluded.
-    low, high : (3,) arrays
-        Corners of the box around them.
-    """
-
+    # The boxes from `first` to `last`, the latter excluded.
     first: int
     last: int
+    # (3,) each, corners of the box around them.
     low: NDArray[np.float64]
     high: NDArray[np.float64]
 
@@ -37,31 +31,17 @@ Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]  # Like `m
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """A division of a cloud's bounding box into 2^d boxes. Each node of a perfect binary tree is cut into two.
+    """A division of a cloud's box into 2^d boxes, the leaves of a perfect binary tree with root 1."""
 
-    Node 1 is the root, and node n has the children 2n and 2n + 1.
-
-    Attributes
-    ----------
-    axes : (nodes,) array, int64
-        The axis along which a node is cut.
-    cuts : (nodes,) array
-        Where it is cut. Points on the cut belong to the upper child.
-    low, high : (2 nodes, 3) arrays
-        Corners of all nodes, with those that are not cut, the boxes; row 0 is unused.
-    """
-
-    axes: NDArray[np.int64]
-    cuts: NDArray[np.float64]
+    axes: NDArray[np.int64]  # (nodes,), the axis along which a node is cut
+    cuts: NDArray[np.float64]  # (nodes,): Where it is cut. Points on the cut belong to the upper child.
+    # (2 nodes, 3) each, corners of all nodes, with those that are not cut, the boxes; row 0 is unused.
     low: NDArray[np.float64]
     high: NDArray[np.float64]
 
     @classmethod
     def of(cls, sample: NDArray[np.float64], count: int) -> Boxes:
-        """Divide space so that each box holds about as many points of a sample.
-
-        Shapes: sample (n, 3).
-        """
+        """Divide space so that each box holds about as many points of a sample. Shapes: sample (n, 3)."""
         axes, cuts = np.zeros(count, dtype=np.int64), np.zeros(count)
         low, high = np.empty((2 * count, 3)), np.empty((2 * count, 3))
         low[1], high[1] = sample.min(axis=0), sample.max(axis=0)
@@ -82,20 +62,14 @@ class Boxes:
         return len(self.cuts)
 
     def box_of(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return the box of each point, from 0. Points outside all boxes belong to the nearest along each cut.
-
-        Shapes: points (n, 3); returns (n,).
-        """
+        """Return the box, (n,), of each point, (n, 3), from 0; points outside belong to the nearest along each cut."""
         node, flat, start = np.ones(len(points), dtype=np.int64), points.ravel(), 3 * np.arange(len(points))
         for _ in range(len(self).bit_length() - 1):
             node = 2 * node + (flat[start + self.axes[node]] >= self.cuts[node])
         return node - len(self)
 
     def parts(self, counts: NDArray[np.int64], most: int) -> list[Part]:
-        """Return the largest nodes that hold few enough points, those without points left out.
-
-        Shapes: counts (boxes,).
-        """
+        """Return the largest nodes that hold few enough points, given the counts of boxes; none without points."""
         below = np.concatenate([[0], np.cumsum(counts)])
         found: list[Part] = []
         waiting = [(1, 0, len(self))]
@@ -110,10 +84,7 @@ class Boxes:
         return found
 
     def around(self, part: Part, width: float) -> NDArray[np.int64]:
-        """Return the boxes outside a part that are within some distance of it along each axis.
-
-        Shapes: returns (n,).
-        """
+        """Return the boxes outside a part that are within some distance of it along each axis. Shapes: returns (n,)."""
         low, high = self.low[len(self) :], self.high[len(self) :]
         near = np.asarray(((low <= part.high + width) & (high >= part.low - width)).all(axis=1))
         near[part.first : part.last] = False

@@ -18,10 +18,7 @@ NO_VALUES = np.empty(0, dtype=np.float32)  # tells the kernels to keep the first
 
 
 def first_occurrences(points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mark the points that do not repeat an earlier point, in O(N) by hashing.
-
-    Shapes: points (N, 3); returns (N,).
-    """
+    """Mark the points that do not repeat an earlier point, in O(N) by hashing. Shapes: points (N, 3); returns (N,)."""
     marks = np.ones(len(points), dtype=np.bool_)
     if len(points):
         _mark(np.ascontiguousarray(points), NO_GRID, NO_VALUES, marks)
@@ -29,13 +26,7 @@ def first_occurrences(points: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def greatest_in_cells(points: NDArray[np.float64], edge: float, values: NDArray[np.float32]) -> NDArray[np.int64]:
-    """Choose the point of greatest value in each occupied cell of a cubic grid.
-
-    The cells are hashed. This takes O(N) time, and memory of 9 bytes per point and 8 bytes per occupied cell,
-    however large the grid is.
-
-    Shapes: points (N, 3), values (N,); returns (cells,).
-    """
+    """Choose the point of greatest value, (N,), in each cell of a cubic grid, in O(N) by hashing."""
     marks = np.zeros(len(points), dtype=np.bool_)
     if len(points):
         points = np.ascontiguousarray(points)
@@ -44,11 +35,7 @@ def greatest_in_cells(points: NDArray[np.float64], edge: float, values: NDArray[
 
 
 def _grid(points: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
-    """Return the six numbers from which kernels compute the cell of a point.
-
-    They are: one over the edge length; the lowest cell along x, y and z; the number of cells along y and z. The last
-    two are zero if there are too many cells to give each its own number in the free bits of a hash.
-    """
+    """Return one over the edge, the lowest cell, and the cells along y and z, or zeros if these are too many."""
     low, high = np.floor(np.multiply(bounds(points), scale))
     counts = np.minimum(high - low + 1.0, 2.0**64)  # so that their product does not overflow
     numbered = np.prod(counts) <= 2.0 ** min(64 - len(points).bit_length(), MANTISSA_BITS)
@@ -58,12 +45,10 @@ def _grid(points: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
 def _mark(
     points: NDArray[np.float64], grid: NDArray[np.float64], values: NDArray[np.float32], marks: NDArray[np.bool_]
 ) -> None:
-    """Fill `marks`, (N,): the point of greatest value in each cell becomes true.
+    """Fill `marks`, (N,): the greatest of each cell becomes true or, without values, all but the first false.
 
-    Without values, all points of a cell (or position) but the first become false.
-
-    The hash of each point is stored with its last bits replaced by the point's index. These entries are sorted by
-    their first bits into parts, each small enough for a small hash table. Within a part, points keep their order.
+    The hash of each point is stored with its last bits replaced by the point's index. These entries are sorted by their
+    first bits into parts, each small enough for a small hash table. Within a part, points keep their order.
     """
     n = len(points)
     bits, spare = (n // POINTS_PER_PART).bit_length(), 64 - n.bit_length()  # beside the index of a point

@@ -13,12 +13,7 @@ MOST_CELLS = 1 << 24  # of the grid: their counts take 128 MiB
 
 
 def even_sample(points: NDArray[np.float64], usable: NDArray[np.bool_], step: int) -> NDArray[np.int64]:
-    """Choose every k-th of the usable points; those of a grid cell follow each other, those of the next cell come next.
-
-    So each cell, and each run of cells, keeps its share of the points, but for rounding.
-
-    Shapes: points (N, 3), usable (N,); returns (n,).
-    """
+    """Choose every k-th of the usable points, (N,); cell by cell of a grid, so that each keeps its share."""
     low, high = bounds(points)
     extents = high - low
     edge = float(extents.max()) or 1.0

@@ -28,28 +28,17 @@ NEGLIGIBLE = 1e-150  # A smaller distance counts as none; its square would vanis
 
 
 class Farthest(NamedTuple):
-    """Chosen points, the farthest first.
+    """Chosen points, the farthest first."""
 
-    Attributes
-    ----------
-    rows : (n,) array, int64
-    places : (n, 3) array
-    distances : (n,) array
-        Distance of each to the points that were chosen before it.
-    """
-
-    rows: NDArray[np.int64]
-    places: NDArray[np.float64]
-    distances: NDArray[np.float64]
+    rows: NDArray[np.int64]  # (n,)
+    places: NDArray[np.float64]  # (n, 3)
+    distances: NDArray[np.float64]  # (n,), distance of each to the points that were chosen before it
 
 
 def farthest_in_parts(
     stored: StoredPoints, n_points: int, timer: Timer, each: Each, least: float = 0.0
 ) -> NDArray[np.int64]:
-    """Choose points that are at least some distance from each other, and return their rows, (M,).
-
-    There are fewer if no other place is so far from all chosen ones.
-    """
+    """Choose M points, at least some distance apart, and return their rows; fewer if no other place is far enough."""
     sample = stored.sample
     first = min(FIRST, n_points, len(sample))
     level = max(float(farthest_points(sample, first)[1][-1]) if first > 1 else math.inf, least)

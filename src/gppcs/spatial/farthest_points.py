@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -31,13 +32,10 @@ def farthest_points(
     others: NDArray[np.float64] | None = None,
     least: float = 0.0,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Choose points one by one; each is the farthest from all points chosen before it.
+    """Choose points, (N, 3), each the farthest from all before it and others; return them and the distances.
 
-    Ties go to the smallest index. The result is that of the plain O(N M) algorithm (Eldar, Lindenbaum, Porat and
-    Zeevi 1997). A k-d tree saves time: a step skips every box that lies farther from the new point than all of the
-    box's points lie from earlier ones (Han et al. 2023).
-
-    Shapes: points (N, 3), others (K, 3); returns indices (M,), distances (M,).
+    Ties go to the smallest index, as in the plain algorithm (Eldar, Lindenbaum, Porat and Zeevi 1997). A step skips
+    every box that lies farther from the new point than all of the box's points lie from earlier ones (Han et al. 2023).
     """
     tree = tree or KdTree.build(points)
     squared = np.full(len(points), np.inf)
@@ -68,6 +66,20 @@ def farthest_points(
             n_points = int(np.argmax(distances[:end] < least * least))
             break
     return chosen[:n_points], np.sqrt(distances[:n_points])
+
+
+def fill_gaps(points: NDArray[np.float64], kept: NDArray[np.float64], gap: float) -> tuple[NDArray[np.int64], float]:
+    """Add the farthest points, (N, 3), until none is beyond a gap; return rows and the largest distance left."""
+    least = float(np.nextafter(gap, math.inf))
+    squared = KdTree.build(kept).nearest_of(points, 1)[1][:, 0]
+    far = np.flatnonzero(squared >= least * least)
+    if not len(far):
+        return far, math.sqrt(squared.max())
+    places = points[far]
+    chosen, _ = farthest_points(places, len(far), others=kept, least=least)
+    if len(chosen):
+        squared = np.minimum(squared, KdTree.build(places[chosen]).nearest_of(points, 1)[1][:, 0])
+    return far[chosen], math.sqrt(squared.max())
 
 
 @kernel
@@ -109,9 +121,6 @@ def _choose(points, order, low, high, position, squared, farthest, candidate, ch
 
 @kernel
 def approach(xs, ys, zs, squared, x, y, z):
-    """Lower the squared distances of n points where (x, y, z) is nearer.
-
-    Shapes: xs, ys, zs (n,), squared (n,).
-    """
+    """Lower the squared distances of n points where (x, y, z) is nearer. Shapes: xs, ys, zs (n,), squared (n,)."""
     for j in range(len(squared)):
         squared[j] = min(squared[j], (xs[j] - x) ** 2 + (ys[j] - y) ** 2 + (zs[j] - z) ** 2)

@@ -24,31 +24,20 @@ PAST_MIDDLE = 2  # the pivot lies this many sample ranks past the wanted one, so
 class KdTree:
     """A perfect binary tree of bounding boxes over N points (Bentley 1975).
 
-    The points are sorted so that each node holds a contiguous range; this order is called tree order. Node 1 is the
-    root, and node n has the children 2n and 2n + 1. The nodes of a level share the points evenly: of L nodes, the
-    j-th (from 0) holds the points from N j // L to N (j + 1) // L. Ranges are therefore computed, not stored.
-
-    Attributes
-    ----------
-    order : (N,) array, int64
-        Index in the input of each point in tree order.
-    points : (3, N) array, float64
-        Coordinates in tree order; each row is an axis.
-    low, high : (nodes, 3) arrays, float64
-        Corners of the bounding box of each node; row 0 is unused.
+    The points are sorted so that each node holds a contiguous range: tree order. Node 1 is the root, and node n has the
+    children 2n and 2n + 1. Of the L nodes of a level, the j-th (from 0) holds the points from N j // L to N (j + 1) //
+    L.
     """
 
-    order: NDArray[np.int64]
-    points: NDArray[np.float64]
+    order: NDArray[np.int64]  # (N,), index in the input of each point in tree order
+    points: NDArray[np.float64]  # (3, N), coordinates in tree order; each row is an axis
+    # (nodes, 3) each, corners of the bounding box of each node; row 0 is unused.
     low: NDArray[np.float64]
     high: NDArray[np.float64]
 
     @classmethod
     def build(cls, points: NDArray[np.float64]) -> KdTree:
-        """Build the tree in O(N log N).
-
-        Shapes: points (N, 3).
-        """
+        """Build the tree in O(N log N). Shapes: points (N, 3)."""
         n, depth = len(points), 0
         while n > LEAF_SIZE << depth:
             depth += 1
@@ -64,10 +53,7 @@ class KdTree:
 
     @classmethod
     def over(cls, points: NDArray[np.float64], order: NDArray[np.int64] | None = None) -> KdTree:
-        """Build a tree over points that are already sorted: only the boxes are computed, in O(N).
-
-        Shapes: points (3, N), order (N,).
-        """
+        """Build a tree over points, (3, N), that are already sorted: only the boxes are computed, in O(N)."""
         n, leaves = points.shape[1], 1
         while n > LEAF_SIZE * leaves:
             leaves *= 2
@@ -87,19 +73,13 @@ class KdTree:
         return KdTree(np.arange(len(self.order)), self.points, self.low, self.high)
 
     def positions(self) -> NDArray[np.int64]:
-        """Return the position in tree order of each point of the input.
-
-        Shapes: returns (N,).
-        """
+        """Return the position in tree order of each point of the input. Shapes: returns (N,)."""
         positions = np.empty(len(self.order), dtype=np.int64)
         positions[self.order] = np.arange(len(self.order))
         return positions
 
     def nearest_of(self, queries: NDArray[np.float64], k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Find the k points nearest to each query.
-
-        Shapes: queries (Q, 3); returns indices (Q, k), squared (Q, k).
-        """
+        """Find the k points nearest to each query. Shapes: queries (Q, 3); returns indices (Q, k), squared (Q, k)."""
         # Zeros: of a query without a finite distance, nothing is found.
         positions, squared = np.zeros((len(queries), k), dtype=np.int64), np.empty((len(queries), k))
         on_ranges(
@@ -109,20 +89,14 @@ class KdTree:
         return self.order[positions], squared
 
     def neighbours(self, k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Find the k other points nearest to each point of the tree, which must have no repeats.
-
-        Shapes: returns positions (N, k), squared (N, k).
-        """
+        """Find the k other points nearest to each: positions and squared distances, (N, k), in tree order."""
         positions, squared = self.in_own_order().nearest_of(self.points.T, k + 1)
         return positions[:, 1:], squared[:, 1:]  # the first is the point itself
 
 
 @kernel(inline="always")
 def first_leaf(low):
-    """Return the node number of the first leaf, which is also the number of leaves.
-
-    Shapes: low (nodes, ...).
-    """
+    """Return the node number of the first leaf, which is also the number of leaves. Shapes: low (nodes, ...)."""
     return low.shape[0] // 2
 
 
@@ -142,10 +116,7 @@ def _split_nodes(begin, end, level, records, low, high):
 
 @kernel
 def _grow(begin, end, top, depth, records, numbers, order, points, low, high):
-    """Sort the records, (N, 4), below the nodes `begin` to `end` of the level `top`.
-
-    Fill `order` (N,), `points` (3, N), `low` and `high` (nodes, 3).
-    """
+    """Sort the records, (N, 4), below nodes of the level `top`, and fill the arrays of the tree."""
     for node in range((1 << top) + begin, (1 << top) + end):  # the records of one such node fit into the CPU cache
         for level in range(depth - top):
             for below in range(node << level, (node + 1) << level):
@@ -157,7 +128,7 @@ def _grow(begin, end, top, depth, records, numbers, order, points, low, high):
 @kernel(allocates=False)
 def _fill_leaf(records, numbers, leaf, depth, order, points, low, high):
     """Copy a leaf's records, (N, 4), to `order` (N,) and `points` (3, N), and fill its box in `low` and `high`."""
-    begin, end = _range(len(records), leaf, depth)
+    begin, end = leaf_range(len(records), 1 << depth, leaf)
     _bound(records, begin, end, low[leaf], high[leaf])
     for i in range(begin, end):
         order[i] = numbers[i, 3]
@@ -165,23 +136,16 @@ def _fill_leaf(records, numbers, leaf, depth, order, points, low, high):
             points[axis, i] = records[i, axis]
 
 
-@kernel(allocates=False)
-def _range(n, node, level):
-    """Return the start and the end in tree order of a node of a level, of n points."""
-    j = node - (1 << level)
-    return n * j >> level, n * (j + 1) >> level
-
-
 @kernel
 def _split(records, node, level, low, high):
     """Fill a node's box in `low` and `high`, (nodes, 3); split its records, (N, 4), at the longest side's median."""
-    begin, end = _range(len(records), node, level)
+    begin, end = leaf_range(len(records), 1 << level, node)
     _bound(records, begin, end, low[node], high[node])
     axis, longest = 0, -1.0
     for a in range(3):
         if high[node, a] - low[node, a] > longest:
             axis, longest = a, high[node, a] - low[node, a]
-    _part(records, axis, begin, _range(len(records), 2 * node, level + 1)[1], end)
+    _part(records, axis, begin, leaf_range(len(records), 2 << level, 2 * node)[1], end)
 
 
 @kernel(fastmath={"nnan", "nsz"}, allocates=False)
@@ -252,10 +216,9 @@ def _pivot(records, axis, begin, middle, end, sample):
 
 @kernel(allocates=False)
 def _move_forward(records, axis, begin, end, pivot, equal):
-    """Move records, (N, 4), with keys below the pivot to the front of begin..end; return where the others start.
+    """Move records, (N, 4), with keys below the pivot, or also equal, to the front; return where the others start.
 
-    With `equal`, keys equal to the pivot move as well. Every record is swapped, needed or not (Lomuto's scheme): a
-    branch would be mispredicted half of the time.
+    Every record is swapped, needed or not (Lomuto's scheme): a branch would be mispredicted half of the time.
     """
     free = begin
     for i in range(begin, end):
@@ -270,12 +233,7 @@ def _move_forward(records, axis, begin, end, pivot, equal):
 
 @kernel(fastmath=False, allocates=False)
 def squared_distance_to_box(low, high, x, y, z):
-    """Return the squared distance of (x, y, z) to a box, zero inside.
-
-    Rounding never makes it larger than the computed squared distance to a point in the box.
-
-    Shapes: low, high (3,).
-    """
+    """Return the squared distance of (x, y, z) to a box, rounded to at most that to any point in it."""
     dx = max(low[0] - x, x - high[0], 0.0)
     dy = max(low[1] - y, y - high[1], 0.0)
     dz = max(low[2] - z, z - high[2], 0.0)
@@ -283,20 +241,8 @@ def squared_distance_to_box(low, high, x, y, z):
 
 
 @kernel
-def nearest_in_tree(points, low, high, x, y, z, found, squared):
-    """Find the k points of a tree nearest to (x, y, z).
-
-    Shapes: found (k,), squared (k,).
-    """
-    nearest_within(points, low, high, x, y, z, np.inf, found, squared)
-
-
-@kernel
-def nearest_within(points, low, high, x, y, z, limit, found, squared):
-    """Find the k points of a tree nearest to (x, y, z), of which it is known that they lie within some distance.
-
-    Shapes: found (k,), squared (k,).
-    """
+def nearest_in_tree(points, low, high, x, y, z, found, squared, limit=np.inf):
+    """Find the k points, (k,), nearest to (x, y, z); all must lie within a limit to their squared distance."""
     leaves = first_leaf(low)
     n = points.shape[1]
     squared[:] = limit
@@ -329,7 +275,7 @@ def nearest_within(points, low, high, x, y, z, limit, found, squared):
 
 @kernel(fastmath=False, allocates=False)
 def limit_beside(squared, x, y, z):
-    """Return a limit for `nearest_within` at a place near another one."""
+    """Return a limit for `nearest_in_tree` at a place near another one."""
     limit = (np.sqrt(squared) + np.sqrt(x * x + y * y + z * z)) ** 2 * WIDENED + LEAST_LIMIT
     return limit if limit < np.inf else np.inf  # not NaN
 
@@ -344,15 +290,12 @@ def _nearest_of_all(begin, end, points, low, high, queries, found, squared):
             limit = limit_beside(
                 squared[q - 1, k - 1], x - queries[q - 1, 0], y - queries[q - 1, 1], z - queries[q - 1, 2]
             )
-        nearest_within(points, low, high, x, y, z, limit, found[q], squared[q])
+        nearest_in_tree(points, low, high, x, y, z, found[q], squared[q], limit)
 
 
 @kernel(fastmath=False)
 def leaves_near(low, high, box_low, box_high, squared_radius, found):
-    """Find the leaves within a radius of a box.
-
-    Shapes: low, high (nodes, 3), box_low, box_high (3,), found (m,).
-    """
+    """Find the leaves within a radius of a box. Shapes: low, high (nodes, 3), box_low, box_high (3,), found (m,)."""
     leaves = first_leaf(low)
     count = 0
     stack = np.empty(64, dtype=np.int64)
@@ -374,12 +317,7 @@ def leaves_near(low, high, box_low, box_high, squared_radius, found):
 
 @kernel(fastmath=False, allocates=False)
 def squared_distance_of_boxes(low, high, other_low, other_high):
-    """Return the squared distance between two boxes, zero if they overlap.
-
-    Rounding never makes it larger than the computed squared distance between two points in them.
-
-    Shapes: low, high, other_low, other_high (3,).
-    """
+    """Return the squared distance between two boxes, rounded to at most that between any two points in them."""
     dx = max(low[0] - other_high[0], other_low[0] - high[0], 0.0)
     dy = max(low[1] - other_high[1], other_low[1] - high[1], 0.0)
     dz = max(low[2] - other_high[2], other_low[2] - high[2], 0.0)
@@ -387,11 +325,17 @@ def squared_distance_of_boxes(low, high, other_low, other_high):
 
 
 @kernel(fastmath=False, allocates=False)
-def points_near(points, low, high, leaves, box_low, box_high, squared_radius, found):
-    """Find the points of some leaves within a radius of a box.
+def squared_reach_of_boxes(low, high, other_low, other_high):
+    """Return the largest squared distance between a point of one box and a point of another; corners are (3,)."""
+    dx = max(high[0] - other_low[0], other_high[0] - low[0])
+    dy = max(high[1] - other_low[1], other_high[1] - low[1])
+    dz = max(high[2] - other_low[2], other_high[2] - low[2])
+    return dx * dx + dy * dy + dz * dz
 
-    Shapes: leaves (m,), box_low, box_high (3,).
-    """
+
+@kernel(fastmath=False, allocates=False)
+def points_near(points, low, high, leaves, box_low, box_high, squared_radius, found):
+    """Find the points of some leaves within a radius of a box. Shapes: leaves (m,), box_low, box_high (3,)."""
     n, first = points.shape[1], first_leaf(low)
     count = 0
     for leaf in leaves:
@@ -406,10 +350,7 @@ def points_near(points, low, high, leaves, box_low, box_high, squared_radius, fo
 
 @kernel
 def greatest_of_all(order, values, greatest, holder):
-    """Fill each node with the greatest value among its points, and with the index of that point.
-
-    Shapes: order (N,), values (N,), greatest (nodes,), holder (nodes,).
-    """
+    """Fill each node with the greatest value, (N,), among its points, and with the index of that point, `holder`."""
     leaves = first_leaf(greatest)
     for node in range(2 * leaves - 1, 0, -1):
         if node >= leaves:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,57 +12,39 @@ from gppcs.spatial.kdtree import QUERIES_AT_ONCE, KdTree, first_leaf, leaf_range
 ROOM = 32  # Points of a position for which there is room at first.
 
 
-class Groups(NamedTuple):
-    """Some things for each of m positions.
-
-    Attributes
-    ----------
-    starts : (m + 1,) array, int64
-        Where those of each position start.
-    members : (n, ...) array
-        Those of the first position, then those of the second and so on.
-    """
-
-    starts: NDArray[np.int64]
-    members: NDArray[np.int64]
-
-
-def others_within(tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64]) -> Groups:
-    """Find all points of a tree within a distance of each query, but at other places than the query.
-
-    Shapes: queries (m, 3), squared (m,).
-    """
-    starts, counts = np.arange(0, ROOM * len(queries) + 1, ROOM), np.empty(len(queries), dtype=np.int64)
+def others_within(
+    tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Find all points within a squared distance, (m,), of each query, (m, 3), but at other places; and their starts."""
+    starts = np.arange(0, ROOM * len(queries) + 1, ROOM)
     while True:
-        found = np.empty(starts[-1], dtype=np.int64)
-        on_ranges(
-            _others_within, len(queries), tree.points, tree.low, tree.high, queries, squared, starts, found, counts,
-            least=QUERIES_AT_ONCE,
-        )  # fmt: skip
+        counts, found = _within(tree, queries, squared, starts)
         exact = np.concatenate([[0], np.cumsum(counts)])
         if (counts <= np.diff(starts)).all():
             filled = np.arange(exact[-1]) + np.repeat(starts[:-1] - exact[:-1], counts)
-            return Groups(exact, found[filled])
+            return exact, found[filled]
         starts = exact
 
 
-def has_within(tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell whether there is a point of a tree within a distance of each query.
+def has_others(tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell whether, (m,), there is another point of a tree within a squared distance of each query, (m, 3)."""
+    return _within(tree, queries, squared, np.zeros(len(queries) + 1, dtype=np.int64))[0] > 0
 
-    Shapes: queries (m, 3), squared (m,); returns (m,).
-    """
-    found = np.zeros(len(queries), dtype=np.bool_)
+
+def _within(
+    tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64], starts: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return how many others each query has, and those of them for which there is room between `starts`."""
+    counts, found = np.empty(len(queries), dtype=np.int64), np.empty(starts[-1], dtype=np.int64)
     on_ranges(
-        _has_within, len(queries), tree.points, tree.low, tree.high, queries, squared, found, least=QUERIES_AT_ONCE
-    )
-    return found
+        _others_within, len(queries), tree.points, tree.low, tree.high, queries, squared, starts, found, counts,
+        least=QUERIES_AT_ONCE,
+    )  # fmt: skip
+    return counts, found
 
 
 def medians(starts: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the median of each group of values.
-
-    Shapes: starts (m + 1,), values (n,); returns (m,).
-    """
+    """Return the median of each group of values. Shapes: starts (m + 1,), values (n,); returns (m,)."""
     found = np.empty(len(starts) - 1)
     on_ranges(_medians, len(found), starts, values, found, least=QUERIES_AT_ONCE)
     return found
@@ -95,28 +75,6 @@ def _others_within(begin, end, points, low, high, queries, squared, starts, foun
                         found[free + count] = j
                     count += 1
         counts[q] = count
-
-
-@kernel
-def _has_within(begin, end, points, low, high, queries, squared, found):
-    """Fill `found`, (m,), with whether a point is within each of the squared distances."""
-    leaves, n = first_leaf(low), points.shape[1]
-    stack = np.empty(64, dtype=np.int64)
-    for q in range(begin, end):
-        x, y, z = queries[q]
-        stack[0], height = 1, 1
-        while height and not found[q]:
-            height -= 1
-            node = stack[height]
-            if squared_distance_to_box(low[node], high[node], x, y, z) > squared[q]:
-                continue
-            if node < leaves:
-                stack[height], stack[height + 1] = 2 * node + 1, 2 * node
-                height += 2
-                continue
-            for j in range(*leaf_range(n, leaves, node)):
-                d = (points[0, j] - x) ** 2 + (points[1, j] - y) ** 2 + (points[2, j] - z) ** 2
-                found[q] |= d <= squared[q]
 
 
 @kernel

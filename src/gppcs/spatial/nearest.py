@@ -15,23 +15,16 @@ STRIDE = 16  # arrays are padded to multiples of this length: two of the widest 
 FAR_COORDINATE = 1e150  # padding that lies outside every radius; its square does not overflow
 MANY_LEAVES = 32  # if a shared search finds this many leaves plus k, each position searches the tree by itself
 WIDER = 2.5  # squared search radius of a leaf: this times the mean squared distance to the k-th point in the last leaf
+NEIGHBOURS = 8  # by which the area of a point is told
 TASKS = 256  # runs of leaves; within a run, each search starts from the radius of the one before
 TRIALS = 24  # steps of regula falsi for a radius that holds exactly k points
 
 
 class Room(NamedTuple):
-    """Buffers for the points that a search finds.
+    """Buffers for the points that a search finds."""
 
-    Attributes
-    ----------
-    found : (m,) array, int64
-        Positions in tree order.
-    packed : (3, m + STRIDE) array, float64
-        Coordinates; each row is an axis.
-    """
-
-    found: NDArray[np.int64]
-    packed: NDArray[np.float64]
+    found: NDArray[np.int64]  # (m,), positions in tree order
+    packed: NDArray[np.float64]  # (3, m + STRIDE), coordinates; each row is an axis
 
 
 @kernel
@@ -44,10 +37,7 @@ def room_for(leaves):
 
 @kernel(allocates=False)
 def pack(points, room, count):
-    """Copy the coordinates of the found points into `room.packed`, and pad them with far points.
-
-    Shapes: points (3, N).
-    """
+    """Copy the coordinates of the found points, of (3, N), into `room.packed`, and pad them with far points."""
     full = -(-count // STRIDE) * STRIDE
     for axis in range(3):
         row, packed = points[axis], room.packed[axis]
@@ -58,27 +48,15 @@ def pack(points, room, count):
 
 
 class Search(NamedTuple):
-    """Buffers for searches of the k nearest points.
+    """Buffers for searches of the k nearest points."""
 
-    Attributes
-    ----------
-    near : (leaves,) array, int64
-        Node numbers of the leaves near the box of the shared search.
-    room : Room
-        The points found in these leaves.
-    squared : (m + STRIDE,) array, float64
-        Squared distances of these points from a position.
-    positions, gaps : (k,) arrays, int64 and float64
-        Positions and squared distances of the nearest points, if a position searches the tree by itself.
-    local : (3, k rounded up to STRIDE) array, float64
-        Vectors from a position to its k nearest points, then padding.
-    """
-
-    near: NDArray[np.int64]
-    room: Room
-    squared: NDArray[np.float64]
+    near: NDArray[np.int64]  # (leaves,), node numbers of the leaves near the box of the shared search
+    room: Room  # The points found in these leaves
+    squared: NDArray[np.float64]  # (m + STRIDE,), squared distances of these points from a position
+    # (k,) each, positions and squared distances of the nearest points, if a position searches the tree by itself.
     positions: NDArray[np.int64]
     gaps: NDArray[np.float64]
+    # (3, k rounded up to STRIDE), vectors from a position to its k nearest points, then padding.
     local: NDArray[np.float64]
 
 
@@ -96,10 +74,7 @@ def search_for(k, leaves):
 
 @kernel
 def look_around(points, low, high, box_low, box_high, squared_radius, search):
-    """Find and pack all points within a radius of a box.
-
-    Shapes: box_low, box_high (3,).
-    """
+    """Find and pack all points within a radius of a box. Shapes: box_low, box_high (3,)."""
     count = leaves_near(low, high, box_low, box_high, squared_radius, search.near)
     if count == len(search.near):
         return 0
@@ -141,12 +116,7 @@ def steps_by_itself(points, low, high, x, y, z, search):
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
 def reach_of_nearest(packed, count, x, y, z, k, squared_radius, squared):
-    """Return a squared distance from (x, y, z) within which exactly k packed points lie.
-
-    The search is by regula falsi: on a surface, the number of points within a distance grows about as its square.
-
-    Shapes: packed (3, m), squared (m,).
-    """
+    """Return a squared distance within which exactly k packed points, (3, m), lie, by regula falsi; or -1."""
     along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
     squared = squared[:count]
     for j in range(len(along_x)):
@@ -180,12 +150,7 @@ def _within(squared, limit):
 
 
 def nearest_each(tree: KdTree, queries: KdTree) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """Return the position of the point nearest to each query, and its squared distance, all in tree order.
-
-    This is faster than `KdTree.nearest_of` for queries near each other.
-
-    Shapes: returns positions, squared (Q,).
-    """
+    """Return the position of the point nearest to each query, and its squared distance, (Q,) both, in tree order."""
     n = len(queries.order)
     positions, squared, tasks = np.empty(n, dtype=np.int32), np.empty(n), min(queries.leaves, TASKS)
     on_ranges(
@@ -233,3 +198,32 @@ def _nearest_packed(packed, count, x, y, z, radius, squared):
     while squared[slot] > least:
         slot += 1
     return slot
+
+
+def squared_reaches(tree: KdTree) -> NDArray[np.float64]:
+    """Return the squared distance of each point to its 8th neighbour, (N,), in proportion to the area of the point."""
+    n, tasks = len(tree.order), min(tree.leaves, TASKS)
+    squared = np.ones(n)
+    if n > 1:
+        k = min(NEIGHBOURS, n - 1) + 1
+        on_ranges(_squared_reaches, tasks, tasks, tree.points, tree.order, tree.low, tree.high, k, squared)
+    return squared
+
+
+@kernel
+def _squared_reaches(first, last, tasks, points, order, low, high, k, squared):
+    """Fill `squared`, (N,), with the squared distance to the k-th nearest, itself included, in a range of tasks."""
+    n, leaves = points.shape[1], first_leaf(low)
+    search = search_for(k, leaves)
+    for task in range(first, last):
+        squared_radius = 0.0  # in the first leaf, each point searches by itself; later leaves use the last one's radius
+        for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
+            begin, end = leaf_range(n, leaves, leaf)
+            count = look_around(points, low, high, low[leaf], high[leaf], squared_radius, search)
+            reached = 0.0
+            for i in range(begin, end):
+                x, y, z = points[0, i], points[1, i], points[2, i]
+                reach = steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search)
+                squared[order[i]] = reach
+                reached += reach
+            squared_radius = WIDER * reached / (end - begin)

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.spatial.boxes import Part
-from gppcs.spatial.spacing import areas
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest import squared_reaches
 from gppcs.spatial.stored import StoredPoints
 
 HASHES = float(2**64)
@@ -14,18 +15,12 @@ WIDE = 0.99  # the share of the points of a part whose neighbours lie within the
 
 
 def row_hashes(rows: NDArray[np.int64]) -> NDArray[np.uint64]:
-    """Return a random number for each row (SplitMix64; Steele, Lea and Flood 2014).
-
-    Shapes: rows (n,); returns (n,).
-    """
+    """Return a random number for each row (SplitMix64; Steele, Lea and Flood 2014). Shapes: rows (n,); returns (n,)."""
     return _mixed(rows.astype(np.uint64))
 
 
 def place_hashes(points: NDArray[np.float64], seed: int = 0) -> NDArray[np.uint64]:
-    """Return a random number for each place.
-
-    Shapes: points (n, 3); returns (n,).
-    """
+    """Return a random number for each place. Shapes: points (n, 3); returns (n,)."""
     mixed = np.full(len(points), np.random.SeedSequence(seed).generate_state(1, np.uint64)[0])
     for bits in np.ascontiguousarray(points.T).view(np.uint64):
         mixed = _mixed(mixed ^ bits)
@@ -40,26 +35,20 @@ def _mixed(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
 
 
 def drawn(rows: NDArray[np.int64], share: float) -> NDArray[np.bool_]:
-    """Mark the rows of a random sample.
-
-    Shapes: rows (n,); returns (n,).
-    """
+    """Mark the rows of a random sample. Shapes: rows (n,); returns (n,)."""
     return row_hashes(rows) < share * HASHES if share < 1.0 else np.ones(len(rows), dtype=np.bool_)
 
 
 def smallest_numbers(
     stored: StoredPoints, count: int, seed: int, even: bool, part: Part
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the smallest random numbers of the places of a part, at most `count`, and the rows of the points there.
-
-    The numbers follow an exponential distribution; for an even density they are divided by the areas of the points.
-    """
+    """Return the smallest exponential random numbers of a part, over areas if even, and the rows."""
     near = stored.near(part)
     if even:
-        near = stored.near(part, float(np.sqrt(np.quantile(areas(near.points), WIDE))))
+        near = stored.near(part, float(np.sqrt(np.quantile(squared_reaches(KdTree.build(near.points)), WIDE))))
     numbers = -np.log((place_hashes(near.points, seed) + 0.5) / HASHES)
     if even:
-        numbers /= areas(near.points)
+        numbers /= squared_reaches(KdTree.build(near.points))
     inside = np.flatnonzero(near.inside)
     order = inside[np.argsort(numbers[inside], kind="stable")[:count]]
     return numbers[order], near.rows[order]

@@ -18,10 +18,7 @@ CACHED_POINTS = 1 << 10  # points that fit into the level-1 cache of a CPU core
 
 
 def bounds(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the corners of the bounding box.
-
-    Shapes: points (N, 3); returns low, high (3,).
-    """
+    """Return the corners of the bounding box. Shapes: points (N, 3); returns low, high (3,)."""
     chunks = min(RANGES, -(-len(points) // POINTS_AT_ONCE))
     low, high = np.full((chunks, 3), np.inf), np.full((chunks, 3), -np.inf)
     on_ranges(_bound_chunks, chunks, points, low, high)
@@ -29,25 +26,14 @@ def bounds(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
 
 
 class Frame(NamedTuple):
-    """A shift and a scale that bring points to about unit size. The scale is a power of two, so it does not round.
+    """A shift and a scale that bring points to about unit size. The scale is a power of two, so it does not round."""
 
-    Attributes
-    ----------
-    corner : (3,) array, float64
-        What becomes the origin: the lower corner of the bounding box.
-    exponent : int
-        Points are divided by two to this power.
-    """
-
-    corner: NDArray[np.float64]
-    exponent: int
+    corner: NDArray[np.float64]  # (3,), what becomes the origin: the lower corner of the bounding box
+    exponent: int  # Points are divided by two to this power
 
     @classmethod
     def around(cls, low: NDArray[np.float64], high: NDArray[np.float64]) -> Frame:
-        """Return the frame of a bounding box.
-
-        Shapes: low, high (3,).
-        """
+        """Return the frame of a bounding box. Shapes: low, high (3,)."""
         with np.errstate(over="ignore"):
             size = float((high - low).max())
         if not math.isfinite(size):
@@ -55,10 +41,7 @@ class Frame(NamedTuple):
         return cls(low, math.frexp(size)[1])  # zero for a size of zero
 
     def local(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Shift and scale points.
-
-        Shapes: points (n, 3); returns (n, 3).
-        """
+        """Shift and scale points. Shapes: points (n, 3); returns (n, 3)."""
         half = -self.exponent // 2
         local = np.empty(points.shape)  # allocated here because NumPy, unlike Numba, asks for large memory pages
         scale, again = math.ldexp(1.0, half), math.ldexp(1.0, -self.exponent - half)
@@ -67,10 +50,7 @@ class Frame(NamedTuple):
 
 
 def normalised(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
-    """Shift the lower corner of the bounding box to the origin and scale the points to about unit size.
-
-    Shapes: points (N, 3); returns local (N, 3), corner (3,).
-    """
+    """Shift the lower corner of the points, (N, 3), to the origin and scale them to about unit size; see `Frame`."""
     frame = Frame.around(*bounds(points))
     return frame.local(points), frame.corner, frame.exponent
 

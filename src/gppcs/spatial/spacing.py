@@ -8,78 +8,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest import NEIGHBOURS, squared_reaches
 
-BLOCK = 1 << 18  # points whose neighbours are found at once
+AREA_QUANTILE = 0.99  # quantile to which larger areas are cut
 
 
 def paper_radius(points: NDArray[np.float64], k: int = 25) -> float:
-    """Return CloudCompare's radius for about k neighbours, which the paper uses (section 3.1).
-
-    r = sqrt(k V^(2/3) / N), with V the volume of the bounding box. The rule assumes that the surface is as large as
-    one side of a cube of volume V.
-
-    Shapes: points (N, 3).
-    """
+    """Return CloudCompare's radius for about k neighbours, which the paper uses (section 3.1): sqrt(k V^(2/3) / N)."""
     volume = np.prod(np.ptp(points, axis=0))
     return float(np.sqrt(k * np.cbrt(volume) ** 2 / len(points)))
 
 
 def nearest_distances(tree: KdTree, k: int, most: int = 4096) -> NDArray[np.float64]:
-    """Return the distances of a sample of the points to their k-th nearest neighbours.
-
-    The sample takes points at equal steps in tree order, so that all parts of the cloud are represented. Equal steps
-    in the order of the file would not do: it can be periodic, for example if several scanners take turns.
-
-    Shapes: returns (n,).
-    """
+    """Return distances, (n,), to k-th neighbours, of points at equal steps in tree order, as files can be periodic."""
     n = tree.points.shape[1]
     chosen = np.ascontiguousarray(tree.points.T[:: max(1, -(-n // most))])
     _, squared = tree.nearest_of(chosen, min(k + 1, n))
     return np.sqrt(squared[:, -1])
 
 
-def spacing(tree: KdTree) -> float:
-    """Return the spacing: the median distance of a point to its nearest neighbour."""
-    return float(np.median(nearest_distances(tree, 1)))
-
-
-def surface_area(tree: KdTree, k: int = 8) -> float:
-    """Estimate the area of the surface on which the points lie, also if their density varies.
-
-    The disc around a point that reaches to its k-th neighbour holds k other points, so the point represents one k-th
-    of the disc's area. The largest 1 % of the discs are cut to the 99 % quantile; otherwise a few outliers could
-    count as much as all other points.
-    """
+def surface_area(tree: KdTree) -> float:
+    """Estimate the area of the surface by discs to the k-th neighbours; the largest 1 % are cut, for outliers."""
     n = tree.points.shape[1]
-    k = min(k, n - 1)
+    k = min(NEIGHBOURS, n - 1)
     if k == 0:
         return 0.0
     squared = nearest_distances(tree, k, most=16_384) ** 2
-    return float(np.pi / k * n * np.minimum(squared, np.quantile(squared, 0.99)).mean())
+    return float(np.pi / k * n * np.minimum(squared, np.quantile(squared, AREA_QUANTILE)).mean())
 
 
-def areas(points: NDArray[np.float64], k: int = 8) -> NDArray[np.float64]:
-    """Return a number in proportion to the area for which each point stands: the square of its k-th distance.
-
-    Shapes: points (N, 3); returns (N,).
-    """
-    tree, found = KdTree.build(points), np.ones(len(points))
-    k = min(k, len(points) - 1)
-    for begin in range(0, len(points) if k else 0, BLOCK):
-        some = slice(begin, begin + BLOCK)
-        found[some] = tree.nearest_of(points[some], k + 1)[1][:, -1]
-    return found
+def areas_of_points(tree: KdTree) -> NDArray[np.float64]:
+    """Estimate the area, (N,), that each point stands for, of which the largest 1 % are cut, for outliers."""
+    areas = squared_reaches(tree) * (np.pi / max(1, min(NEIGHBOURS, len(tree.order) - 1)))
+    largest = np.quantile(areas, AREA_QUANTILE)
+    return np.minimum(areas, largest) if largest > 0.0 else np.ones(len(areas))
 
 
-def neighbourhood_radius(points: NDArray[np.float64], tree: KdTree, k: int = 25) -> float:
-    """Return a radius within which a point has about k points, itself included.
-
-    This is `paper_radius` where that is plausible. It depends on the bounding box alone, so it can be far off if the
-    box is flat or stretched by outliers. A radius above three times the median distance to the k-th point, or below
-    a third of it, is replaced by that distance.
-
-    Shapes: points (N, 3).
-    """
+def neighbourhood_radius(tree: KdTree, k: int = 25) -> float:
+    """Return `paper_radius`, unless a flat or stretched box makes it wrong: then the median k-th distance."""
     k = min(k, sys.maxsize)  # which a float can hold
-    radius, robust = paper_radius(points, k), float(np.median(nearest_distances(tree, k - 1)))
+    radius, robust = paper_radius(tree.points.T, k), float(np.median(nearest_distances(tree, k - 1)))
     return radius if robust / 3 <= radius <= 3 * robust else robust

@@ -34,18 +34,10 @@ class Run(NamedTuple):
 
 
 class Neighbourhood(NamedTuple):
-    """The records of a part and of its halo, by ascending rows.
+    """The records of a part and of its halo, by ascending rows."""
 
-    Attributes
-    ----------
-    records : (n,) array
-        With at least the fields "row" and "place".
-    inside : (n,) array, bool
-        Whether a point lies in the part itself.
-    """
-
-    records: NDArray[Any]
-    inside: NDArray[np.bool_]
+    records: NDArray[Any]  # (n,), with at least the fields "row" and "place"
+    inside: NDArray[np.bool_]  # (n,), whether a point lies in the part itself
 
     @property
     def rows(self) -> NDArray[np.int64]:
@@ -69,30 +61,15 @@ class Neighbourhood(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StoredPoints:
-    """The points of a cloud, in a file for each run.
-
-    Attributes
-    ----------
-    folder : path
-    boxes : Boxes
-    counts : (boxes,) array, int64
-        Number of points in each box.
-    runs : tuple of Run
-    kind : dtype
-        Of a record: its fields are "row", "place" and others.
-    sample : (n, 3) array
-        A random sample of the points, without repeats.
-    mean_weight : float
-        Mean of the weights, in units of the largest, if each record has a "weight".
-    """
+    """The points of a cloud, in a file for each run."""
 
     folder: Path
     boxes: Boxes
-    counts: NDArray[np.int64]
+    counts: NDArray[np.int64]  # (boxes,), number of points in each box
     runs: tuple[Run, ...]
-    kind: np.dtype[Any]
-    sample: NDArray[np.float64]
-    mean_weight: float = 1.0
+    kind: np.dtype[Any]  # Of a record: its fields are "row", "place" and others
+    sample: NDArray[np.float64]  # (n, 3), A random sample of the points, without repeats
+    mean_weight: float = 1.0  # Mean of the weights, in units of the largest, if each record has a "weight"
 
     def __len__(self) -> int:
         return int(self.counts.sum())

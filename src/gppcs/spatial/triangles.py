@@ -23,10 +23,7 @@ def minus(a, b):
 
 @kernel(allocates=False)
 def row(points, i):
-    """Return a row of an array as a tuple.
-
-    Shapes: points (n, 3).
-    """
+    """Return a row of an array as a tuple. Shapes: points (n, 3)."""
     return points[i, 0], points[i, 1], points[i, 2]
 
 
@@ -70,10 +67,7 @@ def circumradius(a, b, c):
 
 @kernel
 def nearest_in_triangle(a, b, c):
-    """Return v and w such that a + v (b - a) + w (c - a) is the point of the triangle nearest to the origin.
-
-    The nearest point is at a corner, on an edge, or inside (Ericson, Real-Time Collision Detection, section 5.1.5).
-    """
+    """Return v and w such that a + v (b - a) + w (c - a) is nearest to the origin (Ericson, section 5.1.5)."""
     ab, ac = minus(b, a), minus(c, a)
     ab_a, ac_a, ab_b, ac_b, ab_c, ac_c = dot(ab, a), dot(ac, a), dot(ab, b), dot(ac, b), dot(ab, c), dot(ac, c)
     if ab_a >= 0.0 and ac_a >= 0.0:

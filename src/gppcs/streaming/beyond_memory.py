@@ -25,34 +25,25 @@ from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.scaling import Frame
 from gppcs.spatial.stored import StoredPoints, without
 from gppcs.streaming.plan import Plan
-from gppcs.streaming.scan import Overview, read_all, sorted_by_boxes, sources_of, take
+from gppcs.streaming.scan import Overview, read_all, sorted_by_boxes, take
 from gppcs.surface.outliers import outliers_in_parts
 
 NO_ROWS = np.empty(0, dtype=np.int64)
 
 
 class Run(NamedTuple):
-    """What a run gives.
-
-    Attributes
-    ----------
-    result : Result
-    points : int
-        Number of points among which was chosen.
-    cloud : PointCloud or None
-        All points, if they are in memory.
-    """
+    """What a run gives."""
 
     result: Result
-    points: int
-    cloud: PointCloud | None = None
+    points: int  # among which was chosen
+    cloud: PointCloud | None = None  # all points, if they are in memory
 
 
 def simplify_stored(files: CloudFiles, request: Request, plan: Plan, folder: Path, each: Each, timer: Timer) -> Run:
     """Simplify the cloud in some files, with temporary files in a folder."""
     if request.scores:
         check_scores(request.method, files.head().cloud)
-    sources = sources_of(files, plan.part)
+    sources = files.each(plan.part)
     seen = read_all(sources, folder, plan.rows, plan.points, ChunkGuide.of(request), each, timer)
     _check_seen(seen, request)
     frame = Frame.around(seen.low, seen.high)
@@ -68,8 +59,7 @@ def simplify_stored(files: CloudFiles, request: Request, plan: Plan, folder: Pat
         kept = kept.moved(np.ldexp(selection.points, frame.exponent) + frame.corner)
     if request.scores:
         kept = with_scores(kept, request.method, selection)
-    result = result_of(selection, kept, request.method, timer)
-    return Run(result if outliers is None else result.with_outliers(outliers), len(stored))
+    return Run(result_of(selection, kept, request.method, timer, outliers), len(stored))
 
 
 def _check_seen(seen: Overview, request: Request) -> None:

@@ -37,32 +37,16 @@ RANK, POINT = "rank", "point"
 
 @dataclass
 class _Stored:
-    """All points on disk as they are going to be written, with their places in the ranking, and what is known of them.
-
-    Attributes
-    ----------
-    path : path
-    header : LasHeader
-    layout : Layout
-    counts : dict
-        What the header is going to say of them.
-    gps_time : (2,) array
-    lost : list of str
-        What the file does not hold, in words.
-    records : (n,) array
-        The points of the first chunk.
-    dropped : int
-        Number of points that are not finite, and so are left out.
-    """
+    """All points on disk as they are going to be written, with their places in the ranking."""
 
     path: Path
     header: LasHeader
     layout: las.Layout
-    counts: dict[str, Any]
-    gps_time: NDArray[np.float64]
-    lost: list[str]
-    records: NDArray[Any]
-    dropped: int = 0
+    counts: dict[str, Any]  # what the header is going to say of them
+    gps_time: NDArray[np.float64]  # (2,)
+    lost: list[str]  # what the file does not hold, in words
+    records: NDArray[Any]  # (n,), the points of the first chunk
+    dropped: int = 0  # points that are not finite, and so are left out
 
     @property
     def kind(self) -> np.dtype[Any]:
@@ -96,21 +80,11 @@ class _Stored:
 
 
 class Levels(NamedTuple):
-    """How points are divided among levels.
+    """How points are divided among levels."""
 
-    Attributes
-    ----------
-    of_ranked : (k,) array, uint8
-        The level of each point that is ranked.
-    ends : list of float
-        The share of the other points that is on each level and those above.
-    closing : (cells,) array, uint8
-        The level of each cell of the grid that takes all points that are left in it.
-    """
-
-    of_ranked: NDArray[np.uint8]
-    ends: list[float]
-    closing: NDArray[np.uint8]
+    of_ranked: NDArray[np.uint8]  # (k,), of each point that is ranked
+    ends: list[float]  # shares of the other points on each level and those above
+    closing: NDArray[np.uint8]  # (cells,), the level on which each cell of the grid takes all points left in it
 
 
 def write_beyond_memory(
@@ -267,9 +241,8 @@ def _sorted_by_nodes(stored: _Stored, cube: Cube, levels: Levels) -> NDArray[np.
             order = np.argsort(keys, kind="stable")
             found, starts, counts = np.unique(keys[order], return_index=True, return_counts=True)
             pieces.append(np.column_stack([found, position + starts, counts]))
-            file.seek(
-                position * stored.layout.record.itemsize
-            )  # before what is still to be read, whose records are longer
+            # Before what is still to be read, whose records are longer.
+            file.seek(position * stored.layout.record.itemsize)
             file.write(np.ascontiguousarray(block[POINT][order]).tobytes())
             position += len(block)
     return np.concatenate(pieces)

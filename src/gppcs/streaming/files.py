@@ -12,7 +12,7 @@ from typing import Literal
 from numpy.typing import ArrayLike
 
 from gppcs.amounts.request import Request
-from gppcs.engine.timer import Timer
+from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import ParameterError, file_path, shown
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.query import Query
@@ -134,7 +134,7 @@ def simplify_files(
     )  # fmt: skip
     work = Work(
         None if memory is None else bytes_of(memory), None if scratch is None else file_path(scratch), executor,
-        Timer.of(timer),
+        timer_of(timer),
     )  # fmt: skip
     query = Query.of(box, resolution, only, polygon)
     with CloudFiles.of(paths, format, columns, query, assume_same_crs) as files:
@@ -143,22 +143,11 @@ def simplify_files(
 
 @dataclass(frozen=True)
 class Work:
-    """How the work on a cloud is done.
+    """How the work on a cloud is done."""
 
-    Attributes
-    ----------
-    memory : int, optional
-        Bytes that the process may hold.
-    scratch : path, optional
-        The folder for temporary files.
-    executor : Executor, optional
-        Who works on parts of the cloud.
-    timer : Timer
-    """
-
-    memory: int | None
-    scratch: Path | None
-    executor: Executor | None
+    memory: int | None  # bytes that the process may hold
+    scratch: Path | None  # for temporary files
+    executor: Executor | None  # who works on parts of the cloud
     timer: Timer
 
     def planned(self, files: CloudFiles, request: Request, whole: str | None = None) -> Plan:

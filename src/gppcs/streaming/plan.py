@@ -37,37 +37,17 @@ TASKS = 10_000  # Parts of one large file, at most: many more would be much to d
 
 @dataclass(frozen=True)
 class Plan:
-    """How files are going to be simplified.
+    """How files are going to be simplified."""
 
-    Attributes
-    ----------
-    in_memory : bool
-        Whether all points are going to be in memory at once. Otherwise they are on disk.
-    points, kept : int
-        How many points there are, and how many of them are kept.
-    exact : bool
-        Whether these numbers are exact.
-    memory : int
-        About how many bytes of memory the program is going to hold at most.
-    limit : int or None
-        How many it may hold; None if the platform does not tell what is free.
-    disk : int
-        About how many bytes of disk space temporary files are going to take.
-    threads : int
-        How many parts are worked on at once.
-    readings : int
-        How often the files are read.
-    """
-
-    in_memory: bool
+    in_memory: bool  # all points at once; otherwise they are on disk
     points: int
-    kept: int
-    exact: bool
-    memory: int
-    limit: int | None
-    disk: int = 0
-    threads: int = 1
-    readings: int = 1
+    kept: int  # of the points
+    exact: bool  # whether these numbers are
+    memory: int  # bytes that the program is going to hold at most, about
+    limit: int | None  # bytes that it may hold; None if the platform does not tell what is free
+    disk: int = 0  # bytes of temporary files, about
+    threads: int = 1  # parts that are worked on at once
+    readings: int = 1  # of the files
 
     @property
     def way(self) -> str:

@@ -31,30 +31,19 @@ def raw_kind(weighted: bool, names: Iterable[str]) -> np.dtype[Any]:
 
 @dataclass(frozen=True)
 class Columns:
-    """What the records hold beside rows and places, once they are sorted.
+    """What the records hold beside rows and places, once they are sorted."""
 
-    Attributes
-    ----------
-    raw : dtype
-        Of the points as they came.
-    weights : WeightRange or None
-    details : Details or None
-        What becomes the field "detail", (k,).
-    values_of : str or None
-        The attribute that becomes the field "value".
-    """
-
-    raw: np.dtype[Any]
+    raw: np.dtype[Any]  # of the points as they came
     weights: WeightRange | None
-    details: Details | None
-    values_of: str | None
+    details: Details | None  # what becomes the field "detail", (k,)
+    values_of: str | None  # the attribute that becomes the field "value"
 
     @classmethod
     def of(cls, sample: PointCloud, weights: WeightRange, request: Request) -> Columns:
         """Return what is asked for; the ranges of attributes are those of the sample."""
         details = Details.of(sample, request.detail) if request.detail else None
         raw = raw_kind(weights.n > 0, sample.attributes)
-        return cls(raw, weights if weights.n else None, details, request.method.values_of)
+        return cls(raw, weights if weights.n else None, details, getattr(request.method, "attribute", None))
 
     @property
     def kind(self) -> np.dtype[Any]:

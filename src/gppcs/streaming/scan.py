@@ -37,24 +37,6 @@ RUN = 1 << 19  # Points of a run at most, unless a chunk has more: with too few,
 NO_ROWS = np.empty(0, dtype=np.int64)
 
 
-class Source(NamedTuple):
-    """A file or a part of one, which one task reads.
-
-    Attributes
-    ----------
-    files : CloudFiles
-    number : int
-        Its place in the order of the cloud.
-    first, points : int
-        Row of its first point in the cloud, and number of its points, once they are known.
-    """
-
-    files: CloudFiles
-    number: int
-    first: int = 0
-    points: int = 0
-
-
 class Chunk(NamedTuple):
     """A chunk of points on disk: the file, the row of its first point, and how many of its points are stored."""
 
@@ -65,45 +47,27 @@ class Chunk(NamedTuple):
 
 @dataclass
 class Overview:
-    """What the first reading finds out about a cloud, or about a part of it.
+    """What the first reading finds out about a cloud, or about a part of it."""
 
-    Attributes
-    ----------
-    count, bad, first_bad : int
-        Number of points, number of those that are not finite, and the row of the first of these.
-    low, high : (3,) arrays
-        Corners of the bounding box of the stored points.
-    columns : JointColumns
-    keep, places : (k,) and (k, 3) arrays
-        Rows and places of the points to keep.
-    weights : WeightRange
-    chunks : list of Chunk
-    hashes, sample : (m,) and (m, 3) arrays
-        A random sample of the stored points, with the random numbers by which it was drawn.
-    values : dict of str to (m,) array
-        Attributes of the sample, if the choice needs any.
-    labels, groups : lists of arrays, and of sequences of arrays
-        Which quota counts for the points of each chunk, and the attributes that make groups of them.
-    counts : list of int
-        Number of points of each source.
-    """
-
-    count: int = 0
-    bad: int = 0
-    first_bad: int = 0
+    count: int = 0  # points
+    bad: int = 0  # points that are not finite
+    first_bad: int = 0  # the row of the first of these
+    # Corners (3,) of the bounding box of the stored points.
     low: NDArray[np.float64] = field(default_factory=lambda: np.full(3, np.inf))
     high: NDArray[np.float64] = field(default_factory=lambda: np.full(3, -np.inf))
     columns: JointColumns = field(default_factory=JointColumns)
+    # Rows (k,) and places (k, 3) of the points to keep.
     keep: NDArray[np.int64] = field(default_factory=lambda: NO_ROWS)
     places: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
     weights: WeightRange = WeightRange()  # noqa: RUF009  # a tuple
     chunks: list[Chunk] = field(default_factory=list)
+    # A random sample (m, 3) of the stored points, and the random numbers (m,) by which it was drawn.
     hashes: NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, dtype=np.uint64))
     sample: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
-    values: dict[str, NDArray[Any]] = field(default_factory=dict)
-    labels: list[NDArray[np.uint8]] = field(default_factory=list)
-    groups: list[Sequence[NDArray[Any]]] = field(default_factory=list)
-    counts: list[int] = field(default_factory=list)
+    values: dict[str, NDArray[Any]] = field(default_factory=dict)  # attributes of the sample
+    labels: list[NDArray[np.uint8]] = field(default_factory=list)  # quotas of each chunk
+    groups: list[Sequence[NDArray[Any]]] = field(default_factory=list)  # what makes groups in each chunk
+    counts: list[int] = field(default_factory=list)  # points of each source
 
     @property
     def stored(self) -> int:
@@ -134,29 +98,24 @@ class Overview:
         self.count, self.bad = self.count + other.count, self.bad + other.bad
 
 
-def sources_of(files: CloudFiles, rows: int) -> list[Source]:
-    """Return the files, and the parts of those that can be read in parts of about so many points."""
-    return [Source(each, number) for number, each in enumerate(files.each(rows))]
-
-
 def read_all(
-    sources: Sequence[Source], folder: Path, rows: int, about: int, guide: ChunkGuide, each: Each, timer: Timer
+    sources: Sequence[CloudFiles], folder: Path, rows: int, about: int, guide: ChunkGuide, each: Each, timer: Timer
 ) -> Overview:
-    """Read all points once, in chunks of so many rows, and store those that are usable in a folder, as they come."""
+    """Read all points of files, or of parts of files, once in chunks, and store the usable ones in a folder."""
     seen, share = Overview(), min(1.0, SPARE * SAMPLED / max(1, about))
     with timer("reading", about) as advanced:
-        for found in each(partial(_read, folder, rows, share, guide), sources):
+        for found in each(partial(_read, folder, rows, share, guide), list(enumerate(sources))):
             seen.add(found)
             advanced(found.count)
     return seen
 
 
-def _read(folder: Path, rows: int, share: float, guide: ChunkGuide, source: Source) -> Overview:
+def _read(folder: Path, rows: int, share: float, guide: ChunkGuide, source: tuple[int, CloudFiles]) -> Overview:
     """Read a source, and store its usable points."""
-    seen = Overview()
-    with source.files as files:
+    place, seen = source[0], Overview()
+    with source[1] as files:
         for number, cloud in enumerate(files.chunks(True, rows)):
-            seen.add(_look(cloud, folder / f"{source.number}-{number}.raw", share, guide))
+            seen.add(_look(cloud, folder / f"{place}-{number}.raw", share, guide))
     return replace(seen, counts=[])
 
 
@@ -197,10 +156,8 @@ def sorted_by_boxes(
     order = np.argsort(seen.hashes, kind="stable")
     sample = frame.local(seen.sample[order][: round(SPARE * SAMPLED)])
     sample = sample[first_occurrences(sample)][:SAMPLED]
-    boxes, columns = (
-        boxes_for(sample, seen.stored),
-        Columns.of(PointCloud(seen.sample, seen.values), seen.weights, request),
-    )
+    boxes = boxes_for(sample, seen.stored)
+    columns = Columns.of(PointCloud(seen.sample, seen.values), seen.weights, request)
     counts = np.zeros(len(boxes), dtype=np.int64)
     groups, runs = _grouped(seen.chunks), []
     with timer("boxes", seen.stored) as advanced:
@@ -240,47 +197,45 @@ def _sort(
 
 
 def take(
-    sources: Sequence[Source], seen: Overview, rows: NDArray[np.int64], chunk: int, each: Each, timer: Timer
+    sources: Sequence[CloudFiles], seen: Overview, rows: NDArray[np.int64], chunk: int, each: Each, timer: Timer
 ) -> PointCloud:
     """Read some points, (n,), with all their attributes, in the order of their rows given."""
     order = np.argsort(rows)
-    firsts = np.concatenate([[0], np.cumsum(seen.counts)]).astype(np.int64)
-    asked = []
-    for source, first, count in zip(sources, firsts.tolist(), seen.counts, strict=False):
+    asked, first = [], 0
+    for files, count in zip(sources, seen.counts, strict=True):
         some = slice(*np.searchsorted(rows[order], [first, first + count]))
-        asked.append(_Taken(source._replace(first=first, points=count), rows[order][some], chunk))
+        asked.append(_Taken(files, count, rows[order][some] - first, chunk))
+        first += count
     with timer("kept points", seen.count) as advanced:
         clouds = []
         for part, cloud in zip(asked, each(_take, asked), strict=True):
             clouds += [cloud] if cloud is not None else []
-            advanced(part.source.points)
-    back = np.empty_like(order)
-    back[order] = np.arange(len(order))
-    return seen.columns.joined(clouds).take(back)
+            advanced(part.points)
+    return seen.columns.joined(clouds).take(np.argsort(order))
 
 
 class _Taken(NamedTuple):
-    """Which rows, (n,), ascending, to take of a source that is read in chunks."""
+    """Which rows, (n,), ascending, to take of a source of so many points that is read in chunks."""
 
-    source: Source
+    files: CloudFiles
+    points: int
     rows: NDArray[np.int64]
     chunk: int
 
 
 def _take(asked: _Taken) -> PointCloud | None:
     """Read some points of a source; None if it has none of them and need not be read."""
-    source, rows = asked.source, asked.rows - asked.source.first
-    if not len(rows):
+    if not len(asked.rows):
         return None
     first, clouds, columns = 0, [], JointColumns()
-    with source.files as files:
+    with asked.files as files:
         for cloud in files.chunks(True, asked.chunk):
-            begin, end = np.searchsorted(rows, [first, first + len(cloud)])
+            begin, end = np.searchsorted(asked.rows, [first, first + len(cloud)])
             columns.add(cloud)
-            clouds.append(cloud.take(rows[begin:end] - first))
+            clouds.append(cloud.take(asked.rows[begin:end] - first))
             first += len(cloud)
-    if first != source.points:
+    if first != asked.points:
         raise InputError(
-            f"expected {source.points:,} points again, found {first:,}: the files have changed meanwhile; start anew"
+            f"expected {asked.points:,} points again, found {first:,}: the files have changed meanwhile; start anew"
         )
     return columns.joined(clouds)

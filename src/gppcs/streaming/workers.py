@@ -47,14 +47,7 @@ def executor_of(workers: str | None) -> AbstractContextManager[Executor | None]:
             "expected --workers as a number from 1 on, or as the address of a Dask scheduler such as "
             f"tcp://10.0.0.5:8786, found {shown(workers)}"
         )
-    return processes(int(workers))
-
-
-@contextmanager
-def processes(count: int) -> Iterator[Executor]:
-    """Start worker processes on this machine, and end them with the block."""
-    with ProcessPoolExecutor(count, get_context("spawn")) as executor:
-        yield executor
+    return ProcessPoolExecutor(int(workers), get_context("spawn"))
 
 
 @contextmanager

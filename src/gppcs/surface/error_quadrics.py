@@ -13,10 +13,7 @@ NUMBERS = 10  # of a quadric
 
 @kernel(allocates=False)
 def add_plane(quadric, normal, height, weight):
-    """Add a plane to a quadric.
-
-    Shapes: quadric (10,).
-    """
+    """Add a plane to a quadric. Shapes: quadric (10,)."""
     x, y, z = normal
     quadric[0] += weight * x * x
     quadric[1] += weight * x * y
@@ -32,10 +29,7 @@ def add_plane(quadric, normal, height, weight):
 
 @kernel(allocates=False)
 def value(quadric, step):
-    """Return the value of a quadric.
-
-    Shapes: quadric (10,).
-    """
+    """Return the value of a quadric. Shapes: quadric (10,)."""
     x, y, z = step
     found = x * (quadric[0] * x + 2.0 * (quadric[1] * y + quadric[2] * z + quadric[6]))
     found += y * (quadric[3] * y + 2.0 * (quadric[4] * z + quadric[7]))
@@ -45,10 +39,7 @@ def value(quadric, step):
 
 @kernel(allocates=False)
 def add_moved(quadric, step, total):
-    """Add a quadric to that of another vertex.
-
-    Shapes: quadric (10,), total (10,).
-    """
+    """Add a quadric to that of another vertex. Shapes: quadric (10,), total (10,)."""
     x, y, z = step
     at_other = value(quadric, step)
     for number in range(6):

@@ -16,8 +16,8 @@ ON_CIRCLE = 1e-8, 1e-6
 def lay_out(points, normals, i, near, agreeing, steepest, inverse, index):
     """Fill `inverse`, (k, 2), and `index`, (k,), with the neighbours of point i on its sheet; return their number.
 
-    Each is laid out in the tangent plane and divided by its squared distance. A neighbour is on the same sheet if the
-    cosine between the normals is at least `agreeing`, and the sine of its slope above the plane at most `steepest`.
+    Each is laid out in the tangent plane, over its squared distance. Its normal and its slope tell whether it is on the
+    sheet.
     """
     normal = row(normals, i)
     u, v = tangents(normal[0], normal[1], normal[2])
@@ -43,9 +43,8 @@ def lay_out(points, normals, i, near, agreeing, steepest, inverse, index):
 def wrap(inverse, index, count, i, on_circle, corners):
     """Fill the fan `corners`, (t, 2), of point i with `count` inverted neighbours, (k, 2); return whether it is closed.
 
-    The bisector between the origin and a neighbour is dual to the inverted neighbour. So the Voronoi cell of the
-    origin is dual to the convex hull of the inverted neighbours, and each edge of the hull that turns left around the
-    origin is a triangle. The hull is wrapped from the nearest neighbour on (Jarvis 1973).
+    The Voronoi cell of the origin is dual to the convex hull of the inverted neighbours, so each edge of the hull that
+    turns left around the origin is a triangle. The hull is wrapped from the nearest neighbour on (Jarvis 1973).
     """
     first = 0
     for slot in range(1, count):
@@ -117,10 +116,7 @@ def _is_farther(inverse, current, best, slot, on_circle):
 
 @kernel(allocates=False)
 def _first_in_line(inverse, index, count, i, current, last, on_circle):
-    """Return the next neighbour on an edge of the hull that several neighbours lie on, from `current` to `last`.
-
-    These lie on a circle with point i. Each of them triangulates it from the one of lowest index, so their fans agree.
-    """
+    """Return the next neighbour on an edge of the hull with several, so that fans of points on a circle agree."""
     nearest = lowest = last
     for slot in range(count):
         ahead = slot != current and _turn(inverse, current, last, slot, on_circle) == 0.0

@@ -25,35 +25,21 @@ ANY_NORMAL = -2.0  # neighbours are on the same sheet whatever their normals
 
 @dataclass(frozen=True)
 class LocalSurface:
-    """The points of a cloud and, around each, a fan of triangles to its neighbours.
+    """The points of a cloud and, around each, a fan of triangles to its neighbours, laid out in its tangent plane.
 
-    The neighbours of a point are laid out in its tangent plane, each in its direction and at its true distance. The
-    corners of the fan are the point's neighbours in the Delaunay triangulation of that layout. The fans of different
-    points need not agree, as in the Laplacian of a cloud. If they do, they triangulate a surface through all points.
-
-    The 30 nearest neighbours are searched first. Their number is doubled, up to 240, while the fan is open or a circle
-    through its corners reaches beyond them. If all neighbours lie to one side, the fan stays open, as on a border.
-
-    Attributes
-    ----------
-    tree : KdTree
-        The tree over the points, which are distinct.
-    normals : (M, 3) array, float64
-        Unit normals of the tangent planes, in tree order.
-    corners : (M, MAX_TRIANGLES, 2) array, int32
-        The two other corners of each triangle around a point, in tree order; -1 after the last triangle.
+    The fan is that of the Delaunay triangulation of the layout. More neighbours are searched while it is open or a
+    circle through its corners reaches beyond them. Fans need not agree; if they do, they triangulate a surface.
     """
 
-    tree: KdTree
-    normals: NDArray[np.float64]
+    tree: KdTree  # The tree over the points, which are distinct
+    normals: NDArray[np.float64]  # (M, 3), unit normals of the tangent planes, in tree order
+    # (M, MAX_TRIANGLES, 2), the two other corners of each triangle around a point, in tree order; -1 after the last
+    # triangle.
     corners: NDArray[np.int32]
 
     @classmethod
     def of(cls, points: NDArray[np.float64]) -> LocalSurface:
-        """Build the surface of a cloud.
-
-        Shapes: points (M, 3).
-        """
+        """Build the surface of a cloud. Shapes: points (M, 3)."""
         tree = KdTree.build(points)
         normals = features_of_nearest(tree, PLANE_NEIGHBOURS).normals[tree.order]
         corners = np.full((len(points), MAX_TRIANGLES, 2), -1, dtype=np.int32)
@@ -61,41 +47,28 @@ class LocalSurface:
         return cls(tree, normals, corners)
 
     def nearest_to(self, queries: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return distance and normal of the surface for each query point.
-
-        The fans of the nearest points are searched, and the nearest point itself.
-
-        Shapes: queries (Q, 3); returns distances (Q,), normals (Q, 3).
-        """
-        distances, normals = np.empty(len(queries)), np.empty((len(queries), 3))
-        corners, weights = np.empty((len(queries), 3), dtype=np.int32), np.empty((len(queries), 2))
-        self._find(queries, distances, corners, weights)
+        """Return distances, (Q,), and normals, (Q, 3), of the surface for queries, (Q, 3), by the nearest fans."""
+        distances, corners, weights = self._find(queries)
+        normals = np.empty((len(queries), 3))
         on_ranges(_interpolate, len(queries), self.normals, corners, weights, normals, least=QUERIES_AT_ONCE)
         return distances, normals
 
     def values_at(self, queries: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return values of the points, interpolated linearly in the triangle that is nearest to each query point.
-
-        Shapes: queries (Q, 3), values (M, k), in the order of the cloud; returns (Q, k).
-        """
-        corners, weights = np.empty((len(queries), 3), dtype=np.int32), np.empty((len(queries), 2))
-        self._find(queries, np.empty(len(queries)), corners, weights)
+        """Return values, (M, k), interpolated linearly in the triangle nearest to each query, (Q, 3); (Q, k)."""
+        _, corners, weights = self._find(queries)
         a, b, c = (values[self.tree.order[corner]] for corner in corners.T)
         v, w = weights.T[..., np.newaxis]
         return a + v * (b - a) + w * (c - a)
 
-    def _find(
-        self,
-        queries: NDArray[np.float64],
-        distances: NDArray[np.float64],
-        corners: NDArray[np.int32],
-        weights: NDArray[np.float64],
-    ) -> None:
-        """Fill in the distance of the nearest triangle, its corners, and the weights of the second and third."""
+    def _find(self, queries: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
+        """Return the distance of the nearest triangle, its corners, and the weights of the second and third."""
+        n = len(queries)
+        found = np.empty(n), np.empty((n, 3), dtype=np.int32), np.empty((n, 2))
         on_ranges(
-            _search, len(queries), self.tree.points, self.tree.low, self.tree.high, self.corners, queries,
-            distances, corners, weights, least=QUERIES_AT_ONCE,
+            _search, n, self.tree.points, self.tree.low, self.tree.high, self.corners, queries, *found,
+            least=QUERIES_AT_ONCE,
         )  # fmt: skip
+        return found
 
 
 @kernel

@@ -21,10 +21,7 @@ SMALLEST_ROOT = np.polynomial.chebyshev.cheb2poly(_CHEBYSHEV.coef)[::-1].copy()
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
 def moments_in_ball(packed, count, x, y, z, squared_radius, moments, p):
-    """Compute the moments of the packed points within a radius of (x, y, z), relative to (x, y, z).
-
-    Shapes: packed (3, m), moments (10, n).
-    """
+    """Fill column p of `moments`, (10, n), with those of the packed points, (3, m), within a radius of (x, y, z)."""
     along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
     n = sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = 0.0
     for j in range(len(along_x)):
@@ -48,10 +45,7 @@ def moments_in_ball(packed, count, x, y, z, squared_radius, moments, p):
 
 @kernel
 def node_moments(points, low, high, moments):
-    """Compute the moments of each node of a tree, relative to the middle of its box.
-
-    Shapes: moments (nodes, 10).
-    """
+    """Compute the moments of each node of a tree, relative to the middle of its box. Shapes: moments (nodes, 10)."""
     n, leaves = points.shape[1], first_leaf(low)
     point = np.zeros(MOMENTS, dtype=np.float64)
     point[0] = 1.0
@@ -69,19 +63,13 @@ def node_moments(points, low, high, moments):
 
 @kernel(fastmath=False, allocates=False)
 def middle(low, high):
-    """Return the middle of a box.
-
-    Shapes: low, high (3,).
-    """
+    """Return the middle of a box. Shapes: low, high (3,)."""
     return 0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2])
 
 
 @kernel(fastmath=False, allocates=False)
 def add_shifted(moments, x, y, z, total):
-    """Add moments relative to one origin to moments relative to another origin.
-
-    Shapes: moments (10,), total (10,).
-    """
+    """Add moments relative to one origin to moments relative to another origin. Shapes: moments (10,), total (10,)."""
     n, sx, sy, sz = moments[0], moments[1], moments[2], moments[3]
     total[0] += n
     total[1] += sx + n * x
@@ -97,14 +85,7 @@ def add_shifted(moments, x, y, z, total):
 
 @kernel(fastmath=False, allocates=False)
 def flattest(xx, xy, xz, yy, yz, zz, normal):
-    """Find the smallest eigenvalue lambda_0 of a symmetric 3 x 3 matrix C, and its eigenvector.
-
-    The closed form is that of Smith (1961). The eigenvector is the longest cross product of two rows of
-    C - lambda_0 I. If all three cross products vanish, lambda_0 is repeated, and any direction orthogonal to the
-    remaining eigenvector is correct.
-
-    Shapes: normal (3,).
-    """
+    """Find the smallest eigenvalue of a symmetric 3 x 3 matrix (Smith 1961), and its eigenvector, `normal`, (3,)."""
     trace = xx + yy + zz
     normal[0], normal[1], normal[2] = 0.0, 0.0, 1.0
     if not trace > 0.0:
@@ -120,6 +101,17 @@ def flattest(xx, xy, xz, yy, yz, zz, normal):
     smallest = 1 / 3 + 2 * p * np.cos(angle + 2 * np.pi / 3)
     _null_vector(xx - smallest, xy, xz, yy - smallest, yz, zz - smallest, normal)
     return max(0.0, smallest)
+
+
+@kernel(fastmath=False, allocates=False)
+def flattest_of(moments, normal):
+    """Find what `flattest` finds, for the covariance of the points that have these moments, (10,)."""
+    n = moments[0]
+    x, y, z = moments[1] / n, moments[2] / n, moments[3] / n
+    return flattest(
+        moments[4] / n - x * x, moments[5] / n - x * y, moments[6] / n - x * z,
+        moments[7] / n - y * y, moments[8] / n - y * z, moments[9] / n - z * z, normal,
+    )  # fmt: skip
 
 
 @kernel(allocates=False)
@@ -155,12 +147,9 @@ def _null_vector(xx, xy, xz, yy, yz, zz, normal):
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
 def flattest_side_by_side(moments, variation, normals, sure):
-    """Find what `flattest` finds, for the covariances of AT_ONCE neighbourhoods in one vectorised loop.
+    """Find what `flattest` finds for AT_ONCE neighbourhoods, (10, AT_ONCE), in one vectorised loop without branches.
 
-    The loop has no branches. Smith's closed form has the smallest eigenvalue as the cosine of a third of arccos r;
-    here that is rewritten with arccos sqrt((1 - r) / 2), which is smooth where a neighbourhood is flat.
-
-    Shapes: moments (10, AT_ONCE), variation (AT_ONCE,), normals (3, AT_ONCE), sure (AT_ONCE,).
+    The cosine of a third of arccos r is rewritten with arccos sqrt((1 - r) / 2), smooth where a neighbourhood is flat.
     """
     for p in range(AT_ONCE):
         share = 1.0 / moments[0, p]

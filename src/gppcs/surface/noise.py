@@ -36,51 +36,30 @@ SHARE, DEVIATIONS = 0.9, 1.645
 
 
 class Layer(NamedTuple):
-    """The layer of noise about the quadrics that are fitted to the points around each point.
+    """The layer of noise about the quadrics fitted to the points around each point, in quantiles, for outliers."""
 
-    Both are quantiles, so that outliers do not count.
-
-    Attributes
-    ----------
-    level : float
-        From the distance of the quadrics within which 90 % of the points lie: the standard deviation of Gaussian noise.
-    radius : float
-        Median radius of the neighbourhoods.
-    """
-
+    # From the distance of the quadrics within which 90 % of the points lie: the standard deviation of Gaussian noise.
     level: float
-    radius: float
+    radius: float  # Median radius of the neighbourhoods
 
     @classmethod
     def of(cls, distances: NDArray[np.float64], radii: NDArray[np.float64]) -> Layer:
-        """Return the layer, given the distances of m points from their quadrics and the radii of their neighbourhoods.
-
-        Shapes: distances, radii (m,).
-        """
+        """Return the layer, given the distances of points from their quadrics and the radii of neighbourhoods, (m,)."""
         return cls(float(np.quantile(distances, SHARE)) / DEVIATIONS, float(np.median(radii)))
 
 
 class Observations(NamedTuple):
-    """What observations at n places are worth.
+    """What observations at n places are worth."""
 
-    Attributes
-    ----------
-    feet : (n, 3) array or None
-        Projections onto the surface, where features are measured; None if the noise is not thick: features are then
-        measured at the places themselves.
-    variances : (n,) array
-        Variance of each observation; 0 without noise. Divided by h^2 it is in units of the prior variance of a field
-        with target spacing h.
-    """
-
+    # (n, 3), projections onto the surface, where features are measured; None if the noise is not thick: features are
+    # then measured at the places themselves.
     feet: NDArray[np.float64] | None
+    # (n,): Variance of each observation; 0 without noise. Divided by h^2 it is in units of the prior variance of a
+    # field with target spacing h.
     variances: NDArray[np.float64]
 
     def take(self, rows: NDArray[np.int64]) -> Observations:
-        """Return those at some of the places.
-
-        Shapes: rows (m,).
-        """
+        """Return those at some of the places. Shapes: rows (m,)."""
         return Observations(None if self.feet is None else self.feet[rows], self.variances[rows])
 
 
@@ -88,42 +67,25 @@ class Observations(NamedTuple):
 class Noise:
     """The noise of a cloud, for a simplification to a given target spacing.
 
-    Detail of about the target spacing lies off the quadrics, too, and looks like thin noise. So thin noise makes
-    observations uncertain, but features stay those of the points. Thick noise moves the features to the surface.
-
-    Attributes
-    ----------
-    tree : KdTree or None
-        Over the points to which quadrics are fitted; None if no noise matters, so that its memory is free.
-    neighbours : int
-        Points of each fit.
-    thick : bool
-        Whether the layer of noise about quadrics of `NEIGHBOURS` points is thick.
-    level : float
-        Distance of the points from the surface, as in `Layer`, in the unit of the tree; 0 where it is not measured.
-    quiet : bool
-        Whether no noise matters: there is little, it is detail of the surface such as vegetation, or too few points lie
-        near each other to measure it.
-    clean : bool
-        Whether there is little, so that sharp places can be told.
-    spacing : float
-        Target spacing, in the same unit.
+    Detail of about that size looks like thin noise, which therefore makes observations uncertain, but moves no
+    features.
     """
 
+    # Over the points to which quadrics are fitted; None if no noise matters, so that its memory is free.
     tree: KdTree | None
-    neighbours: int
-    thick: bool
+    neighbours: int  # Points of each fit
+    thick: bool  # Whether the layer of noise about quadrics of `NEIGHBOURS` points is thick
+    # Distance of the points from the surface, as in `Layer`, in the unit of the tree; 0 where it is not measured.
     level: float
+    # Whether no noise matters: there is little, it is detail of the surface such as vegetation, or too few points lie
+    # near each other to measure it.
     quiet: bool
-    clean: bool
-    spacing: float
+    clean: bool  # Whether there is little, so that sharp places can be told
+    spacing: float  # Target spacing, in the same unit
 
     @classmethod
     def measure(cls, tree: KdTree, n_points: int, spacing: float) -> Noise:
-        """Measure the noise of the points of a tree.
-
-        Neighbourhoods never grow beyond the target spacing, since detail of that size should be kept.
-        """
+        """Measure the noise of the points of a tree; neighbourhoods never grow beyond the target spacing."""
         within = int(np.pi * len(tree.order) / n_points)  # points within the target spacing of a point, on average
         noise = cls.from_layers(partial(layer_of, tree), within, spacing)
         return noise if noise.quiet else replace(noise, tree=tree)
@@ -143,16 +105,10 @@ class Noise:
         return cls(None, neighbours, thick, layer.level, quiet, clean, spacing)
 
     def observe(self, places: NDArray[np.float64]) -> Observations:
-        """Return what observations at some places are worth.
-
-        Shapes: places (n, 3).
-        """
+        """Return what observations at some places are worth. Shapes: places (n, 3)."""
         if self.tree is None:
             return Observations(None, np.zeros(len(places)))
-        tree = KdTree.build(places)
-        projected, _ = self.projected(tree)
-        feet = np.empty_like(places)
-        feet[tree.order] = projected.T
+        feet = feet_of(self.tree, places, self.neighbours)
         squared = ((feet - places) ** 2).sum(axis=1)
         variances = np.minimum(squared / TOLERATED**2, LARGEST * self.spacing**2)
         return Observations(feet if self.thick else None, variances)
@@ -169,12 +125,16 @@ def is_detail(fine: Layer, wide: Layer) -> bool:
 
 
 def projections(tree: KdTree, places: KdTree, neighbours: int) -> tuple[NDArray[np.float64], Quadrics]:
-    """Project places onto the quadrics fitted to the points around them.
-
-    Shapes: returns feet (3, m) in the order of the places' tree.
-    """
+    """Project places onto the quadrics fitted to the points around them, (3, m) in the order of their tree."""
     fitted = fit_quadrics(tree, places, neighbours)
     return places.points + np.clip(fitted.heights, -fitted.reaches, fitted.reaches) * fitted.normals, fitted
+
+
+def feet_of(tree: KdTree, places: NDArray[np.float64], neighbours: int) -> NDArray[np.float64]:
+    """Return the projections, (m, 3), of places, (m, 3), onto quadrics fitted to the nearest points of a tree."""
+    of_places, feet = KdTree.build(places), np.empty_like(places)
+    feet[of_places.order] = projections(tree, of_places, neighbours)[0].T
+    return feet
 
 
 def layer_of(tree: KdTree, neighbours: int) -> Layer:

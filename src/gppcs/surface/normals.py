@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.clouds.cloud import CloudLike, PointCloud
+from gppcs.clouds.cloud import CloudLike, usable
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.errors import InputError, whole_number
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
-from gppcs.surface.noise import NEIGHBOURS, THICK, Layer, is_detail, layer_of, projections
+from gppcs.surface.noise import NEIGHBOURS, THICK, Layer, feet_of, is_detail, layer_of
 from gppcs.surface.quadrics import fit_quadrics
 
 CLOSE = 16  # Points of the fits that find signs: fewer than 30, as thin parts matter more there than noise.
@@ -74,8 +74,8 @@ def estimate_normals(
     """
     if neighbours is not None:
         neighbours = whole_number("the number of neighbours", neighbours, 3)
-    points = PointCloud.of(cloud).usable("cloud")
-    places = None if at is None else PointCloud.of(at).usable("cloud of places")
+    points = usable(cloud, "cloud")
+    places = None if at is None else usable(at, "cloud of places")
     points, corner, exponent = normalised(points)
     tree = KdTree.build(points[first_occurrences(points)])
     places = points if places is None else _near(places, corner, exponent)
@@ -92,12 +92,7 @@ def estimate_normals(
 
 
 def normals_of(tree: KdTree, near: NDArray[np.int64], noisy: bool) -> NDArray[np.float64]:
-    """Estimate the unit normals at the points of a tree, as `estimate_normals` does, but for the number of points.
-
-    Without noise, one fit to `SHARP` points yields both the normal and its sign.
-
-    Shapes: near (N, k); returns (N, 3).
-    """
+    """Estimate normals, (N, 3), as `estimate_normals` does, at the points of a tree with known neighbours, (N, k)."""
     near = np.ascontiguousarray(near[:, :EDGES])
     neighbours = across_noise(tree)[0]
     if neighbours < 2 * NEIGHBOURS and not noisy:
@@ -138,7 +133,7 @@ def _signed_nearby(tree: KdTree, places: NDArray[np.float64], neighbours: int) -
     every = widened * -(-tree.points.shape[1] // MOST_GUIDES)
     guides = np.concatenate([places, tree.points.T[::every]])  # in tree order, so they are evenly spread
     if widened > 1:
-        guides = _feet(tree, guides, neighbours // 2)
+        guides = feet_of(tree, guides, neighbours // 2)
     guide_tree = KdTree.build(guides[first_occurrences(guides)])
     normals = _oriented(guide_tree, (tree, neighbours) if widened > 1 else None)
     return normals[guide_tree.nearest_of(guides[: len(places)], 1)[0][:, 0]]
@@ -156,23 +151,10 @@ def _near(places: NDArray[np.float64], corner: NDArray[np.float64], exponent: in
     return near
 
 
-def _feet(tree: KdTree, places: NDArray[np.float64], neighbours: int) -> NDArray[np.float64]:
-    """Return the projections, (m, 3), of places, (m, 3), onto quadrics fitted to the nearest points of a tree."""
-    of_places = KdTree.build(places)
-    projected, _ = projections(tree, of_places, neighbours)
-    feet = np.empty_like(places)
-    feet[of_places.order] = projected.T
-    return feet
-
-
 def _oriented(
     tree: KdTree, fits: tuple[KdTree, int] | None, near: NDArray[np.int64] | None = None, close: int = CLOSE
 ) -> NDArray[np.float64]:
-    """Return the signed normals, (N, 3), of the points of a tree, in the order of its input.
-
-    Quadrics are fitted to `close` points of this tree, or as `fits` says: to the points of another tree, and how many.
-    `near`, (N, `EDGES`), are the neighbours to which signs are passed, if they are known.
-    """
+    """Return signed normals, (N, 3), of the points of a tree, fitted to `close` of them or as `fits` says."""
     points = np.ascontiguousarray(tree.points.T)
     _, normals, reaches = fit_quadrics(tree, tree, close)
     if fits:
@@ -193,10 +175,7 @@ def _oriented(
 
 
 def _ascending(numbers: NDArray[np.float32]) -> NDArray[np.int64]:
-    """Return what a stable argsort of numbers, (n,), returns, in a fraction of its time.
-
-    The order of floats is that of their bits, but for the sign. Keys of these bits and of the index are all different.
-    """
+    """Return what a stable argsort of numbers, (n,), returns, in a fraction of its time: floats sort as their bits."""
     bits = (numbers + np.float32(0.0)).view(np.int32)  # -0.0 becomes 0.0
     keys = np.where(bits < 0, bits ^ 0x7FFFFFFF, bits).astype(np.int64) << 32 | np.arange(len(bits))
     keys.sort()
@@ -206,12 +185,10 @@ def _ascending(numbers: NDArray[np.float32]) -> NDArray[np.int64]:
 def _outward(
     points: NDArray[np.float64], normals: NDArray[np.float64], areas: NDArray[np.float64], pieces: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Return for each piece, by its number, 1, or -1 if it must be turned.
+    """Return for each piece, by its number, 1, or -1 if it must be turned: the sign of the flux of p - c through it.
 
-    Points and normals are (N, 3), areas and the piece of each point (N,). The result is the sign of the flux of p - c
-    through the piece. By the divergence theorem, the flux of a closed piece is three times its volume, wherever c
-    lies. For an open piece, c is its middle, moved towards the middle of the whole by at most the size of the piece,
-    and a little down.
+    The flux of a closed piece is three times its volume, wherever c lies. For an open piece, c is its middle, moved
+    towards the middle of the whole by at most the size of the piece, and a little down.
     """
     size = np.bincount(pieces, areas)
     size[size == 0] = 1.0  # these numbers belong to no piece
@@ -227,12 +204,7 @@ def _outward(
 
 @kernel
 def _doubt(begin, end, points, normals, near, doubts):
-    """Fill the doubt about passing the sign from each point to each neighbour, (N, edges), float32.
-
-    Points and normals are (N, 3), `near` is (N, edges). The doubt is small if the normals agree apart from their sign
-    and the step between the points stays in the surface. Points of another sheet, and noise, lie off it. Of two edges
-    between the same points, one is enough: the doubt about the other is infinite.
-    """
+    """Fill the doubt, (N, edges), about passing a sign on: small along the surface, infinite for the second time."""
     for i in range(begin, end):
         for slot in range(near.shape[1]):
             j, known = near[i, slot], False
@@ -245,12 +217,10 @@ def _doubt(begin, end, points, normals, near, doubts):
 
 @kernel(inline="always")
 def _fit_of_normals(points, normals, i, j):
-    """Return how well the normals of points i and j agree, from -1 to 1, and how far the step between them is off.
+    """Return how well two normals agree, from -1 to 1, and by which sines the step between them is off their planes.
 
-    On an arc, the normal at one end is the normal at the other end, mirrored in the plane halfway. The agreement is the
-    cosine between one normal and the mirrored other. Unlike the cosine between the two, it is also right across an edge
-    (Koenig and Gumhold 2009 discuss this criterion). The second value is the sum of the sines between the step and the
-    tangent planes. Points and normals are (N, 3).
+    On an arc, the normal at one end is that at the other end, mirrored in the plane halfway. The cosine between one
+    normal and the mirrored other is also right across an edge (Koenig and Gumhold 2009 discuss this criterion).
     """
     squared = cosine = rise_i = rise_j = 0.0
     for axis in range(3):
@@ -266,10 +236,10 @@ def _fit_of_normals(points, normals, i, j):
 
 @kernel
 def _signs(edges, points, normals, near):
-    """Join points by edges in the given order (Kruskal 1956); return the piece and the sign of each point, (N,) both.
+    """Join points by edges in the given order (Kruskal 1956); return the piece and the sign of each, (N,) both.
 
-    Edge e leads from point e // k to its neighbour e % k, where `near` is (N, k). A set of joined points is a tree in
-    which each point knows its parent and its sign relative to the parent.
+    Edge e leads from point e // k to its neighbour e % k. Each point of a piece knows its parent and the sign relative
+    to it.
     """
     parents = np.arange(len(points))
     signs = np.ones(len(points), dtype=np.int8)

@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
-from gppcs.engine.kernels import kernel
-from gppcs.engine.threads import on_ranges
 from gppcs.spatial.boxes import Each, Part
 from gppcs.spatial.cells import first_occurrences
-from gppcs.spatial.kdtree import QUERIES_AT_ONCE, KdTree
-from gppcs.spatial.near_points import has_within, medians, others_within
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.near_points import has_others, medians, others_within
 from gppcs.spatial.scaling import normalised
 from gppcs.spatial.stored import StoredPoints
 
@@ -68,12 +66,7 @@ def find_outliers(cloud: CloudLike) -> NDArray[np.bool_]:
 
 
 def outliers_among(points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which points are outliers; see `find_outliers`.
-
-    After the first round, only those points are looked at that have lost a neighbour, or one of whose neighbours has.
-
-    Shapes: points (N, 3); returns (N,).
-    """
+    """Tell which points, (N, 3), are outliers; after the first round, only those near ones that are gone."""
     places = points[first_occurrences(points)]
     tree = KdTree.build(places)
     means, reach = np.empty(len(places)), np.empty(len(places))
@@ -83,7 +76,10 @@ def outliers_among(points: NDArray[np.float64]) -> NDArray[np.bool_]:
         places = np.ascontiguousarray(tree.points.T)
         for some in _batches(changed):
             squared = tree.nearest_of(places[some], NEIGHBOURS + 1)[1][:, 1:]
-            means[some], reach[some] = _mean_distances(squared), squared[:, -1]
+            means[some] = (
+                np.cumsum(np.sqrt(squared), axis=1)[:, -1] / NEIGHBOURS
+            )  # added in the order of the neighbours
+            reach[some] = squared[:, -1]
         outside = np.zeros(len(places), dtype=np.bool_)
         for some in _batches(asked):
             outside[some] = _are_outside(tree, places, means, reach, some)
@@ -92,8 +88,8 @@ def outliers_among(points: NDArray[np.float64]) -> NDArray[np.bool_]:
         gone.append(places[outside])
         places, means, reach = places[~outside], means[~outside], reach[~outside]
         tree = KdTree.over(np.ascontiguousarray(places.T))
-        changed = has_within(KdTree.build(gone[-1]), places, reach)
-        asked = has_within(KdTree.build(places[changed]), places, reach) if changed.any() else changed
+        changed = has_others(KdTree.build(gone[-1]), places, reach)
+        asked = changed | has_others(KdTree.build(places[changed]), places, reach) if changed.any() else changed
     return _lie_at(points, np.concatenate(gone))
 
 
@@ -103,14 +99,6 @@ def _batches(asked: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
     return [rows[begin : begin + ROWS] for begin in range(0, len(rows), ROWS)]
 
 
-def _mean_distances(squared: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the mean distance of each row of squared distances, (n, k). They are added in their order."""
-    total = np.zeros(len(squared))
-    for column in np.sqrt(squared).T:
-        total += column
-    return total / squared.shape[1]
-
-
 def _are_outside(
     tree: KdTree,
     places: NDArray[np.float64],
@@ -118,10 +106,7 @@ def _are_outside(
     reach: NDArray[np.float64],
     some: NDArray[np.int64],
 ) -> NDArray[np.bool_]:
-    """Tell which of some places, (n, 3), in the order of their tree, are outliers.
-
-    Shapes: means, reach (n,): mean and largest squared distance to the neighbours; some (m,); returns (m,).
-    """
+    """Tell which of some places, (n, 3) in tree order, are outliers, by means and reaches of neighbourhoods, (n,)."""
     starts, found = others_within(tree, places[some], reach[some])
     around = medians(starts, means[found])
     outside = means[some] > LONELY * around
@@ -138,29 +123,10 @@ def _distances_to_planes(
     """Return the distance of each place, (m, 3), to the plane of its neighbours, (n, 3)."""
     owners = np.repeat(np.arange(len(places)), np.diff(starts))
     neighbours = neighbours[np.lexsort([*neighbours.T, owners])]  # the sums below do not depend on the order of points
-    moments, away = np.empty((len(places), 3, 3)), np.empty((len(places), 3))
-    on_ranges(_planes, len(places), places, starts, neighbours, moments, away, least=QUERIES_AT_ONCE)
-    _, axes = np.linalg.eigh(moments)
-    return np.abs(np.einsum("ni,ni->n", away, axes[:, :, 0]))
-
-
-@kernel
-def _planes(begin, end, points, starts, neighbours, moments, away):
-    """Fill `moments`, (m, 3, 3), of neighbours around their centre, and the way from it to points, `away`, (m, 3)."""
-    centre = np.empty(3)
-    for i in range(begin, end):
-        some = neighbours[starts[i] : starts[i + 1]]
-        for a in range(3):
-            centre[a] = 0.0
-            for j in range(len(some)):
-                centre[a] += some[j, a]
-            centre[a] /= len(some)
-            away[i, a] = points[i, a] - centre[a]
-        for a in range(3):
-            for b in range(3):
-                moments[i, a, b] = 0.0
-                for j in range(len(some)):
-                    moments[i, a, b] += (some[j, a] - centre[a]) * (some[j, b] - centre[b])
+    centres = np.add.reduceat(neighbours, starts[:-1]) / np.diff(starts)[:, np.newaxis]
+    away = neighbours - centres[owners]
+    moments = np.add.reduceat(away[:, :, np.newaxis] * away[:, np.newaxis], starts[:-1])
+    return np.abs(np.einsum("ni,ni->n", places - centres, np.linalg.eigh(moments)[1][:, :, 0]))
 
 
 def _lie_at(points: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -11,7 +11,7 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range
 from gppcs.spatial.nearest import WIDER, look_around, search_for, steps_to_nearest
-from gppcs.surface.moments import MOMENTS, flattest, moments_in_ball, tangents
+from gppcs.surface.moments import MOMENTS, flattest_of, moments_in_ball, tangents
 
 COEFFICIENTS = 6  # Those of a + b u + c v + d u^2 + e u v + f v^2.
 TERMS = COEFFICIENTS + 2  # For each point: 1, u, v, u^2, u v, v^2, its height and its weight.
@@ -21,28 +21,20 @@ STEEPEST = 3.0  # Squared slope, 60 degrees. A steeper quadric extrapolates from
 
 
 class Quadrics(NamedTuple):
-    """Quadrics fitted around m places.
+    """Quadrics fitted around m places."""
 
-    Attributes
-    ----------
-    heights : (m,) array
-        Signed distance from the place to the quadric, along its normal, to first order.
-    normals : (3, m) array
-        Unit normal of the quadric at the place; its sign has no meaning.
-    reaches : (m,) array
-        Distance from the place to the farthest of the fitted points; 1 where that is zero.
-    """
-
+    # (m,), signed distance from the place to the quadric, along its normal, to first order.
     heights: NDArray[np.float64]
-    normals: NDArray[np.float64]
+    normals: NDArray[np.float64]  # (3, m), unit normal of the quadric at the place; its sign has no meaning
+    # (m,), distance from the place to the farthest of the fitted points; 1 where that is zero.
     reaches: NDArray[np.float64]
 
 
 def fit_quadrics(tree: KdTree, places: KdTree, k: int) -> Quadrics:
     """Fit z = a + b u + c v + d u^2 + e u v + f v^2 to the k points nearest each place (Cazals and Pouget 2005).
 
-    The coordinates u and v lie in the plane fitted to the same points; weights are Gaussian. With fewer than six
-    points, the normal is the plane's and the height 0. Where the quadric is steep, the normal is the plane's, too.
+    The coordinates u and v lie in the plane of these points; weights are Gaussian. Where the quadric is steep, or there
+    are fewer than six points, the normal is the plane's.
     """
     m = places.points.shape[1]
     fitted = Quadrics(np.empty(m), np.empty((3, m)), np.empty(m))
@@ -82,7 +74,7 @@ def _fit_leaf(points, low, high, places, begin, end, count, squared_radius, sear
         squared = steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search)
         reach = np.sqrt(squared) if squared > 0.0 else 1.0
         moments_in_ball(search.local, full, 0.0, 0.0, 0.0, 2.0 * squared, moments, 0)
-        _plane_normal(moments[:, 0], normal)
+        flattest_of(moments[:, 0], normal)
         height = 0.0
         if k >= COEFFICIENTS:
             u, v = tangents(normal[0], normal[1], normal[2])
@@ -96,24 +88,9 @@ def _fit_leaf(points, low, high, places, begin, end, count, squared_radius, sear
     return reached
 
 
-@kernel(fastmath=False)
-def _plane_normal(moments, normal):
-    """Fill `normal`, (3,), with that of the plane fitted to the points that have these moments, (10,)."""
-    n = moments[0]
-    x, y, z = moments[1] / n, moments[2] / n, moments[3] / n
-    flattest(
-        moments[4] / n - x * x, moments[5] / n - x * y, moments[6] / n - x * z,
-        moments[7] / n - y * y, moments[8] / n - y * z, moments[9] / n - z * z, normal,
-    )  # fmt: skip
-
-
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _fill_terms(local, k, reach, s, t, normal, terms):
-    """Fill `terms`, (TERMS, full), from the steps to the k nearest points, `local`, (3, full), in units of the reach.
-
-    `s` and `t` span the plane. The weight is exp(-x) with x = u^2 + v^2, computed by its series since x is at most 1.
-    Columns beyond k have the weight zero.
-    """
+    """Fill `terms`, (TERMS, full), from steps to the k nearest, in units of the reach; weights are exp(-u^2 - v^2)."""
     ones, us, vs, uus, uvs, vvs, heights, weights = terms
     steps_x, steps_y, steps_z = local
     for j in range(len(weights)):
@@ -160,10 +137,7 @@ def _turn(coefficients, s, t, normal):
 
 @kernel(fastmath=False)
 def _solve(equations):
-    """Solve n symmetric positive definite equations, (n, n + 1), in place; the solution is the last column.
-
-    Gaussian elimination uses only the upper triangle. Such equations need no pivots.
-    """
+    """Solve symmetric positive definite equations, (n, n + 1), in place, without pivots; see the last column."""
     n = len(equations)
     for a in range(n):
         for b in range(a + 1, n):

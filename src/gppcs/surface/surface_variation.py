@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.clouds.cloud import CloudLike, PointCloud
+from gppcs.clouds.cloud import CloudLike, usable
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.errors import one_of, whole_number
+from gppcs.errors import whole_number
 from gppcs.spatial.cells import first_occurrences
-from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, points_near, squared_distance_of_boxes
+from gppcs.spatial.kdtree import (
+    LEAF_SIZE,
+    KdTree,
+    first_leaf,
+    leaf_range,
+    points_near,
+    squared_distance_of_boxes,
+    squared_reach_of_boxes,
+)
 from gppcs.spatial.nearest import WIDER, look_around, pack, reach_of_nearest, room_for, search_for, steps_by_itself
 from gppcs.spatial.scaling import normalised
 from gppcs.spatial.spacing import neighbourhood_radius
@@ -22,7 +29,7 @@ from gppcs.surface.moments import (
     AT_ONCE,
     MOMENTS,
     add_shifted,
-    flattest,
+    flattest_of,
     flattest_side_by_side,
     middle,
     moments_in_ball,
@@ -61,21 +68,15 @@ class Features(ComparedByValue):
     neighbours: NDArray[np.int32]
 
 
-def estimate_features(
-    cloud: CloudLike,
-    neighbours: int = 25,
-    search: Literal["radius", "nearest"] = "radius",
-) -> Features:
+def estimate_features(cloud: CloudLike, neighbours: int = 25) -> Features:
     """Measure the surface variation and the normal of each point (paper, section 3.1).
 
     Parameters
     ----------
     cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
     neighbours : int
-        k, the number of points in a neighbourhood, the point itself included.
-    search : "radius" or "nearest"
-        With "radius", all neighbourhoods are balls of the same radius, which is chosen so that they hold about k
-        points. With "nearest", a neighbourhood is the k nearest points.
+        k: all neighbourhoods are balls of the same radius, which is chosen so that they hold about k points, the point
+        itself included.
 
     Returns
     -------
@@ -86,7 +87,7 @@ def estimate_features(
     InputError
         If the cloud is empty, has a wrong shape or has coordinates that are not finite.
     ParameterError
-        If `search` is unknown, or `neighbours` is below 1.
+        If `neighbours` is below 1.
 
     Examples
     --------
@@ -99,29 +100,15 @@ def estimate_features(
     True
     """
     neighbours = whole_number("the number of neighbours", neighbours, 1)
-    one_of("search", search, ("radius", "nearest"))
-    points, _, _ = normalised(PointCloud.of(cloud).usable("cloud"))
+    points, _, _ = normalised(usable(cloud, "cloud"))
     tree = KdTree.build(points)
-    if search == "nearest":
-        return features_of_nearest(tree, neighbours)
     first = first_occurrences(points)
-    if first.all():
-        return features_around(points, tree, neighbours)
-    radius = neighbourhood_radius(points[first], KdTree.build(points[first]), neighbours)
-    return features_in_radius(tree, radius)
-
-
-def features_around(points: NDArray[np.float64], tree: KdTree, neighbours: int) -> Features:
-    """Measure balls that hold about so many points, (N, 3) without repeats, of which there is a tree."""
-    return features_in_radius(tree, neighbourhood_radius(points, tree, neighbours))
+    distinct = tree if first.all() else KdTree.build(points[first])
+    return features_in_radius(tree, neighbourhood_radius(distinct, neighbours))
 
 
 def features_in_radius(tree: KdTree, radius: float, with_normals: bool = True) -> Features:
-    """Measure each point's neighbourhood of all points within a radius, as the paper does.
-
-    The points of a group of leaves share one search of the tree. A node that lies within the radius of all of them
-    counts as a whole, so that dense parts of a cloud cost little more than others.
-    """
+    """Measure each point's neighbourhood of all points within a radius; nodes of dense parts count as a whole."""
     n = len(tree.order)
     features = Features(np.empty(n), np.empty((n * with_normals, 3)), np.empty(n, dtype=np.int32))
     moments = np.empty((0, MOMENTS))
@@ -142,10 +129,7 @@ def features_in_radius(tree: KdTree, radius: float, with_normals: bool = True) -
 def _features_in_balls(
     first, last, groups, points, order, low, high, moments, squared_radius, variation, normals, neighbours
 ):
-    """Fill `variation` and `neighbours`, (N,), and `normals`, (N, 3), for the groups `first` to `last` of leaves.
-
-    `moments` is (nodes, 10) or empty.
-    """
+    """Fill the features, (N,) and (N, 3), for some groups of leaves; `moments` is (nodes, 10) or empty."""
     n, leaves = points.shape[1], first_leaf(low)
     near, room = np.empty(leaves, dtype=np.int64), room_for(LEAVES_PER_GROUP * LEAVES_PER_GROUP)
     of_points, shared = np.ones((MOMENTS, AT_ONCE), dtype=np.float64), np.empty(MOMENTS, dtype=np.float64)
@@ -175,29 +159,19 @@ def _finish(moments, indices, variation, normals, neighbours):
     flattest_side_by_side(moments, flat, normal, sure)
     for p in range(len(indices)):
         index = indices[p]
-        n = moments[0, p]
         if sure[p] > 0.0:
             variation[index] = flat[p]
             direction[0], direction[1], direction[2] = normal[0, p], normal[1, p], normal[2, p]
         else:
-            x, y, z = moments[1, p] / n, moments[2, p] / n, moments[3, p] / n
-            variation[index] = flattest(
-                moments[4, p] / n - x * x, moments[5, p] / n - x * y, moments[6, p] / n - x * z,
-                moments[7, p] / n - y * y, moments[8, p] / n - y * z, moments[9, p] / n - z * z,
-                direction,
-            )  # fmt: skip
-        neighbours[index] = n
+            variation[index] = flattest_of(moments[:, p], direction)
+        neighbours[index] = moments[0, p]
         if len(normals):  # otherwise they are not wanted
             normals[index, 0], normals[index, 1], normals[index, 2] = direction[0], direction[1], direction[2]
 
 
 @kernel
 def _around(group, low, high, moments, squared_radius, near, shared):
-    """Fill `near`, (leaves,), with the leaves within the radius of the node `group`, and return their number.
-
-    Nodes within the radius of every point of `group` are left out of `near`. Their moments, relative to the middle
-    of `group`, are added up in `shared`, (10,); `moments` is (nodes, 10), or empty to leave out no node.
-    """
+    """Fill `near` with the leaves within the radius of a node, and `shared`, (10,), by nodes that are so as a whole."""
     leaves = first_leaf(low)
     x, y, z = middle(low[group], high[group])
     shared[:] = 0.0
@@ -210,7 +184,7 @@ def _around(group, low, high, moments, squared_radius, near, shared):
         node = stack[height]
         if squared_distance_of_boxes(low[node], high[node], low[group], high[group]) > squared_radius:
             continue
-        if len(moments) and _farthest(low[node], high[node], low[group], high[group]) <= squared_radius:
+        if len(moments) and squared_reach_of_boxes(low[node], high[node], low[group], high[group]) <= squared_radius:
             u, v, w = middle(low[node], high[node])
             add_shifted(moments[node], u - x, v - y, w - z, shared)
         elif node >= leaves:
@@ -220,15 +194,6 @@ def _around(group, low, high, moments, squared_radius, near, shared):
             stack[height], stack[height + 1] = 2 * node + 1, 2 * node
             height += 2
     return count
-
-
-@kernel(fastmath=False, allocates=False)
-def _farthest(low, high, other_low, other_high):
-    """Return the largest squared distance between a point of one box and a point of another; corners are (3,)."""
-    dx = max(high[0] - other_low[0], other_high[0] - low[0])
-    dy = max(high[1] - other_low[1], other_high[1] - low[1])
-    dz = max(high[2] - other_low[2], other_high[2] - low[2])
-    return dx * dx + dy * dy + dz * dz
 
 
 def features_of_nearest(tree: KdTree, k: int) -> Features:
@@ -245,10 +210,7 @@ def features_of_nearest(tree: KdTree, k: int) -> Features:
 
 @kernel
 def _features_of_nearest(first, last, tasks, points, order, low, high, k, variation, normals, neighbours):
-    """Fill `variation` and `neighbours`, (N,), and `normals`, (N, 3), from the k nearest points of each.
-
-    The range `first` to `last` is one of tasks.
-    """
+    """Fill the features, (N,) and (N, 3), from the k nearest points of each, in a range of tasks."""
     n, leaves = points.shape[1], first_leaf(low)
     search, moments = search_for(k, leaves), np.ones((MOMENTS, AT_ONCE), dtype=np.float64)
     for task in range(first, last):

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
@@ -15,7 +14,6 @@ from gppcs.app import options
 from gppcs.app.pages import how_made, rebuilt
 from gppcs.app.panels import LOOK, METHOD
 from gppcs.app.printing import names_of, print_error, print_json, say, started
-from gppcs.app.viewpoint import viewpoint_of
 from gppcs.clouds.quantities import count_of, share_of
 from gppcs.errors import OutputError, ParameterError
 from gppcs.methods import METHODS
@@ -46,77 +44,56 @@ EPILOG = (
 
 def compare(
     context: typer.Context,
-    cloud: options.Cloud,
-    output: Annotated[
-        Path,
-        options.output(
-            "DIR",
-            "The folder for table.csv, table.md, picture.png and report.html. It is created if it does not exist.",
-        ),
-    ],
-    ratio: options.Ratio = None,
-    points: options.Points = None,
-    meshes: Annotated[
-        bool,
-        options.flag(
-            "--meshes",
-            "Compare ways to make a light mesh instead of methods. They are listed below. Needs the extra evaluate.",
-            METHOD,
-        ),
-    ] = False,
-    methods: Annotated[
-        str | None,
-        options.option(
-            "NAME,...",
-            "Names of the methods, separated by commas, in the order of the table. See gppcs methods. With "
-            "--meshes, names of ways to a mesh; by default all ways whose packages are installed.",
-            METHOD,
-            show_default="all",
-        ),
-    ] = None,
-    mesh: Annotated[
-        Path | None,
-        options.option(
-            None,
-            "A mesh file of the true surface of IN. The meshes that are made or rebuilt are compared with it.",
-            LOOK,
-        ),
-    ] = None,
-    seed: options.Seed = None,
-    detail: Annotated[
-        list[str] | None,
-        options.option(
-            "NAME[:WEIGHT]",
-            "Measure the error of this attribute, too, and let it count in the choice of gp: rgb, a number or classes. "
-            "Can be repeated.",
-            METHOD,
-        ),
-    ] = None,
-    input_format: options.From = None,
-    columns: options.Columns = None,
-    drop: options.DropInvalid = None,
-    picture: Annotated[
-        bool,
-        options.option(
-            None, "Draw the clouds and the meshes rebuilt from them. Needs the extras view and evaluate.", LOOK
-        ),
-    ] = True,
-    colour: options.Colour = None,
-    report: Annotated[
-        bool,
-        options.flag(
-            "--report",
-            "Also write report.html, a page that shows all clouds and the meshes of the picture in the browser; "
-            "see gppcs report.",
-            LOOK,
-        ),
-    ] = False,
-    view: options.View = None,
-    up: options.Up = None,
-    threads: options.Threads = None,
-    force: options.Force = False,
-    quiet: options.Quiet = False,
-    as_json: options.Json = False,
+    cloud: Path = options.CLOUD,
+    output: Path = options.output(
+        "DIR", "The folder for table.csv, table.md, picture.png and report.html. It is created if it does not exist."
+    ),
+    ratio: str | None = options.RATIO,
+    points: str | None = options.POINTS,
+    meshes: bool = options.flag(
+        "--meshes",
+        "Compare ways to make a light mesh instead of methods. They are listed below. Needs the extra evaluate.",
+        METHOD,
+    ),
+    methods: str | None = options.option(
+        "NAME,...",
+        "Names of the methods, separated by commas, in the order of the table. See gppcs methods. With "
+        "--meshes, names of ways to a mesh; by default all ways whose packages are installed.",
+        METHOD,
+        show_default="all",
+    ),
+    mesh: Path | None = options.option(
+        None, "A mesh file of the true surface of IN. The meshes that are made or rebuilt are compared with it.", LOOK
+    ),
+    seed: int | None = options.SEED,
+    detail: list[str] | None = options.option(
+        "NAME[:WEIGHT]",
+        "Measure the error of this attribute, too, and let it count in the choice of gp: rgb, a number or classes. "
+        "Can be repeated.",
+        METHOD,
+    ),
+    input_format: str | None = options.FROM,
+    columns: str | None = options.COLUMNS,
+    drop: options.Invalid | None = options.DROP_INVALID,
+    picture: bool = options.option(
+        None,
+        "Draw the clouds and the meshes rebuilt from them. Needs the extras view and evaluate.",
+        LOOK,
+        default=True,
+    ),
+    colour: str | None = options.COLOUR,
+    report: bool = options.flag(
+        "--report",
+        "Also write report.html, a page that shows all clouds and the meshes of the picture in the browser; "
+        "see gppcs report.",
+        LOOK,
+    ),
+    view: str | None = options.VIEW,
+    up: options.Axis | None = options.UP,
+    threads: int | None = options.THREADS,
+    force: bool = options.FORCE,
+    quiet: bool = options.QUIET,
+    as_json: bool = options.JSON,
 ) -> None:
     """Simplify a cloud by several methods, evaluate each result, and write tables and a picture.
 
@@ -127,6 +104,7 @@ def compare(
     from gppcs.app.tables import Row, as_csv, as_markdown
     from gppcs.drawing.attributes import Colourable
     from gppcs.drawing.web.contents import Named, report_page
+    from gppcs.engine.extras import require_pymeshlab, require_pyvista
     from gppcs.evaluation.comparison import checked_methods
     from gppcs.evaluation.comparison import compare as compared
     from gppcs.evaluation.mesh_comparison import checked_ways, compare_meshes
@@ -135,26 +113,30 @@ def compare(
     timer = started(quiet, threads)
     share = None if ratio is None else share_of("ratio", ratio)
     count = None if points is None else count_of("n_points", points)
-    if meshes and seed is not None:
-        raise ParameterError("expected --seed without --meshes, whose ways draw no random numbers")
-    work: Any
     counted = options.weights_of(detail)
-    if meshes and counted:
-        raise ParameterError("expected --detail without --meshes, whose ways look at no attributes")
+    for wrong, message in (
+        (meshes and seed is not None, "expected --seed without --meshes, whose ways draw no random numbers"),
+        (meshes and counted, "expected --detail without --meshes, whose ways look at no attributes"),
+        (
+            (view or up) and not (picture or report),
+            "expected a picture or --report to turn with --view and --up, found neither; leave out --no-picture",
+        ),
+        (colour and not picture, "expected a picture to colour by --colour, found none; leave out --no-picture"),
+    ):
+        if wrong:
+            raise ParameterError(message)
+    work: Any
     if meshes:
         work = partial(compare_meshes, ways=checked_ways(names_of(methods), share, count))
     else:
         chosen = checked_methods(names_of(methods) or METHODS, share, count, seed)
         work = partial(compared, methods=chosen, detail=counted)
-    viewpoint = viewpoint_of(view, up)
-    if (view or up) and not (picture or report):
-        raise ParameterError(
-            "expected a picture or --report to turn with --view and --up, found neither; leave out --no-picture"
-        )
-    if colour is not None and not picture:
-        raise ParameterError("expected a picture to colour by --colour, found none; leave out --no-picture")
+    viewpoint, inputs = options.viewpoint_of(view, up), [cloud, *filter(None, [mesh])]
     names = ["table.csv", "table.md", *(["picture.png"] if picture else []), *(["report.html"] if report else [])]
-    targets = _targets([cloud, mesh] if mesh else [cloud], output, names, force)
+    _check_folder(output, names, inputs, force)
+    if picture:
+        require_pymeshlab()
+        require_pyvista()
     surface = read_mesh(mesh) if mesh else None
     original = io.read(cloud, input_format, names_of(columns))
     if colour is not None:
@@ -171,13 +153,13 @@ def compare(
         if picture:
             contents["picture.png"] = _drawn(original, surface, shown, rows, viewpoint, colour)
     if report and shown:  # without results no way has found a surface, and the notes say so
-        made = how_made(context.obj, [cloud, *([mesh] if mesh else [])])
+        made = how_made(context.obj, inputs)
         page = BytesIO()
         report_page(Named(cloud.name, original, surface), shown, made, viewpoint, timer, list(counted)).write(page)
         contents["report.html"] = page.getvalue()
     output.mkdir(exist_ok=True)
     for name, content in contents.items():
-        with io.whole_file(targets[name], force) as file:
+        with io.whole_file(output / name, force) as file:
             file.write(content)
     if not (as_json or quiet):
         print_comparison(rows)
@@ -251,28 +233,24 @@ def _caption(relative: Mapping[str, float]) -> str:
     return f"{name.replace('_', ' ')}\n{relative[name]:.2e} diagonals"
 
 
-def _targets(inputs: list[Path], folder: Path, names: list[str], force: bool) -> dict[str, Path]:
-    """Return the paths of the output files by name, after checking that each can be written."""
-    from gppcs.engine.extras import require_pymeshlab, require_pyvista
+def _check_folder(folder: Path, names: list[str], inputs: list[Path], force: bool) -> None:
+    """Check that files of these names can be written in a folder."""
     from gppcs.io import check_distinct, check_writable, is_standard
 
-    if is_standard(folder):
-        raise OutputError(f"{folder}: expected a folder, found the name of standard output; name a folder")
-    if os.path.lexists(folder) and not folder.is_dir():
-        found = "a file" if folder.exists() else "a link to nothing"
-        raise OutputError(f"{folder}: expected a folder, found {found}; name a folder")
-    if not force and folder.is_dir() and any(folder.iterdir()):
-        raise OutputError(
-            f"{folder}: expected a new or empty folder, found one with files; choose another, or use --force to "
-            "overwrite earlier tables and pictures in it"
-        )
-    if not folder.absolute().parent.is_dir():
-        raise OutputError(f"{folder}: expected an existing parent folder, found none; make it first")
-    if "picture.png" in names:
-        require_pymeshlab()
-        require_pyvista()
-    targets = {name: folder / name for name in names}
-    check_distinct(list(targets.values()), inputs)
-    for target in targets.values():
+    for wrong, message in (
+        (is_standard(folder), "expected a folder, found the name of standard output; name a folder"),
+        (folder.exists() and not folder.is_dir(), "expected a folder, found a file; name a folder"),
+        (folder.is_symlink() and not folder.exists(), "expected a folder, found a link to nothing; name a folder"),
+        (
+            not force and folder.is_dir() and any(folder.iterdir()),
+            "expected a new or empty folder, found one with files; choose another, or use --force to overwrite earlier "
+            "tables and pictures in it",
+        ),
+        (not folder.absolute().parent.is_dir(), "expected an existing parent folder, found none; make it first"),
+    ):
+        if wrong:
+            raise OutputError(f"{folder}: {message}")
+    targets = [folder / name for name in names]
+    check_distinct(targets, inputs)
+    for target in targets:
         check_writable(target, force, makes_folders=True)
-    return targets

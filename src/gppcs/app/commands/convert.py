@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 from gppcs.app import options
-from gppcs.app.printing import names_of, note_left_out, numbers_of, started
+from gppcs.app.outputs import check_output
+from gppcs.app.printing import names_of, note_left_out, started
 from gppcs.errors import ParameterError
 
 EPILOG = (
@@ -18,38 +19,29 @@ EPILOG = (
 
 
 def convert(
-    source: Annotated[
-        Path,
-        options.file_argument(
-            "IN", "A point cloud file, or a virtual point cloud (.vpc): the files that it lists become one cloud."
-        ),
-    ],
-    target: Annotated[Path, options.file_argument("OUT", "The file to write.")],
-    input_format: options.From = None,
-    output_format: options.To = None,
-    ascii: options.Ascii = None,  # noqa: A002
-    columns: options.Columns = None,
-    box: options.Box = None,
-    only: options.Only = None,
-    polygon: options.Inside = None,
-    resolution: options.Resolution = None,
-    levels_by: Annotated[
-        Literal["gp", "fps", "random", "order"] | None,
-        options.option(
-            None,
-            "By what the points of the coarse levels of a .copc.laz file are chosen: by the method gp, as without this "
-            "option, fps or random, or by the order of the input.",
-        ),
-    ] = None,
-    drop: Annotated[
-        Literal["invalid"] | None, options.option(None, "Leave out the points with NaN or infinite coordinates.")
-    ] = None,
-    assume_same_crs: options.AssumeSameCrs = False,
-    memory: options.Memory = None,
-    workers: options.Workers = None,
-    force: options.Force = False,
-    lossy: options.Lossy = False,
-    quiet: options.Quiet = False,
+    source: Path = options.file_argument(
+        "IN", "A point cloud file, or a virtual point cloud (.vpc): the files that it lists become one cloud."
+    ),
+    target: Path = options.file_argument("OUT", "The file to write."),
+    input_format: str | None = options.FROM,
+    output_format: str | None = options.TO,
+    ascii: bool | None = options.ASCII,  # noqa: A002
+    columns: str | None = options.COLUMNS,
+    inside: list[str] | None = options.INSIDE,
+    only: str | None = options.ONLY,
+    resolution: float | None = options.RESOLUTION,
+    levels_by: Literal["gp", "fps", "random", "order"] | None = options.option(
+        None,
+        "By what the points of the coarse levels of a .copc.laz file are chosen: by the method gp, as without this "
+        "option, fps or random, or by the order of the input.",
+    ),
+    drop: options.Invalid | None = options.option(None, "Leave out the points with NaN or infinite coordinates."),
+    assume_same_crs: bool = options.ASSUME_SAME_CRS,
+    memory: str | None = options.MEMORY,
+    workers: str | None = options.WORKERS,
+    force: bool = options.FORCE,
+    lossy: bool = options.LOSSY,
+    quiet: bool = options.QUIET,
 ) -> None:
     """Write a cloud in another format, with every attribute.
 
@@ -68,9 +60,9 @@ def convert(
     chosen = io.format_to_write(target, output_format, ascii, levels_by)
     if (memory or workers) and not chosen.has_levels:
         raise ParameterError("expected --memory and --workers with a name that ends in .copc.laz, found another")
-    io.check_output(target, force)
-    io.check_distinct([target], [source, *filter(None, [polygon])])
-    part = (names_of(columns), numbers_of(box), resolution, only, polygon)
+    box, polygon = options.region_of(inside)
+    check_output(target, [source, *filter(None, [polygon])], force)
+    part = (names_of(columns), box, resolution, only, polygon)
     if chosen.has_levels and levels_by != "order" and not io.is_standard(source):
         query = Query.of(*part[1:])
         with (

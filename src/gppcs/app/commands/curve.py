@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from gppcs.app import options
 from gppcs.app.outputs import check_output
 from gppcs.app.panels import LOOK, METHOD, SIZE
-from gppcs.app.printing import names_of, numbers_of, print_json, started
+from gppcs.app.printing import names_of, print_json, started
 from gppcs.clouds.quantities import Measure, size_of
 from gppcs.errors import file_path
 from gppcs.methods import DEFAULT
@@ -22,36 +22,30 @@ EPILOG = (
 
 
 def curve(
-    cloud: options.Cloud,
-    methods: Annotated[
-        str, options.option("NAME,...", "Names of the methods, separated by commas. See gppcs methods.", METHOD)
-    ] = DEFAULT,
-    sizes: Annotated[
-        str | None,
-        options.option(
-            "SIZE,...", "Numbers of points and shares, such as 1%,5%,20k.", SIZE, show_default="0.1% to 20%"
-        ),
-    ] = None,
-    measure: Annotated[
-        Measure,
-        options.option(
-            None, "Which error: 95 % of the points are as near as that (p95), or the mean, rms or largest.", SIZE
-        ),
-    ] = "p95",
-    plot: Annotated[
-        Path | None, options.option("PNG", "Draw the curves. Needs the extra picture.", LOOK, parser=file_path)
-    ] = None,
-    seed: options.Seed = None,
-    input_format: options.From = None,
-    columns: options.Columns = None,
-    box: options.Box = None,
-    only: options.Only = None,
-    polygon: options.Inside = None,
-    drop: options.DropInvalid = None,
-    threads: options.Threads = None,
-    force: options.Force = False,
-    quiet: options.Quiet = False,
-    as_json: options.Json = False,
+    cloud: Path = options.CLOUD,
+    methods: str = options.option(
+        "NAME,...", "Names of the methods, separated by commas. See gppcs methods.", METHOD, default=DEFAULT
+    ),
+    sizes: str | None = options.option(
+        "SIZE,...", "Numbers of points and shares, such as 1%,5%,20k.", SIZE, show_default="0.1% to 20%"
+    ),
+    measure: Measure = options.option(
+        None,
+        "Which error: 95 % of the points are as near as that (p95), or the mean, rms or largest.",
+        SIZE,
+        default="p95",
+    ),
+    plot: Path | None = options.option("PNG", "Draw the curves. Needs the extra picture.", LOOK, parser=file_path),
+    seed: int | None = options.SEED,
+    input_format: str | None = options.FROM,
+    columns: str | None = options.COLUMNS,
+    inside: list[str] | None = options.INSIDE,
+    only: str | None = options.ONLY,
+    drop: options.Invalid | None = options.DROP_INVALID,
+    threads: int | None = options.THREADS,
+    force: bool = options.FORCE,
+    quiet: bool = options.QUIET,
+    as_json: bool = options.JSON,
 ) -> None:
     """Print the error over the number of points, for one method or several side by side.
 
@@ -70,10 +64,11 @@ def curve(
     timer = started(quiet, threads)
     chosen = checked_methods(methods.split(","), None, 1, seed)
     wanted = None if sizes is None else [size_of("sizes", text) for text in sizes.split(",")]
+    box, polygon = options.region_of(inside)
     if plot is not None:
-        check_output(plot, [".png"], [cloud, *filter(None, [polygon])], force)
+        check_output(plot, [cloud, *filter(None, [polygon])], force, [".png"])
         require_matplotlib()
-    query: dict[str, Any] = {"box": numbers_of(box), "only": only, "polygon": polygon}
+    query: dict[str, Any] = {"box": box, "only": only, "polygon": polygon}
     original = io.load(cloud, input_format, names_of(columns), **query).cloud
     with naming(cloud):
         asked = Query.of(resolution=None, **query)

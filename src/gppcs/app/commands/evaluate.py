@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 from gppcs.app import options
 from gppcs.app.printing import figure_rows, names_of, print_error, show, started
@@ -37,24 +36,20 @@ EPILOG = (
 
 
 def evaluate(
-    original: Annotated[Path, options.file_argument("ORIGINAL", "The original cloud.")],
-    simplified: Annotated[Path | None, options.file_argument("SIMPLIFIED", "The simplified cloud.")] = None,
-    mesh: Annotated[
-        Path | None,
-        options.option(
-            None, "The surface of ORIGINAL as a mesh file, to compare the surface rebuilt from SIMPLIFIED with."
-        ),
-    ] = None,
-    simplified_mesh: Annotated[
-        Path | None,
-        options.option("FILE", "A mesh of ORIGINAL to judge, such as one of gppcs mesh, without SIMPLIFIED."),
-    ] = None,
-    detail: options.Measured = None,
-    input_format: options.From = None,
-    columns: options.Columns = None,
-    threads: options.Threads = None,
-    quiet: options.Quiet = False,
-    as_json: options.Json = False,
+    original: Path = options.file_argument("ORIGINAL", "The original cloud."),
+    simplified: Path | None = options.file_argument("SIMPLIFIED", "The simplified cloud.", default=None),
+    mesh: Path | None = options.option(
+        None, "The surface of ORIGINAL as a mesh file, to compare the surface rebuilt from SIMPLIFIED with."
+    ),
+    simplified_mesh: Path | None = options.option(
+        "FILE", "A mesh of ORIGINAL to judge, such as one of gppcs mesh, without SIMPLIFIED."
+    ),
+    detail: list[str] | None = options.MEASURED,
+    input_format: str | None = options.FROM,
+    columns: str | None = options.COLUMNS,
+    threads: int | None = options.THREADS,
+    quiet: bool = options.QUIET,
+    as_json: bool = options.JSON,
 ) -> None:
     """Measure how good a simplified cloud or mesh is. Points with NaN or infinite coordinates are left out."""
     from gppcs import io

@@ -5,11 +5,11 @@ from __future__ import annotations
 import dataclasses
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from gppcs.app import options
 from gppcs.app.outputs import sources_of
-from gppcs.app.printing import for_each, names_of, numbers_of, show
+from gppcs.app.printing import for_each, names_of, show
 
 if TYPE_CHECKING:
     from gppcs.clouds.summary import Summary
@@ -19,14 +19,13 @@ EPILOG = "gppcs info scan.ply --json\n\ngppcs info a.ply b.xyz folder"
 
 
 def info(
-    files: Annotated[list[Path], options.file_argument("FILE...", options.FILES)],
-    input_format: options.From = None,
-    columns: options.Columns = None,
-    box: options.Box = None,
-    only: options.Only = None,
-    polygon: options.Inside = None,
-    resolution: options.Resolution = None,
-    as_json: options.Json = False,
+    files: list[Path] = options.file_argument("FILE...", options.FILES),
+    input_format: str | None = options.FROM,
+    columns: str | None = options.COLUMNS,
+    inside: list[str] | None = options.INSIDE,
+    only: str | None = options.ONLY,
+    resolution: float | None = options.RESOLUTION,
+    as_json: bool = options.JSON,
 ) -> None:
     """Print the number of points, bounding box, unit, spacing, repeats, invalid points, and each attribute's range.
 
@@ -35,7 +34,8 @@ def info(
     """
     from gppcs import io
 
-    part = (input_format, names_of(columns), numbers_of(box), resolution, only, polygon)
+    box, polygon = options.region_of(inside)
+    part = (input_format, names_of(columns), box, resolution, only, polygon)
     for_each(sources_of(files), lambda file: _print(file, io.load(file, *part), as_json))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 from gppcs.app import options
 from gppcs.app.panels import SIZE
@@ -46,46 +46,33 @@ EPILOG = (
 
 
 def mesh(
-    cloud: options.Cloud,
-    output: Annotated[Path, options.output("OUT", "The mesh file to write: .ply, .obj, .stl, .off or .glb (glTF).")],
-    points: Annotated[
-        str | None, options.option("M", "Number of vertices, such as 5000, 5,000, 5k or 1.5M.", SIZE)
-    ] = None,
-    ratio: options.Ratio = None,
-    faces: Annotated[
-        str | None, options.option("F", "Number of triangles at most, with those that fill holes.", SIZE)
-    ] = None,
-    tolerance: Annotated[
-        str | None,
-        options.option(
-            "LENGTH",
-            "Mean distance from the points to the mesh at most: 0.5 (in the unit of the coordinates), 0.5mm, or "
-            "0.02% of the diagonal.",
-            SIZE,
-        ),
-    ] = None,
-    keep_points: Annotated[
-        Path | None,
-        options.option(
-            "FILE", "A file of points of IN: they become the vertices. They may come from gppcs simplify.", SIZE
-        ),
-    ] = None,
-    moved: Annotated[
-        bool, options.flag("--moved", "Let the vertices leave the points, so that the mesh fits these better.")
-    ] = False,
-    unit: options.Unit = None,
-    fill_holes: Annotated[
-        str | None,
-        options.option("LENGTH", "Also close holes up to this size: the diagonal of the box around the border."),
-    ] = None,
-    input_format: options.From = None,
-    columns: options.Columns = None,
-    drop: options.DropInvalid = None,
-    threads: options.Threads = None,
-    force: options.Force = False,
-    lossy: options.Lossy = False,
-    quiet: options.Quiet = False,
-    as_json: options.Json = False,
+    cloud: Path = options.CLOUD,
+    output: Path = options.output("OUT", "The mesh file to write: .ply, .obj, .stl, .off or .glb (glTF)."),
+    points: str | None = options.option("M", "Number of vertices, such as 5000, 5,000, 5k or 1.5M.", SIZE),
+    ratio: str | None = options.RATIO,
+    faces: str | None = options.option("F", "Number of triangles at most, with those that fill holes.", SIZE),
+    tolerance: str | None = options.option(
+        "LENGTH",
+        "Mean distance from the points to the mesh at most: 0.5 (in the unit of the coordinates), 0.5mm, or "
+        "0.02% of the diagonal.",
+        SIZE,
+    ),
+    keep_points: Path | None = options.option(
+        "FILE", "A file of points of IN: they become the vertices. They may come from gppcs simplify.", SIZE
+    ),
+    moved: bool = options.flag("--moved", "Let the vertices leave the points, so that the mesh fits these better."),
+    unit: str | None = options.UNIT,
+    fill_holes: str | None = options.option(
+        "LENGTH", "Also close holes up to this size: the diagonal of the box around the border."
+    ),
+    input_format: str | None = options.FROM,
+    columns: str | None = options.COLUMNS,
+    drop: options.Invalid | None = options.DROP_INVALID,
+    threads: int | None = options.THREADS,
+    force: bool = options.FORCE,
+    lossy: bool = options.LOSSY,
+    quiet: bool = options.QUIET,
+    as_json: bool = options.JSON,
 ) -> None:
     """Make a light mesh straight from a dense cloud.
 
@@ -139,13 +126,13 @@ def _rows_of(original: PointCloud, kept: PointCloud, path: Path) -> NDArray[Any]
     """Return the rows of the points of a file in the original."""
     import numpy as np
 
+    from gppcs.clouds.cloud import usable
     from gppcs.spatial.kdtree import KdTree
 
-    rows = original.finite_rows()
-    usable = kept.usable("cloud of points to keep")
+    rows, places = original.finite_rows(), usable(kept, "cloud of points to keep")
     if not len(rows):
         return rows  # `mesh` tells what is wrong with the cloud
-    nearest, squared = KdTree.build(original.points[rows]).nearest_of(usable, 1)
+    nearest, squared = KdTree.build(original.points[rows]).nearest_of(places, 1)
     if len(strange := np.flatnonzero(squared[:, 0] > 0)):
         raise InputError(
             f"{path}: expected points of the cloud, found {len(strange)} that are none, the first at index "

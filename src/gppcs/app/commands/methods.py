@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
@@ -15,16 +15,14 @@ EPILOG = "gppcs methods\n\ngppcs methods wlop"
 
 
 def methods(
-    name: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="NAME",
-            help="A method to explain in full.",
-            show_default=False,
-            autocompletion=lambda: list(METHODS),
-        ),
-    ] = None,
-    as_json: options.Json = False,
+    name: str | None = typer.Argument(
+        None,
+        metavar="NAME",
+        help="A method to explain in full.",
+        show_default=False,
+        autocompletion=lambda: list(METHODS),
+    ),
+    as_json: bool = options.JSON,
 ) -> None:
     """List all methods with their sources and parameters, or explain one method and each of its parameters."""
     chosen = list(METHODS.values()) if name is None else [type(method_of(name))]

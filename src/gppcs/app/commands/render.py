@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from gppcs.app import options
 from gppcs.app.outputs import check_output
 from gppcs.app.pages import different_names
 from gppcs.app.panels import LOOK
 from gppcs.app.printing import names_of, note_left_out, print_error, say, started
-from gppcs.app.viewpoint import viewpoint_of
 from gppcs.errors import ParameterError, shown
 
 if TYPE_CHECKING:
@@ -27,33 +26,27 @@ EPILOG = (
 
 
 def render(
-    sources: Annotated[
-        list[Path],
-        options.file_argument(
-            "IN [SIMPLIFIED]",
-            "A point cloud file, and a simplified cloud to draw beside it. If there is one PLY, OBJ, OFF or STL "
-            "file and it holds triangles, the mesh is drawn. That needs the extras view and evaluate.",
-        ),
-    ],
-    output: Annotated[Path, options.output("PNG", "The picture to write; - is standard output.")],
-    colour: Annotated[
-        str | None,
-        options.option(
-            "NAME",
-            "What the colours show: rgb, variation (surface variation), or the name of an attribute. By default "
-            "rgb if IN has colours. If not, a cloud shows surface variation, and a mesh is white. Two clouds show "
-            "surface variation.",
-            LOOK,
-        ),
-    ] = None,
-    size: Annotated[str, options.option("WIDTHxHEIGHT", "Size in pixels, of one cloud or mesh.", LOOK)] = "1280x960",
-    view: options.View = None,
-    up: options.Up = None,
-    input_format: options.From = None,
-    columns: options.Columns = None,
-    threads: options.Threads = None,
-    force: options.Force = False,
-    quiet: options.Quiet = False,
+    sources: list[Path] = options.file_argument(
+        "IN [SIMPLIFIED]",
+        "A point cloud file, and a simplified cloud to draw beside it. If there is one PLY, OBJ, OFF or STL "
+        "file and it holds triangles, the mesh is drawn. That needs the extras view and evaluate.",
+    ),
+    output: Path = options.output("PNG", "The picture to write; - is standard output."),
+    colour: str | None = options.option(
+        "NAME",
+        "What the colours show: rgb, variation (surface variation), or the name of an attribute. By default "
+        "rgb if IN has colours. If not, a cloud shows surface variation, and a mesh is white. Two clouds show "
+        "surface variation.",
+        LOOK,
+    ),
+    size: str = options.option("WIDTHxHEIGHT", "Size in pixels, of one cloud or mesh.", LOOK, default="1280x960"),
+    view: str | None = options.VIEW,
+    up: options.Axis | None = options.UP,
+    input_format: str | None = options.FROM,
+    columns: str | None = options.COLUMNS,
+    threads: int | None = options.THREADS,
+    force: bool = options.FORCE,
+    quiet: bool = options.QUIET,
 ) -> None:
     """Draw a picture of a cloud or a mesh. It needs no display.
 
@@ -67,9 +60,9 @@ def render(
     from gppcs.io.mesh_files import mesh_of
 
     started(quiet, threads)
-    viewpoint = viewpoint_of(view, up)
+    viewpoint = options.viewpoint_of(view, up)
     pixels = checked_size(_numbers(size))
-    check_output(output, [".png"], sources, force)
+    check_output(output, sources, force, [".png"])
     require_matplotlib()
     if len(sources) > 2:
         raise ParameterError(f"expected one cloud, or two to draw beside each other, found {len(sources)}")
@@ -101,11 +94,13 @@ def _draw_beside(
 ) -> None:
     """Draw a simplified cloud beside its original. Each point has the colour of the nearest original one."""
     from gppcs.drawing.paint import painted
-    from gppcs.drawing.pair import draw_pair
+    from gppcs.drawing.side_by_side import Column, draw_comparison
 
     original, legend = painted(cloud.take(cloud.finite_rows()), colour)
     kept = original.at(simplified.points[simplified.finite_rows()])
-    draw_pair(file, title, original, kept, viewpoint, legend)
+    share = f"{len(kept.points) / len(original.points):.1%} of the points"
+    columns = [Column("original", original, "", None), Column(title, kept, share, None)]
+    draw_comparison(file, columns, viewpoint, legend, close_ups=0)
 
 
 def _numbers(size: str) -> tuple[int, int]:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from gppcs.app import options
 from gppcs.app.outputs import check_output
 from gppcs.app.printing import names_of, print_error, say, started
-from gppcs.app.viewpoint import viewpoint_of
 
 EPILOG = (
     "gppcs report scan.ply small.ply -o report.html\n\n"
@@ -24,32 +22,26 @@ EPILOG = (
 
 def report(
     context: typer.Context,
-    original: Annotated[Path, options.file_argument("ORIGINAL", "The original cloud.")],
-    simplified: Annotated[
-        list[Path],
-        options.file_argument(
-            "SIMPLIFIED...",
-            "Simplified clouds. Their points should be in the order of choice, as gppcs simplify writes them "
-            "without --mark.",
-        ),
-    ],
-    output: Annotated[Path, options.output("HTML", "The page to write; - is standard output.")],
-    meshes: Annotated[
-        bool,
-        options.flag(
-            "--meshes",
-            "Also rebuild a mesh from each cloud. The page can show the meshes in place of the points. Needs the "
-            "extra evaluate.",
-        ),
-    ] = False,
-    detail: options.Measured = None,
-    input_format: options.From = None,
-    columns: options.Columns = None,
-    view: options.View = None,
-    up: options.Up = None,
-    threads: options.Threads = None,
-    force: options.Force = False,
-    quiet: options.Quiet = False,
+    original: Path = options.file_argument("ORIGINAL", "The original cloud."),
+    simplified: list[Path] = options.file_argument(
+        "SIMPLIFIED...",
+        "Simplified clouds. Their points should be in the order of choice, as gppcs simplify writes them "
+        "without --add kept.",
+    ),
+    output: Path = options.output("HTML", "The page to write; - is standard output."),
+    meshes: bool = options.flag(
+        "--meshes",
+        "Also rebuild a mesh from each cloud. The page can show the meshes in place of the points. Needs the "
+        "extra evaluate.",
+    ),
+    detail: list[str] | None = options.MEASURED,
+    input_format: str | None = options.FROM,
+    columns: str | None = options.COLUMNS,
+    view: str | None = options.VIEW,
+    up: options.Axis | None = options.UP,
+    threads: int | None = options.THREADS,
+    force: bool = options.FORCE,
+    quiet: bool = options.QUIET,
 ) -> None:
     """Write a page that shows simplified clouds beside their original, to turn in the browser.
 
@@ -62,9 +54,9 @@ def report(
     from gppcs.engine.extras import require_pymeshlab
 
     timer = started(quiet, threads)
-    viewpoint = viewpoint_of(view, up)
+    viewpoint = options.viewpoint_of(view, up)
     inputs = [original, *simplified]
-    check_output(output, SUFFIXES, inputs, force)
+    check_output(output, inputs, force, SUFFIXES)
     if meshes:
         require_pymeshlab()
     with timer("reading"):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
 from gppcs import __version__
 from gppcs.app import options
+from gppcs.app.outputs import check_output
 from gppcs.app.printing import note_left_out, print_json, started
 from gppcs.clouds.quantities import count_of
 
@@ -22,38 +23,33 @@ def _names() -> list[str]:
 
 
 def sample(
-    name: Annotated[
-        str,
-        typer.Argument(
-            metavar="NAME",
-            help="medallion, bracket, fan, statue or sphere; or a scene as a sensor sees it: room, street or terrain.",
-            show_default=False,
-            autocompletion=_names,
-        ),
-    ],
-    output: Annotated[Path, options.output("OUT", "The file to write.")],
-    points: Annotated[
-        str, options.option("N", "Number of points, outliers included, such as 50000, 50k or 1.5M.")
-    ] = "200k",
-    noise: Annotated[
-        float, options.option(None, "Standard deviation of the noise on each coordinate, as a share of the diagonal.")
-    ] = 0.0,
-    outliers: Annotated[
-        float, options.option(None, "Share of the points that are outliers, anywhere in the enlarged bounding box.")
-    ] = 0.0,
-    uneven: Annotated[
-        float,
-        options.option(
-            None, "Share of the density that is lost from one end of an object to the other, from 0 to 0.999."
-        ),
-    ] = 0.0,
-    seed: Annotated[int, options.option(None, "Seed of random numbers. The same seed gives the same scan.")] = 0,
-    output_format: options.To = None,
-    ascii: options.Ascii = None,  # noqa: A002
-    force: options.Force = False,
-    lossy: options.Lossy = False,
-    quiet: options.Quiet = False,
-    as_json: options.Json = False,
+    name: str = typer.Argument(
+        ...,
+        metavar="NAME",
+        help="medallion, bracket, fan, statue or sphere; or a scene as a sensor sees it: room, street or terrain.",
+        show_default=False,
+        autocompletion=_names,
+    ),
+    output: Path = options.output("OUT", "The file to write."),
+    points: str = options.option(
+        "N", "Number of points, outliers included, such as 50000, 50k or 1.5M.", default="200k"
+    ),
+    noise: float = options.option(
+        None, "Standard deviation of the noise on each coordinate, as a share of the diagonal.", default=0.0
+    ),
+    outliers: float = options.option(
+        None, "Share of the points that are outliers, anywhere in the enlarged bounding box.", default=0.0
+    ),
+    uneven: float = options.option(
+        None, "Share of the density that is lost from one end of an object to the other, from 0 to 0.999.", default=0.0
+    ),
+    seed: int = options.option(None, "Seed of random numbers. The same seed gives the same scan.", default=0),
+    output_format: str | None = options.TO,
+    ascii: bool | None = options.ASCII,  # noqa: A002
+    force: bool = options.FORCE,
+    lossy: bool = options.LOSSY,
+    quiet: bool = options.QUIET,
+    as_json: bool = options.JSON,
 ) -> None:
     """Make a synthetic scan of a surface that is known exactly, with its normals.
 
@@ -63,7 +59,7 @@ def sample(
 
     started(quiet)
     io.format_to_write(output, output_format, ascii)
-    io.check_output(output, force)
+    check_output(output, [], force)
     settings: dict[str, Any] = {"noise": noise, "outliers": outliers, "uneven": uneven, "seed": seed}
     cloud = scans.sample(name, count_of("n_points", points), **settings)
     note_left_out(output, io.store(output, cloud, output_format, force, lossy, ascii))

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from gppcs.app import options
 from gppcs.app.levels import Levels
-from gppcs.app.outputs import check_output, outputs_of, sources_of
+from gppcs.app.outputs import check_output, outputs_of
 from gppcs.app.pages import SUFFIXES
 from gppcs.app.panels import ATTRIBUTES, CHOICE, LOOK, METHOD
-from gppcs.app.printing import for_each, names_of, numbers_of, say, say_aside, show, started
-from gppcs.app.runs import INDEX, Job, Told
+from gppcs.app.printing import for_each, names_of, say, say_aside, show, started
 from gppcs.clouds.quantities import option
 from gppcs.errors import ParameterError, shown
 from gppcs.methods import DEFAULT, METHODS, Method, method_of
 
+if TYPE_CHECKING:
+    from gppcs.app.runs import Told
+
 KINDS = ("invalid", "outliers")  # of points that --drop leaves out
-ADDED = ("normals", "scores", INDEX)  # what --add adds
+ADDED = ("normals", "scores", "index", "kept")  # what --add adds
 
 EPILOG = (
     "gppcs simplify scan.ply -o small.ply --ratio 0.03\n\n"
@@ -31,13 +33,13 @@ EPILOG = (
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --detail rgb\n\n"
     "gppcs simplify scan.ply -o 'scan_{level}.ply' --levels 10%,3%,1%\n\n"
     "gppcs simplify a.ply b.ply -o folder/ --ratio 10% --json\n\n"
-    "gppcs simplify tile1.laz tile2.laz --merge -o small.laz --ratio 0.2% --memory 4GB\n\n"
+    "gppcs simplify tile1.laz tile2.laz -o small.laz --ratio 0.2% --memory 4GB\n\n"
     "gppcs simplify scans -o '{parent}/{stem}_small.ply' --points 5k\n\n"
     "[bold]Output of --json[/bold]\n\n"
     "Besides input, output and method: [cyan]seconds[/cyan], the time of each stage; "
     "[cyan]seconds_compiling[/cyan], the part of it that only a first run takes; and [cyan]peak_memory[/cyan], the "
-    "most bytes that the process has held so far, or null if the system does not report it. With --merge, input is a "
-    "list. With --dry-run, the plan stands in place of the result.\n\n"
+    "most bytes that the process has held so far, or null if the system does not report it. If several inputs "
+    "are one cloud, input is a list. With --dry-run, the plan stands in place of the result.\n\n"
     "[bold]Methods[/bold] (their parameters: gppcs methods NAME)\n\n"
     + "\n\n".join(
         f"[cyan]{method.name}[/cyan]: {method.summary} [dim]({method.source})[/dim]" for method in METHODS.values()
@@ -47,88 +49,69 @@ EPILOG = (
 
 def simplify(
     context: typer.Context,
-    inputs: Annotated[list[Path], options.file_argument("IN...", options.FILES)],
-    output: Annotated[
-        str,
-        options.option(
-            "OUT",
-            "The file to write. For several inputs a folder, or a pattern with {stem} (the name of the input "
-            "without suffix), {name}, {suffix} or {parent} (its folder). A folder is made if it is missing; end the "
-            "name of a new one with a slash.",
-            None,
-            "--output",
-            "-o",
-        ),
-    ],
-    ratio: options.Ratio = None,
-    points: options.Points = None,
-    tolerance: options.Tolerance = None,
-    spacing: options.Spacing = None,
-    max_gap: options.MaxGap = None,
-    levels: options.Levels = None,
-    unit: options.Unit = None,
-    keep: options.Keep = None,
-    weight: options.Weight = None,
-    detail: options.Detail = None,
-    quota: options.Quota = None,
-    group: options.Group = None,
-    method: Annotated[
-        str,
-        options.option(
-            "NAME", "Name of the method, from the list below.", METHOD, autocompletion=lambda: list(METHODS)
-        ),
-    ] = DEFAULT,
-    settings: Annotated[
-        list[str] | None,
-        options.option("KEY=VALUE", "Set a parameter of the method. Can be repeated.", METHOD, "--set"),
-    ] = None,
-    input_format: options.From = None,
-    output_format: options.To = None,
-    box: options.Box = None,
-    only: options.Only = None,
-    polygon: options.Inside = None,
-    drop: Annotated[
-        str | None,
-        options.option(
-            "KIND,...",
-            "Leave out points before all else: outliers, which neither their neighbours nor the surface explain; "
-            "invalid ones, with NaN or infinite coordinates, which are otherwise an error; or invalid,outliers.",
-            CHOICE,
-        ),
-    ] = None,
-    add: Annotated[
-        str | None,
-        options.option(
-            "NAME,...",
-            "Add attributes to each kept point. normals: estimated from all points of the input, to rebuild a "
-            "surface; those of closed pieces point outward, of flat pieces along +z. scores: the score and standard "
-            "deviation when the point was chosen (method gp). index: its row among the points that are read, from 0.",
-            ATTRIBUTES,
-        ),
-    ] = None,
-    mark: Annotated[
-        str | None,
-        options.option(
-            "NAME",
-            "Write all points that are read, with an attribute NAME: 1 for kept points, 0 for others.",
-            ATTRIBUTES,
-        ),
-    ] = None,
-    report: Annotated[
-        Path | None,
-        options.option(
-            "HTML", "Write a page that shows the result beside the original in the browser; see gppcs report.", LOOK
-        ),
-    ] = None,
-    threads: options.Threads = None,
-    merge: options.Merge = False,
-    memory: options.Memory = None,
-    workers: options.Workers = None,
-    dry_run: options.DryRun = False,
-    force: options.Force = False,
-    lossy: options.Lossy = False,
-    quiet: options.Quiet = False,
-    as_json: options.Json = False,
+    inputs: list[Path] = options.file_argument("IN...", options.FILES),
+    output: str = options.option(
+        "OUT",
+        "The file to write. Several inputs are then one cloud. For a result of each input, give a folder, or a "
+        "pattern with {stem} (the name of the input without suffix), {name}, {suffix} or {parent} (its folder). A "
+        "folder is made if it is missing; end the name of a new one with a slash.",
+        None,
+        "--output",
+        "-o",
+        default=...,
+    ),
+    ratio: str | None = options.RATIO,
+    points: str | None = options.POINTS,
+    tolerance: str | None = options.TOLERANCE,
+    spacing: str | None = options.SPACING,
+    max_gap: str | None = options.MAX_GAP,
+    levels: str | None = options.LEVELS,
+    unit: str | None = options.UNIT,
+    keep: str | None = options.KEEP,
+    weight: str | None = options.WEIGHT,
+    detail: list[str] | None = options.DETAIL,
+    quota: list[str] | None = options.QUOTA,
+    group: str | None = options.GROUP,
+    method: str = options.option(
+        "NAME",
+        "Name of the method, from the list below.",
+        METHOD,
+        autocompletion=lambda: list(METHODS),
+        default=DEFAULT,
+    ),
+    settings: list[str] | None = options.option(
+        "KEY=VALUE", "Set a parameter of the method. Can be repeated.", METHOD, "--set"
+    ),
+    input_format: str | None = options.FROM,
+    output_format: str | None = options.TO,
+    inside: list[str] | None = options.INSIDE,
+    only: str | None = options.ONLY,
+    drop: str | None = options.option(
+        "KIND,...",
+        "Leave out points before all else: outliers, which neither their neighbours nor the surface explain; "
+        "invalid ones, with NaN or infinite coordinates, which are otherwise an error; or invalid,outliers.",
+        CHOICE,
+    ),
+    add: str | None = options.option(
+        "NAME,...",
+        "Add attributes to each kept point. normals: estimated from all points of the input, to rebuild a "
+        "surface; those of closed pieces point outward, of flat pieces along +z. scores: the score and standard "
+        "deviation when the point was chosen (method gp). index: its row among the points that are read, from 0. "
+        "kept, or kept:NAME for another name: write all points that are read, with 1 for kept ones and 0 for "
+        "others.",
+        ATTRIBUTES,
+    ),
+    report: Path | None = options.option(
+        "HTML", "Write a page that shows the result beside the original in the browser; see gppcs report.", LOOK
+    ),
+    threads: int | None = options.THREADS,
+    memory: str | None = options.MEMORY,
+    workers: str | None = options.WORKERS,
+    dry_run: bool = options.DRY_RUN,
+    force: bool = options.FORCE,
+    lossy: bool = options.LOSSY,
+    quiet: bool = options.QUIET,
+    as_json: bool = options.JSON,
 ) -> None:
     """Keep exactly the number of points asked for, each with all its attributes.
 
@@ -136,6 +119,7 @@ def simplify(
     for standard input, or for standard output with --to.
     """
     from gppcs.amounts.request import Request
+    from gppcs.app.runs import Job
     from gppcs.io import check_distinct
     from gppcs.io.query import Query
     from gppcs.streaming.files import Work
@@ -146,9 +130,10 @@ def simplify(
     amount: dict[str, Any] = {"ratio": ratio, "n_points": points, "tolerance": tolerance, "spacing": spacing}
     amount["max_gap"] = max_gap
     chosen = method_of(method, settings=_parsed(settings or []))
-    excluded = {**amount, "mark": mark, "quota": quota, "group": group}
+    dropped = _listed("--drop", names_of(drop) or [], KINDS)
+    added, mark = _added(add)
+    excluded = {**amount, "add kept": mark, "quota": quota, "group": group}
     wanted = None if levels is None else _checked_levels(levels, excluded, chosen)
-    dropped, added = _listed("--drop", drop, KINDS), _listed("--add", add, ADDED)
     request = Request.of(
         **amount | (wanted.finest if wanted else {}), unit=unit, keep=keep, weight=weight,
         detail=options.weights_of(detail),
@@ -156,44 +141,52 @@ def simplify(
         invalid="drop" if "invalid" in dropped else "error", normals="normals" in added, scores="scores" in added,
         drop_outliers="outliers" in dropped,
     )  # fmt: skip
-    if mark is not None and added:
-        raise ParameterError("expected --mark without --add, whose attributes only kept points have")
     if dry_run and request.amount.ratio is None and request.amount.n_points is None:
         raise ParameterError(
             "expected --ratio or --points with --dry-run, as the number of points is known only after the work"
         )
-    limit = None if memory is None else bytes_of(memory)
-    query = Query.of(numbers_of(box), None, only, polygon)
-    merged = sources_of(inputs) if merge else []
-    read = merged[:1] or inputs
-    by_level = wanted.outputs(read, output, output_format) if wanted else [outputs_of(read, output, output_format)]
-    sources = list(by_level[-1].targets)
-    if report and len(sources) > 1:
-        raise ParameterError(f"expected one input with --report, found {len(sources)}")
+    limit, (box, polygon) = None if memory is None else bytes_of(memory), options.region_of(inside)
+    query = Query.of(box, None, only, polygon)
+    outputs = outputs_of(inputs, output, output_format, len(wanted.sizes) if wanted else 0)
+    if report and len(outputs) > 1:
+        raise ParameterError(f"expected one input with --report, found {len(outputs)}")
     if report:
-        check_output(report, SUFFIXES, [], force)
-    written = [target for level in by_level for target in level.targets.values()]
-    check_distinct([*written, *filter(None, [report])], [*inputs, *(merged or sources), *filter(None, [polygon])])
+        check_output(report, [], force, SUFFIXES)
+    written = [target for each in outputs for target in each.targets]
+    sources = [source for each in outputs for source in each.sources]
+    check_distinct([*written, *filter(None, [report])], [*inputs, *sources, *filter(None, [polygon])])
+    by_source = {each.sources[0]: each for each in outputs}
     with executor_of(workers) as executor:
         work = Work(limit, None, executor, timer)
         job = Job(
-            by_level, wanted, merged, request, work, input_format, query, INDEX in added, mark, report, context.obj,
-            dry_run, force, lossy,
+            request, wanted, work, input_format, query, "index" in added, mark, report, context.obj, dry_run, force,
+            lossy,
         )  # fmt: skip
-        for_each(sources, lambda source: _print(job.run(source), dry_run, len(sources) > 1, quiet, as_json))
+        several = len(outputs) > 1
+        for_each(by_source, lambda source: _print(job.run(by_source[source]), dry_run, several, quiet, as_json))
 
 
 def _print(told: Told, dry_run: bool, is_one_of_several: bool, quiet: bool, as_json: bool) -> None:
     """Print what is told of a run: beside a cloud on standard output, as one line of several, or in full."""
     from gppcs.io import is_standard
 
-    if is_standard(told.target) and not dry_run:
+    if is_standard(told.output.targets[-1]) and not dry_run:
         if not quiet:
-            say_aside(told.line)
+            say_aside(f"{told.title}: {told.line}")
     elif is_one_of_several and not (quiet or as_json):
-        say(told.line)
+        say(f"{told.title}: {told.line}")
     else:
         show(told.record, told.title, told.rows, as_json, quiet)
+
+
+def _added(given: str | None) -> tuple[list[str], str | None]:
+    """Return what `--add` adds, and the name of the attribute that marks kept points, if any."""
+    words = names_of(given) or []
+    marks = [word for word in words if word.partition(":")[0] == "kept"]
+    others = _listed("--add", [word for word in words if word not in marks], ADDED)
+    if marks and len(words) > 1:
+        raise ParameterError("expected --add kept alone, as only kept points have the other attributes")
+    return others, marks[0].removeprefix("kept:") if marks else None
 
 
 def _checked_levels(text: str, excluded: dict[str, Any], method: Method) -> Levels:
@@ -225,9 +218,8 @@ def _numbered(quota: str) -> tuple[str, str]:
     return condition.strip(), number.strip()
 
 
-def _listed(name: str, given: str | None, known: tuple[str, ...]) -> list[str]:
-    """Return the words in a list, after checking that they are known."""
-    words = names_of(given) or []
+def _listed(name: str, words: list[str], known: tuple[str, ...]) -> list[str]:
+    """Return the words of an option after checking that they are known."""
     for word in words:
         if word not in known:
             raise ParameterError(f"expected {name} with {' or '.join(known)}, found {shown(word)}")

@@ -6,14 +6,13 @@ import tempfile
 import webbrowser
 from pathlib import Path
 from threading import Thread
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from gppcs.app import options
 from gppcs.app.outputs import check_output
 from gppcs.app.printing import names_of, print_error, say, started
-from gppcs.app.viewpoint import viewpoint_of
 
 if TYPE_CHECKING:
     from gppcs.drawing.web.serving import LevelsServer
@@ -23,23 +22,20 @@ EPILOG = "gppcs view scan.ply\n\ngppcs view before.ply after.ply --up z\n\ngppcs
 
 def view(
     context: typer.Context,
-    inputs: Annotated[list[Path], options.file_argument("FILE...", "Point cloud files.")],
-    output: Annotated[
-        Path | None,
-        options.output(
-            "HTML",
-            "The page to write. By default, a temporary file. With -, the page goes to standard output and is not "
-            "opened.",
-        ),
-    ] = None,
-    opened: Annotated[bool, options.option(None, "Open the page in the browser.", None, "--open/--no-open")] = True,
-    input_format: options.From = None,
-    columns: options.Columns = None,
-    view: options.View = None,
-    up: options.Up = None,
-    threads: options.Threads = None,
-    force: options.Force = False,
-    quiet: options.Quiet = False,
+    inputs: list[Path] = options.file_argument("FILE...", "Point cloud files."),
+    output: Path | None = options.output(
+        "HTML",
+        "The page to write. By default, a temporary file. With -, the page goes to standard output and is not opened.",
+        default=None,
+    ),
+    opened: bool = options.option(None, "Open the page in the browser.", None, "--open/--no-open", default=True),
+    input_format: str | None = options.FROM,
+    columns: str | None = options.COLUMNS,
+    view: str | None = options.VIEW,
+    up: options.Axis | None = options.UP,
+    threads: int | None = options.THREADS,
+    force: bool = options.FORCE,
+    quiet: bool = options.QUIET,
 ) -> None:
     """Show point clouds side by side in the browser, in views that turn together.
 
@@ -57,9 +53,9 @@ def view(
     from gppcs.io.mesh_files import mesh_of
 
     timer = started(quiet, threads)
-    viewpoint = viewpoint_of(view, up)
+    viewpoint = options.viewpoint_of(view, up)
     if output:
-        check_output(output, SUFFIXES, inputs, force)
+        check_output(output, inputs, force, SUFFIXES)
     if output is None and input_format is None and len(inputs) == 1:
         with nodes_of(inputs[0], more_than=MOST_SHOWN) as nodes:
             if nodes:

@@ -12,7 +12,7 @@ from gppcs.errors import OutputError
 EPILOG = "gppcs warmup"
 
 
-def warmup(quiet: options.Quiet = False, as_json: options.Json = False) -> None:
+def warmup(quiet: bool = options.QUIET, as_json: bool = options.JSON) -> None:
     """Compile all kernels now, in a minute or two. Later runs then start at once.
 
     Compiled kernels are stored in the first of these folders that can be written: the one that NUMBA_CACHE_DIR names,

@@ -22,7 +22,7 @@ from gppcs.drawing.web.layers import Layer, Surface
 from gppcs.drawing.web.layers import Named as Named
 from gppcs.drawing.web.packing import Blocks
 from gppcs.engine.strict_json import strict_json
-from gppcs.engine.timer import Timer
+from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError
 from gppcs.evaluation.detail import attribute_errors
 from gppcs.evaluation.judge import evaluate
@@ -86,7 +86,7 @@ def report_page(
     detail: Sequence[str] = (),
 ) -> Page:
     """Return a page of simplified clouds beside their original, with figures; also those of some attributes."""
-    timer, blocks = Timer.of(timer), Blocks()
+    timer, blocks = timer_of(timer), Blocks()
     columns_of_detail(original.cloud, detail)  # an error if the original lacks one; a result that does gets a note
     with timer("original"):
         surface = Surface.of(original)

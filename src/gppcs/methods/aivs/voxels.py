@@ -22,12 +22,10 @@ CLASSES = 8  # voxels are classed by the parity of their numbers along the three
 
 
 class Voxels(NamedTuple):
-    """The points sorted by the occupied voxels of a cubic grid; empty voxels need no memory.
+    """The points sorted by the occupied voxels of a cubic grid, of which `along` lie along the longest axis.
 
-    `order`, (N,), is the index in the input of each point, sorted by voxel and ascending within a voxel; `points`,
-    (3, N), are in this order, relative to the corner of the bounding box. `cells`, (voxels, 3), are the numbers of each
-    voxel along the axes; `keys`, (voxels,), make one ascending number of them. `begins`, (voxels + 1,), is where each
-    voxel's points start. `edge` is the length of an edge, `along` the number of voxels along the longest axis.
+    `points`, (3, N), and their indices `order` are sorted by voxel; those of a voxel lie between its `begins`. `cells`,
+    (voxels, 3), are the numbers of a voxel along the axes; `keys`, (voxels,), make one ascending number of them.
     """
 
     order: NDArray[np.int64]
@@ -57,15 +55,10 @@ class Voxels(NamedTuple):
 def points_of_voxels(
     points: NDArray[np.float64], n_points: int, advanced: Callable[[int], None] | None = None
 ) -> NDArray[np.int64]:
-    """Choose farthest points in each voxel, in proportion to its number of points, and trim them to M (Lv et al. 2021).
+    """Choose farthest points of (N, 3) in each voxel, as many as its share, and trim them to M (Lv et al. 2021).
 
-    The first point of a voxel is the one nearest its centre. Each further point is the farthest from those chosen
-    before it in this voxel and in the voxels around it; of the latter, points count that lie within 0.75 edge lengths
-    of the centre along each axis. The voxels are processed in eight classes, by the parity of their numbers along the
-    axes. Voxels of a class do not touch, and are processed in parallel. If the quotas add up to more than M, `trimmed`
-    reduces them; if they add up to less, the farthest points of the whole cloud are added.
-
-    Shapes: points (N, 3); returns (M,).
+    Points count as chosen before that lie in the voxels around, near enough to the centre. Voxels are processed in
+    eight classes, by the parity of their numbers along the axes: those of a class do not touch.
     """
     voxels = Voxels.build(points)
     whole, rest = np.divmod(np.diff(voxels.begins) * n_points, len(points))
@@ -85,13 +78,10 @@ def points_of_voxels(
 
 
 def trimmed(counts: NDArray[np.int64], n_points: int) -> NDArray[np.int64]:
-    """Reduce the counts of points of all voxels until their sum is at most M.
+    """Reduce the counts of all voxels, (voxels,), until their sum is at most M (Lv et al. 2021), many rounds at once.
 
-    In a round, first all even voxels and then all odd voxels lose one point each, if they have more points than a
-    threshold. The threshold starts at a third of the range of the counts, and decreases by one after a round in which
-    no voxel loses a point (Lv et al. 2021). Here many rounds are computed at once.
-
-    Shapes: counts (voxels,); returns (voxels,).
+    In a round, all even and then all odd voxels above a threshold lose one point. The threshold starts at a third of
+    the range of the counts, and decreases by one after a round in which no voxel loses a point.
     """
     if counts.sum() <= n_points:
         return counts

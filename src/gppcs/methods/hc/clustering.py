@@ -13,28 +13,13 @@ ROUNDING = 1e-12  # a surface variation below this is rounding, and counts as ze
 
 
 def hierarchical_clusters(points: NDArray[np.float64], size: int, variation: float) -> NDArray[np.int64]:
-    """Choose one point from each cluster of limited size and surface variation.
-
-    A cluster above either limit is split by the plane through its centroid that is orthogonal to its principal axis
-    (Pauly, Gross and Kobbelt 2002). Points that the plane does not separate, such as repeats, stay together. The
-    paper's experiments use this form. The number of points is not known beforehand.
-
-    Shapes: points (N, 3); returns (M,).
-    """
+    """Choose a point of each cluster of (N, 3), split by planes across its axis until it is small and flat."""
     rows, order, chosen = _in_columns(points, len(points))
     return chosen[: _part_to_limits(rows, order, size, variation, chosen)]
 
 
 def clusters_by_variation(points: NDArray[np.float64], n_points: int) -> NDArray[np.int64]:
-    """Choose exactly M points, one from each of M clusters.
-
-    The cluster with the largest product of number of points and surface variation is split next, by the plane of
-    `hierarchical_clusters`. Ties go to the cluster with more points, and then to the one whose first point has the
-    smallest index. If the plane does not separate any points, the cluster is split into halves by order, so that the
-    result always has M points.
-
-    Shapes: points (N, 3); returns (M,).
-    """
+    """Choose a point of each of M clusters of (N, 3): that of largest size times surface variation is split next."""
     rows, order, chosen = _in_columns(points, n_points)
     _part_most_varied(rows, order, chosen)
     return chosen
@@ -127,10 +112,7 @@ def _spread(rows, begin, end, centroid, axis):
 
 @kernel
 def _principal_axis(xx, xy, xz, yy, yz, zz, axis):
-    """Fill `axis`, (3,), with the unit eigenvector of the largest eigenvalue; return lambda_0 / trace, 0 if that is 0.
-
-    The method is Jacobi's rotations.
-    """
+    """Fill `axis`, (3,), with the first principal axis by Jacobi's rotations; return lambda_0 / trace."""
     trace = xx + yy + zz
     if not trace > 0.0:
         axis[0], axis[1], axis[2] = 1.0, 0.0, 0.0
@@ -168,10 +150,7 @@ def _rotate(a, vectors, p, q):
 
 @kernel
 def _part(rows, order, begin, end, centroid, axis, room_rows, room_order):
-    """Move the points of begin..end, (3, N), below the plane to the front, and return where the others start.
-
-    Both sides keep their order. The last two arguments are buffers, (3, N) and (N,).
-    """
+    """Move the points of begin..end, (3, N), below the plane to the front, in order; return where the others start."""
     front, back = begin, 0
     for i in range(begin, end):
         x, y, z, index = rows[0, i], rows[1, i], rows[2, i], order[i]

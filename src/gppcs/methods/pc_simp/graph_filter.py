@@ -19,9 +19,8 @@ CHECK_EVERY = 10  # steps between two computations of the duality gap, each of w
 class NeighbourGraph(NamedTuple):
     """The graph of nearest neighbours of N points, in tree order.
 
-    Both matrices, (N, N), are symmetric: each is the mean of a directed matrix and its transpose. The directed entries
-    of `adjacency` are 1 for each neighbour, those of `weights` exp(-d^2 / sigma) at distance d, where sigma is
-    the largest d^2. `squared_spacing` is the median of the mean squared distance to the neighbours.
+    Both matrices are the mean of a directed one and its transpose. The directed `adjacency` is 1 for each neighbour,
+    and `weights` exp(-d^2 / sigma) at distance d, at most sqrt(sigma).
     """
 
     adjacency: scipy.sparse.csr_array
@@ -43,10 +42,7 @@ class NeighbourGraph(NamedTuple):
 
 
 def high_pass_strength(points: NDArray[np.float64], graph: NeighbourGraph) -> NDArray[np.float64]:
-    """Return the squared distances, (N,), of points, (N, 3), to the weighted mean of their neighbours.
-
-    It is the squared response of the high-pass filter I - D^-1 W; D is the diagonal matrix of the row sums of W.
-    """
+    """Return the squared distances, (N,), of points, (N, 3), to the weighted mean of their neighbours."""
     smoothed = (graph.weights @ points) / graph.weights.sum(axis=1)[:, None]
     return ((points - smoothed) ** 2).sum(axis=1)
 
@@ -54,9 +50,9 @@ def high_pass_strength(points: NDArray[np.float64], graph: NeighbourGraph) -> ND
 class Programme(NamedTuple):
     r"""The quadratic programme of PC-Simp (Qi, Hu and Guo 2019), for the whole cloud.
 
-    Minimise sum_i f_i (s_i - 1)^2 + uniformity \|A s - alpha k\|^2 over 0 <= s <= 1 with sum s = M and alpha = M / N.
-    The first term penalises the loss of features f, `strength`, (N,). The second penalises neighbourhoods of k points
-    that keep more or fewer than alpha k of them; A is `adjacency`, (N, N).
+    Minimise sum_i f_i (s_i - 1)^2 + uniformity \|A s - alpha k\|^2 over 0 <= s <= 1 with sum s = M and alpha = M / N:
+    the loss of features f, and neighbourhoods of k points, by the adjacency A, that keep more or fewer than alpha k of
+    them.
     """
 
     strength: NDArray[np.float64]
@@ -75,11 +71,7 @@ class Programme(NamedTuple):
         return float((self.strength * (s - 1) ** 2).sum() + self.uniformity * (self.excess(s) ** 2).sum())
 
     def gap(self, s: NDArray[np.float64], multiplier: float) -> float:
-        """Return the duality gap: an upper bound of the objective at s, (N,), minus its minimum.
-
-        The second term of the objective is convex, so it is at least its tangent at s. With the tangent in its place,
-        the minimum v is found for each point separately.
-        """
+        """Return a bound of the objective at s minus its minimum, from the tangent of the second term."""
         f = self.strength
         slope = 2 * self.uniformity * (self.adjacency @ self.excess(s)) + multiplier
         with np.errstate(over="ignore"):
@@ -99,10 +91,8 @@ class Solution(NamedTuple):
 def solve(programme: Programme, tolerance: float = 1e-4, iterations: int = 1000) -> Solution:
     """Solve the programme by accelerated proximal gradient steps (Beck and Teboulle 2009).
 
-    The gradient is that of the second term. The first term is separable, so it belongs to the proximal step together
-    with the constraints; that step is solved exactly. The step length therefore depends on A alone, however much the
-    strengths differ. The momentum restarts when it points uphill (O'Donoghue and Candes 2015). Sums are computed in
-    one thread, so that the result does not depend on the number of threads.
+    The separable first term belongs to the proximal step, solved exactly, so the step length depends on A alone. The
+    momentum restarts uphill (O'Donoghue and Candes 2015). Sums are computed in one thread, for the same bits.
     """
     curvature = 2 * programme.uniformity * eigenvalue_bound(programme.adjacency) ** 2
     inverse = 1 / (2 * programme.strength + curvature)
@@ -112,7 +102,8 @@ def solve(programme: Programme, tolerance: float = 1e-4, iterations: int = 1000)
     while gap > tolerance and done < iterations:
         gradient = 2 * programme.uniformity * (programme.adjacency @ programme.excess(ahead))
         numerator = 2 * programme.strength + curvature * ahead - gradient
-        following, multiplier = share_out(numerator, inverse, programme.n_points, multiplier)
+        following = np.empty_like(s)
+        multiplier = _share_out(numerator, inverse, programme.n_points, multiplier, following)
         step = following - s
         if ((ahead - following) * step).sum() > 0:
             momentum = 1.0
@@ -135,17 +126,9 @@ def eigenvalue_bound(adjacency: scipy.sparse.csr_array) -> float:
     return bound
 
 
-def share_out(
-    numerator: NDArray[np.float64], inverse: NDArray[np.float64], total: float, multiplier: float = 0.0
-) -> tuple[NDArray[np.float64], float]:
-    """Return s = clip((numerator - multiplier) * inverse, 0, 1), (N,), of a given sum, and its multiplier."""
-    s = np.empty_like(numerator)
-    return s, _share_out(numerator, inverse, total, multiplier, s)
-
-
 @kernel(fastmath={"nsz", "contract", "reassoc"})
 def _share_out(numerator, inverse, total, multiplier, s):
-    """Return the multiplier, and fill `s`, (N,): Newton's method, with bisection if a step leaves the bracket."""
+    """Fill s = clip((numerator - multiplier) * inverse, 0, 1), (N,), of a given sum; return the multiplier (Newton)."""
     low, high = np.inf, -np.inf
     for i in range(len(s)):
         low, high = min(low, numerator[i] - 1 / inverse[i]), max(high, numerator[i])

@@ -23,16 +23,11 @@ CONTRACTIONS_PER_CALL, SHARE_PER_CALL = 16384, 8
 def contraction_order(
     points: NDArray[np.float64], neighbours: int = 8, advanced: Callable[[int], None] | None = None
 ) -> NDArray[np.int64]:
-    """Contract pairs of neighbours, the cheapest first, until one point is left.
+    """Contract pairs of neighbours, the cheapest first, until one point of (N, 3) is left; return the last ones first.
 
-    The quadric of a point is a sum over its neighbours. Each term is the squared distance to the plane that contains
-    both points and is closest to the tangent plane, times the squared distance of the two points. A contraction
-    replaces two neighbours by one of them, and adds up their quadrics. Its cost is the value of the sum at the point
-    that stays, which is the cheaper choice of the two. The pair of least cost is contracted next. Ties go to the
-    shorter pair, and then to the smallest indices. The neighbours of the point that stays are the nearest ones among
-    the neighbours of both.
-
-    Shapes: points (N, 3); returns (N,).
+    The quadric of a point is a sum over its neighbours of the squared distance to the plane that contains both and is
+    closest to the tangent plane, times their squared distance. A contraction adds up two quadrics, and costs their
+    value at the point that stays. Ties go to the shorter pair, then to the smallest indices.
     """
     tree = KdTree.build(points)
     n = len(points)
@@ -83,11 +78,9 @@ def _add_planes(points, neighbours, normals, quadrics):
 
 
 class _Graph(NamedTuple):
-    """The neighbours of each point, and its cheapest contraction with one of them.
+    """The neighbours of each point, in the k slots from k i on, -1 for none, and its cheapest contraction.
 
-    Point i has the k slots from k i on; each holds the position of a neighbour or -1. All slots that hold point i form
-    a ring by `following` and `previous`, (k N + N,), together with the place k N + i, which is in no slot. `cost`,
-    `squared` (length) and `partner`, (N,), describe the cheapest contraction of each point.
+    All slots that hold point i form a ring by `following` and `previous`, together with the place k N + i, in no slot.
     """
 
     slots: NDArray[np.int64]
@@ -211,10 +204,7 @@ def _contract(cloud, graph, alive, removed, begin, end):
 
 @kernel
 def _merge_neighbours(cloud, graph, gone, kept, nearest, squared):
-    """Replace the point `gone` by `kept` in all slots, and give `kept` the nearest of the neighbours of both.
-
-    `nearest` and `squared`, (k,), are buffers.
-    """
+    """Replace `gone` by `kept` in all slots, and give it the nearest neighbours of both, by two buffers, (k,)."""
     k = len(nearest)
     found = 0
     for point in (gone, kept):
@@ -237,10 +227,7 @@ def _merge_neighbours(cloud, graph, gone, kept, nearest, squared):
 
 @kernel
 def _insert(cloud, point, other, nearest, squared, found):
-    """Insert a point into the sorted list of the nearest, (k,), unless it is there; return the length of the list.
-
-    Ties go to the smallest index. The list holds at most k points.
-    """
+    """Insert a point into the sorted list of the k nearest, ties by smallest index; return its length."""
     step = _step(cloud, point, other)
     distance = dot(step, step)
     rank = found

@@ -16,7 +16,9 @@ from gppcs.spatial.kdtree import (
     greatest_in_leaf,
     greatest_of_all,
     leaf_range,
+    squared_distance_of_boxes,
     squared_distance_to_box,
+    squared_reach_of_boxes,
 )
 from gppcs.spatial.spacing import surface_area
 
@@ -31,12 +33,7 @@ REMOVALS_PER_CALL = 16384  # progress is reported after each call of the kernel,
 def eliminate(
     points: NDArray[np.float64], n_points: int, advanced: Callable[[int], None] | None = None
 ) -> NDArray[np.int64]:
-    """Remove points as `thin` does until M are left, and put these into a progressive order.
-
-    For the order, elimination continues, each time to half the number of points (Yuksel 2015, progressive sets).
-
-    Shapes: points (N, 3); returns (M,).
-    """
+    """Remove points, (N, 3), as `thin` does until M are left, and put these into a progressive order (Yuksel 2015)."""
     kept, area = thin(points, n_points, advanced)
     later: list[NDArray[np.int64]] = []
     while len(kept) > 1:
@@ -47,10 +44,7 @@ def eliminate(
 
 
 def far_apart(points: NDArray[np.float64], spacing: float) -> int:
-    """Return how many points from the first on are at least a length from each other.
-
-    Shapes: points (M, 3).
-    """
+    """Return how many points from the first on are at least a length from each other. Shapes: points (M, 3)."""
     enough, many = 1, len(points) + 1
     while many > enough + 1:
         middle = (enough + many) // 2
@@ -65,20 +59,12 @@ def far_apart(points: NDArray[np.float64], spacing: float) -> int:
 def thin(
     points: NDArray[np.float64], n_points: int, advanced: Callable[[int], None] | None = None
 ) -> tuple[NDArray[np.int64], float]:
-    """Remove the most crowded point, again and again, until M are left (Yuksel 2015).
+    """Remove the most crowded point, again and again, until M are left (Yuksel 2015); return these and the area.
 
-    The weight of a point is the sum of (1 - max(d, 2 r_min) / (2 r_max))^8 over all other points at distances d below
-    2 r_max. Here r_max = sqrt(A / (2 sqrt(3) M)) is the radius of the densest packing of M discs on a surface of area
-    A. The heaviest point is removed; ties go to the smallest index. The weights of the others decrease by its terms.
-
-    The limit r_min = beta r_max (1 - (M / N)^gamma), with beta = 0.65 and gamma = 1.5, is Yuksel's weight limiting.
-    Without it, two points that happen to be very close would outweigh a dense region.
-
-    If N / M is above 40, earlier stages each remove at most a factor of 10. Every stage has its own N, M, r_max and
-    r_min: with those of a small M, the discs would hold many points. If no point has any weight left before a stage
-    ends, the estimated area was too small, and it is estimated again.
-
-    Shapes: returns kept (M,).
+    The weight of a point is the sum of (1 - max(d, 2 r_min) / (2 r_max))^8 over all other points at distances d below 2
+    r_max, the radius of the densest packing of M discs. The limit r_min keeps two points that happen to be very close
+    from outweighing a dense region. Where N / M is large, stages each have their own N and M, so that discs hold few
+    points.
     """
     kept = np.arange(len(points))
     area = surface_area(KdTree.build(points))
@@ -93,10 +79,7 @@ def thin(
 def _stage(
     points: NDArray[np.float64], n_points: int, area: float, advanced: Callable[[int], None] | None = None
 ) -> tuple[NDArray[np.int64], float]:
-    """Return the points that one stage removes, in order, (N - M,), and the area.
-
-    The stage ends early if no point has any weight left. Then the returned area is a larger estimate.
-    """
+    """Return the points that a stage removes, in order, and the area, larger if no weight was left too soon."""
     reach = 2.0 * float(np.sqrt(area / (2.0 * np.sqrt(3.0) * n_points)))
     limit = reach * BETA * (1.0 - (n_points / len(points)) ** GAMMA)
     tree = KdTree.build(points)
@@ -133,16 +116,6 @@ def _term(dx, dy, dz, reach, limit):
     return np.floor(WHOLE * term)
 
 
-@kernel(fastmath=False)
-def _squared_distances(low, high, box_low, box_high):
-    """Return the squares of the smallest and the largest distance between points of two boxes; corners are (3,)."""
-    least = greatest = 0.0
-    for axis in range(3):
-        least += max(low[axis] - box_high[axis], box_low[axis] - high[axis], 0.0) ** 2
-        greatest += max(high[axis] - box_low[axis], box_high[axis] - low[axis]) ** 2
-    return least, greatest
-
-
 @kernel(fastmath={"reassoc"})
 def _weigh(first, last, points, low, high, reach, limit, weights):
     """Fill `weights`, (N,), in tree order, for a range of leaves; `points` is (3, N), `low` and `high` (nodes, 3)."""
@@ -166,18 +139,14 @@ def _weigh(first, last, points, low, high, reach, limit, weights):
 
 @kernel
 def _within_reach(low, high, n, leaf, reach, limit):
-    """Return the leaves within reach of a leaf, and the number of points in nodes that lie within its limit.
-
-    These nodes are not among the leaves. `low` and `high` are (nodes, 3).
-    """
+    """Return the leaves within reach of a leaf, and the number of points in nodes, not among them, within its limit."""
     around, near = [], 0
     remaining = [(1, 0, 1)]
     while remaining:
         node, j, nodes = remaining.pop()  # the j-th of the nodes of its level
-        least, greatest = _squared_distances(low[node], high[node], low[leaf], high[leaf])
-        if greatest < limit * limit:
+        if squared_reach_of_boxes(low[node], high[node], low[leaf], high[leaf]) < limit * limit:
             near += n * (j + 1) // nodes - n * j // nodes
-        elif least <= reach * reach:
+        elif squared_distance_of_boxes(low[node], high[node], low[leaf], high[leaf]) <= reach * reach:
             if node >= first_leaf(low):
                 around.append(node)
             else:
@@ -190,9 +159,8 @@ def _within_reach(low, high, n, leaf, reach, limit):
 def _remove(points, order, low, high, position, reach, limit, weights, heaviest, candidate, pending, removed):
     """Fill `removed`, (n,), with the heaviest points, as long as any has weight; return their number.
 
-    If a node lies within the limit, all its points lose the same weight. This is stored in `pending`, (nodes,),
-    instead of changing each weight. `heaviest`, (nodes,), includes what is pending at its node and below, but not
-    above.
+    All points of a node within the limit lose the same weight, which waits in `pending`, (nodes,). `heaviest`,
+    (nodes,), includes what is pending at its node and below, but not above.
     """
     leaves = first_leaf(low)
     of_near = _term(0.0, 0.0, 0.0, reach, limit)
@@ -218,11 +186,11 @@ def _remove(points, order, low, high, position, reach, limit, weights, heaviest,
             visited[inner] = node
             inner += 1
             for child in (2 * node, 2 * node + 1):
-                least, greatest = _squared_distances(low[child], high[child], place, place)
-                if greatest < limit * limit and candidate[child] != index:
+                reached = squared_reach_of_boxes(low[child], high[child], place, place)
+                if reached < limit * limit and candidate[child] != index:
                     pending[child] += of_near
                     heaviest[child] -= of_near
-                elif least < reach * reach:
+                elif squared_distance_of_boxes(low[child], high[child], place, place) < reach * reach:
                     stack[height] = child
                     height += 1
         for v in range(inner - 1, -1, -1):  # children before their parents

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar, Literal
 
 from gppcs.methods.method import Method, Selection, Wanted
@@ -55,17 +56,12 @@ class Voxel(Method):
         )
         require(self, (self.attribute is not None) == (self.keep in ("most", "least")), "attribute", named)
 
-    @property
-    def values_of(self) -> str | None:
-        """The attribute that counts, if any."""
-        return self.attribute
-
     def __call__(self, wanted: Wanted) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
         from gppcs.methods.sample_elimination.elimination import thin
-        from gppcs.methods.voxel.grid import cell_edge, check_columns, in_cells, representatives, worth
+        from gppcs.methods.voxel.grid import cell_edge, check_columns, in_cells, occupied, representatives, worth
         from gppcs.methods.voxel.parts import representatives_in_parts
         from gppcs.spatial.cells import first_occurrences
 
@@ -82,7 +78,7 @@ class Voxel(Method):
                 if placed is not points:
                     check_columns(int(first_occurrences(placed).sum()), n_points)
                 with timer("size of cells"):
-                    edge = cell_edge(placed, n_points)
+                    edge = cell_edge(float(placed.max()), n_points, partial(occupied, placed))
             with timer("representatives"):
                 indices, means = representatives(placed, edge, worth(points, self.keep, wanted.values))
                 means += corner

@@ -21,10 +21,7 @@ COLUMNS = ("highest", "lowest")  # what is kept of cells without limits in z
 
 
 def in_cells(points: NDArray[np.float64], keep: str) -> NDArray[np.float64]:
-    """Return points as the grid sees them: those of a column have the same z.
-
-    Shapes: points (N, 3); returns (N, 3).
-    """
+    """Return points as the grid sees them: those of a column have the same z. Shapes: points (N, 3); returns (N, 3)."""
     return points * (1.0, 1.0, 0.0) if keep in COLUMNS else points
 
 
@@ -37,10 +34,7 @@ def check_columns(found: int, n_points: int) -> None:
 
 
 def worth(points: NDArray[np.float64], keep: str, values: NDArray[np.float64] | None) -> NDArray[Any] | None:
-    """Return of each point the number that is largest for the point to keep of a cell; None for distance to the mean.
-
-    Shapes: points (N, 3), values (N,); returns (N,).
-    """
+    """Return of each point, (N, 3), what is largest for that to keep; None for the distance to the mean."""
     if keep in COLUMNS:
         values = points[:, 2]
     if values is None:
@@ -48,21 +42,8 @@ def worth(points: NDArray[np.float64], keep: str, values: NDArray[np.float64] | 
     return np.nan_to_num(values if keep in ("highest", "most") else -values, nan=-np.inf, posinf=np.inf, neginf=-np.inf)
 
 
-def cell_edge(points: NDArray[np.float64], n_points: int) -> float:
-    """Return an edge length for which at least M cells are occupied, and few more; see `searched_edge`.
-
-    Shapes: points (N, 3).
-    """
-    return searched_edge(float(points.max()), n_points, lambda edge: occupied(points, edge))
-
-
-def searched_edge(size: float, n_points: int, occupied: Callable[[float], int]) -> float:
-    """Return an edge length for which at least M cells are occupied, and few more.
-
-    As the edge length decreases, the number of occupied cells does not grow steadily: it jumps, most of all for flat
-    faces parallel to the axes, and it can fall. The edge length is halved until there are enough cells; then the last
-    step is bisected.
-    """
+def cell_edge(size: float, n_points: int, occupied: Callable[[float], int]) -> float:
+    """Return an edge length for which at least M cells are occupied, and few more, by halving and bisection."""
     edge = size
     too_long = 2.0 * edge
     finest = FINEST * edge
@@ -86,20 +67,14 @@ def searched_edge(size: float, n_points: int, occupied: Callable[[float], int]) 
 
 
 def occupied(points: NDArray[np.float64], edge: float) -> int:
-    """Return the number of occupied cells of a grid that starts at the origin.
-
-    Shapes: points (N, 3).
-    """
+    """Return the number of occupied cells of a grid that starts at the origin. Shapes: points (N, 3)."""
     return int(np.count_nonzero(first_occurrences(np.floor(points / edge))))
 
 
 def representatives(
     points: NDArray[np.float64], edge: float, worth: NDArray[Any] | None = None
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return of each occupied cell the point of greatest worth, by default that nearest the mean, and the mean.
-
-    Shapes: points (N, 3), worth (N,); returns indices (cells,), means (cells, 3).
-    """
+    """Return of each cell the point of greatest worth, by default nearest the mean, and the mean, (cells, 3)."""
     cells = np.floor(points / edge).T
     order = np.lexsort(cells)
     begins = np.flatnonzero(np.append(True, (np.diff(cells[:, order], axis=1) != 0).any(axis=0)))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.timer import Timer
-from gppcs.methods.voxel.grid import COLUMNS, check_columns, in_cells, representatives, searched_edge, worth
+from gppcs.methods.voxel.grid import COLUMNS, cell_edge, check_columns, in_cells, representatives, worth
 from gppcs.spatial.boxes import Each, Part
 from gppcs.spatial.row_sample import place_hashes
 from gppcs.spatial.stored import StoredPoints
@@ -18,17 +18,10 @@ PART = 1 << 18  # Points of a part at most.
 
 
 class Representatives(NamedTuple):
-    """One point for each occupied cell.
+    """One point for each occupied cell."""
 
-    Attributes
-    ----------
-    rows : (cells,) array, int64
-        Ascending.
-    places, means : (cells, 3) arrays
-        The points, and the means of all points of their cells.
-    """
-
-    rows: NDArray[np.int64]
+    rows: NDArray[np.int64]  # (cells,), ascending
+    # (cells, 3) each, the points, and the means of all points of their cells.
     places: NDArray[np.float64]
     means: NDArray[np.float64]
 
@@ -51,7 +44,7 @@ def representatives_in_parts(
             if keep in COLUMNS:
                 check_columns(different, n_points)
             enough = size > 0.0 and (different > n_points or keep in COLUMNS)
-            edge = searched_edge(size, n_points, occupied) if enough else 0.0
+            edge = cell_edge(size, n_points, occupied) if enough else 0.0
     with timer("representatives"):
         found = list(each(partial(_representatives, stored, keep, edge), parts))
     rows, places, means = (np.concatenate(columns) for columns in zip(*found, strict=True))

@@ -24,10 +24,7 @@ SAME_PLACE = 1e-10  # points whose squared distance is below this share of the s
 
 
 def average_spacing(tree: KdTree) -> float:
-    """Return the median over the points of the mean distance to the seven nearest points, itself included.
-
-    This follows CGAL's `compute_average_spacing` for six neighbours, which takes the mean over the points instead.
-    """
+    """Return the median (CGAL: the mean) of the points' mean distance to the seven nearest, itself included."""
     return float(np.median(np.mean([nearest_distances(tree, k) for k in range(7)], axis=0)))
 
 
@@ -41,19 +38,15 @@ def project(
     tree: KdTree | None = None,
     advanced: Callable[[int], None] | None = None,
 ) -> NDArray[np.float64]:
-    r"""Move samples to the weighted mean of the points around them and away from each other, repeatedly.
+    r"""Move samples, (M, 3), to the weighted mean of points, (N, 3), and away from each other, repeatedly.
 
     Let theta(r) = exp(-4 r^2 / h^2) for r up to h, and zero beyond. In each iteration, every sample x moves to
 
-        x + sum_j alpha_j (p_j - x) / sum_j alpha_j + mu sum_k beta_k (x - x_k) / sum_k beta_k.
+        x + sum_j alpha_j (p_j - x) / sum_j alpha_j + mu sum_k beta_k (x - x_k) / sum_k beta_k,
 
-    The first sum is over the points p_j, with alpha_j = theta(\|x - p_j\|) w_j. The second is over the other samples
-    x_k, with beta_k = omega_k theta(r_k) / r_k^2 and r_k = \|x - x_k\|. These are CGAL's weights, so that results can
-    be compared. In the paper (Huang et al. 2009), theta is exp(-16 r^2 / h^2), alpha is divided by r, and beta is
-    divided by r instead of r^2. As in CGAL, a sample with fewer than two others within h is not repelled, and a point
-    at the position of a sample does not attract it.
-
-    Shapes: points (N, 3), samples (M, 3); returns (M, 3).
+    with alpha_j = theta(\|x - p_j\|) w_j of the points, and beta_k = omega_k theta(r_k) / r_k^2 of the other samples at
+    distances r_k. These are CGAL's weights, so that results can be compared; those of Huang et al. (2009) differ. As in
+    CGAL, fewer than two others within h do not repel, and a point at the position of a sample does not attract.
     """
     tree = tree or KdTree.build(points)
     weights = np.ones(len(points), dtype=np.float64)
@@ -122,11 +115,7 @@ def _crowd(begin, end, points, low, high, radius, crowding):
 
 @kernel
 def _move(begin, end, points, low, high, weights, samples, sample_low, sample_high, omega, radius, mu, moved):
-    """Fill `moved` with the samples, (3, M), of a range of leaves of their tree, after one iteration.
-
-    All samples in a leaf share one search for the leaves within the radius. `points` is (3, N), `weights` (N,), and
-    `omega` (M,).
-    """
+    """Fill `moved` with the samples, (3, M), of a range of leaves, which share a search, after one iteration."""
     leaves = first_leaf(sample_low)
     m = samples.shape[1]
     found, found_samples = np.empty(first_leaf(low), dtype=np.int64), np.empty(leaves, dtype=np.int64)
@@ -150,9 +139,7 @@ def _move(begin, end, points, low, high, weights, samples, sample_low, sample_hi
 def _pull(points, low, high, weights, near, radius, x, y, z, by_square, shares):
     """Return the vector to the weighted mean of the points, (3, N), around (x, y, z), and how many lie within reach.
 
-    The vector is zero if there are no points. Weights are divided by the squared distance if `by_square`. `shares`,
-    (LEAF_SIZE,), is room for the weights of a leaf's points. Loops over slices that fill one array are vectorised; sums
-    are not, so that they keep their order.
+    `shares`, (LEAF_SIZE,), is room for weights. Loops that fill it are vectorised; sums are not, to keep their order.
     """
     leaves = first_leaf(low)
     n = points.shape[1]
@@ -195,10 +182,7 @@ def _add_up(shares, xs, ys, zs, x, y, z, total, sx, sy, sz):
 
 
 def nearest_unused(positions: NDArray[np.float64], tree: KdTree) -> NDArray[np.int64]:
-    """Assign to each position, one after the other, the nearest point that is not assigned yet.
-
-    Shapes: positions (M, 3); returns (M,).
-    """
+    """Assign to each position, (M, 3), one after the other, the nearest point that is not assigned yet; (M,)."""
     taken = np.zeros(len(tree.order), dtype=np.bool_)
     leaves = tree.leaves
     unused = np.zeros(2 * leaves, dtype=np.int64)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gppcs.scans.scenes.scene import Rays, Scene
-from gppcs.scans.scenes.surfaces import Cylinder, Look, Place, Polygon, Sphere, Surface, Values, box, joined
+from gppcs.scans.scenes.surfaces import Look, Place, Surface, Values, box, cylinder, joined, polygon, sphere
 
 WIDTH, DEPTH, HEIGHT = 4.2, 3.6, 2.5  # of the room, along x, y and z
 CAMERA = np.array([3.7, 0.35, 1.55])
@@ -29,20 +29,20 @@ def _walls() -> list[Surface]:
     niche = [(px, y + 0.12, pz) for px, _, pz in door]
     left, _, right, top = joined(door, niche)
     return [
-        Polygon([(0, 0, 0), (x, 0, 0), (x, y + 0.12, 0), (0, y + 0.12, 0)], FLOOR),
-        Polygon([(0, 0, 0), (0, y, 0), (0, y, z), (0, 0, z)], PLASTER),
-        Polygon([(x, 0, 0), (x, y, 0), (x, y, z), (x, 0, z)], PLASTER),
-        Polygon([(0, 0, 0), (x, 0, 0), (x, 0, z), (0, 0, z)], PLASTER),
-        Polygon([(0, y, 0), (x, y, 0), (x, y, z), (0, y, z)], PLASTER, [door]),
-        Polygon([(0, 0, z), (x, 0, z), (x, y, z), (0, y, z)], PLASTER),
-        Polygon(niche, WOOD),
-        *(Polygon(corners, PLASTER) for corners in (left, right, top)),
+        polygon([(0, 0, 0), (x, 0, 0), (x, y + 0.12, 0), (0, y + 0.12, 0)], FLOOR),
+        polygon([(0, 0, 0), (0, y, 0), (0, y, z), (0, 0, z)], PLASTER),
+        polygon([(x, 0, 0), (x, y, 0), (x, y, z), (x, 0, z)], PLASTER),
+        polygon([(0, 0, 0), (x, 0, 0), (x, 0, z), (0, 0, z)], PLASTER),
+        polygon([(0, y, 0), (x, y, 0), (x, y, z), (0, y, z)], PLASTER, [door]),
+        polygon([(0, 0, z), (x, 0, z), (x, y, z), (0, y, z)], PLASTER),
+        polygon(niche, WOOD),
+        *(polygon(corners, PLASTER) for corners in (left, right, top)),
     ]
 
 
 def _legs(centre: tuple[float, float], size: tuple[float, float], height: float, radius: float) -> list[Surface]:
     corners = [(centre[0] + i * size[0] / 2.0, centre[1] + j * size[1] / 2.0) for i in (-1, 1) for j in (-1, 1)]
-    return [Cylinder((x, y, 0.0), (x, y, height), radius, DARK) for x, y in corners]
+    return [cylinder((x, y, 0.0), (x, y, height), radius, DARK) for x, y in corners]
 
 
 def _desk() -> list[Surface]:
@@ -54,7 +54,7 @@ def _desk() -> list[Surface]:
         *box((0.66, 2.05), (0.2, 0.26), (0.74, 0.755), DARK, 0.1),
         *box((0.98, 2.05), (0.14, 0.44), (0.74, 0.765), DARK, 0.05),
         *box((0.95, 1.5), (0.21, 0.3), (0.74, 0.8), PAPER, 0.5),
-        Cylinder((0.8, 2.55, 0.74), (0.8, 2.55, 0.84), 0.04, RED),
+        cylinder((0.8, 2.55, 0.74), (0.8, 2.55, 0.84), 0.04, RED),
     ]
 
 
@@ -90,10 +90,10 @@ def _shelf() -> list[Surface]:
 def _rest() -> list[Surface]:
     return [
         *box((2.9, 2.3), (0.5, 0.4), (0.0, 0.38), PAPER, 0.6),
-        Sphere((2.35, 2.75, 0.16), 0.16, RED),
-        Cylinder((0.3, 3.2, 0.03), (0.3, 3.2, 1.6), 0.015, DARK),
-        Cylinder((0.3, 3.2, 0.0), (0.3, 3.2, 0.03), 0.15, DARK),
-        Cylinder((0.3, 3.2, 1.5), (0.3, 3.2, 1.75), 0.18, PAPER),
+        sphere((2.35, 2.75, 0.16), 0.16, RED),
+        cylinder((0.3, 3.2, 0.03), (0.3, 3.2, 1.6), 0.015, DARK),
+        cylinder((0.3, 3.2, 0.0), (0.3, 3.2, 0.03), 0.15, DARK),
+        cylinder((0.3, 3.2, 1.5), (0.3, 3.2, 1.75), 0.18, PAPER),
     ]
 
 

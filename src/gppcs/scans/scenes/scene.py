@@ -27,11 +27,7 @@ class Rays(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """What a sensor has measured, in the order of its rays: points in metres, (N, 3), and what is known of them.
-
-    Normals, (N, 3), are those of the true surface, towards the sensor; zero for leaves. Colours are (N, 3), and the
-    classification, (N,), is as in `Look`.
-    """
+    """What a sensor has measured, in the order of its rays, with true normals towards it; zero for leaves."""
 
     points: NDArray[np.float32]
     normals: NDArray[np.float32]
@@ -41,11 +37,7 @@ class Measured(NamedTuple):
 
 @dataclass(frozen=True)
 class Scene:
-    """Surfaces and the sensor that measures them.
-
-    `rays` returns about as many rays as asked for, at least 1. `measured` returns what the sensor measures instead of
-    the true distances, (N,), along its rays.
-    """
+    """Surfaces, and the sensor that measures them: about as many rays as asked for, and distances along its rays."""
 
     description: str
     surfaces: tuple[Surface, ...]
@@ -68,9 +60,9 @@ class Scene:
         """Return the distance to what each ray meets first, (N,), and the number of that surface, (N,)."""
         distances = np.full(len(rays.origins), np.inf)
         met = np.full(len(rays.origins), NO_SURFACE)
-        balls = [surface.ball for surface in self.surfaces]
-        centres, radii = np.array([centre for centre, _ in balls]), np.array([radius for _, radius in balls])
-        waiting = [(np.arange(len(distances)), np.arange(len(balls)))]
+        centres = np.array([surface.centre for surface in self.surfaces])
+        radii = np.array([surface.radius for surface in self.surfaces])
+        waiting = [(np.arange(len(distances)), np.arange(len(radii)))]
         while waiting:
             rows, numbers = waiting.pop()
             bundle = Rays(rays.origins[rows], rays.directions[rows])

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from gppcs.scans.scenes.scene import Rays, Scene, with_noise
-from gppcs.scans.scenes.surfaces import Cylinder, Foliage, Look, Place, Polygon, Sphere, Surface, box, joined
+from gppcs.scans.scenes.surfaces import Look, Place, Surface, box, cylinder, foliage, joined, polygon, sphere
 
 LENGTH = 60.0  # of the street, along x
 KERB, FACADE = 3.5, 6.5  # distances of the kerbs and the façades from the middle
@@ -33,8 +33,8 @@ def _ground() -> list[Surface]:
     """Return the road, both pavements and their kerbs."""
     end, high = LENGTH / 2.0, KERB_HEIGHT
 
-    def strip(first: tuple[float, float], second: tuple[float, float], look: Look) -> Polygon:
-        return Polygon([(-end, *first), (end, *first), (end, *second), (-end, *second)], look)
+    def strip(first: tuple[float, float], second: tuple[float, float], look: Look) -> Surface:
+        return polygon([(-end, *first), (end, *first), (end, *second), (-end, *second)], look)
 
     return [
         strip((-KERB, 0.0), (KERB, 0.0), ASPHALT),
@@ -55,10 +55,10 @@ def _house(x: float, width: float, side: float, depth: float, height: float, loo
             hole = _upright(centre - 0.55, centre + 0.55, y, *((KERB_HEIGHT, 2.3) if door else (low, low + 1.5)))
             pane = [(px, y + side * 0.18, pz) for px, _, pz in hole]
             holes.append(hole)
-            niches += [Polygon(pane, WOOD if door else GLASS), *(Polygon(each, look) for each in joined(hole, pane))]
+            niches += [polygon(pane, WOOD if door else GLASS), *(polygon(each, look) for each in joined(hole, pane))]
     front = _upright(x, x + width, y, 0.0, height)
     back = [(px, side * 11.0, pz) for px, _, pz in front]
-    return [Polygon(front, look, holes), *(Polygon(joined(front, back)[i], look) for i in (0, 2)), *niches]
+    return [polygon(front, look, holes), *(polygon(joined(front, back)[i], look) for i in (0, 2)), *niches]
 
 
 def _upright(left: float, right: float, y: float, low: float, high: float) -> list[Place]:
@@ -81,15 +81,15 @@ def _houses() -> list[Surface]:
 
 def _tree(x: float, y: float, height: float) -> list[Surface]:
     crown = [
-        Foliage((x + dx, y + dy, height + dz), radius, LEAVES, 0.7)
+        foliage((x + dx, y + dy, height + dz), radius, LEAVES, 0.7)
         for dx, dy, dz, radius in ((0, 0, 0, 1.3), (0.7, 0.3, 0.5, 0.9), (-0.6, -0.4, 0.7, 1.0), (0.1, 0.2, 1.3, 0.9))
     ]
-    return [Cylinder((x, y, KERB_HEIGHT), (x, y, height), 0.14, BARK), *crown]
+    return [cylinder((x, y, KERB_HEIGHT), (x, y, height), 0.14, BARK), *crown]
 
 
 def _car(x: float, y: float, paint: tuple[int, int, int]) -> list[Surface]:
     wheels = [
-        Cylinder((x + dx, y + side * 0.85, 0.32), (x + dx, y + side * 0.65, 0.32), 0.32, RUBBER)
+        cylinder((x + dx, y + side * 0.85, 0.32), (x + dx, y + side * 0.65, 0.32), 0.32, RUBBER)
         for dx in (-1.3, 1.3)
         for side in (-1.0, 1.0)
     ]
@@ -101,26 +101,26 @@ def _cables() -> list[Surface]:
     """Return poles on one pavement, and two hanging wires from each to the next."""
     places = np.linspace(-24.0, 24.0, 5)
     y, top, sag = 4.1, 7.2, 0.6
-    surfaces: list[Surface] = [Cylinder((x, y, KERB_HEIGHT), (x, y, 7.6), 0.1, STEEL) for x in places]
+    surfaces: list[Surface] = [cylinder((x, y, KERB_HEIGHT), (x, y, 7.6), 0.1, STEEL) for x in places]
     for height in (top, top - 0.5):
         for start, end in pairwise(places):
             x = np.linspace(start, end, 13)
             z = height - 4.0 * sag * (x - start) * (end - x) / (end - start) ** 2
             nodes = list(zip(x, np.full(13, y), z, strict=True))
-            surfaces += [Cylinder(a, b, WIRE, CABLE) for a, b in pairwise(nodes)]
+            surfaces += [cylinder(a, b, WIRE, CABLE) for a, b in pairwise(nodes)]
     return surfaces
 
 
 def _furniture() -> list[Surface]:
     """Return lamps, bollards, a bench, a sign and a bin."""
 
-    def post(x: float, y: float, top: float, radius: float) -> Cylinder:
-        return Cylinder((x, y, KERB_HEIGHT), (x, y, top), radius, STEEL)
+    def post(x: float, y: float, top: float, radius: float) -> Surface:
+        return cylinder((x, y, KERB_HEIGHT), (x, y, top), radius, STEEL)
 
     lamps = (-14.0, 2.0, 18.0)
     return [
         *(post(x, -4.0, 5.2, 0.06) for x in lamps),
-        *(Sphere((x, -4.0, 5.4), 0.22, STEEL) for x in lamps),
+        *(sphere((x, -4.0, 5.4), 0.22, STEEL) for x in lamps),
         *(post(x, 3.8, 1.0, 0.05) for x in np.linspace(-5.0, 5.0, 9).tolist()),
         *box((6.0, -5.9), (1.6, 0.45), (0.5, 0.55), WOOD),
         *box((6.0, -6.1), (1.6, 0.04), (0.65, 1.0), WOOD),

@@ -1,14 +1,8 @@
-"""Surfaces of scenes, and what a ray meets first. All lengths are in metres.
-
-Each surface has a `look`; a `ball` around it, as centre, (3,), and radius; `meet`, which returns the distances, (N,),
-along unit rays, (N, 3), to the surface, infinite where they miss it; and `normals`, (N, 3), at points of the surface,
-(N, 3), to either side.
-"""
+"""Surfaces of scenes, and what a ray meets first. All lengths are in metres."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -20,169 +14,121 @@ NEWTON_STEPS = 12
 
 
 class Look(NamedTuple):
-    """The red, green and blue of a thing, from 0 to 255, and its code of the LAS specification (ASPRS).
-
-    The codes are 2 ground, 5 high vegetation, 6 building, 11 road, 14 wire and 15 pole or pylon; 64, which the
-    specification leaves to users, is everything else.
-    """
+    """The red, green and blue of a thing, from 0 to 255, and its code of the LAS specification, 64 for others."""
 
     colour: tuple[int, int, int]
     classification: int
 
 
-class Polygon:
-    """A convex plane polygon, which may have convex holes."""
+class Surface(NamedTuple):
+    """A surface, which lies in the ball around a centre, (3,)."""
 
-    def __init__(self, corners: Sequence[Place], look: Look, holes: Sequence[Sequence[Place]] = ()) -> None:
-        self.look = look
-        self.corners = np.array(corners, np.float64)
-        normal = np.cross(self.corners[1] - self.corners[0], self.corners[2] - self.corners[0])
-        self.normal = normal / np.linalg.norm(normal)
-        self._outline, *self._holes = (self._half_spaces(np.array(ring, np.float64)) for ring in (corners, *holes))
+    look: Look
+    centre: Values
+    radius: float
+    meet: Callable[[Values, Values, np.random.Generator], Values]  # distances along unit rays, infinite beside it
+    normals: Callable[[Values], Values]  # at points of the surface, (N, 3), to either side
 
-    @property
-    def ball(self) -> tuple[Values, float]:
-        """As in the module's description."""
-        centre = self.corners.mean(axis=0)
-        return centre, float(np.linalg.norm(self.corners - centre, axis=1).max())
 
-    def meet(self, origins: Values, directions: Values, rng: np.random.Generator) -> Values:
-        """As in the module's description."""
+def polygon(corners: Sequence[Place], look: Look, holes: Sequence[Sequence[Place]] = ()) -> Surface:
+    """Return a convex plane polygon, which may have convex holes."""
+    ring = np.array(corners, np.float64)
+    normal = np.cross(ring[1] - ring[0], ring[2] - ring[0])
+    normal = normal / np.linalg.norm(normal)
+    outline, *gaps = (_half_spaces(np.array(each, np.float64), normal) for each in (corners, *holes))
+
+    def meet(origins: Values, directions: Values, rng: np.random.Generator) -> Values:
         with np.errstate(divide="ignore", invalid="ignore"):
-            distances = ((self.corners[0] - origins) @ self.normal) / (directions @ self.normal)
+            distances = ((ring[0] - origins) @ normal) / (directions @ normal)
             ends = origins + distances[:, None] * directions
-            inside = _inside(self._outline, ends)
-            for hole in self._holes:
-                inside &= ~_inside(hole, ends)
+            inside = _inside(outline, ends)
+            for gap in gaps:
+                inside &= ~_inside(gap, ends)
         return np.where(inside, _first_ahead(distances), np.inf)
 
-    def normals(self, points: Values) -> Values:
-        """As in the module's description."""
-        return np.broadcast_to(self.normal, points.shape)
-
-    def _half_spaces(self, ring: Values) -> tuple[Values, Values]:
-        """Return the directions inwards from the edges of a ring of corners, (K, 3), and how far along they lie."""
-        inwards = np.cross(self.normal, np.roll(ring, -1, axis=0) - ring)
-        inwards *= np.sign(_dot(inwards, ring.mean(axis=0) - ring))[:, None]
-        return inwards, _dot(inwards, ring)
+    centre = ring.mean(axis=0)
+    radius = float(np.linalg.norm(ring - centre, axis=1).max())
+    return Surface(look, centre, radius, meet, lambda points: np.broadcast_to(normal, points.shape))
 
 
-@dataclass(frozen=True)
-class Cylinder:
-    """The open side of a cylinder."""
+def _half_spaces(ring: Values, normal: Values) -> tuple[Values, Values]:
+    """Return the directions inwards from the edges of a ring of corners, (K, 3), and how far along they lie."""
+    inwards = np.cross(normal, np.roll(ring, -1, axis=0) - ring)
+    inwards *= np.sign(_dot(inwards, ring.mean(axis=0) - ring))[:, None]
+    return inwards, _dot(inwards, ring)
 
-    start: Place
-    end: Place
-    radius: float
-    look: Look
 
-    @property
-    def ball(self) -> tuple[Values, float]:
-        """As in the module's description."""
-        return np.add(self.start, self.end) / 2.0, float(np.hypot(self._axis[1] / 2.0, self.radius))
+def cylinder(start: Place, end: Place, radius: float, look: Look) -> Surface:
+    """Return the open side of a cylinder."""
+    along = np.subtract(end, start)
+    length = float(np.linalg.norm(along))
+    axis = along / length
 
-    @property
-    def _axis(self) -> tuple[Values, float]:
-        """The direction of the axis, (3,), and its length."""
-        along = np.subtract(self.end, self.start)
-        length = float(np.linalg.norm(along))
-        return along / length, length
-
-    def meet(self, origins: Values, directions: Values, rng: np.random.Generator) -> Values:
-        """As in the module's description."""
-        axis, length = self._axis
-        offset = origins - self.start
+    def meet(origins: Values, directions: Values, rng: np.random.Generator) -> Values:
+        offset = origins - start
         across, aside = _across(directions, axis), _across(offset, axis)
-        roots = _roots(_dot(across, across), _dot(across, aside), _dot(aside, aside) - self.radius**2)
+        roots = _roots(_dot(across, across), _dot(across, aside), _dot(aside, aside) - radius**2)
         heights = [(offset @ axis) + root * (directions @ axis) for root in roots]
         within = [(height >= 0.0) & (height <= length) for height in heights]
         return _first_ahead(*(np.where(ok, root, np.nan) for ok, root in zip(within, roots, strict=True)))
 
-    def normals(self, points: Values) -> Values:
-        """As in the module's description."""
-        return _unit(_across(points - self.start, self._axis[0]))
+    centre, reach = np.add(start, end) / 2.0, float(np.hypot(length / 2.0, radius))
+    return Surface(look, centre, reach, meet, lambda points: _unit(_across(points - start, axis)))
 
 
-@dataclass(frozen=True)
-class Sphere:
-    """A sphere."""
+def sphere(centre: Place, radius: float, look: Look) -> Surface:
+    """Return a sphere."""
 
-    centre: Place
-    radius: float
-    look: Look
+    def meet(origins: Values, directions: Values, rng: np.random.Generator) -> Values:
+        return _first_ahead(*_ends(centre, radius, origins, directions))
 
-    @property
-    def ball(self) -> tuple[Values, float]:
-        """As in the module's description."""
-        return np.array(self.centre), self.radius
-
-    def meet(self, origins: Values, directions: Values, rng: np.random.Generator) -> Values:
-        """As in the module's description."""
-        return _first_ahead(*self._ends(origins, directions))
-
-    def normals(self, points: Values) -> Values:
-        """As in the module's description."""
-        return _unit(points - self.centre)
-
-    def _ends(self, origins: Values, directions: Values) -> tuple[Values, Values]:
-        """Return the distances, (N,) each, along rays at which these enter and leave; NaN where they miss."""
-        offset = origins - self.centre
-        return _roots(1.0, _dot(offset, directions), _dot(offset, offset) - self.radius**2)
+    return Surface(look, np.array(centre), radius, meet, lambda points: _unit(points - centre))
 
 
-@dataclass(frozen=True)
-class Foliage(Sphere):
-    """Leaves in a ball: a ray meets one after a random way, by the law of Beer and Lambert. They have no normals."""
+def foliage(centre: Place, radius: float, look: Look, mean_way: float) -> Surface:
+    """Return leaves in a ball, without normals: a ray meets one after a random way (Beer and Lambert)."""
 
-    mean_way: float
-
-    def meet(self, origins: Values, directions: Values, rng: np.random.Generator) -> Values:
-        """As in the module's description."""
-        enter, leave = self._ends(origins, directions)
-        met = np.maximum(enter, 0.0) + rng.exponential(self.mean_way, len(origins))
+    def meet(origins: Values, directions: Values, rng: np.random.Generator) -> Values:
+        enter, leave = _ends(centre, radius, origins, directions)
+        met = np.maximum(enter, 0.0) + rng.exponential(mean_way, len(origins))
         return np.where(met < leave, met, np.inf)
 
-    def normals(self, points: Values) -> Values:
-        """Return zeros."""
-        return np.zeros(points.shape)
+    return Surface(look, np.array(centre), radius, meet, lambda points: np.zeros(points.shape))
 
 
-@dataclass(frozen=True)
-class Relief:
-    """The graph of a smooth height, given with its slopes, over the square from -half to half."""
+def _ends(centre: Place, radius: float, origins: Values, directions: Values) -> tuple[Values, Values]:
+    """Return the distances, (N,) each, along rays at which these enter and leave a ball; NaN where they miss."""
+    offset = origins - centre
+    return _roots(1.0, _dot(offset, directions), _dot(offset, offset) - radius**2)
 
-    height: Callable[[Values, Values], tuple[Values, Values, Values]]
-    half: float
-    heights: tuple[float, float]
-    look: Look
 
-    @property
-    def ball(self) -> tuple[Values, float]:
-        """As in the module's description."""
-        low, high = self.heights
-        corner = (self.half, self.half, (high - low) / 2.0)
-        return np.array([0.0, 0.0, (low + high) / 2.0]), float(np.linalg.norm(corner))
+def relief(
+    height: Callable[[Values, Values], tuple[Values, Values, Values]],
+    half: float,
+    heights: tuple[float, float],
+    look: Look,
+) -> Surface:
+    """Return the graph of a smooth height, given with its slopes, over a square; rays are steeper than any slope."""
 
-    def meet(self, origins: Values, directions: Values, rng: np.random.Generator) -> Values:
-        """Return the distances, (N,), along rays from above, steeper than any slope."""
+    def meet(origins: Values, directions: Values, rng: np.random.Generator) -> Values:
         with np.errstate(divide="ignore", invalid="ignore"):
-            distances = (np.mean(self.heights) - origins[:, 2]) / directions[:, 2]
+            distances = (np.mean(heights) - origins[:, 2]) / directions[:, 2]
             for _ in range(NEWTON_STEPS):
                 x, y, z = (origins + distances[:, None] * directions).T
-                height, along_x, along_y = self.height(x, y)
+                level, along_x, along_y = height(x, y)
                 fall = directions[:, 2] - along_x * directions[:, 0] - along_y * directions[:, 1]
-                distances = distances - (z - height) / fall
+                distances = distances - (z - level) / fall
             x, y, _ = (origins + distances[:, None] * directions).T
-        within = np.maximum(np.abs(x), np.abs(y)) <= self.half
+        within = np.maximum(np.abs(x), np.abs(y)) <= half
         return np.where(within, _first_ahead(distances), np.inf)
 
-    def normals(self, points: Values) -> Values:
-        """As in the module's description."""
-        _, along_x, along_y = self.height(points[:, 0], points[:, 1])
+    def normals(points: Values) -> Values:
+        _, along_x, along_y = height(points[:, 0], points[:, 1])
         return _unit(np.stack([-along_x, -along_y, np.ones(len(points))], axis=1))
 
-
-Surface = Polygon | Cylinder | Sphere | Foliage | Relief
+    low, high = heights
+    radius = float(np.linalg.norm((half, half, (high - low) / 2.0)))
+    return Surface(look, np.array([0.0, 0.0, (low + high) / 2.0]), radius, meet, normals)
 
 
 def box(
@@ -192,7 +138,7 @@ def box(
     look: Look,
     angle: float = 0.0,
     top: tuple[float, float] | None = None,
-) -> list[Polygon]:
+) -> list[Surface]:
     """Return the six faces of an upright box, or of a truncated pyramid if its top has another size."""
     c, s = np.cos(angle), np.sin(angle)
 
@@ -201,7 +147,7 @@ def box(
         return [(float(centre[0] + c * x - s * y), float(centre[1] + s * x + c * y), z) for x, y in half]
 
     low, high = ring(size, heights[0]), ring(top or size, heights[1])
-    return [Polygon(corners, look) for corners in (low, high, *joined(low, high))]
+    return [polygon(corners, look) for corners in (low, high, *joined(low, high))]
 
 
 def joined(ring: Sequence[Place], other: Sequence[Place]) -> list[list[Place]]:
@@ -210,13 +156,11 @@ def joined(ring: Sequence[Place], other: Sequence[Place]) -> list[list[Place]]:
 
 
 def _dot(a: Values, b: Values) -> Values:
-    product: Values = np.einsum("...i,...i->...", a, b)
-    return product
+    return np.einsum("...i,...i->...", a, b)
 
 
 def _unit(vectors: Values) -> Values:
-    unit: Values = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-    return unit
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
 def _across(vectors: Values, axis: Values) -> Values:

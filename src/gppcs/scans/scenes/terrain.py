@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from gppcs.scans.scenes.scene import Rays, Scene, with_noise
-from gppcs.scans.scenes.surfaces import Cylinder, Foliage, Look, Place, Polygon, Relief, Surface, Values
+from gppcs.scans.scenes.surfaces import Look, Place, Surface, Values, cylinder, foliage, polygon, relief
 
 HALF = 60.0  # half the side of the square, in x and y
 ALTITUDE = 500.0
@@ -54,9 +54,9 @@ def _house(x: float, y: float, length: float, width: float, angle: float, roof: 
     for side in (-1, 1):
         gable = [at(side, -1, low), at(side, 1, low), at(side, 1, eaves), at(side, 0, ridge), at(side, -1, eaves)]
         surfaces += [
-            Polygon([at(-1, side, eaves), at(1, side, eaves), at(1, 0, ridge), at(-1, 0, ridge)], roof),
-            Polygon([at(-1, side, low), at(1, side, low), at(1, side, eaves), at(-1, side, eaves)], WALL),
-            Polygon(gable, WALL),
+            polygon([at(-1, side, eaves), at(1, side, eaves), at(1, 0, ridge), at(-1, 0, ridge)], roof),
+            polygon([at(-1, side, low), at(1, side, low), at(1, side, eaves), at(-1, side, eaves)], WALL),
+            polygon(gable, WALL),
         ]
     return surfaces
 
@@ -85,9 +85,9 @@ def _trees() -> list[Surface]:
     for x, y in np.concatenate([wood[np.abs(wood).max(axis=1) < HALF - 4.0], single]):
         foot, tall, radius, look = _level(x, y), rng.uniform(6.0, 12.0), rng.uniform(1.6, 2.8), LEAVES[rng.integers(2)]
         top = foot + tall - radius
-        parts.append(Cylinder((x, y, foot - 0.3), (x, y, top), 0.18, BARK))
-        parts.append(Foliage((x, y, top), radius, look, 2.4))
-        parts.append(Foliage((x, y, foot + tall - 0.2), 0.6 * radius, look, 2.4))
+        parts.append(cylinder((x, y, foot - 0.3), (x, y, top), 0.18, BARK))
+        parts.append(foliage((x, y, top), radius, look, 2.4))
+        parts.append(foliage((x, y, foot + tall - 0.2), 0.6 * radius, look, 2.4))
     return parts
 
 
@@ -96,7 +96,7 @@ def _power_line() -> list[Surface]:
     feet = [(-55.0, -5.0), (2.0, -21.0), (56.0, -36.0)]
     tops = [np.array([x, y, _level(x, y) + 16.0]) for x, y in feet]
     parts: list[Surface] = [
-        Cylinder((x, y, _level(x, y) - 0.5), (x, y, top[2] + 0.5), 0.3, PYLON)
+        cylinder((x, y, _level(x, y) - 0.5), (x, y, top[2] + 0.5), 0.3, PYLON)
         for (x, y), top in zip(feet, tops, strict=True)
     ]
     for start, end in pairwise(tops):
@@ -105,7 +105,7 @@ def _power_line() -> list[Surface]:
         share = np.linspace(0.0, 1.0, 21)[:, None]
         for offset in (-aside, aside):
             nodes = start + offset + share * (end - start) - [0.0, 0.0, 6.0] * share * (1.0 - share)
-            parts += [Cylinder(tuple(a), tuple(b), 0.06, CABLE) for a, b in pairwise(nodes)]
+            parts += [cylinder(tuple(a), tuple(b), 0.06, CABLE) for a, b in pairwise(nodes)]
     return parts
 
 
@@ -132,7 +132,7 @@ def _midpoints(count: int) -> Values:
 
 TERRAIN = Scene(
     "a terrain of 120 m from the air: hills, a stream, roofs, trees, a power line",
-    (Relief(ground, HALF, (-5.0, 9.0), GRASS), *_houses(), *_trees(), *_power_line()),
+    (relief(ground, HALF, (-5.0, 9.0), GRASS), *_houses(), *_trees(), *_power_line()),
     _rays,
     with_noise(RANGE_NOISE),
 )

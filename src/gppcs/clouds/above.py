@@ -1,7 +1,4 @@
-"""How a path becomes a cloud, a cloud data of laspy, and which of its points a method chooses first.
-
-All this is the work of rooms above, so the package names the functions.
-"""
+"""What clouds and files need of the rooms above them: reading, ranking and drawing. The package names the functions."""
 
 from __future__ import annotations
 
@@ -18,4 +15,6 @@ if TYPE_CHECKING:
 # Set by the package `gppcs`.
 read: Callable[[str | os.PathLike[str]], PointCloud]
 laspy_of: Callable[[PointCloud], Any]
-rank: Callable[[PointCloud, str, int], NDArray[np.int64]]
+rank: Callable[[PointCloud, str, int], NDArray[np.int64]]  # the rows that a method chooses first
+html_of: Callable[[Any], str]
+show: Callable[..., None]

@@ -1,0 +1,306 @@
+"""What the commands refuse: one line that says what is wrong, the exit code 2, and all files as they were."""
+
+import shlex
+
+import numpy as np
+import pytest
+
+import gppcs
+
+SIMPLIFY = "simplify scan.ply -o out.ply"
+POINTS = f"{SIMPLIFY} --points 5"
+COMPARE = "compare scan.ply --no-picture"
+MESH = "mesh ball.ply -o out.ply -q"
+MESHES = "compare ball.ply --points 100 --meshes -o side --no-picture"
+BEFORE = "simplify --points 40"  # before the work
+THERE = "expected a new file"
+SAME = "expected a file other than the input"
+NO_FOLDER = "expected a folder"
+
+REFUSED = {
+    "": [
+        ("simplfy", "'simplify'"),
+        ("simplify", "Missing argument"),
+        ("simplify scan.ply", "Missing option '--output'"),
+        ("info missing.ply", "missing.ply: No such file"),
+        ("info none.vpc", "none.vpc: No such file"),
+        ("info scan.ply --inside 0,0,x,1", "expected --inside with the numbers of a box, such as 0,0,100,50"),
+        ("info scan.ply --resolution -1", "expected a resolution above 0"),
+        ("methods fps hc", "unexpected extra argument"),
+        ("methods fpss", "did you mean 'fps'?"),
+        ("sample brackt -o a.ply", "did you mean 'bracket'?"),
+        ("sample fan -o -", "expected the format of standard output"),
+        ("sample bracket -o none/a.ply", NO_FOLDER),
+        ("simplify tiles -o small/ --ratio 0.1", "gppcs: tiles: No such file or directory"),
+        ("simplify missing.ply -o new/ --points 5 --method fps", "missing.ply: No such"),
+        ("simplify empty.ply -o out.ply --ratio 0.1", "empty.ply: the cloud is empty"),
+        ("simplify zero.ply -o out.ply --ratio 0.1", "zero.ply: expected"),
+        ("simplify bytes.ply -o out.ply --ratio 0.1", "bytes.ply: expected 'ply'"),
+        ("simplify cut.ply -o out.ply --ratio 0.1", "cut.ply: the file ends in vertex 400 of 400"),
+        ("simplify u.ply -o out.ply --ratio 0.1", "u.ply: expected x, y and z", "'u', 'y', 'z'"),
+        ("simplify broken.ply -o out.ply --ratio 0.1", "broken.ply: 2 of 400 points", "at index 7", "--drop invalid"),
+        ("simplify other -o out.ply --ratio 0.1", "other: expected a folder with files of formats", "found none"),
+    ],
+    "sample bracket -o a.ply": [
+        ("--points 0", "whole number from 1 on, found 0"),
+        ("--points 1000000000000000", "Unable to allocate"),
+        ("--points few", "such as 5000, 5,000, 5k or 1.5M, found 'few'"),
+        ("--noise nan", "found nan"),
+    ],
+    SIMPLIFY: [
+        ("", "either a ratio or a number of points, found neither"),
+        ("--ratio 3", "at most 1, found 3.0; for 3 percent, write 3%"),
+        ("--ratio abc", "--ratio to be a share", "found 'abc'"),
+        ("--points 0", "whole number from 1 on, found 0"),
+        ("--points abc", "--points to be a whole number", "found 'abc'"),
+        ("--tolerance 1% --points 5", "one of --ratio, --points, --tolerance", "--points and --tolerance"),
+        ("--tolerance 0", "expected --tolerance to be a length above 0, found '0'; to keep every point"),
+        ("--tolerance '5 parsec'", "expected --tolerance to have a unit, found 'parsec'"),
+        ("--tolerance 0.5mm", "scan.ply: the cloud does not say in which unit", "give --unit"),
+        ("--tolerance 1 --unit mile", "a unit of length, found 'mile'"),
+        ("--tolerance 1:p99", "expected --tolerance to end in :mean or :rms or :p95 or :max, found '1:p99'"),
+        ("--tolerance 1% --dry-run", "--ratio or --points with --dry-run"),
+        ("--tolerance 1% --memory 1MB", "for 400 points, as --tolerance takes all points at once, found 1 MB; raise"),
+        ("--max-gap -1", "expected --max-gap to be a length above 0"),
+        ("--spacing 5 --method hc", "a method that takes a spacing, found 'hc'; use"),
+        ("--spacing 5 --keep 'z > 60'", "a tolerance or a largest gap with points to keep", "found a spacing"),
+        ("--levels 5,390 --keep 'z > 60'", "whatever happens, but the coarsest level has only 5 points"),
+        ("--levels 5,10%", "with shares or with numbers, found both"),
+        ("--levels 5,5", "different sizes"),
+        ("--levels 5,10 --points 3", "--levels without --points"),
+        ("--levels 5,10 --add kept", "--levels without --add kept"),
+        ("--levels 10%,1% --group red", "--levels without --group"),
+        ("--levels 5,10 --method voxel", "a method that ranks its points, found 'voxel'; use 'gp'"),
+        (f"--levels {','.join(map(str, range(1, 258)))}", "at most 256 sizes, found 257"),
+        ("--levels 5,1000 --method fps", "scan.ply: expected a finest level of less than all 400 points"),
+    ],
+    POINTS: [
+        ("--rato 1", "--rato", "--ratio"),
+        ("--method gp-spektral", "did you mean 'gp-spectral'?"),
+        ("--set neighbors=9", "did you mean 'neighbours'?"),
+        ("--set neighbours=0", "neighbours to be from 1 to 64, found 0"),
+        ("--set neighbours=few", "neighbours to be int, found 'few'"),
+        ("--set neighbours", "--set KEY=VALUE, found 'neighbours'"),
+        ("--drop invalid,odd", "--drop with invalid or outliers, found 'odd'"),
+        ("--add index:row", "--add with normals or scores or index or kept, found 'index:row'"),
+        ("--add kept,index", "expected --add kept alone"),
+        ("--workers 0", "--workers as a number from 1 on", "found '0'"),
+        ("--memory lots", "expected an amount of memory such as 4GB or 512MB, found 'lots'"),
+        ("--memory 0.8", "expected an amount of memory such as 4GB or 512MB, found '0.8'"),
+        ("--weight red --memory 1MB", "MB of memory to choose 5 of"),
+        ("--keep 'z > 60' --memory 1MB", "to choose 5 of 400 points, found"),
+        ("--report page.ply", "page.ply: expected a name that ends in .html"),
+        ("--report none/page.html", f"none/page.html: {NO_FOLDER}"),
+        ("--report there.html", f"there.html: {THERE}"),
+        ("small.ply -o . --report p.html", "one input with --report, found 2"),
+        ("-o none/out.ply", f"none/out.ply: {NO_FOLDER}"),
+        ("-o scan.ply", f"scan.ply: {SAME} scan.ply, found the same"),
+        ("-o out.foo", "out.foo: expected one of the formats .ply", "found '.foo'"),
+        ("in/scan.ply -o .", "inputs with different names"),
+        ("--keep 'z > 0'", "are to be kept whatever happens, but only 5 points are asked for"),
+        ("--keep 'nzz > 0'", "scan.ply: 'nzz > 0', at character 1", "did you mean 'nz'?"),
+        ("--keep 'nz > 9'", "scan.ply: expected points with nz > 9 to keep, found none", "--keep"),
+        ("--keep 'nz > '", "'nz >', at its end: expected conditions"),
+        ("--keep 'z > 0' --method fps", "a method that keeps given points, found 'fps'; use 'gp'"),
+        ("--only 'z > 999'", "scan.ply: expected points with z > 999, found none"),
+        ("--only 'zz > 9'", "scan.ply: 'zz > 9', at character 1", "no attribute 'zz'"),
+        ("--only 'z = 9'", "at character 3 ('= 9'): expected =="),
+        ("--inside scan.ply", "scan.ply: expected polygons in GeoJSON"),
+        ("--inside none.json", "none.json: No such file"),
+        ("--inside 900,900,901,901 --memory 300MB", "in the box, found none"),
+        ("--weight rad", "scan.ply: the cloud has no attribute 'rad'", "did you mean 'red'?"),
+        ("--weight nz", "scan.ply: expected finite weights from 0 on, found -"),
+        ("--quota 'nz > 0'", "expected --quota 'CONDITION: NUMBER'"),
+        ("--quota 'nz > 0: many'", "quota"),
+        ("--group pulse", "no attribute 'pulse' to group its points by"),
+        ("--group red --quota 'nz > 0: 2'", "either quotas or a group"),
+    ],
+    BEFORE: [
+        ("scan.ply -o out.npz --add kept:", "expected a name of 1 to 1,000 characters"),
+        ("scan.ply -o out.csv --add kept:x", "expected columns of different names, found 'x' twice"),
+        ("scan.ply -o out.npz --add kept:points", "expected columns of different names, found 'points' twice"),
+        (f"scan.ply -o out.las --add kept:{'long' * 9}", "expected a name of at most 32 bytes"),
+        ("scan.ply -o out.ply --add kept:red", "scan.ply: expected the name of a new attribute, found 'red'"),
+        ("scan.ply -o out.pts --add kept:row", "PTS cannot hold: "),
+        ("bare.npy -o out.obj --add normals", "OBJ cannot hold: attribute nx (float32)"),
+        ("bare.npy -o out.obj --add scores", "OBJ cannot hold: attribute score (float32)"),
+    ],
+    "convert": [
+        ("scan.ply out.ply --inside 0,0,x,1", "expected --inside with the numbers of a box, such as 0,0,100,50"),
+        ("scan.ply out.ply --inside 0,0,1", "expected a box xmin, ymin"),
+        ("scan.ply out.ply --inside 0,0,1,1 --inside 0,0,2,2", "expected --inside with at most one box and one file"),
+        ("scan.ply out.ply --resolution 1", "scan.ply: expected a COPC file"),
+        ("scan.ply other.obj", "OBJ cannot hold: attribute nx (float32)", "--lossy"),
+        ("scan.ply scan.ply", SAME),
+        ("scan.ply scan.ply --force", SAME),
+        ("scan.ply there.html --to ply", THERE),
+        ("scan.ply a.laz --memory 1GB", "ends in .copc.laz"),
+        ("scan.ply d.las --ascii", "d.las: expected PLY or PCD with a choice"),
+        (
+            "broken.ply a.las --lossy",
+            "found 2 points with NaN or infinite ones, the first at index 7",
+            "--drop invalid",
+        ),
+        ("table.txt out.ply --columns x,y,z", "table.txt: line 1 has 4 columns, but 3 names are given (x, y, z)"),
+        ("table.txt out.ply --columns x,y,w,a", "expected names of columns with x, y and z"),
+        ("table.txt out.ply --columns x,y,z,x", "expected different names of columns"),
+        ("table.txt out.ply --columns ''", "expected names of columns with x, y and z"),
+        (
+            "scan.ply out.ply --columns x,y,z,a",
+            "scan.ply: expected a text table, whose columns can be named, found PLY",
+        ),
+    ],
+    "curve scan.ply": [
+        ("--sizes 5,many", "expected --sizes to be a whole number", "found 'many'"),
+        ("--sizes 0", "a size to be a whole number from 1 on, found 0"),
+        ("--sizes 1.5", "--sizes to be a whole number"),
+        ("--sizes x%", "--sizes to be a share"),
+        ("--only 'z > 999'", "scan.ply: expected points with z > 999, found none; gppcs info shows"),
+        ("--methods fsp", "did you mean 'fps'"),
+        ("--plot a.jpg", "a.jpg: expected a name that ends in .png"),
+        ("--plot none/a.png", NO_FOLDER),
+        ("--plot there.png", THERE),
+        ("--inside 900,900,901,901", "scan.ply: expected points in the box, found none"),
+    ],
+    "render": [
+        ("scan.ply -o a.jpg", "a.jpg: expected a name that ends in .png"),
+        ("scan.ply -o there.png", f"there.png: {THERE}"),
+        ("scan.ply -o none/a.png", f"none/a.png: {NO_FOLDER}"),
+        ("scan.png -o scan.png --force", f"{SAME} scan.png"),
+        ("scan.ply -o a.png --size big", "expected --size WIDTHxHEIGHT", "found 'big'"),
+        ("scan.ply -o a.png --size 9x9", "whole number from 64 on, found 9"),
+        ("scan.ply -o a.png --size 9000x90", "at most 4096 x 4096 pixels, found 9000 x 90"),
+        ("scan.ply -o a.png --colour curvatur", "found 'curvatur'; did you mean 'curvature'?"),
+        ("bare.npy -o a.png --colour rgb", "found 'rgb'; expected one of variation"),
+        ("bare.npy -o a.png --view 30", "expected --view AZIMUTH,ELEVATION"),
+        ("nan.npy -o a.png", "nan.npy: expected points with finite coordinates to draw, found none"),
+        ("missing.ply -o a.png", "missing.ply: No such file"),
+        ("notes.md -o a.png", "notes.md: expected one of the formats"),
+        ("scan.ply small.ply scan.ply -o a.png", "expected one cloud, or two to draw beside each other, found 3"),
+    ],
+    "report": [
+        ("scan.ply small.ply -o small.ply --force", SAME),
+        ("scan.ply small.ply -o there.html", THERE),
+        ("scan.ply small.ply -o r.txt", "r.txt: expected a name that ends in .html"),
+        ("scan.ply -o r.html", "Missing argument 'SIMPLIFIED...'"),
+        ("scan.ply none.ply -o r.html", "none.ply: No such file"),
+        ("scan.ply empty.xyz -o r.html", "empty.xyz: "),
+        ("nan.npy small.ply -o r.html --meshes", "nan.npy: expected points with finite"),
+        ("scan.ply small.ply -o r.html --from xyz", "expected a file of the format xyz, found PLY"),
+        ("scan.ply small.ply -o r.html --columns x,y,z", "a text table, whose columns can be named, found PLY"),
+        ("scan.ply small.ply -o r.html --detail paint", "the cloud has no attribute 'paint'"),
+    ],
+    "view": [
+        ("scan.ply -o scan.ply --force", SAME),
+        ("scan.ply -o there.html", THERE),
+        ("scan.ply -o v", "v: expected a name that ends in .html"),
+        ("notes.md", "notes.md: expected one of the formats"),
+        ("scan.ply --view north", "expected --view AZIMUTH,ELEVATION"),
+        ("scan.ply small.ply -o v.html --from xyz", "expected a file of the format xyz, found PLY"),
+    ],
+    "evaluate scan.ply": [
+        ("", "expected either SIMPLIFIED or --simplified-mesh, found neither\n"),
+        ("scan.ply --simplified-mesh mesh.ply", "expected either SIMPLIFIED or --simplified-mesh, found both\n"),
+        ("missing.ply", "missing.ply", "No such file"),
+        ("far.ply", "does not lie on the original", "same unit"),
+        ("scan.ply --mesh scan.ply", "scan.ply", "400 points and no triangle"),
+        ("empty.ply", "simplified cloud is empty"),
+        ("small.ply --from xyz", "expected a file of the format xyz, found PLY"),
+        ("small.ply --columns x,y,z", "a text table, whose columns can be named, found PLY"),
+    ],
+    MESH: [
+        ("", "exactly one of --points, --ratio, --faces, --tolerance, --keep-points, found none"),
+        ("--points 9 --faces 9", "found --points and --faces"),
+        ("--points 3", "the number of points to be a whole number from 4 on, found 3"),
+        ("--faces many", "expected --faces to be a whole number"),
+        ("--tolerance 0", "--tolerance to be a length above 0"),
+        ("--points 9 --fill-holes -1", "--fill-holes to be a length above 0"),
+        ("--keep-points small.ply", "small.ply: expected points of the cloud, found 50", "the first at index 0"),
+        ("--keep-points nothing.ply", "nothing.ply: No such file"),
+        ("--points 9 -o out.las", "formats of meshes"),
+        ("--points 9 -o ball.ply", "ball.ply"),
+    ],
+    "mesh": [
+        ("three.ply -o out.ply --points 9", "at least 4 points on a surface, found 3"),
+        ("line.ply -o out.ply --points 9", "9 points on a line"),
+        ("volume.ply -o out.ply --points 9", "they fill a volume"),
+        ("nan.npy -o out.ply --points 9", "3 of 3 points have coordinates that are NaN or infinite, the first at"),
+        ("empty.ply -o m.ply --points 100", "empty.ply: the cloud is empty: expected at least one point\n"),
+        ("empty.ply -o m.ply --keep-points ball.ply", "empty.ply: the cloud is empty: expected at least one point\n"),
+    ],
+    COMPARE: [
+        ("--ratio 0.1 -o side --methods fps,fsp", "no method 'fsp'"),
+        ("-o side --methods fps", "found neither"),
+        ("--points 9 -o side --colour rgb", "leave out --no-picture"),
+        ("--points 9 -o side --up y", "a picture or --report to turn"),
+        ("--ratio 0.1 -o side --methods ''", "no method ''"),
+        ("--ratio 0.1 -o scan.ply", "expected a folder, found a file"),
+        ("--ratio 0.1 -o no/side", "make it first"),
+        ("--ratio 0.1 -o -", "-: expected a folder, found the name of standard output"),
+        ("--ratio 10 -o side", "at most 1, found 10"),
+        ("--points 3% -o side", "a share of the points is the ratio"),
+    ],
+    "compare --no-picture": [
+        ("broken.ply --ratio 0.1 -o side --methods fps", "2 of 400 points"),
+        ("missing.ply --ratio 5 -o side --methods fps", "at most 1, found 5"),
+        ("missing.ply --ratio 0.1 -o side", "missing.ply"),
+        ("missing.ply --ratio 0.1 -o old", "old: expected a new or empty folder, found one with files"),
+        ("missing.ply --ratio 0.1 -o other", "other: expected a new or empty folder"),
+        ("in/table.csv --ratio 0.1 -o in --force", SAME),
+    ],
+    MESHES: [
+        ("--methods mesh,mesh-move", "no way to a mesh 'mesh-move'; did you mean 'mesh-moved'?"),
+        ("--methods gp", "no way to a mesh 'gp'; expected one of mesh, mesh-moved, "),
+        ("--ratio 0.1", "found both"),
+        ("--seed 3", "expected --seed without --meshes"),
+        ("--detail red", "expected --detail without --meshes"),
+    ],
+}
+EXTRAS = {"--mesh": "pymeshlab", "--meshes": "pymeshlab", "render": "matplotlib", "--plot": "matplotlib"}
+
+
+@pytest.fixture(scope="module")
+def things(tmp_path_factory):
+    """A folder of files, which no test changes."""
+    folder = tmp_path_factory.mktemp("things")
+    scan, ball = gppcs.sample("bracket", 400), gppcs.sample("sphere", 1000)
+    for name in ("in", "old", "other"):
+        (folder / name).mkdir()
+    broken = scan.take(range(400))
+    broken.points[[7, 9], [1, 0]] = np.nan, np.inf
+    volume = np.random.default_rng(0).random((2000, 3))
+    nothing, line = np.empty((0, 3)), np.outer(np.arange(9.0), [1, 0, 2])
+    clouds = {"scan": scan, "in/scan": scan, "small": scan[:50], "broken": broken, "ball": ball, "empty": nothing}
+    clouds |= {"far": scan.points[:9] + 1e5, "three": np.eye(3), "line": line, "volume": volume}
+    for name, cloud in clouds.items():
+        gppcs.write(folder / f"{name}.ply", cloud)
+    gppcs.write(folder / "in/table.csv", scan)
+    gppcs.write(folder / "scan.png", scan, format="ply")  # read by its content
+    np.save(folder / "bare.npy", scan.points)
+    np.save(folder / "nan.npy", np.full((3, 3), np.nan))
+    content = (folder / "scan.ply").read_bytes()
+    for name, wrong in {
+        "zero.ply": b"", "bytes.ply": bytes(range(256)), "cut.ply": content[:-10], "empty.xyz": b"",
+        "notes.md": b"notes", "u.ply": content.replace(b"float x", b"float u"), "table.txt": b"1 2 3 4\n",
+        "there.html": b"precious", "there.png": b"precious", "old/table.md": b"mine", "other/notes.md": b"",
+    }.items():  # fmt: skip
+        (folder / name).write_bytes(wrong)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("prefix", "words", "parts"),
+    [
+        pytest.param(prefix, words, parts, id=f"{prefix} {words}"[:90])
+        for prefix, rows in REFUSED.items()
+        for words, *parts in rows
+    ],
+)
+def test_what_is_refused(refused, things, monkeypatch, prefix, words, parts):
+    arguments = shlex.split(f"{prefix} {words}")
+    for word in set(arguments) & set(EXTRAS):
+        pytest.importorskip(EXTRAS[word])
+    if prefix == BEFORE:
+        monkeypatch.setattr(gppcs.LocalGP, "__call__", lambda *_: pytest.fail("the method has begun"))
+    monkeypatch.chdir(things)
+    refused(arguments, *parts)
