@@ -40,6 +40,7 @@ $(VENV)/.compiled: $(VENV)/.installed $(shell find src -name '*.py')
 $(VENV)/.oracles: $(VENV)/.installed
 	$(PIP) --editable '.[oracles]' || echo "without geometric-kernels: the tests that need it are skipped"
 	$(PIP) --editable '.[cgal]' || echo "without CGAL: the tests that need it are skipped"
+	$(PIP) --editable '.[copclib]' || echo "without copclib: the tests that need it are skipped"
 	$(BIN)/python -c "import ctypes, sys; sys.platform != 'linux' or ctypes.CDLL('libusb-1.0.so.0')" \
 		&& $(PIP) --editable '.[registration]' || echo "without Open3D: the tests that need it are skipped"
 	touch $@

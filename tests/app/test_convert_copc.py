@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs.io import copc_writing
+from command_line import assert_one_line
+from gppcs.io import copc_levels, copc_writing
 from gppcs.streaming import copc
 
 N, ROOT, MOST = 30_000, 500, 1500
@@ -18,10 +19,10 @@ def beyond_memory(monkeypatch):
     """Let no method fit into memory, and make nodes, blocks and chunks small."""
     for method in gppcs.METHODS.values():
         monkeypatch.setattr(method, "memory", lambda self, n, n_points: 10**12)
-    monkeypatch.setattr(copc_writing, "ROOT", ROOT)
-    monkeypatch.setattr(copc_writing, "MOST", MOST)
+    for module in (copc_levels, copc_writing):
+        monkeypatch.setattr(module, "MOST", MOST)
+    monkeypatch.setattr(copc_levels, "ROOT", ROOT)
     monkeypatch.setattr(copc, "BLOCK", 7_000)
-    monkeypatch.setattr(copc, "GRID", 4)
 
 
 def tiles(names, formats=(3, 3)):
@@ -72,6 +73,18 @@ def test_all_points_are_written_level_by_level(gppcs_command, folder, method):
         assert reader.header.number_of_points_by_return.tolist() == returns.tolist()
 
 
+def test_simplify_writes_level_by_level_what_it_chose_first(gppcs_command, folder):
+    np.save("scan.npy", gppcs.sample("bracket", n_points=20_000).points.round(2))
+    options = ["--points", "5000", "--memory", "1GB", "--quiet"]
+    assert gppcs_command("simplify", "scan.npy", "-o", "small.copc.laz", *options)[0] == 0
+    chosen = gppcs.simplify_files("scan.npy", n_points=5000, memory="1GB").cloud.points
+    with laspy.CopcReader.open("small.copc.laz") as reader:
+        for level, count in enumerate([ROOT, 5000]):  # the second has room for all
+            seen = reader.query(level=range(level + 1))
+            found = set(map(tuple, np.column_stack([seen.x, seen.y, seen.z]).round(2)))
+            assert found == set(map(tuple, chosen[:count]))
+
+
 def test_points_that_are_not_finite_are_dropped_on_demand(gppcs_command, refused, folder):
     points = gppcs.sample("bracket", n_points=5000).points.round(2)
     points[7] = np.nan
@@ -84,23 +97,49 @@ def test_points_that_are_not_finite_are_dropped_on_demand(gppcs_command, refused
     assert len(gppcs.read("scan.copc.laz")) == 4999
 
 
+def test_a_full_disk_leaves_the_old_file(gppcs_command, folder):
+    """Files of more than some bytes cannot be written here."""
+    resource = pytest.importorskip("resource", reason="limits as on Unix")
+    (folder / "scan.vpc").write_text(tiles(["a.laz", "b.laz"]))
+    (folder / "scan.copc.laz").write_text("old")
+    files, limits = sorted(folder.iterdir()), resource.getrlimit(resource.RLIMIT_FSIZE)
+    # the first limit is met by the points on disk, the second by the COPC file itself
+    for limit, more in ((10**6, ["--memory", "1GB"]), (2 * 10**5, ["--levels-by", "order"])):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limits[1]))
+        try:
+            result = gppcs_command("convert", "scan.vpc", "scan.copc.laz", "--force", "--quiet", *more)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        assert_one_line(result, "written" if limit == 10**6 else "the disk may be full, or its quota used up")
+        assert (folder / "scan.copc.laz").read_text() == "old"
+        assert sorted(folder.iterdir()) == files
+
+
+def test_names_that_copc_cannot_hold_are_told_before_the_work(gppcs_command, folder, monkeypatch):
+    monkeypatch.undo()  # all fits into memory
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(copc_writing, "MOST", 100)
+    monkeypatch.setattr(gppcs.LocalGP, "__call__", lambda *given: pytest.fail("points were ranked"))
+    points = gppcs.sample("bracket", n_points=200).points
+
+    def full(value):
+        return value if isinstance(value, np.ndarray) else np.full(200, value)
+
+    for attributes, told in [
+        ({"a" * 33: 1}, "a name of at most 32 bytes"),
+        ({f"a{i}": 1 for i in range(342)}, "at most 341 attributes"),
+        ({f"a{i}": np.zeros((200, 255), np.uint8) for i in range(258)}, "points of at most 65,535 bytes"),
+        ({"label": "text"}, "COPC cannot hold: attribute label (text)"),
+    ]:
+        cloud = gppcs.PointCloud(points, {name: full(value) for name, value in attributes.items()})
+        gppcs.write("scan.npz", cloud, force=True)
+        for command in (["convert"], ["simplify", "--points", "50", "-o"]):
+            verb, *options = command
+            result = gppcs_command(verb, "scan.npz", *options, "small.copc.laz", "--quiet")
+            assert_one_line(result, told)
+            assert not (folder / "small.copc.laz").exists()
+
+
 def test_files_of_other_dimensions_are_refused(refused, folder):
     (folder / "scan.vpc").write_text(tiles(["a.laz", "b.laz"], (3, 1)))
     refused(("convert", "scan.vpc", "scan.copc.laz", "--memory", "1GB", "--quiet"))
-
-
-def test_counts_divide_points_as_the_points_themselves_do(monkeypatch):
-    """The cells of clusters close early, and nodes hold no more than they may."""
-    rng = np.random.default_rng(0)
-    points = np.concatenate([rng.normal(0.3, 0.02, (9000, 3)), rng.random((21_000, 3))]).clip(0, 1)
-    cube = copc_writing.Cube(np.zeros(3), 1.0)
-    cells = cube.codes(points) >> 3 * (copc_writing.DEEPEST - copc.GRID)
-    ranked = rng.permutation(N)[:5000]
-    others = np.bincount(np.delete(cells, ranked), minlength=8**copc.GRID)
-    levels = copc.levels_of_counts(cells[ranked], others)
-    in_order = np.concatenate([points[ranked], np.delete(points, ranked, 0)])
-    first = [np.sort(rows) for rows in copc_writing.levels_of(cube.codes(in_order), 5000)]
-    for level in range(2):  # within the ranking
-        assert np.flatnonzero(levels.of_ranked == level).tolist() == first[level].tolist()
-    assert levels.ends == sorted(levels.ends)
-    assert levels.ends[-1] == 1.0

@@ -64,6 +64,22 @@ def test_an_existing_file_outlives_a_signal(folder):
     assert Path("out.ply").read_text() == "old"
 
 
+def test_an_existing_copc_file_outlives_a_signal(folder):
+    Path("out.copc.laz").write_text("old")
+    code = f"""
+        sys.argv = {["gppcs", "sample", "bracket", "-o", "out.copc.laz", "--points", "100", "--force"]!r}
+        import gppcs.io.copc_writing as copc
+        original = copc._hierarchy
+        def patched(*arguments):
+            send(signal.SIGTERM)
+            return original(*arguments)
+        copc._hierarchy = patched
+    """
+    assert run_python(textwrap.dedent(code) + RUN) == (143, "gppcs: terminated\n")
+    assert files() == ["out.copc.laz"]
+    assert Path("out.copc.laz").read_text() == "old"
+
+
 FINDER = """
     class Finder:
         def find_spec(self, name, path=None, target=None):

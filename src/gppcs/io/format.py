@@ -47,11 +47,15 @@ def without_foreign_header(cloud: PointCloud, own: type[Header] | None) -> tuple
 
 def rounding(points: NDArray[np.float64], rounded: NDArray[np.float64]) -> tuple[list[str], bool]:
     """Return in words how far rounding moves points, (N, 3), if at all, and whether that is little enough to be let."""
+    if np.array_equal(points, rounded):
+        return [], True
     finite = np.isfinite(points).all(axis=1)
+    if not finite.all():
+        points, rounded = points[finite], rounded[finite]
     with np.errstate(over="ignore", invalid="ignore"):
-        shift = float(np.abs(rounded - points)[finite].max(initial=0.0))
-        last_digit = float(np.spacing(np.abs(points[finite]).max(initial=0.0)))
-        diagonal = float(np.linalg.norm(np.ptp(points[finite], axis=0))) if finite.any() else 0.0
+        shift = float(np.abs(rounded - points).max(initial=0.0))
+        last_digit = float(np.spacing(np.abs(points).max(initial=0.0)))
+        diagonal = float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
     words = (
         [f"the last digits of coordinates (which move by at most {shift:.1g})"]
         if shift > LAST_DIGITS * last_digit

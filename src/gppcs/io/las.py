@@ -41,8 +41,8 @@ from gppcs.io.query import Query, not_empty, without_levels
 from gppcs.io.rows import BLOCK, at_most, check_length, type_and_shape
 
 _AXES = ("X", "Y", "Z")
-_UNDESCRIBED = "ExtraBytes"  # laspy's name for bytes of each point that no record describes
-_LONGEST_NAME = 32
+UNDESCRIBED = "ExtraBytes"  # laspy's name for bytes of each point that no record describes
+LONGEST_NAME = 32
 LAST_PLACES = 2.0  # Units in the last place by which 41 times 0.01 may differ from 0.41.
 FARTHEST = 1e300  # Largest coordinate. Beyond, a whole number times the scale overflows.
 _LARGEST = 2**31 - 1  # of the whole numbers that coordinates are stored as
@@ -143,7 +143,7 @@ def layout_of(header: LasHeader, size: int) -> Layout:
     rest = size - layout.record.itemsize
     if rest < 0:
         raise FileFormatError(f"expected points of {layout.record.itemsize:,} bytes or more, found {size:,}")
-    return layout.with_extra(_UNDESCRIBED, TYPES[0], (rest,)) if rest else layout
+    return layout.with_extra(UNDESCRIBED, TYPES[0], (rest,)) if rest else layout
 
 
 def _type_of_extra(description: NDArray[Any]) -> tuple[np.dtype[Any], tuple[int, ...]]:
@@ -307,8 +307,10 @@ def layout_to_write(cloud: PointCloud) -> Layout:
             if name in described:
                 layout = layout.with_extra(name, *_type_of_extra(described[name]), scaling_of(described[name]))
             else:
-                assert name == _UNDESCRIBED
+                assert name == UNDESCRIBED
                 layout = layout.with_extra(name, values.dtype.newbyteorder("<"), values.shape[1:])
+    if (size := layout.record.itemsize) > _LONGEST_RECORD:
+        raise OutputError(f"expected points of at most {_LONGEST_RECORD:,} bytes, found {size:,}; drop attributes")
     return layout
 
 
@@ -353,7 +355,9 @@ def reported_compression() -> Iterator[None]:
 
     try:
         yield
-    except lazrs.LazrsError as error:
+    except (lazrs.LazrsError, OSError) as error:
+        if getattr(error, "errno", None) is not None:  # not from lazrs
+            raise
         raise OutputError(f"expected to write LAZ, but {error}; the disk may be full, or its quota used up") from error
 
 
@@ -376,7 +380,7 @@ def counts_of(cloud: PointCloud) -> dict[str, Any]:
     returns = np.bincount(cloud.attributes.get("return_number", np.empty(0, np.uint8)), minlength=16)[1:16]
     bounds = np.zeros((3, 2))
     if len(cloud):
-        bounds = np.stack([cloud.points.max(axis=0), cloud.points.min(axis=0)], axis=1)
+        bounds = np.array([[values.max(), values.min()] for values in cloud.points.T])
     fields: dict[str, Any] = {"bounds": bounds}
     if header.minor_version >= 4:
         fields |= {"count": len(cloud), "returns": returns}
@@ -460,7 +464,7 @@ def _fit_attributes(cloud: PointCloud, header: LasHeader) -> tuple[PointCloud, L
             else:
                 lost.append(name)
             continue
-        if name == _UNDESCRIBED and name not in described and values.dtype == np.uint8 and values.ndim == 2:
+        if name == UNDESCRIBED and name not in described and values.dtype == np.uint8 and values.ndim == 2:
             last[name] = values  # stands behind all that are described
             continue
         if name in described and _keeps_scale(values, described[name]):
@@ -518,9 +522,9 @@ def _description(name: str, values: Column, known: NDArray[Any] | None) -> NDArr
     """Return what describes an attribute in extra bytes: what the header holds, if that is of the same type."""
     if known is not None and _type_of_extra(known) == (values.dtype.newbyteorder("<"), values.shape[1:]):
         return known
-    if len(name.encode()) > _LONGEST_NAME:
+    if len(name.encode()) > LONGEST_NAME:
         raise OutputError(
-            f"expected a name of at most {_LONGEST_NAME} bytes for each attribute in LAS, found {name!r}; rename it"
+            f"expected a name of at most {LONGEST_NAME} bytes for each attribute in LAS, found {name!r}; rename it"
         )
     width = values.shape[1] if values.ndim > 1 else 1
     number = TYPES.index(values.dtype.newbyteorder("<")) + 1
