@@ -147,7 +147,7 @@ def _spacing(points: NDArray[np.float64], cube: Cube) -> float:
 def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
     """Return a cloud as `write_copc` writes it, and in words what it leaves out."""
     header = cloud.header if isinstance(cloud.header, LasHeader) else las.new_header(cloud, _VERSIONS)
-    attributes = dict(cloud.attributes)
+    attributes: dict[str, Column] = dict(cloud.attributes)
     ranks = attributes.get("scan_angle_rank")
     if ranks is not None and ranks.dtype == np.int8 and "scan_angle" not in attributes:  # of an older point format
         attributes["scan_angle"] = np.rint(attributes.pop("scan_angle_rank") / _DEGREES).astype(np.int16)
