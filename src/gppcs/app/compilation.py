@@ -42,7 +42,7 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
         advanced(1)
     evaluate(original, kept)
     estimate_normals(original, kept)
-    mesh(original, n_points=100, moved=True)
+    mesh(original, n_points=100, effort=1)
     mesh(sample("room", ROOM), n_points=ROOM // 10)
     stray = sample("statue", STRAY, noise=0.001, outliers=0.01)
     mesh(stray, n_faces=STRAY // 15, fill_holes="5%")  # which removes triangles that cut others, and fills a hole

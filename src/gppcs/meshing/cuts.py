@@ -14,7 +14,7 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.meshing.halfedges import Floats, HalfEdges, Ints
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range
-from gppcs.spatial.triangles import area_vector, cross, dot, has_area, minus, row
+from gppcs.spatial.triangles import area_vector, cross, dot, has_area, minus, row, unit
 
 ROUNDING = 2.0**-48  # of coordinates and their differences, generously, as clouds are of about unit size
 TRIANGLES_AT_ONCE = 256  # triangles that a thread looks at at once, at least
@@ -203,7 +203,7 @@ def _are_apart_in_plane(a, b, c, d):
     up, other = cross(a, b), cross(c, d)
     if dot(other, other) > dot(up, up):
         up = other
-    rays = _unit(a), _unit(b), _unit(minus((0.0, 0.0, 0.0), c)), _unit(minus((0.0, 0.0, 0.0), d))
+    rays = unit(a), unit(b), unit(minus((0.0, 0.0, 0.0), c)), unit(minus((0.0, 0.0, 0.0), d))
     for i in range(4):
         for j in range(4):
             axis = cross(up, minus(rays[i], rays[j]))
@@ -242,10 +242,3 @@ def _part(axis, a, b, p, q, r):
 def _length(a):
     """Return the length of a vector."""
     return np.sqrt(dot(a, a))
-
-
-@kernel
-def _unit(a):
-    """Return a vector of the same direction and of length one; the vector itself if it is zero."""
-    length = _length(a)
-    return (a[0] / length, a[1] / length, a[2] / length) if length > 0.0 else a

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,16 +11,19 @@ from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.collapse import collapse
 from gppcs.meshing.cuts import cutting
 from gppcs.meshing.dense import DensePoints
+from gppcs.meshing.exchange import exchange
 from gppcs.meshing.fit import fitted
 from gppcs.meshing.flips import flip, qualities
 from gppcs.meshing.halfedges import Flags, Floats, HalfEdges, Ints
 from gppcs.meshing.mending import cut_out, mend
 from gppcs.meshing.quadrics import add_borders, dense_quadrics, nearest_vertices
 from gppcs.meshing.refinement import split, worst_places
+from gppcs.meshing.stars import Surface
 
 THIN_COST = 5.0  # what flips may cost at first to remove a thin triangle, in mean squared distances of its points
 THIN, MOST_THIN = 0.2, 0.012  # triangles below this quality are thin; while more than this share is, they cost
 DEARER = 2.0  # times as much
+FITS = 2  # of all vertices together, after an exchange
 CANDIDATES = 4  # places at which a vertex is tried, for each that is missing
 MEND_TRIES = 4  # of mending; before all but the first, vertices are added
 
@@ -97,6 +100,22 @@ class Draft:
             return after
         self.vertices = before
         return assigned
+
+    def exchanged(self, assigned: Assignment) -> tuple[Draft, Assignment]:
+        """Return a draft in which vertices have gone to where they help more, and the triangles of the dense points.
+
+        The triangles given are changed.
+        """
+        mesh = HalfEdges(*(part.copy() for part in self.mesh))
+        other = replace(self, level=self.level.copy(), mesh=mesh, vertices=self.vertices.copy())
+        surface = Surface.of(mesh, other.vertices, self.dense.places, assigned)
+        exchange(surface, other.level, self.extra)
+        other.normals = self.dense.normals[other.level]
+        other.start = np.where(assigned.face >= 0, mesh.origin[3 * assigned.face], -1)
+        after = other.flip()
+        for _ in range(FITS):
+            after = other.flip(other.fit(after))
+        return other, after
 
     def refine(self, count: int, assigned: Assignment) -> None:
         """Add vertices where the dense points are farthest off their triangles, in at most so many of these."""

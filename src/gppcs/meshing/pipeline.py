@@ -17,7 +17,7 @@ from gppcs.clouds.topology import topology_of
 from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer, in_words, timer_of
-from gppcs.errors import NoSurfaceError, ParameterError, flag, shown
+from gppcs.errors import NoSurfaceError, ParameterError, flag, shown, whole_number
 from gppcs.meshing.assembly import assembled, without_scraps
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.dense import DensePoints
@@ -42,6 +42,8 @@ SURELY_AGREED = 0.5  # such a share: noise may be thick below it, as that of sca
 FIRST_STOP = 13, 10  # the collapse stops for flips at 13/10 of the vertices of the result
 REFINEMENTS, REFINED = 2, 0.2  # rounds in which new vertices, this share of all, replace those that matter least
 FIT_ROUNDS = 4  # of fitting and flipping
+EXCHANGES = 0, 2, 8  # rounds of exchanges at most, at each effort
+LESS = 0.99  # a round that leaves more of the mean square distance is the last one
 LINE_WIDTH = 1e-6  # points whose second widest extent is below this share of the widest lie on a line
 FIRST_TRY = 2_000  # vertices of the first mesh of a search for a tolerance
 NEAR_ENOUGH = 0.9  # a mean distance above this share of the tolerance ends the search
@@ -102,6 +104,7 @@ def mesh(
     unit: str | None = None,
     keep: ArrayLike | None = None,
     moved: bool = False,
+    effort: int = 0,
     fill_holes: float | str | None = None,
     invalid: Literal["error", "drop"] = "error",
     timer: Timer | None = None,
@@ -135,6 +138,10 @@ def mesh(
         Rows of the points that become the vertices, such as the `indices` of `gppcs.simplify`.
     moved : bool
         Whether vertices may leave the points, so that the mesh fits these better.
+    effort : 0, 1 or 2
+        How much time to spend on a better mesh with moved vertices: with 1 or 2, vertices go from where they matter
+        least to where they help most, in two rounds, or until that gains little. Then vertices leave the points
+        whatever `moved` says, and `keep` cannot be given.
     fill_holes : length, optional
         Also close holes up to this size, the diagonal of the box around their border.
     invalid : "error" or "drop"
@@ -165,7 +172,8 @@ def mesh(
     """
     from gppcs.simplification import check_usable
 
-    timer, moved = timer_of(timer), flag("moved", moved)
+    timer, effort = timer_of(timer), _effort_of(effort, keep)
+    moved = flag("moved", moved) or effort > 0
     size = Size.of(
         n_points=n_points, ratio=ratio, n_faces=n_faces, tolerance=tolerance, unit=unit, keep=keep,
         fill_holes=fill_holes,
@@ -181,7 +189,8 @@ def mesh(
         _require_surface(points)
     metres = metres_of(unit, cloud.header)
     scale = Scale(float(np.linalg.norm(np.ptp(points, axis=0))), metres, exponent)
-    maker = _Maker(points, chosen, moved, scale.inside(size.fill_holes) if size.fill_holes else None, timer)
+    hole_size = scale.inside(size.fill_holes) if size.fill_holes else None
+    maker = _Maker(points, chosen, moved, effort, hole_size, timer)
     if size.tolerance is not None:
         made = maker.search(scale.inside(size.tolerance), 2.0**exponent)
     elif size.n_faces is not None:
@@ -241,6 +250,21 @@ class Size:
                 f"expected a ratio that keeps at least {FEWEST_VERTICES} of the {n} points, found {self.ratio:g}"
             )
         return round(self.ratio * n)
+
+
+def _effort_of(effort: Any, keep: Any | None) -> int:
+    """Check the effort of a mesh, whose vertices become rows `keep` if that is not None."""
+    found = whole_number("effort", effort, 0)
+    if found >= len(EXCHANGES):
+        raise ParameterError(f"expected effort to be 0, 1 or 2, found {found}")
+    if found and keep is not None:
+        raise ParameterError(
+            f"expected an effort of 0 where points are to become vertices, found {found}: more effort moves vertices "
+            "away; leave out keep or effort",
+            command=f"expected --effort 0 with --keep-points, found {found}: more effort moves vertices away from the "
+            "points; leave out one of the two",
+        )
+    return found
 
 
 def _chosen_rows(keep: ArrayLike, rows: Ints, points: Floats, n: int) -> Ints:
@@ -326,6 +350,7 @@ class _Maker:
     points: Floats
     chosen: Ints | None
     moved: bool
+    effort: int
     hole_size: float | None
     timer: Timer
 
@@ -384,6 +409,8 @@ class _Maker:
             with timer("fit"):
                 for _ in range(FIT_ROUNDS):
                     assigned = draft.flip(draft.fit(assigned))
+        if self.effort:
+            draft = self._exchanged(draft, assigned)
         with timer("mending"):
             opened = draft.mend(counts_faces)
         with timer("distances"):
@@ -406,6 +433,20 @@ class _Maker:
         return _Made(
             faces.reshape(-1, 3), draft.vertices[used], draft.normals[used], dense.rows[draft.level[used]], diagnostics
         )  # fmt: skip
+
+    def _exchanged(self, draft: Draft, assigned: Assignment) -> Draft:
+        """Return a draft with as many vertices, of which some have gone to where they help more."""
+        rounds = EXCHANGES[self.effort]
+        with self.timer("exchange", rounds) as advanced:
+            for _ in range(rounds):
+                before = assigned.mean_square()
+                other, after = draft.exchanged(assigned)
+                advanced(1)
+                if other.used() == draft.used() and after.mean_square() < before:
+                    draft, assigned = other, after
+                if after.mean_square() > LESS * before:
+                    break
+        return draft
 
     def _begin(self, n_vertices: int, chosen: Ints) -> _FirstMesh:
         """Return the first mesh. Where its triangles hardly agree, try whether thick noise is the reason."""

@@ -34,6 +34,13 @@ def cross(a, b):
 
 
 @kernel
+def unit(a):
+    """Return a vector of the same direction and of length one; the vector itself if it is zero."""
+    length = dot(a, a) ** 0.5
+    return (a[0] / length, a[1] / length, a[2] / length) if length > 0.0 else a
+
+
+@kernel
 def area_vector(a, b, c):
     """Return the normal of a triangle whose length is twice its area."""
     return cross(minus(b, a), minus(c, a))

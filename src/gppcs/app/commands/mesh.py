@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 EPILOG = (
     "gppcs mesh scan.ply -o small.ply --points 5k\n\n"
     "gppcs mesh scan.ply -o small.glb --faces 20k --moved\n\n"
+    "gppcs mesh scan.ply -o best.ply --points 2k --effort 2\n\n"
     "gppcs mesh scan.ply -o small.stl --tolerance 0.5 --fill-holes 20 --lossy\n\n"
     "gppcs simplify scan.ply -o kept.ply --ratio 5% && gppcs mesh scan.ply -o small.ply --keep-points kept.ply\n\n"
     "gppcs evaluate scan.ply --simplified-mesh small.ply measures how good a mesh is."
@@ -61,6 +62,12 @@ def mesh(
         "FILE", "A file of points of IN: they become the vertices. They may come from gppcs simplify.", SIZE
     ),
     moved: bool = options.flag("--moved", "Let the vertices leave the points, so that the mesh fits these better."),
+    effort: int = options.option(
+        "E",
+        "0, 1 or 2: take more time for a mesh that fits the points better. With 1 or 2, vertices leave the points as "
+        "with --moved.",
+        default=0,
+    ),
     unit: str | None = options.UNIT,
     fill_holes: str | None = options.option(
         "LENGTH", "Also close holes up to this size: the diagonal of the box around the border."
@@ -98,7 +105,9 @@ def mesh(
         kept = _rows_of(original, others[0], keep_points) if keep_points else None
     check_mesh_storable(output, original, lossy)
     with naming(cloud):
-        result = meshed(original, **size, keep=kept, moved=moved, invalid="drop" if drop else "error", timer=timer)
+        result = meshed(
+            original, **size, keep=kept, moved=moved, effort=effort, invalid="drop" if drop else "error", timer=timer
+        )  # fmt: skip
     with timer("writing"):
         lost = write_mesh(output, result.mesh, result.cloud, force, lossy=True)
     note_left_out(output, lost)
