@@ -5,6 +5,10 @@ from fractions import Fraction
 import numpy as np
 
 import gppcs
+from gppcs.meshing.assignment import Assignment
+from gppcs.meshing.flips import THIN_IN_FLIPS, qualities
+from gppcs.meshing.halfedges import HalfEdges
+from gppcs.meshing.stars import Surface
 from shapes import hull
 
 
@@ -123,3 +127,16 @@ def _turn(u, v):
 
 def _dot(u, v):
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+def surface_of(points, faces, dense, normals):
+    """A mesh and dense points in its triangles."""
+    mesh = HalfEdges.of(faces, len(points))
+    start = np.argmin(((dense[:, None] - points) ** 2).sum(axis=2), axis=1)
+    return Surface.of(mesh, points.copy(), dense, Assignment.of(mesh, points, dense, normals, start))
+
+
+def energy(surface, extra):
+    """The sum of the squared distances and of the costs of thin triangles."""
+    lack = np.maximum(0.0, 1.0 - qualities(surface.mesh, surface.vertices) / THIN_IN_FLIPS)
+    return surface.assigned.squared.sum() + extra * lack.sum()

@@ -22,7 +22,7 @@ def ball(folder):
 @pytest.fixture(autouse=True, scope="session")
 def compiled():
     """Compile the kernels of meshes, so that the command does not print the notice of a first run."""
-    gppcs.mesh(gppcs.sample("sphere", 3000), n_points=100, moved=True)
+    gppcs.mesh(gppcs.sample("sphere", 3000), n_points=100, effort=1)
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".obj", ".off"])
@@ -46,6 +46,7 @@ def test_a_mesh_is_written_with_its_vertices(gppcs_command, ball, suffix):
         (["--faces", "0.2k"], {"n_faces": 200}),
         (["--tolerance", "1.5"], {"tolerance": 1.5}),
         (["--points", "80", "--moved"], {"n_points": 80, "moved": True}),
+        (["--points", "80", "--effort", "2"], {"n_points": 80, "effort": 2}),
         (["--points", "80", "--fill-holes", "30"], {"n_points": 80, "fill_holes": 30}),
     ],
 )

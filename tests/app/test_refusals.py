@@ -215,6 +215,8 @@ REFUSED = {
         ("--faces many", "expected --faces to be a whole number"),
         ("--tolerance 0", "--tolerance to be a length above 0"),
         ("--points 9 --fill-holes -1", "--fill-holes to be a length above 0"),
+        ("--points 9 --effort 3", "expected effort to be 0, 1 or 2, found 3"),
+        ("--keep-points ball.ply --effort 1", "--effort 0 with --keep-points, found 1"),
         ("--keep-points small.ply", "small.ply: expected points of the cloud, found 50", "the first at index 0"),
         ("--keep-points nothing.ply", "nothing.ply: No such file"),
         ("--points 9 -o out.las", "formats of meshes"),

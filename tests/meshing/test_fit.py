@@ -5,7 +5,7 @@ import pytest
 
 from gppcs.meshing import fit
 from gppcs.meshing.assignment import Assignment
-from gppcs.meshing.fit import PULL, PULL_ON_BORDER, SLIDE, fitted
+from gppcs.meshing.fit import NEAR, PULL, PULL_ALONE, SLIDE, fitted
 from gppcs.meshing.halfedges import HalfEdges
 from shapes import ball
 
@@ -48,7 +48,8 @@ def test_a_step_is_that_of_a_dense_solver(left_out, monkeypatch):
     both_ways = {tuple(edge) for edge in edges.tolist()}
     rim = [p for p, q in both_ways if (q, p) not in both_ways]
     hold = np.full(200, PULL)
-    hold[rim] = PULL_ON_BORDER
+    hold[rim] = PULL_ALONE
+    hold[shares.max(axis=0) < NEAR] = PULL_ALONE
     hold *= (shares**2).sum() / len(np.unique(faces))
     matrix = [np.sqrt(1 - SLIDE) * distances, np.sqrt(SLIDE) * np.kron(shares, np.eye(3))]
     right = [np.sqrt(1 - SLIDE) * (off * across).sum(axis=1), np.sqrt(SLIDE) * off.ravel(), np.zeros(600)]

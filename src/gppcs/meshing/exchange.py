@@ -147,7 +147,6 @@ def _split(surface, star, h, extra):
     energy = extra * (thinness(a, b, c) + thinness(b, a, d))
     for edge in (following(h), preceding(h), following(o), preceding(o)):
         add_triangle(surface, star, edge)
-    star.sizes[1] = 0
     energy += add_points(surface, star, h // 3, -1) + add_points(surface, star, o // 3, -1)
     least, place = fit_star(surface, star, middle, extra)
     return least - energy, place

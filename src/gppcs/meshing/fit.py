@@ -12,7 +12,8 @@ from gppcs.meshing.halfedges import Floats, HalfEdges, Ints
 
 SLIDE = 0.02  # weight of a point's step along the mesh, which costs no distance, beside that off the mesh
 PULL = 0.001  # weight with which a vertex is held where it is, in mean weights of a vertex
-PULL_ON_BORDER = 0.5  # the same on borders, beyond which no points hold a vertex
+PULL_ALONE = 0.5  # the same on borders, beyond which no points hold a vertex, and without points near a vertex
+NEAR = 0.4  # least weight of the vertex in a point that is near it
 LEAST_COSINE = 0.2  # between a triangle's normal and the mean of its corners' after a move
 THIN = 0.2  # steps that make triangles of a lower quality are shortened
 MOST_ITERATIONS = 100  # of conjugate gradients
@@ -39,7 +40,10 @@ def fitted(mesh: HalfEdges, vertices: Floats, normals: Floats, points: Floats, a
     feet = csr_array((shares.ravel(), corners.ravel(), np.arange(0, 3 * count + 1, 3)), shape=(count, size))
     products = feet.T @ feet
     pull = np.full(size, PULL)
-    pull[mesh.origin[(mesh.opposite < 0) & (mesh.origin >= 0)]] = PULL_ON_BORDER
+    pull[mesh.origin[(mesh.opposite < 0) & (mesh.origin >= 0)]] = PULL_ALONE
+    largest = np.zeros(size)
+    np.maximum.at(largest, corners, shares)
+    pull[largest < NEAR] = PULL_ALONE
     pull *= products.diagonal().sum() / np.count_nonzero(mesh.leaving >= 0)
     matrix = (1.0 - SLIDE) * (distances.T @ distances) + kron(SLIDE * products + diags_array(pull), eye_array(3))
     along = np.einsum("ij,ij->i", off, across)

@@ -18,6 +18,7 @@ SLIDE = 0.02  # weight of a point's step along its triangle, which costs no dist
 PULL = 1e-3  # weight with which the vertex is held where it is, beside all its points
 STEPS = 3  # of Gauss and Newton at most
 ENOUGH = 0.99  # a step that leaves more of the energy is the last one
+NEAR = 0.4  # a point is near the vertex if this is its weight at least: without such points, nothing holds it
 TURN = -0.3  # least cosine between the normals of neighbouring triangles
 ALONG = 1e-9  # weights of a corner below this are zero
 
@@ -95,13 +96,13 @@ def empty(star, place):
 
 @kernel(allocates=False)
 def add_triangle(surface, star, edge):
-    """Add the triangle to the left of a half-edge to a star; return the energy of its points."""
+    """Add the triangle to the left of a half-edge to a star, without points; return its number there."""
     k = star.sizes[0]
     star.edges[k], star.sizes[0] = edge, k + 1
     for axis in range(3):
         star.ends[k, 0, axis] = surface.vertices[surface.mesh.origin[edge], axis]
         star.ends[k, 1, axis] = surface.vertices[surface.mesh.origin[following(edge)], axis]
-    return add_points(surface, star, edge // 3, k)
+    return k
 
 
 @kernel(allocates=False)
@@ -134,7 +135,7 @@ def add_around(surface, star, v, other, extra):
         edge = following(star.halves[(begin + step) % edges])
         a, b = mesh.origin[edge], mesh.origin[following(edge)]
         if a != other and b != other:
-            energy += add_triangle(surface, star, edge)
+            energy += add_points(surface, star, edge // 3, add_triangle(surface, star, edge))
         elif v < other:
             energy += add_points(surface, star, edge // 3, -1)
         else:
@@ -260,8 +261,13 @@ def _solved(p, xx, xy, xz, yy, yz, zz, x, y, z):
 
 @kernel(allocates=False)
 def _is_allowed(surface, star, p):
-    """Return whether all triangles of a star have an area, and none is folded sharply onto a neighbour."""
+    """Return whether the vertex of a star is near a point, and its triangles have areas and no sharp folds."""
     mesh, count = surface.mesh, star.sizes[0]
+    largest = 0.0
+    for m in range(star.sizes[1]):
+        largest = max(largest, 1.0 - star.weights[m, 0] - star.weights[m, 1])
+    if largest < NEAR:
+        return False
     for k in range(count):
         a, b, edge = row(star.ends[k], 0), row(star.ends[k], 1), star.edges[k]
         if not has_area(p, a, b):

@@ -1,0 +1,70 @@
+"""One vertex is fitted to the points around it: its energy is what it says, and falls."""
+
+import numpy as np
+import pytest
+
+from dense import distances_to_triangles
+from gppcs.meshing.stars import add_around, empty, fit_star, room_for_star, store
+from meshes import energy, surface_of
+from shapes import ball, faults
+
+
+def refit(surface, v, extra):
+    """Fit a vertex as it stands; return its energy before and after."""
+    star, here = room_for_star(len(surface.points)), tuple(surface.vertices[v])
+    empty(star, here)
+    before = add_around(surface, star, v, -1, extra)
+    after, place = fit_star(surface, star, here, extra)
+    if after < before:
+        store(surface, star, v, place, extra)
+    return before, min(before, after)
+
+
+@pytest.mark.parametrize("extra", [0.0, 1e-3])
+def test_fits_lower_the_energy_as_they_say_and_points_are_at_their_triangles(extra):
+    points, _, faces = ball(80)
+    dense, normals, _ = ball(3000, seed=1)
+    surface = surface_of(points, faces, dense, normals)
+    for v in range(80):
+        total = energy(surface, extra)
+        before, after = refit(surface, v, extra)
+        assert energy(surface, extra) <= total + after - before + 1e-12  # a point may be nearer to another triangle
+    assert energy(surface, extra) < 0.7 * energy(surface_of(points, faces, dense, normals), extra)
+    assert faults(surface.mesh) == []
+    triangles = surface.vertices[surface.mesh.origin.reshape(-1, 3)[surface.assigned.face]]
+    s, t = surface.assigned.weights.T
+    feet = np.einsum("ij,ijk->ik", np.column_stack([1 - s - t, s, t]), triangles)
+    assert ((dense - feet) ** 2).sum(axis=1) == pytest.approx(surface.assigned.squared)
+    nearest = distances_to_triangles(dense, surface.vertices[surface.mesh.faces()])
+    assert np.quantile(np.sqrt(surface.assigned.squared) - nearest, 0.95) < 1e-3
+
+
+def cone(apex):
+    """A pyramid of six sides without a base, and points of that with its apex at height 1."""
+    angles = np.arange(6) * np.pi / 3
+    rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(6)])
+    faces = np.array([[6, k, (k + 1) % 6] for k in range(6)])
+    rng = np.random.default_rng(0)
+    shares = rng.dirichlet([1, 1, 1], 600)
+    dense = np.einsum("ij,ijk->ik", shares, np.vstack([rim, [0, 0, 1]])[faces[rng.integers(0, 6, 600)]])
+    return np.vstack([rim, apex]), faces, dense, dense - [0, 0, -1.0]
+
+
+@pytest.mark.parametrize("apex", [(0, 0, 0.6), (0.2, 0.1, 0.8), (0, 0, 1.3)])
+def test_a_vertex_finds_the_corner_of_the_points(apex):
+    surface = surface_of(*cone(np.array(apex, dtype=float)))
+    for _ in range(4):
+        refit(surface, 6, 0.0)
+    assert surface.vertices[6] == pytest.approx([0, 0, 1], abs=2e-3)
+
+
+def test_no_fit_folds_the_triangles_around():
+    """The points of one triangle are as if they lay far beyond its other side."""
+    points, faces, dense, normals = cone(np.array([0, 0, 0.1]))
+    surface = surface_of(points, faces, dense, normals)
+    surface.points[surface.assigned.face == 0] += [-5.0, 0.0, -1.0]
+    refit(surface, 6, 0.0)
+    a, b, c = (surface.vertices[corner] for corner in faces.T)
+    upright = np.cross(b - a, c - a)
+    upright /= np.linalg.norm(upright, axis=1, keepdims=True)
+    assert (np.einsum("ij,ij->i", upright, np.roll(upright, 1, axis=0)) > -0.31).all()
