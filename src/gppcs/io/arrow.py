@@ -27,13 +27,7 @@ _MOST_NUMBERS = 1 << 20  # in each row of a fixed-size list
 
 @dataclass(frozen=True, eq=False)
 class ArrowHeader(Header):
-    """What a Parquet or Feather file says of the whole table.
-
-    Attributes
-    ----------
-    metadata : mapping of bytes to bytes
-        The metadata of the schema.
-    """
+    """What a Parquet or Feather file says of the whole table: the metadata of its schema."""
 
     metadata: Mapping[bytes, bytes] = field(default_factory=dict)
 

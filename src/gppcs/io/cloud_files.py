@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
@@ -15,7 +15,7 @@ import numpy as np
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.header import Header
 from gppcs.errors import file_path, flag
-from gppcs.io.files import check_input, check_suffix, checked_columns, format_of, left_out, naming
+from gppcs.io.files import check_input, check_suffix, checked_columns, format_of, naming
 from gppcs.io.format import Format, Span
 from gppcs.io.joining import JointColumns
 from gppcs.io.query import Query
@@ -27,61 +27,38 @@ ROWS = 1 << 20  # Points of a chunk at most: few enough for memory, and so many 
 
 
 class Head(NamedTuple):
-    """What the first points tell of a cloud.
+    """What the first points tell of a cloud."""
 
-    Attributes
-    ----------
-    cloud : PointCloud
-        The first points with their attributes.
-    points : int
-        How many points all files hold.
-    exact : bool
-        Whether all files tell it; otherwise it is an estimate.
-    whole : str or None
-        The name of a format of these files that has to be read as a whole.
-    """
-
-    cloud: PointCloud
-    points: int
-    exact: bool
-    whole: str | None
+    cloud: PointCloud  # these points with their attributes
+    points: int  # in all files
+    exact: bool  # whether all files tell the number; otherwise it is an estimate
+    whole: str | None  # the name of a format of these files that has to be read as a whole
 
 
+@dataclass
 class CloudFiles:
     """One or several files that together are one cloud: its points are theirs, in the order of the files.
 
     A compressed file and standard input are copied to a temporary file on the first use. Use it in a `with` statement,
     which removes these.
-
-    Attributes
-    ----------
-    paths, query
-        As above.
     """
 
-    def __init__(
-        self,
-        paths: Sequence[Path],
-        format: str | None = None,  # noqa: A002
-        columns: Sequence[str] | None = None,
-        query: Query | None = None,
-        assume_same_crs: bool = False,
-        if_needed: bool = False,
-        span: Span | None = None,
-    ) -> None:
-        check_suffix(format)
-        self.paths = paths
-        self._format = format
-        self._columns = None if columns is None else checked_columns(columns)
-        self.query = query
-        self._assume_same_crs = assume_same_crs
-        self._if_needed = if_needed
-        self._span = span
-        self._header: Header | None = None  # of the first file that has one
-        self._copies: dict[Path, tuple[Any, Path]] = {}
-        self._whole: dict[Path, PointCloud] = {}  # what `head` had to read as a whole, for `read`
-        self._head: Head | None = None
-        self._stack = ExitStack()
+    paths: Sequence[Path]
+    format: str | None = None
+    columns: Sequence[str] | None = None
+    query: Query | None = None
+    assume_same_crs: bool = False
+    if_needed: bool = False  # format and columns are only for the files that need them
+    span: Span | None = None  # the part of a single file that is read, by its rows
+    _header: Header | None = field(default=None, init=False)  # of the first file that has one
+    _copies: dict[Path, tuple[Any, Path]] = field(default_factory=dict, init=False)
+    _whole: dict[Path, PointCloud] = field(default_factory=dict, init=False)  # read by `head`, for `read`
+    _head: Head | None = field(default=None, init=False)
+    _stack: ExitStack = field(default_factory=ExitStack, init=False)
+
+    def __post_init__(self) -> None:
+        check_suffix(self.format)
+        self.columns = None if self.columns is None else checked_columns(self.columns)
 
     @classmethod
     def of(
@@ -110,13 +87,11 @@ class CloudFiles:
 
     def each(self, rows: int) -> list[CloudFiles]:
         """Return each file, or each part of a file, by itself; another process can read its `chunks` too."""
-        found = [CloudFiles([path], *self.settings, span) for path in self.paths for span in self._spans(path, rows)]
+        found = [replace(self, paths=[path], span=span) for path in self.paths for span in self._spans(path, rows)]
+        header = self.head().cloud.header if self.assume_same_crs else None
         for each in found:
             each._copies = {path: copy for path, copy in self._copies.items() if path in each.paths}
-        if self._assume_same_crs:
-            header = self.head().cloud.header
-            for each in found:
-                each._header = header
+            each._header = header
         return found
 
     def __getstate__(self) -> dict[str, Any]:
@@ -134,12 +109,7 @@ class CloudFiles:
     @property
     def first(self) -> int:
         """The row of the first point of `chunks` in the first file."""
-        return self._span[0] if self._span else 0
-
-    @property
-    def settings(self) -> tuple[str | None, Sequence[str] | None, Query | None, bool, bool]:
-        """How the files are read: all arguments but the paths and the span."""
-        return self._format, self._columns, self.query, self._assume_same_crs, self._if_needed
+        return self.span[0] if self.span else 0
 
     def formats(self) -> list[Format]:
         """Return the format of each file."""
@@ -149,9 +119,9 @@ class CloudFiles:
                 found.append(known)
         return found
 
-    def _columns_of(self, known: Format) -> list[str] | None:
+    def _columns_of(self, known: Format) -> Sequence[str] | None:
         """Return the names of the columns of a file of a format; None for those in the file."""
-        return None if self._if_needed and not known.is_table else self._columns
+        return None if self.if_needed and not known.is_table else self.columns
 
     def read(self) -> PointCloud:
         """Read all points with their attributes."""
@@ -214,12 +184,14 @@ class CloudFiles:
         return name, size
 
     def left_out(self) -> tuple[int, list[str]]:
-        """Return what is left out of the files."""
+        """Return how many faces are left out of the files, and in words all that is."""
         faces, unread = 0, list[str]()
         for path in self.paths:
             with self._opened(path) as (file, known):
-                here, words = left_out(known, file)
-            faces, unread = faces + here, unread + words
+                here = known.faces(file)
+                file.seek(0)
+                words = [f"faces ({here:,})"] if here else []
+                faces, unread = faces + here, [*unread, *words, *known.unread(file)]
         return faces, unread
 
     def _chunks(self, file: Any, known: Format, rows: int, attributes: bool) -> Iterator[PointCloud]:
@@ -228,7 +200,7 @@ class CloudFiles:
         if known.whole or (columns is not None and not known.is_table):
             yield known.read(file, columns)
         else:
-            more = {"span": self._span, "columns": columns}
+            more = {"span": self.span, "columns": columns}
             yield from known.chunks(file, rows, attributes, **{name: each for name, each in more.items() if each})
 
     def _in_one_system(self, cloud: PointCloud) -> PointCloud:
@@ -236,7 +208,7 @@ class CloudFiles:
 
         A cloud whose attributes are to be read in another way keeps its own header, which says so.
         """
-        if not self._assume_same_crs or cloud.header is None:
+        if not self.assume_same_crs or cloud.header is None:
             return cloud
         first = self._header = self._header or cloud.header
         ours, own = first.conventions, cloud.header.conventions
@@ -251,7 +223,7 @@ class CloudFiles:
                 self._copies[path] = self._stack.enter_context(plain_input(path))
             file, name = self._copies.get(path) or stack.enter_context(plain_input(path))
             file.seek(0)
-            yield file, format_of(file, name, self._format, self.query, self._if_needed)
+            yield file, format_of(file, name, self.format, self.query, self.if_needed)
 
 
 def _size(file: Any) -> int:

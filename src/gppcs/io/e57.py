@@ -35,6 +35,7 @@ _NORMALS = "http://www.libe57.org/E57_NOR_surface_normals.txt"
 _OWN = "urn:gppcs:attributes"
 _PREFIX = "gppcs:"  # of the fields of that extension
 _SOURCES = "gppcs:scans"
+_POSE = {"rotation": "wxyz", "translation": "xyz"}  # and the numbers of each
 _NAMES = {  # of the fields of E57 that have another name as attribute
     "colorRed": "red",
     "colorGreen": "green",
@@ -59,23 +60,11 @@ _PAGE, _CHECKSUM = 1024, 4  # bytes of a page, and at its end of its checksum
 
 @dataclass(frozen=True)
 class E57Scan:
-    """One scan that went into a cloud.
-
-    Attributes
-    ----------
-    guid : str
-        Its identifier.
-    name : str
-        Its name; may be empty.
-    rotation : tuple of 4 float
-        A quaternion w, x, y, z. The points of the cloud have been rotated by it, then moved by `translation`.
-    translation : tuple of 3 float
-        In metres.
-    """
+    """One scan that went into a cloud. Its points have been rotated, then moved by `translation`, in metres."""
 
     guid: str = ""
     name: str = ""
-    rotation: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)
+    rotation: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)  # a quaternion w, x, y, z
     translation: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     @property
@@ -84,10 +73,7 @@ class E57Scan:
         return (*self.rotation, *self.translation) != (1, 0, 0, 0, 0, 0, 0)
 
     def moved(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return points of the scan in the coordinates of the file.
-
-        Shapes: points (N, 3); returns (N, 3).
-        """
+        """Return points (N, 3) of the scan in the coordinates of the file."""
         if not self.is_moved:
             return points
         from scipy.spatial.transform import Rotation
@@ -99,18 +85,10 @@ class E57Scan:
 
 @dataclass(frozen=True, eq=False)
 class E57Header(Header):
-    """What an E57 file says of the whole cloud.
+    """What an E57 file says of the whole cloud."""
 
-    Attributes
-    ----------
-    scans : tuple of E57Scan
-        The scans; the attribute `scan` of a point is an index into them.
-    coordinate_metadata : str
-        The coordinate reference system, as well-known text; may be empty.
-    """
-
-    scans: tuple[E57Scan, ...] = ()
-    coordinate_metadata: str = ""
+    scans: tuple[E57Scan, ...] = ()  # the attribute `scan` of a point is an index into them
+    coordinate_metadata: str = ""  # the coordinate reference system, as well-known text
 
     @property
     def crs(self) -> str | None:
@@ -119,16 +97,9 @@ class E57Header(Header):
 
     def contents(self) -> list[str]:
         """Return in words the poses and names of the scans and the coordinate system, as far as they are known."""
-        counts = {
-            "pose": sum(scan.is_moved for scan in self.scans),
-            "name": sum(bool(scan.name) for scan in self.scans),
-        }
-        words = [
-            f"the {what}s of {count} scans" if count > 1 else f"the {what} of 1 scan"
-            for what, count in counts.items()
-            if count
-        ]
-        return [*words, *(["the coordinate system"] if self.coordinate_metadata else [])]
+        counts = (("pose", sum(scan.is_moved for scan in self.scans)), ("name", sum(bool(s.name) for s in self.scans)))
+        scans = [f"the {what}s of {n} scans" if n > 1 else f"the {what} of 1 scan" for what, n in counts if n]
+        return [*scans, *(["the coordinate system"] if self.coordinate_metadata else [])]
 
 
 def read_e57(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
@@ -224,13 +195,9 @@ class _Scan:
         self._points = node["points"]
         prototype = libe57.StructureNode(self._points.prototype())
         self.names = _names_in(prototype)
-        self.dtypes = {}
-        bits = 0
-        for name in self.names:
-            dtype, width = _type_of_node(prototype[name])
-            bits += width
-            if dtype is not None:
-                self.dtypes[name] = dtype
+        types = {name: _type_of_node(prototype[name]) for name in self.names}
+        self.dtypes = {name: dtype for name, (dtype, _) in types.items() if dtype is not None}
+        bits = sum(width for _, width in types.values())
         self.count = self._points.childCount()
         if self.count * max(bits, 1) > 8 * file_size:
             raise FileFormatError(
@@ -339,21 +306,18 @@ def _type_of_buffer(dtype: np.dtype[Any]) -> np.dtype[Any]:
 
 def _source_of(node: Any) -> E57Scan:
     """Return identifier, name and pose of a scan."""
-
-    def text(name: str) -> str:
-        return str(node[name].value()) if node.isDefined(name) else ""
-
-    def numbers(name: str, parts: str, default: tuple[float, ...]) -> tuple[float, ...]:
-        if not node.isDefined(f"pose/{name}"):
-            return default
-        found = node["pose"][name]
-        return tuple(float(found[part].value()) for part in parts)
-
-    rotation = numbers("rotation", "wxyz", (1.0, 0.0, 0.0, 0.0))
-    translation = numbers("translation", "xyz", (0.0, 0.0, 0.0))
-    if not (np.isfinite([*rotation, *translation]).all() and any(rotation)):
-        raise FileFormatError(f"expected a pose of finite numbers with a rotation, found {rotation} and {translation}")
-    return E57Scan(text("guid"), text("name"), rotation, translation)
+    texts = {name: str(node[name].value()) for name in ("guid", "name") if node.isDefined(name)}
+    pose: dict[str, Any] = {
+        name: tuple(float(node[f"pose/{name}/{part}"].value()) for part in parts)
+        for name, parts in _POSE.items()
+        if node.isDefined(f"pose/{name}")
+    }
+    scan = replace(E57Scan(**texts), **pose)
+    if not (np.isfinite([*scan.rotation, *scan.translation]).all() and any(scan.rotation)):
+        raise FileFormatError(
+            f"expected a pose of finite numbers with a rotation, found {scan.rotation} and {scan.translation}"
+        )
+    return scan
 
 
 def _shared(scans: list[_Scan]) -> dict[str, np.dtype[Any]]:
@@ -406,61 +370,52 @@ def _write_image(image: Any, columns: dict[str, Column], header: E57Header) -> N
     for values in columns.values():
         digest.update(np.ascontiguousarray(values).data)
     guid = f"{{{uuid.UUID(bytes=digest.digest())}}}"  # of the content, so that the same cloud gives the same file
-    root = image.root()
-    _set(image, root, "formatName", "ASTM E57 3D Imaging Data File")
-    _set(image, root, "guid", guid)
-    _set(image, root, "versionMajor", libe57.E57_FORMAT_MAJOR)
-    _set(image, root, "versionMinor", libe57.E57_FORMAT_MINOR)
-    _set(image, root, "coordinateMetadata", header.coordinate_metadata)
-    scans = libe57.VectorNode(image, True)
-    root.set("data3D", scans)
-    root.set("images2D", libe57.VectorNode(image, True))
-    scan = libe57.StructureNode(image)
+    scans, scan = libe57.VectorNode(image, True), libe57.StructureNode(image)
+    about = {
+        "formatName": "ASTM E57 3D Imaging Data File",
+        "guid": guid,
+        "versionMajor": libe57.E57_FORMAT_MAJOR,
+        "versionMinor": libe57.E57_FORMAT_MINOR,
+        "coordinateMetadata": header.coordinate_metadata,
+        "data3D": scans,
+        "images2D": libe57.VectorNode(image, True),
+    }
+    _fill(image, image.root(), about)
     scans.append(scan)
-    _set(image, scan, "guid", guid)
+    _fill(image, scan, {"guid": guid})
     if header.scans:
         sources = libe57.VectorNode(image, True)
         scan.set(_SOURCES, sources)
-        for source in header.scans:
-            _append_source(image, sources, source)
-    _set_limits(image, scan, columns)
+        for each in header.scans:
+            pose = {name: dict(zip(parts, getattr(each, name), strict=True)) for name, parts in _POSE.items()}
+            sources.append(
+                _fill(image, libe57.StructureNode(image), {"guid": each.guid, "name": each.name, "pose": pose})
+            )
+    _fill(image, scan, _limits(columns))
     _write_points(image, scan, columns)
 
 
-def _set(image: Any, node: Any, name: str, value: str | float) -> None:
+def _fill(image: Any, node: Any, values: Mapping[str, Any]) -> Any:
+    """Set texts, numbers, nodes and further values by name in a node, and return it."""
     libe57 = require_libe57()
     kinds = {str: libe57.StringNode, int: libe57.IntegerNode, float: libe57.FloatNode}
-    node.set(name, kinds[type(value)](image, value))
+    for name, value in values.items():
+        if isinstance(value, dict):
+            value = _fill(image, libe57.StructureNode(image), value)
+        node.set(name, kinds[type(value)](image, value) if type(value) in kinds else value)
+    return node
 
 
-def _append_source(image: Any, sources: Any, source: E57Scan) -> None:
-    libe57 = require_libe57()
-    node, pose = libe57.StructureNode(image), libe57.StructureNode(image)
-    sources.append(node)
-    _set(image, node, "guid", source.guid)
-    _set(image, node, "name", source.name)
-    node.set("pose", pose)
-    for name, parts, numbers in (("rotation", "wxyz", source.rotation), ("translation", "xyz", source.translation)):
-        inner = libe57.StructureNode(image)
-        pose.set(name, inner)
-        for part, number in zip(parts, numbers, strict=True):
-            _set(image, inner, part, number)
-
-
-def _set_limits(image: Any, scan: Any, columns: dict[str, Column]) -> None:
-    """Set between which values intensity and colours lie, by which other programs scale them."""
-    libe57 = require_libe57()
+def _limits(columns: dict[str, Column]) -> dict[str, dict[str, float]]:
+    """Return between which values intensity and colours lie, by which other programs scale them."""
+    found = dict[str, dict[str, float]]()
     for name, fields in (("intensity", ["intensity"]), ("color", ["colorRed", "colorGreen", "colorBlue"])):
-        if not set(fields) <= columns.keys():
-            continue
-        limits = libe57.StructureNode(image)
-        scan.set(f"{name}Limits", limits)
-        for field in fields:
+        for field in fields if set(fields) <= columns.keys() else ():
             values = columns[field]
             finite = values[np.isfinite(values)] if name == "intensity" else np.array([0, np.iinfo(values.dtype).max])
             low, high = (finite.min().item(), finite.max().item()) if len(finite) else (0.0, 0.0)
-            _set(image, limits, f"{field}Minimum", low)
-            _set(image, limits, f"{field}Maximum", high)
+            found.setdefault(f"{name}Limits", {}).update({f"{field}Minimum": low, f"{field}Maximum": high})
+    return found
 
 
 def _write_points(image: Any, scan: Any, columns: dict[str, Column]) -> None:

@@ -40,13 +40,6 @@ FORMATS: tuple[Format, ...] = (
 )
 
 
-def left_out(known: Format, file: BufferedReader) -> tuple[int, list[str]]:
-    """Return what a format does not read of a file."""
-    faces = known.faces(file)
-    file.seek(0)
-    return faces, [*([f"faces ({faces:,})"] if faces else []), *known.unread(file)]
-
-
 def check_input(path: Path) -> None:
     """Check that a path is not something else than a file. That there is one is found when it is opened."""
     if path.exists() and not path.is_file():

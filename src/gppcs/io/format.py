@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from io import BufferedReader
 from typing import NamedTuple
@@ -96,7 +96,7 @@ class Format:
     header: type[Header] | None = None
     named: Callable[[str], str] = str
 
-    def read(self, file: BufferedReader, columns: list[str] | None = None) -> PointCloud:
+    def read(self, file: BufferedReader, columns: Sequence[str] | None = None) -> PointCloud:
         """Read all points with their attributes; `columns` name the columns of a table."""
         if columns is not None and not self.is_table:
             raise FileFormatError(f"expected a text table, whose columns can be named, found {self.name}")

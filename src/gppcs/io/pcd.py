@@ -55,42 +55,20 @@ _LOOK = re.compile(rb"(?:\xef\xbb\xbf)?(?:# \.PCD|(?:#[^\n]*\n|\s)*VERSION\s+0?\
 
 @dataclass(frozen=True)
 class PackedColour:
-    """How a PCD file holds the colours of its points: all channels in the four bytes of one number.
+    """How a PCD file holds the colours of its points: all channels in the four bytes of one number."""
 
-    Attributes
-    ----------
-    name : str
-        The name of the field, `rgb` or `rgba`.
-    dtype : numpy dtype
-        float32, uint32 or int32.
-    fourth : int
-        The byte that stands before red, green and blue if the cloud has no attribute `alpha`.
-    """
-
-    name: str = "rgb"
-    dtype: np.dtype[Any] = field(default_factory=lambda: np.dtype("f4"))
-    fourth: int = 0
+    name: str = "rgb"  # or "rgba"
+    dtype: np.dtype[Any] = field(default_factory=lambda: np.dtype("f4"))  # or uint32 or int32
+    fourth: int = 0  # the byte before red, green and blue if the cloud has no attribute `alpha`
 
 
 @dataclass(frozen=True, eq=False)
 class PcdHeader(Header):
-    """What a PCD file says of the whole cloud.
+    """What a PCD file says of the whole cloud."""
 
-    Attributes
-    ----------
-    viewpoint : tuple of 7 float
-        Where the sensor stood: its translation, then its rotation as a quaternion w, x, y, z.
-    comments : tuple of str
-        The lines that begin with #, whole and in file order, without the first one, which names the format.
-    colour : PackedColour or None
-        How the attributes red, green, blue and alpha are packed; None if each is a field of its own.
-    is_text : bool
-        Whether the points are written as text.
-    """
-
-    viewpoint: tuple[float, ...] = _STRAIGHT
-    comments: tuple[str, ...] = ()
-    colour: PackedColour | None = None
+    viewpoint: tuple[float, ...] = _STRAIGHT  # of the sensor: its place, then its rotation as a quaternion w, x, y, z
+    comments: tuple[str, ...] = ()  # whole lines, without the one that names the format
+    colour: PackedColour | None = None  # how red, green, blue and alpha are packed; None if each is a field
     is_text: bool = False
 
     def contents(self) -> list[str]:

@@ -55,18 +55,10 @@ _ORDERS: dict[str, _Order] = {"binary_little_endian": "<", "binary_big_endian": 
 
 @dataclass(frozen=True, eq=False)
 class PlyHeader(Header):
-    """What a PLY file says of the whole cloud.
+    """What a PLY file says of the whole cloud."""
 
-    Attributes
-    ----------
-    remarks : tuple of str
-        The lines that begin with `comment` or `obj_info`, whole and in file order.
-    lists : mapping of str to numpy dtype
-        Of each attribute that is a list property, the type of the number before the items.
-    """
-
-    remarks: tuple[str, ...] = ()
-    lists: Mapping[str, np.dtype[Any]] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()  # the lines that begin with `comment` or `obj_info`, whole
+    lists: Mapping[str, np.dtype[Any]] = field(default_factory=dict)  # types of the lengths of attributes with lists
 
     def contents(self) -> list[str]:
         """Return the numbers of comments and of lines of obj_info in words."""
@@ -420,8 +412,6 @@ def write_ply(
 
     Booleans are written as uchar and half-precision numbers as float. PLY has no 64-bit integers: they are written as
     int, uint or double, the first that represents all values exactly.
-
-    Shapes: faces (F, 3).
     """
     header = cloud.header if isinstance(cloud.header, PlyHeader) else PlyHeader()
     fields = _fields(cloud, header)

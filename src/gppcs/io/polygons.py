@@ -18,21 +18,12 @@ Ring: TypeAlias = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True)
 class Polygons:
-    """Polygons in the plane of x and y.
+    """Polygons in the plane of x and y, given by closed lines around areas and around their holes."""
 
-    Attributes
-    ----------
-    rings : tuple of rings
-        The corners (x, y) of closed lines around areas and around their holes; the first corner follows the last.
-    """
-
-    rings: tuple[Ring, ...]
+    rings: tuple[Ring, ...]  # the corners (x, y) of each line; the first follows the last
 
     def holds(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which points are inside: a line from there to infinity crosses the rings an odd number of times.
-
-        Shapes: points (N, 3); returns (N,).
-        """
+        """Return which points (N, 3) are inside: a line from there crosses the rings an odd number of times."""
         order = np.argsort(points[:, 1])  # so that the points beside an edge follow each other
         x, y = points[order, 0], points[order, 1]
         inside = np.zeros(len(points), dtype=np.bool_)

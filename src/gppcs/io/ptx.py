@@ -22,28 +22,15 @@ _NAMES = {4: ("intensity",), 7: ("intensity", "red", "green", "blue")}  # by the
 
 @dataclass(frozen=True)
 class PtxScan:
-    """What a PTX file says of one scan.
+    """What a PTX file says of one scan. The points of the cloud are the row vectors of the file times its pose."""
 
-    Attributes
-    ----------
-    columns, rows : int
-        The size of its grid.
-    scanner : tuple of 12 float
-        The position of the scanner, then its three axes.
-    pose : tuple of 16 float
-        A 4 by 4 matrix, row by row. The points of the cloud are the row vectors of the file times this matrix.
-    """
-
-    columns: int
+    columns: int  # of its grid
     rows: int
-    scanner: tuple[float, ...]
-    pose: tuple[float, ...]
+    scanner: tuple[float, ...]  # its position, then its three axes
+    pose: tuple[float, ...]  # a 4 by 4 matrix, row by row
 
     def moved(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return points of the scan in the coordinates that its pose leads to.
-
-        Shapes: points (N, 3); returns (N, 3).
-        """
+        """Return points (N, 3) of the scan in the coordinates that its pose leads to."""
         matrix = np.array(self.pose).reshape(4, 4)
         if np.array_equal(matrix, np.eye(4)):
             return points
@@ -53,15 +40,9 @@ class PtxScan:
 
 @dataclass(frozen=True, eq=False)
 class PtxHeader(Header):
-    """What a PTX file says of its scans.
+    """What a PTX file says of its scans."""
 
-    Attributes
-    ----------
-    scans : tuple of PtxScan
-        The scans; the attribute `scan` of a point is an index into them.
-    """
-
-    scans: tuple[PtxScan, ...] = ()
+    scans: tuple[PtxScan, ...] = ()  # the attribute `scan` of a point is an index into them
 
     def contents(self) -> list[str]:
         """Return in words how many scans have a place and a pose."""

@@ -22,23 +22,11 @@ from gppcs.io.rows import BLOCK
 
 @dataclass(frozen=True)
 class Query:
-    """Which points of a file are read.
+    """Which points of a file are read."""
 
-    Attributes
-    ----------
-    low, high : tuple of 3 float
-        The corners of the box with the points; infinite if there is none.
-    resolution : float or None
-        The distance of neighbours up to which a COPC file is read; None for all points.
-    only : Expression or None
-        A condition on the points that are read.
-    polygons : Polygons or None
-        The points are inside.
-    """
-
-    low: tuple[float, ...]
+    low: tuple[float, ...]  # with `high` the corners of a box, infinite if there is none
     high: tuple[float, ...]
-    resolution: float | None
+    resolution: float | None  # the distance of neighbours up to which a COPC file is read
     only: Expression | None = None
     polygons: Polygons | None = None
 
@@ -98,10 +86,7 @@ class Query:
         return InputError(f"{found}gppcs.info shows where they lie", command=f"{found}gppcs info shows where they lie")
 
     def holds(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which points are in the box and in the polygons; those on the border of the box are.
-
-        Shapes: points (N, 3); returns (N,).
-        """
+        """Return which points (N, 3) are in the box and in the polygons; those on the border of the box are."""
         limited = np.isfinite(self.low) | np.isfinite(self.high)
         inside = np.logical_and.reduce((points >= self.low) & (points <= self.high) | ~limited, axis=1)
         return inside if self.polygons is None else inside & self.polygons.holds(points)

@@ -85,20 +85,11 @@ def read(
 
 
 class Loaded(NamedTuple):
-    """What `load` has read, and what it has not.
-
-    Attributes
-    ----------
-    cloud : PointCloud
-    faces : int
-        Number of faces, which the cloud does not hold. A file with faces is a mesh.
-    unread : list of str
-        What the file has and the cloud does not hold, in words, faces included.
-    """
+    """What `load` has read, and what it has not."""
 
     cloud: PointCloud
-    faces: int
-    unread: list[str]
+    faces: int  # a file with faces is a mesh
+    unread: list[str]  # what the file has and the cloud does not hold, in words, faces included
 
 
 def load(

@@ -244,10 +244,7 @@ def type_and_shape(dtype: np.dtype[Any]) -> tuple[np.dtype[Any], tuple[int, ...]
 
 
 def write_records(file: BinaryIO, columns: Sequence[tuple[Column, np.dtype[Any]]]) -> None:
-    """Write columns as packed little-endian records, one for each point, block by block.
-
-    Shapes: columns (N, ...).
-    """
+    """Write columns (N, ...) as packed little-endian records, block by block."""
     count = len(columns[0][0])
     # The names of the fields are numbers: those of the columns may have characters that NumPy refuses in a buffer.
     names = [str(i) for i in range(len(columns))]
@@ -261,20 +258,14 @@ def write_records(file: BinaryIO, columns: Sequence[tuple[Column, np.dtype[Any]]
 
 
 def write_rows(file: BinaryIO, columns: Sequence[Column], separator: str = " ", prefix: str = "") -> None:
-    """Write columns as lines of text.
-
-    Shapes: columns (N,).
-    """
+    """Write columns (N,) as lines of text."""
     for start in range(0, len(columns[0]), BLOCK):
         fields = (texts_of(column[start : start + BLOCK]) for column in columns)
         file.writelines(f"{prefix}{separator.join(row)}\n".encode() for row in zip(*fields, strict=True))
 
 
 def texts_of(values: Column) -> list[str]:
-    """Return each value as the shortest text that reads back as the same value of the same type.
-
-    Shapes: values (N,).
-    """
+    """Return each value as the shortest text that reads back as the same value of the same type."""
     if values.dtype.kind == "U":
         return list(map(quoted, values.tolist()))
     if values.dtype.kind == "b":

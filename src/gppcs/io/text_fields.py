@@ -109,10 +109,7 @@ class TextApart:
                 yield "\n"
 
     def taken(self) -> dict[int, Column]:
-        """Return the columns of text of the lines since the last call.
-
-        Shapes: returns (n,).
-        """
+        """Return the columns of text of the lines since the last call."""
         columns = {i: np.array(texts, dtype=np.str_) for i, texts in self._texts.items()}
         self._texts = {i: [] for i in self._texts}
         return columns
