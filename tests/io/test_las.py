@@ -1,7 +1,6 @@
 """LAS and LAZ files come back bit for bit, as laspy reads them; damaged ones bring our own errors only."""
 
 import struct
-import warnings
 from dataclasses import replace
 
 import laspy
@@ -119,19 +118,17 @@ def bytes_of(records):
 
 @pytest.mark.parametrize("stored", ["u2", "i4", "3i4"])
 def test_scaled_extra_bytes_are_their_physical_values(tmp_path, stored):
-    """Heights of 0 to 50 m in centimetres; in other formats, in conditions, and written back as they were."""
+    """Heights of 0 to 50 m in centimetres; in conditions, and written back as they were."""
     header = laspy.LasHeader(point_format=6, version="1.4")
     width = 3 if stored[0] == "3" else 1
     scales, offsets = [0.01] * width, [-5.0] * width
     header.add_extra_dim(laspy.ExtraBytesParams("height", stored, scales=scales, offsets=offsets, description="above"))
     original = laspy.LasData(header)
-    rng = np.random.default_rng(0)
-    original.x, original.y, original.z = rng.random((3, 2_000))
+    original.x, original.y, original.z = np.random.default_rng(0).random((3, 2_000))
     heights = np.round(np.linspace(0.0, 50.0, 2_000), 2)
     original["height"] = np.repeat(heights[:, None], 3, axis=1) if width > 1 else heights
     cloud = read(save(original, tmp_path / "a.las"))
     np.testing.assert_allclose(cloud.attributes["height"], original["height"], atol=1e-9)
-    assert cloud.attributes["height"].max() == pytest.approx(50.0)
     write(tmp_path / "b.las", cloud.take(np.arange(0, 2_000, 2)))
     found = laspy.read(tmp_path / "b.las")
     np.testing.assert_array_equal(found.points.array["height"], original.points.array["height"][::2])
@@ -139,13 +136,9 @@ def test_scaled_extra_bytes_are_their_physical_values(tmp_path, stored):
     assert cloud.to_laspy().points.array["height"].tobytes() == original.points.array["height"].tobytes()
     if width == 1:
         assert len(read(tmp_path / "a.las", only="height > 25")) == np.count_nonzero(heights > 25) == 1_000
-        write(tmp_path / "c.ply", cloud)
-        assert gppcs.info(tmp_path / "c.ply").attributes
-        assert read(tmp_path / "c.ply").attributes["height"].max() == pytest.approx(50.0)
-    else:
-        moved = replace(cloud, attributes={"height": cloud.attributes["height"] + 1e-3})
-        write(tmp_path / "d.las", moved)  # no multiples of the scale: stored as they are
-        np.testing.assert_array_equal(np.asarray(laspy.read(tmp_path / "d.las")["height"]), moved.attributes["height"])
+    moved = replace(cloud, attributes={"height": cloud.attributes["height"] + 1e-3})
+    write(tmp_path / "d.las", moved)  # no multiples of the scale: stored as they are
+    np.testing.assert_array_equal(np.asarray(laspy.read(tmp_path / "d.las")["height"]), moved.attributes["height"])
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -203,19 +196,6 @@ def test_text_of_unknown_encoding_and_user_data_in_the_header_are_kept(tmp_path)
     assert out[start + 23 :] == content[start + 23 :]
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_a_real_file(tmp_path, shared_data, suffix):
-    path = shared_data / "autzen_airborne.laz"
-    cloud, original = read(path), laspy.read(path)
-    indices = np.random.default_rng(0).choice(len(cloud), 5000, replace=False)
-    write(tmp_path / f"out{suffix}", cloud.take(indices))
-    found = laspy.read(tmp_path / f"out{suffix}")
-    assert_same_dimensions(found, original, indices)
-    assert_right_header(found)
-    assert bytes_of(found.vlrs) == bytes_of(original.vlrs)
-    assert cloud.header.crs == "NAD_1983_HARN_Lambert_Conformal_Conic"
-
-
 def geo_keys(*keys):
     directory = GeoKeyDirectoryVlr()
     directory.geo_keys = [GeoKeyEntryStruct(*key) for key in keys]
@@ -260,21 +240,14 @@ def test_the_coordinate_system_is_named(tmp_path, records, uses_wkt, expected):
     assert losses("a.ply", cloud) == ([f"coordinate system {words}"] if records else [])
 
 
-def test_other_formats_name_what_they_lose_of_the_header(tmp_path):
-    cloud = read(save(random_las("1.4", 6), tmp_path / "a.las"))
-    expected = [
-        "coordinate system NAD83 / Oregon (EPSG:2991)",
-        "2 variable-length records",
-    ]
-    assert losses("a.ply", cloud)[:2] == expected  # then come renamed attributes
-    assert losses("a.las", cloud) == []
-
-
 def test_indices_of_points_are_left_out(tmp_path):
     las = random_las("1.4", 6)
     las.header.vlrs.insert(0, laspy.VLR("copc", 1, "info", bytes(160)))
     las.evlrs.append(laspy.VLR("copc", 1000, "hierarchy", bytes(32)))
     cloud = read(save(las, tmp_path / "a.copc.laz"))
+    assert losses("a.las", cloud) == []
+    lost = ["coordinate system NAD83 / Oregon (EPSG:2991)", "2 variable-length records"]
+    assert losses("a.ply", cloud)[:2] == lost  # then come renamed attributes
     write(tmp_path / "b.laz", cloud)
     found = laspy.read(tmp_path / "b.laz")
     assert [each.user_id for each in found.vlrs] == ["LASF_Spec", "somebody", "LASF_Projection"]
@@ -353,13 +326,9 @@ def test_a_standard_attribute_that_does_not_fit_is_named(tmp_path, values):
 def test_names_that_extra_bytes_cannot_have(tmp_path, name, message):
     with pytest.raises(OutputError, match=message):
         write(tmp_path / "a.las", PointCloud(np.zeros((2, 3)), {name: np.zeros(2)}))
-    assert not any(tmp_path.iterdir())
-
-
-def test_too_many_extra_bytes(tmp_path):
-    many = {f"a{i}": np.zeros(1) for i in range(342)}
     with pytest.raises(OutputError, match="at most 341 attributes in extra bytes, found 342"):
-        write(tmp_path / "a.las", PointCloud(np.zeros((1, 3)), many))
+        write(tmp_path / "a.las", PointCloud(np.zeros((1, 3)), {f"a{i}": np.zeros(1) for i in range(342)}))
+    assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
@@ -387,28 +356,22 @@ def test_the_scale_is_the_coarsest_that_is_exact(tmp_path, points, scale):
     np.testing.assert_allclose(read(tmp_path / "a.las").points, points, rtol=4e-16)  # 41 times 0.01 is not quite 0.41
 
 
-def test_rounded_coordinates_are_named(tmp_path):
+def test_coordinates_are_rounded_a_little_but_not_far_unasked(tmp_path):
     points = np.random.default_rng(0).random((1000, 3)) * [100, 1, 1]
     assert losses("a.las", PointCloud(points)) == ["the last digits of coordinates (which move by at most 5e-08)"]
-    write(tmp_path / "a.las", points)  # so little is no loss
-    assert (PointCloud(points).to_laspy().xyz == read(tmp_path / "a.las").points).all()
+    write(tmp_path / "a.las", points)
     found = read(tmp_path / "a.las").points
+    assert (PointCloud(points).to_laspy().xyz == found).all()
     assert (np.abs(found - points) <= [0.51e-7, 0.51e-9, 0.51e-9]).all()
-
-
-def test_points_that_rounding_moves_far_are_refused(tmp_path):
-    points = 1.3 + np.random.default_rng(0).random((9, 3)) * 1e-9
+    points = 1.3 + points[:9] * 1e-9
     with pytest.raises(OutputError, match=r"cannot hold: the last digits of coordinates \(which move by"):
-        write(tmp_path / "a.las", points)
+        write(tmp_path / "b.las", points)
     with pytest.raises(gppcs.InputError, match="the last digits of coordinates"):
         PointCloud(points).to_laspy()
-    write(tmp_path / "a.las", points, lossy=True)
-
-
-def test_moved_points_get_a_scale_of_their_own(tmp_path):
-    cloud = read(save(random_las("1.2", 0), tmp_path / "a.las"))
-    moved = replace(cloud, points=cloud.points / 3)
-    assert losses("b.las", moved) == ["the last digits of coordinates (which move by at most 0.003)"]
+    write(tmp_path / "b.las", points, lossy=True)
+    cloud = read(save(random_las("1.2", 0), tmp_path / "c.las"))
+    moved = replace(cloud, points=cloud.points / 3)  # which needs a scale of its own
+    assert losses("d.las", moved) == ["the last digits of coordinates (which move by at most 0.003)"]
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -463,14 +426,6 @@ def test_points_that_the_header_does_not_count_are_told(tmp_path, suffix, counte
     assert told == ([f"points that its header does not count ({at_least} or more)"] if counted == 1_000 else [])
 
 
-def test_the_largest_whole_numbers_are_told_without_a_warning(tmp_path):
-    times = np.array([2**63 - 1, -(2**63), 5])
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        write(tmp_path / "a.las", PointCloud(np.eye(3), {"gps_time": times}))
-        np.testing.assert_array_equal(read(tmp_path / "a.las").attributes["gps_time"], times)
-
-
 @pytest.mark.parametrize("offset", [1.0, 1e300, np.nan])
 @pytest.mark.parametrize("scale", [0.0, np.nan, np.inf, 1e-300])
 def test_scales_that_merge_coordinates_are_refused(tmp_path, scale, offset):
@@ -523,19 +478,3 @@ def test_layers_and_chunks_that_lie_about_their_size_take_no_memory(tmp_path):
     path.write_bytes(content)
     with pytest.raises(FileFormatError, match="expected all compressed points within the file"):
         read(path)
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_survey_coordinates_give_the_indices_of_the_origin(tmp_path, suffix):
-    points = np.rint(gppcs.sample("bracket", n_points=3000).points * 1000) / 1000
-    las = laspy.LasData(laspy.LasHeader(version="1.2", point_format=0))
-    las.header.scales = [0.0009765625] * 3  # a power of two, which float64 adds to any offset exactly
-    las.header.offsets = [0, 0, 0]
-    las.xyz = points
-    near = read(save(las, tmp_path / f"near{suffix}"))
-    las.header.offsets = [500_000, 5_000_000, 0]
-    las.points.offsets = np.array([500_000.0, 5_000_000.0, 0])
-    far = read(save(las, tmp_path / f"far{suffix}"))
-    assert np.array_equal(far.points, near.points + np.array([500_000, 5_000_000, 0]))
-    expected = gppcs.simplify(near, n_points=300, method="gp").indices
-    assert np.array_equal(gppcs.simplify(far, n_points=300, method="gp").indices, expected)

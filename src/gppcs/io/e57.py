@@ -306,7 +306,7 @@ def _type_of_buffer(dtype: np.dtype[Any]) -> np.dtype[Any]:
 
 def _source_of(node: Any) -> E57Scan:
     """Return identifier, name and pose of a scan."""
-    texts = {name: str(node[name].value()) for name in ("guid", "name") if node.isDefined(name)}
+    texts: dict[str, Any] = {name: str(node[name].value()) for name in ("guid", "name") if node.isDefined(name)}
     pose: dict[str, Any] = {
         name: tuple(float(node[f"pose/{name}/{part}"].value()) for part in parts)
         for name, parts in _POSE.items()

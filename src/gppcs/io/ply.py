@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from io import BufferedReader
 from itertools import islice
@@ -22,7 +22,6 @@ from gppcs.io.columns import check_name, column_name, columns_of, exact_type
 from gppcs.io.format import Format, Span, keeping, without_attributes
 from gppcs.io.meshes import triangles_of
 from gppcs.io.rows import (
-    BLOCK,
     as_count,
     as_found,
     at_most,
@@ -33,7 +32,6 @@ from gppcs.io.rows import (
     lines_of,
     number_blocks,
     read_records,
-    texts_of,
     write_records,
     write_rows,
 )
@@ -50,7 +48,7 @@ _TYPES: dict[str, np.dtype[Any]] = {
 }
 _NAMES = {dtype: name for name, dtype in reversed(_TYPES.items())}  # of two names of a type, the older one
 _Order = Literal["<", ">"]
-_ORDERS: dict[str, _Order] = {"binary_little_endian": "<", "binary_big_endian": ">"}
+_ORDERS: dict[str, _Order | None] = {"ascii": None, "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +74,12 @@ class _Property:
     @property
     def label(self) -> str:
         return f"a {_NAMES[self.dtype]} as {self.name}"
+
+    @property
+    def line(self) -> str:
+        """The line of the header that declares the property."""
+        kind = _NAMES[self.dtype]
+        return f"property {kind if self.length is None else f'list {_NAMES[self.length]} {kind}'} {self.name}"
 
 
 @dataclass(frozen=True)
@@ -104,35 +108,41 @@ class _Header:
     lines: int = 0
     remarks: list[str] = field(default_factory=list)
 
-    def kept(self, vertices: _Element) -> PlyHeader | None:
+    @property
+    def order(self) -> _Order | None:
+        """The byte order of numbers; None if they are text."""
+        return _ORDERS[self.encoding]
+
+    def element(self, name: str) -> _Element:
+        """Return an element; an empty one if there is none of the name."""
+        return next((each for each in self.elements if each.name == name), _Element(name, 0))
+
+    def kept(self) -> PlyHeader | None:
         """Return what a cloud keeps of the header, or None if that is nothing."""
-        lists = {each.name: each.length for each in vertices.properties if each.length is not None}
+        lists = {each.name: each.length for each in self.element("vertex").properties if each.length is not None}
         return PlyHeader(tuple(self.remarks), lists) if self.remarks or lists else None
 
 
 def read_ply(file: BufferedReader, rows: int, attributes: bool, span: Span | None = None) -> Iterator[PointCloud]:
     """Read the vertices of a PLY file in chunks, those with lists as one. Other elements are skipped."""
     header = _read_header(file)
-    names = [each.name for each in header.elements]
-    if "vertex" not in names:
-        raise FileFormatError(f"expected an element named vertex, found {', '.join(map(repr, names)) or 'none'}")
-    vertices = header.elements[names.index("vertex")]
+    vertices = header.element("vertex")
+    if vertices not in header.elements:
+        names = ", ".join(repr(each.name) for each in header.elements) or "none"
+        raise FileFormatError(f"expected an element named vertex, found {names}")
     axes = coordinate_names(each.name for each in vertices.scalars)
-    clouds: Iterator[PointCloud]
     _skip_to(file, header, vertices)
-    if header.encoding == "ascii":
-        tables = _text_tables(file, header, vertices)
-        kept = [each.name for each in vertices.properties if attributes or each.name in axes]
-        parts = (cloud_of_columns({name: table[name] for name in kept}) for table in tables)
-        clouds = parts if vertices.has_lists else at_most(rows, parts)
-    elif vertices.has_lists:
-        clouds = iter([cloud_of_columns(_with_lists(file, vertices, _ORDERS[header.encoding]))])
-    else:
+    clouds: Iterator[PointCloud]
+    if header.order and not vertices.has_lists:
         kept = [each.name for each in vertices.properties if attributes]
-        record = vertices.record(_ORDERS[header.encoding])
-        clouds = read_records(file, record, vertices.count, rows, "vertex", kept, span)
+        clouds = read_records(file, vertices.record(header.order), vertices.count, rows, "vertex", kept, span)
+    else:
+        wanted = [each.name for each in vertices.properties if attributes or each.name in axes]
+        tables = _tables(file, header, vertices)
+        clouds = (cloud_of_columns({name: table[name] for name in wanted}) for table in tables)
+        clouds = clouds if vertices.has_lists else at_most(rows, clouds)
     for cloud in clouds:
-        yield replace(cloud, header=header.kept(vertices))
+        yield replace(cloud, header=header.kept())
 
 
 def unread_ply(file: BufferedReader) -> list[str]:
@@ -144,16 +154,16 @@ def unread_ply(file: BufferedReader) -> list[str]:
 def spans_of_ply(file: BufferedReader, rows: int) -> list[Span]:
     """Divide the vertices of a binary file without lists into parts that can be read by themselves."""
     header = _read_header(file)
-    vertices = next((each for each in header.elements if each.name == "vertex"), None)
-    if vertices is None or vertices.has_lists or header.encoding == "ascii":
+    vertices = header.element("vertex")
+    if not vertices.count or vertices.has_lists or not header.order:
         return []
     _skip_to(file, header, vertices)
-    return equal_spans(file, vertices.record("<").itemsize, vertices.count, rows)
+    return equal_spans(file, vertices.record(header.order).itemsize, vertices.count, rows)
 
 
 def count_ply(file: BufferedReader) -> int:
     """Return how many points a PLY file has, as its header says."""
-    return next((element.count for element in _read_header(file).elements if element.name == "vertex"), 0)
+    return _read_header(file).element("vertex").count
 
 
 def count_ply_faces(file: BufferedReader) -> int:
@@ -164,16 +174,13 @@ def count_ply_faces(file: BufferedReader) -> int:
 def ply_triangles(file: BufferedReader) -> NDArray[np.int64]:
     """Read the faces of a PLY file as triangles."""
     header = _read_header(file)
-    faces = next((each for each in header.elements if each.name == "face"), None)
-    named = [each.name for each in faces.properties if each.length and each.dtype.kind in "iu"] if faces else []
+    faces = header.element("face")
+    named = [each.name for each in faces.properties if each.length and each.dtype.kind in "iu"]
     name = next((name for name in named if name in ("vertex_indices", "vertex_index")), None)
-    if faces is None or name is None or not faces.count:
+    if name is None or not faces.count:
         return np.empty((0, 3), np.int64)
     _skip_to(file, header, faces)
-    if header.encoding == "ascii":
-        [table] = _text_tables(file, header, faces)
-    else:
-        table = _with_lists(file, faces, _ORDERS[header.encoding])
+    [table] = _tables(file, header, faces)
     lists = table[name]
     return triangles_of(np.array([*map(len, lists)]), np.concatenate([*lists]).astype(np.int64))
 
@@ -200,50 +207,53 @@ def _take_header_line(header: _Header, line: str) -> None:
     match line.split():
         case []:
             pass
-        case ["format", encoding, "1.0"] if encoding == "ascii" or encoding in _ORDERS:
+        case ["format", encoding, "1.0"] if encoding in _ORDERS:
             header.encoding = encoding
         case ["element", name, text] if (count := as_count(text)) is not None:
             header.elements.append(_Element(name, count))
-        case ["property", kind, name] if kind in _TYPES and header.elements:
-            _add_property(header, _Property(name, _TYPES[kind]))
-        case ["property", "list", length, kind, name] if (
-            kind in _TYPES and length in _TYPES and _TYPES[length].kind in "iu" and header.elements
-        ):
-            _add_property(header, _Property(name, _TYPES[kind], _TYPES[length]))
+        case ["property", *kinds, name] if header.elements and (new := _property(name, kinds)):
+            element = header.elements[-1]
+            if any(each.name == name for each in element.properties):
+                raise FileFormatError(
+                    f"line {header.lines}: expected different names, found {name!r} twice in {element.name}"
+                )
+            element.properties.append(new)
         case _:
             raise FileFormatError(f"line {header.lines}: expected a PLY header, found {as_found(line)}")
 
 
-def _add_property(header: _Header, new: _Property) -> None:
-    element = header.elements[-1]
-    if any(each.name == new.name for each in element.properties):
-        raise FileFormatError(
-            f"line {header.lines}: expected different names, found {new.name!r} twice in {element.name}"
-        )
-    element.properties.append(new)
+def _property(name: str, kinds: list[str]) -> _Property | None:
+    """Return a property of a type, or a list of a type of its length and one of its items, if there are such types."""
+    if not set(kinds) - {"list"} <= _TYPES.keys():
+        return None
+    match kinds:
+        case [kind]:
+            return _Property(name, _TYPES[kind])
+        case ["list", length, kind] if _TYPES[length].kind in "iu":
+            return _Property(name, _TYPES[kind], _TYPES[length])
+    return None
 
 
 def _skip_to(file: BufferedReader, header: _Header, element: _Element) -> None:
     """Move the position in the file to the beginning of an element."""
     for each in header.elements[: header.elements.index(element)]:
-        if header.encoding != "ascii":
-            _skip(file, each, _ORDERS[header.encoding])
-            continue
-        for i in range(each.count):
-            header.lines += 1
-            if not file.readline():
-                raise ends_early(each.name, i, each.count)
+        if not header.order:
+            for i in range(each.count):
+                header.lines += 1
+                if not file.readline():
+                    raise ends_early(each.name, i, each.count)
+        elif each.has_lists:
+            start = file.tell()
+            file.seek(start + _walk(file.read(), each, header.order)[-1])
+        else:
+            size = each.record(header.order).itemsize
+            check_length(file, size, each.count, each.name)
+            file.seek(each.count * size, os.SEEK_CUR)
 
 
-def _skip(file: BufferedReader, element: _Element, order: _Order) -> None:
-    """Move the position in the file to the end of an element."""
-    if element.has_lists:
-        start = file.tell()
-        file.seek(start + _walk(file.read(), element, order)[-1])
-        return
-    size = element.record(order).itemsize
-    check_length(file, size, element.count, element.name)
-    file.seek(element.count * size, os.SEEK_CUR)
+def _tables(file: BufferedReader, header: _Header, element: _Element) -> Iterator[dict[str, Column]]:
+    """Yield an element as blocks of columns, one with lists as one block."""
+    return iter([_with_lists(file, element, header.order)]) if header.order else _text_tables(file, header, element)
 
 
 def _walk(data: bytes, element: _Element, order: _Order) -> NDArray[np.int64]:
@@ -370,38 +380,6 @@ def _text_lists(lists: list[list[str]], to: _Property) -> Column:
     )
 
 
-@dataclass(frozen=True)
-class _Field:
-    """What is written of each vertex under one name: a number, or a list if `length` is the type of its length."""
-
-    name: str
-    values: Column
-    dtype: np.dtype[Any]
-    length: np.dtype[Any] | None = None
-
-    def line(self) -> str:
-        """Return the line of the header that declares the property."""
-        kind = _NAMES[self.dtype]
-        return f"property {kind if self.length is None else f'list {_NAMES[self.length]} {kind}'} {self.name}"
-
-    def rows(self, start: int) -> Iterator[bytes]:
-        """Yield the bytes of each vertex of a block."""
-        for value in self.values[start : start + BLOCK]:
-            items = np.asarray(value, self.dtype.newbyteorder("<")).tobytes()
-            if self.length is not None:
-                yield np.asarray(len(value), self.length.newbyteorder("<")).tobytes() + items
-            else:
-                yield items
-
-    def texts(self, start: int) -> Iterator[str]:
-        """Yield the text of each vertex of a block."""
-        block = self.values[start : start + BLOCK]
-        if self.length is None:
-            yield from texts_of(block.astype(self.dtype))
-        else:
-            yield from (" ".join([str(len(each)), *texts_of(np.asarray(each, self.dtype))]) for each in block)
-
-
 def write_ply(
     file: BinaryIO,
     cloud: PointCloud,
@@ -420,39 +398,49 @@ def write_ply(
         f"format {'ascii' if ascii else 'binary_little_endian'} 1.0",
         *header.remarks,
         f"element vertex {len(cloud)}",
-        *(each.line() for each in fields),
+        *(each.line for each, _ in fields),
         *([] if faces is None else [f"element face {len(faces)}", "property list uchar int vertex_indices"]),
         "end_header\n",
     ]
     file.write("\n".join(lines).encode("utf-8", "surrogateescape"))
     if ascii:
-        for start in range(0, len(cloud), BLOCK):
-            file.writelines(
-                f"{' '.join(row)}\n".encode() for row in zip(*(each.texts(start) for each in fields), strict=True)
-            )
-    elif any(each.length is not None for each in fields):
-        for start in range(0, len(cloud), BLOCK):
-            file.writelines(b"".join(row) for row in zip(*(each.rows(start) for each in fields), strict=True))
+        write_rows(file, [values.astype(each.dtype) if each.length is None else values for each, values in fields])
+    elif any(each.length is not None for each, _ in fields):
+        file.writelines(b"".join(row) for row in zip(*(_packed(*each) for each in fields), strict=True))
     else:
-        write_records(file, [(each.values, each.dtype) for each in fields])
+        write_records(file, [(values, each.dtype) for each, values in fields])
     if faces is not None and ascii:
         write_rows(file, list(faces.T), prefix="3 ")
     elif faces is not None:
         write_records(file, [(np.full(len(faces), 3), np.dtype("u1")), (faces, np.dtype("i4"))])
 
 
-def _fields(cloud: PointCloud, header: PlyHeader) -> list[_Field]:
+def _packed(kind: _Property, values: Iterable[Any]) -> Iterator[bytes]:
+    """Yield the bytes of each vertex."""
+    for value in values:
+        items = np.asarray(value, kind.dtype.newbyteorder("<")).tobytes()
+        yield items if kind.length is None else np.asarray(len(value), kind.length.newbyteorder("<")).tobytes() + items
+
+
+def _fields(cloud: PointCloud, header: PlyHeader) -> list[tuple[_Property, Column]]:
+    """Return what is written of each vertex, numbers first, then lists."""
     lists = [name for name, values in cloud.attributes.items() if _is_lists(values) or name in header.lists]
     columns = columns_of(without_attributes(cloud, lists)[0])
     points = np.stack([columns[axis] for axis in "xyz"])  # of one type
-    fields = [_Field(name, values, _type_of(points if name in "xyz" else values)) for name, values in columns.items()]
+    fields = [
+        (_Property(name, _type_of(points if name in "xyz" else values)), values) for name, values in columns.items()
+    ]
     for attribute in lists:
         name, values = column_name(attribute), cloud.attributes[attribute]
-        check_name(name, [each.name for each in fields])
+        check_name(name, [each.name for each, _ in fields])
         items = np.concatenate([np.ravel(value) for value in values]) if len(values) else values.reshape(-1)
         longest = max(map(len, values), default=0)
         length = header.lists.get(attribute, np.min_scalar_type(longest))
-        fields.append(_Field(name, values, np.dtype("u1") if items.dtype.hasobject else _type_of(items), length))
+        dtype = np.dtype("u1") if items.dtype.hasobject else _type_of(items)
+        held = np.empty(len(values), object)
+        for i, value in enumerate(values):
+            held[i] = value.astype(dtype)
+        fields.append((_Property(name, dtype, length), held))
     return fields
 
 

@@ -265,7 +265,9 @@ def write_rows(file: BinaryIO, columns: Sequence[Column], separator: str = " ", 
 
 
 def texts_of(values: Column) -> list[str]:
-    """Return each value as the shortest text that reads back as the same value of the same type."""
+    """Return each value as the shortest text that reads back as the same value of its type, and of a list its size."""
+    if values.dtype.hasobject:
+        return [" ".join([str(len(each)), *texts_of(each)]) for each in values]
     if values.dtype.kind == "U":
         return list(map(quoted, values.tolist()))
     if values.dtype.kind == "b":
