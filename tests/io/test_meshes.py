@@ -139,13 +139,12 @@ def test_cut_stl(mesh, content, message):
         read(mesh(".stl", content))
 
 
-def test_off_without_vertices_is_an_empty_cloud(mesh):
-    assert len(read(mesh(".off", "COFF\n0 0 0\n"))) == 0
-
-
-def test_stl_without_facets_is_an_empty_cloud(mesh):
-    assert len(read(mesh(".stl", "solid nothing\nendsolid nothing\n"))) == 0
-    assert len(read(mesh(".stl", bytes(84)))) == 0
+@pytest.mark.parametrize(
+    ("suffix", "content"),
+    [(".off", "COFF\n0 0 0\n"), (".stl", "solid nothing\nendsolid nothing\n"), (".stl", bytes(84))],
+)
+def test_files_without_vertices_are_empty_clouds(mesh, suffix, content):
+    assert len(read(mesh(suffix, content))) == 0
 
 
 @pytest.mark.parametrize(("suffix", "text"), [(".off", "OFF\n2 0 0\n{}\n{}\n"), (".obj", "v {}\nv {}\n")])
@@ -156,34 +155,18 @@ def test_whole_numbers_that_float64_does_not_hold_are_refused(mesh, suffix, text
         read(mesh(suffix, text.format("1 9007199254740993 3", "4 5.5 6")))
 
 
-def test_faces_are_counted(tmp_path):
-    obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nvt 0 0\nf 1 2 3\nf 3 2 1\n"
-    (tmp_path / "mesh.obj").write_text(obj)
-    assert load(tmp_path / "mesh.obj").unread == ["faces (2)", "normals (1)", "texture coordinates (1)"]
-    (tmp_path / "mesh.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
-    assert load(tmp_path / "mesh.off").unread == ["faces (1)"]
-    corners = "".join(f"vertex {x} {y} 0\n" for x, y in ((0, 0), (1, 0), (0, 1)))
-    (tmp_path / "mesh.stl").write_text(
-        f"solid a\nfacet normal 0 0 1\nouter loop\n{corners}endloop\nendfacet\nendsolid a\n"
-    )
-    assert load(tmp_path / "mesh.stl").unread == ["faces (1)"]
-    (tmp_path / "binary.stl").write_bytes(bytes(80) + (2).to_bytes(4, "little") + bytes(100))
-    assert load(tmp_path / "binary.stl").unread == ["faces (2)"]
-
-
-def test_our_own_gltf_is_read_again(tmp_path):
-    pytest.importorskip("trimesh")
-    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
-    mesh = gppcs.Mesh(corners, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
-    colours = {name: np.uint8([0, 7, 200, 255]) for name in ("red", "green", "blue")}
-    gppcs.write_mesh(tmp_path / "a.glb", mesh, gppcs.PointCloud(corners, colours))
-    read = gppcs.read_mesh(tmp_path / "a.glb")
-    assert (read.vertices == corners).all()
-    assert (read.faces == mesh.faces).all()
-    assert gppcs.read(tmp_path / "a.glb").attributes["green"].tolist() == [0, 7, 200, 255]
-    (tmp_path / "b.glb").write_bytes((tmp_path / "a.glb").read_bytes()[:200])
-    with pytest.raises(gppcs.FileFormatError, match=r"b\.glb: expected a whole mesh"):
-        gppcs.read(tmp_path / "b.glb")
+@pytest.mark.parametrize(
+    ("suffix", "content", "unread"),
+    [
+        (".obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nvt 0 0\nf 1 2 3\nf 3 2 1\n",
+         ["faces (2)", "normals (1)", "texture coordinates (1)"]),
+        (".off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", ["faces (1)"]),
+        (".stl", text_stl(), ["faces (3)"]),
+        (".stl", binary_stl(), ["faces (3)"]),
+    ],
+)  # fmt: skip
+def test_faces_are_counted(mesh, suffix, content, unread):
+    assert load(mesh(suffix, content)).unread == unread
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".off", ".obj", ".stl"])

@@ -4,7 +4,6 @@ import struct
 
 import numpy as np
 import pytest
-import trimesh
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
@@ -107,52 +106,48 @@ def test_faces_before_vertices_are_passed_by_and_lists_within_them_are_read(ply,
     assert losses("cloud.off", cloud) == [*lost[:2], "attribute label (uint8)", *lost[2:]]
 
 
-def test_nothing_is_left_out_of_plain_vertices(ply):
-    path = ply(
-        "ascii", ["element vertex 1", *XYZ, "element face 0", "property list uchar int vertex_indices"], b"1 2 3\n"
-    )
-    assert load(path).unread == []
-    assert losses("cloud.xyz", read(path)) == []
-
-
 def test_coordinates_stand_anywhere_and_keep_their_place_among_types(ply):
     header = ["element vertex 1", "property int z", "property uchar a", "property int x", "property int y"]
-    cloud = read(ply("binary_big_endian", header, struct.pack(">iBii", 3, 9, 1, 2)))
+    path = ply("binary_big_endian", header, struct.pack(">iBii", 3, 9, 1, 2))
+    assert load(path).unread == []
+    cloud = read(path)
     assert cloud.points.tolist() == [[1, 2, 3]]
     assert cloud.coordinate_dtype == np.int32
 
 
-@pytest.mark.parametrize(("left", "missing"), [("", 1), ("1 2 3\n", 2), ("1 2 3\n4 5", 2), ("1 2 3\n4 5 6\n7", 3)])
-def test_a_cut_text_file_tells_the_first_missing_vertex(ply, left, missing):
-    path = ply("ascii", ["element vertex 3", *XYZ], left.encode())
-    with pytest.raises(FileFormatError, match=f"ends in vertex {missing} of 3"):
-        read(path)
+FACES = ["element face 2", "property list uchar int vertex_indices"]
+FRIENDS = [*FACES, "element vertex 1", *XYZ, "property list uchar int friends"]
+CAMERA = ["element camera 2", "property double focus", "element vertex 1", *XYZ]
+BODY = struct.pack("<BiiiBiiifffB", 3, 0, 1, 2, 3, 0, 1, 2, 1, 2, 3, 0)
 
 
-@pytest.mark.parametrize(("left", "where"), [(1, "face 1 of 2"), (13, "face 2 of 2"), (29, "vertex 1 of 1")])
-def test_a_cut_in_earlier_elements_or_lists_is_told(ply, left, where):
-    header = ["element face 2", "property list uchar int vertex_indices"]
-    header += ["element vertex 1", *XYZ, "property list uchar int friends"]
-    body = struct.pack("<BiiiBiiifffB", 3, 0, 1, 2, 3, 0, 1, 2, 1, 2, 3, 0)
+@pytest.mark.parametrize(
+    ("encoding", "header", "body", "where"),
+    [
+        ("binary_little_endian", FRIENDS, BODY[:1], "face 1 of 2"),
+        ("binary_little_endian", FRIENDS, BODY[:13], "face 2 of 2"),
+        ("binary_little_endian", FRIENDS, BODY[:29], "vertex 1 of 1"),
+        ("binary_little_endian", CAMERA, bytes(8), "camera 2 of 2"),
+        ("ascii", CAMERA, b"1.0000\n", "camera 2 of 2"),
+    ],
+)
+def test_a_cut_in_earlier_elements_or_lists_is_told(ply, encoding, header, body, where):
+    assert len(read(ply("binary_little_endian", FRIENDS, BODY))) == 1
     with pytest.raises(FileFormatError, match=f"ends in {where}"):
-        read(ply("binary_little_endian", header, body[:left]))
-    assert len(read(ply("binary_little_endian", header, body))) == 1
+        read(ply(encoding, header, body))
 
 
-@pytest.mark.parametrize("encoding", ["ascii", *ORDERS])
-def test_a_cut_in_an_earlier_element_of_numbers_is_told(ply, encoding):
-    header = ["element camera 2", "property double focus", "element vertex 1", *XYZ]
-    with pytest.raises(FileFormatError, match="ends in camera 2 of 2"):
-        read(ply(encoding, header, b"1.0000\n" if encoding == "ascii" else bytes(8)))
-
-
-def test_lists_of_negative_length_are_refused(ply):
+def test_malformed_lists_are_refused(ply):
     header = ["element face 1", "property list char int vertex_indices", "element vertex 0", *XYZ]
     with pytest.raises(FileFormatError, match="face 1, found one of length -1"):
         read(ply("binary_little_endian", header, b"\xff" * 20))
     header = ["element vertex 1", *XYZ, "property list char int friends"]
-    with pytest.raises(FileFormatError, match="line 9: expected 3 numbers"):
-        read(ply("ascii", header, b"1 2 3 -1\n"))
+    for row in (b"1 2 3 -1\n", b"0 0 0 2 1\n"):
+        with pytest.raises(FileFormatError, match="line 9: expected 3 numbers"):
+            read(ply("ascii", header, row))
+    for row in (b"0 0 0 1 word\n", b"0 0 0 1 1.5\n"):
+        with pytest.raises(FileFormatError, match="expected"):
+            read(ply("ascii", header, row))
 
 
 @pytest.mark.parametrize(
@@ -183,17 +178,15 @@ def test_malformed_headers_tell_the_line(ply, header, message):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "expected 'end_header'|end_header"),
+        (b"", "end_header"),
         (b"plywood\n", "'ply' as the first line .*'plywood'"),
-        (b"ply\nformat ascii 1.0\n", "end_header"),
         (b"ply\nelement vertex 0\nend_header\n", "format"),
     ],
 )
 def test_what_is_no_whole_header_is_refused(tmp_path, content, message):
-    path = tmp_path / "cloud.ply"
-    path.write_bytes(content)
+    (tmp_path / "cloud.ply").write_bytes(content)
     with pytest.raises(FileFormatError, match=message):
-        read(path)
+        read(tmp_path / "cloud.ply")
 
 
 @pytest.mark.parametrize(
@@ -258,20 +251,6 @@ def test_comments_and_lists_are_written_again(ply, tmp_path):
     assert read(target).header == cloud.header
 
 
-def test_lists_without_a_header_get_a_type_for_their_lengths(tmp_path):
-    lists = np.empty(2, dtype=object)
-    lists[:] = [np.arange(300, dtype=np.int16), np.arange(2, dtype=np.int16)]
-    write(tmp_path / "cloud.ply", PointCloud(np.zeros((2, 3)), {"list": lists}))
-    assert b"property list ushort short list" in (tmp_path / "cloud.ply").read_bytes()
-    assert [row.tolist() for row in read(tmp_path / "cloud.ply").attributes["list"]] == [list(range(300)), [0, 1]]
-
-
-@pytest.mark.parametrize("row", ["0 0 0 2 1", "0 0 0 1 word", "0 0 0 1 1.5", "0 0 0 -1"])
-def test_malformed_lists_in_text_are_refused(ply, row):
-    with pytest.raises(FileFormatError, match="expected"):
-        read(ply("ascii", ["element vertex 1", *XYZ, "property list uchar short friends"], f"{row}\n".encode()))
-
-
 def test_text_has_lists_comments_and_special_numbers(tmp_path):
     lists = np.empty(3, dtype=object)
     lists[:] = [np.array([1, 2], np.int16), np.array([], np.int16), np.array([-3], np.int16)]
@@ -293,9 +272,3 @@ def test_text_has_lists_comments_and_special_numbers(tmp_path):
     assert [each.tolist() for each in back.attributes["links"]] == [[1, 2], [], [-3]]
     assert back.attributes["weight"].tobytes() == attributes["weight"].tobytes()
     assert back.header.remarks == ("comment a b",)
-
-
-def test_text_of_a_scan_is_read_by_another_program(tmp_path, shared_data):
-    scan = read(shared_data / "bunny.ply")
-    write(tmp_path / "a.ply", scan, ascii=True)
-    assert (trimesh.load(tmp_path / "a.ply").vertices.astype(np.float32) == scan.points).all()

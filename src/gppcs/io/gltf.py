@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from io import BufferedReader
+from io import BufferedReader, BytesIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ def _loaded(file: BufferedReader) -> tuple[Mesh, PointCloud]:
     """Return all triangles of a file as one mesh, and its vertices with their colours."""
     trimesh = require_trimesh()
     with reported("trimesh", "a whole mesh"):  # it checks little of a damaged file
-        found = trimesh.load(file, file_type="glb", force="mesh", process=False)
+        found = trimesh.load(BytesIO(file.read()), file_type="glb", force="mesh", process=False)
         mesh = Mesh(np.asarray(found.vertices), np.asarray(found.faces))
         coloured = found.visual.kind == "vertex"
         colours = np.asarray(found.visual.vertex_colors)[:, :3].T if coloured else ()
