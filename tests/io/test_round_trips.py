@@ -172,3 +172,11 @@ def test_attributes_of_several_numbers_are_spread(folder):
         spread = through(folder, cloud, suffix).attributes
         assert list(spread) == ["normal_0", "normal_1", "normal_2"]
         assert np.array_equal(np.column_stack(list(spread.values())), normal)
+
+
+@pytest.mark.parametrize("suffix", WRITABLE)
+def test_attributes_of_other_byte_orders_and_strides_are_the_same(folder, suffix):
+    plain = {"intensity": np.arange(6, dtype=np.int32), "nx": np.arange(6.0)}
+    other = {"intensity": plain["intensity"].astype(">i4"), "nx": np.repeat(plain["nx"], 2)[::2]}
+    both = [through(folder, PointCloud(np.eye(6, 3), each), suffix, lossy=True) for each in (plain, other)]
+    assert_same(*both)

@@ -5,6 +5,7 @@ import io
 import os
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -31,17 +32,10 @@ def test_compressed_files_hold_what_plain_ones_do(tmp_path, suffix, compression)
     assert read(packed) == read(plain)
 
 
-@pytest.mark.parametrize("compression", PACK)
-def test_compression_is_found_by_content(tmp_path, compression):
-    (tmp_path / "cloud.xyz").write_bytes(PACK[compression](TEXT))
-    assert read(tmp_path / "cloud.xyz").attributes["label"].tolist() == [7, 8]
-
-
-def test_several_compressed_streams_in_one_file_are_read_one_after_another(tmp_path):
-    for compression, pack in PACK.items():
-        path = tmp_path / f"cloud.xyz{compression}"
-        path.write_bytes(pack(TEXT) + pack(b"6 7 8 9\n"))
-        assert len(read(path)) == 3
+@pytest.mark.parametrize("pack", PACK.values())
+def test_compression_is_found_by_content_and_streams_are_read_one_after_another(tmp_path, pack):
+    (tmp_path / "cloud.xyz").write_bytes(pack(TEXT) + pack(b"6 7 8 9\n"))
+    assert read(tmp_path / "cloud.xyz").attributes["label"].tolist() == [7, 8, 9]
 
 
 @pytest.mark.parametrize("compression", PACK)
@@ -61,38 +55,43 @@ def test_a_cloud_that_breaks_off_leaves_no_compressed_file(tmp_path, compression
     assert not any(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("suffix", WRITABLE)
-def test_standard_input_gives_any_format(tmp_path, monkeypatch, suffix):
-    class Stream:
-        buffer = None
+@pytest.fixture
+def stdin(monkeypatch):
+    """Let standard input hold some bytes."""
 
+    def hold(content):
+        monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BufferedReader(io.BytesIO(content))))
+
+    return hold
+
+
+@pytest.mark.parametrize("suffix", WRITABLE)
+def test_standard_input_gives_any_format(tmp_path, stdin, suffix):
     write(tmp_path / f"a{suffix}", CLOUD, lossy=True)
-    Stream.buffer = io.BufferedReader(io.BytesIO((tmp_path / f"a{suffix}").read_bytes()))
-    monkeypatch.setattr(sys, "stdin", Stream)
+    stdin((tmp_path / f"a{suffix}").read_bytes())
     assert read("-", suffix) == read(tmp_path / f"a{suffix}")
 
 
 @pytest.mark.parametrize("pack", [bytes, *PACK.values()])
-def test_standard_input_is_read(monkeypatch, pack):
-    class Stream:
-        buffer = io.BufferedReader(io.BytesIO(pack(TEXT)))
-
-    monkeypatch.setattr(sys, "stdin", Stream)
+def test_standard_input_is_read_once(stdin, pack):
+    stdin(pack(TEXT))
     assert read("-", "xyz").attributes["label"].tolist() == [7, 8]
+    with pytest.raises(FileFormatError, match="closed or was read before; name it once"):
+        read("-", "xyz")
 
 
-def test_standard_input_without_a_known_format_is_refused(monkeypatch):
-    class Stream:
-        buffer = io.BufferedReader(io.BytesIO(TEXT))
-
-    monkeypatch.setattr(sys, "stdin", Stream)
+def test_standard_streams_need_a_known_format_and_to_be_open(stdin, monkeypatch):
+    stdin(TEXT)
     with pytest.raises(FileFormatError, match="standard input: expected one of the formats"):
         read("-")
-
-
-def test_standard_output_needs_a_format():
     with pytest.raises(FileFormatError, match="format of standard output"):
         write("-", CLOUD)
+    for name in ("stdin", "stdout"):
+        monkeypatch.setattr(sys, name, None)
+    with pytest.raises(FileFormatError, match="expected standard input"):
+        read("-", "xyz")
+    with pytest.raises(OutputError, match="expected standard output"):
+        write("-", CLOUD, "ply")
 
 
 def test_convert_is_a_filter():
@@ -101,22 +100,3 @@ def test_convert_is_a_filter():
     run = subprocess.run([sys.executable, "-c", program, *words], input=TEXT, capture_output=True, check=True)
     assert run.stdout == b"x,y,z,label\n0.5,1.0,2.0,7\n3.0,4.0,5.0,8\n"
     assert run.stderr == b""
-
-
-def test_standard_input_is_named_once(monkeypatch):
-    class Stream:
-        buffer = io.BufferedReader(io.BytesIO(TEXT))
-
-    monkeypatch.setattr(sys, "stdin", Stream)
-    read("-", "xyz")
-    with pytest.raises(FileFormatError, match="closed or was read before; name it once"):
-        read("-", "xyz")
-
-
-def test_closed_streams_are_refused(monkeypatch):
-    monkeypatch.setattr(sys, "stdin", None)
-    with pytest.raises(FileFormatError, match="expected standard input"):
-        read("-", "xyz")
-    monkeypatch.setattr(sys, "stdout", None)
-    with pytest.raises(OutputError, match="expected standard output"):
-        write("-", CLOUD, "ply")
