@@ -112,16 +112,6 @@ def test_cut_files_are_refused_as_a_whole_and_in_chunks(tmp_path, suffix, ascii)
                 assert 0 <= int(ends[1]) - (101 - min(missing, 100)) <= is_text  # half of a number is a number, too
 
 
-def test_messages_name_the_file_and_take_one_line(tmp_path):
-    path = tmp_path / "cloud.xyz"
-    path.write_bytes(bytes(range(256)) * 10)
-    with pytest.raises(FileFormatError) as caught:
-        read(path)
-    assert str(caught.value).startswith(f"{path}: ")
-    assert len(str(caught.value).splitlines()) == 1
-    assert len(str(caught.value)) < len(str(path)) + 400
-
-
 @pytest.mark.parametrize("suffix", [".ply", ".csv", ".npy", ".npz"])
 @pytest.mark.parametrize("name", ["", "a\0b", "\ud800", "n" * 70_000, "../up", "a/", ".npy", "#", "new\nline"])
 def test_strange_names_of_attributes_are_kept_or_refused(tmp_path, suffix, name):
@@ -204,15 +194,6 @@ def test_what_is_said_of_the_whole_cloud_is_no_value(tmp_path, known):
     assert len(read(path)) == len(CLOUD)
 
 
-def test_a_cloud_takes_its_colours_to_obj(tmp_path):
-    colours = {name: np.uint8([0, 7, 255]) for name in ("red", "green", "blue")}
-    write(tmp_path / "a.obj", PointCloud(np.eye(3), colours))
-    found = read(tmp_path / "a.obj")
-    assert (np.round(255 * found.attributes["green"]) == [0, 7, 255]).all()
-    write(tmp_path / "b.obj", found)
-    assert (tmp_path / "b.obj").read_bytes() == (tmp_path / "a.obj").read_bytes()
-
-
 @pytest.mark.parametrize(
     ("suffix", "package", "extra"),
     [(".e57", "pye57", "e57"), (".parquet", "pyarrow", "arrow"), (".feather", "pyarrow", "arrow")],
@@ -231,15 +212,3 @@ def test_importing_takes_no_compiler_along():
     compilers = "{'numba', 'scipy', 'laspy', 'lazrs', 'pandas', 'pyarrow', 'pye57'}"
     check = f"import sys, gppcs.io; sys.exit(bool({compilers} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", check], check=False).returncode == 0
-
-
-@pytest.mark.parametrize(
-    ("name", "count"), [("bunny.ply", 35_947), ("tum_desk.ply", 248_250), ("autzen_airborne.laz", 110_000)]
-)
-def test_shared_files(shared_data, name, count):
-    cloud = read(shared_data / name)
-    assert len(cloud) == count
-    assert len(cloud.non_finite()) == 0
-    assert list(cloud.attributes)[:3] == {"bunny.ply": [], "tum_desk.ply": ["red", "green", "blue"]}.get(
-        name, ["intensity", "return_number", "number_of_returns"]
-    )

@@ -253,22 +253,22 @@ def test_comments_and_lists_are_written_again(ply, tmp_path):
 
 def test_text_has_lists_comments_and_special_numbers(tmp_path):
     lists = np.empty(3, dtype=object)
-    lists[:] = [np.array([1, 2], np.int16), np.array([], np.int16), np.array([-3], np.int16)]
+    lists[:] = [np.array([1, 2], np.int16), np.array([], np.int16), np.full(300, -3, np.int16)]
     attributes = {"links": lists, "weight": np.array([np.nan, np.inf, 1e-40], np.float32)}
     cloud = PointCloud(np.arange(9.0).reshape(3, 3), attributes, np.dtype("f4"), PlyHeader(("comment a b",)))
     write(tmp_path / "a.ply", cloud, ascii=True)
-    rows = ["0.0 1.0 2.0 nan 2 1 2", "3.0 4.0 5.0 inf 0", "6.0 7.0 8.0 1e-40 1 -3"]
+    rows = ["0.0 1.0 2.0 nan 2 1 2", "3.0 4.0 5.0 inf 0", "6.0 7.0 8.0 1e-40 300" + 300 * " -3"]
     assert (tmp_path / "a.ply").read_text().splitlines() == [
         "ply",
         "format ascii 1.0",
         "comment a b",
         "element vertex 3",
         *(f"property float {name}" for name in ("x", "y", "z", "weight")),
-        "property list uchar short links",
+        "property list ushort short links",
         "end_header",
         *rows,
     ]
     back = read(tmp_path / "a.ply")
-    assert [each.tolist() for each in back.attributes["links"]] == [[1, 2], [], [-3]]
+    assert [each.tolist() for each in back.attributes["links"]] == [[1, 2], [], [-3] * 300]
     assert back.attributes["weight"].tobytes() == attributes["weight"].tobytes()
     assert back.header.remarks == ("comment a b",)

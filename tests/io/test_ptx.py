@@ -73,10 +73,3 @@ def test_scans_without_points(ptx):
 def test_malformed_files_tell_what_and_where(ptx, text, message):
     with pytest.raises(FileFormatError, match=message):
         read(ptx(text))
-
-
-def test_points_of_several_blocks(ptx):
-    count = 65_537
-    cloud = read(ptx(scan([f"{i + 1} 0 0 1" for i in range(count)]) + scan(ROWS)))
-    assert np.array_equal(cloud.points[:count, 0], np.arange(count) + 1)
-    assert len(cloud) == count + 4

@@ -128,19 +128,6 @@ def test_text_keeps_whole_numbers_whole_and_floats_floats(folder, cloud, suffix)
     assert_same(through(folder, cloud, suffix), cloud)
 
 
-@given(cloud=clouds(PLY_TYPES, least=1), data=st.data())
-def test_vertices_come_back_bit_for_bit_from_a_part_of_a_ply(folder, cloud, data):
-    first, second = folder / "first.ply", folder / "second.ply"
-    write(first, cloud, force=True)
-    chosen = np.array(data.draw(st.lists(st.integers(0, len(cloud) - 1), min_size=1)))
-    write(second, read(first).take(chosen), force=True)
-    size = first.read_bytes().index(b"end_header\n") + 11
-    records = first.read_bytes()[size:]
-    length = len(records) // len(cloud)
-    wanted = b"".join(records[i * length : (i + 1) * length] for i in chosen)
-    assert second.read_bytes().endswith(b"end_header\n" + wanted)
-
-
 @pytest.mark.parametrize("count", [0, 65_537])  # none, and more than a block of rows
 @pytest.mark.parametrize("suffix", WRITABLE)
 def test_any_number_of_points_comes_back(folder, suffix, count):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from io import BufferedReader
@@ -174,53 +174,27 @@ def write_parquet(file: BinaryIO, cloud: PointCloud) -> None:
     require_pyarrow()
     import pyarrow.parquet
 
-    _write(cloud, lambda schema: pyarrow.parquet.ParquetWriter(file, schema))
+    pyarrow.parquet.write_table(_table(cloud), file, row_group_size=_ROWS)
 
 
 def write_feather(file: BinaryIO, cloud: PointCloud) -> None:
     """Write a Feather file of version 2, compressed by LZ4, in the manner of `write_parquet`."""
-    pyarrow = require_pyarrow()
+    pyarrow, table = require_pyarrow(), _table(cloud)
     options = pyarrow.ipc.IpcWriteOptions(compression="lz4")
-    _write(cloud, lambda schema: pyarrow.ipc.new_file(file, schema, options=options))
+    with pyarrow.ipc.new_file(file, table.schema, options=options) as writer:
+        writer.write_table(table, _ROWS)
 
 
-def _write(cloud: PointCloud, writer_of: Callable[[Any], Any]) -> None:
-    columns = _columns(cloud)
-    schema = _schema(cloud, columns)
-    with writer_of(schema) as writer:
-        for batch in _batches(columns, schema):
-            writer.write_batch(batch)
-
-
-def _columns(cloud: PointCloud) -> dict[str, Column]:
-    columns = columns_of(cloud, flat=False, named=str)
-    for axis in "xyz":
-        if columns[axis].dtype.itemsize > 8:
-            columns[axis] = columns[axis].astype(np.float64)
-    return {name: values.astype(values.dtype.newbyteorder("="), copy=False) for name, values in columns.items()}
-
-
-def _schema(cloud: PointCloud, columns: Mapping[str, Column]) -> Any:
+def _table(cloud: PointCloud) -> Any:
     pyarrow = require_pyarrow()
-    fields = []
-    for name, values in columns.items():
-        kind = pyarrow.string() if values.dtype.kind == "U" else pyarrow.from_numpy_dtype(values.dtype)
-        fields.append((name, kind if values.ndim == 1 else pyarrow.list_(kind, values.shape[1])))
+    columns = {}
+    for name, values in columns_of(cloud, flat=False, named=str).items():
+        dtype = np.dtype(np.float64) if name in "xyz" and values.dtype.itemsize > 8 else values.dtype
+        column = pyarrow.array(np.ascontiguousarray(values, dtype.newbyteorder("=")).reshape(-1))
+        several = pyarrow.FixedSizeListArray.from_arrays
+        columns[name] = column if values.ndim == 1 else several(column, values.shape[1])
     metadata = dict(cloud.header.metadata) if isinstance(cloud.header, ArrowHeader) else None
-    return pyarrow.schema(fields, metadata)
-
-
-def _batches(columns: Mapping[str, Column], schema: Any) -> Iterator[Any]:
-    pyarrow = require_pyarrow()
-    for start in range(0, len(columns["x"]), _ROWS):
-        arrays = []
-        for kind, values in zip(schema.types, columns.values(), strict=True):
-            part = np.ascontiguousarray(values[start : start + _ROWS])
-            if part.ndim == 1:
-                arrays.append(pyarrow.array(part, kind))
-            else:
-                arrays.append(pyarrow.FixedSizeListArray.from_arrays(pyarrow.array(part.reshape(-1)), type=kind))
-        yield pyarrow.record_batch(arrays, schema)
+    return pyarrow.table(columns).replace_schema_metadata(metadata)
 
 
 def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:

@@ -41,12 +41,10 @@ _STL_START = 84  # a comment of 80 bytes, then the number of facets
 def read_off(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
     """Read the vertices of an OFF file; normals, colours and texture coordinates (NOFF, COFF, STOFF) too."""
     lines = lines_of(file)
-    numbered = ((i, text) for i, text in enumerate(map(_off_numbers, lines), 1) if text)
-    header, number, (count, *_) = _off_header(numbered)
+    header, number, (count, *_) = _off_header(_off_lines(lines))
     blocks = number_blocks(lines, number + 1, _off_numbers, count=count, what="vertex")
-    flags = {"texture": bool(header[1]), "colour": bool(header[2]), "normal": bool(header[3])}
     for table in _tables(blocks):
-        names = _off_names(len(table), **flags) if count else default_names(3)
+        names = _off_names(len(table), header.groups()[:3]) if count else default_names(3)
         yield cloud_of_columns(dict(zip(names, table, strict=True)))
 
 
@@ -75,7 +73,7 @@ def unread_obj(file: BufferedReader) -> list[str]:
 
 def off_triangles(file: BufferedReader) -> NDArray[np.int64]:
     """Read the faces of an OFF file as triangles."""
-    numbered = ((i, text) for i, text in enumerate(map(_off_numbers, lines_of(file)), 1) if text)
+    numbered = _off_lines(lines_of(file))
     _, _, (vertices, *rest) = _off_header(numbered)
     sizes, found = array("q"), array("q")
     for number, text in islice(numbered, vertices, vertices + sum(rest)):
@@ -129,15 +127,18 @@ def _off_numbers(line: str) -> str:
     return line.partition("#")[0].strip()
 
 
-def _off_names(width: int, *, texture: bool, colour: bool, normal: bool) -> list[str]:
+def _off_lines(lines: Iterator[str]) -> Iterator[tuple[int, str]]:
+    """Yield the numbers and the contents of lines that are neither empty nor a comment."""
+    return ((i, text) for i, text in enumerate(map(_off_numbers, lines), 1) if text)
+
+
+def _off_names(width: int, groups: tuple[str | None, ...]) -> list[str]:
     """Return the names of the columns of a vertex, in the order of OFF files."""
-    names = default_names(3)
-    if normal:
-        names += ["nx", "ny", "nz"]
-    if colour:
-        names += [*COLOURS, *(["alpha"] if width - len(names) - 2 * texture >= 4 else [])]
-    if texture:
-        names += ["s", "t"]
+    texture, colour, normal = groups
+    names = [*default_names(3), *(NORMALS if normal else ()), *(COLOURS if colour else ())]
+    if colour and width > len(names) + 2 * bool(texture):
+        names.append("alpha")
+    names += ["s", "t"] if texture else []
     if len(names) > width:
         raise FileFormatError(f"expected {len(names)} numbers for each vertex, found {width}")
     return [*names, *default_names(width)[len(names) :]]
@@ -188,27 +189,18 @@ def _corners(file: BufferedReader) -> Column:
     data = file.read()
     if _is_text_stl(data[:1024], len(data)):
         file.seek(0)
-        return _text_corners(file, data)
-    return _binary_corners(data)
-
-
-def _binary_corners(data: bytes) -> Column:
+        blocks = [np.stack(columns, axis=1) for columns in _prefixed(file, "vertex", 3)]
+        corners = np.concatenate([np.empty((0, 3)), *blocks])
+        if len(corners) % 3 or not data.rstrip().rpartition(b"\n")[2].lstrip().startswith(b"endsolid"):
+            raise FileFormatError(f"the file ends in facet {len(corners) // 3 + 1}; get the whole file again")
+        return corners
     count = int.from_bytes(data[80:_STL_START], "little")
     whole = (len(data) - _STL_START) // STL_FACET.itemsize
     if len(data) < _STL_START:
         raise FileFormatError(f"expected an STL file of at least {_STL_START} bytes, found {len(data)}")
     if whole < count:
         raise ends_early("facet", whole, count)
-    corners: Column = np.frombuffer(data, STL_FACET, count, _STL_START)["corners"].reshape(-1, 3)
-    return corners
-
-
-def _text_corners(file: BufferedReader, data: bytes) -> Column:
-    blocks = [np.stack(columns, axis=1) for columns in _prefixed(file, "vertex", 3)]
-    corners = np.concatenate([np.empty((0, 3)), *blocks])
-    if len(corners) % 3 or not data.rstrip().rpartition(b"\n")[2].lstrip().startswith(b"endsolid"):
-        raise FileFormatError(f"the file ends in facet {len(corners) // 3 + 1}; get the whole file again")
-    return corners
+    return np.frombuffer(data, STL_FACET, count, _STL_START)["corners"].reshape(-1, 3)
 
 
 def stl_triangles(file: BufferedReader) -> NDArray[np.int64]:
@@ -292,9 +284,8 @@ def held(cloud: PointCloud, groups: Sequence[Sequence[str]]) -> tuple[PointCloud
 
 
 def _count_off_faces(file: BufferedReader) -> int:
-    numbered = ((i, text) for i, text in enumerate(map(_off_numbers, lines_of(file)), 1) if text)
-    _, _, counts = _off_header(numbered)
-    return counts[1] if len(counts) > 1 else 0
+    _, _, (_, *faces) = _off_header(_off_lines(lines_of(file)))
+    return faces[0] if faces else 0
 
 
 def _count_obj_faces(file: BufferedReader) -> int:

@@ -257,17 +257,14 @@ def _fields(entries: dict[str, list[str]]) -> list[_Field]:
 
 def _size(entries: dict[str, list[str]]) -> tuple[int, int]:
     """Return width and height."""
-    found = {
-        keyword: as_count(_entry(entries, keyword, 1)[0])
-        for keyword in ("WIDTH", "HEIGHT", "POINTS")
-        if keyword in entries
-    }
-    for keyword, number in found.items():
-        if number is None:
-            raise FileFormatError(f"expected a whole number as {keyword}, found {as_found(entries[keyword][0])}")
-    width, height, points = found.get("WIDTH"), found.get("HEIGHT", 1), found.get("POINTS")
-    if width is None or height is None:
-        width, height = points, 1
+    found = {}
+    for keyword in filter(entries.__contains__, ("WIDTH", "HEIGHT", "POINTS")):
+        (word,) = _entry(entries, keyword, 1)
+        if (number := as_count(word)) is None:
+            raise FileFormatError(f"expected a whole number as {keyword}, found {as_found(word)}")
+        found[keyword] = number
+    points = found.get("POINTS")
+    width, height = (found["WIDTH"], found.get("HEIGHT", 1)) if "WIDTH" in found else (points, 1)
     if width is None:
         raise FileFormatError("expected a line WIDTH or POINTS in the PCD header, found none")
     if points is not None and width * height != points:
