@@ -102,6 +102,11 @@ def test_a_part_of_a_file_has_the_bytes_of_the_kept_points(tmp_path, version, nu
         for name in ("version", "file_source_id", "system_identifier", "generating_software", "creation_date", "uuid"):
             assert getattr(found.header, name) == getattr(original.header, name)
         assert found.header.global_encoding.value == original.header.global_encoding.value
+        described = [
+            each for vlr in found.vlrs.get("ExtraBytesVlr") for each in vlr.extra_bytes_structs if each.data_type
+        ]
+        assert described
+        assert not any(each.min_is_relevant() or each.max_is_relevant() for each in described)
         assert bytes_of(found.vlrs) == bytes_of(original.vlrs)
         assert bytes_of(found.evlrs or []) == bytes_of(original.evlrs or [])
         assert read(tmp_path / f"out{target}") == cloud.take(indices)

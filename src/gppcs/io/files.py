@@ -13,6 +13,7 @@ from dataclasses import replace
 from functools import partial
 from io import BufferedReader
 from pathlib import Path
+from typing import Any
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.errors import FileFormatError, InputError, OutputError, ParameterError, file_path, flag, one_of, shown
@@ -202,29 +203,20 @@ def format_to_write(
             f"{path}: expected a format that gppcs writes, found {chosen.name}, which it only reads; choose one of "
             f"{_listed(writable=True)}"
         )
+    choices = (
+        ("levels_by", chosen.has_levels, "a name that ends in .copc.laz, as only COPC has levels", "--levels-by"),
+        ("ascii", chosen.has_text, "PLY or PCD with a choice between text and binary data", "--ascii and --binary"),
+    )
+    given: dict[str, Any] = {}
     if levels_by is not None:
-        chosen = _with_levels(path, chosen, one_of("levels_by", levels_by, copc_writing.ORDERS))
-    return chosen if ascii is None else _encoded(path, chosen, flag("ascii", ascii))
-
-
-def _with_levels(path: str | os.PathLike[str], chosen: Format, levels_by: str) -> Format:
-    """Return a format that chooses its levels so."""
-    if not chosen.has_levels:
-        found = (
-            f"{path}: expected a name that ends in .copc.laz, as only COPC has levels, found {chosen.name}; leave out "
-        )
-        raise FileFormatError(f"{found}levels_by=", command=f"{found}--levels-by")
-    assert chosen.write is not None
-    return replace(chosen, write=partial(chosen.write, levels_by=levels_by))
-
-
-def _encoded(path: str | os.PathLike[str], chosen: Format, ascii: bool) -> Format:  # noqa: A002
-    """Return a format that writes as text or as binary data."""
-    if chosen.write_encoded is None:
-        both = " or ".join(known.name for known in FORMATS if known.write_encoded)
-        found = f"{path}: expected {both} with a choice between text and binary data, found {chosen.name}; leave out "
-        raise FileFormatError(f"{found}ascii=", command=f"{found}--ascii and --binary")
-    return replace(chosen, write=partial(chosen.write_encoded, ascii=ascii))
+        given["levels_by"] = one_of("levels_by", levels_by, copc_writing.ORDERS)
+    if ascii is not None:
+        given["ascii"] = flag("ascii", ascii)
+    for name, has_choice, expected, option in choices:
+        if name in given and not has_choice:
+            found = f"{path}: expected {expected}, found {chosen.name}; leave out "
+            raise FileFormatError(f"{found}{name}=", command=f"{found}{option}")
+    return replace(chosen, write=partial(chosen.write, **given)) if given else chosen
 
 
 def format_of(

@@ -85,9 +85,9 @@ class Format:
     fitted: Callable[[PointCloud], tuple[PointCloud, list[str]]] = lambda cloud: (cloud, [])
     remarks: Callable[[PointCloud], list[str]] = lambda cloud: []  # what else a file says otherwise than the cloud
     has_levels: bool = False  # `write` takes by what the levels are chosen
+    has_text: bool = False  # `write` takes whether numbers are written as text
     faces: Callable[[BufferedReader], int] = lambda file: 0
     triangles: Callable[[BufferedReader], NDArray[np.int64]] | None = None
-    write_encoded: Callable[..., None] | None = None
     is_table: bool = False  # `chunks` takes names of columns
     whole: bool = False  # `chunks` reads all of a file before it yields
     count: Callable[[BufferedReader], int] | None = None

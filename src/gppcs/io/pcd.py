@@ -452,5 +452,5 @@ FORMAT = Format(
     header=PcdHeader,
     named=column_name,
     count=count_pcd_points,
-    write_encoded=write_pcd,
+    has_text=True,
 )

@@ -480,5 +480,5 @@ FORMAT = Format(
     triangles=ply_triangles,
     count=count_ply,
     spans=spans_of_ply,
-    write_encoded=write_ply,
+    has_text=True,
 )
