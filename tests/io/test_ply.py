@@ -164,6 +164,8 @@ def test_malformed_lists_are_refused(ply):
         (["element vertex -1"], "line 3"),
         (["element vertex 1", "property real x"], "line 4: .*'property real x'"),
         (["element vertex 1", "property list float int x"], "line 4"),
+        (["element vertex 1", "property list x"], "line 4"),
+        (["element vertex 1", "property list list int x"], "line 4"),
         (["property float x"], "line 3"),
         (["element vertex 1", *XYZ, "property int x"], "line 7: .*'x' twice in vertex"),
         (["format ascii 2.0"], "line 3"),

@@ -224,13 +224,11 @@ def _take_header_line(header: _Header, line: str) -> None:
 
 def _property(name: str, kinds: list[str]) -> _Property | None:
     """Return a property of a type, or a list of a type of its length and one of its items, if there are such types."""
-    if not set(kinds) - {"list"} <= _TYPES.keys():
-        return None
-    match kinds:
-        case [kind]:
-            return _Property(name, _TYPES[kind])
-        case ["list", length, kind] if _TYPES[length].kind in "iu":
-            return _Property(name, _TYPES[kind], _TYPES[length])
+    match [_TYPES.get(kind, kind) for kind in kinds]:
+        case [np.dtype() as kind]:
+            return _Property(name, kind)
+        case ["list", np.dtype() as length, np.dtype() as kind] if length.kind in "iu":
+            return _Property(name, kind, length)
     return None
 
 
