@@ -34,15 +34,10 @@ Points = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Original:
-    """The original points, from which errors are measured as `gppcs.evaluate` does.
+    """The original points, from which errors are measured as `gppcs.evaluate` does."""
 
-    Attributes
-    ----------
-    points : (N, 3) array, float64
-        Each counts. In coordinates of about unit size, and in an order in which neighbours follow each other: so they
-        find each other's surroundings in the cache.
-    """
-
+    # (N, 3): Each counts. In coordinates of about unit size, and in an order in which neighbours follow each other: so
+    # they find each other's surroundings in the cache.
     points: Points
 
     @classmethod
@@ -60,24 +55,15 @@ class Original:
         return Original(self.points[np.sort(rows)])
 
     def errors(self, kept: Points) -> dict[Measure, float]:
-        """Return the distances from the points to the local surface of others.
-
-        Shapes: kept (M, 3).
-        """
+        """Return the distances from the points to the local surface of others. Shapes: kept (M, 3)."""
         return _errors_of(self.distances(surface_of(kept)))
 
     def distances(self, surface: LocalSurface) -> NDArray[np.float64]:
-        """Return the distance of each point to a local surface.
-
-        Shapes: returns (N,).
-        """
+        """Return the distance of each point to a local surface. Shapes: returns (N,)."""
         return surface.nearest_to(self.points)[0]
 
     def farthest(self, distances: NDArray[np.float64]) -> Original:
-        """Return the points of the largest distances, a share `FARTHEST` of them.
-
-        Shapes: distances (N,).
-        """
+        """Return the points of the largest distances, a share `FARTHEST` of them. Shapes: distances (N,)."""
         n = len(self.points)
         nearer = int((1.0 - FARTHEST) * n)
         return Original(self.points[np.sort(np.argpartition(distances, nearer)[nearer:])])

@@ -93,9 +93,8 @@ def choose_quotas(
 ) -> Selection:
     """Choose a number of points, of which each quota gets its own.
 
-    `chosen` ranks a number of points, the first `fixed` of those to keep; others to keep repeat their places.
-
-    Shapes: keep (K,), again (k,).
+    `chosen` ranks a number of points, the first `fixed` of those to keep; others to keep repeat their places. Shapes:
+    keep (K,), again (k,).
     """
     numbers = parts.numbers(count, keep)
     selection = replace(parts.choose(numbers - parts.count(again), fixed, chosen), ranked=False)

@@ -92,10 +92,7 @@ def _scaled(values: NDArray[Any]) -> NDArray[np.float64]:
 def measured_curve(
     original: PointCloud, method: Method, sizes: NDArray[np.int64], kept: Callable[[int], PointCloud], timer: Timer
 ) -> Curve:
-    """Measure simplifications of a cloud.
-
-    Shapes: sizes (k,).
-    """
+    """Measure simplifications of a cloud. Shapes: sizes (k,)."""
     from gppcs.spatial.cells import first_occurrences
     from gppcs.spatial.scaling import Frame, bounds
 
@@ -125,17 +122,11 @@ def checked_sizes(sizes: Any, n: int) -> NDArray[np.int64]:
 
 
 def usual_sizes(n: int) -> NDArray[np.int64]:
-    """Return the sizes of a curve of a cloud.
-
-    Shapes: returns (k,).
-    """
+    """Return the sizes of a curve of a cloud. Shapes: returns (k,)."""
     return np.unique([min(max(FEWEST, round(share * n)), n) for share in SHARES])
 
 
 def halves(n: int) -> NDArray[np.int64]:
-    """Return the sizes of the curve of a ranking.
-
-    Shapes: returns (k,).
-    """
+    """Return the sizes of the curve of a ranking. Shapes: returns (k,)."""
     sizes = n // 2 ** np.arange(n.bit_length())
     return np.unique(sizes[(sizes >= FEWEST) | (sizes == n)])

@@ -24,37 +24,21 @@ LEAST_WEIGHT = 1e-4  # As a share of the largest. A smaller one counts as this: 
 
 @dataclass(frozen=True, eq=False)
 class Guide:
-    """What users know of the points that the method does not.
+    """What users know of the points that the method does not."""
 
-    Attributes
-    ----------
-    keep : (K,) array, int64
-        Rows that are kept whatever happens, ascending.
-    weights : (N,) array or None
-        Multiplies the density of the points that are kept. Points of weight 0 are not kept, unless they are in `keep`.
-    detail : (N, k) array or None
-        Attributes that count beside the shape, in their ranges times their weights.
-    parts : Parts or None
-        Which quota counts for each of the N points.
-    groups : (N,) array or None
-        Numbers of groups that are kept or dropped whole, from 0.
-    values : (N,) array or None
-        Of the attribute at which the method looks.
-    """
-
-    keep: NDArray[np.int64]
+    keep: NDArray[np.int64]  # (K,), rows that are kept whatever happens, ascending
+    # (N,): Multiplies the density of the points that are kept. Points of weight 0 are not kept, unless they are in
+    # `keep`.
     weights: NDArray[np.float64] | None
+    # (N, k), attributes that count beside the shape, in their ranges times their weights.
     detail: NDArray[np.float32] | None
-    parts: Parts | None
-    groups: NDArray[np.int64] | None
-    values: NDArray[np.float64] | None
+    parts: Parts | None  # Which quota counts for each of the N points
+    groups: NDArray[np.int64] | None  # (N,), numbers of groups that are kept or dropped whole, from 0
+    values: NDArray[np.float64] | None  # (N,), of the attribute at which the method looks
 
     @classmethod
     def of(cls, cloud: PointCloud, rows: NDArray[np.int64] | None, request: Request) -> Guide | None:
-        """Look up what is asked of all or some rows of a cloud; None if nothing is.
-
-        Shapes: rows (N,).
-        """
+        """Look up what is asked of all or some rows of a cloud; None if nothing is. Shapes: rows (N,)."""
         keep, weight, values_of = request.keep, request.weight, getattr(request.method, "attribute", None)
         mask = np.zeros(len(cloud), dtype=np.bool_) if keep is None else _mask(cloud, keep)
         weights = None if weight is None else weights_of(cloud, weight)
@@ -85,10 +69,7 @@ class Guide:
         )
 
     def rows(self, n: int) -> NDArray[np.int64]:
-        """Return the rows among which is chosen, ascending.
-
-        Shapes: returns (n,).
-        """
+        """Return the rows among which is chosen, ascending. Shapes: returns (n,)."""
         if self.weights is None:
             return np.arange(n)
         usable = self.weights > 0.0
@@ -97,27 +78,15 @@ class Guide:
 
 
 class WeightRange(NamedTuple):
-    """What is known of some weights.
+    """What is known of some weights."""
 
-    Attributes
-    ----------
-    n, bad : int
-        Number of weights, and of those that are negative or not finite.
-    first_bad : int
-        Index of the first of these.
-    found : float
-        Its value.
-    largest : float
-        Of the others; 0 if there are none.
-    positive, shares : int and float
-        Number of those above 0, and their sum in units of the largest.
-    """
-
+    # Number of weights, and of those that are negative or not finite.
     n: int = 0
     bad: int = 0
-    first_bad: int = 0
-    found: float = math.nan
-    largest: float = 0.0
+    first_bad: int = 0  # Index of the first of these
+    found: float = math.nan  # Its value
+    largest: float = 0.0  # Of the others; 0 if there are none
+    # Number of those above 0, and their sum in units of the largest.
     positive: int = 0
     shares: float = 0.0
 
@@ -159,60 +128,27 @@ class WeightRange(NamedTuple):
 
 
 class Guided(NamedTuple):
-    """What a `ChunkGuide` says of some points.
+    """What a `ChunkGuide` says of some points."""
 
-    Attributes
-    ----------
-    rows : (n,) array, int64
-        The finite points among which is chosen, ascending.
-    keep : (K,) array, int64
-        Which of these are kept whatever happens, ascending.
-    weights : (n,) array, float64, or None
-        Of these points, as they are given.
-    columns : mapping of str to (n,) array
-        The attributes of these points that the choice needs.
-    labels : (N,) array, uint8, or None
-        Of all points, as in `Parts`; where there are groups, of no quota.
-    groups : sequence of (N,) arrays
-        The attributes that make groups.
-    known : WeightRange
-        Of all finite points.
-    """
-
-    rows: NDArray[np.int64]
-    keep: NDArray[np.int64]
-    weights: NDArray[np.float64] | None
-    columns: Mapping[str, NDArray[Any]]
-    labels: NDArray[np.uint8] | None
-    groups: Sequence[NDArray[Any]]
-    known: WeightRange
+    rows: NDArray[np.int64]  # (n,), the finite points among which is chosen, ascending
+    keep: NDArray[np.int64]  # (K,), which of these are kept whatever happens, ascending
+    weights: NDArray[np.float64] | None  # (n,), of these points, as they are given
+    columns: Mapping[str, NDArray[Any]]  # The attributes of these points that the choice needs
+    labels: NDArray[np.uint8] | None  # (N,), of all points, as in `Parts`; where there are groups, of no quota
+    groups: Sequence[NDArray[Any]]  # The attributes that make groups
+    known: WeightRange  # Of all finite points
 
 
 @dataclass(frozen=True)
 class ChunkGuide:
-    """What users know of the points of a cloud in chunks, by their attributes.
+    """What users know of the points of a cloud in chunks, by their attributes."""
 
-    Attributes
-    ----------
-    keep : Expression or None
-        Which points are kept whatever happens.
-    weight : str or None
-        The attribute that multiplies the density.
-    detail : tuple of str
-        Attributes that count beside the shape.
-    values_of : str or None
-        The attribute at which the method looks.
-    quotas : tuple of Quota
-    group : str or None
-        The attribute that makes groups.
-    """
-
-    keep: Expression | None
-    weight: str | None
-    detail: tuple[str, ...]
-    values_of: str | None
+    keep: Expression | None  # Which points are kept whatever happens
+    weight: str | None  # The attribute that multiplies the density
+    detail: tuple[str, ...]  # Attributes that count beside the shape
+    values_of: str | None  # The attribute at which the method looks
     quotas: tuple[Quota, ...]
-    group: str | None
+    group: str | None  # The attribute that makes groups
 
     @classmethod
     def of(cls, request: Request) -> ChunkGuide:
@@ -277,10 +213,7 @@ def _mask(cloud: PointCloud, keep: Any) -> NDArray[np.bool_]:
 
 
 def weights_of(cloud: PointCloud, weight: Any) -> NDArray[np.float64]:
-    """Return the weight of each point.
-
-    Shapes: returns (N,).
-    """
+    """Return the weight of each point. Shapes: returns (N,)."""
     if isinstance(weight, str):
         return numbers_in(cloud, weight, "to weigh its points by")
     expected = f"expected weight to be an attribute, or a number for each of the {len(cloud):,} points"

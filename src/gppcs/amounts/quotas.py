@@ -54,17 +54,11 @@ def _size(given: Any) -> float | int:
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """Points by the quotas that count for them.
-
-    Attributes
-    ----------
-    quotas : tuple of Quota
-    labels : (N,) array, uint8
-        For each point, the index of its quota; that behind the last one for points of no quota, which share the rest;
-        `LEFT_OUT` for points that are not to be kept.
-    """
+    """Points by the quotas that count for them."""
 
     quotas: tuple[Quota, ...]
+    # (N,), for each point, the index of its quota; that behind the last one for points of no quota, which share the
+    # rest; `LEFT_OUT` for points that are not to be kept.
     labels: Labels
 
     @classmethod

@@ -30,10 +30,7 @@ _PAGE = -1  # the count of an entry that stands for a page with more entries
 def chunks_of(
     file: BufferedReader, info: bytes, query: Query, scales: NDArray[np.float64]
 ) -> list[tuple[int, int, int]]:
-    """Return the chunks with all points that a query asks for.
-
-    Shapes: scales (3,).
-    """
+    """Return the chunks with all points that a query asks for. Shapes: scales (3,)."""
     found = entries_of(file, info_of(info), query, scales)
     return list(zip(found["offset"].tolist(), found["size"].tolist(), found["count"].tolist(), strict=True))
 

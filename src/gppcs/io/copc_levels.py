@@ -83,23 +83,12 @@ class Cells(NamedTuple):
 
 
 class Levels(NamedTuple):
-    """How points are divided among levels.
-
-    Attributes
-    ----------
-    cells : Cells
-    of_ranked : (k,) array, uint8
-        The level of each point that is ranked.
-    ends : list of float
-        The share of the other points that is on each level and those above.
-    closing : (c,) array, uint8
-        The level of each cell that takes all points that are left in it.
-    """
+    """How points are divided among levels."""
 
     cells: Cells
-    of_ranked: NDArray[np.uint8]
-    ends: list[float]
-    closing: NDArray[np.uint8]
+    of_ranked: NDArray[np.uint8]  # (k,), the level of each point that is ranked
+    ends: list[float]  # The share of the other points that is on each level and those above
+    closing: NDArray[np.uint8]  # (c,), the level of each cell that takes all points that are left in it
 
     def of_others(self, places: NDArray[np.int64], seed: int) -> NDArray[np.uint8]:
         """Return the levels of points that are not ranked, by their cells (n,)."""

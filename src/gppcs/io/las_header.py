@@ -65,18 +65,10 @@ _Value = TypeVar("_Value", str, float)
 
 @dataclass(frozen=True)
 class Record:
-    """A variable-length record, whole, with its own header.
+    """A variable-length record, whole, with its own header."""
 
-    Attributes
-    ----------
-    content : bytes
-        Header and data.
-    extended : bool
-        Whether it stands behind the points.
-    """
-
-    content: bytes
-    extended: bool = False
+    content: bytes  # Header and data
+    extended: bool = False  # Whether it stands behind the points
 
     @property
     def kind(self) -> tuple[bytes, int]:
@@ -98,21 +90,12 @@ def record_of(kind: tuple[bytes, int], description: bytes, data: bytes, extended
 
 @dataclass(frozen=True, eq=False)
 class LasHeader(Header):
-    """What a LAS file says of the whole cloud.
+    """What a LAS file says of the whole cloud."""
 
-    Attributes
-    ----------
-    block : bytes
-        The public header block. What depends on the points, or on how the file is stored, is zero.
-    records : tuple of Record
-        The variable-length records that do not describe compression or an index of the points.
-    padding : bytes
-        What stands between the last record and the first point.
-    """
-
-    block: bytes
+    block: bytes  # The public header block. What depends on the points, or on how the file is stored, is zero.
+    # The variable-length records that do not describe compression or an index of the points.
     records: tuple[Record, ...] = ()
-    padding: bytes = b""
+    padding: bytes = b""  # What stands between the last record and the first point
 
     def fields(self) -> NDArray[Any]:
         """Return a copy of the public header block by the names of `HEADER`. Fields beyond its version are zero."""
@@ -137,10 +120,7 @@ class LasHeader(Header):
         return int(self.fields()["point_format"][0])
 
     def descriptions(self) -> NDArray[Any]:
-        """Return the descriptions of extra bytes, in the order of the bytes.
-
-        Shapes: returns (K,).
-        """
+        """Return the descriptions of extra bytes, in the order of the bytes. Shapes: returns (K,)."""
         found = next((each.data for each in self.records if each.kind == _EXTRA_BYTES_RECORD), b"")
         return np.frombuffer(found, EXTRA_BYTES)
 
@@ -210,14 +190,9 @@ def extra_name(description: NDArray[Any]) -> str:
 
 
 class Scaling(NamedTuple):
-    """How physical values follow from the numbers in extra bytes: times a scale, plus an offset.
+    """How physical values follow from the numbers in extra bytes: times a scale, plus an offset."""
 
-    Attributes
-    ----------
-    scale, offset : (1,) or (k,) arrays
-        Of each of k numbers of a point.
-    """
-
+    # (1,) or (k,) each, of each of k numbers of a point.
     scale: NDArray[np.float64]
     offset: NDArray[np.float64]
 

@@ -43,10 +43,7 @@ def decompressed(
 def decompressed_chunks(
     file: BufferedReader, record: np.dtype[Any], chunks: Sequence[tuple[int, int, int]], laszip: Record | None
 ) -> Iterator[NDArray[Any]]:
-    """Yield the points of some chunks of a file, in blocks of at least one chunk.
-
-    Shapes: returns (n,).
-    """
+    """Yield the points of some chunks of a file, in blocks of at least one chunk. Shapes: returns (n,)."""
     import lazrs
 
     with reported(*_LAZRS):

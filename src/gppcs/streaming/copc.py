@@ -33,22 +33,12 @@ RANK, POINT = "rank", "point"
 
 @dataclass
 class _Stored:
-    """All points on disk as they are going to be written, with their places in the ranking, and what is known of them.
-
-    Attributes
-    ----------
-    path : path
-    summary : Summary
-    lost : list of str
-        What the file does not hold, in words.
-    dropped : int
-        Number of points that are not finite, and so are left out.
-    """
+    """All points on disk as they are written, with their places in the ranking, and what is known of them."""
 
     path: Path
     summary: Summary
-    lost: list[str]
-    dropped: int = 0
+    lost: list[str]  # What the file does not hold, in words
+    dropped: int = 0  # Number of points that are not finite, and so are left out
 
     def blocks(self) -> Iterator[tuple[NDArray[np.int32], NDArray[Any], NDArray[np.int64]]]:
         """Yield the places in the ranking, -1 for others, the points as they are stored, and their codes (n,)."""

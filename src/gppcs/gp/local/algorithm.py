@@ -30,48 +30,28 @@ NUGGET = 1e-4  # Variance of an observation without noise, in units of the prior
 
 @dataclass(frozen=True)
 class Criterion:
-    """The weights of the selection.
+    """The weights of the selection."""
 
-    Attributes
-    ----------
-    density_power : float
-        Points per area go as the roughness to this power. The power is lower if the cloud consists of flat faces and
-        edges.
-    normal_weight : float
-        beta: the distance of two normals at a right angle, in desired spacings. It is lower in the same case.
-    error_weight : float
-        w: the weight of the error |mu - y| in the score; that of the uncertainty is 1.
-    lengthscale : float
-        Of the Matérn kernel, in desired spacings.
-    neighbours : int
-        K: the number of chosen points on which a posterior is conditioned.
-    """
-
+    # Points per area go as the roughness to this power. The power is lower if the cloud consists of flat faces and
+    # edges.
     density_power: float
+    # beta: the distance of two normals at a right angle, in desired spacings. It is lower in the same case.
     normal_weight: float
-    error_weight: float
-    lengthscale: float
-    neighbours: int
+    error_weight: float  # w: the weight of the error |mu - y| in the score; that of the uncertainty is 1
+    lengthscale: float  # Of the Matérn kernel, in desired spacings
+    neighbours: int  # K: the number of chosen points on which a posterior is conditioned
 
 
 class Ranking(NamedTuple):
-    """The M chosen points, in the order of choice.
+    """The M chosen points, in the order of choice."""
 
-    Attributes
-    ----------
-    rows : (M,) array, int64
-    scores, deviations : (M,) arrays, float64
-        Score of each point, and posterior standard deviation in units of the prior's, when the point was chosen; 0 for
-        fixed points. Scores fall within a stage, apart from small effects of the error and of the few neighbours. They
-        rise at the start of the next stage, whose field is finer.
-    noise_in_spacings : float
-        Standard deviation of the noise, in target spacings.
-    """
-
-    rows: NDArray[np.int64]
+    rows: NDArray[np.int64]  # (M,)
+    # (M,): Score of each point, and posterior standard deviation in units of the prior's, when the point was chosen; 0
+    # for fixed points. Scores fall within a stage, apart from small effects of the error and of the few neighbours.
+    # They rise at the start of the next stage, whose field is finer.
     scores: NDArray[np.float64]
     deviations: NDArray[np.float64]
-    noise_in_spacings: float = 0.0
+    noise_in_spacings: float = 0.0  # Standard deviation of the noise, in target spacings
 
     def extended(
         self, rows: NDArray[np.int64], scores: NDArray[np.float64], deviations: NDArray[np.float64]
@@ -98,7 +78,6 @@ def choose(
 
     The first `fixed` points are chosen from the start. `density` is the number of candidate cells in a square whose
     side is the target spacing; weights multiply the density of the chosen points; attributes count beside the shape.
-
     Shapes: points (N, 3) without repeats, weights (N,) above 0, attributes (N, k).
     """
     density *= 1.0 if weights is None else refinement(weights)
@@ -164,25 +143,14 @@ def features_of(places: NDArray[np.float64], observations: Observations, stage: 
 
 
 class Scale(NamedTuple):
-    """What the field at a candidate needs to know of all candidates of the stage, where it has only some.
+    """What the field at a candidate needs to know of all candidates of the stage, where it has only some."""
 
-    Attributes
-    ----------
-    mean, deviation : float
-        Of the surface variation.
-    roundness : float
-        From 1 for a cloud whose places are alike to 0 for flat faces and edges only.
-    density : float
-        Mean of the wanted density.
-    spacing : float
-        What makes the mean of 1 / spacing^2 equal to 1.
-    """
-
+    # Mean and standard deviation of the surface variation.
     mean: float
     deviation: float
-    roundness: float
-    density: float
-    spacing: float = 1.0
+    roundness: float  # From 1 for a cloud whose places are alike to 0 for flat faces and edges only
+    density: float  # Mean of the wanted density
+    spacing: float = 1.0  # What makes the mean of 1 / spacing^2 equal to 1
 
     @classmethod
     def of(

@@ -68,41 +68,18 @@ NO_POINTS = Ranking(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0))
 
 @dataclass(frozen=True)
 class _Stage:
-    """A stage of the choice, as the tasks of its parts need it.
+    """A stage of the choice, as the tasks of its parts need it."""
 
-    Attributes
-    ----------
-    stored : StoredPoints
-        All points; once they are found, the candidates of the last stage.
-    target : int
-        Number of points that are chosen when the stage ends.
-    area : float
-        Area of the surface.
-    density : float
-        Number of candidate cells in a square whose side is the target spacing.
-    thinned : bool
-        Whether candidates are one in each cell; otherwise they are all points.
-    noise : Noise
-        Without a tree: each part has one of its own.
-    criterion : Criterion
-    detail : DetailNoise or None
-        Of the attributes that count beside the shape, if there are any, and more than noise.
-    largest_gap : float
-        Candidates of the last stage that are farther from all others are outliers.
-    scale : Scale, optional
-        What the field of a part needs to know of all parts.
-    """
-
-    stored: StoredPoints
-    target: int
-    area: float
-    density: float
-    thinned: bool
-    noise: Noise
+    stored: StoredPoints  # All points; once they are found, the candidates of the last stage
+    target: int  # Number of points that are chosen when the stage ends
+    area: float  # Area of the surface
+    density: float  # Number of candidate cells in a square whose side is the target spacing
+    thinned: bool  # Whether candidates are one in each cell; otherwise they are all points
+    noise: Noise  # Without a tree: each part has one of its own
     criterion: Criterion
-    detail: DetailNoise | None
-    largest_gap: float = math.inf
-    scale: Scale | None = None
+    detail: DetailNoise | None  # Of the attributes that count beside the shape, if there are any, and more than noise
+    largest_gap: float = math.inf  # Candidates of the last stage that are farther from all others are outliers
+    scale: Scale | None = None  # What the field of a part needs to know of all parts
 
     @property
     def spacing(self) -> float:
@@ -156,9 +133,8 @@ def choose_stored(
 ) -> Ranking:
     """Choose `n_points` of points on disk; the rows `fixed` are chosen from the start.
 
-    There may be fewer different places; then all of them are chosen.
-
-    Shapes: fixed (m,), fixed_places (m, 3) without repeats.
+    There may be fewer different places; then all of them are chosen. Shapes: fixed (m,), fixed_places (m, 3) without
+    repeats.
     """
     density *= min(1.0 / stored.mean_weight, FINEST)
     parts = stored.parts(2 * PART)

@@ -41,24 +41,14 @@ PER_POINT = 26  # Sampled points for each point to keep: about as many as measur
 
 
 class Survey(NamedTuple):
-    """What is known of a cloud of N points before the choice.
+    """What is known of a cloud of N points before the choice."""
 
-    Attributes
-    ----------
-    area : float
-        Area of the surface, corrected by the number of occupied cells.
-    noise : Noise
-    sharpness : (N,) array, float32
-        Surface variation within the edge length of a candidate's cell, and that of the detail. It is 0 if the cloud is
-        not clean, where it was not measured, and where it is only rounding.
-    detail : Detail or None
-        None if there are no attributes, or only noise.
-    """
-
-    area: float
+    area: float  # Area of the surface, corrected by the number of occupied cells
     noise: Noise
+    # (N,): Surface variation within the edge length of a candidate's cell, and that of the detail. It is 0 if the cloud
+    # is not clean, where it was not measured, and where it is only rounding.
     sharpness: NDArray[np.float32]
-    detail: Detail | None
+    detail: Detail | None  # None if there are no attributes, or only noise
 
 
 def survey(
@@ -119,24 +109,13 @@ def sharpness_of(tree: KdTree, edge: float) -> NDArray[np.float64]:
 
 
 class Candidates(NamedTuple):
-    """The candidates of a stage of the choice.
+    """The candidates of a stage of the choice."""
 
-    Attributes
-    ----------
-    target : int
-        Number of points that are chosen when the stage ends.
-    rows : (n,) array, int64
-        Rows of the candidates, ascending.
-    thinned : bool
-        Whether the candidates are one in each cell. Otherwise they are those of the next finer stage, or all points.
-    area : float
-        Area of the surface, corrected by the number of occupied cells.
-    """
-
-    target: int
-    rows: NDArray[np.int64]
+    target: int  # Number of points that are chosen when the stage ends
+    rows: NDArray[np.int64]  # (n,), rows of the candidates, ascending
+    # Whether the candidates are one in each cell. Otherwise they are those of the next finer stage, or all points.
     thinned: bool
-    area: float
+    area: float  # Area of the surface, corrected by the number of occupied cells
 
     @property
     def spacing(self) -> float:
@@ -160,9 +139,8 @@ def nested_candidates(
 
     The number of occupied cells shows if the area is wrong. It is estimated too small for points on curves, and too
     large for a cloud with most points in one spot. The area is then doubled until there are not too many occupied
-    cells, or halved until there are not too few, for this stage and the coarser ones.
-
-    Shapes: points (N, 3), sharpness (N,).
+    cells, or halved until there are not too few, for this stage and the coarser ones. Shapes: points (N, 3), sharpness
+    (N,).
     """
     area, rows = thinned(points, sharpness, n_points, area, density)
     if enough := len(rows) >= ENOUGH * n_points:
@@ -184,10 +162,7 @@ def nested_candidates(
 
 
 def gaps_of_lone(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-    """Return how far lone candidates are from all others.
-
-    Shapes: points (n, 3); returns (n,).
-    """
+    """Return how far lone candidates are from all others. Shapes: points (n, 3); returns (n,)."""
     tree, reach = KdTree.build(points), DISTANCES[0] * spacing
     suspects = np.ones(len(points), dtype=bool)
     for step in range(1, FOLLOWERS + 1):  # in tree order, points that follow each other are mostly near each other
@@ -204,10 +179,7 @@ def gaps_of_lone(points: NDArray[np.float64], spacing: float) -> NDArray[np.floa
 
 
 def numbers_of_lone(gaps: NDArray[np.float64], spacing: float) -> NDArray[np.int64]:
-    """Return how many candidates are alone within each of some distances.
-
-    Shapes: gaps (n,); returns (4,).
-    """
+    """Return how many candidates are alone within each of some distances. Shapes: gaps (n,); returns (4,)."""
     return np.count_nonzero(gaps[gaps > 0.0, None] > spacing * np.array(DISTANCES), axis=0)
 
 
@@ -215,9 +187,8 @@ def largest_gap(lone: NDArray[np.int64], n: int, n_points: int, spacing: float) 
     """Return how far from all others a candidate may be. Those farther away are outliers, which are left out.
 
     On a surface, along a wire and in a cluster, candidates are about as near each other as their cells. In sparse parts
-    of a scan some are lone, but their number falls fast with the distance. That of scattered outliers does not.
-
-    Shapes: lone (4,).
+    of a scan some are lone, but their number falls fast with the distance. That of scattered outliers does not. Shapes:
+    lone (4,).
     """
     for distance, (number, farther) in zip(DISTANCES, pairwise(lone), strict=False):
         if HARMLESS * n_points < number <= n - ENOUGH * n_points and farther > OUTLIERS * number:

@@ -71,7 +71,6 @@ def graded(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArray
 
     Each group of about `GROUP_SIZE` points that follow each other in a leaf has one limit, computed from its mean
     density at its middle. So spacings can differ more within a group, and by the size of a group between two groups.
-
     Shapes: spacings (N,); returns (N,).
     """
     n, leaves = len(spacings), tree.leaves

@@ -28,18 +28,10 @@ RIDGE = 1e-3  # Added to the covariance of places, in squared radii, as places a
 
 
 class DetailNoise(NamedTuple):
-    """What is noise of attributes, by all points of a cloud or by many.
+    """What is noise of attributes, by all points of a cloud or by many."""
 
-    Attributes
-    ----------
-    noise : float
-        Their variance about linear functions of the place, where they hardly vary.
-    strength : float
-        The share of their variance that is no noise, with a margin.
-    """
-
-    noise: float
-    strength: float
+    noise: float  # Their variance about linear functions of the place, where they hardly vary
+    strength: float  # The share of their variance that is no noise, with a margin
 
     @classmethod
     def of(cls, residual: NDArray[np.float64], values: NDArray[np.float64]) -> DetailNoise | None:
@@ -56,18 +48,11 @@ class DetailNoise(NamedTuple):
 
 
 class Detail(NamedTuple):
-    """What is known of k attributes of n points.
+    """What is known of k attributes of n points."""
 
-    Attributes
-    ----------
-    values : (n, k) array, float32
-        The attributes, in ranges, and less where noise is part of them.
-    variation : (n,) array, float32
-        Their variance about linear functions of the place, without noise, as surface variation; 0 where it was not
-        measured.
-    """
-
-    values: NDArray[np.float32]
+    values: NDArray[np.float32]  # (n, k), the attributes, in ranges, and less where noise is part of them
+    # (n,), their variance about linear functions of the place, without noise, as surface variation; 0 where it was not
+    # measured.
     variation: NDArray[np.float32]
 
     @classmethod

@@ -45,37 +45,19 @@ POINTS = 4096  # Points of a part at least: with fewer, most of them are near ot
 
 
 class Parts(NamedTuple):
-    """The parts, and what each has chosen and knows of the others.
+    """The parts, and what each has chosen and knows of the others."""
 
-    Attributes
-    ----------
-    starts : (parts + 1,) array, int64
-        Where the neighbours of each part start.
-    neighbours : (sum,) array, int64
-        The parts that a point of the part may affect, or be affected by, without gaps.
-    positions : (n,) array, int64
-        What each part has chosen, in its order, from the first of its points on.
-    scores : (n,) array
-        Of these, when they were chosen.
-    counts : (parts,) array, int64
-        Number of points that each part has chosen.
-    sent : (parts,) array, int64
-        How many of these its neighbours know of.
-    best, reach : (nodes,) arrays
-        Largest score and reach of each node at the start of the round.
-    seen : (n,) array
-        Scores of the points at the start of the round.
-    """
-
-    starts: NDArray[np.int64]
+    starts: NDArray[np.int64]  # (parts + 1,), where the neighbours of each part start
+    # (sum,), the parts that a point of the part may affect, or be affected by, without gaps.
     neighbours: NDArray[np.int64]
-    positions: NDArray[np.int64]
-    scores: NDArray[np.float64]
-    counts: NDArray[np.int64]
-    sent: NDArray[np.int64]
+    positions: NDArray[np.int64]  # (n,), what each part has chosen, in its order, from the first of its points on
+    scores: NDArray[np.float64]  # (n,), of these, when they were chosen
+    counts: NDArray[np.int64]  # (parts,), number of points that each part has chosen
+    sent: NDArray[np.int64]  # (parts,), how many of these its neighbours know of
+    # (nodes,) each, largest score and reach of each node at the start of the round.
     best: NDArray[np.float64]
     reach: NDArray[np.float64]
-    seen: NDArray[np.float64]
+    seen: NDArray[np.float64]  # (n,), scores of the points at the start of the round
 
 
 def extend(
@@ -97,9 +79,8 @@ def extend(
     The scores are exact. A posterior changes only if the new point is among the nearest on which the point is
     conditioned, and a node of the tree is skipped only if this holds for none of its points. Where parts choose at
     once, the order is that of falling scores, and the result is not exactly that of one choice after another: a new
-    point may raise a score, since posteriors are given only the nearest points.
-
-    Shapes: chosen (m,), in any order; returns added, scores, deviations (wanted,).
+    point may raise a score, since posteriors are given only the nearest points. Shapes: chosen (m,), in any order;
+    returns added, scores, deviations (wanted,).
     """
     state = begin_state(field, tree, chosen, neighbours, error_weight)
     whole, count = divide(state, 1), number_of_parts(len(field.y), len(chosen), tree.leaves, neighbours)
@@ -178,10 +159,7 @@ def _find_neighbours(boxes, near):
 
 
 def chosen_by(parts: Parts) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return what the parts have chosen, part by part.
-
-    Shapes: returns positions, scores (m,).
-    """
+    """Return what the parts have chosen, part by part. Shapes: returns positions, scores (m,)."""
     starts = len(parts.positions) * np.arange(len(parts.counts)) // len(parts.counts)
     slots = np.repeat(starts - np.cumsum(parts.counts) + parts.counts, parts.counts) + np.arange(parts.counts.sum())
     return parts.positions[slots], parts.scores[slots]

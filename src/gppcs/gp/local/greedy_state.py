@@ -27,40 +27,26 @@ class GreedyState(NamedTuple):
 
     The *reach* of a point is the squared distance in the field to the last of the chosen points that it is conditioned
     on. Only a nearer new point changes its posterior.
-
-    Attributes
-    ----------
-    order : (n,) array, int64
-        Index in the tree's input of each point.
-    conditioning : Conditioning
-    variances, scores, reach : (n,) arrays
-        Posterior variance, score and reach of each point. The variance of a chosen point is that before its choice.
-    boxes : (nodes, 8) array
-        Low and high corner of each node's box, largest reach of its points, square of their largest desired spacing.
-        These eight numbers fill one line of memory.
-    best : (nodes,) array
-        The largest score in the node.
-    holder : (nodes,) array, int64
-        The point with this score; of several that with the smallest index in the tree's input.
     """
 
-    order: NDArray[np.int64]
+    order: NDArray[np.int64]  # (n,), index in the tree's input of each point
     conditioning: Conditioning
+    # (n,): Posterior variance, score and reach of each point. The variance of a chosen point is that before its choice.
     variances: NDArray[np.float64]
     scores: NDArray[np.float64]
     reach: NDArray[np.float64]
+    # (nodes, 8): Low and high corner of each node's box, largest reach of its points, square of their largest desired
+    # spacing. These eight numbers fill one line of memory.
     boxes: NDArray[np.float64]
-    best: NDArray[np.float64]
+    best: NDArray[np.float64]  # (nodes,), the largest score in the node
+    # (nodes,), the point with this score; of several that with the smallest index in the tree's input.
     holder: NDArray[np.int64]
 
 
 def begin_state(
     field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighbours: int, error_weight: float
 ) -> GreedyState:
-    """Return the state in which some points are chosen.
-
-    Shapes: chosen (m,).
-    """
+    """Return the state in which some points are chosen. Shapes: chosen (m,)."""
     conditioning = condition(field, tree, chosen, neighbours)
     given, count = posterior(field, conditioning, error_weight), len(tree.low)
     state = GreedyState(
@@ -95,25 +81,13 @@ def renew_upper(state, count):
 
 
 class Room(NamedTuple):
-    """Memory for what one new point changes.
+    """Memory for what one new point changes."""
 
-    Attributes
-    ----------
-    visited : (nodes,) array, int64
-        Nodes that the new point may change.
-    changed : (n,) array, int64
-        Points whose posteriors it changes.
-    gaps : (LEAF_SIZE,) array
-        Squared distances in the field between the new point and the points of a leaf.
-    stack : (64,) array, int64
-        Nodes to visit.
-    work : Work
-    """
-
-    visited: NDArray[np.int64]
-    changed: NDArray[np.int64]
+    visited: NDArray[np.int64]  # (nodes,), nodes that the new point may change
+    changed: NDArray[np.int64]  # (n,), points whose posteriors it changes
+    # (LEAF_SIZE,), squared distances in the field between the new point and the points of a leaf.
     gaps: NDArray[np.float64]
-    stack: NDArray[np.int64]
+    stack: NDArray[np.int64]  # (64,), nodes to visit
     work: Work
 
 

@@ -19,36 +19,19 @@ VANISHED = 40.0  # From this t on, see `correlate`, a correlation is less than r
 
 
 class LocalField(NamedTuple):
-    """The field at n points: what the kernel needs, and the function to observe.
+    """The field at n points: what the kernel needs, and the function to observe."""
 
-    Attributes
-    ----------
-    positions : (3, n) array
-        In units of the target spacing h.
-    normals : (3, n) array
-        Unit vectors; their sign does not matter.
-    spacings : (n,) array
-        s: the desired spacing, in units of h. The lengthscale at a point is `lengthscale` s h.
-    y : (n,) array
-        The function: surface variation, standardised to mean 0 and variance 1.
-    noise : (n,) array
-        Variance of the observation at each point, in units of the prior variance; positive.
-    detail : (k, n) array
-        Attributes that count beside the shape, as distances in desired spacings; k is 0 if there are none.
-    lengthscale : float
-        In desired spacings.
-    normal_weight : float
-        beta: the distance of two normals at a right angle, in desired spacings.
-    """
-
-    positions: NDArray[np.float64]
-    normals: NDArray[np.float64]
+    positions: NDArray[np.float64]  # (3, n), in units of the target spacing h
+    normals: NDArray[np.float64]  # (3, n), unit vectors; their sign does not matter
+    # (n,): s: the desired spacing, in units of h. The lengthscale at a point is `lengthscale` s h.
     spacings: NDArray[np.float64]
-    y: NDArray[np.float64]
+    y: NDArray[np.float64]  # (n,), the function: surface variation, standardised to mean 0 and variance 1
+    # (n,), variance of the observation at each point, in units of the prior variance; positive.
     noise: NDArray[np.float64]
+    # (k, n), attributes that count beside the shape, as distances in desired spacings; k is 0 if there are none.
     detail: NDArray[np.float64]
-    lengthscale: float
-    normal_weight: float
+    lengthscale: float  # In desired spacings
+    normal_weight: float  # beta: the distance of two normals at a right angle, in desired spacings
 
 
 @kernel(fastmath=False, allocates=False)
@@ -77,9 +60,7 @@ def correlate(sites, a, b, lengthscale, normal_weight, out):
 
     It is (2 s s' / (s^2 + s'^2))^(3/2) (1 + t + t^2 / 3) exp(-t) with t = sqrt(5) distance / lengthscale. The first
     factor keeps the kernel positive definite where s varies. The exponential is the 64th power of its Taylor polynomial
-    at -t / 64, with a relative error below 1e-12.
-
-    Shapes: sites (K + 1, SITE + k, LANES), out (LANES,).
+    at -t / 64, with a relative error below 1e-12. Shapes: sites (K + 1, SITE + k, LANES), out (LANES,).
     """
     for p in range(LANES):
         s, r = sites[a, 6, p], sites[b, 6, p]

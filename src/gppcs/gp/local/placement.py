@@ -78,9 +78,8 @@ def exchanged(
     """Return which point each chosen place is exchanged for, -1 where it stays.
 
     `area` is that for each point. `old` and `detail` are attributes of the places and of the points that count beside
-    the shape. No place goes farther than `farthest` at once.
-
-    Shapes: places (m, 3), stays (m,), points (n, 3), old (m, k), detail (n, k); returns (m,).
+    the shape. No place goes farther than `farthest` at once. Shapes: places (m, 3), stays (m,), points (n, 3), old (m,
+    k), detail (n, k); returns (m,).
     """
     cells = KdTree.build(points)
     of_point, cells = cells.order, cells.in_own_order()

@@ -22,25 +22,14 @@ NEGLIGIBLE = 1e-12  # Least pivot of the factorisation, in units of the prior va
 
 
 class Conditioning(NamedTuple):
-    """The K chosen points on which each of n points is conditioned, nearest first.
+    """The K chosen points on which each of n points is conditioned, nearest first."""
 
-    Attributes
-    ----------
-    nearest : (n, K) array, int32
-        Columns of the chosen points in the field's order; -1 where fewer are chosen.
-    squared : (n, K) array, float64
-        Their squared distances in the field; infinite where fewer are chosen.
-    """
-
-    nearest: NDArray[np.int32]
-    squared: NDArray[np.float64]
+    nearest: NDArray[np.int32]  # (n, K), columns of the chosen points in the field's order; -1 where fewer are chosen
+    squared: NDArray[np.float64]  # (n, K), their squared distances in the field; infinite where fewer are chosen
 
 
 def condition(field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighbours: int) -> Conditioning:
-    """Find the chosen points that are nearest each point in the metric of the field.
-
-    Shapes: chosen (m,).
-    """
+    """Find the chosen points that are nearest each point in the metric of the field. Shapes: chosen (m,)."""
     n = len(field.y)
     conditioning = Conditioning(np.full((n, neighbours), -1, dtype=np.int32), np.full((n, neighbours), np.inf))
     if len(chosen):
@@ -56,25 +45,14 @@ def condition(field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighb
 
 
 class _Chosen(NamedTuple):
-    """The k-d tree of the chosen points.
+    """The k-d tree of the chosen points."""
 
-    Attributes
-    ----------
-    indices : (m,) array
-        Their columns in the field's order.
-    points : (3, m) array
-        Their positions.
-    low, high : (nodes, 3) arrays
-        Corners of the nodes' boxes.
-    widest : float
-        Their largest desired spacing.
-    """
-
-    indices: NDArray[np.int64]
-    points: NDArray[np.float64]
+    indices: NDArray[np.int64]  # (m,), their columns in the field's order
+    points: NDArray[np.float64]  # (3, m), their positions
+    # (nodes, 3) each, corners of the nodes' boxes.
     low: NDArray[np.float64]
     high: NDArray[np.float64]
-    widest: float
+    widest: float  # Their largest desired spacing
 
 
 @kernel(fastmath=False)
@@ -118,21 +96,13 @@ def _condition_leaf(field, low, high, chosen, leaf, squared_radius, near, found,
 
 
 class _SideBySide(NamedTuple):
-    """The points of a leaf side by side, and what each is conditioned on so far.
+    """The points of a leaf side by side, and what each is conditioned on so far."""
 
-    Attributes
-    ----------
-    points : (7 + k, LEAF_SIZE) array
-        Rows: position, normal, desired spacing, details.
-    nearest, squared : (K, LEAF_SIZE) arrays
-        As in `Conditioning`, transposed.
-    new, gaps : (LEAF_SIZE,) arrays
-        A chosen point that is being inserted, and its squared distances in the field.
-    """
-
-    points: NDArray[np.float64]
+    points: NDArray[np.float64]  # (7 + k, LEAF_SIZE), rows: position, normal, desired spacing, details
+    # (K, LEAF_SIZE) each, as in `Conditioning`, transposed.
     nearest: NDArray[np.int64]
     squared: NDArray[np.float64]
+    # (LEAF_SIZE,) each, A chosen point that is being inserted, and its squared distances in the field.
     new: NDArray[np.int64]
     gaps: NDArray[np.float64]
 
@@ -199,26 +169,19 @@ def _keep_nearest_side_by_side(field, chosen, found, side):
 
 
 class Work(NamedTuple):
-    """Memory for the posteriors of LANES points, each conditioned on K others.
+    """Memory for the posteriors of LANES points, each conditioned on K others."""
 
-    Attributes
-    ----------
-    sites : (K + 1, SITE + k, LANES) array
-        Sites of the K points on which each point is conditioned; the last row is the point itself.
-    factor : (K (K + 2), LANES) array
-        K rows of the Cholesky factor, with the inverse of its diagonal. Each row ends with two solutions of the
-        triangular system: for the covariances with the point, and for y.
-    cross, observed, pivot : (LANES,) arrays
-        The current row: covariance with the point, y, and diagonal.
-    mean, variance, score : (LANES,) arrays
-        The results.
-    """
-
+    # (K + 1, SITE + k, LANES), sites of the K points on which each point is conditioned; the last row is the point
+    # itself.
     sites: NDArray[np.float64]
+    # (K (K + 2), LANES): K rows of the Cholesky factor, with the inverse of its diagonal. Each row ends with two
+    # solutions of the triangular system: for the covariances with the point, and for y.
     factor: NDArray[np.float64]
+    # (LANES,) each, the current row: covariance with the point, y, and diagonal.
     cross: NDArray[np.float64]
     observed: NDArray[np.float64]
     pivot: NDArray[np.float64]
+    # (LANES,) each, the results.
     mean: NDArray[np.float64]
     variance: NDArray[np.float64]
     score: NDArray[np.float64]
@@ -243,9 +206,7 @@ def workspace(neighbours, details):
 def posteriors(field, nearest, which, begin, end, error_weight, work):
     """Compute mean, variance and score at the points `which[begin:end]`.
 
-    `gppcs.gp.local.greedy.extend` defines the score.
-
-    Shapes: nearest (n, K), which (count,).
+    `gppcs.gp.local.greedy.extend` defines the score. Shapes: nearest (n, K), which (count,).
     """
     neighbours = nearest.shape[1]
     sites, factor, cross, observed, pivot, mean, variance, score = work

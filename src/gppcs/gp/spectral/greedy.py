@@ -36,9 +36,8 @@ def select(
     into buckets. Each bucket stores the bounding box of its features phi and its largest score when it was last
     scanned. Since then, variances can only have decreased. If the weights' mean has moved by dw, the mean at a point
     has moved by phi dw, which the box bounds. So each bucket has an upper bound of its scores, and a step scans only
-    the buckets whose bound is not below the best score known.
-
-    Shapes: phi (N, L), y (N,), initial (k_init,), order (N,); returns (M,).
+    the buckets whose bound is not below the best score known. Shapes: phi (N, L), y (N,), initial (k_init,), order
+    (N,); returns (M,).
     """
     order = np.arange(len(y)) if order is None else order
     chosen = np.empty(n_points, dtype=np.int64)

@@ -28,9 +28,8 @@ def log_spectrum(
     """Return the log of (2 nu / kappa^2 + lambda_n)^(-nu - d/2) in Eq. 6, and its slopes by log kappa and log nu.
 
     The value at lambda = 0, which would cancel with C_nu in Eq. 6, is subtracted: the power underflows for nu above
-    about 40. As nu grows, the result tends to -kappa^2 lambda / 2, the spectrum of the heat kernel.
-
-    Shapes: eigenvalues (L,); returns (L,) each.
+    about 40. As nu grows, the result tends to -kappa^2 lambda / 2, the spectrum of the heat kernel. Shapes: eigenvalues
+    (L,); returns (L,) each.
     """
     if np.isinf(nu):
         heat = -0.5 * lengthscale**2 * eigenvalues
@@ -46,9 +45,8 @@ def spectral_weights(
 ) -> NDArray[np.float64]:
     """Return the weights w_n of the kernel k(x, x') = sum_n w_n f_n(x) f_n(x') (paper, Eq. 6).
 
-    They are scaled by C_nu so that the mean prior variance over the cloud is sigma^2.
-
-    Shapes: eigenvalues (L,), mean_squares (L,); returns (L,).
+    They are scaled by C_nu so that the mean prior variance over the cloud is sigma^2. Shapes: eigenvalues (L,),
+    mean_squares (L,); returns (L,).
     """
     weights = np.exp(log_spectrum(eigenvalues, theta.lengthscale, theta.nu)[0])
     return theta.variance * weights / (weights @ mean_squares)

@@ -40,12 +40,10 @@ def eigenpairs(
 ) -> Eigenpairs:
     """Compute the L lowest eigenpairs of the Laplace-Beltrami operator (paper, Eq. 6) at all points.
 
-    A cloud of more than `landmarks` points is represented by that many farthest points. The functions found there
-    are interpolated at all points by a smooth partition of unity (Nasikun et al. 2018). The tufted Laplacian (Sharp
-    and Crane 2020) loses area where points are too irregular for their density. Its lumped area is therefore compared
-    with an estimate from the spacing of the points, and the landmarks are halved until the two agree.
-
-    Shapes: points (N, 3).
+    A cloud of more than `landmarks` points is represented by that many farthest points. The functions found there are
+    interpolated at all points by a smooth partition of unity (Nasikun et al. 2018). The tufted Laplacian (Sharp and
+    Crane 2020) loses area where points are too irregular for their density. Its lumped area is therefore compared with
+    an estimate from the spacing of the points, and the landmarks are halved until the two agree. Shapes: points (N, 3).
     """
     number = min(landmarks, len(points))
     while True:
@@ -67,10 +65,8 @@ def surface_laplacian(
 ) -> tuple[scipy.sparse.csr_matrix, NDArray[np.float64], bool]:
     """Return the tufted Laplacian of a cloud (Sharp and Crane 2020).
 
-    Points that span no surface, because they are fewer than four or lie on a line, get the Laplacian of their
-    neighbour graph instead.
-
-    Shapes: points (N, 3); returns mass (N,).
+    Points that span no surface, because they are fewer than four or lie on a line, get the Laplacian of their neighbour
+    graph instead. Shapes: points (N, 3); returns mass (N,).
     """
     size = np.ptp(points, axis=0).max()
     if len(points) < 4 or not size > 0:

@@ -21,10 +21,7 @@ class Posterior:
     @classmethod
     @one_blas_thread()
     def given(cls, phi: NDArray[np.float64], y: NDArray[np.float64], noise: float) -> Posterior:
-        """Return the posterior given n observations.
-
-        Shapes: phi (n, L), y (n,).
-        """
+        """Return the posterior given n observations. Shapes: phi (n, L), y (n,)."""
         precision = np.eye(phi.shape[1]) + phi.T @ phi / noise
         factor = scipy.linalg.cho_factor(precision)
         covariance = scipy.linalg.cho_solve(factor, np.eye(phi.shape[1]))
