@@ -102,7 +102,7 @@ class _SideBySide(NamedTuple):
     # (K, LEAF_SIZE) each, as in `Conditioning`, transposed.
     nearest: NDArray[np.int64]
     squared: NDArray[np.float64]
-    # (LEAF_SIZE,) each, A chosen point that is being inserted, and its squared distances in the field.
+    # (LEAF_SIZE,) each, a chosen point that is being inserted, and its squared distances in the field.
     new: NDArray[np.int64]
     gaps: NDArray[np.float64]
 
