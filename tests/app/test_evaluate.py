@@ -98,7 +98,7 @@ def test_the_unit_of_the_file_is_named(gppcs_command, folder):
     options = ("--tolerance", "30ft", "--report", "page.html", *FAST)
     _, table, _ = gppcs_command("simplify", "scan.las", "-o", "out.las", *options)
     assert " ft  (asked: 30ft)" in table
-    assert '"lengths": "ft"' in Path("page.html").read_text()
+    assert '"unit": "ft"' in Path("page.html").read_text()
     _, table, _ = gppcs_command("evaluate", "scan.las", "out.las")
     assert " ft from the surface through the kept points; 95 % are within " in table
     assert "in the unit of the coordinates" not in table

@@ -46,10 +46,14 @@ require_pyarrow = partial(_imported, "pyarrow", "Parquet and Feather files need 
 require_distributed = partial(
     _imported, "distributed", "work on several processes or machines needs Dask's distributed", "dask"
 )
-require_libe57 = partial(_imported, "pye57.libe57", "E57 files need pye57", "e57")
 require_pymeshlab = partial(_imported, "pymeshlab", "meshes need PyMeshLab", "evaluate")
 require_trimesh = partial(_imported, "trimesh", "glTF files need trimesh", "gltf")
 require_sklearn = partial(_imported, "sklearn", "a transformer of scikit-learn needs it", "sklearn")
+
+
+def require_libe57() -> Any:
+    """Import libE57Format, which pye57 brings."""
+    return _imported("pye57", "E57 files need pye57", "e57").libe57
 
 
 def require_cgal(module: str) -> Any:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gppcs.clouds import above
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column
+from gppcs.errors import OutputError
 from gppcs.io import las
 from gppcs.io.copc import ENTRY, INFO
 from gppcs.io.copc_levels import MOST, Cube, by_node, level_and_cell, levels_of
@@ -177,6 +178,11 @@ def _one_number_each(attributes: dict[str, Column], header: LasHeader) -> tuple[
             continue
         for i, column in enumerate(values.reshape(len(values), -1).T):
             part = f"{name}_{i}"
+            if part in attributes:
+                raise OutputError(
+                    f"expected attributes with different names, found {part} and {name}, whose numbers COPC files hold "
+                    f"as {name}_0, {name}_1 and so on; rename one of them"
+                )
             found[part] = column
             if name in known and len(part.encode()) <= las.LONGEST_NAME:  # otherwise an error tells it
                 known[part] = _description_of_one(known[name], part, i)
