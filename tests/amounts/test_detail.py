@@ -96,7 +96,7 @@ def test_a_method_that_sees_the_shape_alone_says_so():
 
 def test_oklab_has_its_published_values():
     """Of white, red and blue (Ottosson 2020)."""
-    found = oklab(np.array([[1.0, 1.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+    found = oklab(np.array([[1.0, 1.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], dtype=np.float32))
     expected = [[1.0, 0.0, 0.0], [0.62796, 0.22486, 0.12585], [0.45201, -0.03246, -0.31153]]
     assert found == pytest.approx(np.array(expected), abs=2e-4)
 

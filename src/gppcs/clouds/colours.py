@@ -13,14 +13,16 @@ TO_CONES = np.array(
         [0.4122214708, 0.5363325363, 0.0514459929],
         [0.2119034982, 0.6806995451, 0.1073969566],
         [0.0883024619, 0.2817188376, 0.6299787005],
-    ]
+    ],
+    dtype=np.float32,
 )
 TO_LAB = np.array(
     [
         [0.2104542553, 0.7936177850, -0.0040720468],
         [1.9779984951, -2.4285922050, 0.4505937099],
         [0.0259040371, 0.7827717662, -0.8086757660],
-    ]
+    ],
+    dtype=np.float32,
 )
 
 
@@ -44,8 +46,8 @@ def _from_0_to_255(colours: NDArray[Any], full: float | None = None) -> NDArray[
     return np.nan_to_num(colours.astype(np.float64)) * (255.0 / (full or full_scale(colours)))
 
 
-def oklab(colours: NDArray[np.float64]) -> NDArray[np.float64]:
+def oklab(colours: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return sRGB colours, (N, 3) from 0 to 1, in OKLab (Ottosson 2020), where equal distances look about equal."""
     linear = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
-    lab: NDArray[np.float64] = np.cbrt(linear @ TO_CONES.T) @ TO_LAB.T
+    lab: NDArray[np.float32] = np.cbrt(linear @ TO_CONES.T) @ TO_LAB.T
     return lab

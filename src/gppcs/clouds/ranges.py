@@ -103,7 +103,7 @@ class AttributeRange:
         _check(cloud, self.name)
         if self.name == COLOURS:
             colours = np.stack([cloud.attributes[each] for each in COLOUR], axis=1)
-            return oklab(np.clip(np.nan_to_num(colours.astype(np.float64)) / self.span, 0.0, 1.0)).astype(np.float32)
+            return oklab(np.clip(np.nan_to_num(colours.astype(np.float32)) / np.float32(self.span), 0.0, 1.0))
         values = cloud.attributes[self.name]
         if self.classes:
             known = np.array(self.classes, dtype=values.dtype)
