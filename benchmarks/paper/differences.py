@@ -35,13 +35,14 @@ CASES = (
     Case("dragon", 13_129, (9.2, 171.2), "as printed in Table 1: 0.000246 and 0.00457"),
 )
 SEEDS = range(3)  # of what is random
+CANDIDATES = 25_000, 10_000  # random ones, among which is chosen
 GP = gppcs.SpectralGP()
 VARIATION = gppcs.FarthestPointVariation()
 
 
 def ways(n_points: int) -> dict[str, tuple[gppcs.Method, ...]]:
     """Return the methods of each row, one for each seed if the row's difference is a random choice."""
-    single = {
+    single: dict[str, gppcs.Method] = {
         "gp-spectral": GP,
         "two batches, `k_add` half of the rest": replace(GP, k_add=n_points // 3),
         "`neighbours` 20": replace(GP, neighbours=20),
@@ -52,16 +53,13 @@ def ways(n_points: int) -> dict[str, tuple[gppcs.Method, ...]]:
         "`k_init` half of the points": replace(GP, k_init=n_points // 2),
         "the kernel is zero (fps-variation)": VARIATION,
     }
-    several = {
-        "25,000 `candidates`": replace(GP, candidates=25_000),
-        "10,000 `candidates`": replace(GP, candidates=10_000),
-        "zero kernel and 25,000 `candidates`": replace(VARIATION, candidates=25_000),
-        "zero kernel and 10,000 `candidates`": replace(VARIATION, candidates=10_000),
-    }
-    return {
-        **{name: (method,) for name, method in single.items()},
-        **{name: tuple(replace(method, seed=seed) for seed in SEEDS) for name, method in several.items()},
-    }
+    several: dict[str, tuple[gppcs.Method, ...]] = {}
+    for count in CANDIDATES:
+        of_gp = tuple(replace(GP, candidates=count, seed=seed) for seed in SEEDS)
+        of_variation = tuple(replace(VARIATION, candidates=count, seed=seed) for seed in SEEDS)
+        several[f"{count:,} `candidates`"] = of_gp
+        several[f"the kernel is zero, {count:,} `candidates`"] = of_variation
+    return {**{name: (method,) for name, method in single.items()}, **several}
 
 
 def errors(path: Path, n_points: int, method: gppcs.Method) -> tuple[float, float, float]:
@@ -83,10 +81,8 @@ def section(case: Case) -> report.Section:
     """Measure all rows on a cloud."""
     rows = [("the authors'", *(f"{value:.1f}" for value in case.authors), "")]
     for name, methods in ways(case.n_points).items():
-        found = zip(
-            *(errors(report.DATA / f"{case.name}.ply", case.n_points, method) for method in methods), strict=True
-        )
-        rows.append((name, *(spread(list(values)) for values in found)))
+        found = [errors(report.DATA / f"{case.name}.ply", case.n_points, method) for method in methods]
+        rows.append((name, *(spread(list(values)) for values in zip(*found, strict=True))))
         print(*rows[-1], sep=" | ", file=sys.stderr)
     return report.Section(
         f"{case.name}, {case.n_points:,} points (the authors' figures {case.origin})",
