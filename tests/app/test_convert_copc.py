@@ -9,6 +9,7 @@ import pytest
 import gppcs
 from command_line import assert_one_line
 from gppcs.io import copc_levels, copc_writing
+from gppcs.io.cloud_files import CloudFiles
 from gppcs.streaming import copc
 
 N, ROOT, MOST = 30_000, 500, 1500
@@ -143,3 +144,31 @@ def test_names_that_copc_cannot_hold_are_told_before_the_work(gppcs_command, fol
 def test_files_of_other_dimensions_are_refused(refused, folder):
     (folder / "scan.vpc").write_text(tiles(["a.laz", "b.laz"], (3, 1)))
     refused(("convert", "scan.vpc", "scan.copc.laz", "--memory", "1GB", "--quiet"))
+
+
+@pytest.mark.parametrize("digits", [3, None])
+def test_coordinates_of_all_chunks_have_one_scale(gppcs_command, folder, monkeypatch, digits):
+    """As in memory, even if the first chunk would have another, or has no point to keep."""
+    monkeypatch.setattr(CloudFiles.chunks, "__defaults__", (4000,))
+    points = gppcs.sample("bracket", n_points=20_000).points
+    points = points.astype(np.float32).astype(np.float64) if digits is None else points.round(digits)
+    points[:4000] = np.nan
+    points[4000:8000] = points[4000:8000].round(1)
+    np.save("scan.npy", points)
+    options = ["--drop", "invalid", "--memory", "1GB", "--quiet"]
+    assert gppcs_command("convert", "scan.npy", "scan.copc.laz", *options)[0] == 0
+    gppcs.write("whole.copc.laz", gppcs.PointCloud(points[4000:]))
+    with laspy.open("scan.copc.laz") as found, laspy.open("whole.copc.laz") as expected:
+        for name in ("scales", "offsets", "mins", "maxs"):
+            np.testing.assert_array_equal(getattr(found.header, name), getattr(expected.header, name))
+    found, expected = gppcs.read("scan.copc.laz").points, gppcs.read("whole.copc.laz").points
+    np.testing.assert_array_equal(found[np.lexsort(found.T)], expected[np.lexsort(expected.T)])
+
+
+def test_coordinates_that_would_move_far_are_refused(gppcs_command, refused, folder):
+    np.save("scan.npy", np.full((5000, 3), 1 / 3))  # which no scale of a power of ten has
+    command = ("convert", "scan.npy", "scan.copc.laz", "--memory", "1GB", "--quiet")
+    refused(command, "which move by at most", "--lossy")
+    code, _, err = gppcs_command(*command, "--lossy")
+    assert (code, len(gppcs.read("scan.copc.laz"))) == (0, 5000)
+    assert "the last digits of coordinates" in err

@@ -54,13 +54,15 @@ def rounding(points: NDArray[np.float64], rounded: NDArray[np.float64]) -> tuple
         points, rounded = points[finite], rounded[finite]
     with np.errstate(over="ignore", invalid="ignore"):
         shift = float(np.abs(rounded - points).max(initial=0.0))
-        last_digit = float(np.spacing(np.abs(points).max(initial=0.0)))
         diagonal = float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
-    words = (
-        [f"the last digits of coordinates (which move by at most {shift:.1g})"]
-        if shift > LAST_DIGITS * last_digit
-        else []
-    )
+    return shift_in_words(shift, float(np.abs(points).max(initial=0.0)), diagonal)
+
+
+def shift_in_words(shift: float, farthest: float, diagonal: float) -> tuple[list[str], bool]:
+    """Return what `rounding` does, given the largest shift, the largest coordinate and the diagonal of the points."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        counts = shift > LAST_DIGITS * np.spacing(farthest)
+    words = [f"the last digits of coordinates (which move by at most {shift:.1g})"] if counts else []
     return words, shift <= LARGEST_SHIFT * diagonal
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -391,13 +391,18 @@ def counts_of(cloud: PointCloud) -> dict[str, Any]:
 
 def records_of(cloud: PointCloud, layout: Layout) -> NDArray[Any]:
     """Return the points of a cloud as they are stored."""
-    fields = header_of(cloud).fields()
     block = np.zeros(len(cloud), layout.record)
-    for i, axis in enumerate(_AXES):
-        block[axis] = np.rint((cloud.points[:, i] - fields["offsets"][0, i]) / fields["scales"][0, i])
+    store_coordinates(block, cloud.points, header_of(cloud))
     for name, values in cloud.attributes.items():
         layout.dimensions[name].store(block, values)
     return block
+
+
+def store_coordinates(block: NDArray[Any], points: NDArray[np.float64], header: LasHeader) -> None:
+    """Set the coordinates of points as they are stored."""
+    fields = header.fields()
+    for i, axis in enumerate(_AXES):
+        block[axis] = np.rint((points[:, i] - fields["offsets"][0, i]) / fields["scales"][0, i])
 
 
 def laspy_of(cloud: PointCloud) -> Any:
@@ -535,22 +540,35 @@ def _description(name: str, values: Column, known: NDArray[Any] | None) -> NDArr
 
 
 def _fit_points(points: NDArray[np.float64], header: LasHeader) -> tuple[NDArray[np.float64], LasHeader]:
-    """Return the coordinates as whole multiples of a scale, and a header with that scale.
-
-    Each axis keeps the header's scale if that is exact. Otherwise it gets the coarsest power of ten that is exact and
-    fits 32 bits, or else the finest one that fits.
-    """
+    """Return the coordinates as whole multiples of a scale, and a header with that scale."""
     fields = header.fields()
     scales, offsets = fields["scales"][0], fields["offsets"][0]
-    stored = points.copy()
     for i, values in enumerate(points.T):
-        if not _is_exact(values, scales[i], offsets[i]):
-            scales[i], offsets[i] = _scale_and_offset(values)
-        stored[:, i] = _multiples(values, scales[i], offsets[i])
-    return stored, header.with_fields(scales=scales, offsets=offsets)
+        scales[i], offsets[i] = scale_and_offset(lambda values=values: [values], scales[i], offsets[i])
+    return multiples(points, scales, offsets), header.with_fields(scales=scales, offsets=offsets)
 
 
-def _multiples(values: NDArray[np.float64], scale: float, offset: float) -> NDArray[np.float64]:
+def scale_and_offset(
+    parts: Callable[[], Iterable[NDArray[np.float64]]], scale: float, offset: float
+) -> tuple[float, float]:
+    """Return the scale and the offset in which one axis is stored, given its coordinates in parts, as often as asked.
+
+    They are those of the header if these are exact. Otherwise the scale is the coarsest power of ten that is exact and
+    fits 32 bits, or else the finest one that fits.
+    """
+    if all(_is_exact(part, scale, offset) for part in parts()):
+        return scale, offset
+    limits = [(part.min(), part.max()) for part in parts() if len(part)]
+    low, high = float(min(low for low, _ in limits)), float(max(high for _, high in limits))
+    for scale, offset, rounding in _powers(low, high):
+        if all(_is_exact(part, scale, offset, rounding) for part in parts()):
+            break
+    return scale, offset
+
+
+def multiples(
+    values: NDArray[np.float64], scale: float | NDArray[np.float64], offset: float | NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Return coordinates as they are read from a file, NaN where they do not fit."""
     with np.errstate(all="ignore"):
         whole = np.rint((values - offset) / scale)
@@ -565,26 +583,20 @@ def _is_exact(values: NDArray[np.float64], scale: float, offset: float, rounding
     def all_are(part: NDArray[np.float64]) -> bool:
         with np.errstate(over="ignore"):
             tolerance = rounding * np.spacing(np.maximum(np.abs(part), abs(offset))) if rounding else 0.0
-        return bool((np.abs(_multiples(part, scale, offset) - part) <= tolerance).all())
+        return bool((np.abs(multiples(part, scale, offset) - part) <= tolerance).all())
 
     return all_are(values[:_SAMPLE]) and all_are(values[_SAMPLE:])  # most scales fail at the first
 
 
-def _scale_and_offset(values: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the coarsest power of ten that is exact, or the finest that fits 32 bits, and a fitting offset."""
-    if not len(values):
-        return 0.01, 0.0
-    low, high = float(values.min()), float(values.max())
+def _powers(low: float, high: float) -> Iterator[tuple[float, float, float]]:
+    """Yield scales that fit, the finest last, with a fitting offset and the rounding in which they count as exact."""
     middle = float(np.rint(low / 2 + high / 2))
     for offset in (0.0, middle):
-        reach = max(high - offset, offset - low)
-        finest = _finest(reach)
+        finest = _finest(max(high - offset, offset - low))
         # In multiples of coarser scales than the first, all but zero are too small.
         for exponent in range(max(finest, min(finest + 10, 0)), finest - 1, -1):
             rounding = LAST_PLACES if -9 <= exponent <= 0 else 0.0  # People write numbers in these scales.
-            if _is_exact(values, float(f"1e{exponent}"), offset, rounding):
-                return float(f"1e{exponent}"), offset
-    return float(f"1e{finest}"), middle
+            yield float(f"1e{exponent}"), offset, rounding
 
 
 def _finest(reach: float) -> int:

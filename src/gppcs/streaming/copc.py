@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -22,6 +23,7 @@ from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.copc_levels import ROOT, Cells, Levels, by_node, divided
 from gppcs.io.copc_writing import Summary
 from gppcs.io.files import refuse_losses
+from gppcs.io.format import shift_in_words
 from gppcs.io.streams import whole_output
 from gppcs.streaming.files import Work, run
 from gppcs.streaming.plan import Plan
@@ -29,25 +31,59 @@ from gppcs.streaming.scratch import scratch_folder
 
 BLOCK = 1 << 20  # Points that are sorted at once.
 RANK, POINT = "rank", "point"
+RECORDS, COORDINATES = "points.raw", "coordinates.raw"
 
 
 @dataclass
 class _Stored:
-    """All points on disk as they are written, with their places in the ranking, and what is known of them."""
+    """All points on disk as they are written but for their coordinates, with their places in the ranking."""
 
-    path: Path
+    folder: Path
     summary: Summary
     lost: list[str]  # What the file does not hold, in words
     dropped: int = 0  # Number of points that are not finite, and so are left out
 
+    @property
+    def path(self) -> Path:
+        """The file of the points; their coordinates are in another."""
+        return self.folder / RECORDS
+
+    def coordinates(self) -> Iterator[NDArray[np.float64]]:
+        """Yield the coordinates as they were read, (n, 3)."""
+        with open(self.folder / COORDINATES, "rb") as file:
+            while len(block := np.fromfile(file, count=3 * BLOCK)):
+                yield block.reshape(-1, 3)
+
     def blocks(self) -> Iterator[tuple[NDArray[np.int32], NDArray[Any], NDArray[np.int64]]]:
         """Yield the places in the ranking, -1 for others, the points as they are stored, and their codes (n,)."""
-        layout, fields = self.summary.layout, self.summary.header.fields()
-        kind = _record_type(layout)
+        header, kind = self.summary.header, _record_type(self.summary.layout)
         with open(self.path, "rb") as file:
-            while len(block := np.fromfile(file, kind, BLOCK)):
-                places = las.coordinates_of(block[POINT], fields["scales"][0], fields["offsets"][0])
+            for points in self.coordinates():
+                block = np.fromfile(file, kind, len(points))
+                las.store_coordinates(block[POINT], points, header)
+                places = las.multiples(points, *_grid(header))
                 yield block[RANK], block[POINT], self.summary.cube.codes(places)
+
+    def on_one_grid(self) -> tuple[list[str], bool]:
+        """Choose one scale and offset for all points; return as `rounding` does what that moves."""
+
+        def of_axis(axis: int) -> Iterator[NDArray[np.float64]]:
+            return (points[:, axis] for points in self.coordinates())
+
+        header, bounds = self.summary.header, self.summary.counts["bounds"]
+        found = [las.scale_and_offset(partial(of_axis, i), *each) for i, each in enumerate(np.transpose(_grid(header)))]
+        grid = scales, offsets = np.transpose(found)
+        counts = {**self.summary.counts, "bounds": las.multiples(bounds.T, *grid).T}
+        header = header.with_fields(scales=scales, offsets=offsets)
+        self.summary = replace(self.summary, header=header, counts=counts)
+        shift = max((np.abs(las.multiples(each, *grid) - each).max() for each in self.coordinates()), default=0.0)
+        return shift_in_words(float(shift), float(np.abs(bounds).max()), float(np.linalg.norm(np.ptp(bounds, axis=1))))
+
+
+def _grid(header: las.LasHeader) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the scales and offsets of a header. Shapes: returns (3,), (3,)."""
+    fields = header.fields()
+    return fields["scales"][0], fields["offsets"][0]
 
 
 def _record_type(layout: las.Layout) -> np.dtype[Any]:
@@ -77,14 +113,14 @@ def _write(
 ) -> tuple[int, list[str]]:
     """Write a COPC file, and return how many points were not finite, and in words what the file does not hold."""
     head = files.head().cloud
-    row = las.layout_to_write(copc.FORMAT.fit(head.take(head.finite_rows())).cloud).record.itemsize + 4
+    row = las.layout_to_write(copc.FORMAT.fit(head.take(head.finite_rows())).cloud).record.itemsize + 4 + 24
     ranked = run(files, request, work, planned).result
     with scratch_folder(work.scratch, planned.points * row) as folder, whole_output(target, force) as file:
         with work.timer("points to disk", planned.points) as advanced:
             drop = request.invalid == "drop"
-            stored = _stored(target, files, folder / "points.raw", ranked.indices, drop, lossy, advanced)
+            stored = _stored(target, files, folder, ranked.indices, drop, lossy, advanced)
         with work.timer("levels"):
-            codes = stored.summary.cube.codes(ranked.cloud.points)
+            codes = stored.summary.cube.codes(las.multiples(ranked.cloud.points, *_grid(stored.summary.header)))
             cells = Cells.around(codes, stored.summary.counts["count"])
             pieces = _sorted_by_nodes(stored, divided(cells, cells.places(codes), _others(stored, cells)))
         with work.timer("writing", planned.points) as advanced, open(stored.path, "rb") as scratch:
@@ -95,13 +131,14 @@ def _write(
 
 
 def _stored(
-    target: Path, files: CloudFiles, path: Path, ranking: NDArray[np.int64], drop: bool, lossy: bool, advanced: Any
+    target: Path, files: CloudFiles, folder: Path, ranking: NDArray[np.int64], drop: bool, lossy: bool, advanced: Any
 ) -> _Stored:
-    """Store all points in a file."""
+    """Store all points in a folder, with one scale and offset for their coordinates."""
     order = np.argsort(ranking)
     rows, begin, dropped = ranking[order], 0, 0
+    own = _grid(las.header_of(copc.FORMAT.fit(files.head().cloud[:0]).cloud))
     lost, summary = list[str](), None
-    with open(path, "wb") as file:
+    with open(folder / RECORDS, "wb") as file, open(folder / COORDINATES, "wb") as coordinates:
         for cloud in files.chunks(True):
             some = slice(*np.searchsorted(rows, [begin, begin + len(cloud)]))
             ranks = np.full(len(cloud), -1, np.int32)
@@ -109,25 +146,33 @@ def _stored(
             begin += len(cloud)
             usable = cloud.finite_rows() if drop else np.arange(len(cloud))
             dropped += len(cloud) - len(usable)
-            given = cloud.take(usable)
+            points = cloud.points[usable]
+            given = cloud.take(usable).moved(np.zeros(points.shape))  # all coordinates are fitted together, later
             fit = copc.FORMAT.fit(replace(given, header=summary.header) if summary else given)
             if not lossy:
                 refuse_losses(target, copc.FORMAT.name, fit.values)
-            chunk = Summary.of(fit.cloud)
+            header = las.header_of(fit.cloud).with_fields(scales=own[0], offsets=own[1])
+            chunk = Summary.of(replace(fit.cloud, points=points, header=header))
             lost, summary = (lost, _joined(summary, chunk)) if summary else ([*fit.values, *fit.remarks], chunk)
             records = np.empty(len(usable), _record_type(chunk.layout))
             records[RANK], records[POINT] = ranks[usable], las.records_of(fit.cloud, chunk.layout)
             records.tofile(file)
+            points.tofile(coordinates)
             advanced(len(cloud))
     assert summary is not None
-    return _Stored(path, summary, lost, dropped)
+    stored = _Stored(folder, summary, lost, dropped)
+    digits, tolerated = stored.on_one_grid()
+    if not (tolerated or lossy):
+        refuse_losses(target, copc.FORMAT.name, digits)
+    lost += digits
+    return stored
 
 
 def _joined(known: Summary, new: Summary) -> Summary:
     """Return what is said of points and of others that follow them, which have to be stored in the same way."""
     if new.layout.record != known.layout.record or new.header.block != known.header.block:
-        found = "expected the same attributes in all files, and coordinates in steps of one scale, found others; "
-        hint = "or convert the files to LAZ of one scale and offset first"
+        found = "expected the same attributes in all files, of types that hold all their values, found others; "
+        hint = "or convert the files to LAZ of one point format first"
         raise InputError(f"{found}raise memory=, {hint}", command=f"{found}raise --memory, {hint}")
     if not (known.counts["count"] and new.counts["count"]):
         return new if new.counts["count"] else known
