@@ -226,3 +226,10 @@ def test_the_page_on_evaluation_defines_each_figure_as_the_code_does():
 def test_the_page_on_the_api_has_each_public_name():
     named = re.findall(r"^::: gppcs\.(\w+)$", text("docs/api.md"), re.MULTILINE)
     assert sorted([*named, "METHODS", "__version__"]) == sorted(gppcs.__all__)
+
+
+def test_the_web_site_has_every_page_and_what_makes_the_api():
+    settings = text("mkdocs.yml")
+    listed = re.findall(r"^ +- [^:]+: (\w[\w-]*\.md)$", settings.split("\nnav:\n")[1], re.MULTILINE)
+    assert sorted(listed) == sorted(path.name for path in ROOT.glob("docs/*.md"))
+    assert "  - mkdocstrings:\n" in settings.split("\nplugins:\n")[1]
