@@ -167,6 +167,16 @@ class TestTheServer:
     def test_there_are_no_other_paths(self, server, path):
         assert ask(server, f"/{server.token}/{path}")[0] == 404
 
+    def test_without_the_final_slash_there_is_no_page(self, server):
+        assert ask(server, f"/{server.token}")[0] == 404
+
+    @pytest.mark.parametrize("begun", ["", "GET /{token}/ HTTP/1.1\r\nHost"])
+    def test_a_silent_connection_is_closed(self, server, monkeypatch, begun):
+        monkeypatch.setattr(server.RequestHandlerClass, "timeout", 0.2)
+        with socket.create_connection(server.server_address, timeout=30) as silent:
+            silent.sendall(begun.format(token=server.token).encode())
+            assert silent.recv(1) == b""
+
     @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "HEAD"])
     def test_there_are_no_other_methods(self, server, method):
         assert ask(server, f"/{server.token}/", method)[0] == 501

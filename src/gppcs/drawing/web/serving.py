@@ -39,27 +39,28 @@ class LevelsServer(ThreadingTCPServer):
         self.url = f"http://{self.host}/{self.token}/"
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing of a browser that has closed its connection."""
-        if not isinstance(sys.exception(), ConnectionError):
+        """Say nothing of a browser that has closed its connection, or takes nothing more."""
+        if not isinstance(sys.exception(), ConnectionError | TimeoutError):
             super().handle_error(request, client_address)
 
 
 class _Handler(BaseHTTPRequestHandler):
     server: LevelsServer
     protocol_version = "HTTP/1.1"  # which keeps the connection
+    timeout = 60  # seconds that a silent connection holds a thread
     server_version, sys_version = "gppcs", ""
 
     def do_GET(self) -> None:
         """Answer with the page, or with a node."""
-        _, token, *rest = [*self.path.split("/", 2), ""]
+        token, slash, rest = self.path.removeprefix("/").partition("/")
         if self.headers.get_all("Host") != [self.server.host]:
             self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
         elif not secrets.compare_digest(token.encode(), self.server.token.encode()):
             self.send_error(HTTPStatus.FORBIDDEN)
-        elif rest[0] == "":
+        elif slash and not rest:  # without the slash, the page would ask for its nodes elsewhere
             self._send(self.server.levels.page, "text/html; charset=utf-8")
-        elif re.fullmatch("[0-9]{1,9}", rest[0]) and int(rest[0]) < len(self.server.levels):
-            self._send_node(int(rest[0]))
+        elif re.fullmatch("[0-9]{1,9}", rest) and int(rest) < len(self.server.levels):
+            self._send_node(int(rest))
         else:
             self.send_error(HTTPStatus.NOT_FOUND)
 
@@ -76,7 +77,7 @@ class _Handler(BaseHTTPRequestHandler):
         for name, value in {"Content-Type": kind, "Content-Length": str(len(content)), **HEADERS}.items():
             self.send_header(name, value)
         self.end_headers()
-        with suppress(ConnectionError):  # the browser no longer wants it
+        with suppress(ConnectionError, TimeoutError):  # the browser no longer wants it
             self.wfile.write(content)
 
     def log_message(self, *_: Any) -> None:
